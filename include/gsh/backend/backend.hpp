@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  What a component may ask of the machine that it runs on.
+#pragma once
+
+#include <gsh/core/span.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <string_view>
+
+namespace gsh {
+
+namespace detail {
+struct NoOp {
+    GSH_HD void operator()(std::size_t) const {}
+};
+struct NoOpChunk {
+    void operator()(std::size_t, std::size_t, std::size_t) const {}
+};
+} // namespace detail
+
+/// An object that owns threads or a stream, hands out storage and runs function objects over index ranges.
+///
+/// A Buffer's memory belongs to the backend: only for_each bodies and the backend's own overloads may touch it;
+/// the host gets at it through upload and download.
+template <class B>
+concept Backend = requires(B& backend, std::size_t n, detail::NoOp body, typename B::template Buffer<float>& buffer,
+                           Span<float> span, Span<const float> input) {
+    { B::name() } -> std::convertible_to<std::string_view>;
+    { B::available() } -> std::same_as<bool>; // at run time: is there a device?
+    buffer.resize(n);                         // contents are unspecified afterwards
+    { buffer.size() } -> std::convertible_to<std::size_t>;
+    { Span<float>(buffer) };
+    backend.for_each(n, body);       // body(i), i in [0, n), any order
+    backend.fill(span, 0.0f);        // every element := value
+    backend.copy(input, span);       // within the backend
+    backend.upload(input, span);     // host -> backend
+    backend.download(input, span);   // backend -> host, after what was queued before
+    backend.synchronize();           // throws DeviceError if the work failed
+};
+
+/// A backend whose buffers are host memory and which can run fixed chunks of a range.
+///
+/// for_chunks(n, grain, body) calls body(chunk, begin, end) once for every chunk of `grain` consecutive indices, in
+/// any order. Chunks depend on n and grain alone, so sums that are kept per chunk and joined in chunk order are
+/// bit for bit the same at any thread count.
+template <class B>
+concept CpuBackend = Backend<B> && requires(B& backend, std::size_t n, detail::NoOpChunk body) {
+    backend.for_chunks(n, n, body);
+    { backend.thread_count() } -> std::convertible_to<std::size_t>;
+};
+
+/// Number of chunks that for_chunks(n, grain, …) makes.
+[[nodiscard]] constexpr std::size_t chunk_count(std::size_t n, std::size_t grain) { return (n + grain - 1) / grain; }
+
+} // namespace gsh

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Storage of the CPU backends: aligned, uninitialised until written.
+#pragma once
+
+#include <gsh/core/span.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <memory>
+#include <new>
+#include <type_traits>
+
+namespace gsh::cpu {
+
+/// Owning array of trivially copyable T, aligned to a cache line. resize leaves the contents unspecified; memory is
+/// kept when shrinking, so a step that repeats its sizes allocates nothing.
+template <class T>
+    requires std::is_trivially_copyable_v<T>
+class Buffer {
+public:
+    static constexpr std::size_t alignment = 64; // bytes: a cache line, and the widest register
+
+    Buffer() = default;
+    explicit Buffer(std::size_t size) { resize(size); }
+    Buffer(const Buffer& other) : Buffer(other.size_) { std::copy(other.begin(), other.end(), data()); }
+    Buffer(Buffer&& other) noexcept { swap(other); }
+    Buffer& operator=(Buffer other) noexcept {
+        swap(other);
+        return *this;
+    }
+
+    void resize(std::size_t size) {
+        if (size > capacity_) {
+            storage_.reset(); // first, so that old and new never stand side by side
+            capacity_ = 0, size_ = 0;
+            storage_.reset(static_cast<T*>(::operator new(size * sizeof(T), std::align_val_t(alignment))));
+            capacity_ = size;
+        }
+        size_ = size;
+    }
+
+    [[nodiscard]] T* data() { return storage_.get(); }
+    [[nodiscard]] const T* data() const { return storage_.get(); }
+    [[nodiscard]] std::size_t size() const { return size_; }
+    [[nodiscard]] bool empty() const { return size_ == 0; }
+    [[nodiscard]] T* begin() { return data(); }
+    [[nodiscard]] T* end() { return data() + size_; }
+    [[nodiscard]] const T* begin() const { return data(); }
+    [[nodiscard]] const T* end() const { return data() + size_; }
+    [[nodiscard]] T& operator[](std::size_t i) { return storage_.get()[i]; }
+    [[nodiscard]] const T& operator[](std::size_t i) const { return storage_.get()[i]; }
+
+    void swap(Buffer& other) noexcept {
+        std::swap(storage_, other.storage_);
+        std::swap(size_, other.size_);
+        std::swap(capacity_, other.capacity_);
+    }
+
+private:
+    struct Free {
+        void operator()(T* memory) const { ::operator delete(memory, std::align_val_t(alignment)); }
+    };
+    std::unique_ptr<T[], Free> storage_;
+    std::size_t size_ = 0;
+    std::size_t capacity_ = 0;
+};
+
+} // namespace gsh::cpu

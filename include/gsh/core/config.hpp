@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Version and the one host/device marker; the only header that asks which compiler is at work.
+#pragma once
+
+#define GSH_VERSION_MAJOR 0
+#define GSH_VERSION_MINOR 1
+#define GSH_VERSION_PATCH 0
+
+/// Marks a function that runs on the host and, under nvcc, on the device too.
+#if defined(__CUDACC__)
+#define GSH_HD __host__ __device__
+#else
+#define GSH_HD
+#endif

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Typed exceptions with helpful messages, and the checks that throw them.
+#pragma once
+
+#include <gsh/core/span.hpp>
+
+#include <cmath>
+#include <cstddef>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+namespace gsh {
+
+/// Base of everything gsh throws.
+class Error : public std::runtime_error {
+public:
+    using std::runtime_error::runtime_error;
+};
+
+/// A size, shape or count that does not fit its neighbours.
+class ShapeError : public Error {
+public:
+    using Error::Error;
+};
+
+/// A value outside its domain: NaN, a singular matrix, weights that do not sum to one.
+class ValueError : public Error {
+public:
+    using Error::Error;
+};
+
+/// A file that is missing, truncated, of the wrong kind, or that cannot be written.
+class IoError : public Error {
+public:
+    using Error::Error;
+};
+
+/// A device that failed or is not there.
+class DeviceError : public Error {
+public:
+    using Error::Error;
+};
+
+/// Throws ShapeError unless found == expected: "where: argument has 79 elements, expected 80; hint".
+inline void check_size(std::string_view where, std::string_view argument, std::size_t found,
+                       std::size_t expected, std::string_view hint = {}) {
+    if (found == expected) return;
+    std::string message(where);
+    message.append(": ").append(argument).append(" has ").append(std::to_string(found));
+    message.append(" elements, expected ").append(std::to_string(expected));
+    if (!hint.empty()) message.append("; ").append(hint);
+    throw ShapeError(message);
+}
+
+/// Throws ValueError with `where: what` unless the condition holds.
+inline void check_value(bool condition, std::string_view where, std::string_view what) {
+    if (condition) return;
+    throw ValueError(std::string(where).append(": ").append(what));
+}
+
+/// Throws ValueError naming the first element that is NaN or infinite.
+template <class T>
+void check_finite(std::string_view where, std::string_view argument, Span<const T> values) {
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        if (std::isfinite(values[i])) continue;
+        throw ValueError(std::string(where).append(": ").append(argument).append("[").append(std::to_string(i))
+                             .append("] is ").append(std::to_string(values[i])).append(", expected a finite number"));
+    }
+}
+
+} // namespace gsh

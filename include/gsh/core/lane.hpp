@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  What per-element code may ask of its number type: a scalar, or a SIMD pack of scalars.
+#pragma once
+
+#include <gsh/core/config.hpp>
+
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+namespace gsh {
+
+/// Names the scalar, mask and index types of a lane type. The primary template serves float and double;
+/// math/pack.hpp adds SIMD packs.
+template <class T>
+struct LaneTraits {};
+
+template <std::floating_point T>
+struct LaneTraits<T> {
+    using Scalar = T;            ///< one lane's number
+    using Mask = bool;           ///< result of a comparison
+    using Index = std::uint32_t; ///< integer lane as wide as a cell or table index
+    static constexpr std::size_t width = 1;
+
+    /// Integer part of a non-negative number.
+    [[nodiscard]] GSH_HD static Index to_index(T x) { return static_cast<Index>(x); }
+    [[nodiscard]] GSH_HD static T from_index(Index i) { return static_cast<T>(i); }
+    /// table[index], lane by lane.
+    [[nodiscard]] GSH_HD static T gather(const T* table, Index index) { return table[index]; }
+};
+
+/// A number that per-element code is written over. Branches become `select`, so that one source serves a
+/// thread on a device, a register on a CPU, and the gradient test in double.
+template <class T>
+concept Lane = requires { typename LaneTraits<T>::Scalar; } && std::is_trivially_copyable_v<T>;
+
+template <class T>
+using ScalarOf = typename LaneTraits<T>::Scalar;
+template <class T>
+using MaskOf = typename LaneTraits<T>::Mask;
+template <class T>
+using IndexOf = typename LaneTraits<T>::Index;
+
+template <std::floating_point T>
+[[nodiscard]] GSH_HD constexpr T select(bool mask, T if_true, T if_false) {
+    return mask ? if_true : if_false;
+}
+[[nodiscard]] GSH_HD constexpr std::uint32_t select(bool mask, std::uint32_t if_true, std::uint32_t if_false) {
+    return mask ? if_true : if_false;
+}
+/// True when at least one lane of the mask is set.
+[[nodiscard]] GSH_HD constexpr bool any(bool mask) { return mask; }
+
+template <std::floating_point T>
+[[nodiscard]] GSH_HD constexpr T min(T a, T b) {
+    return b < a ? b : a;
+}
+template <std::floating_point T>
+[[nodiscard]] GSH_HD constexpr T max(T a, T b) {
+    return a < b ? b : a;
+}
+template <std::floating_point T>
+[[nodiscard]] GSH_HD T abs(T x) {
+    return std::fabs(x);
+}
+template <std::floating_point T>
+[[nodiscard]] GSH_HD T sqrt(T x) {
+    return std::sqrt(x);
+}
+template <std::floating_point T>
+[[nodiscard]] GSH_HD T exp(T x) {
+    return std::exp(x);
+}
+template <std::floating_point T>
+[[nodiscard]] GSH_HD T floor(T x) {
+    return std::floor(x);
+}
+/// x clamped to [low, high].
+template <Lane T>
+[[nodiscard]] GSH_HD T clamp(T x, T low, T high) {
+    return min(max(x, low), high);
+}
+
+} // namespace gsh

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A pointer and a count that a kernel may carry by value.
+#pragma once
+
+#include <gsh/core/config.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <iterator>
+#include <ranges>
+#include <type_traits>
+
+namespace gsh {
+
+/// View of `size` contiguous elements in host or device memory; `Span<const T>` is an input.
+///
+/// Trivially copyable, so it goes into a kernel as it is, and needs no compiler flag there, unlike std::span.
+/// Made implicitly from whatever has contiguous `data()` and `size()`: std::vector, std::span, a backend's Buffer.
+template <class T>
+class Span {
+public:
+    using element_type = T;
+
+    constexpr Span() = default;
+    GSH_HD constexpr Span(T* data, std::size_t size) : data_(data), size_(size) {}
+
+    template <class Range>
+        requires(!std::same_as<std::remove_cvref_t<Range>, Span> &&
+                 requires(Range& range) {
+                     { std::data(range) } -> std::convertible_to<T*>;
+                     { std::size(range) } -> std::convertible_to<std::size_t>;
+                     requires std::is_same_v<std::remove_cv_t<std::remove_pointer_t<decltype(std::data(range))>>,
+                                             std::remove_cv_t<T>>;
+                 })
+    constexpr Span(Range&& range) : data_(std::data(range)), size_(std::size(range)) {}
+
+    /// A writable view serves wherever a read-only one is asked for.
+    template <class U>
+        requires(std::is_same_v<const U, T> && !std::is_const_v<U>)
+    GSH_HD constexpr Span(Span<U> other) : data_(other.data()), size_(other.size()) {}
+
+    [[nodiscard]] GSH_HD constexpr T* data() const { return data_; }
+    [[nodiscard]] GSH_HD constexpr std::size_t size() const { return size_; }
+    [[nodiscard]] GSH_HD constexpr bool empty() const { return size_ == 0; }
+    [[nodiscard]] GSH_HD constexpr T& operator[](std::size_t i) const { return data_[i]; }
+    [[nodiscard]] GSH_HD constexpr T* begin() const { return data_; }
+    [[nodiscard]] GSH_HD constexpr T* end() const { return data_ + size_; }
+    [[nodiscard]] GSH_HD constexpr Span subspan(std::size_t offset, std::size_t count) const {
+        return {data_ + offset, count};
+    }
+
+private:
+    T* data_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+} // namespace gsh

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Affine maps of space, x ↦ L x + t: bone transforms, cameras, blends of them.
+#pragma once
+
+#include <gsh/math/vec.hpp>
+
+namespace gsh {
+
+/// A 3x4 matrix [linear | translation]. Sums and scalings are those of the matrix, so blends are plain arithmetic.
+template <class T>
+struct Affine {
+    mat3<T> linear = mat3<T>(T(1));
+    vec3<T> translation = vec3<T>(T(0));
+
+    [[nodiscard]] GSH_HD static Affine zero() { return {mat3<T>(T(0)), vec3<T>(T(0))}; }
+
+    [[nodiscard]] GSH_HD vec3<T> operator()(const vec3<T>& point) const { return linear * point + translation; }
+
+    /// this += scale * other.
+    GSH_HD void add_scaled(const Affine& other, T scale) {
+        linear += other.linear * scale;
+        translation += other.translation * scale;
+    }
+};
+
+/// a_from_c = a_from_b * b_from_c.
+template <Lane T>
+[[nodiscard]] GSH_HD Affine<T> operator*(const Affine<T>& a, const Affine<T>& b) {
+    return {a.linear * b.linear, a.linear * b.translation + a.translation};
+}
+
+/// Adjoint of the product: adds to dL_da and dL_db.
+template <Lane T>
+GSH_HD void product_backward(const Affine<T>& a, const Affine<T>& b, const Affine<T>& dL_dproduct, Affine<T>& dL_da,
+                             Affine<T>& dL_db) {
+    dL_da.linear += dL_dproduct.linear * transpose(b.linear) + outer(dL_dproduct.translation, b.translation);
+    dL_da.translation += dL_dproduct.translation;
+    dL_db.linear += transpose(a.linear) * dL_dproduct.linear;
+    dL_db.translation += transposed_times(a.linear, dL_dproduct.translation);
+}
+
+/// Adjoint of y = map(point): adds to dL_dmap and dL_dpoint.
+template <Lane T>
+GSH_HD void apply_backward(const Affine<T>& map, const vec3<T>& point, const vec3<T>& dL_dy, Affine<T>& dL_dmap,
+                           vec3<T>& dL_dpoint) {
+    dL_dmap.linear += outer(dL_dy, point);
+    dL_dmap.translation += dL_dy;
+    dL_dpoint += transposed_times(map.linear, dL_dy);
+}
+
+} // namespace gsh
