@@ -6,6 +6,7 @@
 
 #include <gsh/core/span.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/math/quat.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -24,7 +25,7 @@ public:
         const double x = uniform(low, high), y = uniform(low, high), z = uniform(low, high);
         return {x, y, z};
     }
-    vec4<double> quat() {
+    gsh::quat<double> quat() {
         const double w = normal(), x = normal(), y = normal(), z = normal();
         return {w, x, y, z};
     }

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Gaussians as the rasterizer sees them: posed, activated, coloured.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/math/sym.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <type_traits>
+
+namespace gsh {
+
+/// Views of N Gaussians in world space; `SplatView<const T>` is an input, `SplatView<T>` an output or a gradient.
+///
+/// Shapes  means [N], covariances [N], opacities [N], colors [N] RGB.
+/// Units   metres, square metres, opacities in (0, 1), display-referred sRGB.
+template <class T>
+struct SplatView {
+    using Scalar = std::remove_const_t<T>;
+    template <class U>
+    using Like = std::conditional_t<std::is_const_v<T>, const U, U>;
+
+    Span<Like<vec3<Scalar>>> means;
+    Span<Like<sym3<Scalar>>> covariances;
+    Span<T> opacities;
+    Span<Like<vec3<Scalar>>> colors;
+
+    [[nodiscard]] GSH_HD std::size_t size() const { return means.size(); }
+    [[nodiscard]] operator SplatView<const Scalar>() const
+        requires(!std::is_const_v<T>)
+    {
+        return {means, covariances, opacities, colors};
+    }
+};
+
+/// Storage behind a SplatView.
+template <class T, Backend B>
+struct Splats {
+    template <class U>
+    using Buffer = typename B::template Buffer<U>;
+
+    Buffer<vec3<T>> means;
+    Buffer<sym3<T>> covariances;
+    Buffer<T> opacities;
+    Buffer<vec3<T>> colors;
+
+    void resize(std::size_t count) {
+        means.resize(count);
+        covariances.resize(count);
+        opacities.resize(count);
+        colors.resize(count);
+    }
+    [[nodiscard]] SplatView<T> view() { return {means, covariances, opacities, colors}; }
+    [[nodiscard]] SplatView<const T> view() const { return {means, covariances, opacities, colors}; }
+};
+
+} // namespace gsh

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Images as planes: one contiguous plane of rows per channel.
+#pragma once
+
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+
+#include <cstddef>
+#include <type_traits>
+#include <vector>
+
+namespace gsh {
+
+/// View of a planar image, [channels, height, width]; `ImageView<const T>` is an input. Planes, not pixels, because
+/// filters and losses work a channel at a time and rows of one channel fill a register.
+template <class T>
+struct ImageView {
+    Span<T> data;
+    int channels = 0, height = 0, width = 0;
+
+    [[nodiscard]] GSH_HD std::size_t plane_size() const {
+        return static_cast<std::size_t>(height) * static_cast<std::size_t>(width);
+    }
+    [[nodiscard]] GSH_HD std::size_t size() const { return plane_size() * static_cast<std::size_t>(channels); }
+    [[nodiscard]] GSH_HD bool empty() const { return size() == 0; }
+    [[nodiscard]] GSH_HD T* row(int channel, int y) const {
+        return data.data() + (static_cast<std::size_t>(channel) * static_cast<std::size_t>(height) +
+                              static_cast<std::size_t>(y)) *
+                                 static_cast<std::size_t>(width);
+    }
+    [[nodiscard]] GSH_HD T& at(int channel, int y, int x) const { return row(channel, y)[x]; }
+
+    [[nodiscard]] operator ImageView<const std::remove_const_t<T>>() const
+        requires(!std::is_const_v<T>)
+    {
+        return {data, channels, height, width};
+    }
+};
+
+/// A planar image in host memory.
+template <class T>
+struct Image {
+    std::vector<T> data;
+    int channels = 0, height = 0, width = 0;
+
+    Image() = default;
+    Image(int channel_count, int rows, int columns, T value = T(0))
+        : data(static_cast<std::size_t>(channel_count) * static_cast<std::size_t>(rows) *
+                   static_cast<std::size_t>(columns),
+               value),
+          channels(channel_count), height(rows), width(columns) {}
+
+    [[nodiscard]] ImageView<T> view() { return {data, channels, height, width}; }
+    [[nodiscard]] ImageView<const T> view() const { return {data, channels, height, width}; }
+    [[nodiscard]] T& at(int channel, int y, int x) { return view().at(channel, y, x); }
+    [[nodiscard]] const T& at(int channel, int y, int x) const { return view().at(channel, y, x); }
+};
+
+/// Throws ShapeError unless the image has the given channels and size.
+template <class T>
+void check_image(std::string_view where, std::string_view argument, const ImageView<T>& image, int channels,
+                 int height, int width) {
+    const auto text = [](int c, int h, int w) {
+        return std::to_string(c) + "x" + std::to_string(h) + "x" + std::to_string(w);
+    };
+    if (image.channels != channels || image.height != height || image.width != width)
+        throw ShapeError(std::string(where) + ": " + std::string(argument) + " is " +
+                         text(image.channels, image.height, image.width) + ", expected " +
+                         text(channels, height, width) + " (channels x height x width)");
+    check_size(where, argument, image.data.size(), image.size());
+}
+
+} // namespace gsh
