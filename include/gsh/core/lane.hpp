@@ -74,6 +74,18 @@ template <std::floating_point T>
     return std::exp(x);
 }
 template <std::floating_point T>
+[[nodiscard]] GSH_HD T log(T x) {
+    return std::log(x);
+}
+template <std::floating_point T>
+[[nodiscard]] GSH_HD T sin(T x) {
+    return std::sin(x);
+}
+template <std::floating_point T>
+[[nodiscard]] GSH_HD T cos(T x) {
+    return std::cos(x);
+}
+template <std::floating_point T>
 [[nodiscard]] GSH_HD T floor(T x) {
     return std::floor(x);
 }
