@@ -2,7 +2,13 @@
 /// @file  The pinhole camera: extrinsics, intrinsics with principal point, projection and its adjoint.
 #pragma once
 
+#include <gsh/core/error.hpp>
 #include <gsh/math/vec.hpp>
+
+#include <cmath>
+#include <concepts>
+#include <string>
+#include <string_view>
 
 namespace gsh {
 
@@ -81,6 +87,88 @@ template <Lane T>
 GSH_HD void center_backward(const Camera<T>& camera, const vec3<T>& dL_dcenter, CameraGradient<T>& dL_dcamera) {
     dL_dcamera.dL_dR -= outer(camera.t, dL_dcenter);
     dL_dcamera.dL_dt -= camera.R * dL_dcenter;
+}
+
+/// Throws ValueError unless every number is finite, R is a rotation, the focal lengths are positive and the image has a
+/// size. `where` and `name` go into the message; R may be off by what four printed digits lose.
+template <std::floating_point T>
+void check_camera(std::string_view where, std::string_view name, const Camera<T>& camera) {
+    const auto require = [&](bool condition, const std::string& what) {
+        check_value(condition, where, std::string(name) + ' ' + what);
+    };
+    const auto number = [](auto x) { return std::to_string(x); };
+    for (const T x : {camera.fx, camera.fy, camera.cx, camera.cy, camera.t.x, camera.t.y, camera.t.z})
+        require(std::isfinite(x), "holds a NaN or an infinity in K or t, expected finite numbers");
+    require(camera.fx > T(0) && camera.fy > T(0),
+            "has focal lengths fx = " + number(camera.fx) + ", fy = " + number(camera.fy) +
+                ", expected both above 0 (a zero makes K singular); give them in pixels");
+    require(camera.width > 0 && camera.height > 0, "has an image of " + number(camera.width) + " x " +
+                                                       number(camera.height) + " pixels, expected at least 1 x 1");
+    bool orthonormal = determinant(camera.R) > T(0); // false for NaN, as all comparisons below
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            orthonormal = orthonormal && abs(dot(camera.R[i], camera.R[j]) - T(i == j)) < T(1e-3);
+    require(orthonormal, "has an R that is not a rotation (orthonormal, determinant +1); x_cam = R x_world + t");
+}
+
+/// A camera from the usual 3x3 intrinsic matrix.
+///
+/// Shapes  K [9], row-major: fx 0 cx, 0 fy cy, 0 0 1; a common factor other than 1 is divided out.
+/// Errors  ShapeError for another size; ValueError for a singular K, skew, and whatever check_camera refuses.
+template <std::floating_point T>
+[[nodiscard]] Camera<T> camera_from_K(Span<const T> K, const mat3<T>& R, const vec3<T>& t, int width, int height,
+                                      std::string_view name = "camera") {
+    constexpr std::string_view where = "camera_from_K";
+    check_size(where, std::string(name) + ".K", K.size(), 9, "give the 3x3 matrix row by row");
+    check_finite(where, std::string(name) + ".K", K);
+    const T scale = K[8], tolerance = T(1e-6) * max(abs(K[0]), abs(K[4]));
+    check_value(scale != T(0) && K[0] != T(0) && K[4] != T(0), where,
+                std::string(name) + ".K is singular: its diagonal is " + std::to_string(K[0]) + ", " +
+                    std::to_string(K[4]) + ", " + std::to_string(K[8]) + ", expected fx, fy, 1");
+    check_value(abs(K[1]) <= tolerance, where,
+                std::string(name) + ".K has skew " + std::to_string(K[1]) +
+                    ", expected 0; resample the image to square its axes");
+    check_value(K[3] == T(0) && K[6] == T(0) && K[7] == T(0), where,
+                std::string(name) + ".K has a number other than 0 below its diagonal; give it row by row");
+    const Camera<T> camera{R, t, K[0] / scale, K[4] / scale, K[2] / scale, K[5] / scale, width, height};
+    check_camera(where, name, camera);
+    return camera;
+}
+
+/// A camera at `eye` that looks at `target`, the principal point in the middle, `up` upwards in the image.
+///
+/// Units   vertical_fov in radians.
+/// Errors  ValueError where the direction is undefined or parallel to up, or the field of view is not in (0, pi).
+template <std::floating_point T>
+[[nodiscard]] Camera<T> look_at(const vec3<T>& eye, const vec3<T>& target, const vec3<T>& up, T vertical_fov, int width,
+                                int height) {
+    const vec3<T> forward = target - eye;
+    const vec3<T> right = cross(forward, up);
+    check_value(length(right) > T(1e-6) * length(forward) * length(up), "look_at",
+                "target - eye is zero or parallel to up; choose another up");
+    check_value(vertical_fov > T(0) && vertical_fov < T(3.14159265), "look_at",
+                "vertical_fov is " + std::to_string(vertical_fov) + ", expected radians in (0, pi)");
+    const vec3<T> z = normalize(forward), x = normalize(right), y = cross(z, x);
+    Camera<T> camera;
+    camera.R = transpose(mat3<T>(x, y, z));
+    camera.t = -(camera.R * eye);
+    camera.fx = camera.fy = T(height) / (T(2) * std::tan(vertical_fov / T(2)));
+    camera.cx = T(width) / T(2), camera.cy = T(height) / T(2);
+    camera.width = width, camera.height = height;
+    check_camera("look_at", "camera", camera);
+    return camera;
+}
+
+/// A camera that sees the whole sphere, from the side that `from_center` points to.
+template <std::floating_point T>
+[[nodiscard]] Camera<T> frame_sphere(const vec3<T>& center, T radius, const vec3<T>& from_center, const vec3<T>& up,
+                                     T vertical_fov, int width, int height) {
+    check_value(radius > T(0), "frame_sphere", "radius is " + std::to_string(radius) + ", expected metres above 0");
+    check_value(width > 0 && height > 0, "frame_sphere", "the image has no pixels; give a width and a height above 0");
+    const T aspect = min(T(1), T(width) / T(height)); // a tall image is limited by its width
+    const T half_angle = std::atan(std::tan(vertical_fov / T(2)) * aspect);
+    const T distance = radius / std::sin(half_angle);
+    return look_at(center + normalize(from_center) * distance, center, up, vertical_fov, width, height);
 }
 
 } // namespace gsh

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/camera/distortion.hpp>
+
+#include "support/gradient.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+using namespace gsh;
+
+namespace {
+constexpr Distortion<double> lens{-0.28, 0.09, 0.0012, -0.0008, -0.011}; // a strong wide-angle lens
+}
+
+TEST_CASE("distort agrees with the formula written out") {
+    const double x = 0.3, y = -0.4, r2 = 0.25;
+    const double radial = 1 + lens.k1 * r2 + lens.k2 * r2 * r2 + lens.k3 * r2 * r2 * r2;
+    const vec2<double> q = distort(lens, vec2<double>(x, y));
+    CHECK(q.x == doctest::Approx(x * radial + 2 * lens.p1 * x * y + lens.p2 * (r2 + 2 * x * x)).epsilon(1e-14));
+    CHECK(q.y == doctest::Approx(y * radial + lens.p1 * (r2 + 2 * y * y) + 2 * lens.p2 * x * y).epsilon(1e-14));
+    const vec2<double> p(0.7, -0.2);
+    CHECK(distort(Distortion<double>{}, p) == p);
+}
+
+TEST_CASE("distort_backward is the gradient of distort in the point and the coefficients") {
+    Distortion<double> d = lens, dL_dd;
+    vec2<double> p(0.35, -0.52), dL_dp(0.0);
+    const vec2<double> weight(0.7, -1.3);
+    const auto loss = [&] {
+        const vec2<double> q = distort(d, p);
+        return weight.x * q.x + weight.y * q.y;
+    };
+    distort_backward(d, p, weight, dL_dp, dL_dd);
+    test::check_gradient(loss, test::scalars(p), test::scalars(dL_dp));
+    test::check_gradient(loss, test::scalars(d), test::scalars(dL_dd));
+
+    const vec2<double> once = dL_dp;
+    const Distortion<double> once_d = dL_dd;
+    distort_backward(d, p, weight, dL_dp, dL_dd);
+    CHECK(dL_dp == once * 2.0);
+    CHECK(dL_dd.k3 == 2 * once_d.k3);
+    CHECK(dL_dd.p1 == 2 * once_d.p1);
+}
+
+TEST_CASE("undistort inverts distort over a wide field of view") {
+    double worst = 0;
+    for (double y = -0.6; y <= 0.6; y += 0.05)
+        for (double x = -0.8; x <= 0.8; x += 0.05) {
+            const vec2<double> back = undistort_checked(lens, distort(lens, vec2<double>(x, y)));
+            worst = std::max({worst, std::abs(back.x - x), std::abs(back.y - y)});
+        }
+    CHECK(worst < 1e-12);
+
+    // In float, within rounding.
+    const Distortion<float> d{-0.28f, 0.09f, 0.0012f, -0.0008f, -0.011f};
+    const auto back = undistort(d, distort(d, vec2<float>(0.6f, -0.5f)));
+    CHECK(back.residual < 1e-6f);
+    CHECK(back.point.x == doctest::Approx(0.6).epsilon(1e-5));
+}
+
+TEST_CASE("a point that the lens cannot produce is refused") {
+    // x (1 - 0.3 x²) has its maximum, 0.7027, at x = 1.054: nothing maps to 2.
+    const Distortion<double> barrel{-0.3, 0, 0, 0, 0};
+    CHECK_THROWS_AS((void)undistort_checked(barrel, vec2<double>(2, 0)), ValueError);
+    CHECK_NOTHROW((void)undistort_checked(barrel, vec2<double>(0.7, 0)));
+
+    Camera<double> camera;
+    camera.fx = camera.fy = 500, camera.cx = 320, camera.cy = 240, camera.width = 640, camera.height = 480;
+    CHECK_NOTHROW(check_distortion("test", "cam00", camera, barrel));
+    camera.fx = camera.fy = 250; // now the corners lie beyond the fold
+    CHECK_THROWS_AS(check_distortion("test", "cam00", camera, barrel), ValueError);
+    Distortion<double> bad = barrel;
+    bad.p2 = std::numeric_limits<double>::quiet_NaN();
+    CHECK_THROWS_AS(check_distortion("test", "cam00", camera, bad), ValueError);
+}
+
+TEST_CASE("UndistortMap leads from the straight image to the photographed one") {
+    UndistortMap<double> map;
+    map.straight.fx = map.straight.fy = 400, map.straight.cx = 300, map.straight.cy = 200;
+    map.photographed.fx = 520, map.photographed.fy = 510, map.photographed.cx = 333, map.photographed.cy = 251;
+    map.distortion = lens;
+    // A world point seen by both cameras.
+    const vec3<double> X(0.3, -0.2, 1.1);
+    const vec2<double> ideal(X.x / X.z, X.y / X.z), bent = distort(lens, ideal);
+    const vec2<double> pixel = map(to_pixel(map.straight, X));
+    CHECK(pixel.x == doctest::Approx(520 * bent.x + 333));
+    CHECK(pixel.y == doctest::Approx(510 * bent.y + 251));
+}
