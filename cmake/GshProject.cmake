@@ -5,18 +5,33 @@ set(GSH_SANITIZE "" CACHE STRING "Sanitizers for our own targets, as for -fsanit
 
 set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
 
+set(gsh_warnings -Wall -Wextra -Wpedantic -Wshadow)
+if(GSH_WERROR)
+  list(APPEND gsh_warnings -Werror)
+endif()
+
 add_library(gsh_project INTERFACE)
+# Only for C++: nvcc hands host flags on in a way of its own.
 # Contraction off: Serial and Threads inline the same source differently, and a fused multiply-add in one of them
 # alone would break their bit-for-bit equality. Kernels that want fma say so.
-target_compile_options(gsh_project INTERFACE -Wall -Wextra -Wpedantic -Wshadow -ffp-contract=off)
-if(GSH_WERROR)
-  target_compile_options(gsh_project INTERFACE -Werror)
-endif()
+target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:${gsh_warnings};-ffp-contract=off>)
 if(GSH_NATIVE)
-  target_compile_options(gsh_project INTERFACE -march=native)
+  target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-march=native>)
 endif()
 if(GSH_SANITIZE)
   target_compile_options(gsh_project INTERFACE -fsanitize=${GSH_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
   target_link_options(gsh_project INTERFACE -fsanitize=${GSH_SANITIZE})
 endif()
+target_link_options(gsh_project INTERFACE $<$<PLATFORM_ID:Linux>:LINKER:--as-needed>) # load only libraries in use
 target_link_libraries(gsh_project INTERFACE gsh::gsh)
+
+# What tests and stories find in their environment.
+set(gsh_test_environment UBSAN_OPTIONS=print_stacktrace=1)
+if(GSH_SANITIZE MATCHES "thread")
+  list(APPEND gsh_test_environment "TSAN_OPTIONS=suppressions=${CMAKE_CURRENT_LIST_DIR}/tsan.supp atexit_sleep_ms=100")
+endif()
+
+# Headers compiled alone (preset dev) stand under the same warnings.
+if(CMAKE_VERIFY_INTERFACE_HEADER_SETS)
+  add_compile_options(${gsh_warnings})
+endif()

@@ -1,0 +1,11 @@
+# xsimd by its header: the target that Debian 12 exports asks the linker for a library "xtl" that does not exist.
+find_path(xsimd_INCLUDE_DIR xsimd/xsimd.hpp)
+mark_as_advanced(xsimd_INCLUDE_DIR)
+
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(xsimd REQUIRED_VARS xsimd_INCLUDE_DIR)
+
+if(xsimd_FOUND AND NOT TARGET xsimd::headers)
+  add_library(xsimd::headers INTERFACE IMPORTED)
+  target_include_directories(xsimd::headers SYSTEM INTERFACE ${xsimd_INCLUDE_DIR})
+endif()
