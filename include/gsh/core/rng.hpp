@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <utility>
+#include <vector>
 
 namespace gsh {
 
@@ -58,5 +60,14 @@ public:
 private:
     State state_;
 };
+
+/// The numbers 0 .. count-1 in random order (Fisher and Yates).
+[[nodiscard]] inline std::vector<std::uint32_t> shuffled_indices(std::uint32_t count, std::uint64_t seed) {
+    std::vector<std::uint32_t> order(count);
+    for (std::uint32_t i = 0; i < count; ++i) order[i] = i;
+    Rng rng(seed);
+    for (std::uint32_t i = count; i > 1; --i) std::swap(order[i - 1], order[rng.below(i)]);
+    return order;
+}
 
 } // namespace gsh
