@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Blend shapes: offsets of mesh vertices (or joints) that are linear in a few hundred coefficients.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <algorithm>
+#include <concepts>
+#include <cstddef>
+#include <initializer_list>
+#include <vector>
+
+namespace gsh {
+
+namespace cpu {
+
+/// Elements that a chunk of blend-shape work spans: their offsets stay in the first cache while the directions stream by.
+inline constexpr std::size_t blend_shape_grain = 512;
+
+/// offsets[v] += Σ_k coefficients[k] directions[k, v].
+template <CpuBackend B, std::floating_point T>
+void blend_shapes_forward(B& backend, Span<const vec3<T>> directions, Span<const T> coefficients,
+                          Span<vec3<T>> offsets) {
+    const std::size_t V = offsets.size();
+    backend.for_chunks(V, blend_shape_grain, [&](std::size_t, std::size_t begin, std::size_t end) {
+        T* const out = &offsets[begin].x;
+        for (std::size_t k = 0; k < coefficients.size(); ++k) {
+            const T c = coefficients[k];
+            if (c == T(0)) continue; // betas at their initial values, an expression at rest: nothing to stream
+            const T* const direction = &directions[k * V + begin].x;
+            for (std::size_t n = 0; n < 3 * (end - begin); ++n) out[n] += c * direction[n];
+        }
+    });
+}
+
+/// dL_dcoefficients[k] += Σ_v <directions[k, v], dL_doffsets[v]>; partials is the caller's workspace.
+///
+/// Deterministic: each chunk of vertices sums in 16 interleaved accumulators (a register's worth, so that the
+/// compiler may vectorise a float sum), chunks are joined in order.
+template <CpuBackend B, std::floating_point T>
+void blend_shapes_backward(B& backend, Span<const vec3<T>> directions, Span<const vec3<T>> dL_doffsets,
+                           Span<T> dL_dcoefficients, typename B::template Buffer<T>& partials) {
+    constexpr std::size_t width = 16;
+    const std::size_t V = dL_doffsets.size(), C = dL_dcoefficients.size();
+    const std::size_t chunks = chunk_count(V, blend_shape_grain);
+    partials.resize(chunks * C);
+    backend.for_chunks(V, blend_shape_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+        const T* const gradient = &dL_doffsets[begin].x;
+        const std::size_t count = 3 * (end - begin), whole = count / width * width;
+        for (std::size_t k = 0; k < C; ++k) {
+            const T* const direction = &directions[k * V + begin].x;
+            T sums[width] = {};
+            for (std::size_t n = 0; n < whole; n += width)
+                for (std::size_t lane = 0; lane < width; ++lane)
+                    sums[lane] += direction[n + lane] * gradient[n + lane];
+            for (std::size_t n = whole; n < count; ++n) sums[n - whole] += direction[n] * gradient[n];
+            T total = 0;
+            for (const T sum : sums) total += sum;
+            partials[chunk * C + k] = total;
+        }
+    });
+    for (std::size_t k = 0; k < C; ++k) {
+        T total = 0;
+        for (std::size_t chunk = 0; chunk < chunks; ++chunk) total += partials[chunk * C + k];
+        dL_dcoefficients[k] += total;
+    }
+}
+
+} // namespace cpu
+
+/// offsets[v] += Σ_k directions[v, k] coefficients[k]: shape, expression and pose directions of a mesh, or what
+/// they do to the joints (joint_directions, body_model.hpp).
+///
+/// The directions are constants, kept once per vertex and never per Gaussian: a body with 486 pose directions has
+/// 5 million of them, its 170,000 Gaussians would have 83 million. What reaches the Gaussians are the summed
+/// offsets, by SurfaceInterpolation. Stored direction-major, so that a pass streams each direction once and a zero
+/// coefficient costs nothing.
+///
+/// Shapes  coefficients [C], in the order of the blocks given; offsets [V].
+/// Source  Loper et al., "SMPL", 2015, equations 8 and 9.
+template <std::floating_point T, Backend B>
+class BlendShapes {
+public:
+    /// The workspace of backward: kept by the caller, so that steps of equal sizes allocate nothing.
+    struct Workspace {
+        typename B::template Buffer<T> partials;
+    };
+
+    /// Blocks of directions, each [V, its count] as the body model holds them: {shapedirs, exprdirs, posedirs}.
+    /// Empty blocks are skipped. Errors  ShapeError where a block does not divide into vertex_count rows.
+    BlendShapes(B& backend, std::size_t vertex_count, std::initializer_list<Span<const vec3<double>>> blocks)
+        : backend_(&backend), vertex_count_(vertex_count) {
+        for (const auto& block : blocks) {
+            const std::size_t count = vertex_count ? block.size() / vertex_count : 0;
+            check_size("BlendShapes", "directions", block.size(), vertex_count * count,
+                       "store the same number of directions for each vertex");
+            coefficient_count_ += count;
+        }
+        directions_.resize(vertex_count * coefficient_count_);
+        std::vector<vec3<T>> one(vertex_count);
+        std::size_t k = 0;
+        for (const auto& block : blocks) {
+            const std::size_t count = vertex_count ? block.size() / vertex_count : 0;
+            for (std::size_t column = 0; column < count; ++column, ++k) {
+                for (std::size_t v = 0; v < vertex_count; ++v) one[v] = vec3<T>(block[v * count + column]);
+                backend.upload(Span<const vec3<T>>(one), Span<vec3<T>>(directions_).subspan(k * vertex_count, vertex_count));
+            }
+        }
+    }
+
+    [[nodiscard]] std::size_t vertex_count() const { return vertex_count_; }
+    [[nodiscard]] std::size_t coefficient_count() const { return coefficient_count_; }
+
+    /// Adds to offsets; start from zeros, or from what is to be offset.
+    void forward(Span<const T> coefficients, Span<vec3<T>> offsets) const {
+        check_size("BlendShapes::forward", "coefficients", coefficients.size(), coefficient_count_);
+        check_size("BlendShapes::forward", "offsets", offsets.size(), vertex_count_, "store one per vertex");
+        if (vertex_count_ == 0 || coefficient_count_ == 0) return;
+        blend_shapes_forward(*backend_, Span<const vec3<T>>(directions_), coefficients, offsets);
+    }
+
+    /// Adds to dL_dcoefficients.
+    void backward(Span<const vec3<T>> dL_doffsets, Span<T> dL_dcoefficients, Workspace& workspace) const {
+        check_size("BlendShapes::backward", "dL_doffsets", dL_doffsets.size(), vertex_count_, "store one per vertex");
+        check_size("BlendShapes::backward", "dL_dcoefficients", dL_dcoefficients.size(), coefficient_count_);
+        if (vertex_count_ == 0 || coefficient_count_ == 0) return;
+        blend_shapes_backward(*backend_, Span<const vec3<T>>(directions_), dL_doffsets, dL_dcoefficients,
+                              workspace.partials);
+    }
+
+private:
+    B* backend_;
+    std::size_t vertex_count_ = 0;
+    std::size_t coefficient_count_ = 0;
+    typename B::template Buffer<vec3<T>> directions_; // [C, V]
+};
+
+} // namespace gsh

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Per-vertex vectors carried to points on the mesh by barycentric interpolation, and gradients carried back.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/config.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <array>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace gsh {
+
+namespace detail {
+
+/// A weight and the index that it belongs to.
+template <class T>
+struct Contribution {
+    std::uint32_t index;
+    T weight;
+};
+
+template <class T>
+struct SurfaceGather {
+    Span<const Contribution<T>> corners; // [N, 3]
+    Span<const vec3<T>> values;          // [V]
+    Span<vec3<T>> points;                // [N]
+    GSH_HD void operator()(std::size_t i) const {
+        const Contribution<T>* corner = corners.data() + 3 * i;
+        points[i] += values[corner[0].index] * corner[0].weight + values[corner[1].index] * corner[1].weight +
+                     values[corner[2].index] * corner[2].weight;
+    }
+};
+
+template <class T>
+struct SurfaceScatter {
+    Span<const std::uint32_t> starts;      // [V + 1]
+    Span<const Contribution<T>> entries;   // [3 N], grouped by vertex
+    Span<const vec3<T>> dL_dpoints;        // [N]
+    Span<vec3<T>> dL_dvalues;              // [V]
+    GSH_HD void operator()(std::size_t v) const {
+        vec3<T> sum(T(0));
+        for (std::uint32_t e = starts[v]; e < starts[v + 1]; ++e)
+            sum += dL_dpoints[entries[e].index] * entries[e].weight;
+        dL_dvalues[v] += sum;
+    }
+};
+
+} // namespace detail
+
+/// points[i] += Σ_c barycentric[i][c] values[triangle_i[c]].
+///
+/// The attachment is fixed, so its transpose is sorted once (compressed rows, one per vertex): backward is a gather
+/// like forward, each vertex summing its samples in a fixed order, and needs neither atomics nor partial sums.
+/// Carrying a gradient from N samples to C coefficients costs 3N + VC products this way; going straight there
+/// would cost NC, with per-sample directions to store.
+///
+/// Shapes  values [V], points [N].
+template <std::floating_point T, Backend B>
+class SurfaceInterpolation {
+public:
+    /// triangles [N] vertex indices, barycentric [N].
+    /// Errors  ShapeError if they differ in size, ValueError at a vertex index out of range.
+    SurfaceInterpolation(B& backend, std::size_t vertex_count, Span<const std::array<int, 3>> triangles,
+                         Span<const vec3<double>> barycentric)
+        : backend_(&backend), vertex_count_(vertex_count), point_count_(triangles.size()) {
+        check_size("SurfaceInterpolation", "barycentric", barycentric.size(), triangles.size(),
+                   "store one triple per point");
+        std::vector<detail::Contribution<T>> corners(3 * point_count_), entries(3 * point_count_);
+        std::vector<std::uint32_t> starts(vertex_count + 1, 0);
+        for (std::size_t i = 0; i < point_count_; ++i)
+            for (int c = 0; c < 3; ++c) {
+                const int v = triangles[i][static_cast<std::size_t>(c)];
+                check_value(v >= 0 && static_cast<std::size_t>(v) < vertex_count, "SurfaceInterpolation",
+                            "a triangle names a vertex that the mesh does not have");
+                corners[3 * i + static_cast<std::size_t>(c)] = {static_cast<std::uint32_t>(v), T(barycentric[i][c])};
+                ++starts[static_cast<std::size_t>(v) + 1];
+            }
+        for (std::size_t v = 0; v < vertex_count; ++v) starts[v + 1] += starts[v];
+        std::vector<std::uint32_t> next(starts.begin(), starts.end() - 1);
+        for (std::size_t n = 0; n < corners.size(); ++n)
+            entries[next[corners[n].index]++] = {static_cast<std::uint32_t>(n / 3), corners[n].weight};
+
+        corners_.resize(corners.size()), entries_.resize(entries.size()), starts_.resize(starts.size());
+        backend.upload(Span<const detail::Contribution<T>>(corners), corners_);
+        backend.upload(Span<const detail::Contribution<T>>(entries), entries_);
+        backend.upload(Span<const std::uint32_t>(starts), starts_);
+    }
+
+    [[nodiscard]] std::size_t vertex_count() const { return vertex_count_; }
+    [[nodiscard]] std::size_t point_count() const { return point_count_; }
+
+    /// Adds to points.
+    void forward(Span<const vec3<T>> values, Span<vec3<T>> points) const {
+        check_size("SurfaceInterpolation::forward", "values", values.size(), vertex_count_, "store one per vertex");
+        check_size("SurfaceInterpolation::forward", "points", points.size(), point_count_, "store one per sample");
+        backend_->for_each(point_count_, detail::SurfaceGather<T>{corners_, values, points});
+    }
+
+    /// Adds to dL_dvalues.
+    void backward(Span<const vec3<T>> dL_dpoints, Span<vec3<T>> dL_dvalues) const {
+        check_size("SurfaceInterpolation::backward", "dL_dpoints", dL_dpoints.size(), point_count_,
+                   "store one per sample");
+        check_size("SurfaceInterpolation::backward", "dL_dvalues", dL_dvalues.size(), vertex_count_,
+                   "store one per vertex");
+        backend_->for_each(vertex_count_, detail::SurfaceScatter<T>{starts_, entries_, dL_dpoints, dL_dvalues});
+    }
+
+private:
+    B* backend_;
+    std::size_t vertex_count_, point_count_;
+    typename B::template Buffer<detail::Contribution<T>> corners_, entries_;
+    typename B::template Buffer<std::uint32_t> starts_;
+};
+
+} // namespace gsh
