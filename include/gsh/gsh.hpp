@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Everything that gsh::gsh offers, floor by floor. io/, synthetic/ and SIMD packs are opt-in headers.
+#pragma once
+
+#include <gsh/core/config.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/lane.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/core/span.hpp>
+
+#include <gsh/math/activation.hpp>
+#include <gsh/math/affine.hpp>
+#include <gsh/math/quat.hpp>
+#include <gsh/math/rotation.hpp>
+#include <gsh/math/sh.hpp>
+#include <gsh/math/sym.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/backend/host_buffer.hpp>
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/sum.hpp>
+#include <gsh/backend/threads.hpp>
+
+#include <gsh/camera/distortion.hpp>
+#include <gsh/camera/pinhole.hpp>
+
+#include <gsh/body/blend_shapes.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/mesh.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/body/nearest_points.hpp>
+#include <gsh/body/skeleton.hpp>
+#include <gsh/body/skinning.hpp>
+#include <gsh/body/surface_interpolation.hpp>
+
+#include <gsh/gaussian/covariance.hpp>
+#include <gsh/gaussian/gaussians.hpp>
+#include <gsh/gaussian/shade.hpp>
+#include <gsh/gaussian/splats.hpp>
+#include <gsh/gaussian/static_gaussian.hpp>
+
+#include <gsh/field/cpu/gemm.hpp>
+
+#include <gsh/image/image.hpp>
+
+#include <gsh/loss/cpu/photometric.hpp>
+#include <gsh/loss/photometric.hpp>
+#include <gsh/loss/photometric_cache.hpp>
+#include <gsh/loss/ssim.hpp>
