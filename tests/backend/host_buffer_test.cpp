@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/backend/host_buffer.hpp>
+
+#include <doctest/doctest.h>
+
+#include <cstdint>
+#include <utility>
+
+using namespace gsh;
+
+TEST_CASE("a buffer is aligned and keeps its memory when it shrinks") {
+    cpu::Buffer<float> buffer(1000);
+    CHECK(reinterpret_cast<std::uintptr_t>(buffer.data()) % cpu::Buffer<float>::alignment == 0);
+    const float* before = buffer.data();
+    buffer.resize(10);
+    CHECK(buffer.size() == 10);
+    buffer.resize(1000);
+    CHECK(buffer.data() == before);
+    buffer.resize(0);
+    CHECK(buffer.empty());
+}
+
+TEST_CASE("copies are deep, moves take the memory") {
+    cpu::Buffer<int> buffer(3);
+    for (std::size_t i = 0; i < 3; ++i) buffer[i] = static_cast<int>(i);
+    cpu::Buffer<int> copy = buffer;
+    copy[1] = 9;
+    CHECK(buffer[1] == 1);
+    const int* memory = copy.data();
+    const cpu::Buffer<int> moved = std::move(copy);
+    CHECK(moved.data() == memory);
+    CHECK(moved[1] == 9);
+
+    buffer = moved;
+    CHECK(buffer[1] == 9);
+    CHECK(buffer.data() != moved.data());
+    const Span<const int> view = moved;
+    CHECK(view[2] == 2);
+
+    const cpu::Buffer<int> none, copy_of_none = none;
+    CHECK(copy_of_none.empty());
+}
