@@ -92,7 +92,8 @@ private:
                 add(-b * y*z*p, n(-6)*b * x*y*z, n(-3)*b * z*(xx - yy), -b * y*p);
                 add( c * x*y*s, c * y*(s - n(2)*xx), c * x*(s - n(2)*yy), n(12)*c * x*y*z);
                 add(-d * y*z*t, n(6)*d * x*y*z, -d * z*(t - n(6)*yy), -d * y*(t + n(8)*zz));
-                add( e * (n(8)*zz*zz - n(24)*zz*r + n(3)*r*r), n(-12)*e * x*t, n(-12)*e * y*t, n(16)*e * z*(n(2)*zz - n(3)*r));
+                add( e * (n(8)*zz*zz - n(24)*zz*r + n(3)*r*r), n(-12)*e * x*(n(4)*zz - r), n(-12)*e * y*(n(4)*zz - r),
+                    n(16)*e * z*(n(2)*zz - n(3)*r));
                 add(-d * x*z*t, -d * z*(t - n(6)*xx), n(6)*d * x*y*z, -d * x*(t + n(8)*zz));
                 add( g * (xx - yy)*s, n(4)*g * x*(n(3)*zz - xx), n(-4)*g * y*(n(3)*zz - yy), n(12)*g * z*(xx - yy));
                 add(-b * x*z*q, n(-3)*b * z*(xx - yy), n(6)*b * x*y*z, -b * x*q);
