@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/gaussian/static_gaussian.hpp>
+#include <gsh/backend/threads.hpp>
+
+#include "support/gradient.hpp"
+
+#include <cstring>
+
+using namespace gsh;
+
+namespace {
+
+template <class T>
+GaussianCloud<T> random_cloud(std::size_t count, int degree) {
+    test::Rng rng(5);
+    GaussianCloud<T> cloud(count, degree);
+    for (auto& mean : cloud.means) mean = vec3<T>(rng.vec());
+    for (auto& q : cloud.quats) {
+        const quat<double> r = rng.quat();
+        q = {T(r.w), T(r.x), T(r.y), T(r.z)};
+    }
+    for (auto& s : cloud.log_scales) s = vec3<T>(rng.vec(-2, 0));
+    for (auto& o : cloud.opacity_logits) o = T(rng.uniform(-2, 2));
+    for (auto& c : cloud.sh) c = vec3<T>(rng.vec(-0.05, 0.05)); // colours stay inside the clamp
+    return cloud;
+}
+
+template <class T>
+Splats<T, cpu::Serial> random_gradient(std::size_t count) {
+    test::Rng rng(6);
+    Splats<T, cpu::Serial> dL_dsplats;
+    dL_dsplats.resize(count);
+    for (auto& v : dL_dsplats.means) v = vec3<T>(rng.vec());
+    for (auto& v : dL_dsplats.covariances) {
+        const vec3<double> a = rng.vec(), b = rng.vec();
+        v = {T(a.x), T(a.y), T(a.z), T(b.x), T(b.y), T(b.z)};
+    }
+    for (auto& v : dL_dsplats.opacities) v = T(rng.uniform(-1, 1));
+    for (auto& v : dL_dsplats.colors) v = vec3<T>(rng.vec());
+    return dL_dsplats;
+}
+
+template <class T>
+bool same_bits(Span<const T> a, Span<const T> b) {
+    return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
+}
+
+constexpr auto same_cloud = [](const auto& a, const auto& b) {
+    using C = std::remove_cvref_t<decltype(a)>;
+    using V3 = typename decltype(C::means)::value_type;
+    using Q = typename decltype(C::quats)::value_type;
+    using T = typename decltype(C::opacity_logits)::value_type;
+    return same_bits<V3>(a.means, b.means) && same_bits<Q>(a.quats, b.quats) &&
+           same_bits<V3>(a.log_scales, b.log_scales) && same_bits<T>(a.opacity_logits, b.opacity_logits) &&
+           same_bits<V3>(a.sh, b.sh);
+};
+
+template <class T>
+GaussianCloud<T> zero_cloud(std::size_t count, int degree) {
+    GaussianCloud<T> cloud(count, degree);
+    for (auto& q : cloud.quats) q.w = T(0);
+    return cloud;
+}
+
+} // namespace
+
+TEST_CASE("static_splats_backward is the gradient of static_splats_forward, and adds") {
+    constexpr int degree = 3;
+    constexpr std::size_t count = 3;
+    auto cloud = random_cloud<double>(count, degree);
+    vec3<double> center(0.3, -0.2, -4);
+    auto weight = random_gradient<double>(count);
+    cpu::Serial backend;
+    Splats<double, cpu::Serial> splats;
+    splats.resize(count);
+    const auto loss = [&] {
+        static_splats_forward<degree>(backend, cloud.view(), center, splats.view());
+        double sum = 0;
+        for (std::size_t i = 0; i < count; ++i) {
+            const sym3<double>&s = splats.covariances[i], &w = weight.covariances[i];
+            sum += dot(splats.means[i], weight.means[i]) + dot(splats.colors[i], weight.colors[i]) +
+                   splats.opacities[i] * weight.opacities[i] + s.xx * w.xx + s.xy * w.xy + s.xz * w.xz + s.yy * w.yy +
+                   s.yz * w.yz + s.zz * w.zz;
+        }
+        return sum;
+    };
+    auto gradient = zero_cloud<double>(count, degree);
+    std::vector<vec3<double>> dL_dcenter(1, vec3<double>(0.0));
+    StaticSplatsWorkspace<double, cpu::Serial> workspace;
+    static_splats_backward<degree>(backend, cloud.view(), center, weight.view(), workspace, gradient.view(), dL_dcenter);
+    test::check_gradient(loss, test::scalars(cloud.means), test::scalars(gradient.means));
+    test::check_gradient(loss, test::scalars(cloud.quats), test::scalars(gradient.quats));
+    test::check_gradient(loss, test::scalars(cloud.log_scales), test::scalars(gradient.log_scales));
+    test::check_gradient(loss, test::scalars(cloud.opacity_logits), test::scalars(gradient.opacity_logits));
+    test::check_gradient(loss, test::scalars(cloud.sh), test::scalars(gradient.sh));
+    test::check_gradient(loss, test::scalars(center), test::scalars(dL_dcenter));
+
+    auto twice = gradient;
+    const vec3<double> center_once = dL_dcenter[0];
+    static_splats_backward<degree>(backend, cloud.view(), center, weight.view(), workspace, twice.view(), dL_dcenter);
+    for (std::size_t i = 0; i < count; ++i) {
+        CHECK(length(twice.means[i] - gradient.means[i] * 2.0) < 1e-13);
+        CHECK(length(twice.log_scales[i] - gradient.log_scales[i] * 2.0) < 1e-13);
+        CHECK(twice.quats[i].x == doctest::Approx(2 * gradient.quats[i].x).epsilon(1e-13));
+        CHECK(twice.opacity_logits[i] == 2 * gradient.opacity_logits[i]);
+        CHECK(twice.sh[i] == gradient.sh[i] * 2.0);
+    }
+    CHECK(length(dL_dcenter[0] - center_once * 2.0) < 1e-13);
+}
+
+TEST_CASE("Threads equals Serial bit for bit at any thread count and size") {
+    const vec3<float> center(0.1f, 0.2f, -3);
+    for (const std::size_t count : {0, 1, 513, 5001}) {
+        const auto cloud = random_cloud<float>(count, 2);
+        const auto dL_dsplats = random_gradient<float>(count);
+        const auto run = [&](auto& backend, auto& splats, auto& gradient, auto& dL_dcenter) {
+            StaticSplatsWorkspace<float, std::remove_reference_t<decltype(backend)>> workspace;
+            splats.resize(count);
+            static_splats_forward<2>(backend, cloud.view(), center, splats.view());
+            static_splats_backward<2>(backend, cloud.view(), center, dL_dsplats.view(), workspace, gradient.view(),
+                                      dL_dcenter);
+        };
+        cpu::Serial serial;
+        Splats<float, cpu::Serial> expected;
+        auto expected_gradient = zero_cloud<float>(count, 2);
+        std::vector<vec3<float>> expected_center(1, vec3<float>(0.0f));
+        run(serial, expected, expected_gradient, expected_center);
+        for (const std::size_t threads : {1, 2, 3, 7}) {
+            cpu::Threads backend(threads);
+            Splats<float, cpu::Threads> splats;
+            auto gradient = zero_cloud<float>(count, 2);
+            std::vector<vec3<float>> dL_dcenter(1, vec3<float>(0.0f));
+            run(backend, splats, gradient, dL_dcenter);
+            CHECK(same_cloud(gradient, expected_gradient));
+            CHECK(same_bits<vec3<float>>(dL_dcenter, expected_center));
+            CHECK(same_bits<sym3<float>>(splats.covariances, expected.covariances));
+            CHECK(same_bits<vec3<float>>(splats.colors, expected.colors));
+            CHECK(same_bits<float>(splats.opacities, expected.opacities));
+        }
+    }
+}
+
+TEST_CASE("empty gradients are left alone, the others do not change for it") {
+    const auto cloud = random_cloud<double>(4, 1);
+    const auto dL_dsplats = random_gradient<double>(4);
+    cpu::Serial backend;
+    StaticSplatsWorkspace<double, cpu::Serial> workspace;
+    auto all = zero_cloud<double>(4, 1), some = all;
+    some.quats.clear(), some.sh.clear();
+    const vec3<double> center(0, 0, -3);
+    static_splats_backward<1>(backend, cloud.view(), center, dL_dsplats.view(), workspace, all.view());
+    static_splats_backward<1>(backend, cloud.view(), center, dL_dsplats.view(), workspace, some.view());
+    CHECK(some.means == all.means);
+    CHECK(some.log_scales == all.log_scales);
+    CHECK(some.sh.empty());
+}
+
+TEST_CASE("a Gaussian at the camera's centre makes no NaN") {
+    auto cloud = random_cloud<double>(1, 2);
+    const vec3<double> center = cloud.means[0];
+    cpu::Serial backend;
+    Splats<double, cpu::Serial> splats;
+    splats.resize(1);
+    static_splats_forward<2>(backend, cloud.view(), center, splats.view());
+    CHECK(std::isfinite(splats.colors[0].x));
+    StaticSplatsWorkspace<double, cpu::Serial> workspace;
+    auto gradient = zero_cloud<double>(1, 2);
+    static_splats_backward<2>(backend, cloud.view(), center, random_gradient<double>(1).view(), workspace,
+                              gradient.view());
+    CHECK(std::isfinite(gradient.means[0].x));
+}
+
+TEST_CASE("sizes and degrees are checked") {
+    cpu::Serial backend;
+    auto cloud = random_cloud<double>(2, 1);
+    Splats<double, cpu::Serial> splats;
+    splats.resize(2);
+    const vec3<double> center(0.0);
+    CHECK_THROWS_WITH_AS(static_splats_forward<2>(backend, cloud.view(), center, splats.view()),
+                         "static_splats_forward: sh_degree is 1, expected 2; choose the template's degree with "
+                         "with_sh_degree",
+                         ShapeError);
+    for (const int which : {0, 1, 2, 3}) {
+        Splats<double, cpu::Serial> wrong;
+        wrong.resize(2);
+        if (which == 0) wrong.means.resize(1);
+        if (which == 1) wrong.covariances.resize(1);
+        if (which == 2) wrong.opacities.resize(1);
+        if (which == 3) wrong.colors.resize(1);
+        CHECK_THROWS_AS(static_splats_forward<1>(backend, cloud.view(), center, wrong.view()), ShapeError);
+        StaticSplatsWorkspace<double, cpu::Serial> workspace;
+        auto gradient = zero_cloud<double>(2, 1);
+        CHECK_THROWS_AS(
+            static_splats_backward<1>(backend, cloud.view(), center, wrong.view(), workspace, gradient.view()),
+            ShapeError);
+    }
+    StaticSplatsWorkspace<double, cpu::Serial> workspace;
+    auto gradient = zero_cloud<double>(2, 1), other = zero_cloud<double>(3, 1), higher = zero_cloud<double>(2, 2);
+    std::vector<vec3<double>> two(2);
+    const auto backward = [&](auto& out, Span<vec3<double>> dL_dcenter) {
+        static_splats_backward<1>(backend, cloud.view(), center, splats.view(), workspace, out.view(), dL_dcenter);
+    };
+    CHECK_THROWS_AS(backward(other, {}), ShapeError);
+    CHECK_THROWS_AS(backward(higher, {}), ShapeError);
+    CHECK_THROWS_AS(backward(gradient, two), ShapeError);
+    cloud.quats.pop_back();
+    CHECK_THROWS_AS(static_splats_forward<1>(backend, cloud.view(), center, splats.view()), ShapeError);
+}
