@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The photometric loss on CPUs: tiles small enough for the first cache, loops that compilers vectorise.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/loss/photometric_cache.hpp>
+#include <gsh/loss/ssim.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+namespace gsh::cpu {
+
+namespace detail {
+
+/// An image's cover by tiles, and where their pixels lie.
+struct PhotometricTiles {
+    static constexpr int rows = 32, columns = 64;
+    static constexpr int radius = SsimWindow<float>::radius;
+    static constexpr int halo_rows = rows + 2 * radius, halo_columns = columns + 2 * radius;
+    static constexpr std::size_t area = std::size_t(rows) * columns;
+
+    int channels, height, width;
+    int across = (width + columns - 1) / columns, down = (height + rows - 1) / rows;
+
+    struct Tile {
+        int channel, j, i;      ///< channel, tile row, tile column
+        int y, x;               ///< first pixel
+        int height, width;      ///< part of it inside the image
+    };
+
+    [[nodiscard]] std::size_t count() const { return std::size_t(channels) * std::size_t(down) * std::size_t(across); }
+    [[nodiscard]] std::size_t index(int channel, int j, int i) const {
+        return (std::size_t(channel) * std::size_t(down) + std::size_t(j)) * std::size_t(across) + std::size_t(i);
+    }
+    [[nodiscard]] Tile operator[](std::size_t index) const {
+        const int i = int(index % std::size_t(across)), rest = int(index / std::size_t(across));
+        const int j = rest % down, y = j * rows, x = i * columns;
+        return {rest / down, j, i, y, x, std::min(rows, height - y), std::min(columns, width - x)};
+    }
+    /// True when the tile is inside the image's cover and its windows see a difference.
+    [[nodiscard]] bool active(Span<const std::uint8_t> flags, int channel, int j, int i) const {
+        return j >= 0 && j < down && i >= 0 && i < across && flags[index(channel, j, i)] != 0;
+    }
+};
+
+/// Does any window of the tile see a pixel in which the images differ?
+template <class T>
+bool windows_differ(const ImageView<const T>& a, const ImageView<const T>& b, const PhotometricTiles::Tile& tile) {
+    constexpr int radius = PhotometricTiles::radius;
+    const int x0 = std::max(tile.x - radius, 0), x1 = std::min(tile.x + tile.width + radius, a.width);
+    const int y0 = std::max(tile.y - radius, 0), y1 = std::min(tile.y + tile.height + radius, a.height);
+    for (int y = y0; y < y1; ++y) {
+        const T *p = a.row(tile.channel, y), *q = b.row(tile.channel, y);
+        int differences = 0;
+        for (int x = x0; x < x1; ++x) differences += p[x] - q[x] != T(0); // NaN differs
+        if (differences) return true;
+    }
+    return false;
+}
+
+/// out[x] = sum_k taps[k] in[k * stride + x]: along a row with stride 1, across rows with the row's length.
+template <int Columns, int Stride, class T>
+void correlate(const T (&taps)[SsimWindow<T>::size], const T* __restrict in, T* __restrict out) {
+    for (int x = 0; x < Columns; ++x) {
+        T sum = taps[5] * in[5 * Stride + x];
+        sum += taps[4] * (in[4 * Stride + x] + in[6 * Stride + x]);
+        sum += taps[3] * (in[3 * Stride + x] + in[7 * Stride + x]);
+        sum += taps[2] * (in[2 * Stride + x] + in[8 * Stride + x]);
+        sum += taps[1] * (in[1 * Stride + x] + in[9 * Stride + x]);
+        sum += taps[0] * (in[0 * Stride + x] + in[10 * Stride + x]);
+        out[x] = sum;
+    }
+}
+
+/// Loss and partial derivatives of one tile. The moments are filtered along rows, then down columns.
+template <class T>
+struct PhotometricForwardTile {
+    using Tiles = PhotometricTiles;
+    static constexpr int moments = 4; // s, d, s², d²
+
+    alignas(64) T in[moments][Tiles::halo_columns + 6];           // one row, padded to whole registers
+    alignas(64) T along[moments][Tiles::halo_rows][Tiles::columns]; // filtered along rows
+    alignas(64) T across[moments][Tiles::columns];                  // and down columns, one row
+    alignas(64) T l1[Tiles::columns], dssim[Tiles::columns];        // sums down each column
+    alignas(64) T loss[Tiles::columns];
+
+    void run(const SsimWindow<T>& window, const ImageView<const T>& a, const ImageView<const T>& b,
+             const Tiles::Tile& tile, bool with_ssim, T* partials, double* sums) {
+        std::fill(l1, l1 + Tiles::columns, T(0));
+        std::fill(dssim, dssim + Tiles::columns, T(0));
+        for (int y = 0; y < tile.height; ++y) {
+            const T* __restrict p = a.row(tile.channel, tile.y + y) + tile.x;
+            const T* __restrict q = b.row(tile.channel, tile.y + y) + tile.x;
+            for (int x = 0; x < tile.width; ++x) l1[x] += std::fabs(p[x] - q[x]);
+        }
+        if (with_ssim) {
+            filter_rows(window, a, b, tile);
+            for (int y = 0; y < Tiles::rows; ++y) finish_row(window, tile, y, partials);
+        }
+        for (int x = 0; x < tile.width; ++x) sums[0] += double(l1[x]), sums[1] += double(dssim[x]);
+    }
+
+private:
+    void filter_rows(const SsimWindow<T>& window, const ImageView<const T>& a, const ImageView<const T>& b,
+                     const Tiles::Tile& tile) {
+        constexpr int radius = Tiles::radius;
+        const int x0 = std::max(tile.x - radius, 0), x1 = std::min(tile.x + Tiles::columns + radius, a.width);
+        const int shift = radius - tile.x; // image column + shift = column of `in`
+        for (auto& row : in) std::fill(std::begin(row), std::end(row), T(0));
+        for (int r = 0; r < Tiles::halo_rows; ++r) {
+            const int y = tile.y + r - radius;
+            if (y < 0 || y >= a.height) {
+                for (auto& rows : along) std::fill(rows[r], rows[r] + Tiles::columns, T(0));
+                continue;
+            }
+            const T* __restrict p = a.row(tile.channel, y) + x0;
+            const T* __restrict q = b.row(tile.channel, y) + x0;
+            T* __restrict s = in[0] + shift + x0;
+            T* __restrict d = in[1] + shift + x0;
+            T* __restrict ss = in[2] + shift + x0;
+            T* __restrict dd = in[3] + shift + x0;
+            for (int x = 0; x < x1 - x0; ++x) {
+                const T sum = p[x] + q[x], difference = p[x] - q[x];
+                s[x] = sum, d[x] = difference, ss[x] = sum * sum, dd[x] = difference * difference;
+            }
+            for (int m = 0; m < moments; ++m) correlate<Tiles::columns, 1>(window.taps, in[m], along[m][r]);
+        }
+    }
+
+    /// Filters down columns and evaluates SSIM; pixels outside the image get partials of zero.
+    void finish_row(const SsimWindow<T>& window, const Tiles::Tile& tile, int y, T* partials) {
+        T* __restrict mean = partials + y * Tiles::columns;
+        T* __restrict ss = mean + Tiles::area;
+        T* __restrict dd = ss + Tiles::area;
+        const int valid = y < tile.height ? tile.width : 0;
+        if (valid) {
+            for (int m = 0; m < moments; ++m)
+                correlate<Tiles::columns, Tiles::columns>(window.taps, along[m][y], across[m]);
+            for (int x = 0; x < Tiles::columns; ++x) {
+                SsimPartials<T> partial;
+                loss[x] = ssim_loss<T>({across[0][x], across[1][x], across[2][x], across[3][x]}, partial);
+                mean[x] = partial.mean, ss[x] = partial.ss, dd[x] = partial.dd;
+            }
+            for (int x = 0; x < valid; ++x) dssim[x] += loss[x];
+        }
+        for (int x = valid; x < Tiles::columns; ++x) mean[x] = ss[x] = dd[x] = T(0);
+    }
+};
+
+/// Gradient of one tile: the partials around it, filtered by the same (symmetric) window.
+template <class T>
+struct PhotometricBackwardTile {
+    using Tiles = PhotometricTiles;
+    static constexpr int maps = 3; // dL_dmean, dL_dss, dL_ddd
+
+    alignas(64) T in[Tiles::halo_columns + 6];
+    alignas(64) T along[maps][Tiles::halo_rows][Tiles::columns];
+    alignas(64) T across[maps][Tiles::columns];
+
+    void run(const SsimWindow<T>& window, const ImageView<const T>& a, const ImageView<const T>& b, const Tiles& tiles,
+             const Tiles::Tile& tile, Span<const T> partials, Span<const std::uint8_t> active, T ssim_scale,
+             T l1_scale, const ImageView<T>& dL_da) {
+        const bool with_ssim = ssim_scale != T(0);
+        if (with_ssim) filter_rows(window, tiles, tile, partials, active);
+        for (int y = 0; y < tile.height; ++y) {
+            const T* __restrict p = a.row(tile.channel, tile.y + y) + tile.x;
+            const T* __restrict q = b.row(tile.channel, tile.y + y) + tile.x;
+            T* __restrict out = dL_da.row(tile.channel, tile.y + y) + tile.x;
+            const auto slope = [l1_scale](T d) { return d > T(0) ? l1_scale : d < T(0) ? -l1_scale : T(0); };
+            if (!with_ssim) {
+                for (int x = 0; x < tile.width; ++x) out[x] += slope(p[x] - q[x]);
+                continue;
+            }
+            for (int m = 0; m < maps; ++m)
+                correlate<Tiles::columns, Tiles::columns>(window.taps, along[m][y], across[m]);
+            for (int x = 0; x < tile.width; ++x) {
+                const T s = p[x] + q[x], d = p[x] - q[x];
+                out[x] += ssim_scale * (across[0][x] + T(2) * (s * across[1][x] + d * across[2][x])) + slope(d);
+            }
+        }
+    }
+
+private:
+    void filter_rows(const SsimWindow<T>& window, const Tiles& tiles, const Tiles::Tile& tile, Span<const T> partials,
+                     Span<const std::uint8_t> active) {
+        constexpr int radius = Tiles::radius;
+        for (int m = 0; m < maps; ++m)
+            for (int r = 0; r < Tiles::halo_rows; ++r) {
+                const int y = tile.y + r - radius, j = y < 0 ? -1 : y / Tiles::rows, row = y - j * Tiles::rows;
+                const auto source = [&](int i) -> const T* { // this row in a neighbouring tile, or null where all is zero
+                    if (!tiles.active(active, tile.channel, j, i)) return nullptr;
+                    return partials.data() + (tiles.index(tile.channel, j, i) * maps + std::size_t(m)) * Tiles::area +
+                           row * Tiles::columns;
+                };
+                const auto take = [](const T* from, int offset, int count, T* to) {
+                    if (from) std::copy(from + offset, from + offset + count, to);
+                    else std::fill(to, to + count, T(0));
+                };
+                take(source(tile.i - 1), Tiles::columns - radius, radius, in);
+                take(source(tile.i), 0, Tiles::columns, in + radius);
+                take(source(tile.i + 1), 0, radius, in + radius + Tiles::columns);
+                correlate<Tiles::columns, 1>(window.taps, in, along[m][r]);
+            }
+    }
+};
+
+} // namespace detail
+
+/// Fills the cache with values and partial derivatives. One chunk is one tile of one channel.
+template <CpuBackend B, class T>
+void photometric_forward(B& backend, const ImageView<const T>& render, const ImageView<const T>& truth,
+                         const PhotometricParams<T>& params, PhotometricCache<T, B>& cache) {
+    using Tiles = detail::PhotometricTiles;
+    const Tiles tiles{render.channels, render.height, render.width};
+    const bool with_ssim = cache.with_ssim;
+    cache.values.resize(3);
+    cache.active.resize(tiles.count());
+    cache.sums.resize(2 * tiles.count());
+    cache.partials.resize(with_ssim ? 3 * Tiles::area * tiles.count() : 0);
+
+    const SsimWindow<T> window;
+    backend.for_chunks(tiles.count(), 1, [&](std::size_t index, std::size_t, std::size_t) {
+        const Tiles::Tile tile = tiles[index];
+        double* sums = cache.sums.data() + 2 * index;
+        sums[0] = sums[1] = 0;
+        cache.active[index] = !params.skip_equal || detail::windows_differ(render, truth, tile);
+        if (!cache.active[index]) return; // 1 - SSIM is 0 in each window, the partials 0 or times 0
+        detail::PhotometricForwardTile<T> work;
+        work.run(window, render, truth, tile, with_ssim,
+                 with_ssim ? cache.partials.data() + 3 * Tiles::area * index : nullptr, sums);
+    });
+
+    double l1 = 0, dssim = 0;
+    for (std::size_t i = 0; i < tiles.count(); ++i) l1 += cache.sums[2 * i], dssim += cache.sums[2 * i + 1];
+    const double count = double(std::max<std::size_t>(render.size(), 1)), weight = double(params.ssim_weight);
+    l1 /= count, dssim /= count;
+    cache.values[0] = (1 - weight) * l1 + weight * dssim;
+    cache.values[1] = l1;
+    cache.values[2] = with_ssim ? 1 - dssim : std::numeric_limits<double>::quiet_NaN();
+}
+
+template <CpuBackend B, class T>
+void photometric_backward(B& backend, const ImageView<const T>& render, const ImageView<const T>& truth, T dL_dloss,
+                          const PhotometricParams<T>& params, const PhotometricCache<T, B>& cache,
+                          const ImageView<T>& dL_drender) {
+    using Tiles = detail::PhotometricTiles;
+    const Tiles tiles{render.channels, render.height, render.width};
+    const T per_element = dL_dloss / T(std::max<std::size_t>(render.size(), 1));
+    const T ssim_scale = params.ssim_weight * per_element, l1_scale = (T(1) - params.ssim_weight) * per_element;
+
+    const SsimWindow<T> window;
+    backend.for_chunks(tiles.count(), 1, [&](std::size_t index, std::size_t, std::size_t) {
+        const Tiles::Tile tile = tiles[index];
+        bool reached = false; // by an active tile's windows
+        for (int j = tile.j - 1; j <= tile.j + 1; ++j)
+            for (int i = tile.i - 1; i <= tile.i + 1; ++i)
+                reached = reached || tiles.active(cache.active, tile.channel, j, i);
+        if (!reached) return;
+        detail::PhotometricBackwardTile<T> work;
+        work.run(window, render, truth, tiles, tile, cache.partials, cache.active, ssim_scale, l1_scale, dL_drender);
+    });
+}
+
+} // namespace gsh::cpu

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The training loss: how far a render is from a photograph, by absolute difference and by structure.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/loss/cpu/photometric.hpp>
+#include <gsh/loss/photometric_cache.hpp>
+
+#include <array>
+#include <concepts>
+#include <string>
+#include <string_view>
+
+namespace gsh {
+
+/// L = (1 - λ) mean |render - truth| + λ (1 - mean SSIM), means over pixels and channels.
+///
+/// Shapes  render, truth, dL_drender [channels, height, width], any size, also smaller than the window.
+/// Units   display-referred sRGB in [0, 1]; SSIM's window is 11 x 11, Gaussian with sigma 1.5, zero beyond the border.
+/// Errors  ShapeError for images that differ in shape, or a cache that comes from another shape.
+/// Source  loss: Kerbl et al., "3D Gaussian Splatting", 2023; SSIM: Wang et al., 2004.
+template <Backend B, std::floating_point T = float>
+class PhotometricLoss {
+public:
+    using Params = PhotometricParams<T>;
+    using Cache = PhotometricCache<T, B>;
+
+    explicit PhotometricLoss(B& backend, Params params = {}) : backend_(&backend), params_(params) {
+        check_value(params.ssim_weight >= T(0) && params.ssim_weight <= T(1), "PhotometricLoss",
+                    "ssim_weight is " + std::to_string(params.ssim_weight) + ", expected a number in [0, 1]");
+    }
+
+    /// Leaves value and parts in the cache, on the backend; values() fetches them.
+    void forward(const ImageView<const T>& render, const ImageView<const T>& truth, Cache& cache) const {
+        check_image("PhotometricLoss::forward", "render", render, render.channels, render.height, render.width);
+        check_image("PhotometricLoss::forward", "truth", truth, render.channels, render.height, render.width);
+        cache.channels = render.channels, cache.height = render.height, cache.width = render.width;
+        cache.with_ssim = params_.ssim_weight != T(0);
+        photometric_forward(*backend_, render, truth, params_, cache); // the backend's own overload
+    }
+
+    /// Adds dL_dloss times the loss's gradient to dL_drender. |x| has slope 0 at 0.
+    void backward(const ImageView<const T>& render, const ImageView<const T>& truth, T dL_dloss, const Cache& cache,
+                  const ImageView<T>& dL_drender) const {
+        constexpr std::string_view where = "PhotometricLoss::backward";
+        check_image(where, "render", render, cache.channels, cache.height, cache.width);
+        check_image(where, "truth", truth, cache.channels, cache.height, cache.width);
+        check_image(where, "dL_drender", dL_drender, cache.channels, cache.height, cache.width);
+        check_value(cache.with_ssim == (params_.ssim_weight != T(0)), where,
+                    "cache comes from a loss with another ssim_weight; use one cache per loss");
+        photometric_backward(*backend_, render, truth, dL_dloss, params_, cache, dL_drender);
+    }
+
+    /// Brings the last forward's values to the host; waits for it.
+    [[nodiscard]] PhotometricValues values(const Cache& cache) const {
+        check_size("PhotometricLoss::values", "cache.values", cache.values.size(), 3, "call forward first");
+        std::array<double, 3> host{};
+        backend_->download(Span<const double>(cache.values), Span<double>(host));
+        return {host[0], host[1], host[2]};
+    }
+
+    [[nodiscard]] const Params& params() const { return params_; }
+
+private:
+    B* backend_;
+    Params params_;
+};
+
+/// Mean absolute difference alone.
+template <Backend B, std::floating_point T = float>
+class L1Loss : public PhotometricLoss<B, T> {
+public:
+    explicit L1Loss(B& backend) : PhotometricLoss<B, T>(backend, {.ssim_weight = T(0)}) {}
+};
+
+/// 1 - mean SSIM alone.
+template <Backend B, std::floating_point T = float>
+class SsimLoss : public PhotometricLoss<B, T> {
+public:
+    explicit SsimLoss(B& backend) : PhotometricLoss<B, T>(backend, {.ssim_weight = T(1)}) {}
+};
+
+} // namespace gsh
