@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Files that appear whole or not at all.
+#pragma once
+
+#include <gsh/core/error.hpp>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstddef>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Writes beside the wanted file (`NAME.partial`), and on commit syncs that to the disk and renames it over `NAME`.
+/// A reader sees the old file or the new one; a crash, a full disk or an exception leaves the old one as it was.
+///
+/// A `path` that is a symbolic link keeps pointing where it did; a device or a pipe is written directly.
+/// One writer at a time for a given path.
+/// Errors  IoError naming the file and what the system said. A limit on file sizes (ulimit -f) counts as a full disk
+///         in programs that ignore SIGXFSZ.
+class AtomicFile {
+public:
+    explicit AtomicFile(std::filesystem::path path);
+    ~AtomicFile() { abandon(); }
+    AtomicFile(const AtomicFile&) = delete;
+    AtomicFile& operator=(const AtomicFile&) = delete;
+
+    void write(const void* data, std::size_t size);
+    void write(std::string_view text) { write(text.data(), text.size()); }
+    /// Makes the file appear. Without it the destructor removes what was written.
+    void commit();
+
+    [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+    /// Bytes written so far.
+    [[nodiscard]] std::size_t size() const { return size_; }
+
+private:
+    std::filesystem::path path_;      // as the caller named it, for messages
+    std::filesystem::path target_;    // with links resolved
+    std::filesystem::path temporary_; // empty when writing directly
+    std::vector<char> pending_;       // small writes wait here
+    std::size_t size_ = 0;
+    int descriptor_ = -1;
+
+    static constexpr std::size_t pending_limit = 1 << 16;
+
+    void flush();
+    void write_through(const char* data, std::size_t size);
+    void abandon() noexcept;
+    [[noreturn]] void fail(std::string_view deed, int error);
+};
+
+/// Writes `text` as the whole content of a file.
+inline void write_file(const std::filesystem::path& path, std::string_view text) {
+    AtomicFile file(path);
+    file.write(text);
+    file.commit();
+}
+
+/// The whole content of a file.
+/// Errors  IoError if it cannot be read, or is larger than `limit` bytes.
+[[nodiscard]] inline std::string read_file(const std::filesystem::path& path, std::size_t limit = std::size_t(1) << 30);
+
+// -------------------------------------------------------------------------------------------------------------
+
+inline AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)), target_(path_) {
+    std::error_code error;
+    if (std::filesystem::is_symlink(path_, error)) {
+        const auto resolved = std::filesystem::weakly_canonical(path_, error);
+        if (!error) target_ = resolved;
+    }
+    const auto status = std::filesystem::status(target_, error);
+    if (std::filesystem::is_directory(status)) fail("cannot be written", EISDIR);
+    const bool direct = std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
+    if (!direct) temporary_ = target_.string() + ".partial";
+    const auto& opened = direct ? target_ : temporary_;
+    descriptor_ = ::open(opened.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    if (descriptor_ < 0) {
+        const int code = errno;
+        temporary_.clear(); // not ours to remove
+        fail("cannot be created", code);
+    }
+}
+
+inline void AtomicFile::write(const void* data, std::size_t size) {
+    const char* bytes = static_cast<const char*>(data);
+    if (pending_.size() + size > pending_limit) flush();
+    if (size > pending_limit)
+        write_through(bytes, size);
+    else
+        pending_.insert(pending_.end(), bytes, bytes + size);
+    size_ += size;
+}
+
+inline void AtomicFile::commit() {
+    flush();
+    if (!temporary_.empty() && ::fsync(descriptor_) != 0) fail("cannot be synced to the disk", errno);
+    if (::close(std::exchange(descriptor_, -1)) != 0) fail("cannot be closed", errno);
+    if (temporary_.empty()) return;
+    if (std::rename(temporary_.c_str(), target_.c_str()) != 0) fail("cannot be renamed into place", errno);
+    temporary_.clear();
+    // The new name itself lives in the directory; a file system that cannot sync one has nothing to lose here.
+    const auto folder = target_.has_parent_path() ? target_.parent_path() : std::filesystem::path(".");
+    if (const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); directory >= 0) {
+        ::fsync(directory);
+        ::close(directory);
+    }
+}
+
+inline void AtomicFile::flush() {
+    write_through(pending_.data(), pending_.size());
+    pending_.clear();
+}
+
+inline void AtomicFile::write_through(const char* data, std::size_t size) {
+    while (size > 0) {
+        const ssize_t written = ::write(descriptor_, data, std::min(size, std::size_t(1) << 30));
+        if (written < 0 && errno == EINTR) continue;
+        if (written <= 0) fail("cannot be written", written < 0 ? errno : ENOSPC);
+        data += written;
+        size -= static_cast<std::size_t>(written);
+    }
+}
+
+inline void AtomicFile::abandon() noexcept {
+    if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
+    if (!temporary_.empty()) ::unlink(temporary_.c_str());
+    temporary_.clear();
+}
+
+inline void AtomicFile::fail(std::string_view deed, int error) {
+    abandon();
+    throw IoError(path_.string() + ": " + std::string(deed) + ": " + std::generic_category().message(error) +
+                  (error == ENOSPC || error == EFBIG || error == EDQUOT ? "; nothing was changed, free some space" : ""));
+}
+
+inline std::string read_file(const std::filesystem::path& path, std::size_t limit) {
+    std::error_code error;
+    if (std::filesystem::is_directory(path, error)) throw IoError(path.string() + ": is a directory, expected a file");
+    const auto close = [](std::FILE* stream) { std::fclose(stream); };
+    const std::unique_ptr<std::FILE, decltype(close)> file(std::fopen(path.c_str(), "rbe"), close);
+    if (!file) throw IoError(path.string() + ": cannot be opened: " + std::generic_category().message(errno));
+    std::string content;
+    char block[1 << 16];
+    while (const std::size_t count = std::fread(block, 1, sizeof block, file.get())) {
+        content.append(block, count);
+        if (content.size() > limit)
+            throw IoError(path.string() + ": is larger than " + std::to_string(limit) + " bytes, the most that is read");
+    }
+    if (std::ferror(file.get()))
+        throw IoError(path.string() + ": cannot be read: " + std::generic_category().message(errno));
+    return content;
+}
+
+} // namespace gsh

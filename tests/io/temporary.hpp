@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A directory for one test, and the check that an error names what it should.
+#pragma once
+
+#include <doctest/doctest.h>
+
+#include <gsh/core/error.hpp>
+#include <gsh/io/atomic_file.hpp>
+
+#include <stdlib.h>
+
+#include <filesystem>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+
+namespace gsh::test {
+
+/// A fresh directory that goes away with its object.
+class Temporary {
+public:
+    Temporary() {
+        std::string name = (std::filesystem::temp_directory_path() / "gsh-test-XXXXXX").string();
+        REQUIRE(mkdtemp(name.data()) != nullptr);
+        path_ = name;
+    }
+    ~Temporary() {
+        std::error_code ignored;
+        std::filesystem::remove_all(path_, ignored);
+    }
+    Temporary(const Temporary&) = delete;
+    Temporary& operator=(const Temporary&) = delete;
+
+    [[nodiscard]] std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+    [[nodiscard]] std::size_t file_count() const {
+        std::size_t count = 0;
+        for (const auto& entry : std::filesystem::directory_iterator(path_)) count += entry.is_regular_file();
+        return count;
+    }
+
+private:
+    std::filesystem::path path_;
+};
+
+/// The file without its last `bytes`.
+inline void truncate_file(const std::filesystem::path& path, std::size_t bytes) {
+    std::filesystem::resize_file(path, std::filesystem::file_size(path) - bytes);
+}
+
+/// The deed throws E, and the message holds every one of the words.
+template <class E = Error, class Deed>
+void check_throws(const Deed& deed, std::initializer_list<std::string_view> words) {
+    try {
+        deed();
+        FAIL_CHECK("nothing was thrown");
+    } catch (const E& error) {
+        const std::string message = error.what();
+        for (const std::string_view word : words) {
+            INFO("looking for '" << std::string(word) << "' in: " << message);
+            CHECK(message.find(word) != std::string::npos);
+        }
+    } catch (const std::exception& error) {
+        FAIL_CHECK("another type was thrown: " << std::string(error.what()));
+    }
+}
+
+} // namespace gsh::test
