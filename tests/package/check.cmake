@@ -1,0 +1,33 @@
+# cmake -D way=find_package|add_subdirectory -D source_dir=… -D build_dir=… -D generator=… -D compiler=… -P check.cmake
+# Builds and runs the project beside this file, and checks that none of our own build settings reached it.
+set(work ${build_dir}/package/${way})
+file(REMOVE_RECURSE ${work})
+file(MAKE_DIRECTORY ${work})
+
+function(run)
+  execute_process(COMMAND ${ARGN} RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  if(NOT result EQUAL 0)
+    list(JOIN ARGN " " command)
+    message(FATAL_ERROR "${command}\n${output}")
+  endif()
+endfunction()
+
+if(way STREQUAL "find_package")
+  run(${CMAKE_COMMAND} --install ${build_dir} --prefix ${work}/prefix)
+  set(how -D CMAKE_PREFIX_PATH=${work}/prefix)
+else()
+  set(how -D GSH_SUBDIRECTORY=${source_dir})
+endif()
+
+run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR} -B ${work}/build -G ${generator} -D CMAKE_CXX_COMPILER=${compiler} ${how})
+
+file(READ ${work}/build/compile_commands.json commands)
+foreach(flag IN ITEMS -Wall -Wextra -Wpedantic -Wshadow -Werror -march -ffp-contract -fsanitize -O)
+  string(FIND "${commands}" " ${flag}" position)
+  if(NOT position EQUAL -1)
+    message(FATAL_ERROR "our flag ${flag} reached a user's build:\n${commands}")
+  endif()
+endforeach()
+
+run(${CMAKE_COMMAND} --build ${work}/build --parallel)
+run(${work}/build/consumer)
