@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Small matrix products on registers: the one loop behind the MLP on the CPU.
+///
+/// All three products of a layer have the shape C[r, :] += sum_k A(r, k) B[k, :], where C and B are row-major with
+/// rows padded to whole registers, and A is read one number at a time through any two strides. Sums run over k in
+/// order and fuse multiply and add where the machine does, so a result depends on the operands alone.
+#pragma once
+
+#include <Eigen/Core>
+
+#include <cstddef>
+#include <utility>
+
+namespace gsh::cpu::detail {
+
+template <class T>
+struct Gemm {
+    using Packet = typename Eigen::internal::packet_traits<T>::type;
+    static constexpr std::size_t width = Eigen::internal::unpacket_traits<Packet>::size;
+
+    /// Numbers in a row of `columns` numbers padded to whole registers.
+    [[nodiscard]] static constexpr std::size_t padded(std::size_t columns) {
+        return (columns + width - 1) / width * width;
+    }
+
+    struct Left { ///< A(r, k) = data[r * row_stride + k * inner_stride]
+        const T* data;
+        std::size_t row_stride, inner_stride;
+    };
+    struct Right { ///< B[k, c] = data[k * stride + c]
+        const T* data;
+        std::size_t stride;
+    };
+    struct Result { ///< C[r, c] = data[r * stride + c]
+        T* data;
+        std::size_t stride;
+    };
+
+    // What happens to a register of sums at element `offset` of C.
+    struct Assign {
+        Packet operator()(Packet sum, const T*, std::size_t) const { return sum; }
+    };
+    struct Add {
+        Packet operator()(Packet sum, const T* c, std::size_t) const {
+            return Eigen::internal::padd(Eigen::internal::ploadu<Packet>(c), sum);
+        }
+    };
+    struct Relu { // a mask, not pmax: GCC 12's header for the latter warns of its own undefined operand
+        Packet operator()(Packet sum, const T*, std::size_t) const { return where_positive(sum, sum); }
+    };
+    struct WhereActive { ///< the adjoint of Relu: keeps a sum where `activations`, laid out as C, are positive
+        const T* activations;
+        Packet operator()(Packet sum, const T*, std::size_t offset) const {
+            return where_positive(Eigen::internal::ploadu<Packet>(activations + offset), sum);
+        }
+    };
+
+    /// C[0..rows, 0..padded(columns)] = epilogue(sum over k in [0, inner) of A(r, k) B[k, :]).
+    template <class Epilogue>
+    static void product(std::size_t rows, std::size_t columns, std::size_t inner, Left a, Right b, Result c,
+                        const Epilogue& epilogue) {
+        std::size_t column = 0;
+        const std::size_t end = padded(columns);
+        // Sixteen sums in flight cover the latency of fma twice over and leave registers for the operands.
+        for (; column + 4 * width <= end; column += 4 * width) strip<4, 4>(rows, inner, a, b, c, column, epilogue);
+        for (; column + 2 * width <= end; column += 2 * width) strip<8, 2>(rows, inner, a, b, c, column, epilogue);
+        for (; column < end; column += width) strip<8, 1>(rows, inner, a, b, c, column, epilogue);
+    }
+
+private:
+    /// value where condition > 0, else 0.
+    static Packet where_positive(Packet condition, Packet value) {
+        return Eigen::internal::pand(Eigen::internal::pcmp_lt(Eigen::internal::pset1<Packet>(T(0)), condition), value);
+    }
+
+    template <std::size_t Rows, std::size_t Registers, class Epilogue>
+    static void strip(std::size_t rows, std::size_t inner, Left a, Right b, Result c, std::size_t column,
+                      const Epilogue& epilogue) {
+        std::size_t row = 0;
+        for (; row + Rows <= rows; row += Rows)
+            block<Rows, Registers>(inner, a, b, c, row, column, epilogue, std::make_index_sequence<Rows * Registers>());
+        for (; row < rows; ++row)
+            block<1, Registers>(inner, a, b, c, row, column, epilogue, std::make_index_sequence<Registers>());
+    }
+
+    template <std::size_t Rows, std::size_t Registers, class Epilogue, std::size_t... I>
+    static void block(std::size_t inner, Left a, Right b, Result c, std::size_t row, std::size_t column,
+                      const Epilogue& epilogue, std::index_sequence<I...>) {
+        namespace internal = Eigen::internal;
+        Packet sums[Rows * Registers] = {(static_cast<void>(I), internal::pset1<Packet>(T(0)))...};
+        const T* a_k = a.data + row * a.row_stride;
+        const T* b_k = b.data + column;
+        // A row of B is fetched one step ahead: held in registers it costs one load per register, whereas compilers
+        // fold a load used at once into every fma, and the loads then outnumber what a core can issue.
+        Packet b_row[Rows * Registers] = {internal::ploadu<Packet>(b_k + I % Registers * width)...};
+        for (std::size_t k = 0; k < inner; ++k, a_k += a.inner_stride) {
+            b_k += k + 1 < inner ? b.stride : 0;
+            const Packet b_next[Rows * Registers] = {internal::ploadu<Packet>(b_k + I % Registers * width)...};
+            ((sums[I] = internal::pmadd(internal::pset1<Packet>(a_k[I / Registers * a.row_stride]),
+                                        b_row[I % Registers], sums[I])),
+             ...);
+            ((b_row[I] = b_next[I]), ...);
+        }
+        const std::size_t first = row * c.stride + column;
+        const auto store = [&](Packet sum, std::size_t offset) {
+            internal::pstoreu(c.data + offset, epilogue(sum, c.data + offset, offset));
+        };
+        (store(sums[I], first + I / Registers * c.stride + I % Registers * width), ...);
+    }
+};
+
+} // namespace gsh::cpu::detail

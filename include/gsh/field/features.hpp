@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Feature matrices: one row per point, columns grouped in blocks.
+#pragma once
+
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <type_traits>
+
+namespace gsh {
+
+/// A matrix [rows, columns] whose columns are stored in groups of `block`, one group after the other; within a group
+/// a row's numbers are neighbours. block = columns is the plain row-major matrix. block = Features of a hash grid
+/// keeps each level to itself, so that a pass over one level streams through memory.
+///
+/// Shapes  values [columns / block][rows][block]; block divides columns.
+template <class T>
+struct FeatureView {
+    Span<T> values;
+    std::size_t rows = 0, columns = 0, block = 0;
+
+    FeatureView() = default;
+    FeatureView(Span<T> values_, std::size_t rows_, std::size_t columns_, std::size_t block_)
+        : values(values_), rows(rows_), columns(columns_), block(block_) {}
+    /// A writable view serves wherever a read-only one is asked for.
+    [[nodiscard]] operator FeatureView<const T>() const
+        requires(!std::is_const_v<T>)
+    {
+        return {values, rows, columns, block};
+    }
+    [[nodiscard]] bool empty() const { return columns == 0; }
+    /// Address of (0, column); the next rows follow at distance `block`.
+    [[nodiscard]] GSH_HD T* column(std::size_t c) const {
+        return values.data() + c / block * rows * block + c % block;
+    }
+    [[nodiscard]] GSH_HD T& operator()(std::size_t row, std::size_t c) const { return column(c)[row * block]; }
+
+    /// The same rows, columns [first, first + count) only; both are multiples of block unless all columns are taken.
+    [[nodiscard]] FeatureView slice(std::size_t first, std::size_t count) const {
+        check_value(first + count <= columns && first % block == 0 && count % block == 0, "FeatureView::slice",
+                    "first and count must be multiples of block and lie within columns");
+        return {values.subspan(first * rows, count * rows), rows, count, block};
+    }
+};
+
+/// values as a row-major matrix of `columns` columns.
+template <class T>
+[[nodiscard]] FeatureView<T> row_major(Span<T> values, std::size_t columns) {
+    check_value(columns > 0 && values.size() % columns == 0, "row_major",
+                "values must hold a whole number of rows of `columns` numbers");
+    return {values, values.size() / columns, columns, columns};
+}
+
+/// values as groups of `block` columns, one group after the other.
+template <class T>
+[[nodiscard]] FeatureView<T> blocked(Span<T> values, std::size_t columns, std::size_t block) {
+    check_value(block > 0 && columns > 0 && columns % block == 0 && values.size() % columns == 0, "blocked",
+                "block must divide columns, and values hold a whole number of rows of `columns` numbers");
+    return {values, values.size() / columns, columns, block};
+}
+
+/// Throws ShapeError unless the view is a [rows, columns] matrix.
+template <class T>
+void check_features(std::string_view where, std::string_view argument, const FeatureView<T>& view, std::size_t rows,
+                    std::size_t columns) {
+    check_size(where, std::string(argument).append(".rows"), view.rows, rows, "store one row per point");
+    check_size(where, std::string(argument).append(".columns"), view.columns, columns);
+    check_value(view.block > 0 && view.columns % view.block == 0, where,
+                std::string(argument).append(".block must divide its columns"));
+    check_size(where, std::string(argument).append(".values"), view.values.size(), rows * columns);
+}
+
+/// What a backward pass does with an output that nothing else feeds: add as everywhere, or overwrite, which saves the
+/// caller the zeroing and the pass the reading of a large intermediate gradient.
+enum class Write { add, assign };
+
+} // namespace gsh

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A small fully connected network on a batch of points.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/field/cpu/mlp.hpp>
+#include <gsh/field/features.hpp>
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <vector>
+
+namespace gsh {
+
+/// y = W_H relu(W_{H-1} … relu(W_0 x)): no bias, linear output, and its adjoint.
+///
+/// Shapes  weights: layer after layer, each [outputs of the layer, inputs of the layer] row-major;
+///         inputs [N, inputs] in any blocks, outputs [N, outputs] row-major.
+/// Errors  ShapeError, ValueError before any work starts.
+/// Source  Müller et al., "Instant Neural Graphics Primitives with a Multiresolution Hash Encoding", 2022, section 4;
+///         initialisation Glorot and Bengio, "Understanding the difficulty of training deep feedforward neural
+///         networks", 2010, equation 16.
+class Mlp {
+public:
+    struct Params {
+        int inputs = 0;
+        int outputs = 0;
+        int width = 64;        ///< numbers in a hidden layer
+        int hidden_layers = 2; ///< 0 is a single matrix
+    };
+
+    /// What backward needs of forward, and working storage; one per batch in flight.
+    template <class T, Backend B>
+    struct Cache {
+        typename B::template Buffer<T> hidden;   ///< activations after ReLU, layer after layer
+        typename B::template Buffer<T> packed;   ///< weights as the products read them
+        typename B::template Buffer<T> scratch;  ///< intermediate rows
+        typename B::template Buffer<T> partials; ///< per-chunk sums of dL_dweights
+        std::size_t rows = 0;                    ///< batch size of the last forward
+    };
+
+    explicit Mlp(Params params) : params_(params) {
+        check_value(params.inputs > 0 && params.outputs > 0, "Mlp", "inputs and outputs must be positive");
+        check_value(params.hidden_layers >= 0, "Mlp", "hidden_layers must not be negative");
+        check_value(params.width > 0 || params.hidden_layers == 0, "Mlp", "width must be positive");
+    }
+
+    [[nodiscard]] const Params& params() const { return params_; }
+    [[nodiscard]] std::size_t inputs() const { return static_cast<std::size_t>(params_.inputs); }
+    [[nodiscard]] std::size_t outputs() const { return static_cast<std::size_t>(params_.outputs); }
+    /// Matrices, one more than hidden layers.
+    [[nodiscard]] std::size_t layer_count() const { return static_cast<std::size_t>(params_.hidden_layers) + 1; }
+    [[nodiscard]] std::size_t layer_inputs(std::size_t layer) const {
+        return layer == 0 ? inputs() : static_cast<std::size_t>(params_.width);
+    }
+    [[nodiscard]] std::size_t layer_outputs(std::size_t layer) const {
+        return layer + 1 == layer_count() ? outputs() : static_cast<std::size_t>(params_.width);
+    }
+    /// Where a layer's matrix starts in weights.
+    [[nodiscard]] std::size_t layer_offset(std::size_t layer) const {
+        std::size_t offset = 0;
+        for (std::size_t l = 0; l < layer; ++l) offset += layer_inputs(l) * layer_outputs(l);
+        return offset;
+    }
+    [[nodiscard]] std::size_t parameter_count() const { return layer_offset(layer_count()); }
+
+    /// Weights uniform in ±sqrt(6 / (inputs + outputs)) of each layer, the same for the same seed.
+    template <std::floating_point T>
+    [[nodiscard]] std::vector<T> initial_weights(std::uint64_t seed) const {
+        std::vector<T> weights;
+        weights.reserve(parameter_count());
+        Rng rng(seed);
+        for (std::size_t layer = 0; layer < layer_count(); ++layer) {
+            const std::size_t in = layer_inputs(layer), out = layer_outputs(layer);
+            const double bound = std::sqrt(6.0 / static_cast<double>(in + out));
+            for (std::size_t i = 0; i < in * out; ++i) weights.push_back(static_cast<T>(rng.uniform(-bound, bound)));
+        }
+        return weights;
+    }
+
+    /// outputs = the network at each row of inputs; cache remembers the hidden activations.
+    template <Backend B, std::floating_point T>
+    void forward(B& backend, std::type_identity_t<Span<const T>> weights,
+                 std::type_identity_t<FeatureView<const T>> inputs, std::type_identity_t<Span<T>> outputs,
+                 Cache<T, B>& cache) const {
+        check_size("Mlp::forward", "weights", weights.size(), parameter_count());
+        check_features("Mlp::forward", "inputs", inputs, inputs.rows, this->inputs());
+        check_size("Mlp::forward", "outputs", outputs.size(), inputs.rows * this->outputs());
+        cache.rows = inputs.rows;
+        if (inputs.rows) mlp_forward(backend, *this, weights, inputs, outputs, cache);
+    }
+
+    /// Adds to dL_dweights; adds to or, with Write::assign, overwrites dL_dinputs, which may be empty ({}).
+    /// weights, inputs and cache are those of forward.
+    template <Backend B, std::floating_point T>
+    void backward(B& backend, std::type_identity_t<Span<const T>> weights,
+                  std::type_identity_t<FeatureView<const T>> inputs, std::type_identity_t<Span<const T>> dL_doutputs,
+                  Cache<T, B>& cache, std::type_identity_t<Span<T>> dL_dweights,
+                  std::type_identity_t<FeatureView<T>> dL_dinputs, Write inputs_mode = Write::add) const {
+        check_size("Mlp::backward", "weights", weights.size(), parameter_count());
+        check_features("Mlp::backward", "inputs", inputs, cache.rows, this->inputs());
+        check_size("Mlp::backward", "dL_doutputs", dL_doutputs.size(), inputs.rows * this->outputs());
+        check_size("Mlp::backward", "dL_dweights", dL_dweights.size(), parameter_count());
+        if (!dL_dinputs.empty())
+            check_features("Mlp::backward", "dL_dinputs", dL_dinputs, inputs.rows, this->inputs());
+        if (inputs.rows)
+            mlp_backward(backend, *this, weights, inputs, dL_doutputs, cache, dL_dweights, dL_dinputs, inputs_mode);
+    }
+
+private:
+    Params params_;
+};
+
+} // namespace gsh
