@@ -9,6 +9,7 @@
 #include <gsh/math/sh.hpp>
 #include <gsh/math/vec.hpp>
 
+#include <concepts>
 #include <cstddef>
 #include <string>
 #include <string_view>
@@ -36,8 +37,9 @@ struct GaussiansView {
     int sh_degree = 0;
 
     [[nodiscard]] GSH_HD std::size_t size() const { return means.size(); }
-    [[nodiscard]] operator GaussiansView<const Scalar>() const
+    template <std::same_as<T> U> // a template, since nvcc warns of a conversion to one's own type
         requires(!std::is_const_v<T>)
+    [[nodiscard]] operator GaussiansView<const U>() const
     {
         return {means, quats, log_scales, opacity_logits, sh, sh_degree};
     }

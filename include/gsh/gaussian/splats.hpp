@@ -7,6 +7,7 @@
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
 
+#include <concepts>
 #include <type_traits>
 
 namespace gsh {
@@ -27,8 +28,9 @@ struct SplatView {
     Span<Like<vec3<Scalar>>> colors;
 
     [[nodiscard]] GSH_HD std::size_t size() const { return means.size(); }
-    [[nodiscard]] operator SplatView<const Scalar>() const
+    template <std::same_as<T> U> // a template, since nvcc warns of a conversion to one's own type
         requires(!std::is_const_v<T>)
+    [[nodiscard]] operator SplatView<const U>() const
     {
         return {means, covariances, opacities, colors};
     }

@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 
+#include <concepts>
 #include <cstddef>
 #include <type_traits>
 #include <vector>
@@ -30,8 +31,9 @@ struct ImageView {
     }
     [[nodiscard]] GSH_HD T& at(int channel, int y, int x) const { return row(channel, y)[x]; }
 
-    [[nodiscard]] operator ImageView<const std::remove_const_t<T>>() const
+    template <std::same_as<T> U> // a template, since nvcc warns of a conversion to one's own type
         requires(!std::is_const_v<T>)
+    [[nodiscard]] operator ImageView<const U>() const
     {
         return {data, channels, height, width};
     }
