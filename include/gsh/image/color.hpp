@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Colour: the sRGB curve, and 8-bit pixels with alpha composited into the planes that training compares with.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <type_traits>
+
+namespace gsh {
+
+/// Display-referred sRGB in [0, 1] to linear light. Below 0 the straight part goes on.
+/// Source  IEC 61966-2-1.
+template <Lane T>
+[[nodiscard]] GSH_HD T srgb_to_linear(T s) {
+    const T base = (max(s, T(0.04045)) + T(0.055)) * T(1 / 1.055); // positive also where the other branch is taken
+    return select(s <= T(0.04045), s * T(1 / 12.92), exp(T(2.4) * log(base)));
+}
+/// Adjoint of srgb_to_linear: adds to dL_ds.
+template <Lane T>
+GSH_HD void srgb_to_linear_backward(T s, T dL_dlinear, T& dL_ds) {
+    const T base = (max(s, T(0.04045)) + T(0.055)) * T(1 / 1.055);
+    dL_ds += dL_dlinear * select(s <= T(0.04045), T(1 / 12.92), T(2.4 / 1.055) * exp(T(1.4) * log(base)));
+}
+
+/// Linear light to display-referred sRGB.
+template <Lane T>
+[[nodiscard]] GSH_HD T linear_to_srgb(T x) {
+    const T root = exp(T(1 / 2.4) * log(max(x, T(0.0031308))));
+    return select(x <= T(0.0031308), T(12.92) * x, T(1.055) * root - T(0.055));
+}
+/// Adjoint of linear_to_srgb: adds to dL_dx.
+template <Lane T>
+GSH_HD void linear_to_srgb_backward(T x, T dL_dsrgb, T& dL_dx) {
+    const T slope = T(1.055 / 2.4) * exp(T(1 / 2.4 - 1) * log(max(x, T(0.0031308))));
+    dL_dx += dL_dsrgb * select(x <= T(0.0031308), T(12.92), slope);
+}
+
+namespace detail {
+
+template <class T>
+struct PlainBackground {
+    vec3<T> color;
+    [[nodiscard]] GSH_HD T operator()(int channel, std::size_t) const { return color[channel]; }
+};
+template <class T>
+struct ImageBackground {
+    const T* data;
+    std::size_t plane;
+    [[nodiscard]] GSH_HD T operator()(int channel, std::size_t i) const {
+        return data[static_cast<std::size_t>(channel) * plane + i];
+    }
+};
+
+/// One pixel: c α + background (1 - α). Exact at both ends: α = 0 gives the background's bits, α = 1 the colour's.
+template <class T, class Background>
+struct CompositeRgba8 {
+    const std::uint8_t* rgba;
+    Background background;
+    T *color, *alpha; // alpha may be null
+    std::size_t plane;
+
+    GSH_HD void operator()(std::size_t i) const {
+        const T a = T(rgba[4 * i + 3]) / T(255);
+        for (int c = 0; c < 3; ++c) {
+            const T value = T(rgba[4 * i + static_cast<std::size_t>(c)]) / T(255);
+            color[static_cast<std::size_t>(c) * plane + i] = value * a + background(c, i) * (T(1) - a);
+        }
+        if (alpha) alpha[i] = a;
+    }
+};
+
+template <Backend B, class T, class Background>
+void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int width, const Background& background,
+                     const ImageView<T>& out_color, const ImageView<T>& out_alpha) {
+    constexpr std::string_view where = "composite_rgba8";
+    check_value(height >= 0 && width >= 0, where, "height and width must not be negative");
+    check_image(where, "out_color", out_color, 3, height, width);
+    const bool with_alpha = out_alpha.channels != 0;
+    if (with_alpha) check_image(where, "out_alpha", out_alpha, 1, height, width);
+    const std::size_t plane = out_color.plane_size();
+    check_size(where, "rgba", rgba.size(), 4 * plane, "give four bytes a pixel: red, green, blue, alpha");
+    backend.for_each(plane, CompositeRgba8<T, Background>{rgba.data(), background, out_color.data.data(),
+                                                          with_alpha ? out_alpha.data.data() : nullptr, plane});
+}
+
+} // namespace detail
+
+/// Straight-alpha bytes over a plain background: color = c α + background (1 - α), all in display-referred sRGB, as
+/// the renderer composites.
+///
+/// Shapes  rgba [height, width, 4] in the backend's memory; out_color [3, height, width]; out_alpha [1, height, width]
+///         or a default ImageView where it is not wanted.
+/// Errors  ShapeError.
+template <Backend B, std::floating_point T>
+void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int width,
+                     const std::type_identity_t<vec3<T>>& background, const ImageView<T>& out_color,
+                     const ImageView<T>& out_alpha = {}) {
+    detail::composite_rgba8(backend, rgba, height, width, detail::PlainBackground<T>{background}, out_color,
+                            out_alpha);
+}
+
+/// The same over a picture [3, height, width].
+template <Backend B, std::floating_point T>
+void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int width,
+                     const std::type_identity_t<ImageView<const T>>& background, const ImageView<T>& out_color,
+                     const ImageView<T>& out_alpha = {}) {
+    check_image("composite_rgba8", "background", background, 3, height, width);
+    detail::composite_rgba8(backend, rgba, height, width,
+                            detail::ImageBackground<T>{background.data.data(), background.plane_size()}, out_color,
+                            out_alpha);
+}
+
+} // namespace gsh

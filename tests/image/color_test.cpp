@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/threads.hpp>
+#include <gsh/image/color.hpp>
+
+#include "support/gradient.hpp"
+
+#include <cmath>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+std::vector<std::uint8_t> random_bytes(std::size_t count, std::uint64_t seed) {
+    test::Rng rng(seed);
+    std::vector<std::uint8_t> bytes(count);
+    for (auto& byte : bytes) byte = std::uint8_t(rng.below(256));
+    return bytes;
+}
+} // namespace
+
+TEST_CASE("the sRGB curve: known values, inverse of each other, adjoints") {
+    CHECK(srgb_to_linear(0.0) == 0);
+    CHECK(srgb_to_linear(1.0) == doctest::Approx(1).epsilon(1e-14));
+    CHECK(srgb_to_linear(0.5) == doctest::Approx(std::pow(0.555 / 1.055, 2.4)).epsilon(1e-14));
+    CHECK(srgb_to_linear(0.04) == doctest::Approx(0.04 / 12.92).epsilon(1e-14));
+    CHECK(linear_to_srgb(0.18) == doctest::Approx(1.055 * std::pow(0.18, 1 / 2.4) - 0.055).epsilon(1e-14));
+    for (double s = -0.1; s <= 1.3; s += 0.013) {
+        CHECK(linear_to_srgb(srgb_to_linear(s)) == doctest::Approx(s).epsilon(1e-7)); // the standard's seam: 3e-8
+        CHECK(linear_to_srgb(srgb_to_linear(float(s))) == doctest::Approx(s).epsilon(1e-5));
+        double x = s, dL_dx = 0, dL_ds = 0;
+        srgb_to_linear_backward(x, 0.7, dL_ds);
+        test::check_gradient([&] { return 0.7 * srgb_to_linear(x); }, {&x, 1}, {&dL_ds, 1});
+        linear_to_srgb_backward(x, 0.7, dL_dx);
+        test::check_gradient([&] { return 0.7 * linear_to_srgb(x); }, {&x, 1}, {&dL_dx, 1});
+        const double once = dL_dx;
+        linear_to_srgb_backward(x, 0.7, dL_dx);
+        CHECK(dL_dx == 2 * once);
+    }
+}
+
+TEST_CASE("composite_rgba8 is c α + background (1 - α), exact at both ends") {
+    cpu::Serial backend;
+    for (const auto& [h, w] : {std::pair{1, 1}, {5, 7}, {33, 21}}) {
+        auto bytes = random_bytes(std::size_t(4 * h * w), 4);
+        bytes[3] = 0;
+        if (h > 1) bytes[7] = 255;
+        const vec3<double> background(0.1, 1, 0.7);
+        Image<double> color(3, h, w), alpha(1, h, w), picture(3, h, w), over(3, h, w);
+        composite_rgba8(backend, bytes, h, w, background, color.view(), alpha.view());
+        for (int c = 0; c < 3; ++c)
+            for (int i = 0; i < h * w; ++i) {
+                const double a = bytes[std::size_t(4 * i + 3)] / 255.0, v = bytes[std::size_t(4 * i + c)] / 255.0;
+                CHECK(color.at(c, 0, i) == doctest::Approx(v * a + background[c] * (1 - a)).epsilon(1e-14));
+                CHECK(alpha.data[std::size_t(i)] == a);
+                picture.at(c, 0, i) = background[c];
+            }
+        for (int c = 0; c < 3; ++c) {
+            CHECK(color.at(c, 0, 0) == background[c]);
+            if (h > 1) CHECK(color.at(c, 0, 1) == bytes[std::size_t(4 + c)] / 255.0);
+        }
+        composite_rgba8(backend, bytes, h, w, std::as_const(picture).view(), over.view());
+        CHECK(over.data == color.data);
+    }
+}
+
+TEST_CASE("composite_rgba8: Threads equals Serial, float follows, shapes are checked, empty is fine") {
+    const int h = 61, w = 47;
+    const auto bytes = random_bytes(std::size_t(4 * h * w), 5);
+    cpu::Serial serial;
+    Image<float> expected(3, h, w), color(3, h, w), alpha(1, h, w);
+    composite_rgba8(serial, bytes, h, w, {1, 1, 1}, expected.view());
+    for (const std::size_t threads : {1, 2, 3, 7}) {
+        cpu::Threads backend(threads);
+        composite_rgba8(backend, bytes, h, w, {1, 1, 1}, color.view(), alpha.view());
+        CHECK(color.data == expected.data);
+    }
+    CHECK_THROWS_AS(composite_rgba8(serial, bytes, h, w + 1, {1, 1, 1}, color.view()), ShapeError);
+    CHECK_THROWS_AS(composite_rgba8(serial, bytes, h, w, {1, 1, 1}, alpha.view()), ShapeError);
+    CHECK_THROWS_AS(composite_rgba8(serial, bytes, h, w, {1, 1, 1}, color.view(), color.view()), ShapeError);
+    CHECK_THROWS_AS(composite_rgba8(serial, bytes, h, w, std::as_const(alpha).view(), color.view()), ShapeError);
+    CHECK_THROWS_AS(composite_rgba8(serial, Span<const std::uint8_t>(bytes).subspan(0, 8), h, w, {1, 1, 1}, color.view()),
+                    ShapeError);
+    CHECK_THROWS_AS(composite_rgba8(serial, bytes, -1, w, {1, 1, 1}, color.view()), ValueError);
+    Image<float> none(3, 0, 0);
+    CHECK_NOTHROW(composite_rgba8(serial, {}, 0, 0, {1, 1, 1}, none.view()));
+}
