@@ -3,6 +3,7 @@ option(GSH_WERROR "Treat warnings in our own targets as errors" ON)
 option(GSH_NATIVE "Build our own targets for this machine's instruction set" ON)
 set(GSH_SANITIZE "" CACHE STRING "Sanitizers for our own targets, as for -fsanitize=")
 
+set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
 
 set(gsh_warnings -Wall -Wextra -Wpedantic -Wshadow)
