@@ -48,8 +48,8 @@ TEST_CASE("what NpzWriter writes, NpzReader reads") {
     CHECK(file.keys().size() == 9);
     CHECK(file.has("ids"));
     CHECK(!file.has("id"));
-    CHECK(file.has_numbers("ids"));
-    CHECK(!file.has_numbers("kind"));
+    CHECK(file.has_array("ids"));
+    CHECK(!file.has_array("kin"));
     const auto read = file.read<double>("numbers", {-1, 100});
     CHECK(read.shape == Shape{10, 100});
     CHECK(read.data == numbers);
@@ -190,8 +190,8 @@ TEST_CASE("members that cannot be read name the file and the key") {
     test::check_throws<IoError>(read("keyless"), {path.string(), "keyless", "fortran_order"});
     test::check_throws<IoError>(read("structured"), {path.string(), "structured"});
     test::check_throws<IoError>([&] { (void)file.read_texts("x"); }, {path.string(), "x", "text"});
-    CHECK(!file.has_numbers("object"));
-    CHECK(!file.has_numbers("text"));
+    CHECK(!file.has_array("object"));
+    CHECK(file.has_array("text"));
     CHECK(file.keys().size() == 16);
 }
 

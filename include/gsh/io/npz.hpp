@@ -5,12 +5,12 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/io/atomic_file.hpp>
+#include <gsh/io/crc32.hpp>
 #include <gsh/io/npy.hpp>
 
 #include <zip.h>
 
 #include <algorithm>
-#include <array>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
@@ -43,8 +43,8 @@ public:
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
     [[nodiscard]] std::vector<std::string> keys() const;
     [[nodiscard]] bool has(std::string_view key) const { return locate(key) >= 0; }
-    /// True for a member that holds plain numbers: the test for keys that one can do without.
-    [[nodiscard]] bool has_numbers(std::string_view key) const;
+    /// True for a member that is there and not pickled: the test for keys that one can do without.
+    [[nodiscard]] bool has_array(std::string_view key) const;
     /// Type and shape, without reading the numbers.
     [[nodiscard]] NpyHeader header(std::string_view key) const;
 
@@ -139,44 +139,6 @@ inline std::string zip_error_text(int code) {
     return text;
 }
 
-/// CRC-32 of IEEE 802.3 as zip wants it, eight bytes at a time.
-/// Source  Kounavis and Berry, "A Systematic Approach to Building High Performance Software-based CRC Generators", 2005.
-class Crc32 {
-public:
-    void add(const void* data, std::size_t size) {
-        static const Tables tables = make_tables();
-        const auto* bytes = static_cast<const unsigned char*>(data);
-        for (; size >= 8; size -= 8, bytes += 8) {
-            std::uint32_t low = 0, high = 0;
-            std::memcpy(&low, bytes, 4);
-            std::memcpy(&high, bytes + 4, 4);
-            low ^= state_;
-            state_ = tables[7][low & 255] ^ tables[6][low >> 8 & 255] ^ tables[5][low >> 16 & 255] ^ tables[4][low >> 24] ^
-                     tables[3][high & 255] ^ tables[2][high >> 8 & 255] ^ tables[1][high >> 16 & 255] ^
-                     tables[0][high >> 24];
-        }
-        for (; size > 0; --size, ++bytes) state_ = state_ >> 8 ^ tables[0][(state_ ^ *bytes) & 255];
-    }
-    [[nodiscard]] std::uint32_t value() const { return ~state_; }
-
-private:
-    using Tables = std::array<std::array<std::uint32_t, 256>, 8>;
-    std::uint32_t state_ = ~0u;
-
-    static Tables make_tables() {
-        Tables tables{};
-        for (std::uint32_t byte = 0; byte < 256; ++byte) {
-            std::uint32_t c = byte;
-            for (int bit = 0; bit < 8; ++bit) c = c & 1 ? 0xEDB88320u ^ c >> 1 : c >> 1;
-            tables[0][byte] = c;
-        }
-        for (std::size_t k = 1; k < 8; ++k)
-            for (std::size_t byte = 0; byte < 256; ++byte)
-                tables[k][byte] = tables[k - 1][byte] >> 8 ^ tables[0][tables[k - 1][byte] & 255];
-        return tables;
-    }
-};
-
 /// Appends integers in little-endian order.
 template <class... Integers>
 void append_bytes(std::string& out, Integers... values) {
@@ -264,10 +226,8 @@ inline NpyHeader NpzReader::header(std::string_view key) const {
     return detail::read_npy_header(member.source, member.size, name_of(key));
 }
 
-inline bool NpzReader::has_numbers(std::string_view key) const {
-    if (!has(key)) return false;
-    const NpyHeader found = header(key);
-    return found.is_real() || found.is_integer();
+inline bool NpzReader::has_array(std::string_view key) const {
+    return has(key) && header(key).kind != 'O';
 }
 
 template <class T>
@@ -351,7 +311,7 @@ inline void NpzWriter::add_member(std::string_view key, const std::string& heade
     if (total > limit || offset + total > limit)
         throw IoError(file_.path().string() + ": " + std::string(key) + " makes it larger than 4 GiB, the most that we write");
 
-    detail::Crc32 crc;
+    Crc32 crc;
     crc.add(header.data(), header.size());
     crc.add(data, size);
 
