@@ -49,7 +49,7 @@ TEST_CASE("points of a corner region are nearest to the corner, and area-uniform
             const double area = length(cross(q - p, r - p));
             centroid += (p + q + r) * (area / 3), whole += area;
         }
-        constexpr int count = 100;
+        constexpr int count = 200;
         for (int i = 0; i < count; ++i)
             for (int j = 0; j < count; ++j) {
                 const auto w = region.at((i + 0.5) / count, (j + 0.5) / count);

@@ -1,0 +1,406 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/gradient.hpp"
+
+#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/threads.hpp>
+#include <gsh/math/pack.hpp>
+
+#include <cmath>
+#include <cstring>
+
+namespace gsh {
+namespace {
+
+template <int N>
+struct Degree {
+    static constexpr int value = N;
+};
+
+constexpr std::size_t joint_count = 5, influences = 3;
+
+/// Everything that posing reads, and gradients of everything.
+template <class T>
+struct Scene {
+    std::vector<vec3<T>> means, log_scales, sh;
+    std::vector<quat<T>> quats;
+    std::vector<T> logits, ao, weights;
+    std::vector<std::uint16_t> joints;
+    std::vector<Affine<T>> bones;
+    std::vector<vec3<T>> center;
+    std::size_t sh_stride;
+
+    Scene(std::size_t count, std::size_t basis, std::size_t stride, std::uint64_t seed) : sh_stride(stride) {
+        test::Rng rng(seed);
+        const auto number = [&](double low, double high) { return static_cast<T>(rng.uniform(low, high)); };
+        for (std::size_t i = 0; i < count; ++i) {
+            means.push_back(vec3<T>(rng.vec())), log_scales.push_back(vec3<T>(rng.vec()));
+            const auto q = rng.quat();
+            quats.push_back({T(q.w), T(q.x), T(q.y), T(q.z)});
+            logits.push_back(number(-2, 2)), ao.push_back(number(0.5, 1));
+            T sum = 0;
+            for (std::size_t k = 0; k < influences; ++k) {
+                joints.push_back(static_cast<std::uint16_t>((i + 2 * k) % joint_count));
+                weights.push_back(k < 1 + i % influences ? number(0.2, 1) : T(0));
+                sum += weights.back();
+            }
+            for (std::size_t k = 0; k < influences; ++k) weights[i * influences + k] /= sum;
+            for (std::size_t k = 0; k < stride; ++k) {
+                // Small coefficients keep every colour inside (0, 1), away from the clamp's kinks; every third
+                // Gaussian is far above 1 in one channel, where the gradient must vanish.
+                vec3<T> value(rng.vec(-0.05, 0.05));
+                if (k == 0 && i % 3 == 2) value.y = T(8);
+                sh.push_back(k < basis ? value : vec3<T>(T(9)));
+            }
+        }
+        for (std::size_t j = 0; j < joint_count; ++j) {
+            Affine<T> bone{mat3<T>(T(1)), vec3<T>(rng.vec())};
+            for (int c = 0; c < 3; ++c) bone.linear[c] += vec3<T>(rng.vec(-0.4, 0.4));
+            bones.push_back(bone);
+        }
+        center.push_back(vec3<T>(rng.vec(4, 6)));
+    }
+
+    void clear() {
+        for (auto* values : {&means, &log_scales, &sh, &center}) std::fill(values->begin(), values->end(), vec3<T>(T(0)));
+        std::fill(quats.begin(), quats.end(), quat<T>{0, 0, 0, 0});
+        std::fill(logits.begin(), logits.end(), T(0));
+        std::fill(ao.begin(), ao.end(), T(0));
+        std::fill(bones.begin(), bones.end(), Affine<T>::zero());
+    }
+    SkinnedView<T> view() { return {means, quats, log_scales, logits, sh, ao, {}, sh_stride}; }
+    SkinnedView<const T> input() const { return {means, quats, log_scales, logits, sh, ao, {joints, weights, influences}, sh_stride}; }
+};
+
+template <class T>
+struct SplatArrays {
+    std::vector<vec3<T>> means, colors;
+    std::vector<sym3<T>> covariances;
+    std::vector<T> opacities;
+
+    explicit SplatArrays(std::size_t count, std::uint64_t seed = 99)
+        : means(count), colors(count), covariances(count), opacities(count) {
+        test::Rng rng(seed);
+        for (std::size_t i = 0; i < count; ++i) {
+            means[i] = vec3<T>(rng.vec()), colors[i] = vec3<T>(rng.vec());
+            const vec3<T> a(rng.vec()), b(rng.vec());
+            covariances[i] = {a.x, a.y, a.z, b.x, b.y, b.z};
+            opacities[i] = T(rng.uniform(-1, 1));
+        }
+    }
+    SplatView<T> view() { return {means, covariances, opacities, colors}; }
+    SplatView<const T> view() const { return {means, covariances, opacities, colors}; }
+};
+
+double inner(const SplatArrays<double>& a, const SplatArrays<double>& b) {
+    double sum = 0;
+    for (std::size_t i = 0; i < a.means.size(); ++i) {
+        sum += dot(a.means[i], b.means[i]) + dot(a.colors[i], b.colors[i]) + a.opacities[i] * b.opacities[i];
+        const auto &c = a.covariances[i], &d = b.covariances[i];
+        sum += c.xx * d.xx + c.xy * d.xy + c.xz * d.xz + c.yy * d.yy + c.yz * d.yz + c.zz * d.zz;
+    }
+    return sum;
+}
+
+TEST_CASE("the canonical direction is that of the true inverse, also for mirrored maps") {
+    test::Rng rng(1);
+    int mirrored = 0;
+    for (int n = 0; n < 100; ++n) {
+        mat3<double> L;
+        for (double& x : test::scalars(L)) x = rng.uniform(-1, 1);
+        const auto offset = rng.vec();
+        const auto expected = normalize(inverse(L) * offset);
+        CHECK(length(CanonicalDirection<double>(L, offset).dir - expected) < 1e-10);
+        mirrored += determinant(L) < 0;
+    }
+    CHECK(mirrored > 10);
+}
+
+TEST_CASE("its adjoint is exact, and bounded next to a singular map") {
+    test::Rng rng(2);
+    for (int n = 0; n < 20; ++n) {
+        mat3<double> L;
+        for (double& x : test::scalars(L)) x = rng.uniform(-1, 1);
+        if (n % 2) L[2] = L[0] * 0.3 + L[1] * 0.4 + L[2] * 0.01; // determinant about 1e-3
+        auto offset = rng.vec(1, 2);
+        const auto dL_ddir = rng.vec();
+        mat3<double> dL_dL(0.0);
+        vec3<double> dL_doffset(0);
+        CanonicalDirection<double>(L, offset).backward(L, offset, dL_ddir, dL_dL, dL_doffset);
+        const auto loss = [&] { return dot(CanonicalDirection<double>(L, offset).dir, dL_ddir); };
+        test::check_gradient(loss, test::scalars(L), test::scalars(dL_dL), {.tolerance = 1e-5});
+        test::check_gradient(loss, test::scalars(offset), test::scalars(dL_doffset), {.tolerance = 1e-5});
+    }
+}
+
+TEST_CASE_TEMPLATE("singular maps and a camera at the Gaussian give finite numbers", T, float, double) {
+    // Two bones half a turn apart, equal weights: a plane collapses onto an axis. Then nothing at all is left.
+    const mat3<T> collapsed(vec3<T>(1, 0, 0), vec3<T>(0, 0, 0), vec3<T>(0, 0, 0)), zero(T(0)), identity(T(1));
+    const mat3<T> flat(vec3<T>(1, 0, 0), vec3<T>(0, 1, 0), vec3<T>(0, 0, 0));
+    for (const mat3<T>& L : {collapsed, zero, identity, flat})
+        for (const vec3<T>& offset : {vec3<T>(T(0)), vec3<T>(1, 2, 3), vec3<T>(T(1e-20))}) {
+            const CanonicalDirection<T> direction(L, offset);
+            mat3<T> dL_dL(T(0));
+            vec3<T> dL_doffset(T(0));
+            direction.backward(L, offset, vec3<T>(1, -1, 1), dL_dL, dL_doffset);
+            CHECK(std::abs(length(direction.dir) - T(1)) < T(1e-6));
+            for (int c = 0; c < 3; ++c)
+                for (int r = 0; r < 3; ++r) CHECK(std::isfinite(dL_dL[c][r]));
+            for (int k = 0; k < 3; ++k) CHECK(std::isfinite(dL_doffset[k]));
+        }
+}
+
+TEST_CASE("a rigid transform moves the Gaussian and leaves its colour to a camera that moves along") {
+    test::Rng rng(3);
+    using S = SkinnedGaussian<2>;
+    const auto sh = rng.vecs(9, -0.2, 0.2);
+    const Affine<double> rigid{rotation_from_axis_angle(rng.vec()), rng.vec()};
+    S::Input<double> in{rng.vec(), rng.quat(), rng.vec(), 0.4, sh.data(), 0.8, {}, rng.vec(3, 4)};
+    const auto rest = S::forward(in, ColorClamp::both);
+    in.M = rigid, in.center = rigid(in.center);
+    const auto posed = S::forward(in, ColorClamp::both);
+    CHECK(length(posed.mean - rigid(rest.mean)) < 1e-14);
+    CHECK(length(posed.color - rest.color) < 1e-14);
+    CHECK(posed.opacity == rest.opacity);
+    CHECK(posed.opacity == doctest::Approx(1 / (1 + std::exp(-0.4))));
+    const auto expected = congruence(rigid.linear, rest.covariance);
+    CHECK(posed.covariance.xy == doctest::Approx(expected.xy));
+    CHECK(posed.covariance.zz == doctest::Approx(expected.zz));
+}
+
+TEST_CASE_TEMPLATE("skinned_splats_backward is the gradient of forward with respect to every input", D, Degree<0>, Degree<1>,
+                   Degree<2>, Degree<3>, Degree<4>) {
+    constexpr int degree = D::value;
+    constexpr std::size_t basis = (degree + 1) * (degree + 1), count = 7;
+    for (const std::size_t stride : {basis, basis + 2}) {
+        Scene<double> scene(count, basis, stride, 5), gradient = scene;
+        gradient.clear();
+        cpu::Serial backend;
+        SplatArrays<double> splats(count);
+        const SplatArrays<double> dL_dsplats(count, 6);
+        const auto loss = [&] {
+            skinned_splats_forward<degree>(backend, scene.input(), scene.bones, scene.center[0], splats.view());
+            return inner(splats, dL_dsplats);
+        };
+        SkinnedSplatsWorkspace<double, cpu::Serial> workspace;
+        const auto backward = [&] {
+            skinned_splats_backward<degree>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
+                                            gradient.view(), gradient.bones, gradient.center);
+        };
+        backward();
+        test::check_gradient(loss, test::scalars(scene.means), test::scalars(gradient.means));
+        test::check_gradient(loss, test::scalars(scene.quats), test::scalars(gradient.quats));
+        test::check_gradient(loss, test::scalars(scene.log_scales), test::scalars(gradient.log_scales));
+        test::check_gradient(loss, test::scalars(scene.logits), test::scalars(gradient.logits));
+        test::check_gradient(loss, test::scalars(scene.sh), test::scalars(gradient.sh));
+        test::check_gradient(loss, test::scalars(scene.ao), test::scalars(gradient.ao));
+        test::check_gradient(loss, test::scalars(scene.bones), test::scalars(gradient.bones));
+        test::check_gradient(loss, test::scalars(scene.center), test::scalars(gradient.center));
+
+        const Scene<double> once = gradient;
+        backward();
+        for (std::size_t i = 0; i < count; ++i) {
+            CHECK(gradient.means[i] == once.means[i] * 2.0);
+            CHECK(gradient.log_scales[i] == once.log_scales[i] * 2.0);
+            CHECK(gradient.quats[i].x == once.quats[i].x * 2.0);
+            CHECK(gradient.logits[i] == once.logits[i] * 2.0);
+            CHECK(gradient.ao[i] == once.ao[i] * 2.0);
+        }
+        for (std::size_t k = 0; k < gradient.sh.size(); ++k) CHECK(length(gradient.sh[k] - once.sh[k] * 2.0) < 1e-12);
+        for (std::size_t j = 0; j < joint_count; ++j)
+            CHECK(length(gradient.bones[j].translation - once.bones[j].translation * 2.0) < 1e-12);
+        CHECK(gradient.center[0] == once.center[0] * 2.0);
+    }
+}
+
+TEST_CASE("colours clamped below only keep their gradient above one") {
+    Scene<double> scene(4, 9, 9, 7), gradient = scene;
+    gradient.clear();
+    cpu::Serial backend;
+    SplatArrays<double> splats(4);
+    const SplatArrays<double> dL_dsplats(4, 8);
+    SkinnedSplatsWorkspace<double, cpu::Serial> workspace;
+    const auto loss = [&] {
+        skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(), ColorClamp::below);
+        return inner(splats, dL_dsplats);
+    };
+    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace, gradient.view(),
+                               gradient.bones, gradient.center, ColorClamp::below);
+    test::check_gradient(loss, test::scalars(scene.sh), test::scalars(gradient.sh));
+    CHECK(splats.colors[2].y > 1);
+    CHECK(gradient.sh[2 * 9].y != 0);
+}
+
+TEST_CASE("attributes that nobody asks for are left alone, the others do not change") {
+    const std::size_t count = 9;
+    Scene<double> scene(count, 9, 9, 9), all = scene, some = scene;
+    all.clear(), some.clear();
+    cpu::Serial backend;
+    const SplatArrays<double> dL_dsplats(count, 10);
+    SkinnedSplatsWorkspace<double, cpu::Serial> workspace;
+    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace, all.view(),
+                               all.bones, all.center);
+    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
+                               SkinnedView<double>{.means = some.means, .quats = {}, .log_scales = {}, .opacity_logits = {}, .sh = {}});
+    CHECK(some.means == all.means);
+    CHECK(some.sh[0] == vec3<double>(0));
+    // Without ao an avatar is lit by 1.
+    auto lit = scene, unlit = scene;
+    std::fill(lit.ao.begin(), lit.ao.end(), 1.0);
+    unlit.ao.clear();
+    SplatArrays<double> a(count), b(count);
+    skinned_splats_forward<2>(backend, lit.input(), scene.bones, scene.center[0], a.view());
+    skinned_splats_forward<2>(backend, unlit.input(), scene.bones, scene.center[0], b.view());
+    CHECK(a.colors == b.colors);
+}
+
+TEST_CASE("a pack of Gaussians equals its lanes, forward and backward") {
+    using P = Pack<double>;
+    using S = SkinnedGaussian<2>;
+    constexpr std::size_t width = LaneTraits<P>::width;
+    const Scene<double> scene(width, 9, 9, 11);
+    const SplatArrays<double> dL_dsplats(width, 12);
+    std::vector<S::Input<double>> in(width);
+    std::vector<S::Output<double>> dL_dout(width), out(width);
+    std::vector<S::Gradient<double>> gradient(width);
+    std::vector<vec3<double>> dL_dsh(width * 9, vec3<double>(0));
+    for (std::size_t i = 0; i < width; ++i) {
+        in[i] = {scene.means[i], scene.quats[i], scene.log_scales[i], scene.logits[i], scene.sh.data() + 9 * i, scene.ao[i],
+                 scene.bones[i % joint_count], scene.center[0]};
+        dL_dout[i] = {dL_dsplats.means[i], dL_dsplats.covariances[i], dL_dsplats.opacities[i], dL_dsplats.colors[i]};
+        gradient[i].sh = dL_dsh.data() + 9 * i;
+        out[i] = S::forward(in[i], ColorClamp::both);
+        S::backward(in[i], ColorClamp::both, dL_dout[i], gradient[i]);
+    }
+    const auto pack = [&](auto number) {
+        double lanes[width];
+        for (std::size_t i = 0; i < width; ++i) lanes[i] = number(i);
+        return P::load_unaligned(lanes);
+    };
+    const auto pack3 = [&](auto vector) {
+        return vec3<P>(pack([&](std::size_t i) { return vector(i).x; }), pack([&](std::size_t i) { return vector(i).y; }),
+                       pack([&](std::size_t i) { return vector(i).z; }));
+    };
+    vec3<P> sh[9], dL_dsh_packed[9];
+    for (std::size_t k = 0; k < 9; ++k) sh[k] = pack3([&](std::size_t i) { return in[i].sh[k]; }), dL_dsh_packed[k] = vec3<P>(P(0.0));
+    S::Input<P> packed;
+    packed.mean = pack3([&](std::size_t i) { return in[i].mean; });
+    packed.q = {pack([&](std::size_t i) { return in[i].q.w; }), pack([&](std::size_t i) { return in[i].q.x; }),
+                pack([&](std::size_t i) { return in[i].q.y; }), pack([&](std::size_t i) { return in[i].q.z; })};
+    packed.log_scale = pack3([&](std::size_t i) { return in[i].log_scale; });
+    packed.opacity_logit = pack([&](std::size_t i) { return in[i].opacity_logit; });
+    packed.sh = sh;
+    packed.ao = pack([&](std::size_t i) { return in[i].ao; });
+    for (int c = 0; c < 3; ++c) packed.M.linear[c] = pack3([&](std::size_t i) { return in[i].M.linear[c]; });
+    packed.M.translation = pack3([&](std::size_t i) { return in[i].M.translation; });
+    packed.center = pack3([&](std::size_t i) { return in[i].center; });
+    const auto found = S::forward(packed, ColorClamp::both);
+
+    S::Output<P> dL_dpacked;
+    dL_dpacked.mean = pack3([&](std::size_t i) { return dL_dout[i].mean; });
+    dL_dpacked.color = pack3([&](std::size_t i) { return dL_dout[i].color; });
+    dL_dpacked.opacity = pack([&](std::size_t i) { return dL_dout[i].opacity; });
+    dL_dpacked.covariance = {pack([&](std::size_t i) { return dL_dout[i].covariance.xx; }), pack([&](std::size_t i) { return dL_dout[i].covariance.xy; }),
+                             pack([&](std::size_t i) { return dL_dout[i].covariance.xz; }), pack([&](std::size_t i) { return dL_dout[i].covariance.yy; }),
+                             pack([&](std::size_t i) { return dL_dout[i].covariance.yz; }), pack([&](std::size_t i) { return dL_dout[i].covariance.zz; })};
+    S::Gradient<P> packed_gradient;
+    packed_gradient.sh = dL_dsh_packed;
+    S::backward(packed, ColorClamp::both, dL_dpacked, packed_gradient);
+
+    for (std::size_t i = 0; i < width; ++i) {
+        for (int k = 0; k < 3; ++k) {
+            CHECK(found.mean[k].get(i) == doctest::Approx(out[i].mean[k]));
+            CHECK(found.color[k].get(i) == doctest::Approx(out[i].color[k]));
+            CHECK(packed_gradient.mean[k].get(i) == doctest::Approx(gradient[i].mean[k]));
+            CHECK(packed_gradient.log_scale[k].get(i) == doctest::Approx(gradient[i].log_scale[k]));
+            CHECK(packed_gradient.M.translation[k].get(i) == doctest::Approx(gradient[i].M.translation[k]));
+            CHECK(packed_gradient.center[k].get(i) == doctest::Approx(gradient[i].center[k]));
+            for (int r = 0; r < 3; ++r) CHECK(packed_gradient.M.linear[k][r].get(i) == doctest::Approx(gradient[i].M.linear[k][r]));
+            for (std::size_t b = 0; b < 9; ++b) CHECK(dL_dsh_packed[b][k].get(i) == doctest::Approx(dL_dsh[9 * i + b][k]));
+        }
+        CHECK(found.covariance.xz.get(i) == doctest::Approx(out[i].covariance.xz));
+        CHECK(found.opacity.get(i) == doctest::Approx(out[i].opacity));
+        CHECK(packed_gradient.q.y.get(i) == doctest::Approx(gradient[i].q.y));
+        CHECK(packed_gradient.ao.get(i) == doctest::Approx(gradient[i].ao));
+        CHECK(packed_gradient.opacity_logit.get(i) == doctest::Approx(gradient[i].opacity_logit));
+    }
+}
+
+TEST_CASE("Threads equals Serial bit for bit; any size from none to beyond a chunk") {
+    for (const std::size_t count : {0, 1, 2047, 2049, 7001}) {
+        const Scene<float> scene(count, 9, 9, 13);
+        const SplatArrays<float> dL_dsplats(count, 14);
+        const auto run = [&](auto&& backend) {
+            using B = std::remove_reference_t<decltype(backend)>;
+            SplatArrays<float> splats(count);
+            Scene<float> gradient = scene;
+            gradient.clear();
+            SkinnedSplatsWorkspace<float, B> workspace;
+            skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view());
+            skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
+                                       gradient.view(), gradient.bones, gradient.center);
+            return std::pair(splats, gradient);
+        };
+        const auto equal = [](const auto& a, const auto& b) {
+            return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(a[0])) == 0);
+        };
+        const auto [splats, gradient] = run(cpu::Serial());
+        for (std::size_t threads : {1, 2, 3, 7}) {
+            const auto [other_splats, other] = run(cpu::Threads(threads));
+            CHECK(equal(splats.means, other_splats.means));
+            CHECK(equal(splats.covariances, other_splats.covariances));
+            CHECK(equal(splats.opacities, other_splats.opacities));
+            CHECK(equal(splats.colors, other_splats.colors));
+            CHECK(equal(gradient.means, other.means));
+            CHECK(equal(gradient.quats, other.quats));
+            CHECK(equal(gradient.log_scales, other.log_scales));
+            CHECK(equal(gradient.logits, other.logits));
+            CHECK(equal(gradient.sh, other.sh));
+            CHECK(equal(gradient.ao, other.ao));
+            CHECK(equal(gradient.bones, other.bones));
+            CHECK(equal(gradient.center, other.center));
+        }
+    }
+}
+
+TEST_CASE("sizes that do not fit are refused") {
+    Scene<double> scene(3, 9, 9, 15), gradient = scene;
+    SplatArrays<double> splats(3);
+    cpu::Serial backend;
+    SkinnedSplatsWorkspace<double, cpu::Serial> workspace;
+    const auto forward = [&](auto break_it) {
+        auto input = scene.input();
+        auto out = splats.view();
+        break_it(input, out);
+        skinned_splats_forward<2>(backend, input, scene.bones, scene.center[0], out);
+    };
+    const auto shorter = [](auto& span) { span = span.subspan(0, span.size() - 1); };
+    CHECK_NOTHROW(forward([](auto&, auto&) {}));
+    CHECK_THROWS_AS(forward([&](auto& in, auto&) { shorter(in.means); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto& in, auto&) { shorter(in.quats); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto& in, auto&) { shorter(in.log_scales); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto& in, auto&) { shorter(in.opacity_logits); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto& in, auto&) { shorter(in.sh); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto& in, auto&) { shorter(in.ao); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto& in, auto&) { shorter(in.weights.weights); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto& in, auto&) { shorter(in.weights.joints); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto& in, auto&) { in.sh_stride = 8; }), ValueError);
+    CHECK_THROWS_AS(forward([&](auto&, auto& out) { shorter(out.means); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto&, auto& out) { shorter(out.covariances); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto&, auto& out) { shorter(out.opacities); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto&, auto& out) { shorter(out.colors); }), ShapeError);
+
+    std::vector<vec3<double>> centers(2);
+    const auto backward = [&](SkinnedView<double> view, Span<Affine<double>> bones, Span<vec3<double>> center) {
+        skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(), workspace, view, bones, center);
+    };
+    CHECK_NOTHROW(backward(gradient.view(), gradient.bones, gradient.center));
+    CHECK_THROWS_AS(backward(gradient.view(), Span<Affine<double>>(gradient.bones).subspan(0, 2), gradient.center), ShapeError);
+    CHECK_THROWS_AS(backward(gradient.view(), gradient.bones, centers), ShapeError);
+    auto short_view = gradient.view();
+    shorter(short_view.quats);
+    CHECK_THROWS_AS(backward(short_view, gradient.bones, gradient.center), ShapeError);
+}
+
+} // namespace
+} // namespace gsh
