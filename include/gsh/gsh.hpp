@@ -33,6 +33,7 @@
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_interpolation.hpp>
+#include <gsh/body/surface_samples.hpp>
 
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
@@ -41,10 +42,38 @@
 #include <gsh/gaussian/static_gaussian.hpp>
 
 #include <gsh/field/cpu/gemm.hpp>
+#include <gsh/field/cpu/hash_grid.hpp>
+#include <gsh/field/cpu/mlp.hpp>
+#include <gsh/field/features.hpp>
+#include <gsh/field/hash_field.hpp>
+#include <gsh/field/hash_grid.hpp>
+#include <gsh/field/hash_level.hpp>
+#include <gsh/field/mlp.hpp>
 
+#include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
+#include <gsh/image/resample.hpp>
+
+#include <gsh/avatar/rig.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
+
+#include <gsh/render/cpu/arithmetic.hpp>
+#include <gsh/render/cpu/bin.hpp>
+#include <gsh/render/cpu/composite.hpp>
+#include <gsh/render/cpu/composite_backward.hpp>
+#include <gsh/render/cpu/radix_sort.hpp>
+#include <gsh/render/cpu/tile.hpp>
+#include <gsh/render/projection.hpp>
+#include <gsh/render/raster_cache.hpp>
+#include <gsh/render/rasterizer.hpp>
+#include <gsh/render/target.hpp>
+#include <gsh/render/tiles.hpp>
 
 #include <gsh/loss/cpu/photometric.hpp>
+#include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/loss/photometric_cache.hpp>
 #include <gsh/loss/ssim.hpp>
+
+#include <gsh/train/avatar_model.hpp>
+#include <gsh/train/parameters.hpp>

@@ -175,5 +175,17 @@ TEST_CASE("gsh.hpp lists every header that gsh::gsh can serve, and no other") {
         CHECK_MESSAGE(listed.insert(target).second, umbrella->at(include.line), include.path, " stands here twice");
     }
     for (const auto& path : expected)
-        CHECK_MESSAGE(listed.contains(path), "include/gsh/gsh.hpp: <gsh/", path, "> is missing; run scripts/umbrella");
+        CHECK_MESSAGE(listed.contains(path), "include/gsh/gsh.hpp: <gsh/", path, "> is missing; run scripts/house");
+}
+
+TEST_CASE("docs/architecture.md lists every header with its sentence") {
+    std::ifstream file(fs::path(GSH_SOURCE_DIR) / "docs" / "architecture.md");
+    std::set<std::string> lines;
+    for (std::string line; std::getline(file, line);) lines.insert(line);
+    REQUIRE(!lines.empty());
+    for (const auto& header : headers()) {
+        if (is_umbrella(header) || header.lines.size() < 2 || header.lines[1].size() < 11) continue;
+        const std::string row = "| `" + header.path + "` | " + header.lines[1].substr(11) + " |";
+        CHECK_MESSAGE(lines.contains(row), "docs/architecture.md lacks '", row, "'; run scripts/house");
+    }
 }
