@@ -43,7 +43,10 @@ void forward_backward(benchmark::State& state) {
     state.SetBytesProcessed(state.iterations() * std::int64_t(a.data.size() * sizeof(float) * 3));
 }
 BENCHMARK_TEMPLATE(forward_backward, cpu::Serial)->ArgsProduct({{0, 1}, {540}})->Unit(benchmark::kMillisecond);
-BENCHMARK_TEMPLATE(forward_backward, cpu::Threads)->ArgsProduct({{0, 1}, {540, 1080}})->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_TEMPLATE(forward_backward, cpu::Threads)
+    ->ArgsProduct({{0, 1}, {540, 1080}})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 
 template <class B>
 void forward_only(benchmark::State& state) {

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/camera/distortion.hpp>
+#include <gsh/math/pack.hpp>
 
 #include "support/gradient.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 
 using namespace gsh;
 
@@ -86,4 +88,49 @@ TEST_CASE("UndistortMap leads from the straight image to the photographed one") 
     const vec2<double> pixel = map(to_pixel(map.straight, X));
     CHECK(pixel.x == doctest::Approx(520 * bent.x + 333));
     CHECK(pixel.y == doctest::Approx(510 * bent.y + 251));
+}
+
+TEST_CASE("a pack of points equals its lanes, through camera and lens") {
+    using P = Pack<double>;
+    constexpr std::size_t width = LaneTraits<P>::width;
+    const Camera<double> camera = look_at<double>({0.4, 1.3, 3.1}, {0.1, 1.0, 0.2}, {0, 1, 0}, 0.8, 640, 480);
+    test::Rng rng(9);
+    const auto points = rng.vecs(width);
+    vec3<P> pack;
+    for (int k = 0; k < 3; ++k) {
+        double lanes[width];
+        for (std::size_t i = 0; i < width; ++i) lanes[i] = points[i][k];
+        pack[k] = P::load_unaligned(lanes);
+    }
+    Camera<P> cameras;
+    for (int c = 0; c < 3; ++c) {
+        cameras.t[c] = P(camera.t[c]);
+        for (int r = 0; r < 3; ++r) cameras.R[c][r] = P(camera.R[c][r]);
+    }
+    cameras.fx = P(camera.fx), cameras.fy = P(camera.fy), cameras.cx = P(camera.cx), cameras.cy = P(camera.cy);
+    const Distortion<P> lenses{P(lens.k1), P(lens.k2), P(lens.p1), P(lens.p2), P(lens.k3)};
+    const UndistortMap<double> map{camera, camera, lens};
+    const UndistortMap<P> maps{cameras, cameras, lenses};
+
+    /// Forward and backward, one number out of each path.
+    const auto chain = [](const auto& cam, const auto& map_, const auto& d, const auto& point) {
+        using T = std::remove_cvref_t<decltype(point.x)>;
+        const vec3<T> p = to_camera(cam, point);
+        const vec2<T> pixel = map_(to_pixel(cam, p));
+        const vec2<T> back = undistort(d, vec2<T>(p.x / p.z, p.y / p.z)).point;
+        vec3<T> dL_dp(T(0.0)), dL_dpoint(T(0.0));
+        CameraGradient<T> dL_dcamera;
+        Distortion<T> dL_dd;
+        vec2<T> dL_dback(T(0.0));
+        to_pixel_backward(cam, p, pixel, dL_dp, dL_dcamera);
+        to_camera_backward(cam, point, dL_dp, dL_dpoint, dL_dcamera);
+        center_backward(cam, dL_dpoint, dL_dcamera);
+        distort_backward(d, back, pixel, dL_dback, dL_dd);
+        return pixel.x + pixel.y + back.x + back.y + dL_dpoint.x + dL_dcamera.dL_dR[1][2] + dL_dcamera.dL_dt.y +
+               dL_dcamera.dL_dfx + dL_dback.x + dL_dd.k3 + dL_dd.p1;
+    };
+    double lanes[width];
+    chain(cameras, maps, lenses, pack).store_unaligned(lanes);
+    for (std::size_t i = 0; i < width; ++i)
+        CHECK(lanes[i] == doctest::Approx(chain(camera, map, lens, points[i])).epsilon(1e-12));
 }

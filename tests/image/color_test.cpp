@@ -2,6 +2,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/image/color.hpp>
+#include <gsh/math/pack.hpp>
 
 #include "support/gradient.hpp"
 
@@ -81,9 +82,36 @@ TEST_CASE("composite_rgba8: Threads equals Serial, float follows, shapes are che
     CHECK_THROWS_AS(composite_rgba8(serial, bytes, h, w, {1, 1, 1}, alpha.view()), ShapeError);
     CHECK_THROWS_AS(composite_rgba8(serial, bytes, h, w, {1, 1, 1}, color.view(), color.view()), ShapeError);
     CHECK_THROWS_AS(composite_rgba8(serial, bytes, h, w, std::as_const(alpha).view(), color.view()), ShapeError);
-    CHECK_THROWS_AS(composite_rgba8(serial, Span<const std::uint8_t>(bytes).subspan(0, 8), h, w, {1, 1, 1}, color.view()),
-                    ShapeError);
+    const Span<const std::uint8_t> two = Span<const std::uint8_t>(bytes).subspan(0, 8);
+    CHECK_THROWS_AS(composite_rgba8(serial, two, h, w, {1, 1, 1}, color.view()), ShapeError);
     CHECK_THROWS_AS(composite_rgba8(serial, bytes, -1, w, {1, 1, 1}, color.view()), ValueError);
     Image<float> none(3, 0, 0);
     CHECK_NOTHROW(composite_rgba8(serial, {}, 0, 0, {1, 1, 1}, none.view()));
+}
+
+TEST_CASE_TEMPLATE("a pack of colours follows its lanes", S, float, double) {
+    using P = Pack<S>;
+    constexpr std::size_t width = LaneTraits<P>::width;
+    const double tolerance = sizeof(S) == 4 ? 2e-6 : 1e-13; // exp and log of packs are their own
+    for (double start = -0.02; start < 1.1; start += 0.01 * double(width)) {
+        S in[width], out[4][width];
+        for (std::size_t i = 0; i < width; ++i) in[i] = S(start + 0.01 * double(i));
+        const P x = P::load_unaligned(in);
+        P slopes[2] = {P(S(0)), P(S(0))};
+        srgb_to_linear_backward(x, P(S(0.7)), slopes[0]);
+        linear_to_srgb_backward(x, P(S(0.7)), slopes[1]);
+        srgb_to_linear(x).store_unaligned(out[0]);
+        linear_to_srgb(x).store_unaligned(out[1]);
+        slopes[0].store_unaligned(out[2]);
+        slopes[1].store_unaligned(out[3]);
+        for (std::size_t i = 0; i < width; ++i) {
+            S expected[2] = {};
+            srgb_to_linear_backward(in[i], S(0.7), expected[0]);
+            linear_to_srgb_backward(in[i], S(0.7), expected[1]);
+            CHECK(out[0][i] == doctest::Approx(srgb_to_linear(in[i])).epsilon(tolerance));
+            CHECK(out[1][i] == doctest::Approx(linear_to_srgb(in[i])).epsilon(tolerance));
+            CHECK(out[2][i] == doctest::Approx(expected[0]).epsilon(tolerance));
+            CHECK(out[3][i] == doctest::Approx(expected[1]).epsilon(tolerance));
+        }
+    }
 }

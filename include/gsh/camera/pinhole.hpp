@@ -97,7 +97,8 @@ void check_camera(std::string_view where, std::string_view name, const Camera<T>
         check_value(condition, where, std::string(name) + ' ' + what);
     };
     const auto number = [](auto x) { return std::to_string(x); };
-    for (const T x : {camera.fx, camera.fy, camera.cx, camera.cy, camera.t.x, camera.t.y, camera.t.z})
+    const T numbers[] = {camera.fx, camera.fy, camera.cx, camera.cy, camera.t.x, camera.t.y, camera.t.z};
+    for (const T x : numbers)
         require(std::isfinite(x), "holds a NaN or an infinity in K or t, expected finite numbers");
     require(camera.fx > T(0) && camera.fy > T(0),
             "has focal lengths fx = " + number(camera.fx) + ", fy = " + number(camera.fy) +

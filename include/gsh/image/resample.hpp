@@ -131,7 +131,7 @@ void resample_rgba8(B& backend, Span<const std::uint8_t> source, int source_heig
     constexpr std::string_view where = "resample_rgba8";
     check_value(source_height >= 0 && source_width >= 0 && height >= 0 && width >= 0, where,
                 "heights and widths must not be negative");
-    const auto bytes = [](int h, int w) { return std::size_t(4) * static_cast<std::size_t>(h) * static_cast<std::size_t>(w); };
+    const auto bytes = [](int h, int w) { return 4 * static_cast<std::size_t>(h) * static_cast<std::size_t>(w); };
     check_size(where, "source", source.size(), bytes(source_height, source_width), "give four bytes a pixel");
     check_size(where, "out", out.size(), bytes(height, width), "give four bytes a pixel");
     if (source.empty()) {

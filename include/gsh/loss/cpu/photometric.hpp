@@ -191,7 +191,7 @@ private:
         for (int m = 0; m < maps; ++m)
             for (int r = 0; r < Tiles::halo_rows; ++r) {
                 const int y = tile.y + r - radius, j = y < 0 ? -1 : y / Tiles::rows, row = y - j * Tiles::rows;
-                const auto source = [&](int i) -> const T* { // this row in a neighbouring tile, or null where all is zero
+                const auto source = [&](int i) -> const T* { // this row in a tile beside, or null where all is 0
                     if (!tiles.active(active, tile.channel, j, i)) return nullptr;
                     return partials.data() + (tiles.index(tile.channel, j, i) * maps + std::size_t(m)) * Tiles::area +
                            row * Tiles::columns;
