@@ -60,11 +60,17 @@ void forward(benchmark::State& state) {
     state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(N * (152 + 6 * influences + 52)));
 }
 
+/// With half of the Gaussians unseen, as on a body, or none.
 template <class B>
 void backward(benchmark::State& state) {
     Scene scene, gradient;
     B backend;
     skinned_splats_forward<2>(backend, scene.view(), scene.bones, vec3<float>(0, 1, 4), scene.splats());
+    for (std::size_t i = 0; i < N; ++i)
+        if ((i / 64) % 2 && state.range(0) == 50) {
+            scene.splat_means[i] = scene.colors[i] = vec3<float>(0);
+            scene.covariances[i] = {}, scene.opacities[i] = 0;
+        }
     const SkinnedView<float> out{gradient.means, gradient.quats, gradient.log_scales, gradient.logits, gradient.sh};
     std::vector<vec3<float>> center(1);
     SkinnedSplatsWorkspace<float, B> workspace;
@@ -79,8 +85,8 @@ void backward(benchmark::State& state) {
 
 BENCHMARK(forward<cpu::Serial>)->Unit(benchmark::kMillisecond);
 BENCHMARK(forward<cpu::Threads>)->Unit(benchmark::kMillisecond)->UseRealTime();
-BENCHMARK(backward<cpu::Serial>)->Unit(benchmark::kMillisecond);
-BENCHMARK(backward<cpu::Threads>)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(backward<cpu::Serial>)->ArgName("unseen_percent")->Arg(0)->Arg(50)->Unit(benchmark::kMillisecond);
+BENCHMARK(backward<cpu::Threads>)->ArgName("unseen_percent")->Arg(0)->Arg(50)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 } // namespace
 } // namespace gsh

@@ -244,6 +244,16 @@ TEST_CASE("attributes that nobody asks for are left alone, the others do not cha
                                SkinnedView<double>{.means = some.means, .quats = {}, .log_scales = {}, .opacity_logits = {}, .sh = {}});
     CHECK(some.means == all.means);
     CHECK(some.sh[0] == vec3<double>(0));
+    // A Gaussian that the loss does not see adds nothing.
+    SplatArrays<double> half = dL_dsplats;
+    half.means[4] = half.colors[4] = vec3<double>(0), half.covariances[4] = {}, half.opacities[4] = 0;
+    auto seen = scene;
+    seen.clear();
+    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], half.view(), workspace, seen.view(),
+                               seen.bones, seen.center);
+    CHECK(seen.means[4] == vec3<double>(0));
+    CHECK(seen.ao[4] == 0);
+    CHECK(seen.means[3] == all.means[3]);
     // Without ao an avatar is lit by 1.
     auto lit = scene, unlit = scene;
     std::fill(lit.ao.begin(), lit.ao.end(), 1.0);

@@ -124,12 +124,17 @@ struct SkinnedGaussian {
         dL_din.center -= dL_doffset;
         apply_backward(in.M, in.mean, dL_dout.mean + dL_doffset, dL_din.M, dL_din.mean);
 
-        const mat3<T> factor = covariance_factor(in.q, in.log_scale);
-        mat3<T> dL_dposed(T(0)); // of M₃ R S
-        gram_backward(in.M.linear * factor, dL_dout.covariance, dL_dposed);
-        dL_din.M.linear += dL_dposed * transpose(factor);
-        covariance_factor_backward(in.q, in.log_scale, transpose(in.M.linear) * dL_dposed, dL_din.q,
-                                   dL_din.log_scale);
+        // F = R S; a unit of log-scale k scales column k of F by itself, so dL_dlog_scale_k = F_k · dL_dF_k.
+        const quat<T> n = normalize(in.q);
+        const vec3<T> scale(exp(in.log_scale.x), exp(in.log_scale.y), exp(in.log_scale.z));
+        const mat3<T> R = rotation_matrix(n), F(R[0] * scale.x, R[1] * scale.y, R[2] * scale.z);
+        const mat3<T> dL_dposed = full_gradient(dL_dout.covariance) * (in.M.linear * F) * T(2); // of M₃ F
+        const mat3<T> dL_dF = transpose(in.M.linear) * dL_dposed;
+        dL_din.M.linear += dL_dposed * transpose(F);
+        dL_din.log_scale += vec3<T>(dot(F[0], dL_dF[0]), dot(F[1], dL_dF[1]), dot(F[2], dL_dF[2]));
+        quat<T> dL_dn{T(0), T(0), T(0), T(0)};
+        rotation_matrix_backward(n, mat3<T>(dL_dF[0] * scale.x, dL_dF[1] * scale.y, dL_dF[2] * scale.z), dL_dn);
+        normalize_backward(in.q, dL_dn, dL_din.q);
         sigmoid_backward(sigmoid(in.opacity_logit), dL_dout.opacity, dL_din.opacity_logit);
     }
 };
@@ -205,6 +210,7 @@ struct SkinnedSplatBackward {
     std::size_t dL_dsh_stride;
 
     GSH_HD void operator()(std::size_t i, Span<Affine<T>> dL_dbones, vec3<T>& dL_dcenter) const {
+        if (unseen(i)) return;
         typename SkinnedGaussian<Degree>::template Gradient<T> gradient;
         vec3<T> unused[SkinnedGaussian<Degree>::basis_count];
         gradient.sh = dL_dgaussians.sh.empty() ? unused : dL_dgaussians.sh.data() + i * dL_dsh_stride;
@@ -221,6 +227,15 @@ struct SkinnedSplatBackward {
         if (!dL_dgaussians.ao.empty()) dL_dgaussians.ao[i] += gradient.ao;
         if (!dL_dbones.empty()) blend_backward(input.gaussians.weights, i, gradient.M, dL_dbones);
         dL_dcenter += gradient.center;
+    }
+
+    /// The adjoint is linear: a Gaussian that no pixel saw, one in two of a body, has nothing to add.
+    [[nodiscard]] GSH_HD bool unseen(std::size_t i) const {
+        const vec3<T>&mean = dL_dsplats.means[i], &color = dL_dsplats.colors[i];
+        const sym3<T>& cov = dL_dsplats.covariances[i];
+        return dL_dsplats.opacities[i] == T(0) && mean.x == T(0) && mean.y == T(0) && mean.z == T(0) &&
+               color.x == T(0) && color.y == T(0) && color.z == T(0) && cov.xx == T(0) && cov.xy == T(0) &&
+               cov.xz == T(0) && cov.yy == T(0) && cov.yz == T(0) && cov.zz == T(0);
     }
 };
 
