@@ -7,6 +7,7 @@
 
 #include <gsh/core/config.hpp>
 #include <gsh/core/lane.hpp>
+#include <gsh/core/span.hpp>
 
 #if defined(__CUDACC__)
 #pragma nv_diagnostic push
@@ -19,6 +20,8 @@
 #if defined(__CUDACC__)
 #pragma nv_diagnostic pop
 #endif
+
+#include <type_traits>
 
 namespace gsh {
 
@@ -97,6 +100,14 @@ template <Lane T>
 GSH_HD void inverse_backward(const mat3<T>& inverse_m, const mat3<T>& dL_dinverse, mat3<T>& dL_dm) {
     const mat3<T> inverse_transposed = transpose(inverse_m);
     dL_dm -= inverse_transposed * dL_dinverse * inverse_transposed;
+}
+
+/// The same memory seen as another type: numbers as vectors (quaternions, matrices, …) of them, or back. Both must
+/// be made of the same kind of number and nothing else.
+template <class To, class From>
+[[nodiscard]] GSH_HD Span<To> view_as(Span<From> values) {
+    static_assert(alignof(To) == alignof(From) && std::is_const_v<To> >= std::is_const_v<From>);
+    return {reinterpret_cast<To*>(values.data()), values.size() * sizeof(From) / sizeof(To)};
 }
 
 } // namespace gsh

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  What moves canonical points with a body: its skeleton, its blend shapes, and where the points hang on them.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/blend_shapes.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/body/skeleton.hpp>
+#include <gsh/body/skinning.hpp>
+#include <gsh/body/surface_interpolation.hpp>
+#include <gsh/body/surface_samples.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/math/affine.hpp>
+
+#include <array>
+#include <concepts>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace gsh {
+
+/// A rig on the host, as files hold it: the parts of a BodyModel that animation needs, and N points attached to it.
+///
+/// Shapes  V vertices, J joints, S shape and E expression coefficients, N points. Direction k of vertex (joint) v
+///         is at [v * count + k].
+/// Frame   the canonical pose: the zero pose of the body with shape `betas` and a neutral face.
+struct RigData {
+    std::vector<int> parents;                       // [J]
+    std::vector<std::string> joint_names;           // [J], or empty
+    std::vector<double> betas;                      // [S] the shape that the canonical points lie on
+    std::size_t expression_count = 0;               // E
+    std::size_t vertex_count = 0;                   // V
+    std::vector<vec3<double>> joints;               // [J] rest positions at that shape
+    std::vector<vec3<double>> joint_shapedirs;      // [J, S]
+    std::vector<vec3<double>> joint_exprdirs;       // [J, E]
+    std::vector<vec3<double>> shapedirs;            // [V, S]
+    std::vector<vec3<double>> exprdirs;             // [V, E]
+    std::vector<vec3<double>> posedirs;             // [V, 9 (J - 1)], or empty
+    std::vector<std::array<int, 3>> triangles;      // [N] vertices that a point lies between
+    std::vector<vec3<double>> barycentric;          // [N]
+    SkinWeightTable<double> skin;                   // [N]
+
+    [[nodiscard]] std::size_t joint_count() const { return parents.size(); }
+    [[nodiscard]] std::size_t point_count() const { return triangles.size(); }
+};
+
+/// The rig of a body of shape `betas` and of samples on its surface.
+/// Errors  ShapeError if there are more betas than shape directions.
+[[nodiscard]] inline RigData make_rig(const BodyModel& body, Span<const double> betas, const SurfaceSamples& samples) {
+    RigData rig;
+    const auto S = static_cast<std::size_t>(body.shape_count);
+    check_value(betas.size() <= S, "make_rig",
+                "there are " + std::to_string(betas.size()) + " betas for a body with " + std::to_string(S) +
+                    " shape directions; drop the rest");
+    rig.parents = body.parents;
+    rig.joint_names = body.joint_names;
+    rig.betas.assign(betas.begin(), betas.end());
+    rig.expression_count = static_cast<std::size_t>(body.expression_count);
+    rig.vertex_count = body.vertex_count();
+    // Only the directions that betas speak of: a 300-component file is not carried along for ten numbers.
+    rig.shapedirs.reserve(body.vertex_count() * betas.size());
+    for (std::size_t v = 0; v < body.vertex_count(); ++v)
+        for (std::size_t k = 0; k < betas.size(); ++k) rig.shapedirs.push_back(body.shapedirs[v * S + k]);
+    rig.exprdirs = body.exprdirs;
+    rig.posedirs = body.posedirs;
+    rig.joints = regress_joints(body, shaped_vertices(body, betas));
+    rig.joint_shapedirs = joint_directions(body, rig.shapedirs);
+    rig.joint_exprdirs = joint_directions(body, rig.exprdirs);
+    rig.triangles = samples.triangles;
+    rig.barycentric = samples.barycentric;
+    rig.skin = samples.weights;
+    return rig;
+}
+
+/// One frame's pose in a backend's memory.
+///
+/// Shapes  pose [J] axis-angle; coefficients [S + E], betas (absolute) then expression; transl [1].
+template <std::floating_point T, Backend B>
+struct RigPose {
+    typename B::template Buffer<vec3<T>> pose;
+    typename B::template Buffer<T> coefficients;
+    typename B::template Buffer<vec3<T>> transl;
+};
+
+/// Gradient with respect to a RigPose; an empty span is not asked for.
+template <std::floating_point T>
+struct RigPoseGradient {
+    Span<vec3<T>> pose;
+    Span<T> coefficients;
+    Span<vec3<T>> transl;
+
+    [[nodiscard]] bool empty() const { return pose.empty() && coefficients.empty() && transl.empty(); }
+};
+
+namespace detail {
+
+template <class T>
+struct Difference {
+    Span<const T> a, b;
+    Span<T> result;
+    GSH_HD void operator()(std::size_t i) const { result[i] = a[i] - b[i]; }
+};
+
+template <class T>
+struct Accumulate {
+    Span<const T> from;
+    Span<T> to;
+    GSH_HD void operator()(std::size_t i) const { to[i] += from[i]; }
+};
+
+} // namespace detail
+
+/// Moves canonical points with a body: bones for skinning, and the offsets that expression, shape and pose add to the
+/// points before skinning,
+///
+///     x̂₀(t) = x₀ + δx + E(x₀) ψ + P(x₀) vec(R - I) + S(x₀)(β - β_init),
+///     J(t)   = J_learned + regressed(β, ψ) - regressed(β_init, 0).
+///
+/// Source  method of the paper §3.5 for the skeleton; the offsets are the body model's own, Pavlakos et al.,
+///         "Expressive Body Capture" (SMPL-X), 2019, equations 1 to 5.
+template <std::floating_point T, Backend B>
+class Rig {
+public:
+    template <class U>
+    using Buffer = typename B::template Buffer<U>;
+
+    /// What forward leaves for `add_offsets` and `backward`.
+    struct Cache {
+        Buffer<mat3<T>> rotations;        // [J]
+        Buffer<T> coefficients;           // [S + E + 9 (J - 1)]: β - β_init, ψ, vec(R - I)
+        Buffer<vec3<T>> joints;           // [J] at this frame
+        Buffer<Affine<T>> bones;          // [J]
+        Buffer<vec3<T>> vertex_offsets;   // [V]
+        // gradients on their way back
+        Buffer<mat3<T>> dL_drotations;
+        Buffer<T> dL_dcoefficients;
+        Buffer<vec3<T>> dL_djoints, dL_dvertex_offsets, dL_dtransl;
+        typename BlendShapes<T, B>::Workspace workspace;
+    };
+
+    Rig(B& backend, const RigData& data)
+        : backend_(&backend), joint_count_(data.joint_count()), point_count_(data.point_count()),
+          shape_count_(data.betas.size()), expression_count_(data.expression_count),
+          vertex_count_(data.vertex_count), influences_(data.skin.influences),
+          skeleton_(backend, data.parents),
+          vertex_shapes_(backend, data.vertex_count, {data.shapedirs, data.exprdirs, data.posedirs}),
+          joint_shapes_(backend, data.joint_count(), {data.joint_shapedirs, data.joint_exprdirs}),
+          interpolation_(backend, data.vertex_count, data.triangles, data.barycentric) {
+        const std::size_t frame_count = shape_count_ + expression_count_;
+        check_size("Rig", "joint directions", joint_shapes_.coefficient_count(), frame_count);
+        feature_count_ = data.posedirs.empty() ? 0 : skeleton_.pose_feature_count();
+        check_size("Rig", "vertex directions", vertex_shapes_.coefficient_count(), frame_count + feature_count_);
+        check_skin("Rig", data.skin.view(), point_count_);
+        const SkinWeightTable<T> skin = data.skin.template cast<T>();
+        skin_joints_.resize(skin.joints.size());
+        skin_weights_.resize(skin.weights.size());
+        backend.upload(Span<const std::uint16_t>(skin.joints), skin_joints_);
+        backend.upload(Span<const T>(skin.weights), skin_weights_);
+        std::vector<T> shift(frame_count, T(0));
+        for (std::size_t k = 0; k < shape_count_; ++k) shift[k] = T(data.betas[k]);
+        initial_.resize(frame_count);
+        backend.upload(Span<const T>(shift), initial_);
+        betas_ = data.betas;
+    }
+
+    [[nodiscard]] std::size_t joint_count() const { return joint_count_; }
+    [[nodiscard]] std::size_t point_count() const { return point_count_; }
+    [[nodiscard]] std::size_t coefficient_count() const { return shape_count_ + expression_count_; }
+    [[nodiscard]] SkinWeights<T> skin() const { return {skin_joints_, skin_weights_, influences_}; }
+
+    /// Brings frame `frame` of a motion to the backend. A motion may know fewer coefficients than the rig (the rest
+    /// are zero; no betas at all means the rig's own shape).
+    /// Errors  ShapeError if the motion's joints are not the rig's, or if it has more coefficients.
+    void upload_pose(const Motion& motion, std::size_t frame, RigPose<T, B>& pose) const {
+        check_size("Rig::upload_pose", "the motion's joints", motion.joint_count, joint_count_,
+                   "the motion must be made for the avatar's skeleton");
+        check_value(frame < motion.frame_count(), "Rig::upload_pose",
+                    "frame " + std::to_string(frame) + " is asked for, the motion has " +
+                        std::to_string(motion.frame_count()) + " frames");
+        if (motion.betas.size() > shape_count_)
+            throw ShapeError("Rig::upload_pose: the motion has " + std::to_string(motion.betas.size()) +
+                             " betas, the rig " + std::to_string(shape_count_) + "; drop the rest");
+        if (motion.expression_count > expression_count_)
+            throw ShapeError("Rig::upload_pose: the motion has " + std::to_string(motion.expression_count) +
+                             " expression coefficients, the rig " + std::to_string(expression_count_) +
+                             "; drop the rest");
+        std::vector<vec3<T>> angles;
+        for (const auto& angle : motion.pose_at(frame)) angles.push_back(vec3<T>(angle));
+        std::vector<T> coefficients(coefficient_count(), T(0));
+        const std::vector<double>& betas = motion.betas.empty() ? betas_ : motion.betas;
+        for (std::size_t k = 0; k < betas.size(); ++k) coefficients[k] = T(betas[k]);
+        for (std::size_t k = 0; k < motion.expression_count; ++k)
+            coefficients[shape_count_ + k] = T(motion.expression_at(frame)[k]);
+        const vec3<T> transl(motion.transl[frame]);
+        pose.pose.resize(joint_count_);
+        pose.coefficients.resize(coefficients.size());
+        pose.transl.resize(1);
+        backend_->upload(Span<const vec3<T>>(angles), pose.pose);
+        backend_->upload(Span<const T>(coefficients), pose.coefficients);
+        backend_->upload(Span<const vec3<T>>(&transl, 1), pose.transl);
+    }
+
+    /// Bones and offsets of one frame. joints [J]: the learned rest positions J_learned.
+    void forward(const RigPose<T, B>& pose, Span<const vec3<T>> joints, Cache& cache) const {
+        check_size("Rig::forward", "joints", joints.size(), joint_count_, "store one per joint");
+        check_size("Rig::forward", "coefficients", pose.coefficients.size(), coefficient_count());
+        cache.rotations.resize(joint_count_);
+        cache.joints.resize(joint_count_);
+        cache.bones.resize(joint_count_);
+        cache.coefficients.resize(coefficient_count() + feature_count_);
+        cache.vertex_offsets.resize(vertex_count_);
+
+        skeleton_.rotations(pose.pose, cache.rotations);
+        const Span<T> coefficients = cache.coefficients;
+        backend_->for_each(coefficient_count(),
+                           detail::Difference<T>{pose.coefficients, initial_, coefficients});
+        if (feature_count_)
+            skeleton_.feature(cache.rotations, coefficients.subspan(coefficient_count(), feature_count_));
+        backend_->copy(joints, cache.joints);
+        joint_shapes_.forward(coefficients.subspan(0, coefficient_count()), cache.joints);
+        skeleton_.bones(cache.rotations, cache.joints, pose.transl, cache.bones);
+        backend_->fill(Span<vec3<T>>(cache.vertex_offsets), vec3<T>(T(0)));
+        vertex_shapes_.forward(coefficients, cache.vertex_offsets);
+    }
+
+    /// points[i] += the offset of point i at the frame of `cache`.
+    void add_offsets(const Cache& cache, Span<vec3<T>> points) const {
+        interpolation_.forward(cache.vertex_offsets, points);
+    }
+
+    /// Adjoint of forward and add_offsets: adds to dL_djoints and to what is asked for in dL_dpose.
+    void backward(const RigPose<T, B>& pose, Cache& cache, Span<const Affine<T>> dL_dbones,
+                  Span<const vec3<T>> dL_dpoints, Span<vec3<T>> dL_djoints, RigPoseGradient<T> dL_dpose = {}) {
+        cache.dL_drotations.resize(joint_count_);
+        cache.dL_djoints.resize(joint_count_);
+        cache.dL_dtransl.resize(1);
+        backend_->fill(Span<mat3<T>>(cache.dL_drotations), mat3<T>(T(0)));
+        backend_->fill(Span<vec3<T>>(cache.dL_djoints), vec3<T>(T(0)));
+        backend_->fill(Span<vec3<T>>(cache.dL_dtransl), vec3<T>(T(0)));
+        skeleton_.bones_backward(cache.rotations, cache.joints, cache.bones, dL_dbones, cache.dL_drotations,
+                                 cache.dL_djoints, cache.dL_dtransl);
+        backend_->for_each(joint_count_, detail::Accumulate<vec3<T>>{cache.dL_djoints, dL_djoints});
+        if (dL_dpose.empty()) return;
+
+        cache.dL_dcoefficients.resize(cache.coefficients.size());
+        cache.dL_dvertex_offsets.resize(vertex_count_);
+        backend_->fill(Span<T>(cache.dL_dcoefficients), T(0));
+        backend_->fill(Span<vec3<T>>(cache.dL_dvertex_offsets), vec3<T>(T(0)));
+        const Span<T> dL_dcoefficients = cache.dL_dcoefficients;
+        interpolation_.backward(dL_dpoints, cache.dL_dvertex_offsets);
+        vertex_shapes_.backward(cache.dL_dvertex_offsets, dL_dcoefficients, cache.workspace);
+        joint_shapes_.backward(cache.dL_djoints, dL_dcoefficients.subspan(0, coefficient_count()), cache.workspace);
+        if (feature_count_)
+            skeleton_.feature_backward(dL_dcoefficients.subspan(coefficient_count(), feature_count_),
+                                       cache.dL_drotations);
+        if (!dL_dpose.pose.empty()) skeleton_.rotations_backward(pose.pose, cache.dL_drotations, dL_dpose.pose);
+        if (!dL_dpose.coefficients.empty())
+            backend_->for_each(coefficient_count(), detail::Accumulate<T>{dL_dcoefficients, dL_dpose.coefficients});
+        if (!dL_dpose.transl.empty())
+            backend_->for_each(1, detail::Accumulate<vec3<T>>{cache.dL_dtransl, dL_dpose.transl});
+    }
+
+private:
+    B* backend_;
+    std::size_t joint_count_, point_count_, shape_count_, expression_count_, vertex_count_, influences_;
+    std::size_t feature_count_ = 0;
+    std::vector<double> betas_;
+    Skeleton<T, B> skeleton_;
+    BlendShapes<T, B> vertex_shapes_, joint_shapes_;
+    SurfaceInterpolation<T, B> interpolation_;
+    Buffer<std::uint16_t> skin_joints_;
+    Buffer<T> skin_weights_;
+    Buffer<T> initial_; // [S + E]: β_init, then zeros
+};
+
+} // namespace gsh

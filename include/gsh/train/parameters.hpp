@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  What an avatar learns, group by group; a gradient and an optimiser's moments have the same form.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <array>
+#include <concepts>
+#include <cstddef>
+#include <string_view>
+
+namespace gsh {
+
+/// Parameters that share a learning rate.
+enum class ParameterGroup : std::size_t {
+    joints,               ///< [J, 3] rest positions, metres
+    quats,                ///< [N, 4] w, x, y, z
+    log_scales,           ///< [N, 3]
+    opacity_logits,       ///< [N]
+    displacement_table,   ///< hash table of the field x₀ ↦ δx
+    displacement_network, ///< its network
+    sh_table,             ///< hash table of the field x₀ ↦ SH
+    sh_network,           ///< its network
+};
+
+inline constexpr std::array<std::string_view, 8> parameter_group_names{
+    "joints", "quats", "log_scales", "opacity_logits", "displacement_table", "displacement_network", "sh_table", "sh_network"};
+inline constexpr std::size_t parameter_group_count = parameter_group_names.size();
+
+/// One array of numbers per group, in the backend's memory.
+template <std::floating_point T, Backend B>
+class Parameters {
+public:
+    using Buffer = typename B::template Buffer<T>;
+
+    [[nodiscard]] Buffer& operator[](ParameterGroup group) { return groups_[static_cast<std::size_t>(group)]; }
+    [[nodiscard]] const Buffer& operator[](ParameterGroup group) const { return groups_[static_cast<std::size_t>(group)]; }
+
+    /// Takes the sizes of another set and becomes zero.
+    void become_zero_like(B& backend, const Parameters& other) {
+        for (std::size_t g = 0; g < parameter_group_count; ++g) {
+            groups_[g].resize(other.groups_[g].size());
+            backend.fill(Span<T>(groups_[g]), T(0));
+        }
+    }
+    [[nodiscard]] std::size_t size() const {
+        std::size_t total = 0;
+        for (const auto& group : groups_) total += group.size();
+        return total;
+    }
+
+private:
+    std::array<Buffer, parameter_group_count> groups_;
+};
+
+namespace detail {
+
+/// result = a + b.
+template <class T>
+struct Sum {
+    Span<const T> a, b;
+    Span<T> result;
+    GSH_HD void operator()(std::size_t i) const { result[i] = a[i] + b[i]; }
+};
+
+/// Multiplies the first of every `stride` vectors.
+template <class T>
+struct ScaleFirst {
+    Span<vec3<T>> values;
+    std::size_t stride;
+    T factor;
+    GSH_HD void operator()(std::size_t i) const { values[i * stride] *= factor; }
+};
+
+} // namespace detail
+
+} // namespace gsh

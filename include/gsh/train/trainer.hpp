@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Training: photographs in random order, forwards in order, backwards in reverse, a step of Adam.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/gaussian/splats.hpp>
+#include <gsh/image/color.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/loss/metrics.hpp>
+#include <gsh/loss/photometric.hpp>
+#include <gsh/optim/adam.hpp>
+#include <gsh/render/rasterizer.hpp>
+#include <gsh/train/avatar_model.hpp>
+#include <gsh/train/parameters.hpp>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// One photograph of the person: who took it, when, and its pixels.
+///
+/// Shapes  rgba [height, width, 4] straight alpha, owned by the caller; alpha is the person's mask.
+struct Photo {
+    std::string name;
+    Camera<double> camera;
+    std::size_t frame = 0; ///< of the motion
+    Span<const std::uint8_t> rgba;
+};
+
+/// Steps of gradient descent per group, metres or unitless as the group is.
+struct LearningRates {
+    double joints = 5e-4;
+    double quats = 0;
+    double log_scales = 1e-3;
+    double opacity_logits = 0.05;
+    double displacement = 1e-4; ///< table and network of the displacement field
+    double sh = 5e-4;           ///< table and network of the colour field
+
+    [[nodiscard]] double operator[](ParameterGroup group) const {
+        switch (group) {
+        case ParameterGroup::joints: return joints;
+        case ParameterGroup::quats: return quats;
+        case ParameterGroup::log_scales: return log_scales;
+        case ParameterGroup::opacity_logits: return opacity_logits;
+        case ParameterGroup::displacement_table:
+        case ParameterGroup::displacement_network: return displacement;
+        case ParameterGroup::sh_table:
+        case ParameterGroup::sh_network: return sh;
+        }
+        return 0;
+    }
+};
+
+struct TrainConfig {
+    LearningRates rates;
+    double ssim_weight = 0.2;
+    std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, in training and in test
+    double dilation = 0.3;                     ///< square pixels, the rasterizer's low-pass filter
+    bool compensate_opacity = false;           ///< keep a splat's total weight when the filter widens it
+};
+
+/// Where a step spends its time.
+enum class Stage : std::size_t { photo, field_forward, pose, render, loss, render_backward, model_backward, update };
+inline constexpr std::array<std::string_view, 8> stage_names{
+    "photo", "field forward", "pose", "render", "loss", "render backward", "model backward", "update"};
+
+/// Trains an avatar on photographs. A step sees one of them; an epoch sees each once, in an order that depends on the
+/// seed and the epoch alone, so that a run may stop and resume anywhere.
+///
+/// Source  paper §3.2 (loss) with Liu et al., "Animatable 3D Gaussian", 2024, for what it leaves unsaid.
+template <Backend B, std::floating_point T = float, class Model = AvatarModel<B, T>>
+class Trainer {
+public:
+    template <class U>
+    using Buffer = typename B::template Buffer<U>;
+
+    /// Errors  ValueError: no photographs, or one that names a frame the motion lacks.
+    Trainer(B& backend, Model& model, std::vector<Photo> photos, const Motion& motion, std::uint64_t seed,
+            const TrainConfig& config = {})
+        : backend_(&backend), model_(&model), photos_(std::move(photos)), motion_(&motion), seed_(seed),
+          config_(config), rasterizer_(backend, raster_params(config)),
+          loss_(backend, {.ssim_weight = T(config.ssim_weight)}) {
+        check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
+        for (const Photo& photo : photos_) check_photo(photo);
+        gradient_.become_zero_like(backend, model.parameters());
+        first_moment_.become_zero_like(backend, model.parameters());
+        second_moment_.become_zero_like(backend, model.parameters());
+    }
+
+    /// Steps taken so far.
+    [[nodiscard]] std::uint64_t step_count() const { return step_count_; }
+    [[nodiscard]] const std::vector<Photo>& photos() const { return photos_; }
+    [[nodiscard]] std::uint64_t seed() const { return seed_; }
+    [[nodiscard]] const TrainConfig& config() const { return config_; }
+    [[nodiscard]] Model& model() { return *model_; }
+    /// Seconds spent per stage since the beginning, in the order of Stage.
+    [[nodiscard]] const std::array<double, stage_names.size()>& stage_seconds() const { return stage_seconds_; }
+
+    /// The photograph that step `step` sees.
+    [[nodiscard]] std::size_t photo_of_step(std::uint64_t step) {
+        const std::uint64_t epoch = step / photos_.size();
+        if (order_.empty() || epoch != order_epoch_) {
+            order_ = shuffled_indices(static_cast<std::uint32_t>(photos_.size()), random_bits(seed_, epoch));
+            order_epoch_ = epoch;
+        }
+        return order_[step % photos_.size()];
+    }
+
+    /// Takes one step.
+    void step() {
+        const Photo& photo = photos_[photo_of_step(step_count_)];
+        time(Stage::photo, [&] { upload_photo(photo); });
+        time(Stage::field_forward, [&] { model_->update_canonical(model_cache_); });
+        const Camera<T> camera = photo.camera.template cast<T>();
+        time(Stage::pose, [&] {
+            model_->rig().upload_pose(*motion_, photo.frame, pose_);
+            splats_.resize(model_->size());
+            model_->pose(pose_, camera.center(), splats_.view(), model_cache_);
+        });
+        time(Stage::render, [&] { draw(camera, {}); });
+        time(Stage::loss, [&] {
+            loss_.forward(render_view(), truth_view(), loss_cache_);
+            backend_->fill(Span<T>(dL_drender_), T(0));
+            loss_.backward(render_view(), truth_view(), T(1), loss_cache_, image(dL_drender_));
+        });
+        time(Stage::render_backward, [&] {
+            dL_dsplats_.resize(model_->size());
+            const SplatView<T> gradient = dL_dsplats_.view();
+            backend_->fill(gradient.means, vec3<T>(T(0)));
+            backend_->fill(gradient.covariances, sym3<T>{});
+            backend_->fill(gradient.opacities, T(0));
+            backend_->fill(gradient.colors, vec3<T>(T(0)));
+            rasterizer_.backward(camera, std::as_const(splats_).view(), background(), {.color = image(dL_drender_)},
+                                 raster_cache_, gradient);
+        });
+        time(Stage::model_backward, [&] {
+            model_->backward(pose_, camera.center(), std::as_const(dL_dsplats_).view(), model_cache_, gradient_);
+        });
+        time(Stage::update, [&] { update(); });
+    }
+
+    /// Loss of the last step; waits for it.
+    [[nodiscard]] PhotometricValues last_loss() const { return loss_.values(loss_cache_); }
+
+    /// PSNR of the last step's render against its photograph, before the step's update.
+    [[nodiscard]] double last_psnr() const {
+        Image<T> render(3, height_, width_), truth(3, height_, width_);
+        backend_->download(Span<const T>(render_), Span<T>(render.data));
+        backend_->download(Span<const T>(truth_), Span<T>(truth.data));
+        return psnr<T>(render.view(), truth.view());
+    }
+
+    /// Renders a frame at the present parameters: colour [3, height, width] over the background, and alpha if asked.
+    void render(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha = nullptr) {
+        const Camera<T> view = camera.template cast<T>();
+        resize_images(view.height, view.width);
+        model_->update_canonical(model_cache_);
+        model_->rig().upload_pose(*motion_, frame, pose_);
+        splats_.resize(model_->size());
+        model_->pose(pose_, view.center(), splats_.view(), model_cache_);
+        Buffer<T> alpha_plane(alpha ? view_size() : 0);
+        draw(view, alpha ? ImageView<T>{alpha_plane, 1, height_, width_} : ImageView<T>{});
+        color = Image<T>(3, height_, width_);
+        backend_->download(Span<const T>(render_), Span<T>(color.data));
+        if (alpha) {
+            *alpha = Image<T>(1, height_, width_);
+            backend_->download(Span<const T>(alpha_plane), Span<T>(alpha->data));
+        }
+    }
+
+    /// A photograph as training sees it, on the host: over the background, with its mask's alpha.
+    void photo_pixels(const Photo& photo, Image<T>& color, Image<T>& alpha) {
+        check_photo(photo);
+        resize_images(photo.camera.height, photo.camera.width);
+        rgba_.resize(photo.rgba.size());
+        backend_->upload(photo.rgba, rgba_);
+        Buffer<T> alpha_plane(view_size());
+        composite_rgba8(*backend_, Span<const std::uint8_t>(rgba_), height_, width_, background().color,
+                        image(truth_), ImageView<T>{alpha_plane, 1, height_, width_});
+        color = Image<T>(3, height_, width_);
+        alpha = Image<T>(1, height_, width_);
+        backend_->download(Span<const T>(truth_), Span<T>(color.data));
+        backend_->download(Span<const T>(alpha_plane), Span<T>(alpha.data));
+    }
+
+    // The whole state of training, for checkpoints: parameters of the model, these moments, and the step count.
+    [[nodiscard]] Parameters<T, B>& first_moment() { return first_moment_; }
+    [[nodiscard]] Parameters<T, B>& second_moment() { return second_moment_; }
+    void set_step_count(std::uint64_t steps) { step_count_ = steps; }
+
+private:
+    static RasterParams<T> raster_params(const TrainConfig& config) {
+        RasterParams<T> params;
+        params.dilation = T(config.dilation);
+        params.compensate_opacity = config.compensate_opacity;
+        return params;
+    }
+
+    void check_photo(const Photo& photo) const {
+        check_value(photo.frame < motion_->frame_count(), "Trainer",
+                    photo.name + " is of frame " + std::to_string(photo.frame) + ", the motion has " +
+                        std::to_string(motion_->frame_count()) + " frames");
+        check_size("Trainer", photo.name, photo.rgba.size(),
+                   4 * static_cast<std::size_t>(photo.camera.width) * static_cast<std::size_t>(photo.camera.height),
+                   "the image must have its camera's size");
+    }
+
+    template <class F>
+    void time(Stage stage, const F& work) {
+        const auto start = std::chrono::steady_clock::now();
+        work();
+        stage_seconds_[static_cast<std::size_t>(stage)] +=
+            std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    }
+
+    [[nodiscard]] std::size_t view_size() const {
+        return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+    }
+    void resize_images(int height, int width) {
+        height_ = height, width_ = width;
+        for (Buffer<T>* buffer : {&render_, &truth_, &dL_drender_}) buffer->resize(3 * view_size());
+    }
+    [[nodiscard]] ImageView<T> image(Buffer<T>& buffer) const { return {buffer, 3, height_, width_}; }
+    [[nodiscard]] ImageView<const T> render_view() const { return {render_, 3, height_, width_}; }
+    [[nodiscard]] ImageView<const T> truth_view() const { return {truth_, 3, height_, width_}; }
+    [[nodiscard]] Background<T> background() const {
+        return {.color = {T(config_.background[0]), T(config_.background[1]), T(config_.background[2])}};
+    }
+
+    void upload_photo(const Photo& photo) {
+        resize_images(photo.camera.height, photo.camera.width);
+        rgba_.resize(photo.rgba.size());
+        backend_->upload(photo.rgba, rgba_);
+        composite_rgba8(*backend_, Span<const std::uint8_t>(rgba_), height_, width_, background().color, image(truth_));
+    }
+
+    void draw(const Camera<T>& camera, const ImageView<T>& alpha) {
+        rasterizer_.forward(camera, std::as_const(splats_).view(), background(), {.color = image(render_), .alpha = alpha},
+                            raster_cache_);
+    }
+
+    void update() {
+        ++step_count_;
+        const Adam adam;
+        for (std::size_t g = 0; g < parameter_group_count; ++g) {
+            const auto group = static_cast<ParameterGroup>(g);
+            const double rate = config_.rates[group];
+            const bool table = group == ParameterGroup::displacement_table || group == ParameterGroup::sh_table;
+            if (rate != 0) {
+                const AdamState<T> state{first_moment_[group], second_moment_[group]};
+                if (table)
+                    adam.step_entries<T>(*backend_, model_->touched_entries(), Model::Grid::feature_count,
+                                         model_->parameters()[group], gradient_[group], state, T(rate), step_count_);
+                else
+                    adam.step<T>(*backend_, model_->parameters()[group], gradient_[group], state, T(rate), step_count_);
+            }
+            backend_->fill(Span<T>(gradient_[group]), T(0));
+        }
+    }
+
+    B* backend_;
+    Model* model_;
+    std::vector<Photo> photos_;
+    const Motion* motion_;
+    std::uint64_t seed_;
+    TrainConfig config_;
+    Rasterizer<B, T> rasterizer_;
+    PhotometricLoss<B, T> loss_;
+
+    std::uint64_t step_count_ = 0;
+    std::vector<std::uint32_t> order_;
+    std::uint64_t order_epoch_ = 0;
+    std::array<double, stage_names.size()> stage_seconds_{};
+
+    int height_ = 0, width_ = 0;
+    Buffer<std::uint8_t> rgba_;
+    Buffer<T> render_, truth_, dL_drender_; // [3, height, width]
+    RigPose<T, B> pose_;
+    Splats<T, B> splats_, dL_dsplats_;
+    typename Model::Cache model_cache_;
+    typename Rasterizer<B, T>::Cache raster_cache_;
+    typename PhotometricLoss<B, T>::Cache loss_cache_;
+    Parameters<T, B> gradient_, first_moment_, second_moment_;
+};
+
+} // namespace gsh

@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/threads.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/loss/photometric.hpp>
+#include <gsh/render/rasterizer.hpp>
+#include <gsh/train/avatar_model.hpp>
+
+#include "support/gradient.hpp"
+#include "support/small_body.hpp"
+
+#include <utility>
+
+using namespace gsh;
+
+namespace {
+
+/// The whole pipeline in double: pose → rig → fields → skinned Gaussians → rasterizer → L1 + SSIM.
+///
+/// Central differences are meaningless across a jump. The rasterizer's are made negligible (alpha_min far below the
+/// differences' resolution, no early stop); random depths keep sorting ties away, and a random picture as truth keeps
+/// the kinks of L1 away.
+template <class B>
+struct Chain {
+    using Model = AvatarModel<B, double, 3, 2, 2>;
+
+    B backend{};
+    BodyModel body = test::small_body();
+    std::vector<double> betas{0.2, -0.4};
+    SurfaceSamples samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 1.0), 3);
+    RigData rig = make_rig(body, betas, samples);
+    Model model{backend, rig, samples, 5,
+                {.hash_base = 3, .hash_growth = 1.6, .hash_table_size = 128, .mlp_width = 8, .mlp_hidden_layers = 1,
+                 .initial_opacity = 0.4, .sh_dc_scale = 2}};
+    Camera<double> camera;
+    RigPose<double, B> pose;
+    Rasterizer<B, double> rasterizer{backend, raster_params()};
+    PhotometricLoss<B, double> loss_function{backend};
+    Image<double> truth{3, 40, 36};
+
+    typename Model::Cache cache;
+    Splats<double, B> splats;
+    typename Rasterizer<B, double>::Cache raster_cache;
+    typename PhotometricLoss<B, double>::Cache loss_cache;
+    Image<double> render{3, 40, 36};
+
+    Chain() {
+        test::Rng rng(8);
+        for (auto& value : truth.data) value = rng.uniform();
+        // Fields that say something: tables and rotations that are not near zero.
+        for (double& value : model.parameters()[ParameterGroup::sh_table]) value = rng.uniform(-0.3, 0.3);
+        for (double& value : model.parameters()[ParameterGroup::displacement_table]) value = rng.uniform(-0.05, 0.05);
+        for (double& value : model.parameters()[ParameterGroup::quats]) value += rng.uniform(-0.5, 0.5);
+        for (double& value : model.parameters()[ParameterGroup::log_scales]) value += rng.uniform(-0.3, 0.3);
+        Motion motion;
+        motion.joint_count = 4;
+        motion.expression_count = 2;
+        motion.betas = {0.1, 0.3};
+        motion.pose = rng.vecs(4, -0.6, 0.6);
+        motion.expression = {0.7, -0.5};
+        motion.transl = {rng.vec(-0.1, 0.1)};
+        motion.timestamps = {0};
+        model.rig().upload_pose(motion, 0, pose);
+        camera = {mat3<double>(1.0), {0.05, 0.02, 2.5}, 70, 74, 17.3, 20.9, 36, 40};
+        splats.resize(model.size());
+    }
+
+    static RasterParams<double> raster_params() {
+        RasterParams<double> params;
+        params.alpha_min = 1e-14;
+        params.transmittance_min = 0;
+        return params;
+    }
+
+    double loss() {
+        model.update_canonical(cache);
+        model.pose(pose, camera.center(), splats.view(), cache);
+        rasterizer.forward(camera, std::as_const(splats).view(), {.color = {0.9, 0.8, 0.7}}, {.color = render.view()}, raster_cache);
+        loss_function.forward(std::as_const(render).view(), std::as_const(truth).view(), loss_cache);
+        return loss_function.values(loss_cache).loss;
+    }
+
+    struct Gradient {
+        Parameters<double, B> parameters;
+        std::vector<vec3<double>> pose, transl;
+        std::vector<double> coefficients;
+        std::vector<vec3<double>> means; // with respect to x̂₀
+    };
+
+    Gradient gradient() {
+        loss();
+        Image<double> dL_drender(3, 40, 36);
+        loss_function.backward(std::as_const(render).view(), std::as_const(truth).view(), 1.0, loss_cache, dL_drender.view());
+        Splats<double, B> dL_dsplats;
+        dL_dsplats.resize(model.size());
+        backend.fill(dL_dsplats.view().means, vec3<double>(0.0));
+        backend.fill(dL_dsplats.view().covariances, sym3<double>{});
+        backend.fill(dL_dsplats.view().opacities, 0.0);
+        backend.fill(dL_dsplats.view().colors, vec3<double>(0.0));
+        rasterizer.backward(camera, std::as_const(splats).view(), {.color = {0.9, 0.8, 0.7}},
+                            {.color = std::as_const(dL_drender).view()}, raster_cache, dL_dsplats.view());
+        Gradient g;
+        g.parameters.become_zero_like(backend, model.parameters());
+        g.pose.assign(4, vec3<double>(0.0));
+        g.transl.assign(1, vec3<double>(0.0));
+        g.coefficients.assign(model.rig().coefficient_count(), 0);
+        // The camera's centre is a function of its extrinsics; here it is a constant.
+        model.backward(pose, camera.center(), std::as_const(dL_dsplats).view(), cache, g.parameters,
+                       {g.pose, g.coefficients, g.transl});
+        g.means.assign(cache.dL_dmeans.begin(), cache.dL_dmeans.end());
+        return g;
+    }
+};
+
+template <class Buffer>
+Span<double> numbers(Buffer& buffer) {
+    return view_as<double>(Span<std::remove_reference_t<decltype(buffer[0])>>(buffer));
+}
+
+} // namespace
+
+TEST_CASE_TEMPLATE("the whole chain's adjoint is the gradient of the loss", B, cpu::Serial, cpu::Threads) {
+    Chain<B> chain;
+    auto gradient = chain.gradient();
+    const auto loss = [&] { return chain.loss(); };
+    const test::GradientCheck check{.step = 1e-6, .tolerance = 1e-6};
+    const auto check_group = [&](ParameterGroup group, std::size_t stride) {
+        CAPTURE(parameter_group_names[static_cast<std::size_t>(group)]);
+        double largest = 0;
+        for (const double value : gradient.parameters[group]) largest = std::max(largest, std::abs(value));
+        CHECK(largest > 1e-7); // the check below must have something to see
+        auto options = check;
+        options.stride = stride;
+        test::check_gradient(loss, Span<double>(chain.model.parameters()[group]), Span<const double>(gradient.parameters[group]), options);
+    };
+    check_group(ParameterGroup::joints, 1);
+    check_group(ParameterGroup::quats, 7);
+    check_group(ParameterGroup::log_scales, 5);
+    check_group(ParameterGroup::opacity_logits, 2);
+    check_group(ParameterGroup::displacement_table, 17);
+    check_group(ParameterGroup::displacement_network, 5);
+    check_group(ParameterGroup::sh_table, 17);
+    check_group(ParameterGroup::sh_network, 11);
+    test::check_gradient(loss, numbers(chain.pose.pose), test::scalars(gradient.pose), check);
+    test::check_gradient(loss, numbers(chain.pose.coefficients), test::scalars(gradient.coefficients), check);
+    test::check_gradient(loss, numbers(chain.pose.transl), test::scalars(gradient.transl), check);
+}
+
+TEST_CASE("the chain's gradient of a Gaussian's mean") {
+    Chain<cpu::Serial> chain;
+    const auto gradient = chain.gradient();
+    const GaussianCloud<double> cloud = chain.model.canonical_gaussians();
+    std::vector<vec3<double>> means(chain.cache.means.begin(), chain.cache.means.end()); // x̂₀(t)
+    const auto loss = [&] {
+        skinned_splats_forward<2>(chain.backend, {means, cloud.quats, cloud.log_scales, cloud.opacity_logits, cloud.sh, {}, chain.model.rig().skin()},
+                                  chain.cache.rig.bones, chain.camera.center(), chain.splats.view());
+        chain.rasterizer.forward(chain.camera, std::as_const(chain.splats).view(), {.color = {0.9, 0.8, 0.7}},
+                                 {.color = chain.render.view()}, chain.raster_cache);
+        chain.loss_function.forward(std::as_const(chain.render).view(), std::as_const(chain.truth).view(), chain.loss_cache);
+        return chain.loss_function.values(chain.loss_cache).loss;
+    };
+    CHECK(loss() == chain.loss());
+    auto expected = gradient.means;
+    test::check_gradient(loss, test::scalars(means), test::scalars(expected), {.step = 1e-6, .tolerance = 1e-6});
+}
+
+TEST_CASE("untouched table entries have no gradient") {
+    Chain<cpu::Serial> chain;
+    const auto gradient = chain.gradient();
+    const auto touched = chain.model.touched_entries();
+    std::vector<bool> is_touched(gradient.parameters[ParameterGroup::sh_table].size() / 2, false);
+    for (const std::uint32_t entry : touched) is_touched[entry] = true;
+    std::size_t with_gradient = 0;
+    for (std::size_t i = 0; i < gradient.parameters[ParameterGroup::sh_table].size(); ++i) {
+        const double value = gradient.parameters[ParameterGroup::sh_table][i];
+        with_gradient += value != 0;
+        CHECK((value == 0 || is_touched[i / 2]));
+    }
+    CHECK(with_gradient > 0);
+}
+
+TEST_CASE("the model refuses what does not fit") {
+    Chain<cpu::Serial> chain;
+    auto fewer = chain.samples;
+    fewer.positions.pop_back();
+    using Model = Chain<cpu::Serial>::Model;
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, fewer, 1), ShapeError);
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_opacity = 1}), ValueError);
+}
