@@ -6,7 +6,7 @@
 /// order and fuse multiply and add where the machine does, so a result depends on the operands alone.
 #pragma once
 
-#include <Eigen/Core>
+#include <gsh/math/linalg.hpp>
 
 #include <cstddef>
 #include <utility>
@@ -55,16 +55,29 @@ struct Gemm {
         }
     };
 
-    /// C[0..rows, 0..padded(columns)] = epilogue(sum over k in [0, inner) of A(r, k) B[k, :]).
-    template <class Epilogue>
+    struct Nothing {
+        void operator()(std::size_t, std::size_t) const {}
+    };
+
+    /// C[0..rows, 0..padded(columns)] = epilogue(sum over k in [0, inner) of A(r, k) B[k, :]); calls ahead(row, count)
+    /// once for every few rows, to fetch what comes after this product.
+    template <class Epilogue, class Ahead = Nothing>
     static void product(std::size_t rows, std::size_t columns, std::size_t inner, Left a, Right b, Result c,
-                        const Epilogue& epilogue) {
-        std::size_t column = 0;
+                        const Epilogue& epilogue, const Ahead& ahead = {}) {
         const std::size_t end = padded(columns);
         // Sixteen sums in flight cover the latency of fma twice over and leave registers for the operands.
-        for (; column + 4 * width <= end; column += 4 * width) strip<4, 4>(rows, inner, a, b, c, column, epilogue);
-        for (; column + 2 * width <= end; column += 2 * width) strip<8, 2>(rows, inner, a, b, c, column, epilogue);
-        for (; column < end; column += width) strip<8, 1>(rows, inner, a, b, c, column, epilogue);
+        for (std::size_t column = 0; column < end;) {
+            const std::size_t registers = (end - column) / width;
+            const auto strip_of = [&](const auto& ahead_of_strip) {
+                if (registers >= 4)
+                    column += strip<4, 4>(rows, inner, a, b, c, column, epilogue, ahead_of_strip);
+                else if (registers >= 2)
+                    column += strip<8, 2>(rows, inner, a, b, c, column, epilogue, ahead_of_strip);
+                else
+                    column += strip<8, 1>(rows, inner, a, b, c, column, epilogue, ahead_of_strip);
+            };
+            column == 0 ? strip_of(ahead) : strip_of(Nothing{});
+        }
     }
 
 private:
@@ -73,14 +86,18 @@ private:
         return Eigen::internal::pand(Eigen::internal::pcmp_lt(Eigen::internal::pset1<Packet>(T(0)), condition), value);
     }
 
-    template <std::size_t Rows, std::size_t Registers, class Epilogue>
-    static void strip(std::size_t rows, std::size_t inner, Left a, Right b, Result c, std::size_t column,
-                      const Epilogue& epilogue) {
+    /// Columns [column, column + returned width) of all rows.
+    template <std::size_t Rows, std::size_t Registers, class Epilogue, class Ahead>
+    static std::size_t strip(std::size_t rows, std::size_t inner, Left a, Right b, Result c, std::size_t column,
+                             const Epilogue& epilogue, const Ahead& ahead) {
         std::size_t row = 0;
-        for (; row + Rows <= rows; row += Rows)
+        for (; row + Rows <= rows; row += Rows) {
+            ahead(row, Rows);
             block<Rows, Registers>(inner, a, b, c, row, column, epilogue, std::make_index_sequence<Rows * Registers>());
+        }
         for (; row < rows; ++row)
             block<1, Registers>(inner, a, b, c, row, column, epilogue, std::make_index_sequence<Registers>());
+        return Registers * width;
     }
 
     template <std::size_t Rows, std::size_t Registers, class Epilogue, std::size_t... I>
