@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 
+#include <concepts>
 #include <cstddef>
 #include <string>
 #include <string_view>
@@ -26,8 +27,9 @@ struct FeatureView {
     FeatureView(Span<T> values_, std::size_t rows_, std::size_t columns_, std::size_t block_)
         : values(values_), rows(rows_), columns(columns_), block(block_) {}
     /// A writable view serves wherever a read-only one is asked for.
-    [[nodiscard]] operator FeatureView<const T>() const
+    template <std::same_as<T> U> // a template, since nvcc warns of a conversion to one's own type
         requires(!std::is_const_v<T>)
+    [[nodiscard]] operator FeatureView<const U>() const
     {
         return {values, rows, columns, block};
     }
