@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The rasterizer's backward pass on the CPU.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/gaussian/splats.hpp>
+#include <gsh/render/cpu/bin.hpp>
+#include <gsh/render/cpu/tile.hpp>
+#include <gsh/render/target.hpp>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace gsh::cpu {
+
+namespace detail {
+
+/// What the tiles sum up for each splat, with G = dL/d ln(alpha) at a pixel.
+enum SlotEntry : int {
+    slot_g,                           // sum G
+    slot_u, slot_v,                   // sum G u, G v
+    slot_uu, slot_uv, slot_vv,        // sum G u u, G u v, G v v
+    slot_red, slot_green, slot_blue,  // sum weight * dL/d color of the pixel
+    slot_depth,                       // likewise for the depths
+    slot_size
+};
+
+/// The blend's state at the 16 pixels of a block on its second way front to back, and the pixels' gradients.
+///
+/// With the pixel's value F = sum w s + T_end s_end, where s is a splat's colour (and depth) dotted with the pixel's
+/// gradient, dF/d alpha = T s - (what lies behind) / (1 - alpha). `behind` starts at F and loses w s at each splat.
+template <class T>
+struct alignas(64) GradientBlock {
+    Lanes<T> transmittance, cut, behind, dL_dred, dL_dgreen, dL_dblue, dL_ddepth, dL_dmedian;
+};
+
+template <class T>
+struct alignas(64) SlotSums {
+    Lanes<T> lanes[slot_size];
+};
+
+/// Takes one splat's share of the gradient in one block: repeats blend's decisions, bit for bit.
+template <bool Depth, class T>
+inline void blend_backward(const BlockSplat<T>& s, const BlendLimits<T>& limits, GradientBlock<T>& block,
+                           SlotSums<T>& sums) {
+    for (std::size_t l = 0; l < block_lanes; ++l) {
+        T u, v;
+        const T raw = splat_alpha(s, lane_x<T>[l], lane_y<T>[l], u, v);
+        const T capped = raw < limits.alpha_max ? raw : limits.alpha_max;
+        const T before = block.transmittance[l], cut = block.cut[l];
+        const T alpha = raw >= cut ? capped : T(0);
+        const T after = multiply_add(-alpha, before, before);
+        const bool stop = after < limits.transmittance_min;
+        const T weight = stop ? T(0) : alpha * before;
+        block.cut[l] = stop ? std::numeric_limits<T>::infinity() : cut;
+        block.transmittance[l] = stop ? before : after;
+
+        const T red = block.dL_dred[l], green = block.dL_dgreen[l], blue = block.dL_dblue[l];
+        T shade = multiply_add(s.red, red, multiply_add(s.green, green, s.blue * blue));
+        if constexpr (Depth) shade = multiply_add(s.depth, block.dL_ddepth[l], shade);
+        const T behind = multiply_add(-weight, shade, block.behind[l]);
+        block.behind[l] = behind;
+        const T dL_dalpha = before * shade - behind / (T(1) - alpha);
+        const T g = (stop | (raw > limits.alpha_max)) ? T(0) : dL_dalpha * alpha;
+
+        const T gu = g * u, gv = g * v;
+        sums.lanes[slot_g][l] += g;
+        sums.lanes[slot_u][l] += gu;
+        sums.lanes[slot_v][l] += gv;
+        sums.lanes[slot_uu][l] = multiply_add(gu, u, sums.lanes[slot_uu][l]);
+        sums.lanes[slot_uv][l] = multiply_add(gu, v, sums.lanes[slot_uv][l]);
+        sums.lanes[slot_vv][l] = multiply_add(gv, v, sums.lanes[slot_vv][l]);
+        sums.lanes[slot_red][l] = multiply_add(weight, red, sums.lanes[slot_red][l]);
+        sums.lanes[slot_green][l] = multiply_add(weight, green, sums.lanes[slot_green][l]);
+        sums.lanes[slot_blue][l] = multiply_add(weight, blue, sums.lanes[slot_blue][l]);
+        if constexpr (Depth) {
+            const bool crosses = (before > T(0.5)) & (after <= T(0.5)) & !stop;
+            const T share = crosses ? block.dL_dmedian[l] : T(0);
+            sums.lanes[slot_depth][l] += multiply_add(weight, block.dL_ddepth[l], share);
+        }
+    }
+}
+
+/// Sums the 16 pixels in a fixed order.
+template <class T>
+inline void reduce(SlotSums<T>& sums, T* slot) {
+    for (auto& lanes : sums.lanes)
+        for (std::size_t l = 0; l < 8; ++l) lanes[l] += lanes[l + 8];
+    for (auto& lanes : sums.lanes)
+        for (std::size_t l = 0; l < 4; ++l) lanes[l] += lanes[l + 4];
+    for (int k = 0; k < slot_size; ++k) {
+        const Lanes<T>& lanes = sums.lanes[k];
+        slot[k] = (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
+    }
+}
+
+/// One plane of dL_dtarget in block order; zero where the plane is empty or the tile leaves the image.
+template <class T>
+void read_tile(const TilePlace& tile, const ImageView<const T>& image, int channel, T* pixels) {
+    std::fill(pixels, pixels + tile_pixels, T(0));
+    if (image.empty()) return;
+    for (int y = 0; y < tile.height; ++y) {
+        const T* const row = image.row(channel, tile.y + y) + tile.x;
+        for (int x = 0; x < tile.width; ++x) pixels[block_order(x, y)] = row[x];
+    }
+}
+
+/// Second sweep over a tile's list; leaves a splat's sums in its slot.
+template <bool Depth, class T>
+void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const TileInstance> list,
+                         const BlendLimits<T>& limits, GradientBlock<T>* blocks, T* slots) {
+    Batch<T> batch;
+    for (std::size_t begin = 0; begin < list.size(); begin += batch.size) {
+        batch.load(splats, list.subspan(begin, std::min(batch_size, list.size() - begin)), tile);
+        for (std::size_t j = 0; j < batch.size; ++j) {
+            T* const slot = slots + std::size_t(list[begin + j].slot) * slot_size;
+            SlotSums<T> sums = {};
+            for (std::uint32_t touched = batch.mask[j]; touched != 0; touched &= touched - 1) {
+                const int b = std::countr_zero(touched);
+                blend_backward<Depth>(BlockSplat<T>(batch, j, b), limits, blocks[b], sums);
+            }
+            reduce(sums, slot);
+        }
+    }
+}
+
+} // namespace detail
+
+/// First stage: each tile leaves its share of its splats' gradients in their slots, and the background's.
+template <CpuBackend B, std::floating_point T>
+void blend_tiles_backward(B& backend, const Background<T>& background, const RasterParams<T>& params,
+                          const RenderGradient<T>& dL_dtarget, RasterCache<B, T>& cache,
+                          const BackgroundGradient<T>& dL_dbackground) {
+    using namespace detail;
+    const bool with_depth = !dL_dtarget.expected_depth.empty() || !dL_dtarget.median_depth.empty();
+    const BlendLimits<T> limits(params);
+    const Span<const ScreenSplat<T>> splats = cache.splats;
+    const Span<const TileInstance> instances = cache.instances;
+    constexpr std::size_t record = pixel_channels * tile_pixels;
+    cache.slots.resize(instances.size() * slot_size);
+    cache.tile_background.resize(cache.grid.size());
+
+    run_queue(backend, cache.grid.size(), [&](std::size_t rank) {
+        const std::uint32_t index = cache.tile_order[rank];
+        const TilePlace tile(cache.grid, index);
+        const bool active = rank < cache.active_tiles;
+        const T* const pixels = active ? cache.pixels.data() + rank * record : nullptr;
+        const auto transmittance = [&](int p) { return active ? pixels[4 * tile_pixels + p] : T(1); };
+
+        alignas(64) T dL[6][tile_pixels]; // colour, alpha, expected and median depth
+        for (int c = 0; c < 3; ++c) read_tile(tile, dL_dtarget.color, c, dL[c]);
+        if (!dL_dbackground.color.empty()) {
+            vec3<double> sum(0);
+            for (int c = 0; c < 3; ++c)
+                for (int p = 0; p < tile_pixels; ++p) sum[c] += static_cast<double>(transmittance(p) * dL[c][p]);
+            cache.tile_background[index] = sum;
+        }
+        if (!dL_dbackground.image.empty())
+            for (int c = 0; c < 3; ++c)
+                for (int y = 0; y < tile.height; ++y)
+                    for (int x = 0; x < tile.width; ++x) {
+                        const int p = block_order(x, y);
+                        dL_dbackground.image.at(c, tile.y + y, tile.x + x) += transmittance(p) * dL[c][p];
+                    }
+        if (!active) return;
+
+        read_tile(tile, dL_dtarget.alpha, 0, dL[3]);
+        read_tile(tile, dL_dtarget.expected_depth, 0, dL[4]);
+        read_tile(tile, dL_dtarget.median_depth, 0, dL[5]);
+        alignas(64) T behind_splats[3][tile_pixels];
+        for (int c = 0; c < 3; ++c) {
+            if (background.image.empty())
+                std::fill(behind_splats[c], behind_splats[c] + tile_pixels, background.color[c]);
+            else
+                read_tile(tile, background.image, c, behind_splats[c]);
+        }
+        GradientBlock<T> blocks[blocks_of_tile];
+        for (int b = 0; b < blocks_of_tile; ++b) {
+            GradientBlock<T>& block = blocks[b];
+            block.transmittance.fill(T(1));
+            block.cut = initial_cut(tile, b, limits.alpha_min);
+            for (std::size_t l = 0; l < block_lanes; ++l) {
+                const std::size_t p = static_cast<std::size_t>(b) * block_lanes + l;
+                const T end = pixels[4 * tile_pixels + p];
+                T value = dL[4][p] * pixels[3 * tile_pixels + p] - end * dL[3][p];
+                for (int c = 0; c < 3; ++c)
+                    value += dL[c][p] * (pixels[c * tile_pixels + p] + end * behind_splats[c][p]);
+                block.behind[l] = value;
+                block.dL_dred[l] = dL[0][p], block.dL_dgreen[l] = dL[1][p], block.dL_dblue[l] = dL[2][p];
+                block.dL_ddepth[l] = dL[4][p], block.dL_dmedian[l] = dL[5][p];
+            }
+        }
+        const std::uint32_t begin = cache.tile_begin[index], end = cache.tile_begin[index + 1];
+        const std::uint32_t used = cache.tile_used[index];
+        const Span<const TileInstance> list = instances.subspan(begin, used);
+        if (with_depth)
+            blend_tile_backward<true>(tile, splats, list, limits, blocks, cache.slots.data());
+        else
+            blend_tile_backward<false>(tile, splats, list, limits, blocks, cache.slots.data());
+        for (std::uint32_t i = begin + used; i < end; ++i)
+            std::fill_n(cache.slots.data() + std::size_t(instances[i].slot) * slot_size, int(slot_size), T(0));
+    });
+    if (!dL_dbackground.color.empty()) {
+        vec3<double> sum(0);
+        for (const vec3<double>& share : cache.tile_background) sum += share;
+        dL_dbackground.color[0] += vec3<T>(sum);
+    }
+}
+
+/// Second stage: each splat sums its slots and carries the gradient through the projection.
+template <CpuBackend B, std::floating_point T>
+void project_splats_backward(B& backend, const Camera<T>& camera, const SplatView<const T>& splats,
+                             const RasterParams<T>& params, RasterCache<B, T>& cache,
+                             const SplatView<T>& dL_dsplats, Span<CameraGradient<T>> dL_dcamera) {
+    using namespace detail;
+    const std::size_t n = splats.size(), chunks = chunk_count(n, splat_grain);
+    const Camera<double> wide_camera = camera.template cast<double>();
+    const ProjectionParams<double> projection_params = params.template cast<double>();
+    cache.screen_gradient_norms.resize(n);
+    cache.chunk_camera.resize(dL_dcamera.empty() ? 0 : chunks);
+
+    backend.for_chunks(n, splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+        CameraGradient<double> chunk_camera;
+        for (std::size_t i = begin; i < end; ++i) {
+            cache.screen_gradient_norms[i] = T(0);
+            if (!cache.visible[i]) continue;
+            T sum[slot_size] = {};
+            for (std::size_t slot = cache.slot_begin[i]; slot < cache.slot_begin[i + 1]; ++slot)
+                for (int k = 0; k < slot_size; ++k) sum[k] += cache.slots[slot * slot_size + std::size_t(k)];
+
+            // ln(alpha) = ln(opacity) - ln(2) (u² + v²), (u, v) = W (pixel - center), Σ⁻¹ = 2 ln(2) Wᵀ W:
+            // dL/dcenter = 2 ln(2) Wᵀ m, dL/dΣ = 2 ln(2)² Wᵀ M W with the moments m = sum G (u, v), M likewise.
+            constexpr double ln2 = 0.69314718055994530942;
+            const ScreenSplat<T>& s = cache.splats[i];
+            const double ux = s.w.ux, uy = s.w.uy, vy = s.w.vy;
+            const double m_u = sum[slot_u], m_v = sum[slot_v];
+            const double m_uu = sum[slot_uu], m_uv = sum[slot_uv], m_vv = sum[slot_vv];
+            Projection<double> dL;
+            dL.center = vec2<double>(ux * m_u, uy * m_u + vy * m_v) * (2 * ln2);
+            const double scale = 2 * ln2 * ln2;
+            dL.covariance = {scale * ux * ux * m_uu, 2 * scale * ux * (uy * m_uu + vy * m_uv),
+                             scale * (uy * (uy * m_uu + 2 * vy * m_uv) + vy * vy * m_vv)};
+            dL.depth = sum[slot_depth];
+            const double opacity = splats.opacities[i], dL_dscreen_opacity = sum[slot_g] / s.opacity;
+            dL.opacity_factor = dL_dscreen_opacity * opacity;
+            cache.screen_gradient_norms[i] = static_cast<T>(length(vec3<double>(dL.center, 0.0)));
+
+            const sym3<T>& c = splats.covariances[i];
+            const sym3<double> covariance{c.xx, c.xy, c.xz, c.yy, c.yz, c.zz};
+            vec3<double> dL_dmean(0);
+            sym3<double> dL_dcovariance{};
+            CameraGradient<double> dL_dhere;
+            project_backward(wide_camera, vec3<double>(splats.means[i]), covariance, projection_params, dL, dL_dmean,
+                             dL_dcovariance, dL_dhere);
+            if (!dL_dcamera.empty()) chunk_camera += dL_dhere;
+            if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += vec3<T>(dL_dmean);
+            if (!dL_dsplats.covariances.empty()) {
+                const sym3<double>& d = dL_dcovariance;
+                dL_dsplats.covariances[i] += sym3<T>{T(d.xx), T(d.xy), T(d.xz), T(d.yy), T(d.yz), T(d.zz)};
+            }
+            if (!dL_dsplats.opacities.empty()) {
+                const double factor = params.compensate_opacity ? s.opacity / opacity : 1.0;
+                dL_dsplats.opacities[i] += static_cast<T>(dL_dscreen_opacity * factor);
+            }
+            if (!dL_dsplats.colors.empty())
+                dL_dsplats.colors[i] += vec3<T>(sum[slot_red], sum[slot_green], sum[slot_blue]);
+        }
+        if (!dL_dcamera.empty()) cache.chunk_camera[chunk] = chunk_camera;
+    });
+    if (dL_dcamera.empty()) return;
+    CameraGradient<double> sum;
+    for (const CameraGradient<double>& share : cache.chunk_camera) sum += share;
+    CameraGradient<T>& out = dL_dcamera[0];
+    out += CameraGradient<T>{mat3<T>(sum.dL_dR), vec3<T>(sum.dL_dt), T(sum.dL_dfx),
+                             T(sum.dL_dfy),      T(sum.dL_dcx),      T(sum.dL_dcy)};
+}
+
+/// Adjoint of composite_forward; see Rasterizer::backward.
+template <CpuBackend B, std::floating_point T>
+void composite_backward(B& backend, const Camera<T>& camera, const SplatView<const T>& splats,
+                        const Background<T>& background, const RasterParams<T>& params,
+                        const RenderGradient<T>& dL_dtarget, RasterCache<B, T>& cache,
+                        const SplatView<T>& dL_dsplats, Span<CameraGradient<T>> dL_dcamera,
+                        const BackgroundGradient<T>& dL_dbackground) {
+    blend_tiles_backward(backend, background, params, dL_dtarget, cache, dL_dbackground);
+    project_splats_backward(backend, camera, splats, params, cache, dL_dsplats, dL_dcamera);
+}
+
+} // namespace gsh::cpu

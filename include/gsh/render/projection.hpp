@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  EWA projection: a Gaussian in the world becomes a Gaussian on the image plane.
+#pragma once
+
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/lane.hpp>
+#include <gsh/math/sym.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <concepts>
+
+namespace gsh {
+
+template <std::floating_point S>
+struct ProjectionParams {
+    S near_plane = S(0.2);              ///< metres; what is not farther than this is culled
+    S dilation = S(0.3);                ///< px², added to both variances: no splat is thinner than a pixel
+    S jacobian_margin = S(0.15);        ///< of the image size, on each side: how far out the Jacobian keeps turning
+    bool compensate_opacity = false;    ///< anti-aliasing: dilation then spreads a splat's weight instead of adding some
+    S compensation_floor = S(0.000025); ///< below this ratio of determinants the compensation stays as it is
+
+    template <std::floating_point U>
+    [[nodiscard]] ProjectionParams<U> cast() const {
+        return {U(near_plane), U(dilation), U(jacobian_margin), compensate_opacity, U(compensation_floor)};
+    }
+};
+
+/// A Gaussian on the image plane.
+template <class T>
+struct Projection {
+    vec2<T> center;       ///< pixels
+    T depth;              ///< camera z, metres
+    sym2<T> covariance;   ///< px², dilated
+    T opacity_factor;     ///< sqrt(max(floor, det before / det after dilation)) if compensated, else 1
+    MaskOf<T> in_front;   ///< beyond the near plane; where not, the other members mean nothing
+};
+
+namespace detail {
+
+/// What forward and adjoint both need: covariance = [a b]ᵀ Σ [a b] with the rows a, b of J R.
+template <class T>
+struct ProjectionFrame {
+    vec3<T> p, row0, row1, row2; // camera point; rows of R
+    T inverse_z, x, y;           // x / z, y / z
+    T jx, jy;                    // the same, clamped for the Jacobian
+    MaskOf<T> x_inside, y_inside;
+    vec3<T> along_x, along_y;    // R0 - jx R2, R1 - jy R2
+    vec3<T> a, b, cov_a, cov_b;  // rows of J R; Σ a, Σ b
+    MaskOf<T> in_front;
+
+    template <class S>
+    GSH_HD ProjectionFrame(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& s,
+                           const ProjectionParams<S>& params) {
+        p = to_camera(camera, mean);
+        in_front = p.z > T(params.near_plane);
+        p.z = select(in_front, p.z, T(S(1)));
+        inverse_z = T(S(1)) / p.z;
+        x = p.x * inverse_z;
+        y = p.y * inverse_z;
+        const T width(S(camera.width)), height(S(camera.height));
+        const T margin_x = T(params.jacobian_margin) * width, margin_y = T(params.jacobian_margin) * height;
+        const T left = -(camera.cx + margin_x) / camera.fx, right = (width - camera.cx + margin_x) / camera.fx;
+        const T top = -(camera.cy + margin_y) / camera.fy, bottom = (height - camera.cy + margin_y) / camera.fy;
+        x_inside = (x >= left) & (x <= right);
+        y_inside = (y >= top) & (y <= bottom);
+        jx = min(max(x, left), right);
+        jy = min(max(y, top), bottom);
+
+        row0 = vec3<T>(camera.R[0].x, camera.R[1].x, camera.R[2].x);
+        row1 = vec3<T>(camera.R[0].y, camera.R[1].y, camera.R[2].y);
+        row2 = vec3<T>(camera.R[0].z, camera.R[1].z, camera.R[2].z);
+        along_x = row0 - row2 * jx;
+        along_y = row1 - row2 * jy;
+        a = along_x * (camera.fx * inverse_z);
+        b = along_y * (camera.fy * inverse_z);
+        cov_a = times(s, a);
+        cov_b = times(s, b);
+    }
+
+private:
+    GSH_HD static vec3<T> times(const sym3<T>& s, const vec3<T>& v) {
+        return {s.xx * v.x + s.xy * v.y + s.xz * v.z, s.xy * v.x + s.yy * v.y + s.yz * v.z,
+                s.xz * v.x + s.yz * v.y + s.zz * v.z};
+    }
+};
+
+} // namespace detail
+
+/// Projects the mean exactly and the covariance by the projection's Jacobian J at the mean:
+/// covariance = J R Σ Rᵀ Jᵀ + dilation I, J = [fx/z 0 -fx jx/z; 0 fy/z -fy jy/z], where jx, jy are x/z, y/z clamped
+/// to the image widened by jacobian_margin on each side.
+///
+/// Frame   mean and covariance in the world; center in pixels, the image's corner at (0, 0).
+/// Source  Zwicker et al., "EWA Splatting", 2002; clamp and dilation as in Kerbl et al., "3D Gaussian Splatting",
+///         2023, but with the principal point; opacity factor as in Yu et al., "Mip-Splatting", 2024.
+template <Lane T>
+[[nodiscard]] GSH_HD Projection<T> project(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
+                                           const ProjectionParams<ScalarOf<T>>& params) {
+    using S = ScalarOf<T>;
+    const detail::ProjectionFrame<T> f(camera, mean, covariance, params);
+    const sym2<T> sharp{dot(f.a, f.cov_a), dot(f.a, f.cov_b), dot(f.b, f.cov_b)};
+    Projection<T> result;
+    result.center = vec2<T>(camera.fx * f.x + camera.cx, camera.fy * f.y + camera.cy);
+    result.depth = f.p.z;
+    result.covariance = {sharp.xx + T(params.dilation), sharp.xy, sharp.yy + T(params.dilation)};
+    result.opacity_factor = T(S(1));
+    result.in_front = f.in_front;
+    if (params.compensate_opacity) {
+        const T ratio = determinant(sharp) / determinant(result.covariance);
+        result.opacity_factor = sqrt(max(ratio, T(params.compensation_floor)));
+    }
+    return result;
+}
+
+/// Adjoint of project for a Gaussian in front of the near plane: adds to dL_dmean, dL_dcovariance and dL_dcamera.
+/// Nothing passes through the Jacobian's clamp but to the intrinsics that set its limits, and nothing through the
+/// floor of the compensation. dL_dprojection.in_front is not read.
+template <Lane T>
+GSH_HD void project_backward(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
+                             const ProjectionParams<ScalarOf<T>>& params, const Projection<T>& dL_dprojection,
+                             vec3<T>& dL_dmean, sym3<T>& dL_dcovariance, CameraGradient<T>& dL_dcamera) {
+    using S = ScalarOf<T>;
+    const T zero(S(0)), two(S(2));
+    const detail::ProjectionFrame<T> f(camera, mean, covariance, params);
+    sym2<T> g = dL_dprojection.covariance;
+    if (params.compensate_opacity) {
+        const sym2<T> sharp{dot(f.a, f.cov_a), dot(f.a, f.cov_b), dot(f.b, f.cov_b)};
+        const sym2<T> dilated{sharp.xx + T(params.dilation), sharp.xy, sharp.yy + T(params.dilation)};
+        const T inverse_det = T(S(1)) / determinant(dilated), ratio = determinant(sharp) * inverse_det;
+        const auto above = ratio > T(params.compensation_floor);
+        const T dL_dratio =
+            select(above, dL_dprojection.opacity_factor / (two * sqrt(max(ratio, T(params.compensation_floor)))), zero);
+        const T to_sharp = dL_dratio * inverse_det, to_dilated = dL_dratio * ratio * inverse_det;
+        g.xx += to_sharp * sharp.yy - to_dilated * dilated.yy;
+        g.yy += to_sharp * sharp.xx - to_dilated * dilated.xx;
+        g.xy -= two * (to_sharp - to_dilated) * sharp.xy;
+    }
+
+    // Covariance: to Σ and to the rows a, b.
+    const vec3<T>&a = f.a, &b = f.b;
+    dL_dcovariance += sym3<T>{
+        g.xx * a.x * a.x + g.xy * a.x * b.x + g.yy * b.x * b.x,
+        two * (g.xx * a.x * a.y + g.yy * b.x * b.y) + g.xy * (a.x * b.y + a.y * b.x),
+        two * (g.xx * a.x * a.z + g.yy * b.x * b.z) + g.xy * (a.x * b.z + a.z * b.x),
+        g.xx * a.y * a.y + g.xy * a.y * b.y + g.yy * b.y * b.y,
+        two * (g.xx * a.y * a.z + g.yy * b.y * b.z) + g.xy * (a.y * b.z + a.z * b.y),
+        g.xx * a.z * a.z + g.xy * a.z * b.z + g.yy * b.z * b.z};
+    const vec3<T> dL_da = f.cov_a * (two * g.xx) + f.cov_b * g.xy, dL_db = f.cov_b * (two * g.yy) + f.cov_a * g.xy;
+
+    // a = (fx / z) (R0 - jx R2), b likewise.
+    const T scale_x = camera.fx * f.inverse_z, scale_y = camera.fy * f.inverse_z;
+    const T dL_dscale_x = dot(dL_da, f.along_x), dL_dscale_y = dot(dL_db, f.along_y);
+    const T dL_djx = -scale_x * dot(dL_da, f.row2), dL_djy = -scale_y * dot(dL_db, f.row2);
+    const vec3<T> dL_drow0 = dL_da * scale_x, dL_drow1 = dL_db * scale_y;
+    const vec3<T> dL_drow2 = dL_drow0 * (-f.jx) + dL_drow1 * (-f.jy);
+
+    // Centre = (fx x + cx, fy y + cy); jx = x inside the clamp, else -(cx + …) / fx or (W - cx + …) / fx.
+    const vec2<T>& dL_dcenter = dL_dprojection.center;
+    const T dL_dx = camera.fx * dL_dcenter.x + select(f.x_inside, dL_djx, zero);
+    const T dL_dy = camera.fy * dL_dcenter.y + select(f.y_inside, dL_djy, zero);
+    const T outside_x = select(f.x_inside, zero, dL_djx / camera.fx);
+    const T outside_y = select(f.y_inside, zero, dL_djy / camera.fy);
+    dL_dcamera.dL_dfx += dL_dcenter.x * f.x + dL_dscale_x * f.inverse_z - outside_x * f.jx;
+    dL_dcamera.dL_dfy += dL_dcenter.y * f.y + dL_dscale_y * f.inverse_z - outside_y * f.jy;
+    dL_dcamera.dL_dcx += dL_dcenter.x - outside_x;
+    dL_dcamera.dL_dcy += dL_dcenter.y - outside_y;
+
+    const T dL_dz = dL_dprojection.depth - f.inverse_z * (dL_dx * f.x + dL_dy * f.y + dL_dscale_x * scale_x +
+                                                          dL_dscale_y * scale_y);
+    const vec3<T> dL_dp(dL_dx * f.inverse_z, dL_dy * f.inverse_z, dL_dz);
+    to_camera_backward(camera, mean, dL_dp, dL_dmean, dL_dcamera);
+    dL_dcamera.dL_dR += transpose(mat3<T>(dL_drow0, dL_drow1, dL_drow2));
+}
+
+} // namespace gsh

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The differentiable Gaussian rasterizer.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/gaussian/splats.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/render/cpu/composite.hpp>
+#include <gsh/render/cpu/composite_backward.hpp>
+#include <gsh/render/raster_cache.hpp>
+#include <gsh/render/target.hpp>
+
+#include <cmath>
+#include <concepts>
+#include <limits>
+#include <string>
+
+namespace gsh {
+
+/// Projects Gaussians and composites them front to back over a background.
+///
+///     alpha = min(alpha_max, opacity * exp(-dᵀ Σ⁻¹ d / 2))  at a pixel's centre; skipped if below alpha_min
+///     C = sum T alpha color + T_end background,  T = product of (1 - alpha) of what lies in front
+///
+/// in the order of camera z, ties by index. A pixel stops before a splat would take T below transmittance_min.
+///
+/// Shapes  images planar, [channels, height, width] of the camera.
+/// Errors  ShapeError for sizes that do not fit; ValueError for settings or a camera that make no sense, for a
+///         Gaussian with a NaN or infinite number (named; nothing is drawn) and for more than max_pairs pairs.
+/// Source  Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023. Different here: a
+///         splat counts wherever alpha >= alpha_min, not within three sigma alone, and nothing passes back through
+///         the cap alpha_max.
+template <Backend B, std::floating_point T = float>
+class Rasterizer {
+public:
+    using Params = RasterParams<T>;
+    using Cache = RasterCache<B, T>;
+
+    explicit Rasterizer(B& backend, const Params& params = {}) : backend_(&backend), params_(params) {
+        constexpr const char* where = "Rasterizer";
+        check_value(params.alpha_min >= T(1e-30) && params.alpha_min < params.alpha_max, where,
+                    "alpha_min must lie between 1e-30 and alpha_max");
+        check_value(params.alpha_max < T(1), where, "alpha_max must be below 1, or the adjoint divides by zero");
+        check_value(params.transmittance_min >= T(0) && params.transmittance_min < T(1), where,
+                    "transmittance_min must lie in [0, 1)");
+        check_value(params.near_plane > T(0), where, "near_plane must be positive");
+        check_value(params.dilation >= T(0) && params.jacobian_margin >= T(0), where,
+                    "dilation and jacobian_margin must not be negative");
+        check_value(params.compensation_floor > T(0), where, "compensation_floor must be positive");
+        check_value(params.max_pairs <= std::numeric_limits<std::uint32_t>::max(), where,
+                    "max_pairs must fit 32 bits");
+    }
+
+    [[nodiscard]] const Params& params() const { return params_; }
+
+    /// Overwrites the target and the cache.
+    void forward(const Camera<T>& camera, const SplatView<const T>& splats, const Background<T>& background,
+                 const RenderTarget<T>& target, Cache& cache) const {
+        constexpr const char* where = "Rasterizer::forward";
+        check_camera(where, camera);
+        check_splats(where, splats);
+        check_image(where, "color", target.color, 3, camera.height, camera.width);
+        check_optional(where, "alpha", target.alpha, 1, camera);
+        check_optional(where, "expected_depth", target.expected_depth, 1, camera);
+        check_optional(where, "median_depth", target.median_depth, 1, camera);
+        check_optional(where, "background", background.image, 3, camera);
+        composite_forward(*backend_, camera, splats, background, params_, target, cache); // the backend's own overload
+        check_status(where, cache);
+    }
+
+    /// Adds to dL_dsplats, whose empty spans are skipped, and to dL_dcamera and dL_dbackground if given. The other
+    /// arguments are those of the forward pass that filled the cache.
+    void backward(const Camera<T>& camera, const SplatView<const T>& splats, const Background<T>& background,
+                  const RenderGradient<T>& dL_dtarget, Cache& cache, const SplatView<T>& dL_dsplats,
+                  Span<CameraGradient<T>> dL_dcamera = {}, const BackgroundGradient<T>& dL_dbackground = {}) const {
+        constexpr const char* where = "Rasterizer::backward";
+        check_splats(where, splats);
+        check_size(where, "means", splats.size(), cache.splat_count, "pass what forward was given");
+        check_value(camera.width == cache.grid.width && camera.height == cache.grid.height, where,
+                    "the camera has another image size than forward's");
+        check_optional(where, "dL_dtarget.color", dL_dtarget.color, 3, camera);
+        check_optional(where, "dL_dtarget.alpha", dL_dtarget.alpha, 1, camera);
+        check_optional(where, "dL_dtarget.expected_depth", dL_dtarget.expected_depth, 1, camera);
+        check_optional(where, "dL_dtarget.median_depth", dL_dtarget.median_depth, 1, camera);
+        check_optional(where, "background", background.image, 3, camera);
+        check_optional(where, "dL_dbackground.image", dL_dbackground.image, 3, camera);
+        check_gradient(where, "dL_dsplats.means", dL_dsplats.means.size(), splats.size());
+        check_gradient(where, "dL_dsplats.covariances", dL_dsplats.covariances.size(), splats.size());
+        check_gradient(where, "dL_dsplats.opacities", dL_dsplats.opacities.size(), splats.size());
+        check_gradient(where, "dL_dsplats.colors", dL_dsplats.colors.size(), splats.size());
+        check_gradient(where, "dL_dcamera", dL_dcamera.size(), 1);
+        check_gradient(where, "dL_dbackground.color", dL_dbackground.color.size(), 1);
+        composite_backward(*backend_, camera, splats, background, params_, dL_dtarget, cache, dL_dsplats, dL_dcamera,
+                           dL_dbackground);
+    }
+
+private:
+    static void check_camera(const char* where, const Camera<T>& camera) {
+        check_value(camera.width > 0 && camera.height > 0, where, "the camera's image is empty; set width and height");
+        T sum = camera.fx * T(0) + camera.fy * T(0) + camera.cx * T(0) + camera.cy * T(0);
+        for (int c = 0; c < 3; ++c)
+            for (int r = 0; r < 3; ++r) sum += camera.R[c][r] * T(0) + camera.t[r] * T(0);
+        check_value(sum == T(0), where, "the camera has a number that is not finite");
+        check_value(camera.fx > T(0) && camera.fy > T(0), where,
+                    "the camera's focal lengths must be positive; is its K singular?");
+    }
+    static void check_splats(const char* where, const SplatView<const T>& splats) {
+        const std::size_t n = splats.size();
+        check_size(where, "covariances", splats.covariances.size(), n, "store one covariance per mean");
+        check_size(where, "opacities", splats.opacities.size(), n, "store one opacity per mean");
+        check_size(where, "colors", splats.colors.size(), n, "store one color per mean");
+        check_value(n < std::numeric_limits<std::uint32_t>::max(), where, "more Gaussians than 32 bits can number");
+    }
+    template <class U>
+    static void check_optional(const char* where, const char* argument, const ImageView<U>& image, int channels,
+                               const Camera<T>& camera) {
+        if (!image.empty()) check_image(where, argument, image, channels, camera.height, camera.width);
+    }
+    static void check_gradient(const char* where, const char* argument, std::size_t found, std::size_t expected) {
+        if (found != 0) check_size(where, argument, found, expected, "or leave it empty to skip it");
+    }
+    void check_status(const char* where, const Cache& cache) const {
+        RasterStatus status;
+        backend_->download(Span<const RasterStatus>(cache.status), Span<RasterStatus>(&status, 1));
+        if (status.nonfinite != 0)
+            throw ValueError(std::string(where) + ": Gaussian " + std::to_string(status.first_nonfinite) +
+                             " has a mean, covariance, opacity or color that is not finite (" +
+                             std::to_string(status.nonfinite) + " such in all); did a learning rate run away?");
+        if (status.pairs > params_.max_pairs)
+            throw ValueError(std::string(where) + ": the Gaussians cover " + std::to_string(status.pairs) +
+                             " tiles in all, expected at most " + std::to_string(params_.max_pairs) +
+                             "; are scales or the camera in other units than metres? Params::max_pairs raises the limit");
+    }
+
+    B* backend_;
+    Params params_;
+};
+
+} // namespace gsh

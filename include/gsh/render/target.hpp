@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  What a rasterizer writes and what it composites over, with the gradients of both.
+#pragma once
+
+#include <gsh/core/span.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/math/vec.hpp>
+
+namespace gsh {
+
+/// What shows where the splats do not cover: one colour, or an image if there is one.
+template <class T>
+struct Background {
+    vec3<T> color = vec3<T>(T(0));
+    ImageView<const T> image = {}; ///< [3, height, width] or empty
+};
+
+/// Gradient of a background; the caller fills in the part that it wants.
+template <class T>
+struct BackgroundGradient {
+    Span<vec3<T>> color = {};  ///< [1] or empty
+    ImageView<T> image = {};   ///< [3, height, width] or empty
+};
+
+/// Where a rendering goes. All but the colour may be empty.
+///
+/// Shapes  color [3, height, width], the others [1, height, width].
+/// Units   display-referred sRGB; metres along the camera's z axis.
+template <class T>
+struct RenderTarget {
+    ImageView<T> color;
+    ImageView<T> alpha = {};          ///< 1 - final transmittance
+    ImageView<T> expected_depth = {}; ///< sum of weight * z: divide by alpha for the mean depth of what is there
+    ImageView<T> median_depth = {};   ///< z of the splat that takes the transmittance to 1/2 or below; 0 if none does
+};
+
+/// Gradient with respect to a rendering. Empty images count as zero.
+template <class T>
+struct RenderGradient {
+    ImageView<const T> color = {};
+    ImageView<const T> alpha = {};
+    ImageView<const T> expected_depth = {};
+    ImageView<const T> median_depth = {};
+};
+
+} // namespace gsh

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/math/pack.hpp>
+#include <gsh/render/projection.hpp>
+
+#include "support/gradient.hpp"
+#include "support/reference_rasterizer.hpp"
+
+using namespace gsh;
+
+namespace {
+
+Camera<double> make_camera(test::Rng& rng) {
+    Camera<double> camera;
+    camera.R = rotation_matrix(normalize(quat<double>{1, 0.1 * rng.normal(), 0.1 * rng.normal(), 0.1 * rng.normal()}));
+    camera.t = vec3<double>(0.1, -0.2, 3);
+    camera.fx = 60, camera.fy = 65, camera.cx = 20.5, camera.cy = 11.25;
+    camera.width = 48, camera.height = 32;
+    return camera;
+}
+
+sym3<double> make_covariance(test::Rng& rng, double size) {
+    return gram(mat3<double>(rng.vec() * size, rng.vec() * size, rng.vec() * size));
+}
+
+/// A random linear function of everything that project returns.
+struct Weights {
+    Projection<double> w;
+    explicit Weights(test::Rng& rng)
+        : w{{rng.uniform(-1, 1), rng.uniform(-1, 1)},
+            rng.uniform(-1, 1),
+            {rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1)},
+            rng.uniform(-1, 1),
+            true} {}
+    double operator()(const Projection<double>& p) const {
+        return w.center.x * p.center.x + w.center.y * p.center.y + w.depth * p.depth +
+               w.covariance.xx * p.covariance.xx + w.covariance.xy * p.covariance.xy +
+               w.covariance.yy * p.covariance.yy + w.opacity_factor * p.opacity_factor;
+    }
+};
+
+struct Inputs {
+    Camera<double> camera;
+    vec3<double> mean;
+    sym3<double> covariance;
+};
+
+void check_adjoint(Inputs in, const ProjectionParams<double>& params, test::Rng& rng) {
+    const Weights weights(rng);
+    vec3<double> dL_dmean(0);
+    sym3<double> dL_dcovariance{};
+    CameraGradient<double> dL_dcamera;
+    const auto loss = [&] { return weights(project(in.camera, in.mean, in.covariance, params)); };
+    project_backward(in.camera, in.mean, in.covariance, params, weights.w, dL_dmean, dL_dcovariance, dL_dcamera);
+    test::check_gradient(loss, test::scalars(in.mean), test::scalars(dL_dmean));
+    test::check_gradient(loss, test::scalars(in.covariance), test::scalars(dL_dcovariance));
+    test::check_gradient(loss, test::scalars(in.camera.R), test::scalars(dL_dcamera.dL_dR));
+    test::check_gradient(loss, test::scalars(in.camera.t), test::scalars(dL_dcamera.dL_dt));
+    test::check_gradient(loss, test::scalars(in.camera.fx), test::scalars(dL_dcamera.dL_dfx));
+    test::check_gradient(loss, test::scalars(in.camera.fy), test::scalars(dL_dcamera.dL_dfy));
+    test::check_gradient(loss, test::scalars(in.camera.cx), test::scalars(dL_dcamera.dL_dcx));
+    test::check_gradient(loss, test::scalars(in.camera.cy), test::scalars(dL_dcamera.dL_dcy));
+
+    const auto once = dL_dcovariance;
+    const auto mean_once = dL_dmean;
+    project_backward(in.camera, in.mean, in.covariance, params, weights.w, dL_dmean, dL_dcovariance, dL_dcamera);
+    CHECK(dL_dcovariance.xz == doctest::Approx(2 * once.xz).epsilon(1e-14));
+    CHECK(dL_dmean.z == doctest::Approx(2 * mean_once.z).epsilon(1e-14));
+}
+
+} // namespace
+
+TEST_CASE("project_backward is the gradient of project") {
+    test::Rng rng(1);
+    const Camera<double> camera = make_camera(rng);
+    ProjectionParams<double> params;
+    const auto check_both = [&](const vec3<double>& mean) {
+        for (const bool compensate : {false, true}) {
+            params.compensate_opacity = compensate;
+            check_adjoint({camera, mean, make_covariance(rng, 0.4)}, params, rng);
+        }
+    };
+    SUBCASE("inside the image") { check_both(rng.vec() * 0.3); }
+    SUBCASE("right of the clamp") { check_both(vec3<double>(6, 0.1, 0)); }
+    SUBCASE("beyond the upper left corner of the clamp") { check_both(vec3<double>(-5, -4, 0)); }
+    SUBCASE("below the compensation's floor") {
+        params.compensation_floor = 1;
+        check_both(rng.vec() * 0.3);
+    }
+}
+
+TEST_CASE("project agrees with the plain definition") {
+    test::Rng rng(2);
+    const Camera<double> camera = make_camera(rng);
+    for (int i = 0; i < 200; ++i) {
+        std::vector<vec3<double>> means{rng.vec(-4, 4)}, colors{rng.vec()};
+        std::vector<sym3<double>> covariances{make_covariance(rng, 0.3)};
+        std::vector<double> opacities{0.5};
+        test::ReferenceOptions options;
+        options.compensate_opacity = i % 2 == 1;
+        test::ReferenceSplat reference;
+        const SplatView<const double> view{means, covariances, opacities, colors};
+        const bool visible = test::reference_project(camera, view, 0, options, reference);
+        ProjectionParams<double> params;
+        params.compensate_opacity = options.compensate_opacity;
+        const Projection<double> p = project(camera, means[0], covariances[0], params);
+        REQUIRE(p.in_front == visible);
+        if (!visible) continue;
+        CHECK(p.center.x == doctest::Approx(reference.px).epsilon(1e-12));
+        CHECK(p.center.y == doctest::Approx(reference.py).epsilon(1e-12));
+        CHECK(p.depth == doctest::Approx(reference.z).epsilon(1e-12));
+        const double det = determinant(p.covariance);
+        CHECK(p.covariance.yy / det == doctest::Approx(reference.conic_a).epsilon(1e-9));
+        CHECK(p.covariance.xx / det == doctest::Approx(reference.conic_c).epsilon(1e-9));
+        CHECK(0.5 * p.opacity_factor == doctest::Approx(reference.opacity).epsilon(1e-9));
+    }
+}
+
+TEST_CASE("a pack of Gaussians projects lane by lane as scalars do") {
+    using P = Pack<double>;
+    constexpr std::size_t width = LaneTraits<P>::width;
+    test::Rng rng(3);
+    const Camera<double> camera = make_camera(rng);
+    Camera<P> wide;
+    for (int c = 0; c < 3; ++c)
+        for (int r = 0; r < 3; ++r) wide.R[c][r] = P(camera.R[c][r]);
+    for (int r = 0; r < 3; ++r) wide.t[r] = P(camera.t[r]);
+    wide.fx = P(camera.fx), wide.fy = P(camera.fy), wide.cx = P(camera.cx), wide.cy = P(camera.cy);
+    wide.width = camera.width, wide.height = camera.height;
+
+    const auto means = rng.vecs(width, -5, 4); // some behind the camera, some beyond the clamp
+    std::vector<sym3<double>> covariances;
+    for (std::size_t i = 0; i < width; ++i) covariances.push_back(make_covariance(rng, 0.2));
+    const auto pack = [&](const auto& member) {
+        alignas(64) double lanes[width];
+        for (std::size_t i = 0; i < width; ++i) lanes[i] = member(i);
+        return P::load_aligned(lanes);
+    };
+    const vec3<P> mean(pack([&](auto i) { return means[i].x; }), pack([&](auto i) { return means[i].y; }),
+                       pack([&](auto i) { return means[i].z; }));
+    const sym3<P> covariance{
+        pack([&](auto i) { return covariances[i].xx; }), pack([&](auto i) { return covariances[i].xy; }),
+        pack([&](auto i) { return covariances[i].xz; }), pack([&](auto i) { return covariances[i].yy; }),
+        pack([&](auto i) { return covariances[i].yz; }), pack([&](auto i) { return covariances[i].zz; })};
+    ProjectionParams<double> params;
+    params.compensate_opacity = true;
+    const Projection<P> p = project(wide, mean, covariance, params);
+    const Projection<P> dL{{P(1.0), P(2.0)}, P(3.0), {P(4.0), P(5.0), P(6.0)}, P(7.0), p.in_front};
+    vec3<P> dL_dmean(P(0.0));
+    sym3<P> dL_dcovariance{P(0.0), P(0.0), P(0.0), P(0.0), P(0.0), P(0.0)};
+    CameraGradient<P> dL_dcamera;
+    project_backward(wide, mean, covariance, params, dL, dL_dmean, dL_dcovariance, dL_dcamera);
+
+    for (std::size_t i = 0; i < width; ++i) {
+        INFO("lane " << i);
+        const Projection<double> one = project(camera, means[i], covariances[i], params);
+        CHECK(p.in_front.get(i) == one.in_front);
+        CHECK(p.center.x.get(i) == doctest::Approx(one.center.x).epsilon(1e-12));
+        CHECK(p.covariance.xy.get(i) == doctest::Approx(one.covariance.xy).epsilon(1e-12));
+        CHECK(p.opacity_factor.get(i) == doctest::Approx(one.opacity_factor).epsilon(1e-12));
+        vec3<double> one_mean(0);
+        sym3<double> one_covariance{};
+        CameraGradient<double> one_camera;
+        project_backward(camera, means[i], covariances[i], params, {{1, 2}, 3, {4, 5, 6}, 7, true}, one_mean,
+                         one_covariance, one_camera);
+        CHECK(dL_dmean.z.get(i) == doctest::Approx(one_mean.z).epsilon(1e-10));
+        CHECK(dL_dcovariance.yz.get(i) == doctest::Approx(one_covariance.yz).epsilon(1e-10));
+        CHECK(dL_dcamera.dL_dfx.get(i) == doctest::Approx(one_camera.dL_dfx).epsilon(1e-10));
+        CHECK(dL_dcamera.dL_dR[1].z.get(i) == doctest::Approx(one_camera.dL_dR[1].z).epsilon(1e-10));
+    }
+}
