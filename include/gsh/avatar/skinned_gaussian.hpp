@@ -150,11 +150,11 @@ struct SkinnedView {
     template <class U>
     using Like = std::conditional_t<std::is_const_v<T>, const U, U>;
 
-    Span<Like<vec3<Scalar>>> means;
-    Span<Like<quat<Scalar>>> quats;
-    Span<Like<vec3<Scalar>>> log_scales;
-    Span<T> opacity_logits;
-    Span<Like<vec3<Scalar>>> sh;
+    Span<Like<vec3<Scalar>>> means = {};
+    Span<Like<quat<Scalar>>> quats = {};
+    Span<Like<vec3<Scalar>>> log_scales = {};
+    Span<T> opacity_logits = {};
+    Span<Like<vec3<Scalar>>> sh = {};
     Span<T> ao = {};
     SkinWeights<Scalar> weights = {};
     std::size_t sh_stride = 0; ///< vectors from one Gaussian's coefficients to the next; 0 for (Degree+1)²
