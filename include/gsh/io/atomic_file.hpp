@@ -22,6 +22,12 @@
 
 namespace gsh {
 
+/// What a commit waits for.
+enum class Sync {
+    disk, ///< a power cut right afterwards loses nothing
+    none, ///< the system writes when it likes: for many files that can be made again
+};
+
 /// Writes beside the wanted file (`NAME.partial`), and on commit syncs that to the disk and renames it over `NAME`.
 /// A reader sees the old file or the new one; a crash, a full disk or an exception leaves the old one as it was.
 ///
@@ -39,7 +45,7 @@ public:
     void write(const void* data, std::size_t size);
     void write(std::string_view text) { write(text.data(), text.size()); }
     /// Makes the file appear. Without it the destructor removes what was written.
-    void commit();
+    void commit(Sync sync = Sync::disk);
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
     /// Bytes written so far.
@@ -62,10 +68,10 @@ private:
 };
 
 /// Writes `text` as the whole content of a file.
-inline void write_file(const std::filesystem::path& path, std::string_view text) {
+inline void write_file(const std::filesystem::path& path, std::string_view text, Sync sync = Sync::disk) {
     AtomicFile file(path);
     file.write(text);
-    file.commit();
+    file.commit(sync);
 }
 
 /// The whole content of a file.
@@ -103,13 +109,14 @@ inline void AtomicFile::write(const void* data, std::size_t size) {
     size_ += size;
 }
 
-inline void AtomicFile::commit() {
+inline void AtomicFile::commit(Sync sync) {
     flush();
-    if (!temporary_.empty() && ::fsync(descriptor_) != 0) fail("cannot be synced to the disk", errno);
+    if (sync == Sync::disk && !temporary_.empty() && ::fsync(descriptor_) != 0) fail("cannot be synced to the disk", errno);
     if (::close(std::exchange(descriptor_, -1)) != 0) fail("cannot be closed", errno);
     if (temporary_.empty()) return;
     if (std::rename(temporary_.c_str(), target_.c_str()) != 0) fail("cannot be renamed into place", errno);
     temporary_.clear();
+    if (sync == Sync::none) return;
     // The new name itself lives in the directory; a file system that cannot sync one has nothing to lose here.
     const auto folder = target_.has_parent_path() ? target_.parent_path() : std::filesystem::path(".");
     if (const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); directory >= 0) {

@@ -50,8 +50,10 @@ private:
 /// The bytes of a PNG file with 1 (grey), 3 (RGB) or 4 (RGBA) channels.
 [[nodiscard]] inline std::string encode_png(const PixelImage& image);
 
-/// Writes a PNG, atomically.
-inline void write_png(const std::filesystem::path& path, const PixelImage& image) { write_file(path, encode_png(image)); }
+/// Writes a PNG: whole or not at all, but without waiting for the disk.
+inline void write_png(const std::filesystem::path& path, const PixelImage& image) {
+    write_file(path, encode_png(image), Sync::none);
+}
 
 /// Planar numbers in [0, 1] as bytes: rounded to nearest, clamped; NaN becomes 0.
 template <class T>
