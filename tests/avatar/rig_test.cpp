@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/avatar/rig.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/body/posed_body.hpp>
 
 #include "support/gradient.hpp"
 #include "support/small_body.hpp"
@@ -73,7 +74,7 @@ TEST_CASE("a rig carries surface points as the body model carries its vertices")
     rig.forward(pose, data.joints, cache);
     auto points = at_vertices.positions;
     rig.add_offsets(cache, points);
-    const auto expected = pose_vertices(f.body, f.motion, 0);
+    const auto expected = pose_body(f.body, f.motion.pose_at(0), f.motion.transl[0], f.motion.betas, f.motion.expression_at(0)).vertices;
     for (std::size_t v = 0; v < points.size(); ++v) {
         const auto moved = blend(rig.skin(), v, Span<const Affine<double>>(cache.bones))(points[v]);
         CHECK(length(moved - expected[v]) < 1e-12);
