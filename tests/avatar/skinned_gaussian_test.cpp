@@ -5,6 +5,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/math/pack.hpp>
+#include <gsh/math/rotation.hpp>
 
 #include <cmath>
 #include <cstring>

@@ -98,8 +98,8 @@ TEST_CASE("blend_backward is the gradient of blend, and adds") {
 }
 
 TEST_CASE("bad weights are refused") {
-    CHECK_THROWS_AS(sparse_weights(std::vector<double>(7, 0.5), 2), ShapeError);
-    CHECK_THROWS_AS(sparse_weights(std::vector<double>{1, 0, 0, 0}, 2), ValueError);
+    CHECK_THROWS_AS((void)sparse_weights(std::vector<double>(7, 0.5), 2), ShapeError);
+    CHECK_THROWS_AS((void)sparse_weights(std::vector<double>{1, 0, 0, 0}, 2), ValueError);
     CHECK(sparse_weights({}, 4).size() == 0);
     const auto table = sparse_weights(std::vector<double>{1, 0, 0.5, 0.5}, 2);
     CHECK_NOTHROW(check_skin("here", table.view(), 2));

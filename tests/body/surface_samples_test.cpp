@@ -154,26 +154,26 @@ TEST_CASE("what cannot be sampled is refused, a vertex without surface is passed
     BodyModel model = test::tube();
     std::vector<double> K(model.vertex_count(), 1);
     const auto& vertices = model.v_template;
-    CHECK_THROWS_AS(sample_surface(model, std::vector<vec3<double>>(3), K, 1), ShapeError);
-    CHECK_THROWS_AS(sample_surface(model, vertices, std::vector<double>(3, 1), 1), ShapeError);
+    CHECK_THROWS_AS((void)sample_surface(model, std::vector<vec3<double>>(3), K, 1), ShapeError);
+    CHECK_THROWS_AS((void)sample_surface(model, vertices, std::vector<double>(3, 1), 1), ShapeError);
     auto bad = K;
     bad[4] = -1;
-    CHECK_THROWS_AS(sample_surface(model, vertices, bad, 1), ValueError);
+    CHECK_THROWS_AS((void)sample_surface(model, vertices, bad, 1), ValueError);
     bad[4] = std::numeric_limits<double>::quiet_NaN();
-    CHECK_THROWS_AS(sample_surface(model, vertices, bad, 1), ValueError);
-    CHECK_THROWS_AS(sample_surface(model, vertices, std::vector<double>(K.size(), 0), 1, {.total = 10}), ValueError);
+    CHECK_THROWS_AS((void)sample_surface(model, vertices, bad, 1), ValueError);
+    CHECK_THROWS_AS((void)sample_surface(model, vertices, std::vector<double>(K.size(), 0), 1, {.total = 10}), ValueError);
     CHECK(sample_surface(model, vertices, std::vector<double>(K.size(), 0), 1).size() == 0);
-    CHECK_THROWS_AS(sample_surface(model, vertices, K, 1, {.jitter = -1}), ValueError);
+    CHECK_THROWS_AS((void)sample_surface(model, vertices, K, 1, {.jitter = -1}), ValueError);
     auto broken = vertices;
     broken[2].y = std::numeric_limits<double>::infinity();
-    CHECK_THROWS_AS(sample_surface(model, broken, K, 1), ValueError);
+    CHECK_THROWS_AS((void)sample_surface(model, broken, K, 1), ValueError);
     BodyModel faceless = model, short_weights = model, bad_face = model;
     faceless.faces.clear();
     short_weights.weights.pop_back();
     bad_face.faces[3][1] = static_cast<int>(model.vertex_count());
-    CHECK_THROWS_AS(sample_surface(faceless, vertices, K, 1), ValueError);
-    CHECK_THROWS_AS(sample_surface(short_weights, vertices, K, 1), ShapeError);
-    CHECK_THROWS_AS(sample_surface(bad_face, vertices, K, 1), ValueError);
+    CHECK_THROWS_AS((void)sample_surface(faceless, vertices, K, 1), ValueError);
+    CHECK_THROWS_AS((void)sample_surface(short_weights, vertices, K, 1), ShapeError);
+    CHECK_THROWS_AS((void)sample_surface(bad_face, vertices, K, 1), ValueError);
 
     model.v_template.push_back(vec3<double>(9)); // hangs on no triangle
     for (int j = 0; j < 4; ++j) model.weights.push_back(0.25);

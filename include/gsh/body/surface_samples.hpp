@@ -89,7 +89,9 @@ namespace detail {
     const double scale = largest > 0 ? 1 / largest : 0;
     std::vector<std::uint64_t> codes(points.size());
     for (std::size_t i = 0; i < points.size(); ++i) codes[i] = morton_code((points[i] - low) * scale);
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return codes[a] < codes[b]; });
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+        return codes[a] != codes[b] ? codes[a] < codes[b] : a < b;
+    });
     return order;
 }
 
