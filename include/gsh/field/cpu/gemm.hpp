@@ -66,7 +66,8 @@ struct Gemm {
                         const Epilogue& epilogue, const Ahead& ahead = {}) {
         const std::size_t end = padded(columns);
         // Sixteen sums in flight cover the latency of fma twice over and leave registers for the operands.
-        for (std::size_t column = 0; column < end;) {
+        std::size_t column = 0;
+        while (column < end) {
             const std::size_t registers = (end - column) / width;
             const auto strip_of = [&](const auto& ahead_of_strip) {
                 if (registers >= 4)

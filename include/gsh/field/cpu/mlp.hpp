@@ -86,6 +86,24 @@ void with_block(std::size_t block, const F& f) {
     }
 }
 
+/// Asks for rows of the next tile while this one is being worked on, a few lines at a time: the hardware alone loses
+/// track at every tile's end.
+template <class T>
+struct Ahead {
+    FeatureView<const T> view;
+    std::size_t first, count; ///< the next tile
+
+    // Inlined by force: GCC takes a function that only prefetches for one without effect and drops its calls.
+    [[gnu::always_inline]] void operator()(std::size_t row, std::size_t rows) const {
+        if (row >= count) return;
+        constexpr std::size_t line = 64 / sizeof(T);
+        for (std::size_t c = 0; c < view.columns; c += view.block) {
+            const T* from = view.column(c) + (first + row) * view.block;
+            for (std::size_t i = 0; i < rows * view.block; i += line) __builtin_prefetch(from + i);
+        }
+    }
+};
+
 /// Rows [first, first + rows) of the view as a row-major tile: the view's own memory where its rows suit, else a copy
 /// padded with zeros.
 template <class T>
@@ -141,13 +159,14 @@ void mlp_forward(B& backend, const Network& network, Span<const T> weights, Feat
         T* output_copy = input_copy + tile_size;
         for (std::size_t first = begin; first < end; first += detail::mlp_tile_rows) {
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
+            const std::size_t next = first + count, next_count = std::min(detail::mlp_tile_rows, end - next);
             typename G::Right x = detail::input_tile(inputs, first, count, input_copy);
             for (std::size_t l = 0; l < last; ++l) {
                 const std::size_t stride = layout.padded_out(l);
                 T* hidden = cache.hidden.data() + layout.hidden_offset(l, rows) + first * stride;
                 G::product(count, layout.out(l), layout.in(l), {x.data, x.stride, 1},
                            {cache.packed.data() + layout.transposed_offset(l), stride}, {hidden, stride},
-                           typename G::Relu{});
+                           typename G::Relu{}, detail::Ahead<T>{l ? FeatureView<const T>() : inputs, next, next_count});
                 x = {hidden, stride};
             }
             const std::size_t stride = layout.padded_out(last);
@@ -182,6 +201,7 @@ void mlp_backward(B& backend, const Network& network, Span<const T> weights, Fea
         std::fill_n(sums, sums_size, T(0));
         for (std::size_t first = begin; first < end; first += detail::mlp_tile_rows) {
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
+            const std::size_t next = first + count, next_count = std::min(detail::mlp_tile_rows, end - next);
             typename G::Right dL_dy{dL_doutputs.data() + first * layout.out(last), layout.out(last)};
             for (std::size_t l = last + 1; l-- > 0;) {
                 const std::size_t stride = layout.padded_in(l);
@@ -196,12 +216,15 @@ void mlp_backward(B& backend, const Network& network, Span<const T> weights, Fea
                 const typename G::Left left{dL_dy.data, dL_dy.stride, 1};
                 const typename G::Right matrix{cache.packed.data() + layout.padded_offset(l), stride};
                 T* dL_dx = gradients[l % 2];
-                if (l)
+                if (l) {
+                    const Span<const T> layer{cache.hidden.data() + layout.hidden_offset(l - 1, rows), rows * stride};
                     G::product(count, layout.in(l), layout.out(l), left, matrix, {dL_dx, stride},
-                               typename G::WhereActive{hidden});
-                else
+                               typename G::WhereActive{hidden},
+                               detail::Ahead<T>{{layer, rows, stride, stride}, next, next_count});
+                } else {
                     G::product(count, layout.in(l), layout.out(l), left, matrix, {dL_dx, stride},
-                               typename G::Assign{});
+                               typename G::Assign{}, detail::Ahead<T>{inputs, next, next_count});
+                }
                 dL_dy = {dL_dx, stride};
             }
             if (!dL_dinputs.empty()) detail::output_tile(dL_dy.data, first, count, dL_dinputs, inputs_mode);

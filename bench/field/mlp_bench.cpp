@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/backend/threads.hpp>
+#include <gsh/field/mlp.hpp>
+
+#include <benchmark/benchmark.h>
+
+using namespace gsh;
+
+namespace {
+
+constexpr std::size_t points = 170'000;
+
+void count(benchmark::State& state, const Mlp& mlp, double passes) {
+    const double times = static_cast<double>(state.iterations()) * points;
+    state.SetItemsProcessed(static_cast<std::int64_t>(times));
+    state.SetBytesProcessed(static_cast<std::int64_t>(times * sizeof(float) * static_cast<double>(mlp.inputs() + mlp.outputs())));
+    state.counters["flop/s"] = benchmark::Counter(times * passes * 2 * static_cast<double>(mlp.parameter_count()),
+                                                  benchmark::Counter::kIsRate);
+}
+
+/// The avatar's networks, inputs level by level; argument: outputs (27 spherical harmonics, 3 displacement).
+template <class B>
+struct Setup {
+    B backend;
+    Mlp mlp;
+    Mlp::Cache<float, B> cache;
+    std::vector<float> weights = mlp.initial_weights<float>(1), inputs = std::vector<float>(points * 64),
+                       outputs = std::vector<float>(points * mlp.outputs());
+    FeatureView<const float> view{inputs, points, 64, 4};
+
+    explicit Setup(const benchmark::State& state) : mlp({64, static_cast<int>(state.range(0))}) {
+        for (std::size_t i = 0; i < inputs.size(); ++i) inputs[i] = static_cast<float>(random_uniform(1, i) - 0.5);
+    }
+};
+
+template <class B>
+void forward(benchmark::State& state) {
+    Setup<B> s(state);
+    for (auto _ : state) s.mlp.forward(s.backend, s.weights, s.view, s.outputs, s.cache);
+    count(state, s.mlp, 1);
+}
+
+template <class B>
+void backward(benchmark::State& state) {
+    Setup<B> s(state);
+    s.mlp.forward(s.backend, s.weights, s.view, s.outputs, s.cache);
+    std::vector<float> dL_dweights(s.weights.size()), dL_dinputs(s.inputs.size());
+    const FeatureView<float> dL_dview(dL_dinputs, points, 64, 4);
+    for (auto _ : state)
+        s.mlp.backward(s.backend, s.weights, s.view, s.outputs, s.cache, dL_dweights, dL_dview, Write::assign);
+    count(state, s.mlp, 2);
+}
+
+BENCHMARK(forward<cpu::Serial>)->Arg(27)->Arg(3)->Unit(benchmark::kMillisecond);
+BENCHMARK(forward<cpu::Threads>)->Arg(27)->Arg(3)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(backward<cpu::Serial>)->Arg(27)->Arg(3)->Unit(benchmark::kMillisecond);
+BENCHMARK(backward<cpu::Threads>)->Arg(27)->Arg(3)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+} // namespace

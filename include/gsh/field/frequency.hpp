@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Frequency encoding of a number: sines and cosines of doubling frequency, then the number itself.
+#pragma once
+
+#include <gsh/core/config.hpp>
+
+#include <cmath>
+#include <concepts>
+#include <numbers>
+
+namespace gsh {
+
+/// γ(t) = (sin πt, cos πt, sin 2πt, cos 2πt, …, sin 2^(O-1) πt, cos 2^(O-1) πt, t) and its adjoint.
+///
+/// Shapes  features [2 * Octaves + 1].
+/// Units   t in [0, 1) covers half a period of the slowest wave.
+/// Errors  none; meant for one number per frame, so it works on scalars, not lanes.
+/// Source  Mildenhall et al., "NeRF", 2020, equation 4, with t itself appended.
+template <int Octaves>
+    requires(Octaves >= 0)
+struct FrequencyEncoding {
+    static constexpr int output_count = 2 * Octaves + 1;
+
+    template <std::floating_point T>
+    GSH_HD static void forward(T t, T* features) {
+        T frequency = std::numbers::pi_v<T>;
+        for (int i = 0; i < Octaves; ++i, frequency *= 2) {
+            features[2 * i] = std::sin(frequency * t);
+            features[2 * i + 1] = std::cos(frequency * t);
+        }
+        features[2 * Octaves] = t;
+    }
+
+    /// Adds to dL_dt.
+    template <std::floating_point T>
+    GSH_HD static void backward(T t, const T* dL_dfeatures, T& dL_dt) {
+        T frequency = std::numbers::pi_v<T>;
+        for (int i = 0; i < Octaves; ++i, frequency *= 2)
+            dL_dt += frequency * (dL_dfeatures[2 * i] * std::cos(frequency * t) -
+                                  dL_dfeatures[2 * i + 1] * std::sin(frequency * t));
+        dL_dt += dL_dfeatures[2 * Octaves];
+    }
+};
+
+} // namespace gsh

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Adam: gradient descent with a running mean and a running square of each gradient.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/config.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/lane.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/optim/cpu/adam.hpp>
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+namespace gsh {
+
+/// What a step does with the gradients that it has used. Zeroing them on the way saves a pass over memory.
+enum class UsedGradients { keep, zero };
+
+namespace detail {
+
+/// The numbers of one step that all elements share.
+template <class T>
+struct AdamCoefficients {
+    T beta1, beta2, one_minus_beta1, one_minus_beta2, step_size, inverse_root_correction2, epsilon;
+};
+
+/// m, v and the parameter of one element (per lane).
+template <Lane T>
+GSH_HD void adam_update(T& parameter, T gradient, T& m, T& v, const AdamCoefficients<ScalarOf<T>>& c) {
+    m = T(c.beta1) * m + T(c.one_minus_beta1) * gradient;
+    v = T(c.beta2) * v + T(c.one_minus_beta2) * gradient * gradient;
+    parameter -= T(c.step_size) * m / (sqrt(v) * T(c.inverse_root_correction2) + T(c.epsilon));
+}
+
+/// Element i of one step.
+template <class T>
+struct AdamStep {
+    Span<T> parameters, gradients, m, v;
+    AdamCoefficients<T> coefficients;
+    bool zero_gradients;
+
+    GSH_HD void operator()(std::size_t i) const {
+        adam_update(parameters[i], gradients[i], m[i], v[i], coefficients);
+        if (zero_gradients) gradients[i] = T(0);
+    }
+};
+
+} // namespace detail
+
+/// p -= rate * (m / (1 - β1^t)) / (sqrt(v / (1 - β2^t)) + ε), with m and v the running means of g and g².
+///
+/// Shapes  parameters, gradients, m, v [N]; m and v start at zero; the first step has number 1.
+/// Errors  ShapeError, ValueError before any work starts.
+/// Source  Kingma and Ba, "Adam: A Method for Stochastic Optimization", 2015, algorithm 1.
+struct Adam {
+    double beta1 = 0.9;     ///< memory of the mean: about 10 steps
+    double beta2 = 0.999;   ///< memory of the square: about 1000 steps
+    double epsilon = 1e-15; ///< tiny, so that rarely touched entries still take full steps
+
+    /// One step of every parameter.
+    template <Backend B, std::floating_point T>
+    void step(B& backend, Span<T> parameters, std::type_identity_t<Span<T>> gradients,
+              std::type_identity_t<Span<T>> m, std::type_identity_t<Span<T>> v, double rate, std::int64_t step_number,
+              UsedGradients used = UsedGradients::keep) const {
+        adam_step(backend, prepared<T>(parameters, gradients, m, v, rate, step_number, used), parameters.size());
+    }
+
+    /// One step of some rows of a [., width] table, for instance the entries that a hash grid's query touches.
+    ///
+    /// Rows that never had a gradient have m = v = 0 and do not move in a dense step either, so stepping every row
+    /// that ever has one, each time, equals dense Adam bit for bit at a fraction of the traffic.
+    /// Shapes  rows [R], distinct, ascending where speed matters.
+    template <Backend B, std::floating_point T>
+    void step_rows(B& backend, Span<T> parameters, std::type_identity_t<Span<T>> gradients,
+                   std::type_identity_t<Span<T>> m, std::type_identity_t<Span<T>> v,
+                   std::type_identity_t<Span<const std::uint32_t>> rows, std::size_t width, double rate,
+                   std::int64_t step_number, UsedGradients used = UsedGradients::keep) const {
+        check_value(width > 0 && parameters.size() % width == 0, "Adam::step_rows",
+                    "parameters must hold a whole number of rows of width > 0");
+        adam_step_rows(backend, prepared<T>(parameters, gradients, m, v, rate, step_number, used), rows, width);
+    }
+
+private:
+    template <class T>
+    [[nodiscard]] detail::AdamStep<T> prepared(Span<T> parameters, Span<T> gradients, Span<T> m, Span<T> v, double rate,
+                                               std::int64_t step_number, UsedGradients used) const {
+        check_size("Adam", "gradients", gradients.size(), parameters.size());
+        check_size("Adam", "m", m.size(), parameters.size());
+        check_size("Adam", "v", v.size(), parameters.size());
+        check_value(step_number >= 1, "Adam", "step_number counts from 1");
+        const double t = static_cast<double>(step_number);
+        const double correction1 = 1 - std::pow(beta1, t), correction2 = 1 - std::pow(beta2, t);
+        return {parameters,
+                gradients,
+                m,
+                v,
+                {T(beta1), T(beta2), T(1 - beta1), T(1 - beta2), T(rate / correction1), T(1 / std::sqrt(correction2)),
+                 T(epsilon)},
+                used == UsedGradients::zero};
+    }
+};
+
+} // namespace gsh

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Adam on the CPU: runs of neighbouring elements, so that the compiler may use whole registers.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/span.hpp>
+
+#include <cstddef>
+#include <cstdint>
+
+namespace gsh::cpu {
+
+namespace detail {
+
+/// step(i) for i in [begin, end). The step comes by value: behind a reference its coefficients could change with
+/// every store, for all that the compiler knows.
+template <class Step>
+void adam_run(Step step, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) step(i);
+}
+
+} // namespace detail
+
+template <CpuBackend B, class Step>
+void adam_step(B& backend, const Step& step, std::size_t count) {
+    backend.for_chunks(count, 16384, [&](std::size_t, std::size_t begin, std::size_t end) {
+        detail::adam_run(step, begin, end);
+    });
+}
+
+template <CpuBackend B, class Step>
+void adam_step_rows(B& backend, const Step& step, Span<const std::uint32_t> rows, std::size_t width) {
+    backend.for_chunks(rows.size(), 4096, [&](std::size_t, std::size_t begin, std::size_t end) {
+        while (begin < end) {
+            const std::size_t first = rows[begin];
+            std::size_t count = 1;
+            while (begin + count < end && rows[begin + count] == first + count) ++count;
+            detail::adam_run(step, first * width, (first + count) * width);
+            begin += count;
+        }
+    });
+}
+
+} // namespace gsh::cpu
