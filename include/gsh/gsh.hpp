@@ -10,6 +10,7 @@
 
 #include <gsh/math/activation.hpp>
 #include <gsh/math/affine.hpp>
+#include <gsh/math/linalg.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/sh.hpp>
@@ -30,6 +31,7 @@
 #include <gsh/body/mesh.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/body/nearest_points.hpp>
+#include <gsh/body/posed_body.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_interpolation.hpp>
@@ -45,6 +47,7 @@
 #include <gsh/field/cpu/hash_grid.hpp>
 #include <gsh/field/cpu/mlp.hpp>
 #include <gsh/field/features.hpp>
+#include <gsh/field/frequency.hpp>
 #include <gsh/field/hash_field.hpp>
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/field/hash_level.hpp>
@@ -54,6 +57,11 @@
 #include <gsh/image/image.hpp>
 #include <gsh/image/resample.hpp>
 
+#include <gsh/optim/adam.hpp>
+#include <gsh/optim/cpu/adam.hpp>
+#include <gsh/optim/schedule.hpp>
+
+#include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 
@@ -77,3 +85,4 @@
 
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/parameters.hpp>
+#include <gsh/train/trainer.hpp>
