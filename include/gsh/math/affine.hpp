@@ -9,8 +9,13 @@ namespace gsh {
 /// A 3x4 matrix [linear | translation]. Sums and scalings are those of the matrix, so blends are plain arithmetic.
 template <class T>
 struct Affine {
-    mat3<T> linear = mat3<T>(T(1));
-    vec3<T> translation = vec3<T>(T(0));
+    mat3<T> linear;
+    vec3<T> translation;
+
+    // Constructors, not initialisers of the members: nvcc 13.0 turns those into constants whose types its own verifier
+    // rejects ("Invalid bitcast") without failing.
+    GSH_HD Affine() : linear(T(1)), translation(T(0)) {}
+    GSH_HD Affine(const mat3<T>& linear_, const vec3<T>& translation_) : linear(linear_), translation(translation_) {}
 
     [[nodiscard]] GSH_HD static Affine zero() { return {mat3<T>(T(0)), vec3<T>(T(0))}; }
 

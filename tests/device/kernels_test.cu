@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Every per-element function and every function object as device code: nvcc compiles them all here, and where a
+///        device answers, its results are compared with the host's.
+#include "support/elements.hpp"
+
+#include <gsh/avatar/rig.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/body/skeleton.hpp>
+#include <gsh/body/skinning.hpp>
+#include <gsh/body/surface_interpolation.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/gaussian/static_gaussian.hpp>
+#include <gsh/image/color.hpp>
+#include <gsh/image/resample.hpp>
+#include <gsh/optim/adam.hpp>
+#include <gsh/train/parameters.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <tuple>
+#include <type_traits>
+#include <vector>
+
+namespace {
+
+using namespace gsh;
+
+constexpr int skipped = 77; // what ctest is told to read as "skipped"
+
+/// What a device backend's for_each launches.
+template <class Body>
+__global__ void for_each_kernel(std::size_t n, Body body) {
+    const std::size_t i = blockIdx.x * static_cast<std::size_t>(blockDim.x) + threadIdx.x;
+    if (i < n) body(i);
+}
+
+/// One element on its own numbers.
+template <class Element, class T>
+struct RunElement {
+    Element element;
+    Span<const T> in, table;
+    Span<T> out;
+
+    GSH_HD void operator()(std::size_t i) const {
+        element.run(test::Inputs<T>(in.data() + i * test::element_inputs),
+                    test::Outputs<T>(out.data() + i * test::element_outputs), table.data());
+    }
+};
+
+/// Linear blend skinning takes joint indices, which are no lane's numbers; so it is here and not among the elements.
+template <class T>
+struct Skin {
+    SkinWeights<T> skin;
+    Span<const Affine<T>> bones, dL_dblended;
+    Span<Affine<T>> blended, dL_dbones;
+
+    GSH_HD void operator()(std::size_t i) const {
+        blended[i] = blend(skin, i, bones);
+        blend_backward(skin, i, dL_dblended[i], dL_dbones);
+    }
+};
+
+/// The adjoint of a skinned Gaussian adds to bones and a centre that its caller owns.
+template <int Degree, class T>
+struct SkinnedBackward {
+    gsh::detail::SkinnedSplatBackward<Degree, T> body;
+    Span<Affine<T>> dL_dbones; // [N, J]
+    Span<vec3<T>> dL_dcenters; // [N]
+    std::size_t joint_count;
+
+    GSH_HD void operator()(std::size_t i) const {
+        body(i, dL_dbones.subspan(i * joint_count, joint_count), dL_dcenters[i]);
+    }
+};
+
+template <class T>
+struct HashTableBackward {
+    HashGrid<5, 2> grid;
+    Span<const vec3<T>> points;
+    Span<const T> dL_dfeatures;
+    Span<T> dL_dtable;
+
+    GSH_HD void operator()(std::size_t i) const {
+        grid.encode_backward_table(points[i], dL_dfeatures.data() + 10 * i, dL_dtable.data());
+    }
+};
+
+template <class... T>
+struct Types {};
+
+/// The function objects that backend.for_each is given. A new one is one more name here.
+template <class T>
+using Bodies = Types<
+    gsh::detail::StaticSplatForward<0, T>, gsh::detail::StaticSplatForward<2, T>, gsh::detail::StaticSplatForward<4, T>,
+    gsh::detail::StaticSplatBackward<0, T>, gsh::detail::StaticSplatBackward<2, T>,
+    gsh::detail::StaticSplatBackward<4, T>, gsh::detail::SkinnedSplatForward<2, T>,
+    gsh::detail::SkinnedSplatForward<3, T>, SkinnedBackward<2, T>, SkinnedBackward<3, T>, gsh::detail::PoseRotations<T>, gsh::detail::PoseRotationsBackward<T>,
+    gsh::detail::PoseFeature<T>, gsh::detail::PoseFeatureBackward<T>, gsh::detail::BoneTransforms<T>,
+    gsh::detail::BoneTransformsBackward<T>, gsh::detail::SurfaceGather<T>, gsh::detail::SurfaceScatter<T>,
+    gsh::detail::HashBackwardPoint<HashGrid<5, 2>, T>, gsh::detail::ResamplePlanes<T, UndistortMap<T>>,
+    gsh::detail::ResampleRgba8<T, UndistortMap<T>>, gsh::detail::CompositeRgba8<T, gsh::detail::PlainBackground<T>>,
+    gsh::detail::CompositeRgba8<T, gsh::detail::ImageBackground<T>>,
+    gsh::detail::Difference<T>, gsh::detail::Accumulate<T>, gsh::detail::Accumulate<vec3<T>>, gsh::detail::Sum<vec3<T>>,
+    gsh::detail::ScaleFirst<T>, gsh::detail::AdamStep<T>, Skin<T>, HashTableBackward<T>>;
+
+bool failed = false;
+
+void check(cudaError_t status, const char* what) {
+    if (status == cudaSuccess) return;
+    std::printf("%s: %s\n", what, cudaGetErrorString(status));
+    failed = true;
+}
+
+/// Makes nvcc emit the kernel; on a machine with a device, asks the driver whether it can load it.
+template <class Body>
+void emit_kernel(bool device) {
+    static_assert(std::is_trivially_copyable_v<Body>, "a function object travels to the device as its bytes");
+    cudaFuncAttributes attributes;
+    const auto kernel = &for_each_kernel<Body>;
+    if (device) check(cudaFuncGetAttributes(&attributes, reinterpret_cast<const void*>(kernel)), "cudaFuncGetAttributes");
+}
+
+template <class Element, class T>
+void compare_with_host(bool device, double tolerance) {
+    emit_kernel<RunElement<Element, T>>(device);
+    if (!device) return;
+    constexpr std::size_t count = 1000;
+    std::vector<T> in(count * test::element_inputs), table(test::element_table_size);
+    std::vector<T> expected(count * test::element_outputs, T(0)), found(expected);
+    Rng rng(17);
+    for (T& number : in) number = static_cast<T>(rng.uniform(-1, 1));
+    for (T& number : table) number = static_cast<T>(rng.uniform(-1, 1));
+    RunElement<Element, T> body{Element(), in, table, expected};
+    for (std::size_t i = 0; i < count; ++i) body(i);
+
+    T *device_in = nullptr, *device_table = nullptr, *device_out = nullptr;
+    check(cudaMalloc(&device_in, in.size() * sizeof(T)), "cudaMalloc");
+    check(cudaMalloc(&device_table, table.size() * sizeof(T)), "cudaMalloc");
+    check(cudaMalloc(&device_out, found.size() * sizeof(T)), "cudaMalloc");
+    check(cudaMemcpy(device_in, in.data(), in.size() * sizeof(T), cudaMemcpyHostToDevice), "upload");
+    check(cudaMemcpy(device_table, table.data(), table.size() * sizeof(T), cudaMemcpyHostToDevice), "upload");
+    check(cudaMemset(device_out, 0, found.size() * sizeof(T)), "cudaMemset");
+    body.in = {device_in, in.size()};
+    body.table = {device_table, table.size()};
+    body.out = {device_out, found.size()};
+    for_each_kernel<<<(count + 127) / 128, 128>>>(count, body);
+    check(cudaGetLastError(), Element::name);
+    check(cudaMemcpy(found.data(), device_out, found.size() * sizeof(T), cudaMemcpyDeviceToHost), Element::name);
+    check(cudaFree(device_in), "cudaFree");
+    check(cudaFree(device_table), "cudaFree");
+    check(cudaFree(device_out), "cudaFree");
+
+    double largest = 0;
+    std::size_t where = 0;
+    for (std::size_t i = 0; i < found.size(); ++i) {
+        const double e = static_cast<double>(expected[i]), error = std::abs(static_cast<double>(found[i]) - e);
+        const double relative = error / std::max(1.0, std::abs(e));
+        if (!(relative <= largest)) largest = relative, where = i;
+    }
+    const bool good = largest <= tolerance;
+    failed = failed || !good;
+    std::printf("%-32s %s  largest difference %.2e at element %zu, output %zu%s\n", Element::name,
+                sizeof(T) == 4 ? "float " : "double", largest, where / test::element_outputs,
+                where % test::element_outputs, good ? "" : "  TOO MUCH");
+}
+
+template <class... Element>
+void compare_elements(std::tuple<Element...>*, bool device) {
+    // The device contracts products and sums into one rounding, and has its own exp, log, sin and cos.
+    (compare_with_host<Element, float>(device, 1e-4), ...);
+    (compare_with_host<Element, double>(device, 1e-12), ...);
+}
+
+template <class... Body>
+void emit_bodies(Types<Body...>, bool device) {
+    (emit_kernel<Body>(device), ...);
+}
+
+} // namespace
+
+int main() {
+    int devices = 0;
+    const bool device = cudaGetDeviceCount(&devices) == cudaSuccess && devices > 0;
+    compare_elements(static_cast<test::Elements*>(nullptr), device);
+    emit_bodies(Bodies<float>{}, device);
+    emit_bodies(Bodies<double>{}, device);
+    if (!device) {
+        std::printf("skipped: the kernels compile, but no device answers on this machine, so none of them ran\n");
+        return skipped;
+    }
+    std::printf(failed ? "FAILED\n" : "the device agrees with the host\n");
+    return failed ? 1 : 0;
+}
