@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/gaussian/covariance.hpp>
+#include <gsh/math/rotation.hpp>
 
 #include "support/gradient.hpp"
 
@@ -30,6 +31,23 @@ TEST_CASE("covariance_backward is the gradient of covariance, and adds") {
         CHECK(dL_dq.z == doctest::Approx(2 * once.z).epsilon(1e-14));
         CHECK(length(dL_dlog_scale - once_scale * 2.0) < 1e-13);
     }
+}
+
+TEST_CASE("covariance_factor_backward is the gradient of covariance_factor, and adds") {
+    test::Rng rng(5);
+    quat<double> q = rng.quat(), dL_dq{0, 0, 0, 0};
+    vec3<double> log_scale = rng.vec(-1, 0.5), dL_dlog_scale(0.0);
+    const mat3<double> weight(rng.vec(), rng.vec(), rng.vec());
+    const auto loss = [&] {
+        const mat3<double> F = covariance_factor(q, log_scale);
+        return dot(F[0], weight[0]) + dot(F[1], weight[1]) + dot(F[2], weight[2]);
+    };
+    covariance_factor_backward(q, log_scale, weight, dL_dq, dL_dlog_scale);
+    test::check_gradient(loss, test::scalars(q), test::scalars(dL_dq));
+    test::check_gradient(loss, test::scalars(log_scale), test::scalars(dL_dlog_scale));
+    const double once = dL_dq.y;
+    covariance_factor_backward(q, log_scale, weight, dL_dq, dL_dlog_scale);
+    CHECK(dL_dq.y == 2 * once);
 }
 
 TEST_CASE("the eigenvalues of a covariance are its squared scales") {

@@ -4,11 +4,35 @@
 
 #include <gsh/core/config.hpp>
 #include <gsh/core/lane.hpp>
-#include <gsh/math/activation.hpp>
-#include <gsh/math/rotation.hpp>
+#include <gsh/math/quat.hpp>
 #include <gsh/math/sym.hpp>
+#include <gsh/math/vec.hpp>
 
 namespace gsh {
+
+namespace detail {
+
+/// What the covariance and its adjoint share: F = R S and its parts, with three exponentials and one root.
+template <Lane T>
+struct CovarianceFactor {
+    quat<T> unit;
+    vec3<T> scale;
+    mat3<T> R, F;
+
+    GSH_HD CovarianceFactor(const quat<T>& q, const vec3<T>& log_scale)
+        : unit(normalize(q)), scale(exp(log_scale.x), exp(log_scale.y), exp(log_scale.z)), R(rotation_matrix(unit)),
+          F(R[0] * scale.x, R[1] * scale.y, R[2] * scale.z) {}
+
+    /// A unit of log-scale k scales column k of F by itself.
+    GSH_HD void backward(const quat<T>& q, const mat3<T>& dL_dF, quat<T>& dL_dq, vec3<T>& dL_dlog_scale) const {
+        dL_dlog_scale += vec3<T>(dot(F[0], dL_dF[0]), dot(F[1], dL_dF[1]), dot(F[2], dL_dF[2]));
+        quat<T> dL_dunit{T(0), T(0), T(0), T(0)};
+        rotation_matrix_backward(unit, mat3<T>(dL_dF[0] * scale.x, dL_dF[1] * scale.y, dL_dF[2] * scale.z), dL_dunit);
+        normalize_backward(q, dL_dunit, dL_dq);
+    }
+};
+
+} // namespace detail
 
 /// F = R diag(exp s), whose gram F Fᵀ is the covariance. A linear map M of space turns F into M F.
 ///
@@ -17,22 +41,14 @@ namespace gsh {
 /// Source  Kerbl et al., "3D Gaussian Splatting", 2023, equation 6.
 template <Lane T>
 [[nodiscard]] GSH_HD mat3<T> covariance_factor(const quat<T>& q, const vec3<T>& log_scale) {
-    const mat3<T> R = rotation_from_quat(q);
-    return mat3<T>(R[0] * exp(log_scale.x), R[1] * exp(log_scale.y), R[2] * exp(log_scale.z));
+    return detail::CovarianceFactor<T>(q, log_scale).F;
 }
 
 /// Adjoint of covariance_factor: adds to dL_dq and dL_dlog_scale.
 template <Lane T>
 GSH_HD void covariance_factor_backward(const quat<T>& q, const vec3<T>& log_scale, const mat3<T>& dL_dfactor,
                                        quat<T>& dL_dq, vec3<T>& dL_dlog_scale) {
-    const mat3<T> R = rotation_from_quat(q);
-    mat3<T> dL_dR;
-    for (int k = 0; k < 3; ++k) {
-        const T scale = exp(log_scale[k]);
-        exp_backward(scale, dot(R[k], dL_dfactor[k]), dL_dlog_scale[k]);
-        dL_dR[k] = dL_dfactor[k] * scale;
-    }
-    rotation_from_quat_backward(q, dL_dR, dL_dq);
+    detail::CovarianceFactor<T>(q, log_scale).backward(q, dL_dfactor, dL_dq, dL_dlog_scale);
 }
 
 /// R S Sᵀ Rᵀ with R from the normalised q and S = diag(exp(log_scale)); square metres.
@@ -45,9 +61,8 @@ template <Lane T>
 template <Lane T>
 GSH_HD void covariance_backward(const quat<T>& q, const vec3<T>& log_scale, const sym3<T>& dL_dcovariance,
                                 quat<T>& dL_dq, vec3<T>& dL_dlog_scale) {
-    mat3<T> dL_dfactor(T(0));
-    gram_backward(covariance_factor(q, log_scale), dL_dcovariance, dL_dfactor);
-    covariance_factor_backward(q, log_scale, dL_dfactor, dL_dq, dL_dlog_scale);
+    const detail::CovarianceFactor<T> factor(q, log_scale);
+    factor.backward(q, full_gradient(dL_dcovariance) * factor.F * T(2), dL_dq, dL_dlog_scale);
 }
 
 } // namespace gsh
