@@ -3,16 +3,14 @@
 #pragma once
 
 #include <gsh/body/body_model.hpp>
+#include <gsh/math/vec.hpp>
 #include <gsh/synthetic/actor_directions.hpp>
 #include <gsh/synthetic/actor_mesh.hpp>
-
-#include <Eigen/Cholesky>
-#include <Eigen/Core>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <string>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -34,7 +32,7 @@ struct ActorParams {
 namespace detail {
 
 /// Positive weights of the vertices near `target` that average to it exactly: Gaussian weights, tilted by the factor
-/// exp(λ·(x - target)) that makes the mean right (Newton on a convex function). The radius grows until that works.
+/// exp(tilt·(x - target)) that makes the mean right (Newton on a convex function). The radius grows until that works.
 inline std::vector<RegressorEntry> regressor_row(Span<const vec3<double>> vertices, const vec3<double>& target) {
     double nearest = 1;
     for (const auto& v : vertices) nearest = std::min(nearest, length(v - target));
@@ -44,28 +42,24 @@ inline std::vector<RegressorEntry> regressor_row(Span<const vec3<double>> vertic
             const double t = length(vertices[v] - target) / radius;
             if (t < 1) row.push_back({static_cast<int>(v), (1 - t * t) * (1 - t * t)});
         }
-        Eigen::Vector3d lambda = Eigen::Vector3d::Zero(), mean;
+        vec3<double> tilt(0), mean(0);
         double sum = 0;
-        const auto offset = [&](const RegressorEntry& e) {
-            const vec3<double> d = (vertices[static_cast<std::size_t>(e.vertex)] - target) / radius;
-            return Eigen::Vector3d(d.x, d.y, d.z);
-        };
+        const auto offset = [&](const RegressorEntry& e) { return (vertices[static_cast<std::size_t>(e.vertex)] - target) / radius; };
         for (int step = 0; step < 60; ++step) {
-            Eigen::Matrix3d second = Eigen::Matrix3d::Zero();
-            mean.setZero(), sum = 0;
+            mat3<double> second(0.0);
+            mean = vec3<double>(0), sum = 0;
             for (const auto& e : row) {
-                const Eigen::Vector3d d = offset(e);
-                const double w = e.weight * std::exp(lambda.dot(d));
-                sum += w, mean += w * d, second += w * d * d.transpose();
+                const vec3<double> d = offset(e);
+                const double w = e.weight * std::exp(dot(tilt, d));
+                sum += w, mean += w * d, second += outer(d, d) * w;
             }
             mean /= sum;
-            const Eigen::Matrix3d covariance = second / sum - mean * mean.transpose() + 1e-9 * Eigen::Matrix3d::Identity();
-            if (mean.norm() < 1e-13) break;
-            const Eigen::Vector3d change = covariance.ldlt().solve(mean);
-            lambda -= change * std::min(1.0, 2.0 / std::max(change.norm(), 1e-12));
+            if (length(mean) < 1e-13) break;
+            const vec3<double> change = inverse(second / sum - outer(mean, mean) + mat3<double>(1e-9)) * mean;
+            tilt -= change * std::min(1.0, 2.0 / length(change));
         }
-        if (!(mean.norm() < 1e-9 && lambda.norm() < 12)) continue; // the target is not well inside this neighbourhood
-        for (auto& e : row) e.weight *= std::exp(lambda.dot(offset(e))) / sum;
+        if (!(length(mean) < 1e-9 && length(tilt) < 12)) continue; // the target is not well inside this neighbourhood
+        for (auto& e : row) e.weight *= std::exp(dot(tilt, offset(e))) / sum;
         return row;
     }
 }

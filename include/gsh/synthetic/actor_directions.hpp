@@ -88,13 +88,13 @@ inline Point from_bones(const Point& p, const ActorWeights& weights) {
     const double r = length(q), u = q.x / 0.0140, arc = std::max(0.0, 1 - u * u);
     if (q.z > 0 && arc > 0 && r < 0.026) {
         const double height = std::atan2(q.y, q.z), edge = std::asin(0.0058 * arc / 0.0152);
-        const double share = smooth_step(0.0136, 0.0145, r) * smooth_step(0.026, 0.0165, r) * smooth_step(edge + 0.9, edge + 0.25, height) *
+        const double share = smooth_step(0.0136, 0.0145, r) * smooth_step(0.0235, 0.0165, r) * smooth_step(edge + 0.62, edge + 0.22, height) *
                              smooth_step(0.0, 0.10, height);
         const auto turned = [&](double angle) {
             const double c = std::cos(angle), s = std::sin(angle);
             return Point(0, c * q.y - s * q.z, s * q.y + c * q.z) - Point(0, q.y, q.z);
         };
-        d[6] = turned(0.64 * arc * share);
+        d[6] = turned(0.77 * arc * share);
         d[7] = turned(-0.16 * arc * share);
     }
     d[7] += Point(0, 0.0030, 0) * at_brow;

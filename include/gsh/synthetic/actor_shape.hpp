@@ -65,13 +65,13 @@ inline double arm_distance(const Point& p) {
 
 inline double leg_distance(const Point& p) {
     // Columns: y, then x and z of the centre, then radii along x and z.
-    constexpr Station leg[] = {{-0.872, 0.137, -0.026, 0.034, 0.042}, {-0.820, 0.134, -0.024, 0.034, 0.042},
+    constexpr Station leg[] = {{-0.850, 0.136, -0.025, 0.034, 0.042}, {-0.820, 0.134, -0.024, 0.034, 0.042},
                                {-0.760, 0.131, -0.025, 0.037, 0.045}, {-0.680, 0.128, -0.030, 0.047, 0.053},
                                {-0.590, 0.124, -0.030, 0.054, 0.060}, {-0.515, 0.119, -0.016, 0.052, 0.056},
                                {-0.445, 0.116, 0.000, 0.053, 0.056},  {-0.370, 0.112, 0.004, 0.060, 0.063},
                                {-0.260, 0.105, 0.008, 0.072, 0.077},  {-0.150, 0.099, 0.006, 0.083, 0.089},
                                {-0.060, 0.094, 0.000, 0.080, 0.092}};
-    double d = loft(leg, 0.06, p.y, p.x, p.z);
+    double d = loft(leg, 0.04, p.y, p.x, p.z);
     d = smooth_union(d, ellipsoid(p - Point(0.075, -0.060, -0.052), {0.078, 0.082, 0.066}), 0.05); // glute
     return d - ActorOutfit::trouser_thickness *
                    smooth_step(ActorOutfit::trouser_hem_y - 0.002, ActorOutfit::trouser_hem_y + 0.004, p.y);
@@ -132,10 +132,10 @@ inline double mouth_opening(const Point& p) {
 }
 
 inline double lips_distance(const Point& p) {
-    const double upper = std::min(capsule(p, {0.0035, 0.6125, 0.1335}, {0.0120, 0.6108, 0.1310}, 0.0052, 0.0052),
-                                  capsule(p, {0.0120, 0.6108, 0.1310}, {0.0230, 0.6045, 0.1220}, 0.0052, 0.0022));
-    const double lower = std::min(capsule(p, {0.0000, 0.6005, 0.1325}, {0.0110, 0.6008, 0.1305}, 0.0064, 0.0060),
-                                  capsule(p, {0.0110, 0.6008, 0.1305}, {0.0225, 0.6030, 0.1215}, 0.0060, 0.0022));
+    const double upper = std::min(capsule(p, {0.0035, 0.6115, 0.1330}, {0.0110, 0.6103, 0.1305}, 0.0044, 0.0042),
+                                  capsule(p, {0.0110, 0.6103, 0.1305}, {0.0235, 0.6043, 0.1215}, 0.0042, 0.0015));
+    const double lower = std::min(capsule(p, {0.0000, 0.6012, 0.1322}, {0.0100, 0.6015, 0.1302}, 0.0054, 0.0050),
+                                  capsule(p, {0.0100, 0.6015, 0.1302}, {0.0230, 0.6033, 0.1210}, 0.0050, 0.0015));
     return std::min(upper, lower);
 }
 

@@ -24,13 +24,13 @@ inline double body_share(const Point& p, int joint) {
     const Point at = actor_joint(joint);
     switch (joint) {
         case left_hip: // the groin's crease: from the crotch up to the hip bone
-            return beyond(p, at + Point(0, -0.010, 0), normalize(Point(0.50, -0.86, 0)), 0.055) * smooth_step(-0.012, 0.012, p.x) *
+            return beyond(p, at + Point(0, -0.010, 0), normalize(Point(0.50, -0.86, 0)), 0.055) * smooth_step(-0.026, 0.026, p.x) *
                    smooth_step(0.16, 0.10, p.y);
         case left_knee: return beyond(p, at, {0, -1, 0}, 0.050);
         case left_ankle: return beyond(p, at, normalize(Point(0, -1, 0.5)), 0.026);
         case left_foot: return beyond(p, at, normalize(Point(0.14, 0, 1)), 0.025);
         case spine1: case spine2: case spine3: return beyond(p, at, {0, 1, 0}, 0.050);
-        case neck: return beyond(p, at + Point(0, 0.008, 0), normalize(Point(0, 1, 0.15)), 0.032) * smooth_step(0.115, 0.080, p.x);
+        case neck: return beyond(p, at + Point(0, 0.008, 0), normalize(Point(0, 1, 0.15)), 0.032) * smooth_step(0.135, 0.060, p.x - std::max(0.0, p.y - 0.51));
         case head: return beyond(p, at, normalize(Point(0, 1, 0.55)), 0.028);
         case left_collar: // reaches lower towards the armpit
             return smooth_step(0.005, 0.110, p.x) * smooth_step(0.34, 0.42, p.y + std::max(0.0, p.x - 0.13));
@@ -45,13 +45,13 @@ inline double body_share(const Point& p, int joint) {
 inline double jaw_share(const Point& p) {
     const double bend = 0.0030 * (p.x / 0.024) * (p.x / 0.024);
     const double line = p.z > 0.118 ? actor_mouth_y - std::min(bend, 0.003) : 0.6035 + 0.38 * (0.118 - p.z);
-    const double soft = 0.0003 + 0.25 * std::max(0.0, p.x - (actor_mouth_corner_x - 0.002)) + 0.35 * std::max(0.0, 0.10 - p.z);
+    const double soft = 0.0003 + 0.6 * std::max(0.0, p.x - (actor_mouth_corner_x - 0.0045)) + 0.35 * std::max(0.0, 0.10 - p.z);
     return smooth_step(-1, 1, (line - p.y) / std::min(soft, 0.025)) * smooth_step(0.035, 0.080, p.z);
 }
 
 /// Share of the wrist's weight that passes to a finger: beyond the knuckle, and nearest to that finger.
 inline double finger_share(const Point& p, int finger) {
-    constexpr double softness = 0.0015;
+    constexpr double softness = 0.0018;
     const int first = left_index1 + 3 * finger;
     const Point at = actor_joint(first), along = normalize(actor_joint(first + 1) - at);
     const bool thumb = finger == 4;
@@ -85,14 +85,14 @@ inline double finger_share(const Point& p, int finger) {
         else if (twin == left_eye) share = smooth_step(0.0142, 0.0136, length(p - actor_joint(left_eye)));
         else if (twin < jaw) share = body_share(p, twin);
         else if ((twin - left_index1) % 3 == 0) share = finger_share(p, (twin - left_index1) / 3);
-        else share = beyond(p, actor_joint(twin), normalize(actor_joint(twin) - actor_joint(twin - 1)), 0.0065);
+        else share = beyond(p, actor_joint(twin), normalize(actor_joint(twin) - actor_joint(twin - 1)), 0.0080);
         weights[static_cast<std::size_t>(joint)] = parent * share;
         parent -= parent * share;
     }
     // Keep the five largest of some weight.
     ActorWeights sorted = weights;
     std::nth_element(sorted.begin(), sorted.begin() + 5, sorted.end(), [](double a, double b) { return a > b; });
-    const double cut = std::max(sorted[5], 2e-3);
+    const double cut = std::max(sorted[5], 5e-3);
     double sum = 0;
     for (double& w : weights) sum += w = w > cut ? w : 0;
     for (double& w : weights) w /= sum;
