@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <gsh/body/posed_body.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
-#include <gsh/synthetic/posed_mesh.hpp>
 
 #include "support/closed_mesh.hpp"
 
@@ -18,8 +18,16 @@ const BodyModel& actor() {
     static const BodyModel body = make_actor();
     return body;
 }
-double weight(std::size_t v, int joint) { return actor().weights[v * actor_joint_count + static_cast<std::size_t>(joint)]; }
-const vec3<double>& vertex(std::size_t v) { return actor().v_template[v]; }
+double weight(std::size_t v, int joint) {
+    return actor().weights[v * actor_joint_count + static_cast<std::size_t>(joint)];
+}
+const vec3<double>& vertex(std::size_t v) {
+    return actor().v_template[v];
+}
+
+std::vector<vec3<double>> posed(const Motion& motion, std::size_t t) {
+    return pose_body(actor(), motion.pose_at(t), motion.transl[t], motion.betas, motion.expression_at(t)).vertices;
+}
 
 Motion still() {
     Motion motion = actor_motion(ActorMotion::talk, 1);
@@ -36,8 +44,9 @@ TEST_CASE("the actor is a valid body model with SMPL-X's tree") {
     CHECK(actor().joint_count() == 55);
     CHECK(actor().vertex_count() >= 8000);
     CHECK(actor().vertex_count() <= 25000);
-    const int parents[] = {-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 15, 15, 15, 20, 25, 26,
-                           20, 28, 29, 20, 31, 32, 20, 34, 35, 20, 37, 38, 21, 40, 41, 21, 43, 44, 21, 46, 47, 21, 49, 50, 21, 52, 53};
+    const int parents[] = {-1, 0,  0,  0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  9,  9,  12, 13, 14, 16,
+                           17, 18, 19, 15, 15, 15, 20, 25, 26, 20, 28, 29, 20, 31, 32, 20, 34, 35, 20,
+                           37, 38, 21, 40, 41, 21, 43, 44, 21, 46, 47, 21, 49, 50, 21, 52, 53};
     CHECK(std::equal(actor().parents.begin(), actor().parents.end(), std::begin(parents), std::end(parents)));
     CHECK(actor().shape_count == 10);
     CHECK(actor().expression_count == 10);
@@ -69,9 +78,9 @@ TEST_CASE("it stands 1.7 m tall in T-pose, facing +z, its left at +x") {
     CHECK(low.y == doctest::Approx(ActorOutfit::sole_y).epsilon(0.01));
     CHECK(high.x - low.x == doctest::Approx(1.71).epsilon(0.02));
     const auto joints = regress_joints(actor(), actor().v_template);
-    CHECK(length(joints[pelvis]) < 1e-9);
-    CHECK(joints[left_wrist].x > 0.5);
-    CHECK(joints[left_foot].z > joints[left_ankle].z);
+    CHECK(length(joints[smplx::pelvis]) < 1e-9);
+    CHECK(joints[smplx::left_wrist].x > 0.5);
+    CHECK(joints[smplx::left_foot].z > joints[smplx::left_ankle].z);
 }
 
 TEST_CASE("the regressor gives the joints, from positive weights near each") {
@@ -94,7 +103,8 @@ TEST_CASE("left and right joints mirror each other") {
         const auto& left = actor_joints[static_cast<std::size_t>(j)];
         if (!left.name.starts_with("left_")) continue;
         const std::string twin = "right_" + std::string(left.name.substr(5));
-        const auto right = std::find_if(actor_joints.begin(), actor_joints.end(), [&](const auto& joint) { return joint.name == twin; });
+        const auto right = std::find_if(actor_joints.begin(), actor_joints.end(),
+                                        [&](const auto& joint) { return joint.name == twin; });
         REQUIRE(right != actor_joints.end());
         CHECK(right->position == std::array<double, 3>{-left.position[0], left.position[1], left.position[2]});
     }
@@ -109,12 +119,16 @@ TEST_CASE("skinning weights are few, sum to one, and never join distant limbs") 
         CHECK(sum == doctest::Approx(1).epsilon(1e-12));
         CHECK(joints.size() <= 6);
         for (const int a : joints)
-            for (const int b : joints) { // at most three bones apart, as spine to shoulder; a trace across a web of skin
+            for (const int b :
+                 joints) { // at most three bones apart, as spine to shoulder; a trace across a web of skin
                 int steps = 0;
-                for (int i = a, k = b; i != k; ++steps) (i > k ? i : k) = actor_joints[static_cast<std::size_t>(std::max(i, k))].parent;
-                CHECK((steps <= 3 || (steps == 4 && a >= left_index1 && std::min(weight(v, a), weight(v, b)) < 0.05)));
-                const bool arm_a = a >= left_shoulder && a != jaw && a != left_eye && a != right_eye;
-                const bool leg_b = b == 1 || b == 2 || (b >= 4 && b <= 11 && b != spine2 && b != spine3);
+                for (int i = a, k = b; i != k; ++steps)
+                    (i > k ? i : k) = actor_joints[static_cast<std::size_t>(std::max(i, k))].parent;
+                CHECK((steps <= 3 ||
+                       (steps == 4 && a >= smplx::left_index1 && std::min(weight(v, a), weight(v, b)) < 0.05)));
+                const bool arm_a =
+                    a >= smplx::left_shoulder && a != smplx::jaw && a != smplx::left_eye && a != smplx::right_eye;
+                const bool leg_b = b == 1 || b == 2 || (b >= 4 && b <= 11 && b != smplx::spine2 && b != smplx::spine3);
                 CHECK_FALSE((arm_a && leg_b));
             }
         if (std::abs(vertex(v).x) > 0.026) // nothing on the left hangs on a right limb
@@ -137,7 +151,7 @@ TEST_CASE("weights are smooth: neighbours differ little, but for lips and lids")
 }
 
 TEST_CASE("each hand has five separate fingers") {
-    for (const int first : {int(left_index1), int(right_index1)}) {
+    for (const int first : {int(smplx::left_index1), int(smplx::right_index1)}) {
         // Cut every finger half-way along its middle bone: what lies beyond falls into five pieces.
         const auto beyond_cut = [&](std::size_t v) {
             for (int finger = 0; finger < 5; ++finger) {
@@ -150,7 +164,9 @@ TEST_CASE("each hand has five separate fingers") {
         // Between neighbouring fingers the surface leaves air.
         for (int finger = 0; finger < 3; ++finger) {
             const int neighbours[] = {0, 1, 3, 2}; // from the index to the pinky
-            const auto middle = [&](int f) { return (actor_joint(first + 3 * f + 1) + actor_joint(first + 3 * f + 2)) * 0.5; };
+            const auto middle = [&](int f) {
+                return (actor_joint(first + 3 * f + 1) + actor_joint(first + 3 * f + 2)) * 0.5;
+            };
             CHECK(actor_distance((middle(neighbours[finger]) + middle(neighbours[finger + 1])) * 0.5) > 0.002);
         }
     }
@@ -189,58 +205,60 @@ TEST_CASE("expressions move the face and nothing else, each in its own way") {
 TEST_CASE("a blink covers the eye") {
     Motion motion = still();
     motion.expression[6] = 1;
-    const auto closed = MeshPoser(actor()).vertices(motion, 0);
-    const vec3<double> eye = actor_joint(left_eye);
+    const auto closed = posed(motion, 0);
+    const vec3<double> eye = actor_joint(smplx::left_eye);
     double lowest = 1; // of the upper lid's edge, in the middle
     for (std::size_t v = 0; v < closed.size(); ++v) {
         const vec3<double> p = vertex(v) - eye;
-        if (p.z > 0 && std::abs(p.x) < 0.003 && p.y > 0.004 && p.y < 0.008 && length(p) > 0.0147) lowest = std::min(lowest, closed[v].y - eye.y);
+        if (p.z > 0 && std::abs(p.x) < 0.003 && p.y > 0.004 && p.y < 0.008 && length(p) > 0.0147)
+            lowest = std::min(lowest, closed[v].y - eye.y);
     }
     CHECK(lowest < -0.002);
 }
 
 TEST_CASE("the zero pose is the template; jaw, finger and knee move what they should") {
-    const MeshPoser poser(actor());
     Motion motion = still();
-    const auto rest = poser.vertices(motion, 0);
+    const auto rest = posed(motion, 0);
     for (std::size_t v = 0; v < rest.size(); ++v) CHECK(length(rest[v] - vertex(v)) < 1e-9);
 
-    motion.pose[jaw] = {0.3, 0, 0};
-    motion.pose[left_middle1] = {0, 0, -1};
-    motion.pose[left_knee] = {0.8, 0, 0};
-    const auto posed = poser.vertices(motion, 0);
+    motion.pose[smplx::jaw] = {0.3, 0, 0};
+    motion.pose[smplx::left_middle1] = {0, 0, -1};
+    motion.pose[smplx::left_knee] = {0.8, 0, 0};
+    const auto moved = posed(motion, 0);
     for (std::size_t v = 0; v < rest.size(); ++v) {
-        const vec3<double> move = posed[v] - rest[v], p = vertex(v);
-        if (weight(v, jaw) > 0.9) CHECK(move.y < -0.001);
-        if (weight(v, left_middle1 + 1) > 0.9) CHECK(move.y < -0.01);   // curls down
-        if (weight(v, left_ankle) > 0.9) CHECK(move.z < -0.2);          // heel goes back
-        if (p.y > 0 && p.y < 0.5 && p.x < 0.6) CHECK(length(move) == 0); // the rest stays
+        const vec3<double> move = moved[v] - rest[v], p = vertex(v);
+        if (weight(v, smplx::jaw) > 0.9) CHECK(move.y < -0.001);
+        if (weight(v, smplx::left_middle1 + 1) > 0.9) CHECK(move.y < -0.01); // curls down
+        if (weight(v, smplx::left_ankle) > 0.9) CHECK(move.z < -0.2);        // heel goes back
+        if (p.y > 0 && p.y < 0.5 && p.x < 0.6) CHECK(length(move) == 0);     // the rest stays
     }
 }
 
 TEST_CASE("motions loop, stay on the floor, and move what they promise") {
-    const MeshPoser poser(actor());
     for (const auto kind : {ActorMotion::talk, ActorMotion::stride}) {
         const Motion motion = actor_motion(kind, 12);
         CHECK(motion.frame_count() == 12);
         CHECK(motion.timestamps[11] == doctest::Approx(1.1));
-        for (const int joint : {int(left_shoulder), int(left_elbow), int(left_elbow) + 1, int(left_index1), int(right_index1) + 12, int(jaw),
-                                int(head), int(spine2), int(left_knee)}) {
+        for (const int joint : {int(smplx::left_shoulder), int(smplx::left_elbow), int(smplx::left_elbow) + 1,
+                                int(smplx::left_index1), int(smplx::right_index1) + 12, int(smplx::jaw),
+                                int(smplx::head), int(smplx::spine2), int(smplx::left_knee)}) {
             double span = 0;
             for (std::size_t t = 1; t < 12; ++t)
-                span = std::max(span, length(motion.pose_at(t)[static_cast<std::size_t>(joint)] - motion.pose_at(0)[static_cast<std::size_t>(joint)]));
-            const bool pointing = kind == ActorMotion::stride && joint >= right_index1;
+                span = std::max(span, length(motion.pose_at(t)[static_cast<std::size_t>(joint)] -
+                                             motion.pose_at(0)[static_cast<std::size_t>(joint)]));
+            const bool pointing = kind == ActorMotion::stride && joint >= smplx::right_index1;
             if (!pointing) CHECK(span > 0.1);
         }
         double step = 0, around = 0;
         for (std::size_t j = 0; j < 55; ++j) {
             around = std::max(around, length(motion.pose_at(11)[j] - motion.pose_at(0)[j]));
-            for (std::size_t t = 1; t < 12; ++t) step = std::max(step, length(motion.pose_at(t)[j] - motion.pose_at(t - 1)[j]));
+            for (std::size_t t = 1; t < 12; ++t)
+                step = std::max(step, length(motion.pose_at(t)[j] - motion.pose_at(t - 1)[j]));
         }
         CHECK(around <= 1.2 * step); // closing the loop is a step like any other
         for (std::size_t t = 0; t < 12; t += 3) {
             double lowest = 9;
-            for (const auto& p : poser.vertices(motion, t)) lowest = std::min(lowest, p.y);
+            for (const auto& p : posed(motion, t)) lowest = std::min(lowest, p.y);
             CHECK(std::abs(lowest - ActorOutfit::sole_y) < 0.03);
         }
     }

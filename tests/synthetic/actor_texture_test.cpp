@@ -28,15 +28,15 @@ TEST_CASE("colours stay within what paint can do, all over the space around the 
 }
 
 TEST_CASE("parts have their colours") {
-    const vec3<double> eye = actor_joint(left_eye);
-    CHECK(brightness(eye + vec3<double>(0, 0, 0.0134)) < 0.02);                            // pupil
-    CHECK(brightness(eye + vec3<double>(0.0095, 0.0002, 0.0095)) > 0.6);                   // white of the eye
+    const vec3<double> eye = actor_joint(smplx::left_eye);
+    CHECK(brightness(eye + vec3<double>(0, 0, 0.0134)) < 0.02);          // pupil
+    CHECK(brightness(eye + vec3<double>(0.0095, 0.0002, 0.0095)) > 0.6); // white of the eye
     const auto jeans = actor_color({0.10, -0.60, 0.06}).albedo, shoe = actor_color({0.14, -0.88, 0.13}).albedo;
     CHECK(jeans.z > 2 * jeans.x);
     CHECK(shoe.x > 3 * shoe.z);
     const auto arm = actor_color({0.5, 0.49, 0}).albedo, lip = actor_color({0, 0.600, 0.1375}).albedo;
     CHECK(arm.x > arm.z);
-    CHECK(lip.x / lip.y > arm.x / arm.y); // redder than skin
+    CHECK(lip.x / lip.y > arm.x / arm.y);      // redder than skin
     CHECK(brightness({0, 0.77, 0.03}) < 0.15); // hair
 }
 

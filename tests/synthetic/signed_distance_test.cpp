@@ -9,7 +9,8 @@ using detail::Point;
 TEST_CASE("a ball's distance is exact, an ellipsoid's vanishes on its surface") {
     CHECK(detail::ellipsoid({0, 3, 0}, {2, 2, 2}) == doctest::Approx(1));
     CHECK(detail::ellipsoid({0, 0, 0}, {2, 3, 4}) == -2);
-    for (const Point& p : {Point(2, 0, 0), Point(0, -3, 0), Point(0, 0, 4)}) CHECK(detail::ellipsoid(p, {2, 3, 4}) == doctest::Approx(0));
+    for (const Point& p : {Point(2, 0, 0), Point(0, -3, 0), Point(0, 0, 4)})
+        CHECK(detail::ellipsoid(p, {2, 3, 4}) == doctest::Approx(0));
     CHECK(detail::ellipsoid({0, 0, 4.01}, {2, 3, 4}) == doctest::Approx(0.01).epsilon(0.01));
 }
 

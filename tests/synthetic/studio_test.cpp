@@ -19,17 +19,24 @@ const BodyModel& actor() {
     return body;
 }
 
+std::vector<vec3<double>> posed(const Motion& motion, std::size_t t) {
+    return pose_body(actor(), motion.pose_at(t), motion.transl[t], motion.betas, motion.expression_at(t)).vertices;
+}
+
 /// Which of size x size points at pixel offsets (du, dv) a mesh covers, by walking its triangles: no rays involved.
-std::vector<char> covered(const std::vector<vec3<double>>& vertices, const std::vector<std::array<int, 3>>& faces, const Camera<double>& camera,
-                          double du, double dv) {
+std::vector<char> covered(const std::vector<vec3<double>>& vertices, const std::vector<std::array<int, 3>>& faces,
+                          const Camera<double>& camera, double du, double dv) {
     std::vector<char> mask(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height), 0);
     for (const auto& f : faces) {
         vec2<double> p[3];
-        for (std::size_t k = 0; k < 3; ++k) p[k] = to_pixel(camera, to_camera(camera, vertices[static_cast<std::size_t>(f[k])])) - vec2<double>(du, dv);
+        for (std::size_t k = 0; k < 3; ++k)
+            p[k] = to_pixel(camera, to_camera(camera, vertices[static_cast<std::size_t>(f[k])])) - vec2<double>(du, dv);
         const auto [x0, x1] = std::minmax({p[0].x, p[1].x, p[2].x});
         const auto [y0, y1] = std::minmax({p[0].y, p[1].y, p[2].y});
-        for (int y = std::max(0, static_cast<int>(std::ceil(y0))); y <= std::min(camera.height - 1, static_cast<int>(y1)); ++y)
-            for (int x = std::max(0, static_cast<int>(std::ceil(x0))); x <= std::min(camera.width - 1, static_cast<int>(x1)); ++x) {
+        for (int y = std::max(0, static_cast<int>(std::ceil(y0)));
+             y <= std::min(camera.height - 1, static_cast<int>(y1)); ++y)
+            for (int x = std::max(0, static_cast<int>(std::ceil(x0)));
+                 x <= std::min(camera.width - 1, static_cast<int>(x1)); ++x) {
                 int left = 0, right = 0;
                 for (int k = 0; k < 3; ++k) {
                     const vec2<double> a = p[k], b = p[(k + 1) % 3];
@@ -53,7 +60,7 @@ TEST_CASE("alpha is the silhouette of the posed mesh seen by the cameras") {
     REQUIRE(shot.cameras.size() == 4);
     for (std::size_t c = 0; c < 4; ++c)
         for (std::size_t t = 0; t < 2; ++t) {
-            const auto vertices = MeshPoser(actor()).vertices(motion, t);
+            const auto vertices = posed(motion, t);
             const auto& camera = shot.cameras[c].camera;
             std::vector<int> count(40000, 0);
             for (const double du : {0.25, 0.75})
@@ -121,9 +128,9 @@ TEST_CASE("pixels: straight alpha, no colour where there is none, nothing cut of
 
 TEST_CASE("shadows are soft and move over the body") {
     const Motion motion = actor_motion(ActorMotion::talk, 6);
-    const MeshPoser poser(actor());
     std::vector<LitMesh> frames;
-    for (std::size_t t = 0; t < 6; ++t) frames.emplace_back(poser.vertices(motion, t), actor().v_template, actor().faces, StudioLight{});
+    for (std::size_t t = 0; t < 6; ++t)
+        frames.emplace_back(posed(motion, t), actor().v_template, actor().faces, StudioLight{});
     std::size_t moving = 0, half_lit = 0;
     for (std::size_t f = 0; f < actor().faces.size(); ++f) {
         const auto v = static_cast<std::size_t>(actor().faces[f][0]);

@@ -14,14 +14,17 @@ GridLines cube_of_lines(double half, const auto& spacing) {
     const auto lines = graded_lines(-half, half, spacing);
     return {lines, lines, lines};
 }
-double torus(const vec3<double>& p) { return length(vec3<double>(std::hypot(p.x, p.z) - 0.6, p.y, 0)) - 0.25; }
+double torus(const vec3<double>& p) {
+    return length(vec3<double>(std::hypot(p.x, p.z) - 0.6, p.y, 0)) - 0.25;
+}
 } // namespace
 
 TEST_CASE("graded_lines rise from low past high, spaced as asked") {
     const auto lines = graded_lines(-1, 1, [](double x) { return x < 0 ? 0.1 : 0.02; });
     CHECK(lines.front() == -1);
     CHECK(lines.back() >= 1);
-    for (std::size_t i = 1; i < lines.size(); ++i) CHECK(lines[i] - lines[i - 1] == doctest::Approx(lines[i] < 0.05 ? 0.1 : 0.02).epsilon(0.9));
+    for (std::size_t i = 1; i < lines.size(); ++i)
+        CHECK(lines[i] - lines[i - 1] == doctest::Approx(lines[i] < 0.05 ? 0.1 : 0.02).epsilon(0.9));
     CHECK(lines.size() > 55);
 }
 

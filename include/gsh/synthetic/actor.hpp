@@ -44,7 +44,9 @@ inline std::vector<RegressorEntry> regressor_row(Span<const vec3<double>> vertic
         }
         vec3<double> tilt(0), mean(0);
         double sum = 0;
-        const auto offset = [&](const RegressorEntry& e) { return (vertices[static_cast<std::size_t>(e.vertex)] - target) / radius; };
+        const auto offset = [&](const RegressorEntry& e) {
+            return (vertices[static_cast<std::size_t>(e.vertex)] - target) / radius;
+        };
         for (int step = 0; step < 60; ++step) {
             mat3<double> second(0.0);
             mean = vec3<double>(0), sum = 0;
@@ -66,13 +68,15 @@ inline std::vector<RegressorEntry> regressor_row(Span<const vec3<double>> vertic
 
 /// The front of the head from chin to hair line.
 inline bool on_face(const Point& p) {
-    return p.z > 0.045 && p.y > 0.550 + 0.5 * std::max(0.0, 0.09 - p.z) && std::abs(p.x) < 0.074 && hair_amount({std::abs(p.x), p.y, p.z}) < 0.5;
+    return p.z > 0.045 && p.y > 0.550 + 0.5 * std::max(0.0, 0.09 - p.z) && std::abs(p.x) < 0.074 &&
+           hair_amount({std::abs(p.x), p.y, p.z}) < 0.5;
 }
 
 } // namespace detail
 
 inline BodyModel make_actor(const ActorParams& params) {
-    check_value(params.edge_scale >= 0.7 && params.edge_scale <= 1.5, "make_actor", "edge_scale must lie in 0.7 .. 1.5");
+    check_value(params.edge_scale >= 0.7 && params.edge_scale <= 1.5, "make_actor",
+                "edge_scale must lie in 0.7 .. 1.5");
     TriangleMesh mesh = actor_mesh(params.edge_scale);
     BodyModel body;
     body.v_template = std::move(mesh.vertices);
@@ -94,14 +98,16 @@ inline BodyModel make_actor(const ActorParams& params) {
 
         const auto moves = [](const vec3<double>& d) { return dot(d, d) > 0; };
         const int id = static_cast<int>(v);
-        if (detail::on_face(p) || std::any_of(expression.begin(), expression.end(), moves)) body.face_vertices.push_back(id);
+        if (detail::on_face(p) || std::any_of(expression.begin(), expression.end(), moves))
+            body.face_vertices.push_back(id);
         const auto hand = [&](int wrist, int first_finger) {
             double sum = weights[static_cast<std::size_t>(wrist)];
-            for (int j = first_finger; j < first_finger + actor_finger_joints; ++j) sum += weights[static_cast<std::size_t>(j)];
+            for (int j = first_finger; j < first_finger + actor_finger_joints; ++j)
+                sum += weights[static_cast<std::size_t>(j)];
             return sum > 0.5;
         };
-        if (hand(left_wrist, left_index1)) body.left_hand_vertices.push_back(id);
-        if (hand(left_wrist + 1, right_index1)) body.right_hand_vertices.push_back(id);
+        if (hand(smplx::left_wrist, smplx::left_index1)) body.left_hand_vertices.push_back(id);
+        if (hand(smplx::left_wrist + 1, smplx::right_index1)) body.right_hand_vertices.push_back(id);
     }
     for (int joint = 0; joint < actor_joint_count; ++joint)
         body.J_regressor.push_back(detail::regressor_row(body.v_template, actor_joint(joint)));

@@ -13,9 +13,11 @@
 namespace gsh {
 
 inline constexpr std::array<std::string_view, 10> actor_shape_names = {
-    "stature", "girth", "leg_length", "arm_length", "shoulder_width", "hip_width", "belly", "chest", "head_size", "hand_size"};
+    "stature",   "girth", "leg_length", "arm_length", "shoulder_width",
+    "hip_width", "belly", "chest",      "head_size",  "hand_size"};
 inline constexpr std::array<std::string_view, 10> actor_expression_names = {
-    "smile", "mouth_open", "pucker", "corners_down", "brows_up", "brows_down", "blink", "eyes_wide", "upper_lip_raise", "cheek_puff"};
+    "smile",      "mouth_open", "pucker",    "corners_down",    "brows_up",
+    "brows_down", "blink",      "eyes_wide", "upper_lip_raise", "cheek_puff"};
 
 namespace detail {
 
@@ -28,12 +30,14 @@ inline double bump(const Point& p, const Point& centre, double radius) {
 /// Offset from the axis of the bone that ends in each joint, blended by the weights: the direction of growing fat.
 inline Point from_bones(const Point& p, const ActorWeights& weights) {
     Point sum(0);
-    for (int j = 0; j < jaw; ++j) {
+    for (int j = 0; j < smplx::jaw; ++j) {
         const double w = weights[static_cast<std::size_t>(j)];
-        if (w == 0 || j == head || j == neck) continue;
-        const bool leg = j == 1 || j == 2 || j == 4 || j == 5 || j == 7 || j == 8, arm = j >= left_shoulder;
+        if (w == 0 || j == smplx::head || j == smplx::neck) continue;
+        const bool leg = j == 1 || j == 2 || j == 4 || j == 5 || j == 7 || j == 8, arm = j >= smplx::left_shoulder;
         const Point at = actor_joint(j);
-        sum += w * (arm ? Point(0, p.y - at.y, p.z - at.z) : leg ? Point(p.x - at.x, 0, p.z - at.z) : Point(p.x, 0, p.z));
+        sum += w * (arm   ? Point(0, p.y - at.y, p.z - at.z)
+                    : leg ? Point(p.x - at.x, 0, p.z - at.z)
+                          : Point(p.x, 0, p.z));
     }
     return sum;
 }
@@ -41,10 +45,12 @@ inline Point from_bones(const Point& p, const ActorWeights& weights) {
 } // namespace detail
 
 /// Displacements per unit of each shape coefficient; about -2..2 stays human.
-[[nodiscard]] inline std::array<vec3<double>, 10> actor_shape_directions(const vec3<double>& p, const ActorWeights& weights) {
+[[nodiscard]] inline std::array<vec3<double>, 10> actor_shape_directions(const vec3<double>& p,
+                                                                         const ActorWeights& weights) {
     using namespace detail;
     const double x = std::abs(p.x), side = p.x < 0 ? -1 : 1;
-    const double arm = smooth_step(0.25, 0.35, p.y), leg = std::clamp((actor_joint(left_hip).y - p.y) / 0.815, 0.0, 1.0);
+    const double arm = smooth_step(0.25, 0.35, p.y),
+                 leg = std::clamp((actor_joint(smplx::left_hip).y - p.y) / 0.815, 0.0, 1.0);
     const Point mirror(side, 1, 1);
     std::array<vec3<double>, 10> d{};
     d[0] = p * 0.035;
@@ -55,8 +61,8 @@ inline Point from_bones(const Point& p, const ActorWeights& weights) {
     d[5] = Point(0.011 * std::clamp(p.x / 0.1, -1.0, 1.0) * smooth_step(0.16, -0.04, p.y), 0, 0);
     d[6] = Point(0.05 * p.x, 0, 0.022) * bump(p, {0, 0.09, 0.10}, 0.17);
     d[7] = Point(0, 0, 0.014) * (bump(p, mirror * Point(0.07, 0.35, 0.11), 0.12));
-    d[8] = (p - actor_joint(head)) * 0.045 * smooth_step(0.54, 0.62, p.y) * smooth_step(0.16, 0.12, x);
-    d[9] = (p - mirror * actor_joint(left_wrist)) * 0.045 * smooth_step(0.64, 0.70, x) * arm;
+    d[8] = (p - actor_joint(smplx::head)) * 0.045 * smooth_step(0.54, 0.62, p.y) * smooth_step(0.16, 0.12, x);
+    d[9] = (p - mirror * actor_joint(smplx::left_wrist)) * 0.045 * smooth_step(0.64, 0.70, x) * arm;
     return d;
 }
 
@@ -65,7 +71,7 @@ inline Point from_bones(const Point& p, const ActorWeights& weights) {
     using namespace detail;
     std::array<vec3<double>, 10> d{};
     const double side = point.x < 0 ? -1 : 1;
-    const Point p(std::abs(point.x), point.y, point.z), eye = actor_joint(left_eye);
+    const Point p(std::abs(point.x), point.y, point.z), eye = actor_joint(smplx::left_eye);
     if (p.z < 0.03 || p.y < 0.54) return d;
 
     // Which lip: 1 on the jaw's side of the mouth, 0 above, soft beyond the corners.
@@ -88,8 +94,8 @@ inline Point from_bones(const Point& p, const ActorWeights& weights) {
     const double r = length(q), u = q.x / 0.0140, arc = std::max(0.0, 1 - u * u);
     if (q.z > 0 && arc > 0 && r < 0.026) {
         const double height = std::atan2(q.y, q.z), edge = std::asin(0.0058 * arc / 0.0152);
-        const double share = smooth_step(0.0136, 0.0145, r) * smooth_step(0.0235, 0.0165, r) * smooth_step(edge + 0.62, edge + 0.22, height) *
-                             smooth_step(0.0, 0.10, height);
+        const double share = smooth_step(0.0136, 0.0145, r) * smooth_step(0.0235, 0.0165, r) *
+                             smooth_step(edge + 0.62, edge + 0.22, height) * smooth_step(0.0, 0.10, height);
         const auto turned = [&](double angle) {
             const double c = std::cos(angle), s = std::sin(angle);
             return Point(0, c * q.y - s * q.z, s * q.y + c * q.z) - Point(0, q.y, q.z);

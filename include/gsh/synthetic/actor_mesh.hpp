@@ -17,13 +17,13 @@ namespace gsh {
         return length_there + 0.14 * std::max(0.0, length(p - centre) - radius); // grows with the distance
     };
     double h = 0.0165;
-    h = std::min(h, within({0, 0.640, 0.110}, 0.0046, 0.060));  // face
-    h = std::min(h, within({0, 0.690, 0.020}, 0.0095, 0.085));  // head
-    h = std::min(h, within({0.031, 0.671, 0.120}, 0.0018, 0.014)); // eyes
-    h = std::min(h, within({0, 0.6065, 0.124}, 0.0020, 0.022)); // lips
-    h = std::min(h, within({0, 0.6350, 0.136}, 0.0027, 0.015)); // nose
-    h = std::min(h, within({0.078, 0.655, 0.012}, 0.0048, 0.025)); // ears
-    h = std::min(h, within({0.752, 0.450, 0.020}, 0.0046, 0.100)); // hands
+    h = std::min(h, within({0, 0.640, 0.110}, 0.0046, 0.060));      // face
+    h = std::min(h, within({0, 0.690, 0.020}, 0.0095, 0.085));      // head
+    h = std::min(h, within({0.031, 0.671, 0.120}, 0.0018, 0.014));  // eyes
+    h = std::min(h, within({0, 0.6065, 0.124}, 0.0020, 0.022));     // lips
+    h = std::min(h, within({0, 0.6350, 0.136}, 0.0027, 0.015));     // nose
+    h = std::min(h, within({0.078, 0.655, 0.012}, 0.0048, 0.025));  // ears
+    h = std::min(h, within({0.752, 0.450, 0.020}, 0.0046, 0.100));  // hands
     h = std::min(h, within({0.140, -0.890, 0.050}, 0.0095, 0.120)); // shoes
     return h * scale;
 }
@@ -45,8 +45,9 @@ namespace gsh {
     lines.z = graded_lines(-0.17, 0.24, [&](double z) {
         return scale * (between(0.095, 0.155, z) ? 0.0022 : between(-0.06, 0.11, z) ? 0.0038 : 0.007);
     });
-    return remesh(surface_nets(lines, actor_distance), actor_distance,
-                  [&](const vec3<double>& p) { return actor_edge_length(p, scale); }, 6);
+    return remesh(
+        surface_nets(lines, actor_distance), actor_distance,
+        [&](const vec3<double>& p) { return actor_edge_length(p, scale); }, 6);
 }
 
 } // namespace gsh

@@ -36,16 +36,17 @@ public:
         const vec3<double> bend = finger == 4 ? vec3<double>(0.68, 0.73, -0.07) * 0.55 : vec3<double>(0, 0, -1.15);
         for (int k = 0; k < 3; ++k) {
             const vec3<double> l = bend * left, r = bend * right;
-            at(left_index1 + 3 * finger + k) = l;
-            at(right_index1 + 3 * finger + k) = vec3<double>(r.x, -r.y, -r.z);
+            at(smplx::left_index1 + 3 * finger + k) = l;
+            at(smplx::right_index1 + 3 * finger + k) = vec3<double>(r.x, -r.y, -r.z);
         }
     }
     /// Bends hips by `hip` and knees by `knee` with level soles; returns how far the body sinks on that leg.
     double leg(int side, double hip, double knee) {
-        at(left_hip + side).x = -hip;
-        at(left_knee + side).x = knee;
-        at(left_ankle + side).x = hip - knee;
-        const double thigh = actor_joint(left_hip).y - actor_joint(left_knee).y, shin = actor_joint(left_knee).y - actor_joint(left_ankle).y;
+        at(smplx::left_hip + side).x = -hip;
+        at(smplx::left_knee + side).x = knee;
+        at(smplx::left_ankle + side).x = hip - knee;
+        const double thigh = actor_joint(smplx::left_hip).y - actor_joint(smplx::left_knee).y,
+                     shin = actor_joint(smplx::left_knee).y - actor_joint(smplx::left_ankle).y;
         return thigh * (1 - std::cos(hip)) + shin * (1 - std::cos(knee - hip));
     }
 
@@ -56,41 +57,45 @@ private:
 
 inline vec3<double> talk(ActorPose pose, double a) { // a: phase, radians
     const auto wave = [a](double shift, double times = 1) { return std::sin(times * a + shift); };
-    pose.at(pelvis) = {0, 0.22 * wave(0.4), 0};
+    pose.at(smplx::pelvis) = {0, 0.22 * wave(0.4), 0};
     const double knee = 0.30 - 0.24 * std::cos(a), sink = pose.leg(0, 0.52 * knee, knee);
     pose.leg(1, 0.52 * knee, knee);
-    for (const int joint : {spine1, spine2, spine3}) pose.at(joint) = {0.02 + 0.03 * wave(1.0), 0.09 * wave(0.2), 0.05 * wave(1.9)};
-    pose.at(neck) = {0.05 * wave(2.0), 0.12 * wave(2.6), 0.04 * wave(0.7)};
-    pose.at(head) = {0.10 * wave(0.9, 2), 0.26 * wave(2.6), 0.08 * wave(1.4)};
-    pose.both(left_collar, {0, 0, 0.06 * wave(0)}, {0, 0, 0.06 * wave(2)});
-    pose.both(left_shoulder, {0.15 * wave(1), -0.35 - 0.30 * wave(0.3), -0.78 + 0.42 * wave(0)},
+    for (const int joint : {smplx::spine1, smplx::spine2, smplx::spine3})
+        pose.at(joint) = {0.02 + 0.03 * wave(1.0), 0.09 * wave(0.2), 0.05 * wave(1.9)};
+    pose.at(smplx::neck) = {0.05 * wave(2.0), 0.12 * wave(2.6), 0.04 * wave(0.7)};
+    pose.at(smplx::head) = {0.10 * wave(0.9, 2), 0.26 * wave(2.6), 0.08 * wave(1.4)};
+    pose.both(smplx::left_collar, {0, 0, 0.06 * wave(0)}, {0, 0, 0.06 * wave(2)});
+    pose.both(smplx::left_shoulder, {0.15 * wave(1), -0.35 - 0.30 * wave(0.3), -0.78 + 0.42 * wave(0)},
               {0.15 * wave(2), -0.35 - 0.30 * wave(2.2), -0.78 + 0.42 * wave(2.4)});
-    pose.both(left_elbow, {0, -0.85 - 0.65 * wave(0.8), 0}, {0, -0.85 - 0.65 * wave(3.0), 0});
-    pose.both(left_wrist, {0.3 * wave(0.5), 0, 0.25 * wave(1.5)}, {0.3 * wave(2.5), 0, 0.25 * wave(3.6)});
+    pose.both(smplx::left_elbow, {0, -0.85 - 0.65 * wave(0.8), 0}, {0, -0.85 - 0.65 * wave(3.0), 0});
+    pose.both(smplx::left_wrist, {0.3 * wave(0.5), 0, 0.25 * wave(1.5)}, {0.3 * wave(2.5), 0, 0.25 * wave(3.6)});
     for (int finger = 0; finger < 5; ++finger) // one after the other
         pose.curl(finger, 0.38 + 0.34 * wave(0.7 * finger), 0.38 + 0.34 * wave(2.0 - 0.7 * finger, 2));
-    pose.at(jaw) = {0.11 - 0.10 * std::cos(2 * a), 0, 0};
-    for (const int eye : {left_eye, right_eye}) pose.at(eye) = {0, 0.22 * wave(2.0), 0};
-    pose.expression(0) = 0.45 + 0.45 * wave(0.6);           // smile
-    pose.expression(4) = std::max(0.0, wave(2.2));          // brows up
-    pose.expression(5) = std::max(0.0, -wave(2.2)) * 0.7;   // brows down
+    pose.at(smplx::jaw) = {0.11 - 0.10 * std::cos(2 * a), 0, 0};
+    for (const int eye : {smplx::left_eye, smplx::right_eye}) pose.at(eye) = {0, 0.22 * wave(2.0), 0};
+    pose.expression(0) = 0.45 + 0.45 * wave(0.6);                 // smile
+    pose.expression(4) = std::max(0.0, wave(2.2));                // brows up
+    pose.expression(5) = std::max(0.0, -wave(2.2)) * 0.7;         // brows down
     pose.expression(6) = std::pow(std::max(0.0, wave(4.0)), 6.0); // blink
     return {0.03 * wave(0.5), -sink, 0.02 * wave(1.1)};
 }
 
 inline vec3<double> stride(ActorPose pose, double a) {
     const auto wave = [a](double shift, double times = 1) { return std::sin(times * a + shift); };
-    pose.at(pelvis) = {0, 0.45 * wave(0.3), 0.05 * wave(1.6)};
+    pose.at(smplx::pelvis) = {0, 0.45 * wave(0.3), 0.05 * wave(1.6)};
     const double left = std::max(0.0, wave(0)), right = std::max(0.0, -wave(0));
-    const double sink = std::min(pose.leg(0, 0.10 + 0.85 * left, 0.20 + 1.25 * left), pose.leg(1, 0.10 + 0.85 * right, 0.20 + 1.25 * right));
-    for (const int joint : {spine1, spine2, spine3}) pose.at(joint) = {0.04, -0.16 * wave(0.3), 0.06 * wave(1.6)};
-    pose.at(head) = {0.12 * wave(1.0, 2), -0.30 * wave(0.9), 0.10 * wave(0.2)};
-    pose.both(left_shoulder, {0.2 * wave(1), -0.25 + 0.7 * wave(0.2), -0.35 + 0.75 * wave(1.8)},
+    const double sink = std::min(pose.leg(0, 0.10 + 0.85 * left, 0.20 + 1.25 * left),
+                                 pose.leg(1, 0.10 + 0.85 * right, 0.20 + 1.25 * right));
+    for (const int joint : {smplx::spine1, smplx::spine2, smplx::spine3})
+        pose.at(joint) = {0.04, -0.16 * wave(0.3), 0.06 * wave(1.6)};
+    pose.at(smplx::head) = {0.12 * wave(1.0, 2), -0.30 * wave(0.9), 0.10 * wave(0.2)};
+    pose.both(smplx::left_shoulder, {0.2 * wave(1), -0.25 + 0.7 * wave(0.2), -0.35 + 0.75 * wave(1.8)},
               {0.2 * wave(3), -0.25 + 0.7 * wave(3.3), -0.35 + 0.75 * wave(4.9)});
-    pose.both(left_elbow, {0, -0.70 - 0.60 * wave(0.2), 0}, {0, -0.70 - 0.60 * wave(3.3), 0});
-    pose.both(left_wrist, {0, 0, 0.3 * wave(0.5, 2)}, {0, 0, 0.3 * wave(2.5, 2)});
-    for (int finger = 0; finger < 5; ++finger) pose.curl(finger, 0.35 + 0.35 * wave(0.4 * finger), finger == 0 ? 0.05 : 0.7);
-    pose.at(jaw) = {0.12 + 0.12 * wave(1.0), 0, 0};
+    pose.both(smplx::left_elbow, {0, -0.70 - 0.60 * wave(0.2), 0}, {0, -0.70 - 0.60 * wave(3.3), 0});
+    pose.both(smplx::left_wrist, {0, 0, 0.3 * wave(0.5, 2)}, {0, 0, 0.3 * wave(2.5, 2)});
+    for (int finger = 0; finger < 5; ++finger)
+        pose.curl(finger, 0.35 + 0.35 * wave(0.4 * finger), finger == 0 ? 0.05 : 0.7);
+    pose.at(smplx::jaw) = {0.12 + 0.12 * wave(1.0), 0, 0};
     pose.expression(0) = 0.8;
     pose.expression(4) = 0.5 + 0.5 * wave(0.5);
     pose.expression(6) = std::pow(std::max(0.0, wave(1.0)), 6.0);

@@ -18,7 +18,9 @@ struct ActorOutfit {
 
 namespace detail {
 
-inline Point joint_point(const std::array<double, 3>& p) { return {p[0], p[1], p[2]}; }
+inline Point joint_point(const std::array<double, 3>& p) {
+    return {p[0], p[1], p[2]};
+}
 
 /// Distance to one left finger; finger counts as the joints do: index, middle, pinky, ring, thumb.
 inline double finger_distance(const Point& p, int finger) {
@@ -27,7 +29,7 @@ inline double finger_distance(const Point& p, int finger) {
                                      {0.0082, 0.0070, 0.0064, 0.0054},
                                      {0.0092, 0.0079, 0.0072, 0.0060},
                                      {0.0145, 0.0108, 0.0095, 0.0075}};
-    const int first = left_index1 + 3 * finger;
+    const int first = smplx::left_index1 + 3 * finger;
     const double* r = radius[finger];
     const Point tip = joint_point(actor_fingertips[static_cast<std::size_t>(finger)]);
     double d = capsule(p, actor_joint(first), actor_joint(first + 1), r[0], r[1]);
@@ -59,8 +61,9 @@ inline double arm_distance(const Point& p) {
                                {0.380, 0.456, -0.008, 0.041, 0.044}, {0.430, 0.456, -0.010, 0.038, 0.041},
                                {0.485, 0.455, -0.007, 0.039, 0.044}, {0.560, 0.455, -0.004, 0.033, 0.037},
                                {0.625, 0.455, -0.002, 0.025, 0.030}, {0.672, 0.455, 0.000, 0.021, 0.028}};
-    return loft(arm, 0.02, p.x, p.y, p.z) -
-           ActorOutfit::shirt_thickness * smooth_step(ActorOutfit::sleeve_x + 0.002, ActorOutfit::sleeve_x - 0.004, p.x);
+    return loft(arm, 0.02, p.x, p.y, p.z) - ActorOutfit::shirt_thickness * smooth_step(ActorOutfit::sleeve_x + 0.002,
+                                                                                       ActorOutfit::sleeve_x - 0.004,
+                                                                                       p.x);
 }
 
 inline double leg_distance(const Point& p) {
@@ -79,7 +82,7 @@ inline double leg_distance(const Point& p) {
 
 /// A shoe, its toe turned outward by 8 degrees.
 inline double shoe_distance(Point p) {
-    const Point ankle = actor_joint(left_ankle);
+    const Point ankle = actor_joint(smplx::left_ankle);
     const double c = std::cos(0.14), s = std::sin(0.14), dx = p.x - ankle.x, dz = p.z - ankle.z;
     p = {c * dx - s * dz, p.y, s * dx + c * dz};
     // Columns: z, then x and y of the centre, then radii along x and y.
@@ -91,14 +94,13 @@ inline double shoe_distance(Point p) {
 }
 
 inline double torso_distance(const Point& p) {
-    constexpr Station torso[] = {{-0.090, 0, 0.000, 0.120, 0.085}, {-0.040, 0, 0.000, 0.162, 0.102},
-                                 {0.010, 0, 0.004, 0.166, 0.109},  {0.070, 0, 0.012, 0.153, 0.108},
-                                 {0.140, 0, 0.026, 0.136, 0.096},  {0.200, 0, 0.028, 0.134, 0.096},
-                                 {0.270, 0, 0.022, 0.146, 0.105},  {0.340, 0, 0.014, 0.158, 0.112},
-                                 {0.400, 0, 0.002, 0.156, 0.104},  {0.445, 0, -0.006, 0.135, 0.086},
-                                 {0.480, 0, -0.010, 0.085, 0.064}};
+    constexpr Station torso[] = {
+        {-0.090, 0, 0.000, 0.120, 0.085}, {-0.040, 0, 0.000, 0.162, 0.102}, {0.010, 0, 0.004, 0.166, 0.109},
+        {0.070, 0, 0.012, 0.153, 0.108},  {0.140, 0, 0.026, 0.136, 0.096},  {0.200, 0, 0.028, 0.134, 0.096},
+        {0.270, 0, 0.022, 0.146, 0.105},  {0.340, 0, 0.014, 0.158, 0.112},  {0.400, 0, 0.002, 0.156, 0.104},
+        {0.445, 0, -0.006, 0.135, 0.086}, {0.480, 0, -0.010, 0.085, 0.064}};
     double d = loft(torso, 0.035, p.y, p.x, p.z);
-    d = smooth_union(d, ellipsoid(p - Point(0.070, 0.355, 0.070), {0.070, 0.055, 0.052}), 0.04); // chest
+    d = smooth_union(d, ellipsoid(p - Point(0.070, 0.355, 0.070), {0.070, 0.055, 0.052}), 0.04);  // chest
     d = smooth_union(d, ellipsoid(p - Point(0.085, 0.380, -0.055), {0.070, 0.090, 0.040}), 0.05); // shoulder blade
     d = smooth_union(d, capsule(p, {0.020, 0.505, -0.022}, {0.155, 0.462, -0.012}, 0.044, 0.052), 0.05); // trapezius
     // A shallow furrow down the spine.
@@ -109,15 +111,17 @@ inline double torso_distance(const Point& p) {
 }
 
 inline double neck_distance(const Point& p) {
-    constexpr Station neck[] = {{0.440, 0, -0.012, 0.064, 0.060}, {0.490, 0, -0.012, 0.056, 0.056},
-                                {0.530, 0, -0.004, 0.052, 0.053}, {0.580, 0, 0.008, 0.053, 0.056},
+    constexpr Station neck[] = {{0.440, 0, -0.012, 0.064, 0.060},
+                                {0.490, 0, -0.012, 0.056, 0.056},
+                                {0.530, 0, -0.004, 0.052, 0.053},
+                                {0.580, 0, 0.008, 0.053, 0.056},
                                 {0.620, 0, 0.016, 0.054, 0.058}};
     return loft(neck, 0.02, p.y, p.x, p.z);
 }
 
 /// Front outline of the open eye about its centre: negative between the lids, which are arcs from corner to corner.
 inline double eye_opening(const Point& p) {
-    const Point eye = actor_joint(left_eye);
+    const Point eye = actor_joint(smplx::left_eye);
     const double u = (p.x - eye.x) / 0.0140, v = p.y - eye.y - 0.0012 * u, arc = 1 - u * u;
     return std::max({v - 0.0058 * arc, -v - 0.0046 * arc, eye.z + 0.001 - p.z});
 }
@@ -155,20 +159,20 @@ inline double hair_amount(const Point& p) {
 }
 
 inline double head_distance(const Point& p) {
-    double d = ellipsoid(p - Point(0, 0.692, 0.034), {0.073, 0.086, 0.096}); // skull
-    d = smooth_union(d, ellipsoid(p - Point(0, 0.626, 0.060), {0.060, 0.062, 0.070}), 0.035); // face and jaw
+    double d = ellipsoid(p - Point(0, 0.692, 0.034), {0.073, 0.086, 0.096});                            // skull
+    d = smooth_union(d, ellipsoid(p - Point(0, 0.626, 0.060), {0.060, 0.062, 0.070}), 0.035);           // face and jaw
     d = smooth_union(d, capsule(p, {0.052, 0.618, 0.025}, {0.018, 0.574, 0.098}, 0.012, 0.014), 0.025); // jaw line
     d = smooth_union(d, ellipsoid(p - Point(0, 0.573, 0.112), {0.021, 0.015, 0.018}), 0.020);           // chin
     d = smooth_union(d, ellipsoid(p - Point(0.043, 0.645, 0.093), {0.022, 0.018, 0.024}), 0.020);       // cheekbone
     d = smooth_union(d, ellipsoid(p - Point(0, 0.608, 0.112), {0.030, 0.024, 0.020}), 0.015); // around the mouth
     d = smooth_union(d, capsule(p, {0.010, 0.690, 0.121}, {0.046, 0.687, 0.102}, 0.0085, 0.0060), 0.014); // brow
-    d = smooth_difference(d, ellipsoid(p - Point(0.031, 0.671, 0.134), {0.019, 0.0115, 0.0135}), 0.014); // socket
-    d = smooth_union(d, capsule(p, {0, 0.676, 0.1225}, {0, 0.641, 0.1405}, 0.0068, 0.0092), 0.010);     // nose
+    d = smooth_difference(d, ellipsoid(p - Point(0.031, 0.671, 0.134), {0.019, 0.0115, 0.0135}), 0.014);  // socket
+    d = smooth_union(d, capsule(p, {0, 0.676, 0.1225}, {0, 0.641, 0.1405}, 0.0068, 0.0092), 0.010);       // nose
     d = smooth_union(d, ellipsoid(p - Point(0.0105, 0.6375, 0.1310), {0.0075, 0.0065, 0.0090}), 0.006); // nostril wing
     d = smooth_difference(d, ellipsoid(p - Point(0.0065, 0.6305, 0.1340), {0.0030, 0.0040, 0.0045}), 0.003);
     d = smooth_union(d, lips_distance(p), 0.005);
     d = smooth_difference(d, capsule(p, {0, 0.618, 0.1400}, {0, 0.628, 0.1405}, 0.0028, 0.0028), 0.005); // philtrum
-    const Point eye = actor_joint(left_eye);
+    const Point eye = actor_joint(smplx::left_eye);
     const double lids = length(p - eye) - 0.0152;
     d = smooth_union(d, lids, 0.005);
     d = std::max(d, -eye_opening(p));

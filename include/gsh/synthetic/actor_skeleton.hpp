@@ -10,15 +10,19 @@
 
 namespace gsh {
 
-/// Joint numbers of the SMPL-X order. Joints of the right side follow those of the left: body joints by one,
-/// hand joints by actor_finger_joints.
-enum ActorJoint : int {
+/// Joint numbers in SMPL-X's order. Joints of the right side follow those of the left: body joints by one, hand joints
+/// by actor_finger_joints.
+namespace smplx {
+// clang-format off
+enum Joint : int {
     pelvis = 0, left_hip = 1, spine1 = 3, left_knee = 4, spine2 = 6, left_ankle = 7, spine3 = 9, left_foot = 10,
     neck = 12, left_collar = 13, head = 15, left_shoulder = 16, left_elbow = 18, left_wrist = 20,
     jaw = 22, left_eye = 23, right_eye = 24,
-    left_index1 = 25, left_middle1 = 28, left_pinky1 = 31, left_ring1 = 34, left_thumb1 = 37, right_index1 = 40,
-    actor_joint_count = 55
+    left_index1 = 25, left_middle1 = 28, left_pinky1 = 31, left_ring1 = 34, left_thumb1 = 37, right_index1 = 40
 };
+// clang-format on
+} // namespace smplx
+inline constexpr int actor_joint_count = 55;
 inline constexpr int actor_finger_joints = 15; ///< joints per hand beyond the wrist
 
 struct ActorJointInfo {

@@ -16,28 +16,43 @@ using ActorWeights = std::array<double, actor_joint_count>;
 namespace detail {
 
 /// 0..1 across a plane through `at` with unit normal n, over a band of half-width w.
-inline double beyond(const Point& p, const Point& at, const Point& n, double w) { return smooth_step(-w, w, dot(p - at, n)); }
+inline double beyond(const Point& p, const Point& at, const Point& n, double w) {
+    return smooth_step(-w, w, dot(p - at, n));
+}
 
 /// What share of its parent's weight passes to the left (or middle) joint; x >= 0. A joint's share is a soft step
 /// across a plane through it, and zero wherever another limb could cross that plane.
 inline double body_share(const Point& p, int joint) {
     const Point at = actor_joint(joint);
     switch (joint) {
-        case left_hip: // the groin's crease: from the crotch up to the hip bone
-            return beyond(p, at + Point(0, -0.010, 0), normalize(Point(0.50, -0.86, 0)), 0.055) * smooth_step(-0.026, 0.026, p.x) *
-                   smooth_step(0.16, 0.10, p.y);
-        case left_knee: return beyond(p, at, {0, -1, 0}, 0.050);
-        case left_ankle: return beyond(p, at, normalize(Point(0, -1, 0.5)), 0.026);
-        case left_foot: return beyond(p, at, normalize(Point(0.14, 0, 1)), 0.025);
-        case spine1: case spine2: case spine3: return beyond(p, at, {0, 1, 0}, 0.050);
-        case neck: return beyond(p, at + Point(0, 0.008, 0), normalize(Point(0, 1, 0.15)), 0.032) * smooth_step(0.135, 0.060, p.x - std::max(0.0, p.y - 0.51));
-        case head: return beyond(p, at, normalize(Point(0, 1, 0.55)), 0.028);
-        case left_collar: // reaches lower towards the armpit
-            return smooth_step(0.005, 0.110, p.x) * smooth_step(0.34, 0.42, p.y + std::max(0.0, p.x - 0.13));
-        case left_shoulder: return beyond(p, at + Point(0.004, 0, 0), {1, 0, 0}, 0.055);
-        case left_elbow: return beyond(p, at, {1, 0, 0}, 0.038);
-        case left_wrist: return beyond(p, at, {1, 0, 0}, 0.022);
-        default: return 0;
+    case smplx::left_hip: // the groin's crease: from the crotch up to the hip bone
+        return beyond(p, at + Point(0, -0.010, 0), normalize(Point(0.50, -0.86, 0)), 0.055) *
+               smooth_step(-0.026, 0.026, p.x) * smooth_step(0.16, 0.10, p.y);
+    case smplx::left_knee:
+        return beyond(p, at, {0, -1, 0}, 0.050);
+    case smplx::left_ankle:
+        return beyond(p, at, normalize(Point(0, -1, 0.5)), 0.026);
+    case smplx::left_foot:
+        return beyond(p, at, normalize(Point(0.14, 0, 1)), 0.025);
+    case smplx::spine1:
+    case smplx::spine2:
+    case smplx::spine3:
+        return beyond(p, at, {0, 1, 0}, 0.050);
+    case smplx::neck:
+        return beyond(p, at + Point(0, 0.008, 0), normalize(Point(0, 1, 0.15)), 0.032) *
+               smooth_step(0.135, 0.060, p.x - std::max(0.0, p.y - 0.51));
+    case smplx::head:
+        return beyond(p, at, normalize(Point(0, 1, 0.55)), 0.028);
+    case smplx::left_collar: // reaches lower towards the armpit
+        return smooth_step(0.005, 0.110, p.x) * smooth_step(0.34, 0.42, p.y + std::max(0.0, p.x - 0.13));
+    case smplx::left_shoulder:
+        return beyond(p, at + Point(0.004, 0, 0), {1, 0, 0}, 0.055);
+    case smplx::left_elbow:
+        return beyond(p, at, {1, 0, 0}, 0.038);
+    case smplx::left_wrist:
+        return beyond(p, at, {1, 0, 0}, 0.022);
+    default:
+        return 0;
     }
 }
 
@@ -45,14 +60,15 @@ inline double body_share(const Point& p, int joint) {
 inline double jaw_share(const Point& p) {
     const double bend = 0.0030 * (p.x / 0.024) * (p.x / 0.024);
     const double line = p.z > 0.118 ? actor_mouth_y - std::min(bend, 0.003) : 0.6035 + 0.38 * (0.118 - p.z);
-    const double soft = 0.0003 + 0.6 * std::max(0.0, p.x - (actor_mouth_corner_x - 0.0045)) + 0.35 * std::max(0.0, 0.10 - p.z);
+    const double soft =
+        0.0003 + 0.6 * std::max(0.0, p.x - (actor_mouth_corner_x - 0.0045)) + 0.35 * std::max(0.0, 0.10 - p.z);
     return smooth_step(-1, 1, (line - p.y) / std::min(soft, 0.025)) * smooth_step(0.035, 0.080, p.z);
 }
 
 /// Share of the wrist's weight that passes to a finger: beyond the knuckle, and nearest to that finger.
 inline double finger_share(const Point& p, int finger) {
     constexpr double softness = 0.0018;
-    const int first = left_index1 + 3 * finger;
+    const int first = smplx::left_index1 + 3 * finger;
     const Point at = actor_joint(first), along = normalize(actor_joint(first + 1) - at);
     const bool thumb = finger == 4;
     const double mine = finger_distance(p, finger);
@@ -71,7 +87,7 @@ inline double finger_share(const Point& p, int finger) {
 [[nodiscard]] inline ActorWeights actor_weights(const vec3<double>& point) {
     using namespace detail;
     ActorWeights weights{};
-    weights[pelvis] = 1;
+    weights[smplx::pelvis] = 1;
     for (int joint = 1; joint < actor_joint_count; ++joint) {
         const auto& info = actor_joints[static_cast<std::size_t>(joint)];
         double& parent = weights[static_cast<std::size_t>(info.parent)];
@@ -79,13 +95,18 @@ inline double finger_share(const Point& p, int finger) {
         const bool right = info.position[0] < 0;
         const Point p(right ? -point.x : info.position[0] > 0 ? point.x : std::abs(point.x), point.y, point.z);
         int twin = joint; // the left joint that carries the table
-        if (right) twin = joint >= right_index1 ? joint - actor_finger_joints : joint - 1;
+        if (right) twin = joint >= smplx::right_index1 ? joint - actor_finger_joints : joint - 1;
         double share = 0;
-        if (twin == jaw) share = jaw_share(p);
-        else if (twin == left_eye) share = smooth_step(0.0142, 0.0136, length(p - actor_joint(left_eye)));
-        else if (twin < jaw) share = body_share(p, twin);
-        else if ((twin - left_index1) % 3 == 0) share = finger_share(p, (twin - left_index1) / 3);
-        else share = beyond(p, actor_joint(twin), normalize(actor_joint(twin) - actor_joint(twin - 1)), 0.0080);
+        if (twin == smplx::jaw)
+            share = jaw_share(p);
+        else if (twin == smplx::left_eye)
+            share = smooth_step(0.0142, 0.0136, length(p - actor_joint(smplx::left_eye)));
+        else if (twin < smplx::jaw)
+            share = body_share(p, twin);
+        else if ((twin - smplx::left_index1) % 3 == 0)
+            share = finger_share(p, (twin - smplx::left_index1) / 3);
+        else
+            share = beyond(p, actor_joint(twin), normalize(actor_joint(twin) - actor_joint(twin - 1)), 0.0080);
         weights[static_cast<std::size_t>(joint)] = parent * share;
         parent -= parent * share;
     }

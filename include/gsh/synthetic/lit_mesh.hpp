@@ -30,7 +30,8 @@ struct StudioLight {
 [[nodiscard]] inline std::array<float, 2> even_sample(std::uint64_t key, std::uint64_t index) {
     const auto wrap = [](double x) { return static_cast<float>(std::min(x - std::floor(x), 0.999999)); };
     const double i = static_cast<double>(index);
-    return {wrap(random_uniform(key, 0) + 0.7548776662466927 * i), wrap(random_uniform(key, 1) + 0.5698402909980532 * i)};
+    return {wrap(random_uniform(key, 0) + 0.7548776662466927 * i),
+            wrap(random_uniform(key, 1) + 0.5698402909980532 * i)};
 }
 
 /// A mesh that is seen by rays and lit by a lamp whose soft shadows it casts upon itself.
@@ -44,15 +45,18 @@ public:
 
     /// vertices and canonical [V] belong together; colours are read at canonical positions. Keeps references to
     /// canonical and faces.
-    LitMesh(Span<const vec3<double>> vertices, Span<const vec3<double>> canonical, Span<const std::array<int, 3>> faces, const StudioLight& light)
-        : vertices_(vertices.begin(), vertices.end()), canonical_(canonical), faces_(faces), light_(light), scene_(vertices_, faces) {
+    LitMesh(Span<const vec3<double>> vertices, Span<const vec3<double>> canonical, Span<const std::array<int, 3>> faces,
+            const StudioLight& light)
+        : vertices_(vertices.begin(), vertices.end()), canonical_(canonical), faces_(faces), light_(light),
+          scene_(vertices_, faces) {
         check_size("LitMesh", "canonical", canonical.size(), vertices.size());
         for (const auto& normal : vertex_normals(vertices, faces)) normals_.emplace_back(normal);
     }
 
     /// Follows one ray of sight; `key` and `index` choose the lamp's and the sky's sample.
     template <class Color>
-    [[nodiscard]] Sight look(const vec3<float>& eye, const vec3<float>& direction, const Color& color, std::uint64_t key, std::uint64_t index) const {
+    [[nodiscard]] Sight look(const vec3<float>& eye, const vec3<float>& direction, const Color& color,
+                             std::uint64_t key, std::uint64_t index) const {
         const RayHit hit = scene_.closest(eye, direction);
         if (!hit.found) return {};
         const auto& f = faces_[hit.face];
@@ -70,12 +74,14 @@ public:
         const vec3<float> albedo(surface.albedo);
 
         const vec3<float> to_lamp = lamp_direction(position, even_sample(key, index));
-        vec3<float> radiance = albedo * (light_.floor * 0.25f + sky_light(position, normal, even_sample(key ^ 0x51u, index)));
+        vec3<float> radiance =
+            albedo * (light_.floor * 0.25f + sky_light(position, normal, even_sample(key ^ 0x51u, index)));
         const float lambert = dot(normal, normalize(to_lamp));
         if (lambert > 0 && sees(position, normal, to_lamp, 1)) {
             const vec3<float> half_way = normalize(normalize(to_lamp) + to_eye);
             const float falloff = dot(light_.position, light_.position) / dot(to_lamp, to_lamp);
-            const float highlight = static_cast<float>(surface.gloss) * 0.5f * std::pow(std::max(0.0f, dot(normal, half_way)), 40.0f);
+            const float highlight =
+                static_cast<float>(surface.gloss) * 0.5f * std::pow(std::max(0.0f, dot(normal, half_way)), 40.0f);
             radiance += light_.lamp * (falloff * lambert) * (albedo + vec3<float>(highlight));
         }
         return {true, radiance};
@@ -85,7 +91,8 @@ public:
     [[nodiscard]] float lamp_visibility(std::size_t face, const vec3<float>& barycentric, int samples) const {
         const auto& f = faces_[face];
         const auto between = [&](const auto& values) {
-            return values[corner(f, 0)] * barycentric.x + values[corner(f, 1)] * barycentric.y + values[corner(f, 2)] * barycentric.z;
+            return values[corner(f, 0)] * barycentric.x + values[corner(f, 1)] * barycentric.y +
+                   values[corner(f, 2)] * barycentric.z;
         };
         const vec3<float> position = between(vertices_), normal = normalize(between(normals_));
         int seen = 0;
@@ -108,7 +115,8 @@ private:
     }
 
     /// One cosine-weighted ray: what it meets of sky or floor, nothing where the body is in the way.
-    [[nodiscard]] vec3<float> sky_light(const vec3<float>& position, const vec3<float>& normal, const std::array<float, 2>& sample) const {
+    [[nodiscard]] vec3<float> sky_light(const vec3<float>& position, const vec3<float>& normal,
+                                        const std::array<float, 2>& sample) const {
         const auto [u, v] = frame(normal);
         const float r = std::sqrt(sample[0]), angle = 2 * std::numbers::pi_v<float> * sample[1];
         const vec3<float> d = u * (r * std::cos(angle)) + v * (r * std::sin(angle)) + normal * std::sqrt(1 - sample[0]);
@@ -116,7 +124,8 @@ private:
         return light_.floor + (light_.sky - light_.floor) * std::clamp(0.5f + 1.5f * d.y, 0.0f, 1.0f);
     }
 
-    [[nodiscard]] bool sees(const vec3<float>& position, const vec3<float>& normal, const vec3<float>& direction, float far) const {
+    [[nodiscard]] bool sees(const vec3<float>& position, const vec3<float>& normal, const vec3<float>& direction,
+                            float far) const {
         return !scene_.occluded(position + normal * 5e-4f, direction, 1e-4f, far);
     }
 

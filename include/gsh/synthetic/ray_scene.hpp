@@ -50,7 +50,8 @@ public:
         rtcCommitGeometry(geometry.get());
         rtcAttachGeometry(scene_.get(), geometry.get());
         rtcCommitScene(scene_.get());
-        if (rtcGetDeviceError(device_.get()) != RTC_ERROR_NONE) throw DeviceError("RayScene: Embree built no hierarchy");
+        if (rtcGetDeviceError(device_.get()) != RTC_ERROR_NONE)
+            throw DeviceError("RayScene: Embree built no hierarchy");
     }
 
     /// The nearest hit beyond `near`; direction need not be a unit vector, distance counts in its lengths.

@@ -19,7 +19,8 @@ template <class Distance>
 [[nodiscard]] vec3<double> distance_gradient(const Distance& distance, const vec3<double>& p, double value) {
     constexpr double h = 2e-5;
     return vec3<double>(distance(p + vec3<double>(h, 0, 0)) - value, distance(p + vec3<double>(0, h, 0)) - value,
-                        distance(p + vec3<double>(0, 0, h)) - value) / h;
+                        distance(p + vec3<double>(0, 0, h)) - value) /
+           h;
 }
 
 namespace detail {
@@ -130,7 +131,8 @@ public:
                 result.vertices.push_back(mesh_.vertices[v]);
             }
         for (const auto& f : mesh_.faces)
-            if (f[0] >= 0) result.faces.push_back({renumbered[index(f[0])], renumbered[index(f[1])], renumbered[index(f[2])]});
+            if (f[0] >= 0)
+                result.faces.push_back({renumbered[index(f[0])], renumbered[index(f[1])], renumbered[index(f[2])]});
         return result;
     }
 
@@ -159,7 +161,8 @@ private:
 ///
 /// Source  after Botsch and Kobbelt, "A Remeshing Approach to Multiresolution Modeling", 2004.
 template <class Distance, class EdgeLength>
-[[nodiscard]] TriangleMesh remesh(TriangleMesh input, const Distance& distance, const EdgeLength& edge_length, int rounds = 5) {
+[[nodiscard]] TriangleMesh remesh(TriangleMesh input, const Distance& distance, const EdgeLength& edge_length,
+                                  int rounds = 5) {
     detail::EditableMesh mesh(std::move(input));
     const int count = static_cast<int>(mesh.vertex_count());
     const auto project = [&](vec3<double> p) {

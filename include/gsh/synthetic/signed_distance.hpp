@@ -22,7 +22,9 @@ using Point = vec3<double>;
     return t * t * (3 - 2 * t);
 }
 /// 0 at `low`, 1 at `high`.
-[[nodiscard]] inline double smooth_step(double low, double high, double x) { return smooth_step((x - low) / (high - low)); }
+[[nodiscard]] inline double smooth_step(double low, double high, double x) {
+    return smooth_step((x - low) / (high - low));
+}
 
 /// Union whose seam is rounded over a width of about k: Quílez's quadratic smooth minimum.
 [[nodiscard]] inline double smooth_union(double a, double b, double k) {
@@ -30,7 +32,9 @@ using Point = vec3<double>;
     return std::min(a, b) - h * h * k * 0.25;
 }
 /// a without b, its edge rounded alike.
-[[nodiscard]] inline double smooth_difference(double a, double b, double k) { return -smooth_union(-a, b, k); }
+[[nodiscard]] inline double smooth_difference(double a, double b, double k) {
+    return -smooth_union(-a, b, k);
+}
 
 /// Ellipsoid of radii r about the origin.
 [[nodiscard]] inline double ellipsoid(const Point& p, const Point& r) {

@@ -3,10 +3,10 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/body/posed_body.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/io/capture.hpp>
 #include <gsh/synthetic/lit_mesh.hpp>
-#include <gsh/synthetic/posed_mesh.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -20,12 +20,12 @@
 namespace gsh {
 
 struct StudioParams {
-    int train_cameras = 6;     ///< evenly around the subject
-    int test_cameras = 1;      ///< the k-th between training cameras k and k + 1
-    int image_size = 320;      ///< pixels, square
-    int samples = 25;          ///< rays of sight per pixel, each with one to the lamp and one to the sky
-    double distance = 3.0;     ///< metres from the subject's middle
-    std::uint64_t seed = 1;    ///< of cameras and samples
+    int train_cameras = 6;  ///< evenly around the subject
+    int test_cameras = 1;   ///< the k-th between training cameras k and k + 1
+    int image_size = 320;   ///< pixels, square
+    int samples = 25;       ///< rays of sight per pixel, each with one to the lamp and one to the sky
+    double distance = 3.0;  ///< metres from the subject's middle
+    std::uint64_t seed = 1; ///< of cameras and samples
     StudioLight light;
 };
 
@@ -39,7 +39,8 @@ struct StudioParams {
 /// color(p) is the SurfaceColor at canonical position p of v_template.
 /// Errors  ValueError for parameters out of range, ShapeError if the motion is not for this body.
 template <CpuBackend B, class Color>
-[[nodiscard]] Capture film(B& backend, const BodyModel& body, const Motion& motion, const StudioParams& params, const Color& color);
+[[nodiscard]] Capture film(B& backend, const BodyModel& body, const Motion& motion, const StudioParams& params,
+                           const Color& color);
 
 /// Films the actor in its own colours.
 template <CpuBackend B>
@@ -57,10 +58,15 @@ inline std::vector<NamedCamera> camera_ring(Span<const vec3<double>> points, con
 
     std::vector<NamedCamera> list;
     const auto add = [&](NamedCamera::Role role, int index, double place) {
-        const std::uint64_t key = mix_bits(params.seed) + 1000 * static_cast<std::uint64_t>(role == NamedCamera::Role::test);
-        const auto vary = [&](int what) { return 2 * random_uniform(key, static_cast<std::uint64_t>(4 * index + what)) - 1; };
+        const std::uint64_t key =
+            mix_bits(params.seed) + 1000 * static_cast<std::uint64_t>(role == NamedCamera::Role::test);
+        const auto vary = [&](int what) {
+            return 2 * random_uniform(key, static_cast<std::uint64_t>(4 * index + what)) - 1;
+        };
         const double angle = 2 * std::numbers::pi * (place + 0.25) / params.train_cameras, size = params.image_size;
-        const vec3<double> eye = middle + vec3<double>(std::sin(angle), 0.16 + 0.09 * std::sin(2.4 * place), std::cos(angle)) * params.distance;
+        const vec3<double> eye =
+            middle +
+            vec3<double>(std::sin(angle), 0.16 + 0.09 * std::sin(2.4 * place), std::cos(angle)) * params.distance;
         const vec3<double> forward = normalize(middle - eye), right = normalize(cross(forward, vec3<double>(0, 1, 0)));
         Camera<double> camera;
         camera.R = transpose(mat3<double>(right, cross(forward, right), forward));
@@ -88,24 +94,31 @@ namespace detail {
 
 /// One pixel: stratified rays, averaged in linear light, written as sRGB.
 template <class Color>
-void film_pixel(const LitMesh& mesh, const Camera<float>& camera, const vec3<float>& eye, int x, int y, std::uint64_t key, int samples,
-                const Color& color, std::uint8_t* rgba) {
+void film_pixel(const LitMesh& mesh, const Camera<float>& camera, const vec3<float>& eye, int x, int y,
+                std::uint64_t key, int samples, const Color& color, std::uint8_t* rgba) {
     const int side = std::max(1, static_cast<int>(std::lround(std::sqrt(samples))));
     vec3<float> sum(0.0f);
     int found = 0;
     for (int k = 0; k < samples; ++k) {
-        const auto draw = [&](int axis) { return static_cast<float>(random_uniform(key, static_cast<std::uint64_t>(2 * k + axis))); };
+        const auto draw = [&](int axis) {
+            return static_cast<float>(random_uniform(key, static_cast<std::uint64_t>(2 * k + axis)));
+        };
         const bool in_grid = k < side * side; // leftovers fall anywhere
         const float u = in_grid ? (static_cast<float>(k % side) + draw(0)) / static_cast<float>(side) : draw(0);
         const float v = in_grid ? (static_cast<float>(k / side) + draw(1)) / static_cast<float>(side) : draw(1);
-        const vec3<float> d((static_cast<float>(x) + u - camera.cx) / camera.fx, (static_cast<float>(y) + v - camera.cy) / camera.fy, 1);
-        const LitMesh::Sight sight = mesh.look(eye, transposed_times(camera.R, d), color, key, static_cast<std::uint64_t>(k));
+        const vec3<float> d((static_cast<float>(x) + u - camera.cx) / camera.fx,
+                            (static_cast<float>(y) + v - camera.cy) / camera.fy, 1);
+        const LitMesh::Sight sight =
+            mesh.look(eye, transposed_times(camera.R, d), color, key, static_cast<std::uint64_t>(k));
         found += sight.found;
         sum += sight.radiance;
     }
-    const auto byte = [](float value) { return static_cast<std::uint8_t>(std::lround(255 * std::clamp(value, 0.0f, 1.0f))); };
+    const auto byte = [](float value) {
+        return static_cast<std::uint8_t>(std::lround(255 * std::clamp(value, 0.0f, 1.0f)));
+    };
     const std::uint8_t alpha = byte(static_cast<float>(found) / static_cast<float>(samples));
-    for (int c = 0; c < 3; ++c) rgba[c] = alpha ? byte(linear_to_srgb(sum[c] / static_cast<float>(found))) : std::uint8_t(0);
+    for (int c = 0; c < 3; ++c)
+        rgba[c] = alpha ? byte(linear_to_srgb(sum[c] / static_cast<float>(found))) : std::uint8_t(0);
     rgba[3] = alpha;
 }
 
@@ -113,11 +126,14 @@ void film_pixel(const LitMesh& mesh, const Camera<float>& camera, const vec3<flo
 struct PixelBox {
     int x0, x1, y0, y1;
 
-    PixelBox(Span<const vec3<double>> vertices, const Camera<double>& camera) : x0(camera.width), x1(0), y0(camera.height), y1(0) {
+    PixelBox(Span<const vec3<double>> vertices, const Camera<double>& camera)
+        : x0(camera.width), x1(0), y0(camera.height), y1(0) {
         for (const auto& p : vertices) {
             const vec2<double> pixel = to_pixel(camera, to_camera(camera, p));
-            x0 = std::min(x0, static_cast<int>(std::floor(pixel.x)) - 1), x1 = std::max(x1, static_cast<int>(std::ceil(pixel.x)) + 1);
-            y0 = std::min(y0, static_cast<int>(std::floor(pixel.y)) - 1), y1 = std::max(y1, static_cast<int>(std::ceil(pixel.y)) + 1);
+            x0 = std::min(x0, static_cast<int>(std::floor(pixel.x)) - 1),
+            x1 = std::max(x1, static_cast<int>(std::ceil(pixel.x)) + 1);
+            y0 = std::min(y0, static_cast<int>(std::floor(pixel.y)) - 1),
+            y1 = std::max(y1, static_cast<int>(std::ceil(pixel.y)) + 1);
         }
         x0 = std::max(x0, 0), y0 = std::max(y0, 0), x1 = std::min(x1, camera.width), y1 = std::min(y1, camera.height);
     }
@@ -128,15 +144,18 @@ struct PixelBox {
 template <CpuBackend B, class Color>
 Capture film(B& backend, const BodyModel& body, const Motion& motion, const StudioParams& params, const Color& color) {
     check_value(params.train_cameras > 0 && params.test_cameras >= 0, "film", "there must be a training camera");
-    check_value(params.test_cameras <= params.train_cameras, "film", "there must not be more test than training cameras");
-    check_value(params.image_size > 0 && params.samples > 0 && params.distance > 0, "film", "image_size, samples and distance must be positive");
+    check_value(params.test_cameras <= params.train_cameras, "film",
+                "there must not be more test than training cameras");
+    check_value(params.image_size > 0 && params.samples > 0 && params.distance > 0, "film",
+                "image_size, samples and distance must be positive");
     check_value(motion.frame_count() > 0, "film", "the motion has no frame");
 
     const std::size_t frames = motion.frame_count();
-    const MeshPoser poser(body);
     std::vector<std::vector<vec3<double>>> posed(frames);
     backend.for_chunks(frames, 1, [&](std::size_t, std::size_t begin, std::size_t end) {
-        for (std::size_t t = begin; t < end; ++t) posed[t] = poser.vertices(motion, t);
+        for (std::size_t t = begin; t < end; ++t)
+            posed[t] =
+                pose_body(body, motion.pose_at(t), motion.transl[t], motion.betas, motion.expression_at(t)).vertices;
     });
     std::vector<vec3<double>> everywhere;
     for (const auto& vertices : posed) everywhere.insert(everywhere.end(), vertices.begin(), vertices.end());
@@ -145,7 +164,8 @@ Capture film(B& backend, const BodyModel& body, const Motion& motion, const Stud
     result.name = "studio";
     result.motion = motion;
     result.cameras = camera_ring(everywhere, params);
-    result.fps = frames > 1 ? static_cast<double>(frames - 1) / (motion.timestamps.back() - motion.timestamps.front()) : 0;
+    result.fps =
+        frames > 1 ? static_cast<double>(frames - 1) / (motion.timestamps.back() - motion.timestamps.front()) : 0;
     result.floor_y = ActorOutfit::sole_y;
     const std::size_t cameras = result.cameras.size(), size = static_cast<std::size_t>(params.image_size);
     result.images.assign(cameras * frames, PixelImage(4, params.image_size, params.image_size));
@@ -163,7 +183,8 @@ Capture film(B& backend, const BodyModel& body, const Motion& motion, const Stud
                 const Camera<float> narrow = camera.cast<float>();
                 const std::size_t image = c * frames + t;
                 for (int x = boxes[c].x0; x < boxes[c].x1; ++x) {
-                    const std::uint64_t pixel = (image * size + static_cast<std::size_t>(y)) * size + static_cast<std::size_t>(x);
+                    const std::uint64_t pixel =
+                        (image * size + static_cast<std::size_t>(y)) * size + static_cast<std::size_t>(x);
                     detail::film_pixel(mesh, narrow, eye, x, y, random_bits(params.seed, pixel), params.samples, color,
                                        result.images[image].pixel(y, x));
                 }

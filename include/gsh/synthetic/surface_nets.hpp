@@ -75,7 +75,8 @@ private:
                 std::vector<int> crossed;
                 for (int e = 0; e < 12; ++e) {
                     const auto [a, b] = corners(e);
-                    if (((a >> axis) & 1u) == side && ((b >> axis) & 1u) == side && group[static_cast<std::size_t>(e)] >= 0)
+                    if (((a >> axis) & 1u) == side && ((b >> axis) & 1u) == side &&
+                        group[static_cast<std::size_t>(e)] >= 0)
                         crossed.push_back(e);
                 }
                 for (const int e : crossed)
@@ -124,8 +125,10 @@ template <class Distance>
     for (std::size_t k0 = 0; k0 < nz; k0 += block)
         for (std::size_t j0 = 0; j0 < ny; j0 += block)
             for (std::size_t i0 = 0; i0 < nx; i0 += block) {
-                const std::size_t i1 = std::min(i0 + block, nx), j1 = std::min(j0 + block, ny), k1 = std::min(k0 + block, nz);
-                const vec3<double> low = point(i0, j0, k0), high = point(std::min(i1, nx - 1), std::min(j1, ny - 1), std::min(k1, nz - 1));
+                const std::size_t i1 = std::min(i0 + block, nx), j1 = std::min(j0 + block, ny),
+                                  k1 = std::min(k0 + block, nz);
+                const vec3<double> low = point(i0, j0, k0),
+                                   high = point(std::min(i1, nx - 1), std::min(j1, ny - 1), std::min(k1, nz - 1));
                 const double centre = distance((low + high) * 0.5);
                 const bool skip = std::abs(centre) > safety * 0.5 * length(high - low);
                 for (std::size_t k = k0; k < k1; ++k)
@@ -186,7 +189,8 @@ template <class Distance>
                         const int sheet = sheets.sheet(inside_mask(cell), static_cast<int>(4 * axis) + offset);
                         return first_vertex[cell] + sheet;
                     };
-                    std::array<int, 4> q = {vertex(here, 0), vertex(here - u, 1), vertex(here - u - v, 3), vertex(here - v, 2)};
+                    std::array<int, 4> q = {vertex(here, 0), vertex(here - u, 1), vertex(here - u - v, 3),
+                                            vertex(here - v, 2)};
                     if (!inside) std::swap(q[1], q[3]);
                     const auto square = [&](int a, int b) {
                         const vec3<double> d = mesh.vertices[static_cast<std::size_t>(q[static_cast<std::size_t>(a)])] -
