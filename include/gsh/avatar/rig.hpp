@@ -11,7 +11,9 @@
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/math/affine.hpp>
+#include <gsh/math/vec.hpp>
 
 #include <array>
 #include <concepts>
@@ -21,57 +23,51 @@
 
 namespace gsh {
 
-/// A rig on the host, as files hold it: the parts of a BodyModel that animation needs, and N points attached to it.
+/// A rig on the host, as files hold it: a body, its learned joints, and N points attached to its surface.
 ///
-/// Shapes  V vertices, J joints, S shape and E expression coefficients, N points. Direction k of vertex (joint) v
-///         is at [v * count + k].
+/// Shapes  J joints, N points.
 /// Frame   the canonical pose: the zero pose of the body with shape `betas` and a neutral face.
 struct RigData {
-    std::vector<int> parents;                       // [J]
-    std::vector<std::string> joint_names;           // [J], or empty
-    std::vector<double> betas;                      // [S] the shape that the canonical points lie on
-    std::size_t expression_count = 0;               // E
-    std::size_t vertex_count = 0;                   // V
-    std::vector<vec3<double>> joints;               // [J] rest positions at that shape
-    std::vector<vec3<double>> joint_shapedirs;      // [J, S]
-    std::vector<vec3<double>> joint_exprdirs;       // [J, E]
-    std::vector<vec3<double>> shapedirs;            // [V, S]
-    std::vector<vec3<double>> exprdirs;             // [V, E]
-    std::vector<vec3<double>> posedirs;             // [V, 9 (J - 1)], or empty
-    std::vector<std::array<int, 3>> triangles;      // [N] vertices that a point lies between
-    std::vector<vec3<double>> barycentric;          // [N]
-    SkinWeightTable<double> skin;                   // [N]
+    BodyModel body;                            ///< with shape directions for `betas` only
+    std::vector<double> betas;                 // [S] the shape that the canonical points lie on
+    std::vector<vec3<double>> joints;          // [J] rest positions at that shape, as training left them
+    std::vector<std::array<int, 3>> triangles; // [N] vertices that a point lies between
+    std::vector<vec3<double>> barycentric;     // [N]
+    SkinWeightTable<double> skin;              // [N]
 
-    [[nodiscard]] std::size_t joint_count() const { return parents.size(); }
+    [[nodiscard]] std::size_t joint_count() const { return body.joint_count(); }
     [[nodiscard]] std::size_t point_count() const { return triangles.size(); }
 };
 
-/// The rig of a body of shape `betas` and of samples on its surface.
-/// Errors  ShapeError if there are more betas than shape directions.
+/// The rig of a body of shape `betas` and of samples on its surface. Shape directions that betas do not speak of are
+/// left out: a file with 300 of them is not carried along for ten numbers.
+/// Errors  ValueError if there are more betas than shape directions.
 [[nodiscard]] inline RigData make_rig(const BodyModel& body, Span<const double> betas, const SurfaceSamples& samples) {
-    RigData rig;
     const auto S = static_cast<std::size_t>(body.shape_count);
     check_value(betas.size() <= S, "make_rig",
                 "there are " + std::to_string(betas.size()) + " betas for a body with " + std::to_string(S) +
                     " shape directions; drop the rest");
-    rig.parents = body.parents;
-    rig.joint_names = body.joint_names;
-    rig.betas.assign(betas.begin(), betas.end());
-    rig.expression_count = static_cast<std::size_t>(body.expression_count);
-    rig.vertex_count = body.vertex_count();
-    // Only the directions that betas speak of: a 300-component file is not carried along for ten numbers.
-    rig.shapedirs.reserve(body.vertex_count() * betas.size());
+    RigData rig{.body = body,
+                .betas = {betas.begin(), betas.end()},
+                .joints = regress_joints(body, shaped_vertices(body, betas)),
+                .triangles = samples.triangles,
+                .barycentric = samples.barycentric,
+                .skin = samples.weights};
+    rig.body.shape_count = static_cast<int>(betas.size());
+    rig.body.shapedirs.clear();
     for (std::size_t v = 0; v < body.vertex_count(); ++v)
-        for (std::size_t k = 0; k < betas.size(); ++k) rig.shapedirs.push_back(body.shapedirs[v * S + k]);
-    rig.exprdirs = body.exprdirs;
-    rig.posedirs = body.posedirs;
-    rig.joints = regress_joints(body, shaped_vertices(body, betas));
-    rig.joint_shapedirs = joint_directions(body, rig.shapedirs);
-    rig.joint_exprdirs = joint_directions(body, rig.exprdirs);
-    rig.triangles = samples.triangles;
-    rig.barycentric = samples.barycentric;
-    rig.skin = samples.weights;
+        for (std::size_t k = 0; k < betas.size(); ++k) rig.body.shapedirs.push_back(body.shapedirs[v * S + k]);
     return rig;
+}
+
+/// One frame in the canonical pose.
+[[nodiscard]] inline Motion rest_motion(const RigData& rig) {
+    Motion motion;
+    motion.joint_count = rig.joint_count();
+    motion.pose.assign(rig.joint_count(), vec3<double>(0));
+    motion.transl.assign(1, vec3<double>(0));
+    motion.timestamps.assign(1, 0);
+    return motion;
 }
 
 /// One frame's pose in a backend's memory.
@@ -142,27 +138,27 @@ public:
 
     Rig(B& backend, const RigData& data)
         : backend_(&backend), joint_count_(data.joint_count()), point_count_(data.point_count()),
-          shape_count_(data.betas.size()), expression_count_(data.expression_count),
-          vertex_count_(data.vertex_count), influences_(data.skin.influences),
-          skeleton_(backend, data.parents),
-          vertex_shapes_(backend, data.vertex_count, {data.shapedirs, data.exprdirs, data.posedirs}),
-          joint_shapes_(backend, data.joint_count(), {data.joint_shapedirs, data.joint_exprdirs}),
-          interpolation_(backend, data.vertex_count, data.triangles, data.barycentric) {
-        const std::size_t frame_count = shape_count_ + expression_count_;
-        check_size("Rig", "joint directions", joint_shapes_.coefficient_count(), frame_count);
-        feature_count_ = data.posedirs.empty() ? 0 : skeleton_.pose_feature_count();
-        check_size("Rig", "vertex directions", vertex_shapes_.coefficient_count(), frame_count + feature_count_);
+          shape_count_(data.betas.size()), expression_count_(static_cast<std::size_t>(data.body.expression_count)),
+          vertex_count_(data.body.vertex_count()),
+          feature_count_(data.body.posedirs.empty() ? 0 : data.body.pose_feature_count()),
+          influences_(data.skin.influences), betas_(data.betas), skeleton_(backend, data.body.parents),
+          vertex_shapes_(backend, vertex_count_, {data.body.shapedirs, data.body.exprdirs, data.body.posedirs}),
+          joint_shapes_(backend, joint_count_,
+                        {joint_directions(data.body, data.body.shapedirs), joint_directions(data.body, data.body.exprdirs)}),
+          interpolation_(backend, vertex_count_, data.triangles, data.barycentric) {
+        check_size("Rig", "body.shape_count", static_cast<std::size_t>(data.body.shape_count), shape_count_,
+                   "keep directions for the rig's betas only");
+        check_size("Rig", "joints", data.joints.size(), joint_count_, "store one rest position per joint");
         check_skin("Rig", data.skin.view(), point_count_);
         const SkinWeightTable<T> skin = data.skin.template cast<T>();
         skin_joints_.resize(skin.joints.size());
         skin_weights_.resize(skin.weights.size());
         backend.upload(Span<const std::uint16_t>(skin.joints), skin_joints_);
         backend.upload(Span<const T>(skin.weights), skin_weights_);
-        std::vector<T> shift(frame_count, T(0));
-        for (std::size_t k = 0; k < shape_count_; ++k) shift[k] = T(data.betas[k]);
-        initial_.resize(frame_count);
-        backend.upload(Span<const T>(shift), initial_);
-        betas_ = data.betas;
+        std::vector<T> initial(coefficient_count(), T(0));
+        for (std::size_t k = 0; k < shape_count_; ++k) initial[k] = T(data.betas[k]);
+        initial_.resize(initial.size());
+        backend.upload(Span<const T>(initial), initial_);
     }
 
     [[nodiscard]] std::size_t joint_count() const { return joint_count_; }
@@ -264,8 +260,7 @@ public:
 
 private:
     B* backend_;
-    std::size_t joint_count_, point_count_, shape_count_, expression_count_, vertex_count_, influences_;
-    std::size_t feature_count_ = 0;
+    std::size_t joint_count_, point_count_, shape_count_, expression_count_, vertex_count_, feature_count_, influences_;
     std::vector<double> betas_;
     Skeleton<T, B> skeleton_;
     BlendShapes<T, B> vertex_shapes_, joint_shapes_;

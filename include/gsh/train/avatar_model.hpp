@@ -2,6 +2,7 @@
 /// @file  The trainable avatar: parameter fields and stored attributes in, posed splats out, and the way back.
 #pragma once
 
+#include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
@@ -19,6 +20,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -176,6 +178,17 @@ public:
         backend_->download(Span<const T>(parameters_[ParameterGroup::opacity_logits]), cloud.opacity_logits);
         backend_->download(Span<const vec3<T>>(sh_), cloud.sh);
         return cloud;
+    }
+
+    /// The avatar as it is now, for files and for Avatar: `rig` with the learned joints, and the canonical Gaussians of
+    /// the last update_canonical.
+    [[nodiscard]] AvatarData avatar(RigData rig) const
+        requires std::same_as<T, float>
+    {
+        std::vector<vec3<T>> learned(rig.joint_count());
+        backend_->download(joints(), Span<vec3<T>>(learned));
+        for (std::size_t j = 0; j < learned.size(); ++j) rig.joints[j] = vec3<double>(learned[j]);
+        return {std::move(rig), canonical_gaussians(), config_.clamping};
     }
 
     /// Learned joints [J] in the backend's memory.

@@ -29,6 +29,11 @@ inline constexpr std::array<std::string_view, 8> parameter_group_names{
     "joints", "quats", "log_scales", "opacity_logits", "displacement_table", "displacement_network", "sh_table", "sh_network"};
 inline constexpr std::size_t parameter_group_count = parameter_group_names.size();
 
+/// Hash tables, of which only the entries that some Gaussian refers to ever move.
+[[nodiscard]] constexpr bool is_table(ParameterGroup group) {
+    return group == ParameterGroup::displacement_table || group == ParameterGroup::sh_table;
+}
+
 /// One array of numbers per group, in the backend's memory.
 template <std::floating_point T, Backend B>
 class Parameters {

@@ -84,6 +84,7 @@ inline constexpr std::array<std::string_view, 8> stage_names{
 template <Backend B, std::floating_point T = float, class Model = AvatarModel<B, T>>
 class Trainer {
 public:
+    using Scalar = T;
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
@@ -106,8 +107,14 @@ public:
     [[nodiscard]] std::uint64_t seed() const { return seed_; }
     [[nodiscard]] const TrainConfig& config() const { return config_; }
     [[nodiscard]] Model& model() { return *model_; }
+    [[nodiscard]] B& backend() { return *backend_; }
     /// Seconds spent per stage since the beginning, in the order of Stage.
     [[nodiscard]] const std::array<double, stage_names.size()>& stage_seconds() const { return stage_seconds_; }
+
+    /// Steps that stage_seconds() covers: those of this run, not of the one that it resumed.
+    [[nodiscard]] std::uint64_t timed_steps() const { return timed_steps_; }
+    /// The model's working memory.
+    [[nodiscard]] typename Model::Cache& cache() { return model_cache_; }
 
     /// The photograph that step `step` sees.
     [[nodiscard]] std::size_t photo_of_step(std::uint64_t step) {
@@ -160,7 +167,7 @@ public:
         Image<T> render(3, height_, width_), truth(3, height_, width_);
         backend_->download(Span<const T>(render_), Span<T>(render.data));
         backend_->download(Span<const T>(truth_), Span<T>(truth.data));
-        return psnr<T>(render.view(), truth.view());
+        return psnr(std::as_const(render).view(), std::as_const(truth).view());
     }
 
     /// Renders a frame at the present parameters: colour [3, height, width] over the background, and alpha if asked.
@@ -252,22 +259,23 @@ private:
                             raster_cache_);
     }
 
+    /// A step of Adam for every group that learns; the gradients are zero afterwards.
     void update() {
         ++step_count_;
-        const Adam adam;
+        ++timed_steps_;
+        const auto number = static_cast<std::int64_t>(step_count_);
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
             const auto group = static_cast<ParameterGroup>(g);
             const double rate = config_.rates[group];
-            const bool table = group == ParameterGroup::displacement_table || group == ParameterGroup::sh_table;
-            if (rate != 0) {
-                const AdamState<T> state{first_moment_[group], second_moment_[group]};
-                if (table)
-                    adam.step_entries<T>(*backend_, model_->touched_entries(), Model::Grid::feature_count,
-                                         model_->parameters()[group], gradient_[group], state, T(rate), step_count_);
-                else
-                    adam.step<T>(*backend_, model_->parameters()[group], gradient_[group], state, T(rate), step_count_);
-            }
-            backend_->fill(Span<T>(gradient_[group]), T(0));
+            const Span<T> parameters = model_->parameters()[group], gradients = gradient_[group];
+            if (rate == 0)
+                backend_->fill(gradients, T(0));
+            else if (is_table(group))
+                adam_.step_rows(*backend_, parameters, gradients, first_moment_[group], second_moment_[group],
+                                model_->touched_entries(), Model::Grid::feature_count, rate, number, UsedGradients::zero);
+            else
+                adam_.step(*backend_, parameters, gradients, first_moment_[group], second_moment_[group], rate, number,
+                           UsedGradients::zero);
         }
     }
 
@@ -279,11 +287,13 @@ private:
     TrainConfig config_;
     Rasterizer<B, T> rasterizer_;
     PhotometricLoss<B, T> loss_;
+    Adam adam_;
 
     std::uint64_t step_count_ = 0;
     std::vector<std::uint32_t> order_;
     std::uint64_t order_epoch_ = 0;
     std::array<double, stage_names.size()> stage_seconds_{};
+    std::uint64_t timed_steps_ = 0;
 
     int height_ = 0, width_ = 0;
     Buffer<std::uint8_t> rgba_;

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Story 5: free Gaussians become a picture.
+///
+/// Fifteen hundred Gaussians, thrown at random before a camera, are moved, turned, stretched and coloured until they
+/// look like a landscape. It is the training step of every splatting program as ordinary code: forwards in order,
+/// backwards in reverse. Writes 05_fit_one_image.png: truth | start | after 20 steps | end.
+#include <gsh/backend/threads.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/gaussian/gaussians.hpp>
+#include <gsh/gaussian/static_gaussian.hpp>
+#include <gsh/io/image_file.hpp>
+#include <gsh/loss/metrics.hpp>
+#include <gsh/loss/photometric.hpp>
+#include <gsh/optim/adam.hpp>
+#include <gsh/optim/schedule.hpp>
+#include <gsh/render/rasterizer.hpp>
+
+#include <support/story.hpp>
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+
+using namespace gsh;
+
+namespace {
+
+using Backend = cpu::Threads;
+
+// 1. The start: grey blobs in random places of a thin slab around z = 0.
+GaussianCloud<float> random_blobs(std::size_t count) {
+    GaussianCloud<float> cloud(count, 0);
+    Rng rng(5);
+    const auto uniform = [&rng](double reach) { return static_cast<float>(rng.uniform(-reach, reach)); };
+    for (std::size_t i = 0; i < count; ++i) {
+        cloud.means[i] = {uniform(0.5), uniform(0.5), uniform(0.02)};
+        cloud.quats[i] = {1, uniform(0.5), uniform(0.5), uniform(0.5)};
+        cloud.log_scales[i] = vec3<float>(std::log(0.012f));
+    }
+    return cloud;
+}
+
+// 2. All that belongs to one fit. Every buffer is made once; steps allocate nothing.
+class PictureFit {
+public:
+    PictureFit(Backend& backend, const GaussianCloud<float>& start, const Image<float>& truth)
+        : backend_(backend), rasterizer_(backend), loss_(backend), truth_(truth), render_(3, truth.height, truth.width),
+          dL_drender_(render_) {
+        upload(backend, start, gaussians_);
+        for (auto* like : {&dL_dgaussians_, &m_, &v_}) {
+            like->resize(start.size(), start.sh_degree);
+            zero(*like);
+        }
+        splats_.resize(start.size());
+        dL_dsplats_.resize(start.size());
+
+        // The camera stands one metre before the slab and sees one metre of it.
+        camera_.t = {0, 0, 1};
+        camera_.fx = camera_.fy = static_cast<float>(truth.width);
+        camera_.cx = camera_.cy = 0.5f * static_cast<float>(truth.width);
+        camera_.width = truth.width, camera_.height = truth.height;
+    }
+
+    // 3. Forwards in order: Gaussians → splats → picture → loss.
+    double forward() {
+        static_splats_forward<0>(backend_, gaussians_.view(), camera_.center(), splats_.view());
+        rasterizer_.forward(camera_, splats_.view(), background_, {.color = render_.view()}, raster_cache_);
+        loss_.forward(render_.view(), truth_.view(), loss_cache_);
+        return loss_.values(loss_cache_).loss;
+    }
+
+    // 4. Backwards in reverse: each adds to its outputs, so what comes between starts at zero.
+    void backward() {
+        backend_.fill(Span<float>(dL_drender_.data), 0.0f);
+        loss_.backward(render_.view(), truth_.view(), 1.0f, loss_cache_, dL_drender_.view());
+        backend_.fill(Span<vec3<float>>(dL_dsplats_.means), vec3<float>(0));
+        backend_.fill(Span<sym3<float>>(dL_dsplats_.covariances), sym3<float>{});
+        backend_.fill(Span<float>(dL_dsplats_.opacities), 0.0f);
+        backend_.fill(Span<vec3<float>>(dL_dsplats_.colors), vec3<float>(0));
+        rasterizer_.backward(camera_, splats_.view(), background_, {.color = dL_drender_.view()}, raster_cache_,
+                             dL_dsplats_.view());
+        static_splats_backward<0>(backend_, gaussians_.view(), camera_.center(), dL_dsplats_.view(), workspace_,
+                                  dL_dgaussians_.view());
+    }
+
+    // 5. A step of Adam, each attribute at its own pace. Used gradients are zeroed on the way.
+    void step(int number) {
+        const auto move = [&](auto& values, auto& gradients, auto& m, auto& v, double rate) {
+            adam_.step(backend_, numbers(values), numbers(gradients), numbers(m), numbers(v), rate, number,
+                       UsedGradients::zero);
+        };
+        const double pace = Schedule::exponential(1, 0.1, 300).rate(number);
+        move(gaussians_.means, dL_dgaussians_.means, m_.means, v_.means, 2e-3 * pace);
+        move(gaussians_.quats, dL_dgaussians_.quats, m_.quats, v_.quats, 1e-2 * pace);
+        move(gaussians_.log_scales, dL_dgaussians_.log_scales, m_.log_scales, v_.log_scales, 3e-2 * pace);
+        move(gaussians_.opacity_logits, dL_dgaussians_.opacity_logits, m_.opacity_logits, v_.opacity_logits,
+             5e-2 * pace);
+        move(gaussians_.sh, dL_dgaussians_.sh, m_.sh, v_.sh, 5e-2 * pace);
+    }
+
+    [[nodiscard]] const Image<float>& render() const { return render_; }
+
+private:
+    // Vectors, quaternions and the like as the numbers that they are made of.
+    template <class T>
+    static Span<float> numbers(cpu::Buffer<T>& values) {
+        return view_as<float>(Span<T>(values));
+    }
+    void zero(Gaussians<float, Backend>& g) {
+        for (const Span<float> part : {numbers(g.means), numbers(g.quats), numbers(g.log_scales),
+                                       numbers(g.opacity_logits), numbers(g.sh)})
+            backend_.fill(part, 0.0f);
+    }
+
+    Backend& backend_;
+    Rasterizer<Backend> rasterizer_;
+    PhotometricLoss<Backend> loss_;
+    Adam adam_;
+    Camera<float> camera_;
+    Background<float> background_; // black
+    Gaussians<float, Backend> gaussians_, dL_dgaussians_, m_, v_;
+    Splats<float, Backend> splats_, dL_dsplats_;
+    const Image<float>& truth_;
+    Image<float> render_, dL_drender_;
+    Rasterizer<Backend>::Cache raster_cache_;
+    PhotometricLoss<Backend>::Cache loss_cache_;
+    StaticSplatsWorkspace<float, Backend> workspace_;
+};
+
+void story(const std::filesystem::path& folder) {
+    Backend backend;
+    const Image<float> truth = examples::landscape_picture(256);
+    PictureFit fit(backend, random_blobs(1500), truth);
+
+    Image<float> start, early;
+    for (int step = 1; step <= 300; ++step) {
+        const double loss = fit.forward();
+        if (step == 1) start = fit.render();
+        if (step == 21) early = fit.render();
+        if (step == 1 || step % 50 == 0)
+            std::printf("step %3d: loss %.4f, PSNR %.1f dB\n", step, loss, psnr(fit.render().view(), truth.view()));
+        fit.backward();
+        fit.step(step);
+    }
+    fit.forward();
+
+    // 6. Look and judge.
+    write_png(folder / "05_fit_one_image.png", examples::beside<float>({&truth, &start, &early, &fit.render()}));
+    const double before = psnr(start.view(), truth.view()), after = psnr(fit.render().view(), truth.view());
+    std::printf("PSNR %.1f dB at the start, %.1f dB at the end; SSIM %.3f\n", before, after,
+                ssim(fit.render().view(), truth.view()));
+    examples::claim(after > 35, "1500 Gaussians show the landscape with at least 35 dB");
+}
+
+} // namespace
+
+int main(int argc, char** argv) { return examples::tell(argc, argv, story); }

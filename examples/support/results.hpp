@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  What gsh-reconstruct leaves in its output folder: checkpoint, avatar, figures, pictures, a page.
+#pragma once
+
+#include "support/pictures.hpp"
+#include "support/reconstruction.hpp"
+#include "support/report.hpp"
+
+#include <gsh/io/archive.hpp>
+#include <gsh/io/avatar_file.hpp>
+#include <gsh/io/image_file.hpp>
+#include <gsh/io/ply.hpp>
+#include <gsh/train/checkpoint.hpp>
+#include <gsh/train/evaluation.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <sys/resource.h>
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh::examples {
+
+inline constexpr double checkpoint_interval_seconds = 5;
+
+inline std::filesystem::path checkpoint_path(const ReconstructOptions& o) { return o.out / "checkpoint.gsh"; }
+
+inline void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record) {
+    ArchiveWriter file(checkpoint_path(o), "checkpoint", checkpoint_version);
+    add_trainer(file, reconstruction.trainer);
+    file.add("seconds", record.seconds);
+    file.add("interval", record.interval);
+    const auto add_curve = [&](const char* key, const auto& curve) {
+        std::vector<double> numbers;
+        for (const auto& [step, value] : curve) numbers.insert(numbers.end(), {step, value});
+        file.add(key, numbers, {curve.size(), 2});
+    };
+    add_curve("loss", record.loss);
+    add_curve("psnr", record.psnr);
+    file.commit();
+}
+
+inline void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record) {
+    const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
+    load_trainer(file, reconstruction.trainer);
+    record.steps = reconstruction.trainer.step_count();
+    record.seconds = file.read_number<double>("seconds");
+    record.interval = file.read_number<std::uint64_t>("interval");
+    const auto read_curve = [&](const char* key, auto& curve) {
+        const auto numbers = file.read<double>(key);
+        for (std::size_t i = 0; i + 1 < numbers.size(); i += 2) curve.emplace_back(numbers[i], numbers[i + 1]);
+    };
+    read_curve("loss", record.loss);
+    read_curve("psnr", record.psnr);
+}
+
+inline std::uint64_t peak_memory_bytes() {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024; // Linux counts in KiB
+}
+
+/// JSON has no infinity: equal images have no PSNR.
+inline nlohmann::ordered_json number_or_null(double value) {
+    return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
+
+inline std::string fixed(double value, int digits) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.*f", digits, value);
+    return text;
+}
+
+/// Judges the avatar on the test views and writes everything; metrics.json comes last, so whoever finds it finds all.
+inline ImageScore write_results(const ReconstructOptions& o, const Source& source, Reconstruction& reconstruction,
+                                const TrainingRecord& record) {
+    auto& trainer = reconstruction.trainer;
+    Report report;
+    std::vector<ImageScore> scores;
+    make_folder(o.out / "test");
+    constexpr std::size_t shown = 6; // pictures on the page; all of them are in test/
+    const std::size_t every = std::max<std::size_t>(1, reconstruction.test_photos.size() / shown);
+    report.images.push_back({"image", "PSNR", "SSIM", "PSNR on the person"});
+    for (const Photo& photo : reconstruction.test_photos) {
+        const auto comparison = compare(trainer, photo);
+        const ImageScore& score = comparison.score;
+        const std::string png = encode_png(quantise(comparison_picture(comparison.render, comparison.truth).view()));
+        write_file(o.out / "test" / (photo.name + ".png"), png, Sync::none);
+        if (scores.size() % every == 0 && report.pictures.size() < shown)
+            report.pictures.push_back({photo.name + ": PSNR " + fixed(score.psnr, 2) + " dB; error times 5", {png.begin(), png.end()}});
+        report.images.push_back({score.name, fixed(score.psnr, 2), fixed(score.ssim, 4), fixed(score.psnr_person, 2)});
+        scores.push_back(score);
+    }
+    const ImageScore mean = mean_score(scores);
+
+    reconstruction.model.update_canonical(trainer.cache());
+    const AvatarData avatar = reconstruction.model.avatar(reconstruction.rig);
+    save_avatar(o.out / "avatar.gsh", avatar);
+    write_gaussian_ply(o.out / "avatar.ply", avatar.gaussians);
+
+    const std::string protocol =
+        "Test views of " + source.capture.name + " (" + std::to_string(scores.size()) + " images), poses as given (" +
+        o.poses + ", not refined at test time), white background in training and test, full image, range 1, unquantised; "
+        "SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person is where the true alpha exceeds 1/2.";
+    nlohmann::ordered_json json;
+    json["psnr"] = number_or_null(mean.psnr);
+    json["ssim"] = number_or_null(mean.ssim);
+    json["psnr_person"] = number_or_null(mean.psnr_person);
+    json["steps"] = record.steps;
+    json["seconds"] = record.seconds;
+    json["gaussians"] = reconstruction.model.size();
+    json["peak_memory_bytes"] = peak_memory_bytes();
+    json["seed"] = o.seed;
+    json["threads"] = trainer.backend().thread_count();
+    json["configuration"] = "baseline with per-frame expression, shape and pose detail";
+    json["protocol"] = protocol;
+    report.stages.push_back({"stage", "ms per step"});
+    double total = 0;
+    const auto stage = [&](std::string_view name, double seconds) {
+        const double ms = 1e3 * seconds / static_cast<double>(std::max<std::uint64_t>(1, trainer.timed_steps()));
+        json["ms_per_stage"][std::string(name)] = ms;
+        report.stages.push_back({std::string(name), fixed(ms, 2)});
+    };
+    for (std::size_t s = 0; s < stage_names.size(); ++s) {
+        stage(stage_names[s], trainer.stage_seconds()[s]);
+        total += trainer.stage_seconds()[s];
+    }
+    stage("all", total);
+    for (const ImageScore& score : scores)
+        json["images"].push_back({{"name", score.name},
+                                  {"psnr", number_or_null(score.psnr)},
+                                  {"ssim", number_or_null(score.ssim)},
+                                  {"psnr_person", number_or_null(score.psnr_person)}});
+
+    report.title = "Reconstruction of " + source.capture.name;
+    report.protocol = protocol;
+    report.facts = {{"PSNR", fixed(mean.psnr, 2) + " dB"},
+                    {"SSIM", fixed(mean.ssim, 4)},
+                    {"PSNR on the person", fixed(mean.psnr_person, 2) + " dB"},
+                    {"Gaussians", std::to_string(reconstruction.model.size())},
+                    {"Training", std::to_string(record.steps) + " steps in " + fixed(record.seconds, 1) + " s on " +
+                                     std::to_string(trainer.backend().thread_count()) + " threads"},
+                    {"Peak memory", fixed(static_cast<double>(peak_memory_bytes()) / (1 << 20), 0) + " MiB"}};
+    report.curves = {{"Loss of the step's training view", "0.8 L1 + 0.2 (1 - SSIM)", record.loss},
+                     {"PSNR of the step's training view", "dB", record.psnr}};
+    write_report(o.out / "report.html", report);
+    write_file(o.out / "metrics.json", json.dump(2) + "\n");
+    return mean;
+}
+
+} // namespace gsh::examples

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The state of training in a file: stop anywhere, go on bit for bit.
+#pragma once
+
+#include <gsh/core/error.hpp>
+#include <gsh/io/archive.hpp>
+#include <gsh/train/parameters.hpp>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+inline constexpr int checkpoint_version = 1;
+
+namespace detail {
+
+/// Calls f(name, parameters) for each array of numbers that training changes.
+template <class TrainerType, class F>
+void for_each_trained(TrainerType& trainer, const F& f) {
+    f("parameters", trainer.model().parameters());
+    f("first_moment", trainer.first_moment());
+    f("second_moment", trainer.second_moment());
+}
+
+[[nodiscard]] inline std::string trained_key(std::string_view what, std::size_t group) {
+    return std::string(what).append("/").append(parameter_group_names[group]);
+}
+
+} // namespace detail
+
+/// Adds a trainer's state to an archive: parameters, moments, steps, and the seed by which load_trainer tells whose it is.
+template <class TrainerType>
+void add_trainer(ArchiveWriter& file, TrainerType& trainer) {
+    using T = typename TrainerType::Scalar;
+    std::vector<T> host;
+    file.add("steps", std::uint64_t(trainer.step_count()));
+    file.add("seed", std::uint64_t(trainer.seed()));
+    detail::for_each_trained(trainer, [&](std::string_view what, auto& parameters) {
+        for (std::size_t g = 0; g < parameter_group_count; ++g) {
+            const Span<const T> values = parameters[static_cast<ParameterGroup>(g)];
+            host.resize(values.size());
+            trainer.backend().download(values, Span<T>(host));
+            file.add(detail::trained_key(what, g), host);
+        }
+    });
+}
+
+/// Brings a trainer that was made from the same input to the state that add_trainer kept.
+/// Errors  ShapeError or ValueError if the file is of another training: another seed, another number of anything.
+template <class TrainerType>
+void load_trainer(const ArchiveReader& file, TrainerType& trainer) {
+    using T = typename TrainerType::Scalar;
+    const auto seed = file.read_number<std::uint64_t>("seed");
+    check_value(seed == trainer.seed(), file.file().path().string(),
+                "was made with seed " + std::to_string(seed) + ", not " + std::to_string(trainer.seed()) + "; resume with that seed");
+    // All of it is read before any of it is taken over.
+    std::vector<std::vector<T>> values;
+    detail::for_each_trained(trainer, [&](std::string_view what, auto& parameters) {
+        for (std::size_t g = 0; g < parameter_group_count; ++g) {
+            const std::string key = detail::trained_key(what, g);
+            values.push_back(file.read<T>(key).data);
+            check_size(file.file().path().string(), key, values.back().size(), parameters[static_cast<ParameterGroup>(g)].size(),
+                       "resume with the options and the input of the first run");
+        }
+    });
+    const auto steps = file.read_number<std::uint64_t>("steps");
+    std::size_t next = 0;
+    detail::for_each_trained(trainer, [&](std::string_view, auto& parameters) {
+        for (std::size_t g = 0; g < parameter_group_count; ++g)
+            trainer.backend().upload(Span<const T>(values[next++]), parameters[static_cast<ParameterGroup>(g)]);
+    });
+    trainer.set_step_count(steps);
+}
+
+} // namespace gsh

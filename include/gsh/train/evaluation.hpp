@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  How good an avatar is on photographs that it was not trained on.
+#pragma once
+
+#include <gsh/image/image.hpp>
+#include <gsh/loss/metrics.hpp>
+#include <gsh/train/trainer.hpp>
+
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Figures of one image, unquantised, over the training background.
+struct ImageScore {
+    std::string name;
+    double psnr = 0;        ///< decibels over the full image, range 1
+    double ssim = 0;        ///< as metrics.hpp has it
+    double psnr_person = 0; ///< decibels over the pixels whose true alpha exceeds 1/2
+};
+
+/// Means over images, as tables print them.
+[[nodiscard]] inline ImageScore mean_score(const std::vector<ImageScore>& scores) {
+    ImageScore mean{.name = "mean"};
+    for (const ImageScore& score : scores) {
+        mean.psnr += score.psnr / static_cast<double>(scores.size());
+        mean.ssim += score.ssim / static_cast<double>(scores.size());
+        mean.psnr_person += score.psnr_person / static_cast<double>(scores.size());
+    }
+    return mean;
+}
+
+/// A photograph beside what the avatar makes of it.
+template <std::floating_point T>
+struct Comparison {
+    ImageScore score;
+    Image<T> render, truth; // [3, height, width]
+    Image<T> mask;          // [1, height, width] the photograph's alpha
+};
+
+/// Renders the photograph's view at its frame and compares.
+/// Errors  ValueError for a photograph whose mask is empty: there is no person to compare.
+template <class TrainerType>
+[[nodiscard]] auto compare(TrainerType& trainer, const Photo& photo) {
+    using T = typename TrainerType::Scalar;
+    Comparison<T> result;
+    trainer.render(photo.camera, photo.frame, result.render);
+    trainer.photo_pixels(photo, result.truth, result.mask);
+    const auto render = std::as_const(result.render).view(), truth = std::as_const(result.truth).view();
+    result.score = {.name = photo.name,
+                    .psnr = psnr(render, truth),
+                    .ssim = ssim(render, truth),
+                    .psnr_person = psnr(render, truth, std::as_const(result.mask).view())};
+    return result;
+}
+
+} // namespace gsh
