@@ -59,7 +59,8 @@ TEST_CASE("Mlp::forward evaluates the network row by row") {
         const auto view = row_major(Span<const double>(inputs), mlp.inputs());
         const Run<double, cpu::Serial> run(cpu::Serial(), mlp, weights, view, std::vector(s.rows * mlp.outputs(), 0.0));
         for (std::size_t r = 0; r < s.rows; ++r) {
-            const auto expected = plain(mlp, weights, {&inputs[r * mlp.inputs()], &inputs[(r + 1) * mlp.inputs()]});
+            const double* row = inputs.data() + r * mlp.inputs();
+            const auto expected = plain(mlp, weights, {row, row + mlp.inputs()});
             for (std::size_t o = 0; o < mlp.outputs(); ++o)
                 CHECK(run.outputs[r * mlp.outputs() + o] == doctest::Approx(expected[o]).epsilon(1e-12));
         }
