@@ -44,7 +44,9 @@ struct Scene {
         for (std::size_t j = 0; j < J; ++j) bones.push_back({rotation_from_axis_angle(vector(-1, 1)), vector(-1, 1)});
         splat_means.resize(N), colors.resize(N), opacities.resize(N), covariances.resize(N);
     }
-    SkinnedView<const float> view() const { return {means, quats, log_scales, logits, sh, {}, {joints, weights, influences}, 0}; }
+    SkinnedView<const float> view() const {
+        return {means, quats, log_scales, logits, sh, {}, {joints, weights, influences}, 0};
+    }
     SplatView<float> splats() { return {splat_means, covariances, opacities, colors}; }
 };
 
@@ -86,7 +88,12 @@ void backward(benchmark::State& state) {
 BENCHMARK(forward<cpu::Serial>)->Unit(benchmark::kMillisecond);
 BENCHMARK(forward<cpu::Threads>)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK(backward<cpu::Serial>)->ArgName("unseen_percent")->Arg(0)->Arg(50)->Unit(benchmark::kMillisecond);
-BENCHMARK(backward<cpu::Threads>)->ArgName("unseen_percent")->Arg(0)->Arg(50)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(backward<cpu::Threads>)
+    ->ArgName("unseen_percent")
+    ->Arg(0)
+    ->Arg(50)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 
 } // namespace
 } // namespace gsh

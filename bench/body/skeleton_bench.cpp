@@ -33,7 +33,8 @@ void kinematics(benchmark::State& state) {
     std::vector<vec3<float>> pose, joints, transl(1), dL_dpose(J), dL_djoints(J);
     std::vector<mat3<float>> rotations(J), dL_drotations(J);
     std::vector<Affine<float>> bones(J);
-    for (std::size_t j = 0; j < J; ++j) pose.push_back(vec3<float>(vector(rng))), joints.push_back(vec3<float>(vector(rng)));
+    for (std::size_t j = 0; j < J; ++j)
+        pose.push_back(vec3<float>(vector(rng))), joints.push_back(vec3<float>(vector(rng)));
     for (auto _ : state) {
         skeleton.rotations(pose, rotations);
         skeleton.bones(rotations, joints, transl, bones);

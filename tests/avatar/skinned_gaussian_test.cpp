@@ -63,14 +63,17 @@ struct Scene {
     }
 
     void clear() {
-        for (auto* values : {&means, &log_scales, &sh, &center}) std::fill(values->begin(), values->end(), vec3<T>(T(0)));
+        for (auto* values : {&means, &log_scales, &sh, &center})
+            std::fill(values->begin(), values->end(), vec3<T>(T(0)));
         std::fill(quats.begin(), quats.end(), quat<T>{0, 0, 0, 0});
         std::fill(logits.begin(), logits.end(), T(0));
         std::fill(ao.begin(), ao.end(), T(0));
         std::fill(bones.begin(), bones.end(), Affine<T>::zero());
     }
     SkinnedView<T> view() { return {means, quats, log_scales, logits, sh, ao, {}, sh_stride}; }
-    SkinnedView<const T> input() const { return {means, quats, log_scales, logits, sh, ao, {joints, weights, influences}, sh_stride}; }
+    SkinnedView<const T> input() const {
+        return {means, quats, log_scales, logits, sh, ao, {joints, weights, influences}, sh_stride};
+    }
 };
 
 template <class T>
@@ -169,8 +172,8 @@ TEST_CASE("a rigid transform moves the Gaussian and leaves its colour to a camer
     CHECK(posed.covariance.zz == doctest::Approx(expected.zz));
 }
 
-TEST_CASE_TEMPLATE("skinned_splats_backward is the gradient of forward with respect to every input", D, Degree<0>, Degree<1>,
-                   Degree<2>, Degree<3>, Degree<4>) {
+TEST_CASE_TEMPLATE("skinned_splats_backward is the gradient of forward with respect to every input", D, Degree<0>,
+                   Degree<1>, Degree<2>, Degree<3>, Degree<4>) {
     constexpr int degree = D::value;
     constexpr std::size_t basis = (degree + 1) * (degree + 1), count = 7;
     for (const std::size_t stride : {basis, basis + 2}) {
@@ -185,8 +188,8 @@ TEST_CASE_TEMPLATE("skinned_splats_backward is the gradient of forward with resp
         };
         SkinnedSplatsWorkspace<double, cpu::Serial> workspace;
         const auto backward = [&] {
-            skinned_splats_backward<degree>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                                            gradient.view(), gradient.bones, gradient.center);
+            skinned_splats_backward<degree>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(),
+                                            workspace, gradient.view(), gradient.bones, gradient.center);
         };
         backward();
         test::check_gradient(loss, test::scalars(scene.means), test::scalars(gradient.means));
@@ -222,11 +225,12 @@ TEST_CASE("colours clamped below only keep their gradient above one") {
     const SplatArrays<double> dL_dsplats(4, 8);
     SkinnedSplatsWorkspace<double, cpu::Serial> workspace;
     const auto loss = [&] {
-        skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(), ColorClamp::below);
+        skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(),
+                                  ColorClamp::below);
         return inner(splats, dL_dsplats);
     };
-    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace, gradient.view(),
-                               gradient.bones, gradient.center, ColorClamp::below);
+    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
+                               gradient.view(), gradient.bones, gradient.center, ColorClamp::below);
     test::check_gradient(loss, test::scalars(scene.sh), test::scalars(gradient.sh));
     CHECK(splats.colors[2].y > 1);
     CHECK(gradient.sh[2 * 9].y != 0);
@@ -239,8 +243,8 @@ TEST_CASE("attributes that nobody asks for are left alone, the others do not cha
     cpu::Serial backend;
     const SplatArrays<double> dL_dsplats(count, 10);
     SkinnedSplatsWorkspace<double, cpu::Serial> workspace;
-    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace, all.view(),
-                               all.bones, all.center);
+    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
+                               all.view(), all.bones, all.center);
     skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
                                SkinnedView<double>{.means = some.means});
     CHECK(some.means == all.means);
@@ -250,8 +254,8 @@ TEST_CASE("attributes that nobody asks for are left alone, the others do not cha
     half.means[4] = half.colors[4] = vec3<double>(0), half.covariances[4] = {}, half.opacities[4] = 0;
     auto seen = scene;
     seen.clear();
-    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], half.view(), workspace, seen.view(),
-                               seen.bones, seen.center);
+    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], half.view(), workspace,
+                               seen.view(), seen.bones, seen.center);
     CHECK(seen.means[4] == vec3<double>(0));
     CHECK(seen.ao[4] == 0);
     CHECK(seen.means[3] == all.means[3]);
@@ -276,8 +280,8 @@ TEST_CASE("a pack of Gaussians equals its lanes, forward and backward") {
     std::vector<S::Gradient<double>> gradient(width);
     std::vector<vec3<double>> dL_dsh(width * 9, vec3<double>(0));
     for (std::size_t i = 0; i < width; ++i) {
-        in[i] = {scene.means[i], scene.quats[i], scene.log_scales[i], scene.logits[i], scene.sh.data() + 9 * i, scene.ao[i],
-                 scene.bones[i % joint_count], scene.center[0]};
+        in[i] = {scene.means[i],          scene.quats[i], scene.log_scales[i],          scene.logits[i],
+                 scene.sh.data() + 9 * i, scene.ao[i],    scene.bones[i % joint_count], scene.center[0]};
         dL_dout[i] = {dL_dsplats.means[i], dL_dsplats.covariances[i], dL_dsplats.opacities[i], dL_dsplats.colors[i]};
         gradient[i].sh = dL_dsh.data() + 9 * i;
         out[i] = S::forward(in[i], ColorClamp::both);
@@ -289,11 +293,13 @@ TEST_CASE("a pack of Gaussians equals its lanes, forward and backward") {
         return P::load_unaligned(lanes);
     };
     const auto pack3 = [&](auto vector) {
-        return vec3<P>(pack([&](std::size_t i) { return vector(i).x; }), pack([&](std::size_t i) { return vector(i).y; }),
+        return vec3<P>(pack([&](std::size_t i) { return vector(i).x; }),
+                       pack([&](std::size_t i) { return vector(i).y; }),
                        pack([&](std::size_t i) { return vector(i).z; }));
     };
     vec3<P> sh[9], dL_dsh_packed[9];
-    for (std::size_t k = 0; k < 9; ++k) sh[k] = pack3([&](std::size_t i) { return in[i].sh[k]; }), dL_dsh_packed[k] = vec3<P>(P(0.0));
+    for (std::size_t k = 0; k < 9; ++k)
+        sh[k] = pack3([&](std::size_t i) { return in[i].sh[k]; }), dL_dsh_packed[k] = vec3<P>(P(0.0));
     S::Input<P> packed;
     packed.mean = pack3([&](std::size_t i) { return in[i].mean; });
     packed.q = {pack([&](std::size_t i) { return in[i].q.w; }), pack([&](std::size_t i) { return in[i].q.x; }),
@@ -311,9 +317,12 @@ TEST_CASE("a pack of Gaussians equals its lanes, forward and backward") {
     dL_dpacked.mean = pack3([&](std::size_t i) { return dL_dout[i].mean; });
     dL_dpacked.color = pack3([&](std::size_t i) { return dL_dout[i].color; });
     dL_dpacked.opacity = pack([&](std::size_t i) { return dL_dout[i].opacity; });
-    dL_dpacked.covariance = {pack([&](std::size_t i) { return dL_dout[i].covariance.xx; }), pack([&](std::size_t i) { return dL_dout[i].covariance.xy; }),
-                             pack([&](std::size_t i) { return dL_dout[i].covariance.xz; }), pack([&](std::size_t i) { return dL_dout[i].covariance.yy; }),
-                             pack([&](std::size_t i) { return dL_dout[i].covariance.yz; }), pack([&](std::size_t i) { return dL_dout[i].covariance.zz; })};
+    dL_dpacked.covariance = {pack([&](std::size_t i) { return dL_dout[i].covariance.xx; }),
+                             pack([&](std::size_t i) { return dL_dout[i].covariance.xy; }),
+                             pack([&](std::size_t i) { return dL_dout[i].covariance.xz; }),
+                             pack([&](std::size_t i) { return dL_dout[i].covariance.yy; }),
+                             pack([&](std::size_t i) { return dL_dout[i].covariance.yz; }),
+                             pack([&](std::size_t i) { return dL_dout[i].covariance.zz; })};
     S::Gradient<P> packed_gradient;
     packed_gradient.sh = dL_dsh_packed;
     S::backward(packed, ColorClamp::both, dL_dpacked, packed_gradient);
@@ -326,8 +335,10 @@ TEST_CASE("a pack of Gaussians equals its lanes, forward and backward") {
             CHECK(packed_gradient.log_scale[k].get(i) == doctest::Approx(gradient[i].log_scale[k]));
             CHECK(packed_gradient.M.translation[k].get(i) == doctest::Approx(gradient[i].M.translation[k]));
             CHECK(packed_gradient.center[k].get(i) == doctest::Approx(gradient[i].center[k]));
-            for (int r = 0; r < 3; ++r) CHECK(packed_gradient.M.linear[k][r].get(i) == doctest::Approx(gradient[i].M.linear[k][r]));
-            for (std::size_t b = 0; b < 9; ++b) CHECK(dL_dsh_packed[b][k].get(i) == doctest::Approx(dL_dsh[9 * i + b][k]));
+            for (int r = 0; r < 3; ++r)
+                CHECK(packed_gradient.M.linear[k][r].get(i) == doctest::Approx(gradient[i].M.linear[k][r]));
+            for (std::size_t b = 0; b < 9; ++b)
+                CHECK(dL_dsh_packed[b][k].get(i) == doctest::Approx(dL_dsh[9 * i + b][k]));
         }
         CHECK(found.covariance.xz.get(i) == doctest::Approx(out[i].covariance.xz));
         CHECK(found.opacity.get(i) == doctest::Approx(out[i].opacity));
@@ -348,8 +359,8 @@ TEST_CASE("Threads equals Serial bit for bit; any size from none to beyond a chu
             gradient.clear();
             SkinnedSplatsWorkspace<float, B> workspace;
             skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view());
-            skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                                       gradient.view(), gradient.bones, gradient.center);
+            skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(),
+                                       workspace, gradient.view(), gradient.bones, gradient.center);
             return std::pair(splats, gradient);
         };
         const auto equal = [](const auto& a, const auto& b) {
@@ -403,10 +414,12 @@ TEST_CASE("sizes that do not fit are refused") {
 
     std::vector<vec3<double>> centers(2);
     const auto backward = [&](SkinnedView<double> view, Span<Affine<double>> bones, Span<vec3<double>> center) {
-        skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(), workspace, view, bones, center);
+        skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(), workspace, view,
+                                   bones, center);
     };
     CHECK_NOTHROW(backward(gradient.view(), gradient.bones, gradient.center));
-    CHECK_THROWS_AS(backward(gradient.view(), Span<Affine<double>>(gradient.bones).subspan(0, 2), gradient.center), ShapeError);
+    CHECK_THROWS_AS(backward(gradient.view(), Span<Affine<double>>(gradient.bones).subspan(0, 2), gradient.center),
+                    ShapeError);
     CHECK_THROWS_AS(backward(gradient.view(), gradient.bones, centers), ShapeError);
     auto short_view = gradient.view();
     shorter(short_view.quats);

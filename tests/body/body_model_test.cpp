@@ -26,7 +26,9 @@ std::string complaint(Change change) {
 TEST_CASE("a good body passes, with all or none of what is optional") {
     CHECK(complaint([](BodyModel&) {}).empty());
     CHECK(complaint([](BodyModel& m) { m.posedirs.clear(), m.vt.clear(), m.ft.clear(), m.faces.clear(); }).empty());
-    CHECK(complaint([](BodyModel& m) { m.hands_mean_left.assign(15, vec3<double>(0.1)), m.joint_names.assign(4, "joint"); }).empty());
+    CHECK(complaint([](BodyModel& m) {
+              m.hands_mean_left.assign(15, vec3<double>(0.1)), m.joint_names.assign(4, "joint");
+          }).empty());
 }
 
 TEST_CASE("each kind of damage is named") {
@@ -56,6 +58,7 @@ TEST_CASE("each kind of damage is named") {
     CHECK(names(complaint([](BodyModel& m) { m.parents = {-1, 0, -1, 2}; }), "second root"));
     CHECK(names(complaint([](BodyModel& m) { m.parents = {1, -1, 1, 2}; }), "first joint must be the root"));
     CHECK(names(complaint([](BodyModel& m) { m.parents = {-1, 0, 9, 2}; }), "joint 2 has parent 9"));
+    CHECK(names(complaint([](BodyModel& m) { m.parents = {2, 0, 9, 2}; }), "joint 2 has parent 9"));
     CHECK(names(complaint([](BodyModel& m) { m.J_regressor[2][0].vertex = -1; }), "J_regressor row 2"));
     CHECK(names(complaint([](BodyModel& m) { m.J_regressor[1][0].weight = nan; }), "J_regressor row 1"));
     CHECK(names(complaint([](BodyModel& m) { m.J_regressor[1].clear(); }), "sums to 0"));
@@ -65,9 +68,13 @@ TEST_CASE("each kind of damage is named") {
     CHECK(names(complaint([](BodyModel& m) { m.ft[0][1] = 4; }), "ft[1] is 4"));
     CHECK(names(complaint([](BodyModel& m) { m.joint_names.assign(3, ""); }), "joint_names has"));
     CHECK(names(complaint([](BodyModel& m) { m.hands_mean_left.assign(3, {}); }), "hands_mean has"));
-    CHECK(names(complaint([](BodyModel& m) { m.hands_mean_right.assign(15, vec3<double>(0)), m.hands_mean_right[0].x = nan; }), "hands_mean[0]"));
+    CHECK(names(
+        complaint([](BodyModel& m) { m.hands_mean_right.assign(15, vec3<double>(0)), m.hands_mean_right[0].x = nan; }),
+        "hands_mean[0]"));
     CHECK(names(complaint([](BodyModel& m) { m.hands_components_left.assign(46, 0); }), "hands_components has"));
-    CHECK(names(complaint([](BodyModel& m) { m.hands_components_right.assign(45, 0), m.hands_components_right[0] = nan; }), "hands_components[0]"));
+    CHECK(names(
+        complaint([](BodyModel& m) { m.hands_components_right.assign(45, 0), m.hands_components_right[0] = nan; }),
+        "hands_components[0]"));
     CHECK(names(complaint([](BodyModel& m) { m.face_vertices = {0, 100000}; }), "face_vertices[1]"));
     CHECK(names(complaint([](BodyModel& m) { m.left_hand_vertices = {-1}; }), "left_hand_vertices[0]"));
     CHECK(names(complaint([](BodyModel& m) { m.right_hand_vertices = {100000}; }), "right_hand_vertices[0]"));
@@ -84,7 +91,8 @@ TEST_CASE("shape and expression are linear, and regression follows them") {
         CHECK(length(shaped[v] - expected) < 1e-15);
     }
     const auto joints = regress_joints(model, shaped), rest = regress_joints(model, model.v_template);
-    const auto by_shape = joint_directions(model, model.shapedirs), by_expression = joint_directions(model, model.exprdirs);
+    const auto by_shape = joint_directions(model, model.shapedirs),
+               by_expression = joint_directions(model, model.exprdirs);
     for (std::size_t j = 0; j < 4; ++j) {
         auto expected = rest[j];
         for (std::size_t k = 0; k < 3; ++k) expected += by_shape[3 * j + k] * betas[k];

@@ -23,7 +23,8 @@ TEST_CASE("the three corner regions of any triangle share out its area") {
     for (int n = 0; n < 200; ++n) {
         const auto a = rng.vec(), b = rng.vec();
         const auto c = n % 2 ? rng.vec() : (a + b) * 0.5 + rng.vec() * 0.05; // every other one is obtuse
-        const double sum = CornerRegion(a, b, c).fraction() + CornerRegion(b, c, a).fraction() + CornerRegion(c, a, b).fraction();
+        const double sum =
+            CornerRegion(a, b, c).fraction() + CornerRegion(b, c, a).fraction() + CornerRegion(c, a, b).fraction();
         CHECK(sum == doctest::Approx(1));
     }
 }
@@ -45,7 +46,8 @@ TEST_CASE("points of a corner region are nearest to the corner, and area-uniform
         vec3<double> mean(0), centroid(0);
         double whole = 0;
         for (std::size_t k = 2; k < region.count; ++k) {
-            const auto p = position(region.points[0]), q = position(region.points[k - 1]), r = position(region.points[k]);
+            const auto p = position(region.points[0]), q = position(region.points[k - 1]),
+                       r = position(region.points[k]);
             const double area = length(cross(q - p, r - p));
             centroid += (p + q + r) * (area / 3), whole += area;
         }
@@ -54,7 +56,8 @@ TEST_CASE("points of a corner region are nearest to the corner, and area-uniform
             for (int j = 0; j < count; ++j) {
                 const auto w = region.at((i + 0.5) / count, (j + 0.5) / count);
                 const auto x = position(w);
-                if (length(x - a) > length(x - b) + 1e-12 || length(x - a) > length(x - c) + 1e-12) FAIL_CHECK("not nearest");
+                if (length(x - a) > length(x - b) + 1e-12 || length(x - a) > length(x - c) + 1e-12)
+                    FAIL_CHECK("not nearest");
                 mean += x * (1.0 / (count * count));
             }
         CHECK(length(mean - centroid * (1 / whole)) < 1e-3);

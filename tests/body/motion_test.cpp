@@ -37,10 +37,17 @@ TEST_CASE("SMPL-X parts land on their joints") {
                right_eye = numbered(3, 5), left = numbered(45, 6), right = numbered(45, 7), shift = numbered(3, 8),
                expression = numbered(2, 9);
     const std::vector<double> times{0, 0.5, 2}, betas{1, 2};
-    const Motion motion = assemble_motion(
-        model, {.global_orient = root, .body_pose = body, .jaw_pose = jaw, .leye_pose = left_eye, .reye_pose = right_eye,
-                .left_hand_pose = left, .right_hand_pose = right, .expression = expression, .transl = shift,
-                .timestamps = times, .betas = betas});
+    const Motion motion = assemble_motion(model, {.global_orient = root,
+                                                  .body_pose = body,
+                                                  .jaw_pose = jaw,
+                                                  .leye_pose = left_eye,
+                                                  .reye_pose = right_eye,
+                                                  .left_hand_pose = left,
+                                                  .right_hand_pose = right,
+                                                  .expression = expression,
+                                                  .transl = shift,
+                                                  .timestamps = times,
+                                                  .betas = betas});
     CHECK(motion.frame_count() == T);
     CHECK(holds(motion, root, 0));
     CHECK(holds(motion, body, 1));
@@ -59,8 +66,10 @@ TEST_CASE("SMPL-X parts land on their joints") {
 TEST_CASE("SMPL-H, SMPL and any other rig; parts left out are at rest") {
     const auto root = numbered(3, 1);
     const BodyModel h = body_of(52), smpl = body_of(24), seven = body_of(7);
-    const auto left = numbered(45, 2), right = numbered(45, 3), body23 = numbered(69, 4), body6 = numbered(18, 5), all = numbered(21, 6);
-    const Motion by_hands = assemble_motion(h, {.global_orient = root, .left_hand_pose = left, .right_hand_pose = right});
+    const auto left = numbered(45, 2), right = numbered(45, 3), body23 = numbered(69, 4), body6 = numbered(18, 5),
+               all = numbered(21, 6);
+    const Motion by_hands =
+        assemble_motion(h, {.global_orient = root, .left_hand_pose = left, .right_hand_pose = right});
     CHECK(holds(by_hands, left, 22));
     CHECK(holds(by_hands, right, 37));
     CHECK(by_hands.pose_at(1)[5] == vec3<double>(0));
@@ -91,19 +100,22 @@ TEST_CASE("hands: mean added unless flat, principal components unfolded") {
             model, {.global_orient = root, .left_hand_pose = coefficients, .flat_hand = true, .hand_components = true});
         for (std::size_t n = 0; n < 45; ++n) {
             double expected = 0;
-            for (std::size_t c = 0; c < width; ++c) expected += coefficients[width + c] * model.hands_components_left[c * 45 + n];
+            for (std::size_t c = 0; c < width; ++c)
+                expected += coefficients[width + c] * model.hands_components_left[c * 45 + n];
             CHECK(motion.pose_at(1)[25 + n / 3][static_cast<int>(n % 3)] == doctest::Approx(expected));
         }
     }
     const auto whole = numbered(165, 4);
     const Motion all = assemble_motion(model, {.poses = whole});
-    CHECK(length(all.pose_at(0)[40] - vec3<double>(whole[120], whole[121], whole[122]) - model.hands_mean_right[0]) < 1e-15);
+    CHECK(length(all.pose_at(0)[40] - vec3<double>(whole[120], whole[121], whole[122]) - model.hands_mean_right[0]) <
+          1e-15);
     CHECK(holds(assemble_motion(model, {.poses = whole, .flat_hand = true}), whole, 0));
 }
 
 TEST_CASE("parts that do not fit are refused") {
     const BodyModel model = body_of(55), smpl = body_of(24);
-    const auto root = numbered(3, 1), body = numbered(63, 2), wide = numbered(69, 3), six = numbered(6, 4), nine = numbered(9, 5);
+    const auto root = numbered(3, 1), body = numbered(63, 2), wide = numbered(69, 3), six = numbered(6, 4),
+               nine = numbered(9, 5);
     const auto parts = [&](auto change) {
         MotionParts p{.global_orient = root, .body_pose = body};
         change(p);
@@ -118,10 +130,15 @@ TEST_CASE("parts that do not fit are refused") {
     CHECK_THROWS_AS((void)assemble_motion(model, parts([&](auto& p) { p.frames_per_second = 0; })), ValueError);
     CHECK_THROWS_AS((void)assemble_motion(model, parts([&](auto& p) { p.expression = nine; })), ShapeError); // 3 > 2
     CHECK_THROWS_AS((void)assemble_motion(model, parts([&](auto& p) { p.betas = nine; })), ShapeError);
-    CHECK_THROWS_AS((void)assemble_motion(model, parts([&](auto& p) { p.left_hand_pose = six; })), ShapeError); // no components
-    CHECK_THROWS_AS((void)assemble_motion(model, parts([&](auto& p) { p.left_hand_pose = Span<const double>(body).subspan(0, 136); })), ShapeError);
-    CHECK_THROWS_AS((void)assemble_motion(smpl, parts([&](auto& p) { p.body_pose = wide, p.jaw_pose = root; })), ValueError);
-    CHECK_THROWS_AS((void)assemble_motion(smpl, parts([&](auto& p) { p.body_pose = wide, p.left_hand_pose = body; })), ValueError);
+    CHECK_THROWS_AS((void)assemble_motion(model, parts([&](auto& p) { p.left_hand_pose = six; })),
+                    ShapeError); // no components
+    CHECK_THROWS_AS((void)assemble_motion(
+                        model, parts([&](auto& p) { p.left_hand_pose = Span<const double>(body).subspan(0, 136); })),
+                    ShapeError);
+    CHECK_THROWS_AS((void)assemble_motion(smpl, parts([&](auto& p) { p.body_pose = wide, p.jaw_pose = root; })),
+                    ValueError);
+    CHECK_THROWS_AS((void)assemble_motion(smpl, parts([&](auto& p) { p.body_pose = wide, p.left_hand_pose = body; })),
+                    ValueError);
 }
 
 TEST_CASE("validate looks at every array") {
@@ -167,7 +184,8 @@ TEST_CASE("Euler angles, quaternions and matrices say the same rotations") {
     }
     CHECK_THROWS_AS((void)axis_angles_from_quats(std::vector<quat<double>>{{0, 0, 0, 0}}), ValueError);
     CHECK_THROWS_AS((void)axis_angles_from_matrices(std::vector<mat3<double>>{mat3<double>(2.0)}), ValueError);
-    CHECK_THROWS_AS((void)axis_angles_from_matrices(std::vector<mat3<double>>{mat3<double>(-1.0)}), ValueError); // a reflection
+    CHECK_THROWS_AS((void)axis_angles_from_matrices(std::vector<mat3<double>>{mat3<double>(-1.0)}),
+                    ValueError); // a reflection
     mat3<double> bad(1.0);
     bad[1][1] = std::numeric_limits<double>::quiet_NaN();
     CHECK_THROWS_AS((void)axis_angles_from_matrices(std::vector<mat3<double>>{bad}), ValueError);

@@ -32,7 +32,8 @@ TEST_CASE("two bones, weights one half: the closed form of linear blend skinning
     const std::vector<vec3<double>> pose{{0, 0, a}, {0, 0, b}};
     const PosedBody body = pose_body(model, pose, {5, 6, 7});
     const auto turn = [](double angle, vec3<double> p) {
-        return vec3<double>(std::cos(angle) * p.x - std::sin(angle) * p.y, std::sin(angle) * p.x + std::cos(angle) * p.y, p.z);
+        return vec3<double>(std::cos(angle) * p.x - std::sin(angle) * p.y,
+                            std::sin(angle) * p.x + std::cos(angle) * p.y, p.z);
     };
     const vec3<double> elbow = turn(a, {1, 0, 0}), transl(5, 6, 7);
     CHECK(length(body.vertices[0] - transl) < 1e-14);

@@ -111,7 +111,8 @@ TEST_CASE("Skeleton: the adjoint of the whole chain, pose to bones and feature")
         for (std::size_t i = 0; i < feature.size(); ++i) sum += feature[i] * dL_dfeature[i];
         return sum;
     };
-    std::vector<vec3<double>> dL_dpose(J, vec3<double>(0)), dL_djoints(J, vec3<double>(0)), dL_dtransl(1, vec3<double>(0));
+    std::vector<vec3<double>> dL_dpose(J, vec3<double>(0)), dL_djoints(J, vec3<double>(0)),
+        dL_dtransl(1, vec3<double>(0));
     const auto backward = [&] {
         for (auto& m : dL_dR) m = mat3<double>(0.0);
         skeleton.bones_backward(R, c.joints, bones, dL_dbones, dL_dR, dL_djoints, dL_dtransl);
@@ -180,7 +181,8 @@ TEST_CASE("a pack of skeletons equals its lanes") {
         std::vector<Affine<double>> expected(J);
         bone_transforms<double>(tree, cases[lane].rotations, cases[lane].joints, cases[lane].transl[0], expected);
         for (std::size_t j = 0; j < J; ++j)
-            for (int k = 0; k < 3; ++k) CHECK(bones[j].translation[k].get(lane) == doctest::Approx(expected[j].translation[k]));
+            for (int k = 0; k < 3; ++k)
+                CHECK(bones[j].translation[k].get(lane) == doctest::Approx(expected[j].translation[k]));
     }
 }
 

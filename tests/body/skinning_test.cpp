@@ -17,7 +17,8 @@ std::vector<double> dense_weights(std::uint64_t seed) {
     for (std::size_t i = 0; i < point_count; ++i) {
         const std::size_t used = 1 + i % 5;
         double sum = 0;
-        for (std::size_t k = 0; k < used; ++k) sum += dense[i * joint_count + (i + 2 * k) % joint_count] = rng.uniform(0.1, 1);
+        for (std::size_t k = 0; k < used; ++k)
+            sum += dense[i * joint_count + (i + 2 * k) % joint_count] = rng.uniform(0.1, 1);
         for (std::size_t j = 0; j < joint_count; ++j) dense[i * joint_count + j] /= sum;
     }
     return dense;
@@ -52,7 +53,8 @@ TEST_CASE("weights are sorted and sum to one in the scalar type, also when influ
             T sum = 0;
             for (std::size_t k = 0; k < table.influences; ++k) {
                 sum += table.weights[i * table.influences + k];
-                if (k > 1) CHECK(table.weights[i * table.influences + k] <= table.weights[i * table.influences + k - 1]);
+                if (k > 1)
+                    CHECK(table.weights[i * table.influences + k] <= table.weights[i * table.influences + k - 1]);
             }
             CHECK(std::abs(sum - T(1)) <= 2 * std::numeric_limits<T>::epsilon());
         }
@@ -87,7 +89,8 @@ TEST_CASE("blend_backward is the gradient of blend, and adds") {
     };
     std::vector<Affine<double>> dL_dbones(joint_count, Affine<double>::zero());
     const auto backward = [&] {
-        for (std::size_t i = 0; i < point_count; ++i) blend_backward<double>(table.view(), i, dL_dblended[i], dL_dbones);
+        for (std::size_t i = 0; i < point_count; ++i)
+            blend_backward<double>(table.view(), i, dL_dblended[i], dL_dbones);
     };
     backward();
     test::check_gradient(loss, test::scalars(bones), test::scalars(dL_dbones));

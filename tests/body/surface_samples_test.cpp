@@ -112,13 +112,16 @@ TEST_CASE("a requested total is hit exactly and scales with it; K may differ bet
     const auto samples = sample_surface(model, model.v_template, K, 7, {.total = 20000});
     double low = 0, high = 0;
     for (const int source : samples.sources) (static_cast<std::size_t>(source) < K.size() / 2 ? high : low) += 1;
-    CHECK(high / low == doctest::Approx(20.25 / 15 * static_cast<double>(K.size() / 2) / static_cast<double>(K.size() - K.size() / 2)).epsilon(1e-3));
+    CHECK(high / low ==
+          doctest::Approx(20.25 / 15 * static_cast<double>(K.size() / 2) / static_cast<double>(K.size() - K.size() / 2))
+              .epsilon(1e-3));
 }
 
 TEST_CASE("one seed, one result; neighbours in memory are neighbours in space") {
     const BodyModel model = test::tube();
     const std::vector<double> K(model.vertex_count(), 14.3);
-    const auto once = sample_surface(model, model.v_template, K, 11), again = sample_surface(model, model.v_template, K, 11),
+    const auto once = sample_surface(model, model.v_template, K, 11),
+               again = sample_surface(model, model.v_template, K, 11),
                other = sample_surface(model, model.v_template, K, 12);
     CHECK(once.positions == again.positions);
     CHECK(once.weights.weights == again.weights.weights);
@@ -131,7 +134,8 @@ TEST_CASE("one seed, one result; neighbours in memory are neighbours in space") 
 TEST_CASE("jitter stays within its share of the vertex distance") {
     const BodyModel model = test::tube();
     const std::vector<double> K(model.vertex_count(), 5);
-    const auto still = sample_surface(model, model.v_template, K, 13), moved = sample_surface(model, model.v_template, K, 13, {.jitter = 0.1});
+    const auto still = sample_surface(model, model.v_template, K, 13),
+               moved = sample_surface(model, model.v_template, K, 13, {.jitter = 0.1});
     REQUIRE(still.size() == moved.size());
     double largest = 0;
     for (std::size_t i = 0; i < still.size(); ++i) {
@@ -161,7 +165,8 @@ TEST_CASE("what cannot be sampled is refused, a vertex without surface is passed
     CHECK_THROWS_AS((void)sample_surface(model, vertices, bad, 1), ValueError);
     bad[4] = std::numeric_limits<double>::quiet_NaN();
     CHECK_THROWS_AS((void)sample_surface(model, vertices, bad, 1), ValueError);
-    CHECK_THROWS_AS((void)sample_surface(model, vertices, std::vector<double>(K.size(), 0), 1, {.total = 10}), ValueError);
+    CHECK_THROWS_AS((void)sample_surface(model, vertices, std::vector<double>(K.size(), 0), 1, {.total = 10}),
+                    ValueError);
     CHECK(sample_surface(model, vertices, std::vector<double>(K.size(), 0), 1).size() == 0);
     CHECK_THROWS_AS((void)sample_surface(model, vertices, K, 1, {.jitter = -1}), ValueError);
     auto broken = vertices;

@@ -124,17 +124,10 @@ struct SkinnedGaussian {
         dL_din.center -= dL_doffset;
         apply_backward(in.M, in.mean, dL_dout.mean + dL_doffset, dL_din.M, dL_din.mean);
 
-        // F = R S; a unit of log-scale k scales column k of F by itself, so dL_dlog_scale_k = F_k · dL_dF_k.
-        const quat<T> n = normalize(in.q);
-        const vec3<T> scale(exp(in.log_scale.x), exp(in.log_scale.y), exp(in.log_scale.z));
-        const mat3<T> R = rotation_matrix(n), F(R[0] * scale.x, R[1] * scale.y, R[2] * scale.z);
-        const mat3<T> dL_dposed = full_gradient(dL_dout.covariance) * (in.M.linear * F) * T(2); // of M₃ F
-        const mat3<T> dL_dF = transpose(in.M.linear) * dL_dposed;
-        dL_din.M.linear += dL_dposed * transpose(F);
-        dL_din.log_scale += vec3<T>(dot(F[0], dL_dF[0]), dot(F[1], dL_dF[1]), dot(F[2], dL_dF[2]));
-        quat<T> dL_dn{T(0), T(0), T(0), T(0)};
-        rotation_matrix_backward(n, mat3<T>(dL_dF[0] * scale.x, dL_dF[1] * scale.y, dL_dF[2] * scale.z), dL_dn);
-        normalize_backward(in.q, dL_dn, dL_din.q);
+        const detail::CovarianceFactor<T> factor(in.q, in.log_scale);
+        const mat3<T> dL_dposed = full_gradient(dL_dout.covariance) * (in.M.linear * factor.F) * T(2); // of M₃ F
+        dL_din.M.linear += dL_dposed * transpose(factor.F);
+        factor.backward(in.q, transpose(in.M.linear) * dL_dposed, dL_din.q, dL_din.log_scale);
         sigmoid_backward(sigmoid(in.opacity_logit), dL_dout.opacity, dL_din.opacity_logit);
     }
 };
@@ -315,7 +308,8 @@ void skinned_splats_forward(B& backend, const std::type_identity_t<SkinnedView<c
     const std::size_t count = gaussians.size(), stride = gaussians.sh_stride ? gaussians.sh_stride : basis_count;
     detail::check_skinned(where, "gaussians", gaussians, count, basis_count, false);
     detail::check_posed(where, "splats", splats, count);
-    backend.for_each(count, detail::SkinnedSplatForward<Degree, T>{{gaussians, bones, center, stride}, clamping, splats});
+    backend.for_each(count,
+                     detail::SkinnedSplatForward<Degree, T>{{gaussians, bones, center, stride}, clamping, splats});
 }
 
 /// Adjoint of skinned_splats_forward: adds to the attributes of dL_dgaussians that are not empty, and where given to

@@ -17,7 +17,7 @@ namespace gsh {
 
 namespace cpu {
 
-/// Elements that a chunk of blend-shape work spans: their offsets stay in the first cache while the directions stream by.
+/// Elements in a chunk of blend-shape work: their offsets stay in the first cache while the directions stream by.
 inline constexpr std::size_t blend_shape_grain = 512;
 
 /// offsets[v] += Σ_k coefficients[k] directions[k, v].
@@ -106,7 +106,8 @@ public:
             const std::size_t count = vertex_count ? block.size() / vertex_count : 0;
             for (std::size_t column = 0; column < count; ++column, ++k) {
                 for (std::size_t v = 0; v < vertex_count; ++v) one[v] = vec3<T>(block[v * count + column]);
-                backend.upload(Span<const vec3<T>>(one), Span<vec3<T>>(directions_).subspan(k * vertex_count, vertex_count));
+                backend.upload(Span<const vec3<T>>(one),
+                               Span<vec3<T>>(directions_).subspan(k * vertex_count, vertex_count));
             }
         }
     }

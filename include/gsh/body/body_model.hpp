@@ -101,10 +101,11 @@ inline void check_triangles(std::string_view where, std::string_view argument,
 inline void check_tree(std::string_view where, Span<const int> parents) {
     const auto at = [&](std::size_t joint) { return std::string(where) + ": joint " + std::to_string(joint); };
     const int count = static_cast<int>(parents.size());
-    for (std::size_t j = 0; j < parents.size(); ++j) {
+    for (std::size_t j = 0; j < parents.size(); ++j)
         if (parents[j] < -1 || parents[j] >= count)
-            throw ValueError(at(j) + " has parent " + std::to_string(parents[j]) + ", expected -1 for the root or a joint below " +
-                             std::to_string(count));
+            throw ValueError(at(j) + " has parent " + std::to_string(parents[j]) +
+                             ", expected -1 for the root or a joint below " + std::to_string(count));
+    for (std::size_t j = 0; j < parents.size(); ++j) {
         int ancestor = parents[j];
         for (int steps = 0; ancestor >= 0; ++steps, ancestor = parents[static_cast<std::size_t>(ancestor)])
             if (ancestor == static_cast<int>(j) || steps > count)
@@ -168,8 +169,8 @@ inline void validate(const BodyModel& model, std::string_view where) {
         for (const auto& [vertex, weight] : model.J_regressor[j]) {
             if (vertex < 0 || static_cast<std::size_t>(vertex) >= V || !std::isfinite(weight))
                 throw ValueError(std::string(where) + ": J_regressor row " + std::to_string(j) + " holds weight " +
-                                 std::to_string(weight) + " of vertex " + std::to_string(vertex) + ", expected a finite weight of a vertex below " +
-                                 std::to_string(V));
+                                 std::to_string(weight) + " of vertex " + std::to_string(vertex) +
+                                 ", expected a finite weight of a vertex below " + std::to_string(V));
             sum += weight;
         }
         if (!(std::abs(sum - 1) <= 1e-3))

@@ -158,7 +158,8 @@ inline Motion assemble_motion(const BodyModel& model, const MotionParts& parts) 
     const auto place = [&](const char* part, Span<const double> numbers, std::size_t width, std::size_t first_joint,
                            bool has_it) {
         if (numbers.empty()) return;
-        check_value(has_it, where, std::string(part) + " is given, but a body of " + std::to_string(J) + " joints has no such part");
+        check_value(has_it, where,
+                    std::string(part) + " is given, but a body of " + std::to_string(J) + " joints has no such part");
         check_size(where, part, numbers.size(), T * width, "one row per frame");
         detail::place_joints(motion, numbers, width, first_joint);
     };

@@ -38,7 +38,8 @@ public:
         for (std::size_t c = 1; c < starts_.size(); ++c) starts_[c] += starts_[c - 1];
         order_.resize(points_.size());
         auto next = starts_;
-        for (std::size_t i = 0; i < points_.size(); ++i) order_[next[index(cells(points_[i]))]++] = static_cast<std::uint32_t>(i);
+        for (std::size_t i = 0; i < points_.size(); ++i)
+            order_[next[index(cells(points_[i]))]++] = static_cast<std::uint32_t>(i);
     }
 
     /// Mean squared distance from point i to its `count` nearest other points (to all of them if there are fewer,
@@ -80,7 +81,8 @@ private:
     template <class Visit>
     void visit_ring(const Cells& center, std::int64_t ring, const Visit& visit) const {
         const auto range = [&](std::size_t axis) {
-            return std::pair{std::max<std::int64_t>(center[axis] - ring, 0), std::min(center[axis] + ring, size_[axis] - 1)};
+            return std::pair{std::max<std::int64_t>(center[axis] - ring, 0),
+                             std::min(center[axis] + ring, size_[axis] - 1)};
         };
         const auto [x0, x1] = range(0);
         const auto [y0, y1] = range(1);

@@ -32,7 +32,8 @@ struct PosedBody {
 /// Source  Loper et al., "SMPL", 2015, equations 2 to 10; Pavlakos et al., "SMPL-X", 2019, equation 1.
 [[nodiscard]] inline PosedBody pose_body(const BodyModel& model, Span<const vec3<double>> pose,
                                          const vec3<double>& transl = vec3<double>(0), Span<const double> betas = {},
-                                         Span<const double> expression = {}, Span<const vec3<double>> rest_joints = {}) {
+                                         Span<const double> expression = {},
+                                         Span<const vec3<double>> rest_joints = {}) {
     const std::size_t J = model.joint_count(), V = model.vertex_count(), P = model.pose_feature_count();
     check_size("pose_body", "pose", pose.size(), J, "store one axis-angle vector per joint");
     if (!rest_joints.empty()) check_size("pose_body", "rest_joints", rest_joints.size(), J);

@@ -154,7 +154,8 @@ public:
     using Buffer = typename B::template Buffer<U>;
 
     /// parents must be as validate (body_model.hpp) accepts them.
-    Skeleton(B& backend, Span<const int> parents) : backend_(&backend), parents_(parents.size()), scratch_(parents.size()) {
+    Skeleton(B& backend, Span<const int> parents)
+        : backend_(&backend), parents_(parents.size()), scratch_(parents.size()) {
         for (std::size_t j = 0; j < parents.size(); ++j)
             check_value((parents[j] < 0) == (j == 0) && parents[j] < static_cast<int>(j), "Skeleton",
                         "parents must start with the root's -1 and name only earlier joints");

@@ -27,21 +27,21 @@ namespace gsh {
 enum class SampleWeights { barycentric, copied };
 
 struct SurfaceSampleOptions {
-    std::size_t total = 0;          ///< scales K so that there are exactly so many samples; 0: as many as K says
+    std::size_t total = 0; ///< scales K so that there are exactly so many samples; 0: as many as K says
     SampleWeights weights = SampleWeights::barycentric;
     std::size_t max_influences = 8; ///< joints a sample may hang on (the heaviest stay); 0: no bound
-    double jitter = 0;              ///< moves a sample by up to ± this share of the local vertex distance along each axis
+    double jitter = 0;              ///< largest displacement along each axis, as a share of the local vertex distance
 };
 
 /// N points on a mesh, sorted along a Morton curve so that neighbours in memory are neighbours in space.
 struct SurfaceSamples {
-    std::vector<vec3<double>> positions;         // [N] metres
-    std::vector<vec3<double>> normals;           // [N] unit, outward
-    std::vector<std::array<int, 3>> triangles;   // [N] vertex indices of the triangle
-    std::vector<vec3<double>> barycentric;       // [N] of the position before jitter
-    std::vector<int> sources;                    // [N] the vertex that the sample was drawn for, nearest in its triangle
-    std::vector<double> scales;                  // [N] metres, standard deviation of an isotropic Gaussian to start with
-    SkinWeightTable<double> weights;             // [N, influences]
+    std::vector<vec3<double>> positions;       // [N] metres
+    std::vector<vec3<double>> normals;         // [N] unit, outward
+    std::vector<std::array<int, 3>> triangles; // [N] vertex indices of the triangle
+    std::vector<vec3<double>> barycentric;     // [N] of the position before jitter
+    std::vector<int> sources;                  // [N] the vertex it was drawn for, nearest in its triangle
+    std::vector<double> scales;                // [N] metres, standard deviation of an isotropic Gaussian to start with
+    SkinWeightTable<double> weights;           // [N, influences]
 
     [[nodiscard]] std::size_t size() const { return positions.size(); }
 };
@@ -143,7 +143,8 @@ struct OneRings {
                                                                Span<const vec3<double>> vertices) {
         std::array<vec3<double>, 3> p;
         for (int k = 0; k < 3; ++k)
-            p[static_cast<std::size_t>(k)] = vertices[static_cast<std::size_t>(face[static_cast<std::size_t>((first + k) % 3)])];
+            p[static_cast<std::size_t>(k)] =
+                vertices[static_cast<std::size_t>(face[static_cast<std::size_t>((first + k) % 3)])];
         return p;
     }
 };
@@ -162,7 +163,8 @@ inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<dou
     detail::check_triangles(where, "faces", model.faces, V);
     detail::check_coordinates(where, "vertices", vertices);
     check_finite<double>(where, "samples_per_vertex", samples_per_vertex);
-    check_value(std::isfinite(options.jitter) && options.jitter >= 0, where, "jitter must be a finite share, at least 0");
+    check_value(std::isfinite(options.jitter) && options.jitter >= 0, where,
+                "jitter must be a finite share, at least 0");
 
     const detail::OneRings rings(model.faces, vertices);
     std::vector<double> ring_areas(V, 0), expected(V, 0);
@@ -191,7 +193,8 @@ inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<dou
         double passed = 0; // area of the ring's corners before n
         for (std::size_t k = 0; k < counts[v]; ++k) {
             const double along = (static_cast<double>(k) + rng.uniform()) / K * ring_areas[v];
-            while (n + 1 < rings.starts[v + 1] && along >= passed + rings.corners[n].area) passed += rings.corners[n++].area;
+            while (n + 1 < rings.starts[v + 1] && along >= passed + rings.corners[n].area)
+                passed += rings.corners[n++].area;
             const auto& corner = rings.corners[n];
             const auto [a, b, c] = detail::OneRings::positions(model.faces[corner.face], corner.corner, vertices);
             const double v_across = across + golden * static_cast<double>(k);
@@ -226,9 +229,11 @@ inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<dou
         for (int t = 0; t < 3; ++t) {
             const auto corner = static_cast<std::size_t>(drawn.triangles[i][static_cast<std::size_t>(t)]);
             normal += vertex_normal[corner] * drawn.barycentric[i][t];
-            if (options.weights == SampleWeights::barycentric) builder.add(rows.subspan(corner * J, J), drawn.barycentric[i][t]);
+            if (options.weights == SampleWeights::barycentric)
+                builder.add(rows.subspan(corner * J, J), drawn.barycentric[i][t]);
         }
-        if (options.weights == SampleWeights::copied) builder.add(rows.subspan(static_cast<std::size_t>(drawn.sources[i]) * J, J));
+        if (options.weights == SampleWeights::copied)
+            builder.add(rows.subspan(static_cast<std::size_t>(drawn.sources[i]) * J, J));
         builder.finish_point();
         const double size = length(normal);
         drawn.normals.push_back(size > 0 ? normal * (1 / size) : vec3<double>(0, 1, 0));
