@@ -84,5 +84,7 @@
 #include <gsh/loss/ssim.hpp>
 
 #include <gsh/train/avatar_model.hpp>
+#include <gsh/train/evaluation.hpp>
+#include <gsh/train/memory.hpp>
 #include <gsh/train/parameters.hpp>
 #include <gsh/train/trainer.hpp>
