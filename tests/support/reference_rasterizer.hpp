@@ -89,7 +89,8 @@ inline Reference reference_rasterize(const Camera<double>& camera, const SplatVi
         ReferenceSplat splat;
         if (reference_project(camera, splats, i, o, splat)) sorted.push_back(splat);
     }
-    std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.z < b.z; });
+    std::sort(sorted.begin(), sorted.end(),
+              [](const auto& a, const auto& b) { return a.z < b.z || (a.z == b.z && a.index < b.index); });
 
     const int H = camera.height, W = camera.width;
     constexpr double infinity = std::numeric_limits<double>::infinity();

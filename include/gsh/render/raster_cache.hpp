@@ -38,14 +38,14 @@ struct ScreenSplat {
     T opacity;                ///< after compensation
     T depth;                  ///< camera z, metres
     vec3<T> color;
-    T reach;                  ///< log2(opacity / alpha_min) and a little more: beyond, u² + v² leaves alpha < alpha_min
+    T cut;                    ///< log2(opacity / alpha_min): where u² + v² exceeds it, alpha < alpha_min
 };
 
-/// The tiles of one splat. A rectangle of up to 32 tiles carries a bit for each; of a larger one the splat's own
-/// shape says which tiles count.
+/// The tiles of one splat. A rectangle of up to 8x8 tiles carries a bit for each, eight to a row; of a larger one the
+/// splat's own shape says which tiles count.
 struct TileCover {
+    std::uint64_t mask = 0;
     std::uint16_t x0 = 0, y0 = 0, columns = 0, rows = 0;
-    std::uint32_t mask = 0;
 };
 
 /// Depth as an integer that sorts like it, and the splat it belongs to.
@@ -89,7 +89,8 @@ struct RasterCache {
     Buffer<SortItem<Key>> items, items_scratch; // [N]
     Buffer<std::uint32_t> histograms;
     Buffer<RasterStatus> chunk_status;
-    Buffer<T> slots;                     // [pairs, 10]
+    Buffer<T> slots;                     // [pairs, slot_size]
+    std::size_t slot_size = 0;
     Buffer<vec3<double>> tile_background;
     Buffer<CameraGradient<double>> chunk_camera;
 };

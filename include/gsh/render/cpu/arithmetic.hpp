@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Scalar arithmetic without branches or library calls, so that loops over pixels become vector code.
+/// @file  Scalar arithmetic without branches or library calls, so that loops over pixels become vector code; and a hint
+///        to the memory.
 #pragma once
 
 #include <bit>
@@ -30,16 +31,16 @@ template <std::floating_point T, std::same_as<T>... Rest>
     return multiply_add(x, horner(x, rest...), c0);
 }
 
-/// 2^x for -126 < x < 127 (float) or -1022 < x < 1023 (double), to 2 units in the last place.
+/// 2^-x for 0 <= x < 126 (float) or 1022 (double), to 2 units in the last place; anything at all for a larger x.
 template <std::floating_point T>
-[[nodiscard]] inline T exp2_in_range(T x) {
+[[nodiscard]] inline T exp2_minus(T x) {
     constexpr bool single = std::is_same_v<T, float>;
     using Bits = std::conditional_t<single, std::uint32_t, std::uint64_t>;
     constexpr int mantissa = single ? 23 : 52;
     constexpr T shift = single ? T(12582912) : T(6755399441055744); // 1.5 * 2^mantissa: adding it rounds to integer
 
-    const T shifted = x + shift;
-    const T f = x - (shifted - shift); // in [-1/2, 1/2]
+    const T shifted = shift - x;
+    const T f = (shift - shifted) - x; // in [-1/2, 1/2]
     T value;
     if constexpr (single) // least relative error for degree 6 on [-1/2, 1/2], 2e-9
         value = horner(f, T(1), T(0.69314720574), T(0.24022646891), T(0.05550328777), T(0.0096184889565),
@@ -50,8 +51,23 @@ template <std::floating_point T>
                        T(0.00001525273380405984028), T(1.321548679014430949e-6), T(1.017808600923969973e-7),
                        T(7.05491162080112333e-9), T(4.445538271870811498e-10), T(2.567843599348820514e-11),
                        T(1.369148885390412888e-12));
-    const Bits exponent = std::bit_cast<Bits>(shifted) << mantissa; // its low bits hold the integer part of x
+    const Bits exponent = std::bit_cast<Bits>(shifted) << mantissa; // its low bits hold the integer part
     return std::bit_cast<T>(static_cast<Bits>(std::bit_cast<Bits>(value) + exponent));
+}
+
+/// The larger and the smaller of two numbers that are not negative, compared as integers: one instruction, where the
+/// rules for NaN and signed zeros would take two and a mask.
+template <std::floating_point T>
+[[nodiscard]] inline T max_positive(T a, T b) {
+    using Bits = std::conditional_t<std::is_same_v<T, float>, std::int32_t, std::int64_t>;
+    const Bits i = std::bit_cast<Bits>(a), j = std::bit_cast<Bits>(b);
+    return std::bit_cast<T>(i < j ? j : i);
+}
+template <std::floating_point T>
+[[nodiscard]] inline T min_positive(T a, T b) {
+    using Bits = std::conditional_t<std::is_same_v<T, float>, std::int32_t, std::int64_t>;
+    const Bits i = std::bit_cast<Bits>(a), j = std::bit_cast<Bits>(b);
+    return std::bit_cast<T>(j < i ? j : i);
 }
 
 /// sqrt(x) for 0 <= x < 1e30 to 1e-5 of its value: Newton's iteration from the exponent halved.
@@ -60,6 +76,15 @@ template <std::floating_point T>
     const float y1 = y0 * (1.5f - 0.5f * x * y0 * y0);
     const float y2 = y1 * (1.5f - 0.5f * x * y1 * y1);
     return x * y2;
+}
+
+/// Asks for a cache line that will be read soon. A hint: without it the result is the same, later.
+inline void prefetch([[maybe_unused]] const void* address) {
+#if defined(__has_builtin)
+#if __has_builtin(__builtin_prefetch)
+    __builtin_prefetch(address);
+#endif
+#endif
 }
 
 } // namespace gsh::cpu

@@ -22,9 +22,12 @@ namespace detail {
 
 inline constexpr std::size_t splat_grain = 1024; // splats of one chunk of the per-splat passes
 
+/// Tiles are chosen a little too generously, so that rounding never loses a pixel to which the blend gives a say.
+[[nodiscard]] constexpr double generous(double cut) { return cut * 1.0001 + 1e-3; }
+
 template <std::floating_point T>
 [[nodiscard]] Ellipse<double> ellipse_of(const ScreenSplat<T>& s) {
-    return {s.center.x, s.center.y, s.w, static_cast<double>(s.reach)};
+    return {s.center.x, s.center.y, s.w, generous(s.cut)};
 }
 
 /// Calls visit(tile) for each tile of a splat, by rows.
@@ -34,10 +37,12 @@ void for_each_tile(const ScreenSplat<T>& splat, const TileCover& cover, const Ti
         return static_cast<std::uint32_t>(y) * columns + static_cast<std::uint32_t>(x);
     };
     if (cover.mask != 0) {
-        for (std::uint32_t bits = cover.mask; bits != 0; bits &= bits - 1) {
-            const int bit = std::countr_zero(bits), row = bit / cover.columns;
-            visit(tile(cover.x0 + bit - row * cover.columns, cover.y0 + row));
-        }
+        std::uint64_t bits = cover.mask;
+        do {
+            const int bit = std::countr_zero(bits);
+            visit(tile(cover.x0 + (bit & 7), cover.y0 + (bit >> 3)));
+            bits &= bits - 1;
+        } while (bits != 0);
         return;
     }
     const Ellipse<double> ellipse = ellipse_of(splat);
@@ -59,18 +64,18 @@ template <std::floating_point T>
     const int columns = rect.x1 - rect.x0, rows = rect.y1 - rect.y0;
     cover.x0 = static_cast<std::uint16_t>(rect.x0), cover.y0 = static_cast<std::uint16_t>(rect.y0);
     cover.columns = static_cast<std::uint16_t>(columns), cover.rows = static_cast<std::uint16_t>(rows);
-    if (columns == 1 && rows == 1) {
-        cover.mask = 1;
-        return 1;
+    const bool small = columns <= 8 && rows <= 8;
+    if (small && (columns == 1 || rows == 1)) { // the bounding box touches the ellipse on every side: nothing to spare
+        const std::uint64_t row = (1ull << columns) - 1;
+        for (int y = 0; y < rows; ++y) cover.mask |= row << (8 * y);
+        return static_cast<std::uint32_t>(columns * rows);
     }
-    const bool small = columns <= 32 && rows <= 32 && columns * rows <= 32;
     std::uint32_t count = 0;
     for (int y = rect.y0; y < rect.y1; ++y) {
         int first, end;
         tile_columns(ellipse, y, grid, first, end);
         count += static_cast<std::uint32_t>(end - first);
-        if (!small) continue;
-        for (int x = first; x < end; ++x) cover.mask |= 1u << ((y - rect.y0) * columns + x - rect.x0);
+        if (small) cover.mask |= ((1ull << (end - first)) - 1) << (8 * (y - rect.y0) + (first < end ? first - rect.x0 : 0));
     }
     return count;
 }
@@ -91,10 +96,10 @@ template <std::floating_point T>
                       p.covariance.yy > 0 && det > 0 && det <= largest && std::abs(p.center.x) <= largest &&
                       std::abs(p.center.y) <= largest;
     if (!kept) return 0;
-    // Tiles are chosen a little too generously, so that rounding never loses a pixel to which the blend gives a say.
-    const T ratio = static_cast<T>(opacity) / params.alpha_min;
+    constexpr double far = sizeof(T) == 4 ? 120 : 1000; // where exp2_minus ends; an opacity up to 1 does not get there
+    const double cut = std::min(far, std::log2(opacity / static_cast<double>(params.alpha_min)));
     out = {p.center, whiten(p.covariance), static_cast<T>(opacity), static_cast<T>(p.depth), splats.colors[i],
-           std::log2(ratio) * T(1.0001) + T(1e-3)};
+           static_cast<T>(cut)};
     return cover_tiles(out, p.covariance.xx, grid, cover);
 }
 
@@ -203,17 +208,30 @@ void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
     cache.histograms.resize(chunks * tiles);
     const Span<std::uint32_t> counts = cache.histograms;
 
+    // Covers lie all over memory in this order. Fetched some at a time by a loop without branches, the waits overlap.
     const auto for_each_pair = [&](std::size_t begin, std::size_t end, const auto& visit) {
-        for (std::size_t i = begin; i < end; ++i) {
-            const std::uint32_t splat = order[i].splat;
-            detail::for_each_tile(cache.splats[splat], cache.covers[splat], cache.grid,
-                                  [&](std::uint32_t tile) { visit(tile, splat); });
+        constexpr std::size_t stage = 64;
+        TileCover covers[stage];
+        std::uint32_t slots[stage];
+        for (std::size_t first = begin; first < end; first += stage) {
+            const std::size_t count = std::min(stage, end - first);
+            for (std::size_t i = 0; i < count; ++i) {
+                const std::uint32_t splat = order[first + i].splat;
+                covers[i] = cache.covers[splat];
+                slots[i] = cache.slot_begin[splat];
+            }
+            for (std::size_t i = 0; i < count; ++i) {
+                const std::uint32_t splat = order[first + i].splat;
+                std::uint32_t slot = slots[i];
+                detail::for_each_tile(cache.splats[splat], covers[i], cache.grid,
+                                      [&](std::uint32_t tile) { visit(tile, TileInstance{splat, slot++}); });
+            }
         }
     };
     backend.for_chunks(n, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         std::uint32_t* const count = counts.data() + chunk * tiles;
         std::fill(count, count + tiles, 0u);
-        for_each_pair(begin, end, [&](std::uint32_t tile, std::uint32_t) { ++count[tile]; });
+        for_each_pair(begin, end, [&](std::uint32_t tile, TileInstance) { ++count[tile]; });
     });
     std::uint32_t sum = 0; // counts become places: by tile, then by chunk
     for (std::size_t tile = 0; tile < tiles; ++tile) {
@@ -228,12 +246,8 @@ void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
     cache.tile_begin[tiles] = sum;
     backend.for_chunks(n, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         std::uint32_t* const place = counts.data() + chunk * tiles;
-        std::uint32_t previous = ~0u, slot = 0;
-        for_each_pair(begin, end, [&](std::uint32_t tile, std::uint32_t splat) {
-            slot = splat == previous ? slot + 1 : cache.slot_begin[splat];
-            previous = splat;
-            cache.instances[place[tile]++] = {splat, slot};
-        });
+        for_each_pair(begin, end,
+                      [&](std::uint32_t tile, TileInstance instance) { cache.instances[place[tile]++] = instance; });
     });
 
     // Long lists first, in classes of powers of two: what is left for the end is small, and the threads finish together.

@@ -18,29 +18,26 @@ namespace detail {
 /// The blend's state at the 16 pixels of a block.
 template <class T>
 struct alignas(64) BlendBlock {
-    Lanes<T> transmittance, cut, red, green, blue, depth, median;
+    Lanes<T> product;       ///< of (1 - alpha) of all splats so far
+    Lanes<T> transmittance; ///< of those that were blended
+    Lanes<T> red, green, blue, depth, median;
 };
 
 /// Blends one splat into one block:  C += T alpha c,  T *= 1 - alpha,  unless that would take T below the limit.
 template <bool Depth, class T>
-inline void blend(const BlockSplat<T>& s, const BlendLimits<T>& limits, BlendBlock<T>& block) {
+inline void blend(const TileSplat<T> s, const BlendLimits<T> limits, const Lanes<T>& x, const Lanes<T>& y,
+                  BlendBlock<T>& __restrict block) {
     for (std::size_t l = 0; l < block_lanes; ++l) {
-        T u, v;
-        const T raw = splat_alpha(s, lane_x<T>[l], lane_y<T>[l], u, v);
-        const T capped = raw < limits.alpha_max ? raw : limits.alpha_max;
-        const T before = block.transmittance[l], cut = block.cut[l];
-        const T alpha = raw >= cut ? capped : T(0);
-        const T after = multiply_add(-alpha, before, before);
-        const bool stop = after < limits.transmittance_min;
-        const T weight = stop ? T(0) : alpha * before;
-        block.cut[l] = stop ? std::numeric_limits<T>::infinity() : cut;
-        block.transmittance[l] = stop ? before : after;
-        block.red[l] = multiply_add(weight, s.red, block.red[l]);
-        block.green[l] = multiply_add(weight, s.green, block.green[l]);
-        block.blue[l] = multiply_add(weight, s.blue, block.blue[l]);
+        const T before = block.product[l];
+        const BlendStep<T> step(s, limits, x[l], y[l], before);
+        block.product[l] = step.after;
+        block.transmittance[l] = step.live ? step.after : block.transmittance[l];
+        block.red[l] = multiply_add(step.weight, s.red, block.red[l]);
+        block.green[l] = multiply_add(step.weight, s.green, block.green[l]);
+        block.blue[l] = multiply_add(step.weight, s.blue, block.blue[l]);
         if constexpr (Depth) {
-            const bool crosses = (before > T(0.5)) & (after <= T(0.5)) & !stop;
-            block.depth[l] = multiply_add(weight, s.depth, block.depth[l]);
+            const bool crosses = (before > T(0.5)) & (step.after <= T(0.5)) & step.live;
+            block.depth[l] = multiply_add(step.weight, s.depth, block.depth[l]);
             block.median[l] = crosses ? s.depth : block.median[l];
         }
     }
@@ -76,37 +73,41 @@ void write_target(const TilePlace& tile, const Background<T>& background, const 
     if (!target.median_depth.empty()) write_tile(tile, target.median_depth, 0, median);
 }
 
-/// Blends a tile's list; returns how much of it any pixel looked at.
+/// True while a pixel of the block takes splats.
+template <class T>
+[[nodiscard]] bool is_live(const BlendBlock<T>& block, T transmittance_min) {
+    T largest = T(0);
+    for (const T product : block.product) largest = largest < product ? product : largest;
+    return largest >= transmittance_min;
+}
+
+/// Blends a tile's list, block by block, so that a block's state stays in registers over the splats of a batch;
+/// returns how much of the list any pixel looked at.
 template <bool Depth, class T>
 std::uint32_t blend_tile(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const TileInstance> list,
                          const BlendLimits<T>& limits, BlendBlock<T>* blocks) {
     std::uint32_t live = 0;
-    for (int b = 0; b < blocks_of_tile; ++b) {
+    for (std::size_t b = 0; b < blocks_of_tile; ++b) {
         BlendBlock<T>& block = blocks[b];
-        block.transmittance.fill(T(1));
-        block.cut = initial_cut(tile, b, limits.alpha_min);
-        block.red.fill(T(0)), block.green.fill(T(0)), block.blue.fill(T(0));
-        block.depth.fill(T(0)), block.median.fill(T(0));
+        block = {};
+        block.product = block.transmittance = initial_transmittance<T>(tile, b);
+        live |= (is_live(block, limits.transmittance_min) ? 1u : 0u) << b;
     }
-    const auto find_live = [&] {
-        live = 0;
-        for (int b = 0; b < blocks_of_tile; ++b) {
-            T least = blocks[b].cut[0];
-            for (const T cut : blocks[b].cut) least = cut < least ? cut : least;
-            live |= (least <= limits.alpha_max ? 1u : 0u) << b;
-        }
-    };
-    find_live();
     Batch<T> batch;
     std::size_t begin = 0;
     for (; begin < list.size() && live != 0; begin += batch.size) {
-        batch.load(splats, list.subspan(begin, std::min(batch_size, list.size() - begin)), tile);
-        for (std::size_t j = 0; j < batch.size; ++j)
-            for (std::uint32_t touched = batch.mask[j] & live; touched != 0; touched &= touched - 1) {
-                const int b = std::countr_zero(touched);
-                blend<Depth>(BlockSplat<T>(batch, j, b), limits, blocks[b]);
+        batch.load(splats, list, begin, tile);
+        std::uint64_t splats_of[blocks_of_tile];
+        batch.by_block(splats_of);
+        for (std::size_t b = 0; b < blocks_of_tile; ++b) {
+            if ((live >> b & 1u) == 0 || splats_of[b] == 0) continue;
+            for (std::uint64_t bits = splats_of[b]; bits != 0; bits &= bits - 1) {
+                const auto j = static_cast<std::size_t>(std::countr_zero(bits));
+                blend<Depth>(batch.splats[j], limits, pixel_coordinates<T, false>[b], pixel_coordinates<T, true>[b],
+                             blocks[b]);
             }
-        find_live();
+            if (!is_live(blocks[b], limits.transmittance_min)) live &= ~(1u << b);
+        }
     }
     return static_cast<std::uint32_t>(begin);
 }

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 namespace gsh::cpu {
 
@@ -22,9 +23,11 @@ enum SlotEntry : int {
     slot_u, slot_v,                   // sum G u, G v
     slot_uu, slot_uv, slot_vv,        // sum G u u, G u v, G v v
     slot_red, slot_green, slot_blue,  // sum weight * dL/d color of the pixel
-    slot_depth,                       // likewise for the depths
-    slot_size
+    slot_depth                        // likewise for the depths, if there is such a gradient
 };
+template <bool Depth>
+inline constexpr std::size_t slot_size = Depth ? 10 : 9;
+
 
 /// The blend's state at the 16 pixels of a block on its second way front to back, and the pixels' gradients.
 ///
@@ -32,77 +35,82 @@ enum SlotEntry : int {
 /// gradient, dF/d alpha = T s - (what lies behind) / (1 - alpha). `behind` starts at F and loses w s at each splat.
 template <class T>
 struct alignas(64) GradientBlock {
-    Lanes<T> transmittance, cut, behind, dL_dred, dL_dgreen, dL_dblue, dL_ddepth, dL_dmedian;
+    Lanes<T> product, behind, dL_dred, dL_dgreen, dL_dblue, dL_ddepth, dL_dmedian;
 };
 
-template <class T>
-struct alignas(64) SlotSums {
-    Lanes<T> lanes[slot_size];
-};
-
-/// Takes one splat's share of the gradient in one block: repeats blend's decisions, bit for bit.
+/// A slot's entries, not yet summed over the pixels of a block.
 template <bool Depth, class T>
-inline void blend_backward(const BlockSplat<T>& s, const BlendLimits<T>& limits, GradientBlock<T>& block,
-                           SlotSums<T>& sums) {
+struct alignas(64) SlotSums {
+    Lanes<T> lanes[slot_size<Depth>];
+};
+
+/// Takes one splat's share of the gradient in one block. The first block of a splat sets the sums, others add.
+template <bool Depth, bool First, class T>
+inline void blend_backward(const TileSplat<T> s, const BlendLimits<T> limits, const Lanes<T>& x, const Lanes<T>& y,
+                           GradientBlock<T>& __restrict block, SlotSums<Depth, T>& __restrict sums) {
     for (std::size_t l = 0; l < block_lanes; ++l) {
-        T u, v;
-        const T raw = splat_alpha(s, lane_x<T>[l], lane_y<T>[l], u, v);
-        const T capped = raw < limits.alpha_max ? raw : limits.alpha_max;
-        const T before = block.transmittance[l], cut = block.cut[l];
-        const T alpha = raw >= cut ? capped : T(0);
-        const T after = multiply_add(-alpha, before, before);
-        const bool stop = after < limits.transmittance_min;
-        const T weight = stop ? T(0) : alpha * before;
-        block.cut[l] = stop ? std::numeric_limits<T>::infinity() : cut;
-        block.transmittance[l] = stop ? before : after;
+        const T before = block.product[l];
+        const BlendStep<T> step(s, limits, x[l], y[l], before);
+        block.product[l] = step.after;
 
         const T red = block.dL_dred[l], green = block.dL_dgreen[l], blue = block.dL_dblue[l];
         T shade = multiply_add(s.red, red, multiply_add(s.green, green, s.blue * blue));
         if constexpr (Depth) shade = multiply_add(s.depth, block.dL_ddepth[l], shade);
-        const T behind = multiply_add(-weight, shade, block.behind[l]);
+        const T behind = block.behind[l] - step.weight * shade;
         block.behind[l] = behind;
-        const T dL_dalpha = before * shade - behind / (T(1) - alpha);
-        const T g = (stop | (raw > limits.alpha_max)) ? T(0) : dL_dalpha * alpha;
+        const T dL_dalpha = before * shade - behind / step.keep;
+        const T passes = step.raw <= limits.alpha_max ? step.alpha : T(0);
+        const T g = step.live ? dL_dalpha * passes : T(0);
 
-        const T gu = g * u, gv = g * v;
-        sums.lanes[slot_g][l] += g;
-        sums.lanes[slot_u][l] += gu;
-        sums.lanes[slot_v][l] += gv;
-        sums.lanes[slot_uu][l] = multiply_add(gu, u, sums.lanes[slot_uu][l]);
-        sums.lanes[slot_uv][l] = multiply_add(gu, v, sums.lanes[slot_uv][l]);
-        sums.lanes[slot_vv][l] = multiply_add(gv, v, sums.lanes[slot_vv][l]);
-        sums.lanes[slot_red][l] = multiply_add(weight, red, sums.lanes[slot_red][l]);
-        sums.lanes[slot_green][l] = multiply_add(weight, green, sums.lanes[slot_green][l]);
-        sums.lanes[slot_blue][l] = multiply_add(weight, blue, sums.lanes[slot_blue][l]);
+        const auto add = [&](SlotEntry entry, T value) {
+            sums.lanes[entry][l] = First ? value : sums.lanes[entry][l] + value;
+        };
+        const auto add_product = [&](SlotEntry entry, T a, T b) {
+            sums.lanes[entry][l] = First ? a * b : multiply_add(a, b, sums.lanes[entry][l]);
+        };
+        const T gu = g * step.u, gv = g * step.v;
+        add(slot_g, g);
+        add(slot_u, gu);
+        add(slot_v, gv);
+        add_product(slot_uu, gu, step.u);
+        add_product(slot_uv, gu, step.v);
+        add_product(slot_vv, gv, step.v);
+        add_product(slot_red, step.weight, red);
+        add_product(slot_green, step.weight, green);
+        add_product(slot_blue, step.weight, blue);
         if constexpr (Depth) {
-            const bool crosses = (before > T(0.5)) & (after <= T(0.5)) & !stop;
-            const T share = crosses ? block.dL_dmedian[l] : T(0);
-            sums.lanes[slot_depth][l] += multiply_add(weight, block.dL_ddepth[l], share);
+            const bool crosses = (before > T(0.5)) & (step.after <= T(0.5)) & step.live;
+            add(slot_depth, multiply_add(step.weight, block.dL_ddepth[l], crosses ? block.dL_dmedian[l] : T(0)));
         }
     }
 }
 
-/// Sums the 16 pixels in a fixed order.
-template <class T>
-inline void reduce(SlotSums<T>& sums, T* slot) {
-    for (auto& lanes : sums.lanes)
-        for (std::size_t l = 0; l < 8; ++l) lanes[l] += lanes[l + 8];
-    for (auto& lanes : sums.lanes)
-        for (std::size_t l = 0; l < 4; ++l) lanes[l] += lanes[l + 4];
-    for (int k = 0; k < slot_size; ++k) {
-        const Lanes<T>& lanes = sums.lanes[k];
-        slot[k] = (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
-    }
+inline constexpr std::size_t sums_at_once = 16; // splats whose pixels are added up together
+
+/// Sums the 16 pixels of each entry in a fixed order, half by half.
+template <bool Depth, class T>
+void reduce(const SlotSums<Depth, T>* sums, std::size_t count, T* entries) {
+    alignas(64) T by8[sums_at_once * slot_size<Depth> * 8], by4[sums_at_once * slot_size<Depth> * 4];
+    const std::size_t n = count * slot_size<Depth>;
+    const T* const by16 = sums[0].lanes[0].data();
+    for (std::size_t i = 0; i < n; ++i)
+        for (std::size_t l = 0; l < 8; ++l) by8[8 * i + l] = by16[16 * i + l] + by16[16 * i + 8 + l];
+    for (std::size_t i = 0; i < n; ++i)
+        for (std::size_t l = 0; l < 4; ++l) by4[4 * i + l] = by8[8 * i + l] + by8[8 * i + 4 + l];
+    for (std::size_t i = 0; i < n; ++i)
+        entries[i] = (by4[4 * i] + by4[4 * i + 2]) + (by4[4 * i + 1] + by4[4 * i + 3]);
 }
 
-/// One plane of dL_dtarget in block order; zero where the plane is empty or the tile leaves the image.
+/// One plane of an image in block order; zero where the plane is empty or the tile leaves the image.
 template <class T>
 void read_tile(const TilePlace& tile, const ImageView<const T>& image, int channel, T* pixels) {
-    std::fill(pixels, pixels + tile_pixels, T(0));
+    if (image.empty() || tile.width < TileGrid::tile_size || tile.height < TileGrid::tile_size)
+        std::fill(pixels, pixels + tile_pixels, T(0));
     if (image.empty()) return;
     for (int y = 0; y < tile.height; ++y) {
         const T* const row = image.row(channel, tile.y + y) + tile.x;
-        for (int x = 0; x < tile.width; ++x) pixels[block_order(x, y)] = row[x];
+        for (int x = 0; x < tile.width; x += 4) // a line of a block
+            std::copy_n(row + x, std::min(4, tile.width - x), pixels + block_order(x, y));
     }
 }
 
@@ -110,17 +118,33 @@ void read_tile(const TilePlace& tile, const ImageView<const T>& image, int chann
 template <bool Depth, class T>
 void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const TileInstance> list,
                          const BlendLimits<T>& limits, GradientBlock<T>* blocks, T* slots) {
+    constexpr std::size_t slot = slot_size<Depth>;
     Batch<T> batch;
     for (std::size_t begin = 0; begin < list.size(); begin += batch.size) {
-        batch.load(splats, list.subspan(begin, std::min(batch_size, list.size() - begin)), tile);
-        for (std::size_t j = 0; j < batch.size; ++j) {
-            T* const slot = slots + std::size_t(list[begin + j].slot) * slot_size;
-            SlotSums<T> sums = {};
-            for (std::uint32_t touched = batch.mask[j]; touched != 0; touched &= touched - 1) {
-                const int b = std::countr_zero(touched);
-                blend_backward<Depth>(BlockSplat<T>(batch, j, b), limits, blocks[b], sums);
+        batch.load(splats, list, begin, tile);
+        for (std::size_t first = 0; first < batch.size; first += sums_at_once) {
+            const std::size_t count = std::min(sums_at_once, batch.size - first);
+            SlotSums<Depth, T> sums[sums_at_once];
+            alignas(64) T entries[sums_at_once * slot];
+            for (std::size_t j = 0; j < count; ++j) {
+                const TileSplat<T>& splat = batch.splats[first + j];
+                std::uint32_t bits = batch.blocks[first + j];
+                if (bits == 0) {
+                    sums[j] = {};
+                    continue;
+                }
+                auto b = static_cast<std::size_t>(std::countr_zero(bits));
+                blend_backward<Depth, true>(splat, limits, pixel_coordinates<T, false>[b],
+                                            pixel_coordinates<T, true>[b], blocks[b], sums[j]);
+                while ((bits &= bits - 1) != 0) {
+                    b = static_cast<std::size_t>(std::countr_zero(bits));
+                    blend_backward<Depth, false>(splat, limits, pixel_coordinates<T, false>[b],
+                                                 pixel_coordinates<T, true>[b], blocks[b], sums[j]);
+                }
             }
-            reduce(sums, slot);
+            reduce(sums, count, entries);
+            for (std::size_t j = 0; j < count; ++j)
+                std::copy_n(entries + j * slot, slot, slots + list[begin + first + j].slot * slot);
         }
     }
 }
@@ -138,7 +162,9 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
     const Span<const ScreenSplat<T>> splats = cache.splats;
     const Span<const TileInstance> instances = cache.instances;
     constexpr std::size_t record = pixel_channels * tile_pixels;
-    cache.slots.resize(instances.size() * slot_size);
+    const std::size_t slot = with_depth ? slot_size<true> : slot_size<false>;
+    cache.slot_size = slot;
+    cache.slots.resize(instances.size() * slot);
     cache.tile_background.resize(cache.grid.size());
 
     run_queue(backend, cache.grid.size(), [&](std::size_t rank) {
@@ -148,6 +174,7 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
         const T* const pixels = active ? cache.pixels.data() + rank * record : nullptr;
         const auto transmittance = [&](int p) { return active ? pixels[4 * tile_pixels + p] : T(1); };
 
+        if (!active && dL_dbackground.color.empty() && dL_dbackground.image.empty()) return;
         alignas(64) T dL[6][tile_pixels]; // colour, alpha, expected and median depth
         for (int c = 0; c < 3; ++c) read_tile(tile, dL_dtarget.color, c, dL[c]);
         if (!dL_dbackground.color.empty()) {
@@ -176,12 +203,11 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
                 read_tile(tile, background.image, c, behind_splats[c]);
         }
         GradientBlock<T> blocks[blocks_of_tile];
-        for (int b = 0; b < blocks_of_tile; ++b) {
+        for (std::size_t b = 0; b < blocks_of_tile; ++b) {
             GradientBlock<T>& block = blocks[b];
-            block.transmittance.fill(T(1));
-            block.cut = initial_cut(tile, b, limits.alpha_min);
+            block.product = initial_transmittance<T>(tile, b);
             for (std::size_t l = 0; l < block_lanes; ++l) {
-                const std::size_t p = static_cast<std::size_t>(b) * block_lanes + l;
+                const std::size_t p = b * block_lanes + l;
                 const T end = pixels[4 * tile_pixels + p];
                 T value = dL[4][p] * pixels[3 * tile_pixels + p] - end * dL[3][p];
                 for (int c = 0; c < 3; ++c)
@@ -199,7 +225,7 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
         else
             blend_tile_backward<false>(tile, splats, list, limits, blocks, cache.slots.data());
         for (std::uint32_t i = begin + used; i < end; ++i)
-            std::fill_n(cache.slots.data() + std::size_t(instances[i].slot) * slot_size, int(slot_size), T(0));
+            std::fill_n(cache.slots.data() + instances[i].slot * slot, slot, T(0));
     });
     if (!dL_dbackground.color.empty()) {
         vec3<double> sum(0);
@@ -225,9 +251,9 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
         for (std::size_t i = begin; i < end; ++i) {
             cache.screen_gradient_norms[i] = T(0);
             if (!cache.visible[i]) continue;
-            T sum[slot_size] = {};
+            T sum[slot_size<true>] = {};
             for (std::size_t slot = cache.slot_begin[i]; slot < cache.slot_begin[i + 1]; ++slot)
-                for (int k = 0; k < slot_size; ++k) sum[k] += cache.slots[slot * slot_size + std::size_t(k)];
+                for (std::size_t k = 0; k < cache.slot_size; ++k) sum[k] += cache.slots[slot * cache.slot_size + k];
 
             // ln(alpha) = ln(opacity) - ln(2) (u² + v²), (u, v) = W (pixel - center), Σ⁻¹ = 2 ln(2) Wᵀ W:
             // dL/dcenter = 2 ln(2) Wᵀ m, dL/dΣ = 2 ln(2)² Wᵀ M W with the moments m = sum G (u, v), M likewise.

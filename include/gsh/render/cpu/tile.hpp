@@ -9,8 +9,10 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
+#include <gsh/render/cpu/bin.hpp>
 #include <gsh/render/raster_cache.hpp>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
@@ -29,11 +31,15 @@ inline constexpr std::size_t batch_size = 64;
 template <class T>
 using Lanes = std::array<T, block_lanes>;
 
-/// Column and row of each pixel in its block.
-template <class T>
-alignas(64) inline constexpr T lane_x[block_lanes] = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
-template <class T>
-alignas(64) inline constexpr T lane_y[block_lanes] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+/// A pixel's column or row in its tile, for each pixel of each block.
+template <class T, bool Rows>
+inline constexpr auto pixel_coordinates = [] {
+    std::array<Lanes<T>, blocks_of_tile> table{};
+    for (std::size_t b = 0; b < blocks_of_tile; ++b)
+        for (std::size_t l = 0; l < block_lanes; ++l)
+            table[b][l] = static_cast<T>(Rows ? b / 4 * 4 + l / 4 : b % 4 * 4 + l % 4);
+    return table;
+}();
 
 /// A pixel's place in block order.
 [[nodiscard]] constexpr int block_order(int x, int y) {
@@ -53,53 +59,80 @@ struct TilePlace {
     }
 };
 
-/// Up to batch_size splats of a tile, front to back. u, v are measured from the centre of the tile's first pixel.
+/// A splat in the frame of a tile: u, v are those of the centre of the first pixel.
+template <class T>
+struct alignas(16 * sizeof(T)) TileSplat {
+    T u, v, ux, uy, vy, opacity, cut, red, green, blue, depth;
+};
+
+/// Up to batch_size splats of a tile, front to back, and the blocks that each may touch.
 template <class T>
 struct Batch {
-    alignas(64) T u[batch_size], v[batch_size], ux[batch_size], uy[batch_size], vy[batch_size];
-    alignas(64) T opacity[batch_size], red[batch_size], green[batch_size], blue[batch_size], depth[batch_size];
-    alignas(64) float reach[batch_size];
-    alignas(64) std::uint32_t mask[batch_size]; // blocks that the splat may touch
+    TileSplat<T> splats[batch_size];
+    alignas(64) std::uint32_t blocks[batch_size]; // bit b: the splat may touch block b
     std::size_t size = 0;
 
-    void load(Span<const ScreenSplat<T>> splats, Span<const TileInstance> instances, const TilePlace& tile) {
-        size = instances.size();
+    /// Takes the list's splats from `begin` on, and asks for those that come after them.
+    void load(Span<const ScreenSplat<T>> from, Span<const TileInstance> list, std::size_t begin, const TilePlace& tile) {
+        size = std::min(batch_size, list.size() - begin);
+        const Span<const TileInstance> instances = list.subspan(begin, size);
+        const std::size_t ahead = std::min(batch_size, list.size() - begin - size);
+        for (std::size_t j = 0; j < ahead; ++j) prefetch(&from[instances.data()[size + j].splat]);
         const double x = tile.x + 0.5, y = tile.y + 0.5;
+        Shapes shapes;
         for (std::size_t j = 0; j < size; ++j) {
-            const ScreenSplat<T>& s = splats[instances[j].splat];
+            const ScreenSplat<T>& s = from[instances[j].splat];
             const double dx = x - s.center.x, dy = y - s.center.y;
-            u[j] = static_cast<T>(s.w.ux * dx + s.w.uy * dy);
-            v[j] = static_cast<T>(s.w.vy * dy);
-            ux[j] = static_cast<T>(s.w.ux), uy[j] = static_cast<T>(s.w.uy), vy[j] = static_cast<T>(s.w.vy);
-            opacity[j] = s.opacity, depth[j] = s.depth;
-            red[j] = s.color.x, green[j] = s.color.y, blue[j] = s.color.z;
-            reach[j] = static_cast<float>(s.reach);
+            TileSplat<T>& to = splats[j];
+            to.u = static_cast<T>(s.w.ux * dx + s.w.uy * dy);
+            to.v = static_cast<T>(s.w.vy * dy);
+            to.ux = static_cast<T>(s.w.ux), to.uy = static_cast<T>(s.w.uy), to.vy = static_cast<T>(s.w.vy);
+            to.opacity = s.opacity, to.cut = s.cut, to.depth = s.depth;
+            to.red = s.color.x, to.green = s.color.y, to.blue = s.color.z;
+            shapes.u[j] = static_cast<float>(to.u), shapes.v[j] = static_cast<float>(to.v);
+            shapes.ux[j] = static_cast<float>(to.ux), shapes.uy[j] = static_cast<float>(to.uy);
+            shapes.vy[j] = static_cast<float>(to.vy), shapes.reach[j] = static_cast<float>(generous(s.cut));
         }
-        find_blocks();
+        find_blocks(shapes);
+    }
+
+    /// The same bits by block: bit j of splats_of[b] for bit b of blocks[j].
+    void by_block(std::uint64_t (&splats_of)[blocks_of_tile]) const {
+        std::fill_n(splats_of, blocks_of_tile, 0u);
+        for (std::size_t first = 0; first < size; first += 16) {
+            alignas(64) std::uint32_t bits[blocks_of_tile] = {};
+            for (std::size_t l = 0; l < 16; ++l)
+                for (std::uint32_t b = 0; b < blocks_of_tile; ++b) bits[b] |= ((blocks[first + l] >> b) & 1u) << l;
+            for (std::size_t b = 0; b < blocks_of_tile; ++b) splats_of[b] |= std::uint64_t(bits[b]) << first;
+        }
     }
 
 private:
+    /// The splats' ellipses by member, for a loop over splats.
+    struct Shapes {
+        alignas(64) float u[batch_size], v[batch_size], ux[batch_size], uy[batch_size], vy[batch_size], reach[batch_size];
+    };
+
     /// The blocks of each row of blocks that the ellipse's extent between its first and last line of pixels meets: as
     /// horizontal_extent (tiles.hpp), in single precision with a margin, without branches.
-    void find_blocks() {
-        const std::size_t padded = (size + 15) / 16 * 16; // whole registers; what lies beyond size is not read
-        for (std::size_t j = size; j < padded; ++j) u[j] = v[j] = T(0), ux[j] = uy[j] = vy[j] = T(1), reach[j] = 0;
-        for (std::size_t first = 0; first < padded; first += 16)
-            for (std::size_t j = first; j < first + 16; ++j) {
-                const float u0 = static_cast<float>(u[j]), v0 = static_cast<float>(v[j]);
-                const float step = static_cast<float>(vy[j]), inverse_ux = 1.0f / static_cast<float>(ux[j]);
-                const float shear = static_cast<float>(uy[j]) / step;
-                const float radius = rough_sqrt(reach[j]) * 1.0001f;
+    void find_blocks(Shapes& s) {
+        const std::size_t padded = (size + 15) / 16 * 16; // whole registers, filled up with ellipses out of reach
+        for (std::size_t j = size; j < padded; ++j) s.u[j] = s.v[j] = 1e6f, s.ux[j] = s.uy[j] = s.vy[j] = 1, s.reach[j] = 0;
+        for (std::size_t first = 0; first < padded; first += 16) {
+            for (std::size_t l = 0; l < 16; ++l) {
+                const std::size_t j = first + l;
+                const float u = s.u[j], v = s.v[j], vy = s.vy[j], reach = s.reach[j];
+                const float inverse_ux = 1.0f / s.ux[j], shear = s.uy[j] / vy;
+                const float radius = rough_sqrt(reach) * 1.0001f;
                 const float tip = radius * shear / rough_sqrt(1.0f + shear * shear);
                 const float margin = 2e-3f + 4e-6f * std::fabs(shear);
-                const float base = shear * v0 - u0;
+                const float base = shear * v - u;
                 std::uint32_t found = 0;
                 for (int row = 0; row < 4; ++row) {
-                    const float low = v0 + static_cast<float>(4 * row) * step, high = low + 3.0f * step;
+                    const float low = v + static_cast<float>(4 * row) * vy, high = low + 3.0f * vy;
                     const float at_right = -tip < low ? low : (-tip > high ? high : -tip);
                     const float at_left = tip < low ? low : (tip > high ? high : tip);
-                    const float right_square = reach[j] - at_right * at_right;
-                    const float left_square = reach[j] - at_left * at_left;
+                    const float right_square = reach - at_right * at_right, left_square = reach - at_left * at_left;
                     const float right_u = rough_sqrt(right_square > 0.0f ? right_square : 0.0f) + margin;
                     const float left_u = rough_sqrt(left_square > 0.0f ? left_square : 0.0f) + margin;
                     const float right = (base - shear * at_right + right_u) * inverse_ux;
@@ -111,22 +144,9 @@ private:
                         found |= touched ? 1u << (4 * row + column) : 0u;
                     }
                 }
-                mask[j] = found;
+                blocks[j] = found;
             }
-    }
-};
-
-/// One splat as one block sees it.
-template <class T>
-struct BlockSplat {
-    T u, v, ux, uy, vy, opacity, red, green, blue, depth;
-
-    BlockSplat(const Batch<T>& batch, std::size_t j, int block)
-        : ux(batch.ux[j]), uy(batch.uy[j]), vy(batch.vy[j]), opacity(batch.opacity[j]), red(batch.red[j]),
-          green(batch.green[j]), blue(batch.blue[j]), depth(batch.depth[j]) {
-        const T x = static_cast<T>(4 * (block & 3)), y = static_cast<T>(4 * (block >> 2));
-        u = multiply_add(ux, x, multiply_add(uy, y, batch.u[j]));
-        v = multiply_add(vy, y, batch.v[j]);
+        }
     }
 };
 
@@ -138,26 +158,39 @@ struct BlendLimits {
         : alpha_min(p.alpha_min), alpha_max(p.alpha_max), transmittance_min(p.transmittance_min) {}
 };
 
-/// opacity * 2^-(u² + v²) at the block's pixel (x, y).
+/// What a splat does to a pixel, the same in both passes to the last bit.
+///
+/// The product of (1 - alpha) runs on whether or not a pixel has stopped: it only falls, so a splat is blended exactly
+/// if the product after it has not fallen below the limit, and no pixel waits for a comparison.
 template <class T>
-[[nodiscard]] inline T splat_alpha(const BlockSplat<T>& s, T x, T y, T& u, T& v) {
-    constexpr T lowest = sizeof(T) == 4 ? T(-120) : T(-1000); // beyond, the value is 0 for every alpha_min
-    u = multiply_add(s.ux, x, multiply_add(s.uy, y, s.u));
-    v = multiply_add(s.vy, y, s.v);
-    const T exponent = -multiply_add(u, u, v * v);
-    return s.opacity * exp2_in_range(exponent > lowest ? exponent : lowest);
-}
+struct BlendStep {
+    T u, v, raw, alpha, keep, after, weight;
+    bool live; ///< blended, or passed by without effect
 
-/// alpha at which a pixel takes a splat: alpha_min; infinity outside the image, and once the pixel has stopped.
-template <class T>
-[[nodiscard]] Lanes<T> initial_cut(const TilePlace& tile, int block, T alpha_min) {
-    Lanes<T> cut;
-    for (int lane = 0; lane < block_lanes; ++lane) {
-        const int x = 4 * (block & 3) + (lane & 3), y = 4 * (block >> 2) + (lane >> 2);
-        cut[static_cast<std::size_t>(lane)] =
-            x < tile.width && y < tile.height ? alpha_min : std::numeric_limits<T>::infinity();
+    BlendStep(const TileSplat<T>& s, const BlendLimits<T>& limits, T x, T y, T before) {
+        constexpr T least = sizeof(T) == 4 ? T(1e-36) : T(1e-300); // so that the product never becomes denormal
+        u = multiply_add(s.ux, x, multiply_add(s.uy, y, s.u));
+        v = multiply_add(s.vy, y, s.v);
+        const T square = multiply_add(u, u, v * v);
+        raw = s.opacity * exp2_minus(square);
+        alpha = square <= s.cut ? min_positive(raw, limits.alpha_max) : T(0);
+        keep = T(1) - alpha;
+        after = max_positive(before * keep, least);
+        live = after >= limits.transmittance_min;
+        weight = live ? alpha * before : T(0);
     }
-    return cut;
+};
+
+/// 1 inside the image, 0 outside.
+template <class T>
+[[nodiscard]] Lanes<T> initial_transmittance(const TilePlace& tile, std::size_t block) {
+    Lanes<T> transmittance;
+    for (std::size_t l = 0; l < block_lanes; ++l) {
+        const bool inside = pixel_coordinates<int, false>[block][l] < tile.width &&
+                            pixel_coordinates<int, true>[block][l] < tile.height;
+        transmittance[l] = inside ? T(1) : T(0);
+    }
+    return transmittance;
 }
 
 /// Runs work(rank) for rank in [0, count): each thread takes the next one when it is done with the last. Results
