@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A training small enough for tests: a coloured tube of a body, filmed by two cameras in two poses.
+#pragma once
+
+#include <gsh/backend/serial.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/io/image_file.hpp>
+#include <gsh/train/avatar_model.hpp>
+#include <gsh/train/trainer.hpp>
+
+#include "support/small_body.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh::test {
+
+/// Poses, cameras and photographs; the photographs show stripes that are painted on the body, by plain projection of
+/// many surface points, which is no rasterizer and good enough to learn from.
+struct SmallScene {
+    static constexpr int size = 48;
+
+    BodyModel body = small_body(8);
+    std::vector<double> betas{0.2, -0.3};
+    Motion motion;
+    std::vector<Camera<double>> cameras;
+    std::vector<PixelImage> images;
+    std::vector<Photo> photos;
+
+    SmallScene() {
+        Rng rng(21);
+        motion.joint_count = 4;
+        motion.expression_count = 2;
+        motion.betas = betas;
+        for (int frame = 0; frame < 2; ++frame) {
+            for (const auto& angle : rng.vecs(4, -0.4, 0.4)) motion.pose.push_back(angle);
+            motion.expression.insert(motion.expression.end(), {0.2 * frame, 0.5});
+            motion.transl.push_back(vec3<double>(0.0));
+            motion.timestamps.push_back(frame);
+        }
+        for (const double side : {-0.7, 0.8})
+            cameras.push_back(look_at<double>({side, 0.2, 2.5}, {0, 0, 0}, {0, 1, 0}, 0.5, size, size));
+        const auto samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 300.0), 4);
+        const RigData rig = make_rig(body, betas, samples);
+        cpu::Serial backend;
+        Rig<double, cpu::Serial> mover(backend, rig);
+        RigPose<double, cpu::Serial> pose;
+        typename Rig<double, cpu::Serial>::Cache cache;
+        for (std::size_t c = 0; c < cameras.size(); ++c)
+            for (std::size_t f = 0; f < 2; ++f) {
+                mover.upload_pose(motion, f, pose);
+                mover.forward(pose, rig.joints, cache);
+                auto points = samples.positions;
+                mover.add_offsets(cache, points);
+                images.push_back(photograph(cameras[c], points, samples, mover, cache));
+            }
+        for (std::size_t c = 0; c < cameras.size(); ++c)
+            for (std::size_t f = 0; f < 2; ++f)
+                photos.push_back({"cam" + std::to_string(c) + "_" + std::to_string(f), cameras[c], f, images[2 * c + f].data});
+    }
+
+private:
+    template <class RigType>
+    PixelImage photograph(const Camera<double>& camera, const std::vector<vec3<double>>& canonical, const SurfaceSamples& samples,
+                          const RigType& mover, const typename RigType::Cache& cache) const {
+        PixelImage image(4, size, size);
+        std::vector<double> depth(size * size, 1e9);
+        for (std::size_t i = 0; i < canonical.size(); ++i) {
+            const auto p = to_camera(camera, blend(mover.skin(), i, Span<const Affine<double>>(cache.bones))(canonical[i]));
+            const auto at = to_pixel(camera, p);
+            const int x = static_cast<int>(std::floor(at.x)), y = static_cast<int>(std::floor(at.y));
+            if (x < 0 || y < 0 || x >= size || y >= size) continue;
+            double& nearest = depth[static_cast<std::size_t>(y * size + x)];
+            if (p.z >= nearest) continue;
+            nearest = p.z;
+            const double stripe = 0.5 + 0.4 * std::sin(20 * samples.positions[i].y);
+            std::uint8_t* pixel = image.pixel(y, x);
+            pixel[0] = static_cast<std::uint8_t>(255 * stripe);
+            pixel[1] = static_cast<std::uint8_t>(120);
+            pixel[2] = static_cast<std::uint8_t>(255 * (1 - stripe));
+            pixel[3] = 255;
+        }
+        return image;
+    }
+};
+
+/// A model and a trainer on a scene.
+template <class B>
+struct SmallTraining {
+    using Model = AvatarModel<B, float, 4, 2, 1>;
+    using TrainerType = Trainer<B, float, Model>;
+
+    const SmallScene* scene;
+    B backend;
+    SurfaceSamples samples;
+    RigData rig;
+    Model model;
+    TrainerType trainer;
+
+    explicit SmallTraining(const SmallScene& small_scene, B where = B(), std::uint64_t seed = 3)
+        : scene(&small_scene), backend(std::move(where)),
+          samples(sample_surface(scene->body, shaped_vertices(scene->body, scene->betas),
+                                 std::vector<double>(scene->body.vertex_count(), 12.0), seed)),
+          rig(make_rig(scene->body, scene->betas, samples)),
+          model(backend, rig, samples, seed, {.hash_base = 4, .hash_growth = 2, .hash_table_size = 1024, .mlp_width = 16, .mlp_hidden_layers = 1}),
+          trainer(backend, model, scene->photos, scene->motion, seed, {.rates = {.sh = 5e-3}}) {}
+    SmallTraining(const SmallTraining&) = delete;
+
+    /// All parameters, one after the other.
+    std::vector<float> parameters() {
+        std::vector<float> all;
+        for (std::size_t g = 0; g < parameter_group_count; ++g) {
+            const auto& group = model.parameters()[static_cast<ParameterGroup>(g)];
+            all.insert(all.end(), group.begin(), group.end());
+        }
+        return all;
+    }
+    void steps(int count) {
+        for (int i = 0; i < count; ++i) trainer.step();
+    }
+};
+
+} // namespace gsh::test
