@@ -15,7 +15,8 @@ add_library(gsh_project INTERFACE)
 # Only for C++: nvcc hands host flags on in a way of its own.
 # Contraction off: Serial and Threads inline the same source differently, and a fused multiply-add in one of them
 # alone would break their bit-for-bit equality. Kernels that want fma say so.
-target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:${gsh_warnings};-ffp-contract=off>)
+# Nobody reads errno after a square root, and without it loops with one vectorise (Adam: four times as fast).
+target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:${gsh_warnings};-ffp-contract=off;-fno-math-errno>)
 if(GSH_NATIVE)
   target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-march=native>)
 endif()
