@@ -121,6 +121,7 @@ TEST_CASE("bad entries name the file, the camera and the field") {
     expect("266.5]", "266.5, 1]", {"K has 10 numbers, expected 9"});
     expect("266.5", "\"x\"", {"K is string"});
     expect("266.5", "null", {"K is null"});
+    expect("266.5", "[[[266.5]]]", {"K is array"});
     expect("[[0, -1, 0]", "[[0, -1.1, 0]", {"R is not a rotation"});
     expect("[[0, -1, 0]", "[[0, 1, 0]", {"R mirrors"});
     expect("0.2, 3.0", "0.2", {"t has 2 numbers, expected 3"});

@@ -4,6 +4,7 @@
 #include "io/temporary.hpp"
 #include "support/gradient.hpp"
 
+#include <algorithm>
 #include <cstring>
 #include <limits>
 #include <string>
@@ -35,7 +36,9 @@ void check_equal(const GaussianCloud<float>& a, const GaussianCloud<float>& b) {
     CHECK(a.log_scales == b.log_scales);
     CHECK(a.opacity_logits == b.opacity_logits);
     CHECK(a.sh == b.sh);
-    CHECK(std::memcmp(a.quats.data(), b.quats.data(), a.size() * sizeof(quat<float>)) == 0);
+    CHECK(std::equal(a.quats.begin(), a.quats.end(), b.quats.begin(), [](const quat<float>& p, const quat<float>& q) {
+        return p.w == q.w && p.x == q.x && p.y == q.y && p.z == q.z;
+    }));
 }
 
 /// What a plain Gaussian must have, by name, type and value.

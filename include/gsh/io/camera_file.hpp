@@ -60,7 +60,8 @@ namespace detail {
 using Json = nlohmann::ordered_json;
 
 inline Json read_json(const std::filesystem::path& path) {
-    const std::string text = read_file(path);
+    constexpr std::size_t largest = std::size_t(1) << 26; // bytes: a thousand cameras take 1 MiB
+    const std::string text = read_file(path, largest);
     try {
         return Json::parse(text);
     } catch (const nlohmann::json::exception& error) {
@@ -93,7 +94,7 @@ public:
     /// `count` numbers in a list, or in a list of rows.
     [[nodiscard]] std::vector<double> numbers(const char* field, std::size_t count) const {
         std::vector<double> values;
-        gather(field, at(field), values);
+        gather(field, at(field), values, 2);
         if (values.size() != count)
             throw ShapeError(where_ + ": " + field + " has " + std::to_string(values.size()) + " numbers, expected " +
                              std::to_string(count));
@@ -125,11 +126,11 @@ private:
         check_value(std::abs(number) <= 2147483647, where_, std::string(field) + " is beyond 32 bits");
         return static_cast<int>(number);
     }
-    void gather(const char* field, const Json& value, std::vector<double>& values) const {
+    void gather(const char* field, const Json& value, std::vector<double>& values, int levels) const {
         if (value.is_number()) {
             values.push_back(finite(field, value.get<double>()));
-        } else if (value.is_array()) {
-            for (const Json& element : value) gather(field, element, values);
+        } else if (value.is_array() && levels > 0) {
+            for (const Json& element : value) gather(field, element, values, levels - 1);
         } else {
             throw wrong(field, value, "numbers");
         }

@@ -44,7 +44,7 @@ private:
 };
 
 /// Reads a PNG or JPEG as RGBA; an image without alpha is opaque, 16-bit samples lose their lower half.
-/// Errors  IoError for a file that is missing, truncated, damaged, no image, or larger than 2^27 pixels.
+/// Errors  IoError for a file that is missing, truncated, damaged, no image, or larger than 2^26 pixels.
 [[nodiscard]] inline PixelImage read_image(const std::filesystem::path& path);
 
 /// The bytes of a PNG file with 1 (grey), 3 (RGB) or 4 (RGBA) channels.
@@ -73,7 +73,7 @@ void write_png(const std::filesystem::path& path, const Image<T>& image) {
 namespace detail {
 
 inline void check_pixel_count(const std::string& name, std::int64_t width, std::int64_t height) {
-    constexpr std::int64_t most = std::int64_t(1) << 27;
+    constexpr std::int64_t most = std::int64_t(1) << 26;
     if (width <= 0 || height <= 0 || width > most || width * height > most)
         throw IoError(name + ": the image claims " + std::to_string(width) + " x " + std::to_string(height) +
                       " pixels, expected at most " + std::to_string(most) + " in all");
