@@ -4,14 +4,14 @@
 #include <gsh/body/posed_body.hpp>
 
 #include "support/gradient.hpp"
-#include "support/small_body.hpp"
+#include "support/bodies.hpp"
 
 using namespace gsh;
 
 namespace {
 
 struct Fixture {
-    BodyModel body = test::small_body();
+    BodyModel body = test::tube(4, 6, 6);
     std::vector<double> betas{0.3, -0.7};
     SurfaceSamples samples;
     RigData data;
@@ -135,5 +135,5 @@ TEST_CASE("a rig refuses a motion for another skeleton") {
     f.motion.joint_count = 4;
     f.motion.betas = {1, 2, 3};
     CHECK_THROWS_AS(rig.upload_pose(f.motion, 0, pose), ShapeError);
-    CHECK_THROWS_AS((void)make_rig(f.body, std::vector<double>{1, 2, 3}, f.samples), ValueError);
+    CHECK_THROWS_AS((void)make_rig(f.body, std::vector<double>{1, 2, 3, 4}, f.samples), ValueError);
 }

@@ -2,7 +2,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/io/avatar_file.hpp>
 
-#include "support/small_body.hpp"
+#include "support/bodies.hpp"
 
 #include <unistd.h>
 
@@ -15,7 +15,7 @@ using namespace gsh;
 namespace {
 
 AvatarData small_avatar() {
-    const BodyModel body = test::small_body();
+    const BodyModel body = test::tube(4, 6, 6);
     const std::vector<double> betas{0.3, -0.1};
     const auto samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 2.0), 3);
     AvatarData avatar{make_rig(body, betas, samples), GaussianCloud<float>(samples.size(), 2), ColorClamp::below};

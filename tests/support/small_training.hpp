@@ -8,7 +8,7 @@
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/trainer.hpp>
 
-#include "support/small_body.hpp"
+#include "support/bodies.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -26,7 +26,7 @@ namespace gsh::test {
 struct SmallScene {
     static constexpr int size = 48;
 
-    BodyModel body = small_body(8);
+    BodyModel body = tube(4, 8, 6);
     std::vector<double> betas{0.2, -0.3};
     Motion motion;
     std::vector<Camera<double>> cameras;
@@ -45,8 +45,8 @@ struct SmallScene {
             motion.timestamps.push_back(frame);
         }
         for (const double side : {-0.7, 0.8})
-            cameras.push_back(look_at<double>({side, 0.2, 2.5}, {0, 0, 0}, {0, 1, 0}, 0.5, size, size));
-        const auto samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 300.0), 4);
+            cameras.push_back(look_at<double>({side, 1.0, 3.5}, {0, 0.8, 0}, {0, 1, 0}, 0.5, size, size));
+        const auto samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 400.0), 4);
         const RigData rig = make_rig(body, betas, samples);
         cpu::Serial backend;
         Rig<double, cpu::Serial> mover(backend, rig);

@@ -7,7 +7,7 @@
 #include <gsh/train/avatar_model.hpp>
 
 #include "support/gradient.hpp"
-#include "support/small_body.hpp"
+#include "support/bodies.hpp"
 
 #include <utility>
 
@@ -25,7 +25,7 @@ struct Chain {
     using Model = AvatarModel<B, double, 3, 2, 2>;
 
     B backend{};
-    BodyModel body = test::small_body();
+    BodyModel body = test::tube(4, 6, 6);
     std::vector<double> betas{0.2, -0.4};
     SurfaceSamples samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 1.0), 3);
     RigData rig = make_rig(body, betas, samples);
@@ -61,7 +61,7 @@ struct Chain {
         motion.transl = {rng.vec(-0.1, 0.1)};
         motion.timestamps = {0};
         model.rig().upload_pose(motion, 0, pose);
-        camera = {mat3<double>(1.0), {0.05, 0.02, 2.5}, 70, 74, 17.3, 20.9, 36, 40};
+        camera = {mat3<double>(1.0), {0.05, -0.78, 2.5}, 55, 58, 17.3, 20.9, 36, 40};
         splats.resize(model.size());
     }
 
