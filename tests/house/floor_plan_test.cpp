@@ -21,8 +21,8 @@ const std::map<std::string, int, std::less<>> floor_of = {
     {"core", 0},                                                                                  //
     {"math", 1},   {"backend", 1},                                                                //
     {"camera", 2}, {"body", 2},   {"gaussian", 2}, {"field", 2}, {"image", 2}, {"optim", 2},      //
-    {"avatar", 3}, {"render", 3}, {"prior", 3},    {"loss", 3},  {"io", 3},                       //
-    {"train", 4},  {"synthetic", 4},
+    {"avatar", 3}, {"render", 3}, {"prior", 3},    {"loss", 3},  {"io", 4},                       //
+    {"train", 5},  {"synthetic", 5},
 };
 
 /// Third-party headers that only one folder may include, because gsh::gsh comes without them.
