@@ -40,12 +40,11 @@ namespace detail {
 /// What forward and adjoint both need: covariance = [a b]ᵀ Σ [a b] with the rows a, b of J R.
 template <class T>
 struct ProjectionFrame {
-    vec3<T> p, row0, row1, row2; // camera point; rows of R
-    T inverse_z, x, y;           // x / z, y / z
-    T jx, jy;                    // the same, clamped for the Jacobian
-    MaskOf<T> x_inside, y_inside;
-    vec3<T> along_x, along_y;    // R0 - jx R2, R1 - jy R2
-    vec3<T> a, b, cov_a, cov_b;  // rows of J R; Σ a, Σ b
+    vec3<T> p, row0, row1, row2;  // camera point; rows of R
+    T inverse_z, x, y;            // x / z, y / z
+    T jx, jy;                     // fx x / z, fy y / z, clamped for the Jacobian
+    MaskOf<T> x_inside, y_inside; // of the clamp
+    vec3<T> a, b, cov_a, cov_b;   // rows of J R; Σ a, Σ b
     MaskOf<T> in_front;
 
     template <class S>
@@ -57,22 +56,21 @@ struct ProjectionFrame {
         inverse_z = T(S(1)) / p.z;
         x = p.x * inverse_z;
         y = p.y * inverse_z;
-        const T width(S(camera.width)), height(S(camera.height));
-        const T margin_x = T(params.jacobian_margin) * width, margin_y = T(params.jacobian_margin) * height;
-        const T left = -(camera.cx + margin_x) / camera.fx, right = (width - camera.cx + margin_x) / camera.fx;
-        const T top = -(camera.cy + margin_y) / camera.fy, bottom = (height - camera.cy + margin_y) / camera.fy;
-        x_inside = (x >= left) & (x <= right);
-        y_inside = (y >= top) & (y <= bottom);
-        jx = min(max(x, left), right);
-        jy = min(max(y, top), bottom);
+        // The clamp in pixels from the principal point, where its limits need no division.
+        const T width(S(camera.width)), height(S(camera.height)), margin(params.jacobian_margin);
+        const T left = -camera.cx - margin * width, right = width - camera.cx + margin * width;
+        const T top = -camera.cy - margin * height, bottom = height - camera.cy + margin * height;
+        const T px = camera.fx * x, py = camera.fy * y;
+        x_inside = (px >= left) & (px <= right);
+        y_inside = (py >= top) & (py <= bottom);
+        jx = min(max(px, left), right);
+        jy = min(max(py, top), bottom);
 
         row0 = vec3<T>(camera.R[0].x, camera.R[1].x, camera.R[2].x);
         row1 = vec3<T>(camera.R[0].y, camera.R[1].y, camera.R[2].y);
         row2 = vec3<T>(camera.R[0].z, camera.R[1].z, camera.R[2].z);
-        along_x = row0 - row2 * jx;
-        along_y = row1 - row2 * jy;
-        a = along_x * (camera.fx * inverse_z);
-        b = along_y * (camera.fy * inverse_z);
+        a = (row0 * camera.fx - row2 * jx) * inverse_z;
+        b = (row1 * camera.fy - row2 * jy) * inverse_z;
         cov_a = times(s, a);
         cov_b = times(s, b);
     }
@@ -87,8 +85,8 @@ private:
 } // namespace detail
 
 /// Projects the mean exactly and the covariance by the projection's Jacobian J at the mean:
-/// covariance = J R Σ Rᵀ Jᵀ + dilation I, J = [fx/z 0 -fx jx/z; 0 fy/z -fy jy/z], where jx, jy are x/z, y/z clamped
-/// to the image widened by jacobian_margin on each side.
+/// covariance = J R Σ Rᵀ Jᵀ + dilation I, J = [fx 0 -jx; 0 fy -jy] / z, where jx, jy are fx x/z, fy y/z clamped to
+/// the image widened by jacobian_margin on each side.
 ///
 /// Frame   mean and covariance in the world; center in pixels, the image's corner at (0, 0).
 /// Source  Zwicker et al., "EWA Splatting", 2002; clamp and dilation as in Kerbl et al., "3D Gaussian Splatting",
@@ -147,29 +145,25 @@ GSH_HD void project_backward(const Camera<T>& camera, const vec3<T>& mean, const
         g.xx * a.z * a.z + g.xy * a.z * b.z + g.yy * b.z * b.z};
     const vec3<T> dL_da = f.cov_a * (two * g.xx) + f.cov_b * g.xy, dL_db = f.cov_b * (two * g.yy) + f.cov_a * g.xy;
 
-    // a = (fx / z) (R0 - jx R2), b likewise.
-    const T scale_x = camera.fx * f.inverse_z, scale_y = camera.fy * f.inverse_z;
-    const T dL_dscale_x = dot(dL_da, f.along_x), dL_dscale_y = dot(dL_db, f.along_y);
-    const T dL_djx = -scale_x * dot(dL_da, f.row2), dL_djy = -scale_y * dot(dL_db, f.row2);
-    const vec3<T> dL_drow0 = dL_da * scale_x, dL_drow1 = dL_db * scale_y;
-    const vec3<T> dL_drow2 = dL_drow0 * (-f.jx) + dL_drow1 * (-f.jy);
+    // a = (fx R0 - jx R2) / z, b likewise.
+    const vec3<T> dL_dalong_x = dL_da * f.inverse_z, dL_dalong_y = dL_db * f.inverse_z;
+    const T dL_djx = -dot(dL_dalong_x, f.row2), dL_djy = -dot(dL_dalong_y, f.row2);
 
-    // Centre = (fx x + cx, fy y + cy); jx = x inside the clamp, else -(cx + …) / fx or (W - cx + …) / fx.
-    const vec2<T>& dL_dcenter = dL_dprojection.center;
-    const T dL_dx = camera.fx * dL_dcenter.x + select(f.x_inside, dL_djx, zero);
-    const T dL_dy = camera.fy * dL_dcenter.y + select(f.y_inside, dL_djy, zero);
-    const T outside_x = select(f.x_inside, zero, dL_djx / camera.fx);
-    const T outside_y = select(f.y_inside, zero, dL_djy / camera.fy);
-    dL_dcamera.dL_dfx += dL_dcenter.x * f.x + dL_dscale_x * f.inverse_z - outside_x * f.jx;
-    dL_dcamera.dL_dfy += dL_dcenter.y * f.y + dL_dscale_y * f.inverse_z - outside_y * f.jy;
-    dL_dcamera.dL_dcx += dL_dcenter.x - outside_x;
-    dL_dcamera.dL_dcy += dL_dcenter.y - outside_y;
+    // Centre = (fx x + cx, fy y + cy); jx = fx x inside the clamp, else -cx and a constant.
+    const T through_x = select(f.x_inside, dL_djx, zero), through_y = select(f.y_inside, dL_djy, zero);
+    const T dL_dpx = dL_dprojection.center.x + through_x, dL_dpy = dL_dprojection.center.y + through_y;
+    dL_dcamera.dL_dfx += dL_dpx * f.x + dot(dL_dalong_x, f.row0);
+    dL_dcamera.dL_dfy += dL_dpy * f.y + dot(dL_dalong_y, f.row1);
+    dL_dcamera.dL_dcx += dL_dpx - dL_djx;
+    dL_dcamera.dL_dcy += dL_dpy - dL_djy;
 
-    const T dL_dz = dL_dprojection.depth - f.inverse_z * (dL_dx * f.x + dL_dy * f.y + dL_dscale_x * scale_x +
-                                                          dL_dscale_y * scale_y);
+    const T dL_dx = dL_dpx * camera.fx, dL_dy = dL_dpy * camera.fy;
+    const T dL_dz = dL_dprojection.depth -
+                    f.inverse_z * (dL_dx * f.x + dL_dy * f.y + dot(dL_da, a) + dot(dL_db, b));
     const vec3<T> dL_dp(dL_dx * f.inverse_z, dL_dy * f.inverse_z, dL_dz);
     to_camera_backward(camera, mean, dL_dp, dL_dmean, dL_dcamera);
-    dL_dcamera.dL_dR += transpose(mat3<T>(dL_drow0, dL_drow1, dL_drow2));
+    dL_dcamera.dL_dR += transpose(mat3<T>(dL_dalong_x * camera.fx, dL_dalong_y * camera.fy,
+                                          -(dL_dalong_x * f.jx + dL_dalong_y * f.jy)));
 }
 
 } // namespace gsh

@@ -86,10 +86,14 @@ GSH_HD inline void pixel_range(double low, double high, int size, int& first, in
 
 } // namespace detail
 
-/// The tiles that hold the bounding box of the ellipse, given its dilated covariance.
-[[nodiscard]] GSH_HD inline TileRect tile_rect(const Ellipse<double>& e, double covariance_xx, const TileGrid& grid) {
+/// The tiles that hold the bounding box of the ellipse, given its dilated covariance. Half a millionth wider: it is
+/// measured in single precision.
+[[nodiscard]] GSH_HD inline TileRect tile_rect(const Ellipse<double>& e, const sym2<double>& covariance,
+                                               const TileGrid& grid) {
     constexpr int size = TileGrid::tile_size;
-    const double half_width = sqrt(e.reach * covariance_xx * (1 / half_log2_e)), half_height = sqrt(e.reach) / e.w.vy;
+    const double square = e.reach * ((1 + 1e-6) / half_log2_e);
+    const double half_width = sqrt(static_cast<float>(square * covariance.xx));
+    const double half_height = sqrt(static_cast<float>(square * covariance.yy));
     int px0, px1, py0, py1;
     detail::pixel_range(e.x - half_width, e.x + half_width, grid.width, px0, px1);
     detail::pixel_range(e.y - half_height, e.y + half_height, grid.height, py0, py1);

@@ -53,54 +53,49 @@ void for_each_tile(const ScreenSplat<T>& splat, const TileCover& cover, const Ti
     }
 }
 
-/// The tiles that the ellipse touches; returns their number.
+/// The tiles that the ellipse touches of the rectangle that holds it; returns their number.
 template <std::floating_point T>
-[[nodiscard]] std::uint32_t cover_tiles(const ScreenSplat<T>& splat, double covariance_xx, const TileGrid& grid,
+[[nodiscard]] std::uint32_t cover_tiles(const ScreenSplat<T>& splat, const TileRect& rect, const TileGrid& grid,
                                         TileCover& cover) {
-    const Ellipse<double> ellipse = ellipse_of(splat);
-    const TileRect rect = tile_rect(ellipse, covariance_xx, grid);
-    cover = {};
-    if (rect.empty()) return 0;
     const int columns = rect.x1 - rect.x0, rows = rect.y1 - rect.y0;
-    cover.x0 = static_cast<std::uint16_t>(rect.x0), cover.y0 = static_cast<std::uint16_t>(rect.y0);
-    cover.columns = static_cast<std::uint16_t>(columns), cover.rows = static_cast<std::uint16_t>(rows);
+    cover = {0, static_cast<std::uint16_t>(rect.x0), static_cast<std::uint16_t>(rect.y0),
+             static_cast<std::uint16_t>(columns), static_cast<std::uint16_t>(rows)};
     const bool small = columns <= 8 && rows <= 8;
     if (small && (columns == 1 || rows == 1)) { // the bounding box touches the ellipse on every side: nothing to spare
-        const std::uint64_t row = (1ull << columns) - 1;
-        for (int y = 0; y < rows; ++y) cover.mask |= row << (8 * y);
+        constexpr std::uint64_t first_column = 0x0101010101010101ull;
+        cover.mask = ((1ull << columns) - 1) * (first_column >> (64 - 8 * rows));
         return static_cast<std::uint32_t>(columns * rows);
     }
+    const Ellipse<double> ellipse = ellipse_of(splat);
     std::uint32_t count = 0;
     for (int y = rect.y0; y < rect.y1; ++y) {
         int first, end;
         tile_columns(ellipse, y, grid, first, end);
+        if (first >= end) continue;
         count += static_cast<std::uint32_t>(end - first);
-        if (small) cover.mask |= ((1ull << (end - first)) - 1) << (8 * (y - rect.y0) + (first < end ? first - rect.x0 : 0));
+        if (small) cover.mask |= ((1ull << (end - first)) - 1) << (8 * (y - rect.y0) + first - rect.x0);
     }
     return count;
 }
 
-/// Projects one splat; returns the number of its tiles, 0 if it is culled.
+/// Projects one splat; returns the rectangle of its tiles, empty if it is culled.
 template <std::floating_point T>
-[[nodiscard]] std::uint32_t project_splat(const Camera<double>& camera, const SplatView<const T>& splats,
-                                          std::size_t i, const RasterParams<T>& params,
-                                          const ProjectionParams<double>& projection_params, const TileGrid& grid,
-                                          ScreenSplat<T>& out, TileCover& cover) {
+[[nodiscard]] TileRect project_splat(const Camera<double>& camera, const SplatView<const T>& splats, std::size_t i,
+                                     const RasterParams<T>& params, const ProjectionParams<double>& projection_params,
+                                     const TileGrid& grid, ScreenSplat<T>& out) {
     const sym3<T>& s = splats.covariances[i];
     const sym3<double> covariance{s.xx, s.xy, s.xz, s.yy, s.yz, s.zz};
     const Projection<double> p = project(camera, vec3<double>(splats.means[i]), covariance, projection_params);
-    const double opacity = splats.opacities[i] * p.opacity_factor;
+    const T opacity = static_cast<T>(splats.opacities[i] * p.opacity_factor);
     const double det = determinant(p.covariance);
     const double largest = std::numeric_limits<double>::max();
-    const bool kept = p.in_front && opacity >= static_cast<double>(params.alpha_min) && p.covariance.xx > 0 &&
-                      p.covariance.yy > 0 && det > 0 && det <= largest && std::abs(p.center.x) <= largest &&
-                      std::abs(p.center.y) <= largest;
-    if (!kept) return 0;
-    constexpr double far = sizeof(T) == 4 ? 120 : 1000; // where exp2_minus ends; an opacity up to 1 does not get there
-    const double cut = std::min(far, std::log2(opacity / static_cast<double>(params.alpha_min)));
-    out = {p.center, whiten(p.covariance), static_cast<T>(opacity), static_cast<T>(p.depth), splats.colors[i],
-           static_cast<T>(cut)};
-    return cover_tiles(out, p.covariance.xx, grid, cover);
+    const bool kept = p.in_front && opacity >= params.alpha_min && p.covariance.xx > 0 && p.covariance.yy > 0 &&
+                      det > 0 && det <= largest && std::abs(p.center.x) <= largest && std::abs(p.center.y) <= largest;
+    if (!kept) return {};
+    constexpr T far = sizeof(T) == 4 ? T(120) : T(1000); // where exp2_minus ends; an opacity up to 1 does not get there
+    out = {p.center, whiten(p.covariance), opacity, static_cast<T>(p.depth), splats.colors[i],
+           std::min(far, std::log2(opacity / params.alpha_min))};
+    return tile_rect(ellipse_of(out), p.covariance, grid);
 }
 
 /// NaN if x is NaN or infinite, else 0.
@@ -143,20 +138,31 @@ template <CpuBackend B, std::floating_point T>
     const ProjectionParams<double> projection_params = params.template cast<double>();
     backend.for_chunks(n, detail::splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         RasterStatus status;
-        for (std::size_t i = begin; i < end; ++i) {
-            std::uint32_t tiles = 0;
-            if (detail::is_finite(splats, i)) [[likely]] {
-                tiles = detail::project_splat(wide_camera, splats, i, params, projection_params, cache.grid,
-                                              cache.splats[i], cache.covers[i]);
-            } else if (status.nonfinite++ == 0) {
-                status.first_nonfinite = static_cast<std::uint32_t>(i);
+        // First the arithmetic for some splats, then what forks on its results: a wrong guess does not wait for it.
+        constexpr std::size_t stage = 64;
+        TileRect rects[stage];
+        for (std::size_t first = begin; first < end; first += stage) {
+            const std::size_t count = std::min(stage, end - first);
+            for (std::size_t k = 0; k < count; ++k)
+                rects[k] = detail::is_finite(splats, first + k)
+                               ? detail::project_splat(wide_camera, splats, first + k, params, projection_params,
+                                                       cache.grid, cache.splats[first + k])
+                               : TileRect{-1, 0, -1, 0};
+            for (std::size_t k = 0; k < count; ++k) {
+                const std::size_t i = first + k;
+                const TileRect& rect = rects[k];
+                std::uint32_t tiles = 0;
+                if (!rect.empty())
+                    tiles = detail::cover_tiles(cache.splats[i], rect, cache.grid, cache.covers[i]);
+                else if (rect.x0 < 0 && status.nonfinite++ == 0)
+                    status.first_nonfinite = static_cast<std::uint32_t>(i);
+                cache.visible[i] = tiles != 0;
+                cache.slot_begin[i] = static_cast<std::uint32_t>(status.pairs);
+                status.pairs += tiles;
+                if (tiles == 0) continue;
+                const Key key = std::bit_cast<Key>(cache.splats[i].depth); // positive floats sort like their bits
+                cache.items_scratch[begin + status.visible++] = {key, static_cast<std::uint32_t>(i)};
             }
-            cache.visible[i] = tiles != 0;
-            cache.slot_begin[i] = static_cast<std::uint32_t>(status.pairs);
-            status.pairs += tiles;
-            if (tiles == 0) continue;
-            const Key key = std::bit_cast<Key>(cache.splats[i].depth); // positive floats sort like their bits
-            cache.items_scratch[begin + status.visible++] = {key, static_cast<std::uint32_t>(i)};
         }
         cache.chunk_status[chunk] = status;
     });
