@@ -17,6 +17,14 @@ TEST_CASE("rotation_matrix_backward and normalize_backward are gradients") {
     rotation_matrix_backward(normalize(q), weight, dL_dn);
     normalize_backward(q, dL_dn, dL_dq);
     test::check_gradient(loss, test::scalars(q), test::scalars(dL_dq));
+
+    const quat<double> once = dL_dq, once_n = dL_dn;
+    normalize_backward(q, dL_dn, dL_dq);
+    CHECK(dL_dq.w == 2 * once.w);
+    CHECK(dL_dq.z == 2 * once.z);
+    rotation_matrix_backward(normalize(q), weight, dL_dn);
+    CHECK(dL_dn.x == 2 * once_n.x);
+    CHECK(dL_dn.y == 2 * once_n.y);
 }
 
 TEST_CASE("a unit quaternion gives a right-handed rotation about its axis") {

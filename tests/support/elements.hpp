@@ -7,11 +7,13 @@
 #include <gsh/camera/distortion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/body/skeleton.hpp>
+#include <gsh/field/frequency.hpp>
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/image/color.hpp>
+#include <gsh/loss/ssim.hpp>
 #include <gsh/math/activation.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/quat.hpp>
@@ -374,7 +376,7 @@ struct HashGridElement {
 
     template <Lane T>
     GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>* table) const {
-        const vec3<T> point(in.number(-0.1, 1.1), in.number(-0.1, 1.1), in.number(0, 1));
+        const vec3<T> point{in.number(-0.1, 1.1), in.number(-0.1, 1.1), in.number(0, 1)}; // braces: in this order
         T features[10], dL_dfeatures[10];
         for (T& value : dL_dfeatures) value = in.number();
         grid.encode(table, point, features);
@@ -429,11 +431,36 @@ struct AdamElement {
     }
 };
 
+struct FrequencyElement {
+    static constexpr const char* name = "field/frequency";
+    template <Lane T>
+    GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
+        const T t = in.number(0, 1);
+        T features[9], dL_dfeatures[9], dL_dt = T(0);
+        for (T& value : dL_dfeatures) value = in.number();
+        FrequencyEncoding<4>::forward(t, features);
+        FrequencyEncoding<4>::backward(t, dL_dfeatures, dL_dt);
+        for (const T value : features) out.put(value);
+        out.put(dL_dt);
+    }
+};
+
+struct SsimElement {
+    static constexpr const char* name = "loss/ssim";
+    template <Lane T>
+    GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
+        const T s = in.number(0, 2), d = in.number(-0.5, 0.5);
+        SsimPartials<T> partials;
+        out.put(ssim_loss(SsimMoments<T>{s, d, s * s + in.number(0.05, 0.5), d * d + in.number(0.01, 0.04)}, partials));
+        out.put(partials.mean), out.put(partials.ss), out.put(partials.dd);
+    }
+};
+
 /// All of them. A new per-element function is one more struct above and one more name here.
 using Elements =
     std::tuple<VectorElement, ScalarElement, RotationElement, AffineElement, SymmetricElement, SHElement<0>,
                SHElement<1>, SHElement<2>, SHElement<3>, SHElement<4>, CovarianceElement, ShadeElement, PinholeElement,
                DistortionElement, SkeletonElement, ProjectionElement, WhitenElement, ColorElement, HashGridElement,
-               SkinnedGaussianElement, AdamElement>;
+               SkinnedGaussianElement, AdamElement, FrequencyElement, SsimElement>;
 
 } // namespace gsh::test

@@ -3,9 +3,8 @@
 #pragma once
 
 #include <gsh/core/config.hpp>
+#include <gsh/core/lane.hpp>
 
-#include <cmath>
-#include <concepts>
 #include <numbers>
 
 namespace gsh {
@@ -14,30 +13,30 @@ namespace gsh {
 ///
 /// Shapes  features [2 * Octaves + 1].
 /// Units   t in [0, 1) covers half a period of the slowest wave.
-/// Errors  none; meant for one number per frame, so it works on scalars, not lanes.
+/// Errors  none, this is kernel code.
 /// Source  Mildenhall et al., "NeRF", 2020, equation 4, with t itself appended.
 template <int Octaves>
     requires(Octaves >= 0)
 struct FrequencyEncoding {
     static constexpr int output_count = 2 * Octaves + 1;
 
-    template <std::floating_point T>
+    template <Lane T>
     GSH_HD static void forward(T t, T* features) {
-        T frequency = std::numbers::pi_v<T>;
+        auto frequency = std::numbers::pi_v<ScalarOf<T>>;
         for (int i = 0; i < Octaves; ++i, frequency *= 2) {
-            features[2 * i] = std::sin(frequency * t);
-            features[2 * i + 1] = std::cos(frequency * t);
+            features[2 * i] = sin(T(frequency) * t);
+            features[2 * i + 1] = cos(T(frequency) * t);
         }
         features[2 * Octaves] = t;
     }
 
     /// Adds to dL_dt.
-    template <std::floating_point T>
+    template <Lane T>
     GSH_HD static void backward(T t, const T* dL_dfeatures, T& dL_dt) {
-        T frequency = std::numbers::pi_v<T>;
+        auto frequency = std::numbers::pi_v<ScalarOf<T>>;
         for (int i = 0; i < Octaves; ++i, frequency *= 2)
-            dL_dt += frequency * (dL_dfeatures[2 * i] * std::cos(frequency * t) -
-                                  dL_dfeatures[2 * i + 1] * std::sin(frequency * t));
+            dL_dt += T(frequency) * (dL_dfeatures[2 * i] * cos(T(frequency) * t) -
+                                     dL_dfeatures[2 * i + 1] * sin(T(frequency) * t));
         dL_dt += dL_dfeatures[2 * Octaves];
     }
 };
