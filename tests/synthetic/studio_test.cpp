@@ -113,6 +113,7 @@ TEST_CASE("pixels: straight alpha, no colour where there is none, nothing cut of
         CHECK(partial > 50);
         CHECK(opaque > 300);
     }
+    CHECK(capture_warnings(shot, actor()).empty());
     std::vector<double> focal, centre;
     for (const auto& named : shot.cameras) {
         CHECK(determinant(named.camera.R) == doctest::Approx(1));

@@ -71,7 +71,7 @@ inline vec3<double> talk(ActorPose pose, double a) { // a: phase, radians
     pose.both(smplx::left_wrist, {0.3 * wave(0.5), 0, 0.25 * wave(1.5)}, {0.3 * wave(2.5), 0, 0.25 * wave(3.6)});
     for (int finger = 0; finger < 5; ++finger) // one after the other
         pose.curl(finger, 0.38 + 0.34 * wave(0.7 * finger), 0.38 + 0.34 * wave(2.0 - 0.7 * finger, 2));
-    pose.at(smplx::jaw) = {0.11 - 0.10 * std::cos(2 * a), 0, 0};
+    pose.at(smplx::jaw) = {0.09 - 0.08 * std::cos(2 * a), 0, 0};
     for (const int eye : {smplx::left_eye, smplx::right_eye}) pose.at(eye) = {0, 0.22 * wave(2.0), 0};
     pose.expression(0) = 0.45 + 0.45 * wave(0.6);                 // smile
     pose.expression(4) = std::max(0.0, wave(2.2));                // brows up

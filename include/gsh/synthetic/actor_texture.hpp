@@ -127,7 +127,7 @@ inline SurfaceColor head_color(const Point& p, double x) { // p.x >= 0; x signed
     const double strands = value_noise({x * 420, p.y * 90, p.z * 160}, 42),
                  locks = value_noise({x * 70, p.y * 40, p.z * 50}, 43);
     c.albedo = mix(c.albedo, Point(0.085, 0.046, 0.024) * (1 + 0.45 * strands + 0.35 * locks), hair);
-    c.gloss = mix(c.gloss, 0.35, hair);
+    c.gloss = mix(c.gloss, 0.10, hair);
     return c;
 }
 

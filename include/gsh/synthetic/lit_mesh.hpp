@@ -21,9 +21,9 @@ namespace gsh {
 struct StudioLight {
     vec3<float> position{1.1f, 2.5f, 2.3f}; ///< of the lamp's centre, metres
     float radius = 0.35f;                   ///< metres; larger is softer
-    vec3<float> lamp{0.92f, 0.88f, 0.80f};
-    vec3<float> sky{0.36f, 0.40f, 0.46f};
-    vec3<float> floor{0.16f, 0.14f, 0.12f};
+    vec3<float> lamp{1.02f, 0.97f, 0.88f};
+    vec3<float> sky{0.27f, 0.30f, 0.35f};
+    vec3<float> floor{0.13f, 0.11f, 0.09f};
 };
 
 /// Numbers in [0, 1) that fill the square evenly for successive `index`, shifted per `key`: Roberts' R2 sequence.
