@@ -50,7 +50,7 @@ void check_adjoint(Inputs in, const ProjectionParams<double>& params, test::Rng&
     sym3<double> dL_dcovariance{};
     CameraGradient<double> dL_dcamera;
     const auto loss = [&] { return weights(project(in.camera, in.mean, in.covariance, params)); };
-    project_backward(in.camera, in.mean, in.covariance, params, weights.w, dL_dmean, dL_dcovariance, dL_dcamera);
+    project_backward(in.camera, in.mean, in.covariance, params, weights.w, dL_dmean, dL_dcovariance, &dL_dcamera);
     test::check_gradient(loss, test::scalars(in.mean), test::scalars(dL_dmean));
     test::check_gradient(loss, test::scalars(in.covariance), test::scalars(dL_dcovariance));
     test::check_gradient(loss, test::scalars(in.camera.R), test::scalars(dL_dcamera.dL_dR));
@@ -62,7 +62,7 @@ void check_adjoint(Inputs in, const ProjectionParams<double>& params, test::Rng&
 
     const auto once = dL_dcovariance;
     const auto mean_once = dL_dmean;
-    project_backward(in.camera, in.mean, in.covariance, params, weights.w, dL_dmean, dL_dcovariance, dL_dcamera);
+    project_backward(in.camera, in.mean, in.covariance, params, weights.w, dL_dmean, dL_dcovariance, &dL_dcamera);
     CHECK(dL_dcovariance.xz == doctest::Approx(2 * once.xz).epsilon(1e-14));
     CHECK(dL_dmean.z == doctest::Approx(2 * mean_once.z).epsilon(1e-14));
 }
@@ -148,7 +148,7 @@ TEST_CASE("a pack of Gaussians projects lane by lane as scalars do") {
     vec3<P> dL_dmean(P(0.0));
     sym3<P> dL_dcovariance{P(0.0), P(0.0), P(0.0), P(0.0), P(0.0), P(0.0)};
     CameraGradient<P> dL_dcamera;
-    project_backward(wide, mean, covariance, params, dL, dL_dmean, dL_dcovariance, dL_dcamera);
+    project_backward(wide, mean, covariance, params, dL, dL_dmean, dL_dcovariance, &dL_dcamera);
 
     for (std::size_t i = 0; i < width; ++i) {
         INFO("lane " << i);
@@ -161,7 +161,7 @@ TEST_CASE("a pack of Gaussians projects lane by lane as scalars do") {
         sym3<double> one_covariance{};
         CameraGradient<double> one_camera;
         project_backward(camera, means[i], covariances[i], params, {{1, 2}, 3, {4, 5, 6}, 7, true}, one_mean,
-                         one_covariance, one_camera);
+                         one_covariance, &one_camera);
         CHECK(dL_dmean.z.get(i) == doctest::Approx(one_mean.z).epsilon(1e-10));
         CHECK(dL_dcovariance.yz.get(i) == doctest::Approx(one_covariance.yz).epsilon(1e-10));
         CHECK(dL_dcamera.dL_dfx.get(i) == doctest::Approx(one_camera.dL_dfx).epsilon(1e-10));

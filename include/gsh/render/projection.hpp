@@ -110,13 +110,14 @@ template <Lane T>
     return result;
 }
 
-/// Adjoint of project for a Gaussian in front of the near plane: adds to dL_dmean, dL_dcovariance and dL_dcamera.
+/// Adjoint of project for a Gaussian in front of the near plane: adds to dL_dmean, dL_dcovariance and, unless that is
+/// null, to *dL_dcamera.
 /// Nothing passes through the Jacobian's clamp but to the intrinsics that set its limits, and nothing through the
 /// floor of the compensation. dL_dprojection.in_front is not read.
 template <Lane T>
 GSH_HD void project_backward(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
                              const ProjectionParams<ScalarOf<T>>& params, const Projection<T>& dL_dprojection,
-                             vec3<T>& dL_dmean, sym3<T>& dL_dcovariance, CameraGradient<T>& dL_dcamera) {
+                             vec3<T>& dL_dmean, sym3<T>& dL_dcovariance, CameraGradient<T>* dL_dcamera = nullptr) {
     using S = ScalarOf<T>;
     const T zero(S(0)), two(S(2));
     const detail::ProjectionFrame<T> f(camera, mean, covariance, params);
@@ -152,18 +153,20 @@ GSH_HD void project_backward(const Camera<T>& camera, const vec3<T>& mean, const
     // Centre = (fx x + cx, fy y + cy); jx = fx x inside the clamp, else -cx and a constant.
     const T through_x = select(f.x_inside, dL_djx, zero), through_y = select(f.y_inside, dL_djy, zero);
     const T dL_dpx = dL_dprojection.center.x + through_x, dL_dpy = dL_dprojection.center.y + through_y;
-    dL_dcamera.dL_dfx += dL_dpx * f.x + dot(dL_dalong_x, f.row0);
-    dL_dcamera.dL_dfy += dL_dpy * f.y + dot(dL_dalong_y, f.row1);
-    dL_dcamera.dL_dcx += dL_dpx - dL_djx;
-    dL_dcamera.dL_dcy += dL_dpy - dL_djy;
-
     const T dL_dx = dL_dpx * camera.fx, dL_dy = dL_dpy * camera.fy;
     const T dL_dz = dL_dprojection.depth -
                     f.inverse_z * (dL_dx * f.x + dL_dy * f.y + dot(dL_da, a) + dot(dL_db, b));
     const vec3<T> dL_dp(dL_dx * f.inverse_z, dL_dy * f.inverse_z, dL_dz);
-    to_camera_backward(camera, mean, dL_dp, dL_dmean, dL_dcamera);
-    dL_dcamera.dL_dR += transpose(mat3<T>(dL_dalong_x * camera.fx, dL_dalong_y * camera.fy,
-                                          -(dL_dalong_x * f.jx + dL_dalong_y * f.jy)));
+    dL_dmean += f.row0 * dL_dp.x + f.row1 * dL_dp.y + f.row2 * dL_dp.z;
+    if (dL_dcamera == nullptr) return;
+
+    dL_dcamera->dL_dR += outer(dL_dp, mean) + transpose(mat3<T>(dL_dalong_x * camera.fx, dL_dalong_y * camera.fy,
+                                                                -(dL_dalong_x * f.jx + dL_dalong_y * f.jy)));
+    dL_dcamera->dL_dt += dL_dp;
+    dL_dcamera->dL_dfx += dL_dpx * f.x + dot(dL_dalong_x, f.row0);
+    dL_dcamera->dL_dfy += dL_dpy * f.y + dot(dL_dalong_y, f.row1);
+    dL_dcamera->dL_dcx += dL_dpx - dL_djx;
+    dL_dcamera->dL_dcy += dL_dpy - dL_djy;
 }
 
 } // namespace gsh

@@ -276,10 +276,8 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
             const sym3<double> covariance{c.xx, c.xy, c.xz, c.yy, c.yz, c.zz};
             vec3<double> dL_dmean(0);
             sym3<double> dL_dcovariance{};
-            CameraGradient<double> dL_dhere;
             project_backward(wide_camera, vec3<double>(splats.means[i]), covariance, projection_params, dL, dL_dmean,
-                             dL_dcovariance, dL_dhere);
-            if (!dL_dcamera.empty()) chunk_camera += dL_dhere;
+                             dL_dcovariance, dL_dcamera.empty() ? nullptr : &chunk_camera);
             if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += vec3<T>(dL_dmean);
             if (!dL_dsplats.covariances.empty()) {
                 const sym3<double>& d = dL_dcovariance;
