@@ -71,6 +71,12 @@ TEST_CASE("its skin is one closed connected surface facing outward") {
     for (std::size_t v = 0; v < body.vertex_count(); ++v) CHECK(std::abs(actor_distance(vertex(v))) < 2e-3);
 }
 
+TEST_CASE("a coarser mesh is closed, too") {
+    const TriangleMesh mesh = actor_mesh(1.2);
+    CHECK(test::open_edges(mesh.faces) == 0);
+    CHECK(test::euler_characteristic(mesh.vertices.size(), mesh.faces) == 2);
+}
+
 TEST_CASE("it stands 1.7 m tall in T-pose, facing +z, its left at +x") {
     vec3<double> low(9), high(-9);
     for (const auto& p : actor().v_template) low = glm::min(low, p), high = glm::max(high, p);

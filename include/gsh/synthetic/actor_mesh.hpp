@@ -31,19 +31,20 @@ namespace gsh {
 /// Polygonises actor_distance; edges are `scale` times as long as by default (0.7 .. 1.5 is tried).
 [[nodiscard]] inline TriangleMesh actor_mesh(double scale = 1) {
     const auto between = [](double low, double high, double x) { return x > low && x < high; };
+    const double grid = std::min(scale, 1.0); // coarser cells would lose the gaps between lips, lids and fingers
     GridLines lines;
     lines.x = graded_lines(-0.88, 0.88, [&](double x) {
         x = std::abs(x);
-        return scale * (x < 0.05 ? 0.0022 : x < 0.09 ? 0.004 : between(0.665, 0.87, x) ? 0.0038 : 0.010);
+        return grid * (x < 0.05 ? 0.0022 : x < 0.09 ? 0.004 : between(0.665, 0.87, x) ? 0.0038 : 0.010);
     });
     lines.y = graded_lines(-0.95, 0.83, [&](double y) {
         if (between(0.602, 0.609, y)) return 0.0005; // the gap between the lips
         if (between(0.595, 0.615, y)) return 0.0011;
-        if (between(0.660, 0.682, y)) return 0.0013 * scale; // the lids
-        return scale * (between(0.55, 0.70, y) ? 0.0024 : between(0.42, 0.48, y) ? 0.0035 : y < -0.80 ? 0.007 : 0.010);
+        if (between(0.660, 0.682, y)) return 0.0013 * grid; // the lids
+        return grid * (between(0.55, 0.70, y) ? 0.0024 : between(0.42, 0.48, y) ? 0.0035 : y < -0.80 ? 0.007 : 0.010);
     });
     lines.z = graded_lines(-0.17, 0.24, [&](double z) {
-        return scale * (between(0.095, 0.155, z) ? 0.0022 : between(-0.06, 0.11, z) ? 0.0038 : 0.007);
+        return grid * (between(0.095, 0.155, z) ? 0.0022 : between(-0.06, 0.11, z) ? 0.0038 : 0.007);
     });
     return remesh(
         surface_nets(lines, actor_distance), actor_distance,
