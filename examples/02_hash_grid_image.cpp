@@ -55,7 +55,7 @@ void learn(Backend& backend, LearnedField& learned, const Image<float>& picture)
     const std::size_t plane = points.size();
     for (int step = 1; step <= 300; ++step) {
         // 3. Forward, then the gradient of the squared error; outputs are rows of RGB, pictures are planes.
-        learned.field.forward<float>(backend, learned.table, learned.weights, query, outputs, cache);
+        learned.field.forward(backend, learned.table, learned.weights, query, outputs, cache);
         double loss = 0;
         for (std::size_t i = 0; i < plane; ++i)
             for (std::size_t c = 0; c < 3; ++c) {
@@ -66,7 +66,7 @@ void learn(Backend& backend, LearnedField& learned, const Image<float>& picture)
 
         // 4. Backward adds to both gradients, and Adam zeroes them after use. Of the table it steps only the entries
         //    that some point touches: the others never move anyway.
-        learned.field.backward<float>(backend, learned.weights, query, dL_doutputs, cache, dL_dtable, dL_dweights);
+        learned.field.backward(backend, learned.weights, query, dL_doutputs, cache, dL_dtable, dL_dweights);
         const double rate = step <= 200 ? 1e-2 : 2e-3;
         adam.step_rows(backend, Span<float>(learned.table), dL_dtable, learned.table_m, learned.table_v, query.touched,
                        Field::Grid::feature_count, rate, step, UsedGradients::zero);
@@ -83,7 +83,7 @@ Image<float> paint(Backend& backend, const LearnedField& learned, int size) {
     learned.field.grid().prepare(backend, points, query);
     Field::Cache<float, Backend> cache;
     std::vector<float> outputs(3 * points.size());
-    learned.field.forward<float>(backend, learned.table, learned.weights, query, outputs, cache);
+    learned.field.forward(backend, learned.table, learned.weights, query, outputs, cache);
     Image<float> picture(3, size, size);
     for (std::size_t i = 0; i < points.size(); ++i)
         for (std::size_t c = 0; c < 3; ++c) picture.data[c * points.size() + i] = outputs[3 * i + c];

@@ -32,10 +32,10 @@ void blend_shapes(benchmark::State& state) {
     Rng rng(2);
     std::vector<vec3<double>> directions(V * C);
     for (auto& direction : directions) direction = vector(rng);
-    const BlendShapes<float, B> shapes(backend, V, {directions});
+    const BlendShapes<B, float> shapes(backend, V, {directions});
     std::vector<float> coefficients(C, 0.5f);
     std::vector<vec3<float>> offsets(V, vec3<float>(1));
-    typename BlendShapes<float, B>::Workspace workspace;
+    typename BlendShapes<B, float>::Workspace workspace;
     for (auto _ : state) {
         if (Backward) shapes.backward(offsets, coefficients, workspace);
         else shapes.forward(coefficients, offsets);

@@ -28,7 +28,7 @@ void kinematics(benchmark::State& state) {
     cpu::Threads backend;
     std::vector<int> parents(J);
     for (std::size_t j = 0; j < J; ++j) parents[j] = static_cast<int>((j + 1) / 2) - 1;
-    Skeleton<float, cpu::Threads> skeleton(backend, parents);
+    Skeleton<cpu::Threads, float> skeleton(backend, parents);
     Rng rng(1);
     std::vector<vec3<float>> pose, joints, transl(1), dL_dpose(J), dL_djoints(J);
     std::vector<mat3<float>> rotations(J), dL_drotations(J);

@@ -28,7 +28,7 @@ void interpolation(benchmark::State& state) {
         const auto near = static_cast<int>(i * (V - 40) / N); // sorted samples hang on nearby vertices
         triangles.push_back({near, near + static_cast<int>(rng.below(40)), near + static_cast<int>(rng.below(40))});
     }
-    const SurfaceInterpolation<float, B> surface(backend, V, triangles,
+    const SurfaceInterpolation<B, float> surface(backend, V, triangles,
                                                  std::vector<vec3<double>>(N, vec3<double>(1.0 / 3)));
     std::vector<vec3<float>> values(V), points(N);
     for (auto _ : state) {

@@ -37,14 +37,14 @@ struct Fixture {
 TEST_CASE("a rig at rest moves nothing") {
     Fixture f;
     cpu::Serial backend;
-    Rig<double, cpu::Serial> rig(backend, f.data);
+    Rig<cpu::Serial, double> rig(backend, f.data);
     Motion rest;
     rest.joint_count = 4;
     rest.pose.assign(4, vec3<double>(0.0));
     rest.transl = {vec3<double>(0.0)};
     RigPose<double, cpu::Serial> pose;
     rig.upload_pose(rest, 0, pose);
-    Rig<double, cpu::Serial>::Cache cache;
+    Rig<cpu::Serial, double>::Cache cache;
     rig.forward(pose, f.data.joints, cache);
     auto points = f.samples.positions;
     rig.add_offsets(cache, points);
@@ -67,10 +67,10 @@ TEST_CASE("a rig carries surface points as the body model carries its vertices")
     }
     at_vertices.weights = sparse_weights(f.body.weights, 4);
     const RigData data = make_rig(f.body, f.betas, at_vertices);
-    Rig<double, cpu::Serial> rig(backend, data);
+    Rig<cpu::Serial, double> rig(backend, data);
     RigPose<double, cpu::Serial> pose;
     rig.upload_pose(f.motion, 0, pose);
-    Rig<double, cpu::Serial>::Cache cache;
+    Rig<cpu::Serial, double>::Cache cache;
     rig.forward(pose, data.joints, cache);
     auto points = at_vertices.positions;
     rig.add_offsets(cache, points);
@@ -84,7 +84,7 @@ TEST_CASE("a rig carries surface points as the body model carries its vertices")
 TEST_CASE_TEMPLATE("Rig::backward is the gradient of forward", B, cpu::Serial, cpu::Threads) {
     Fixture f;
     B backend;
-    Rig<double, B> rig(backend, f.data);
+    Rig<B, double> rig(backend, f.data);
     const std::size_t N = rig.point_count(), J = 4;
     RigPose<double, B> pose;
     rig.upload_pose(f.motion, 0, pose);
@@ -93,7 +93,7 @@ TEST_CASE_TEMPLATE("Rig::backward is the gradient of forward", B, cpu::Serial, c
     const auto point_weights = rng.vecs(N);
     std::vector<Affine<double>> bone_weights(J);
     for (auto& w : bone_weights) w = {mat3<double>(rng.vec(), rng.vec(), rng.vec()), rng.vec()};
-    typename Rig<double, B>::Cache cache;
+    typename Rig<B, double>::Cache cache;
     const auto loss = [&] {
         rig.forward(pose, joints, cache);
         std::vector<vec3<double>> points(N, vec3<double>(0.0));
@@ -127,7 +127,7 @@ TEST_CASE_TEMPLATE("Rig::backward is the gradient of forward", B, cpu::Serial, c
 TEST_CASE("a rig refuses a motion for another skeleton") {
     Fixture f;
     cpu::Serial backend;
-    Rig<double, cpu::Serial> rig(backend, f.data);
+    Rig<cpu::Serial, double> rig(backend, f.data);
     RigPose<double, cpu::Serial> pose;
     CHECK_THROWS_AS(rig.upload_pose(f.motion, 1, pose), ValueError);
     f.motion.joint_count = 3;

@@ -10,7 +10,7 @@
 namespace gsh {
 namespace {
 
-using Shapes = BlendShapes<double, cpu::Serial>;
+using Shapes = BlendShapes<cpu::Serial, double>;
 
 double inner(const std::vector<vec3<double>>& a, const std::vector<vec3<double>>& b) {
     double sum = 0;
@@ -68,10 +68,10 @@ TEST_CASE("Threads equals Serial bit for bit") {
     for (float& x : c) x = static_cast<float>(rng.uniform(-1, 1));
     const auto run = [&](auto&& backend) {
         using B = std::remove_reference_t<decltype(backend)>;
-        const BlendShapes<float, B> shapes(backend, V, {directions});
+        const BlendShapes<B, float> shapes(backend, V, {directions});
         std::vector<vec3<float>> offsets(V, vec3<float>(0));
         std::vector<float> dL_dc(C, 0);
-        typename BlendShapes<float, B>::Workspace workspace;
+        typename BlendShapes<B, float>::Workspace workspace;
         shapes.forward(c, offsets);
         shapes.backward(dL_doffsets, dL_dc, workspace);
         for (const auto& v : offsets)

@@ -69,9 +69,9 @@ TEST_CASE("the backend's components, one after the other, agree with the plain e
     const PosedBody expected = pose_body(model, pose, transl[0], betas, expression);
 
     cpu::Serial backend;
-    Skeleton<double, cpu::Serial> skeleton(backend, model.parents);
-    const BlendShapes<double, cpu::Serial> detail(backend, V, {model.shapedirs, model.exprdirs, model.posedirs});
-    const BlendShapes<double, cpu::Serial> joint_shapes(
+    Skeleton<cpu::Serial, double> skeleton(backend, model.parents);
+    const BlendShapes<cpu::Serial, double> detail(backend, V, {model.shapedirs, model.exprdirs, model.posedirs});
+    const BlendShapes<cpu::Serial, double> joint_shapes(
         backend, J, {joint_directions(model, model.shapedirs), joint_directions(model, model.exprdirs)});
     std::vector<mat3<double>> rotations(J);
     std::vector<Affine<double>> bones(J);

@@ -96,7 +96,7 @@ TEST_CASE("the identity pose moves nothing") {
 TEST_CASE("Skeleton: the adjoint of the whole chain, pose to bones and feature") {
     Case c(7);
     cpu::Serial backend;
-    Skeleton<double, cpu::Serial> skeleton(backend, tree);
+    Skeleton<cpu::Serial, double> skeleton(backend, tree);
     test::Rng rng(8);
     const std::size_t J = tree.size();
     std::vector<mat3<double>> R(J), dL_dR(J, mat3<double>(0.0));
@@ -192,7 +192,7 @@ TEST_CASE("Threads equals Serial bit for bit") {
     for (int j = 0; j < 55; ++j) parents[static_cast<std::size_t>(j)] = j == 0 ? -1 : (j - 1) / 2;
     const auto run = [&](auto&& backend) {
         using B = std::remove_reference_t<decltype(backend)>;
-        Skeleton<double, B> skeleton(backend, parents);
+        Skeleton<B, double> skeleton(backend, parents);
         std::vector<mat3<double>> R(55);
         std::vector<Affine<double>> bones(55);
         skeleton.rotations(c.pose, R);
@@ -208,13 +208,13 @@ TEST_CASE("Threads equals Serial bit for bit") {
 
 TEST_CASE("Skeleton checks its arguments; an empty one is fine") {
     cpu::Serial backend;
-    CHECK_THROWS_AS((Skeleton<double, cpu::Serial>(backend, std::vector<int>{0, -1})), ValueError);
-    CHECK_THROWS_AS((Skeleton<double, cpu::Serial>(backend, std::vector<int>{-1, 2, 1})), ValueError);
-    Skeleton<double, cpu::Serial> none(backend, std::vector<int>{});
+    CHECK_THROWS_AS((Skeleton<cpu::Serial, double>(backend, std::vector<int>{0, -1})), ValueError);
+    CHECK_THROWS_AS((Skeleton<cpu::Serial, double>(backend, std::vector<int>{-1, 2, 1})), ValueError);
+    Skeleton<cpu::Serial, double> none(backend, std::vector<int>{});
     none.rotations({}, {});
     none.feature({}, {});
 
-    Skeleton<double, cpu::Serial> skeleton(backend, std::vector<int>{-1, 0});
+    Skeleton<cpu::Serial, double> skeleton(backend, std::vector<int>{-1, 0});
     std::vector<vec3<double>> two(2, vec3<double>(0)), three(3, vec3<double>(0)), one(1, vec3<double>(0));
     std::vector<mat3<double>> R(2), R3(3);
     std::vector<Affine<double>> bones(2), bones3(3);

@@ -33,7 +33,7 @@ TEST_CASE("a linear function of position is reproduced at the points") {
     test::Rng rng(2);
     const auto values = rng.vecs(V);
     cpu::Serial backend;
-    const SurfaceInterpolation<double, cpu::Serial> surface(backend, V, a.triangles, a.barycentric);
+    const SurfaceInterpolation<cpu::Serial, double> surface(backend, V, a.triangles, a.barycentric);
     std::vector<vec3<double>> points(N, vec3<double>(5));
     surface.forward(values, points);
     for (std::size_t i = 0; i < N; ++i) {
@@ -50,7 +50,7 @@ TEST_CASE("SurfaceInterpolation::backward is the gradient of forward, and adds")
     auto values = rng.vecs(V);
     const auto dL_dpoints = rng.vecs(N);
     cpu::Serial backend;
-    const SurfaceInterpolation<double, cpu::Serial> surface(backend, V, a.triangles, a.barycentric);
+    const SurfaceInterpolation<cpu::Serial, double> surface(backend, V, a.triangles, a.barycentric);
     std::vector<vec3<double>> dL_dvalues(V, vec3<double>(0));
     surface.backward(dL_dpoints, dL_dvalues);
     const auto loss = [&] {
@@ -73,7 +73,7 @@ TEST_CASE("Threads equals Serial bit for bit") {
     const auto values = rng.vecs(V), dL_dpoints = rng.vecs(N);
     const auto run = [&](auto&& backend) {
         using B = std::remove_reference_t<decltype(backend)>;
-        const SurfaceInterpolation<double, B> surface(backend, V, a.triangles, a.barycentric);
+        const SurfaceInterpolation<B, double> surface(backend, V, a.triangles, a.barycentric);
         std::vector<vec3<double>> out(V + N, vec3<double>(0));
         surface.backward(dL_dpoints, Span<vec3<double>>(out).subspan(0, V));
         surface.forward(values, Span<vec3<double>>(out).subspan(V, N));
@@ -88,7 +88,7 @@ TEST_CASE("Threads equals Serial bit for bit") {
 
 TEST_CASE("bad attachments and sizes are refused; no points are fine") {
     cpu::Serial backend;
-    using Surface = SurfaceInterpolation<double, cpu::Serial>;
+    using Surface = SurfaceInterpolation<cpu::Serial, double>;
     const std::vector<std::array<int, 3>> good{{0, 1, 2}}, high{{0, 1, 3}}, low{{0, -1, 2}};
     const std::vector<vec3<double>> one(1, vec3<double>(1.0 / 3)), three(3, vec3<double>(0));
     CHECK_THROWS_AS(Surface(backend, 3, good, three), ShapeError);

@@ -26,20 +26,20 @@ TEST_CASE("HashField::backward is the gradient of forward") {
     Field::Cache<double, cpu::Serial> cache;
     std::vector<double> outputs(13 * 4);
     const auto loss = [&] {
-        field.forward<double>(backend, table, weights, query, outputs, cache);
+        field.forward(backend, table, weights, query, outputs, cache);
         double sum = 0;
         for (std::size_t i = 0; i < outputs.size(); ++i) sum += outputs[i] * loss_weights[i];
         return sum;
     };
     loss();
     std::vector<double> dL_dtable(table.size(), 0), dL_dweights(weights.size(), 0);
-    field.backward<double>(backend, weights, query, loss_weights, cache, dL_dtable, dL_dweights);
+    field.backward(backend, weights, query, loss_weights, cache, dL_dtable, dL_dweights);
     test::check_gradient(loss, table, dL_dtable);
     test::check_gradient(loss, weights, dL_dweights);
 
     const auto once = dL_dtable;
     loss();
-    field.backward<double>(backend, weights, query, loss_weights, cache, dL_dtable, dL_dweights);
+    field.backward(backend, weights, query, loss_weights, cache, dL_dtable, dL_dweights);
     for (std::size_t i = 0; i < once.size(); ++i) CHECK(dL_dtable[i] == doctest::Approx(2 * once[i]).epsilon(1e-14));
 }
 
@@ -56,8 +56,8 @@ TEST_CASE("HashField gives the same bits at any thread count") {
         typename Field::Cache<float, B> cache;
         std::vector<float> result(5000 * 4 + table.size() + weights.size(), 0.0f);
         const Span<float> all(result);
-        field.forward<float>(backend, table, weights, query, all.subspan(0, 5000 * 4), cache);
-        field.backward<float>(backend, weights, query, dL_doutputs, cache, all.subspan(5000 * 4, table.size()),
+        field.forward(backend, table, weights, query, all.subspan(0, 5000 * 4), cache);
+        field.backward(backend, weights, query, dL_doutputs, cache, all.subspan(5000 * 4, table.size()),
                               all.subspan(5000 * 4 + table.size(), weights.size()));
         return result;
     };

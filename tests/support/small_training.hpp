@@ -49,9 +49,9 @@ struct SmallScene {
         const auto samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 400.0), 4);
         const RigData rig = make_rig(body, betas, samples);
         cpu::Serial backend;
-        Rig<double, cpu::Serial> mover(backend, rig);
+        Rig<cpu::Serial, double> mover(backend, rig);
         RigPose<double, cpu::Serial> pose;
-        typename Rig<double, cpu::Serial>::Cache cache;
+        typename Rig<cpu::Serial, double>::Cache cache;
         for (std::size_t c = 0; c < cameras.size(); ++c)
             for (std::size_t f = 0; f < 2; ++f) {
                 mover.upload_pose(motion, f, pose);

@@ -34,7 +34,7 @@ class Avatar {
 public:
     /// One per frame in flight.
     struct Cache {
-        typename Rig<T, B>::Cache rig;
+        typename Rig<B, T>::Cache rig;
         typename B::template Buffer<vec3<T>> means; // [N]
     };
 
@@ -60,7 +60,7 @@ public:
     }
 
     [[nodiscard]] std::size_t size() const { return gaussians_.size(); }
-    [[nodiscard]] const Rig<T, B>& rig() const { return rig_; }
+    [[nodiscard]] const Rig<B, T>& rig() const { return rig_; }
 
     /// Splats of a pose as seen from `center` (Camera::center()); splats must have size() elements.
     void pose(const RigPose<T, B>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) const {
@@ -77,7 +77,7 @@ public:
 
 private:
     B* backend_;
-    Rig<T, B> rig_;
+    Rig<B, T> rig_;
     Gaussians<T, B> gaussians_;
     typename B::template Buffer<vec3<T>> joints_;
     ColorClamp clamping_;

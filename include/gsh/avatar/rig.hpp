@@ -116,7 +116,7 @@ struct Accumulate {
 ///
 /// Source  method of the paper §3.5 for the skeleton; the offsets are the body model's own, Pavlakos et al.,
 ///         "Expressive Body Capture" (SMPL-X), 2019, equations 1 to 5.
-template <std::floating_point T, Backend B>
+template <Backend B, std::floating_point T = float>
 class Rig {
 public:
     template <class U>
@@ -133,7 +133,7 @@ public:
         Buffer<mat3<T>> dL_drotations;
         Buffer<T> dL_dcoefficients;
         Buffer<vec3<T>> dL_djoints, dL_dvertex_offsets, dL_dtransl;
-        typename BlendShapes<T, B>::Workspace workspace;
+        typename BlendShapes<B, T>::Workspace workspace;
     };
 
     Rig(B& backend, const RigData& data)
@@ -262,9 +262,9 @@ private:
     B* backend_;
     std::size_t joint_count_, point_count_, shape_count_, expression_count_, vertex_count_, feature_count_, influences_;
     std::vector<double> betas_;
-    Skeleton<T, B> skeleton_;
-    BlendShapes<T, B> vertex_shapes_, joint_shapes_;
-    SurfaceInterpolation<T, B> interpolation_;
+    Skeleton<B, T> skeleton_;
+    BlendShapes<B, T> vertex_shapes_, joint_shapes_;
+    SurfaceInterpolation<B, T> interpolation_;
     Buffer<std::uint16_t> skin_joints_;
     Buffer<T> skin_weights_;
     Buffer<T> initial_; // [S + E]: β_init, then zeros

@@ -81,7 +81,7 @@ void blend_shapes_backward(B& backend, Span<const vec3<T>> directions, Span<cons
 ///
 /// Shapes  coefficients [C], in the order of the blocks given; offsets [V].
 /// Source  Loper et al., "SMPL", 2015, equations 8 and 9.
-template <std::floating_point T, Backend B>
+template <Backend B, std::floating_point T = float>
 class BlendShapes {
 public:
     /// The workspace of backward: kept by the caller, so that steps of equal sizes allocate nothing.

@@ -147,7 +147,7 @@ struct BoneTransformsBackward {
 ///
 /// Three small stages, each with its adjoint: rotations (axis-angle pose to matrices), feature (what pose blend
 /// shapes read), bones (the chain). A pose given as matrices starts at the second.
-template <std::floating_point T, Backend B>
+template <Backend B, std::floating_point T = float>
 class Skeleton {
 public:
     template <class U>

@@ -61,7 +61,7 @@ struct SurfaceScatter {
 /// would cost NC, with per-sample directions to store.
 ///
 /// Shapes  values [V], points [N].
-template <std::floating_point T, Backend B>
+template <Backend B, std::floating_point T = float>
 class SurfaceInterpolation {
 public:
     /// triangles [N] vertex indices, barycentric [N].

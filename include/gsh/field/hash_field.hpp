@@ -10,6 +10,7 @@
 
 #include <concepts>
 #include <cstddef>
+#include <type_traits>
 
 namespace gsh {
 
@@ -35,9 +36,10 @@ public:
     [[nodiscard]] const Grid& grid() const { return grid_; }
     [[nodiscard]] const Mlp& mlp() const { return mlp_; }
 
-    template <std::floating_point T, Backend B>
-    void forward(B& backend, Span<const T> table, Span<const T> weights,
-                 const typename Grid::template Query<T, B>& query, Span<T> outputs, Cache<T, B>& cache) const {
+    template <Backend B, std::floating_point T>
+    void forward(B& backend, std::type_identity_t<Span<const T>> table, std::type_identity_t<Span<const T>> weights,
+                 const typename Grid::template Query<T, B>& query, std::type_identity_t<Span<T>> outputs,
+                 Cache<T, B>& cache) const {
         cache.features.resize(query.size() * Grid::output_count);
         const FeatureView<T> features = view(Span<T>(cache.features), query.size());
         grid_.forward(backend, table, query, features);
@@ -45,9 +47,11 @@ public:
     }
 
     /// Adds to dL_dtable and dL_dweights.
-    template <std::floating_point T, Backend B>
-    void backward(B& backend, Span<const T> weights, const typename Grid::template Query<T, B>& query,
-                  Span<const T> dL_doutputs, Cache<T, B>& cache, Span<T> dL_dtable, Span<T> dL_dweights) const {
+    template <Backend B, std::floating_point T>
+    void backward(B& backend, std::type_identity_t<Span<const T>> weights,
+                  const typename Grid::template Query<T, B>& query, std::type_identity_t<Span<const T>> dL_doutputs,
+                  Cache<T, B>& cache, std::type_identity_t<Span<T>> dL_dtable,
+                  std::type_identity_t<Span<T>> dL_dweights) const {
         cache.dL_dfeatures.resize(cache.features.size());
         const FeatureView<T> features = view(Span<T>(cache.features), query.size());
         const FeatureView<T> dL_dfeatures = view(Span<T>(cache.dL_dfeatures), query.size());

@@ -65,7 +65,7 @@ public:
     /// What the passes leave for each other.
     struct Cache {
         typename Field::template Cache<T, B> displacement, sh;
-        typename Rig<T, B>::Cache rig;
+        typename Rig<B, T>::Cache rig;
         Buffer<vec3<T>> means;         // [N] x̂₀(t)
         Buffer<vec3<T>> dL_dmeans;     // [N]
         Buffer<vec3<T>> dL_dsh;        // [N, basis]
@@ -108,8 +108,8 @@ public:
 
     [[nodiscard]] std::size_t size() const { return count_; }
     [[nodiscard]] const AvatarConfig& config() const { return config_; }
-    [[nodiscard]] const Rig<T, B>& rig() const { return rig_; }
-    [[nodiscard]] Rig<T, B>& rig() { return rig_; }
+    [[nodiscard]] const Rig<B, T>& rig() const { return rig_; }
+    [[nodiscard]] Rig<B, T>& rig() { return rig_; }
     [[nodiscard]] Parameters<T, B>& parameters() { return parameters_; }
     [[nodiscard]] const Parameters<T, B>& parameters() const { return parameters_; }
     /// Table entries that some Gaussian refers to; the others never have a gradient.
@@ -119,10 +119,10 @@ public:
     void update_canonical(Cache& cache) {
         displacement_.resize(count_);
         sh_.resize(count_ * basis_count);
-        displacement_field_.template forward<T, B>(*backend_, parameters_[ParameterGroup::displacement_table],
+        displacement_field_.forward(*backend_, parameters_[ParameterGroup::displacement_table],
                                                    parameters_[ParameterGroup::displacement_network], query_,
                                                    scalars(displacement_), cache.displacement);
-        sh_field_.template forward<T, B>(*backend_, parameters_[ParameterGroup::sh_table],
+        sh_field_.forward(*backend_, parameters_[ParameterGroup::sh_table],
                                          parameters_[ParameterGroup::sh_network], query_, scalars(sh_), cache.sh);
         backend_->for_each(count_, detail::ScaleFirst<T>{sh_, static_cast<std::size_t>(basis_count), T(config_.sh_dc_scale)});
     }
@@ -157,10 +157,10 @@ public:
                       view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::joints])), dL_dpose);
         backend_->for_each(count_, detail::ScaleFirst<T>{cache.dL_dsh, static_cast<std::size_t>(basis_count),
                                                          T(config_.sh_dc_scale)});
-        sh_field_.template backward<T, B>(*backend_, parameters_[ParameterGroup::sh_network], query_,
+        sh_field_.backward(*backend_, parameters_[ParameterGroup::sh_network], query_,
                                           scalars(cache.dL_dsh), cache.sh, dL_dparameters[ParameterGroup::sh_table],
                                           dL_dparameters[ParameterGroup::sh_network]);
-        displacement_field_.template backward<T, B>(*backend_, parameters_[ParameterGroup::displacement_network], query_,
+        displacement_field_.backward(*backend_, parameters_[ParameterGroup::displacement_network], query_,
                                                     scalars(cache.dL_dmeans), cache.displacement,
                                                     dL_dparameters[ParameterGroup::displacement_table],
                                                     dL_dparameters[ParameterGroup::displacement_network]);
@@ -237,7 +237,7 @@ private:
 
     B* backend_;
     AvatarConfig config_;
-    Rig<T, B> rig_;
+    Rig<B, T> rig_;
     Field displacement_field_, sh_field_;
     std::size_t count_;
     typename Grid::template Query<T, B> query_; // both fields have one geometry
