@@ -94,10 +94,11 @@ Load make_stress() {
     Load load;
     load.sample({{{0, -0.6, 0}, {0, 0.6, 0}, 0.25}}, [&](const vec3<double>& p, const vec3<double>& normal) {
         Rng& rng = load.rng;
-        const quat<double> q{rng.normal(), rng.normal(), rng.normal(), rng.normal()};
+        const quat<double> q{rng.normal(), rng.normal(), rng.normal(), rng.normal()}; // braces: in this order
         mat3<double> axes = rotation_matrix(normalize(q));
         for (int k = 0; k < 3; ++k) axes[k] *= 0.004 * std::exp(0.5 * rng.normal());
-        load.add(p + normal * (0.002 * rng.normal()), axes, rng.uniform(0.1, 0.9));
+        const vec3<double> mean = p + normal * (0.002 * rng.normal());
+        load.add(mean, axes, rng.uniform(0.1, 0.9));
     });
     return load;
 }

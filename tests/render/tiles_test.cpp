@@ -24,6 +24,11 @@ Shape random_shape(test::Rng& rng) {
     return shape;
 }
 
+TileRect tiles_around(const Ellipse<double>& e, const sym2<double>& covariance, const TileGrid& grid) {
+    return tile_rect(e.x, e.y, std::sqrt(squared_extent(e.reach, covariance.xx)),
+                     std::sqrt(squared_extent(e.reach, covariance.yy)), grid);
+}
+
 double squared_distance(const Ellipse<double>& e, double x, double y) {
     const double u = e.w.ux * (x - e.x) + e.w.uy * (y - e.y), v = e.w.vy * (y - e.y);
     return u * u + v * v;
@@ -53,7 +58,7 @@ TEST_CASE("the tiles of an ellipse are exactly those that hold its extent in the
         for (int y = 0; y < grid.height; ++y)
             for (int x = 0; x < grid.width; ++x)
                 if (squared_distance(e, x + 0.5, y + 0.5) <= e.reach) truth.insert({x / 16, y / 16});
-        const TileRect rect = tile_rect(e, covariance, grid);
+        const TileRect rect = tiles_around(e, covariance, grid);
         for (int y = rect.y0; y < rect.y1; ++y) {
             int first, end;
             tile_columns(e, y, grid, first, end);
@@ -75,10 +80,10 @@ TEST_CASE("what lies off the image or on no pixel centre has no tiles") {
     const TileGrid grid{40, 40};
     const sym2<double> covariance{0.3, 0, 0.3};
     const Whitening<double> w = whiten(covariance);
-    CHECK(tile_rect({-20, 10, w, 5}, covariance, grid).empty());
-    CHECK(tile_rect({10, 1e12, w, 5}, covariance, grid).empty());
-    CHECK(tile_rect({10, 10, w, 1e-3}, covariance, grid).empty());
-    const TileRect corner = tile_rect({39.5, 39.5, w, 1e-3}, covariance, grid);
+    CHECK(tiles_around({-20, 10, w, 5}, covariance, grid).empty());
+    CHECK(tiles_around({10, 1e12, w, 5}, covariance, grid).empty());
+    CHECK(tiles_around({10, 10, w, 1e-3}, covariance, grid).empty());
+    const TileRect corner = tiles_around({39.5, 39.5, w, 1e-3}, covariance, grid);
     CHECK(corner.x0 == 2);
     CHECK(corner.x1 == 3);
     CHECK(corner.y1 == 3);

@@ -12,3 +12,10 @@
 #else
 #define GSH_HD
 #endif
+
+/// Marks a function that must melt into its caller: a call would keep the caller's loop from becoming vector code.
+#if defined(__GNUC__)
+#define GSH_INLINE [[gnu::always_inline]] inline
+#else
+#define GSH_INLINE inline
+#endif

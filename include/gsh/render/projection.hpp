@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/config.hpp>
 #include <gsh/core/lane.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
@@ -48,7 +49,7 @@ struct ProjectionFrame {
     MaskOf<T> in_front;
 
     template <class S>
-    GSH_HD ProjectionFrame(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& s,
+    GSH_INLINE GSH_HD ProjectionFrame(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& s,
                            const ProjectionParams<S>& params) {
         p = to_camera(camera, mean);
         in_front = p.z > T(params.near_plane);
@@ -92,7 +93,7 @@ private:
 /// Source  Zwicker et al., "EWA Splatting", 2002; clamp and dilation as in Kerbl et al., "3D Gaussian Splatting",
 ///         2023, but with the principal point; opacity factor as in Yu et al., "Mip-Splatting", 2024.
 template <Lane T>
-[[nodiscard]] GSH_HD Projection<T> project(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
+[[nodiscard]] GSH_INLINE GSH_HD Projection<T> project(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
                                            const ProjectionParams<ScalarOf<T>>& params) {
     using S = ScalarOf<T>;
     const detail::ProjectionFrame<T> f(camera, mean, covariance, params);
@@ -115,7 +116,7 @@ template <Lane T>
 /// Nothing passes through the Jacobian's clamp but to the intrinsics that set its limits, and nothing through the
 /// floor of the compensation. dL_dprojection.in_front is not read.
 template <Lane T>
-GSH_HD void project_backward(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
+GSH_INLINE GSH_HD void project_backward(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
                              const ProjectionParams<ScalarOf<T>>& params, const Projection<T>& dL_dprojection,
                              vec3<T>& dL_dmean, sym3<T>& dL_dcovariance, CameraGradient<T>* dL_dcamera = nullptr) {
     using S = ScalarOf<T>;

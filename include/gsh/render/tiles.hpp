@@ -36,13 +36,17 @@ struct Whitening {
 /// log2(e) / 2, which turns exp(-q / 2) into 2^-(…).
 inline constexpr double half_log2_e = 0.72134752044448170368;
 
+/// From the covariance and 1 / sqrt of its yy and of its determinant, for who has a way to get at them.
+template <Lane T>
+[[nodiscard]] GSH_HD Whitening<T> whiten(const sym2<T>& covariance, T inverse_root_yy, T inverse_root_det) {
+    const T vy = T(ScalarOf<T>(0.84932180028801904272)) * inverse_root_yy; // sqrt(log2(e) / 2)
+    return {covariance.yy * vy * inverse_root_det, -covariance.xy * vy * inverse_root_det, vy};
+}
+
 template <Lane T>
 [[nodiscard]] GSH_HD Whitening<T> whiten(const sym2<T>& covariance) {
-    using S = ScalarOf<T>;
-    const T scale(S(0.84932180028801904272)); // sqrt(log2(e) / 2)
-    const T root_yy = sqrt(covariance.yy), root_det = sqrt(determinant(covariance));
-    const T inverse = scale / (root_yy * root_det);
-    return {covariance.yy * inverse, -covariance.xy * inverse, root_det * inverse};
+    const T one(ScalarOf<T>(1));
+    return whiten(covariance, one / sqrt(covariance.yy), one / sqrt(determinant(covariance)));
 }
 
 /// Where an ellipse u² + v² <= reach lies on the image, and the rows it spans.
@@ -77,28 +81,37 @@ struct TileRect {
 
 namespace detail {
 
-/// Pixels of [0, size) whose centres lie in [low, high], as a half-open range.
+/// x cut to [0, high]; 0 if it is not a number.
+GSH_HD inline double cut_to(double x, double high) {
+    const double above = x > 0 ? x : 0;
+    return above < high ? above : high;
+}
+
+/// Pixels of [0, size) whose centres lie in [low, high], as a half-open range. Cut to the image first, a number has no
+/// sign and truncation is floor.
 GSH_HD inline void pixel_range(double low, double high, int size, int& first, int& end) {
-    const double last = static_cast<double>(size);
-    first = static_cast<int>(clamp(-floor(0.5 - low), 0.0, last)); // ceil(low - 0.5)
-    end = static_cast<int>(clamp(floor(high - 0.5) + 1, 0.0, last));
+    const double last = static_cast<double>(size), from = cut_to(low - 0.5, last);
+    first = static_cast<int>(from);
+    first += from > static_cast<double>(first) ? 1 : 0;
+    end = static_cast<int>(cut_to(high + 0.5, last));
 }
 
 } // namespace detail
 
-/// The tiles that hold the bounding box of the ellipse, given its dilated covariance. Half a millionth wider: it is
-/// measured in single precision.
-[[nodiscard]] GSH_HD inline TileRect tile_rect(const Ellipse<double>& e, const sym2<double>& covariance,
+/// The tiles with a pixel centre within half_width and half_height of (x, y).
+[[nodiscard]] GSH_HD inline TileRect tile_rect(double x, double y, double half_width, double half_height,
                                                const TileGrid& grid) {
     constexpr int size = TileGrid::tile_size;
-    const double square = e.reach * ((1 + 1e-6) / half_log2_e);
-    const double half_width = sqrt(static_cast<float>(square * covariance.xx));
-    const double half_height = sqrt(static_cast<float>(square * covariance.yy));
     int px0, px1, py0, py1;
-    detail::pixel_range(e.x - half_width, e.x + half_width, grid.width, px0, px1);
-    detail::pixel_range(e.y - half_height, e.y + half_height, grid.height, py0, py1);
-    if (px0 >= px1 || py0 >= py1) return {};
-    return {px0 / size, py0 / size, (px1 - 1) / size + 1, (py1 - 1) / size + 1};
+    detail::pixel_range(x - half_width, x + half_width, grid.width, px0, px1);
+    detail::pixel_range(y - half_height, y + half_height, grid.height, py0, py1);
+    const TileRect rect{px0 / size, py0 / size, (px1 + size - 1) / size, (py1 + size - 1) / size};
+    return {rect.x0, rect.y0, px0 < px1 ? rect.x1 : rect.x0, py0 < py1 ? rect.y1 : rect.y0};
+}
+
+/// Square of half the extent of u² + v² <= reach along an axis with the given variance.
+[[nodiscard]] GSH_HD inline double squared_extent(double reach, double variance) {
+    return reach * variance * (1 / half_log2_e);
 }
 
 /// Tile columns of row `tile_y` with a pixel centre in reach of the ellipse's extent there, as a half-open range.

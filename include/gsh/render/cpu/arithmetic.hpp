@@ -78,6 +78,14 @@ template <std::floating_point T>
     return x * y2;
 }
 
+/// 1 / sqrt(x) for a normal x > 0, to 2 units in the last place: Newton's iteration without a library call, since
+/// std::sqrt may set errno and so keeps a loop from becoming vector code.
+[[nodiscard]] inline double inverse_sqrt(double x) {
+    double y = std::bit_cast<double>(0x5FE6EB50C7B537A9ull - (std::bit_cast<std::uint64_t>(x) >> 1));
+    for (int i = 0; i < 4; ++i) y = y * (1.5 - 0.5 * (x * y) * y);
+    return y;
+}
+
 /// Asks for a cache line that will be read soon. A hint: without it the result is the same, later.
 inline void prefetch([[maybe_unused]] const void* address) {
 #if defined(__has_builtin)

@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/render/cpu/arithmetic.hpp>
 #include <gsh/render/cpu/radix_sort.hpp>
 #include <gsh/render/projection.hpp>
 #include <gsh/render/raster_cache.hpp>
@@ -78,41 +79,76 @@ template <std::floating_point T>
     return count;
 }
 
-/// Projects one splat; returns the rectangle of its tiles, empty if it is culled.
-template <std::floating_point T>
-[[nodiscard]] TileRect project_splat(const Camera<double>& camera, const SplatView<const T>& splats, std::size_t i,
-                                     const RasterParams<T>& params, const ProjectionParams<double>& projection_params,
-                                     const TileGrid& grid, ScreenSplat<T>& out) {
-    const sym3<T>& s = splats.covariances[i];
-    const sym3<double> covariance{s.xx, s.xy, s.xz, s.yy, s.yz, s.zz};
-    const Projection<double> p = project(camera, vec3<double>(splats.means[i]), covariance, projection_params);
-    const T opacity = static_cast<T>(splats.opacities[i] * p.opacity_factor);
-    const double det = determinant(p.covariance);
-    const double largest = std::numeric_limits<double>::max();
-    const bool kept = p.in_front && opacity >= params.alpha_min && p.covariance.xx > 0 && p.covariance.yy > 0 &&
-                      det > 0 && det <= largest && std::abs(p.center.x) <= largest && std::abs(p.center.y) <= largest;
-    if (!kept) return {};
-    constexpr T far = sizeof(T) == 4 ? T(120) : T(1000); // where exp2_minus ends; an opacity up to 1 does not get there
-    out = {p.center, whiten(p.covariance), opacity, static_cast<T>(p.depth), splats.colors[i],
-           std::min(far, std::log2(opacity / params.alpha_min))};
-    return tile_rect(ellipse_of(out), p.covariance, grid);
-}
+/// Some splats by member, in double, so that their projection is a loop over plain arrays.
+struct ProjectionStage {
+    static constexpr std::size_t size = 64;
+    alignas(64) double mean_x[size], mean_y[size], mean_z[size], xx[size], xy[size], xz[size], yy[size], yz[size], zz[size];
+    alignas(64) double opacity[size], cut[size]; // in; out compensated
+    alignas(64) double nonfinite[size];          // 0, or NaN
+    alignas(64) double x[size], y[size], depth[size], ux[size], uy[size], vy[size]; // out
+    alignas(64) double half_width[size], half_height[size]; // of the bounding box; negative if the splat is culled
+    alignas(64) int x0[size], y0[size], x1[size], y1[size]; // out: rectangle of tiles, empty if the splat is culled
 
-/// NaN if x is NaN or infinite, else 0.
-template <std::floating_point T>
-[[nodiscard]] T nonfinite(T x) {
-    return x * T(0);
-}
+    template <std::floating_point T>
+    void load(const SplatView<const T>& splats, std::size_t first, std::size_t count, T alpha_min) {
+        for (std::size_t k = 0; k < count; ++k) {
+            const vec3<T>&m = splats.means[first + k], &c = splats.colors[first + k];
+            const sym3<T>& s = splats.covariances[first + k];
+            const T alpha = splats.opacities[first + k];
+            mean_x[k] = m.x, mean_y[k] = m.y, mean_z[k] = m.z;
+            xx[k] = s.xx, xy[k] = s.xy, xz[k] = s.xz, yy[k] = s.yy, yz[k] = s.yz, zz[k] = s.zz;
+            opacity[k] = alpha;
+            cut[k] = std::log2(alpha / alpha_min);
+            nonfinite[k] = static_cast<double>(c.x * T(0) + c.y * T(0) + c.z * T(0)); // finite: 0, else NaN
+        }
+    }
 
-template <std::floating_point T>
-[[nodiscard]] bool is_finite(const SplatView<const T>& splats, std::size_t i) {
-    const vec3<T>&m = splats.means[i], &c = splats.colors[i];
-    const sym3<T>& s = splats.covariances[i];
-    const T sum = nonfinite(m.x) + nonfinite(m.y) + nonfinite(m.z) + nonfinite(c.x) + nonfinite(c.y) +
-                  nonfinite(c.z) + nonfinite(s.xx) + nonfinite(s.xy) + nonfinite(s.xz) + nonfinite(s.yy) +
-                  nonfinite(s.yz) + nonfinite(s.zz) + nonfinite(splats.opacities[i]);
-    return sum == T(0);
-}
+    /// Compensate tells the compiler whether there will be a square root, which would cost the loop its vectors.
+    template <bool Compensate>
+    void project(const Camera<double>& camera, ProjectionParams<double> params, const TileGrid& grid,
+                 double alpha_min, double largest_cut, std::size_t count) {
+        params.compensate_opacity = Compensate;
+        for (std::size_t k = 0; k < count; ++k) {
+            const vec3<double> mean(mean_x[k], mean_y[k], mean_z[k]);
+            const sym3<double> covariance{xx[k], xy[k], xz[k], yy[k], yz[k], zz[k]};
+            const Projection<double> p = gsh::project(camera, mean, covariance, params);
+            nonfinite[k] += mean.x * 0.0 + mean.y * 0.0 + mean.z * 0.0 + covariance.xx * 0.0 + covariance.xy * 0.0 +
+                            covariance.xz * 0.0 + covariance.yy * 0.0 + covariance.yz * 0.0 + covariance.zz * 0.0 +
+                            opacity[k] * 0.0;
+            if constexpr (Compensate) {
+                opacity[k] *= p.opacity_factor;
+                cut[k] = std::log2(opacity[k] / alpha_min);
+            }
+            cut[k] = cut[k] < largest_cut ? cut[k] : largest_cut;
+
+            constexpr double largest = std::numeric_limits<double>::max();
+            const double det = determinant(p.covariance);
+            const bool kept = p.in_front & (opacity[k] >= alpha_min) & (p.covariance.xx > 0) & (p.covariance.yy > 0) &
+                              (det > 0) & (det <= largest) & (std::fabs(p.center.x) <= largest) &
+                              (std::fabs(p.center.y) <= largest);
+            const Whitening<double> w =
+                whiten(p.covariance, inverse_sqrt(p.covariance.yy), inverse_sqrt(det));
+            x[k] = p.center.x, y[k] = p.center.y, depth[k] = p.depth;
+            ux[k] = w.ux, uy[k] = w.uy, vy[k] = w.vy;
+
+            const double reach = generous(cut[k]);
+            const double width = squared_extent(reach, p.covariance.xx), height = squared_extent(reach, p.covariance.yy);
+            const double box_width = width * inverse_sqrt(width), box_height = height * inverse_sqrt(height);
+            half_width[k] = kept ? box_width : -1.0;
+            half_height[k] = kept ? box_height : -1.0;
+        }
+        for (std::size_t k = 0; k < count; ++k) {
+            const TileRect rect = tile_rect(x[k], y[k], half_width[k], half_height[k], grid);
+            x0[k] = rect.x0, y0[k] = rect.y0, x1[k] = rect.x1, y1[k] = rect.y1;
+        }
+    }
+
+    template <std::floating_point T>
+    [[nodiscard]] ScreenSplat<T> splat(std::size_t k, const vec3<T>& color) const {
+        return {{x[k], y[k]}, {ux[k], uy[k], vy[k]}, static_cast<T>(opacity[k]), static_cast<T>(depth[k]), color,
+                static_cast<T>(cut[k])};
+    }
+};
 
 } // namespace detail
 
@@ -136,26 +172,29 @@ template <CpuBackend B, std::floating_point T>
 
     const Camera<double> wide_camera = camera.template cast<double>();
     const ProjectionParams<double> projection_params = params.template cast<double>();
+    const double alpha_min = params.alpha_min;
+    constexpr double largest_cut = sizeof(T) == 4 ? 120 : 1000; // where exp2_minus ends; far beyond any opacity up to 1
     backend.for_chunks(n, detail::splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         RasterStatus status;
         // First the arithmetic for some splats, then what forks on its results: a wrong guess does not wait for it.
-        constexpr std::size_t stage = 64;
-        TileRect rects[stage];
-        for (std::size_t first = begin; first < end; first += stage) {
-            const std::size_t count = std::min(stage, end - first);
-            for (std::size_t k = 0; k < count; ++k)
-                rects[k] = detail::is_finite(splats, first + k)
-                               ? detail::project_splat(wide_camera, splats, first + k, params, projection_params,
-                                                       cache.grid, cache.splats[first + k])
-                               : TileRect{-1, 0, -1, 0};
+        detail::ProjectionStage stage;
+        for (std::size_t first = begin; first < end; first += stage.size) {
+            const std::size_t count = std::min(stage.size, end - first);
+            stage.load(splats, first, count, params.alpha_min);
+            if (params.compensate_opacity)
+                stage.template project<true>(wide_camera, projection_params, cache.grid, alpha_min, largest_cut, count);
+            else
+                stage.template project<false>(wide_camera, projection_params, cache.grid, alpha_min, largest_cut, count);
             for (std::size_t k = 0; k < count; ++k) {
                 const std::size_t i = first + k;
-                const TileRect& rect = rects[k];
+                const TileRect rect{stage.x0[k], stage.y0[k], stage.x1[k], stage.y1[k]};
                 std::uint32_t tiles = 0;
-                if (!rect.empty())
+                if (!(stage.nonfinite[k] == 0)) {
+                    if (status.nonfinite++ == 0) status.first_nonfinite = static_cast<std::uint32_t>(i);
+                } else if (!rect.empty()) {
+                    cache.splats[i] = stage.splat(k, splats.colors[i]);
                     tiles = detail::cover_tiles(cache.splats[i], rect, cache.grid, cache.covers[i]);
-                else if (rect.x0 < 0 && status.nonfinite++ == 0)
-                    status.first_nonfinite = static_cast<std::uint32_t>(i);
+                }
                 cache.visible[i] = tiles != 0;
                 cache.slot_begin[i] = static_cast<std::uint32_t>(status.pairs);
                 status.pairs += tiles;
