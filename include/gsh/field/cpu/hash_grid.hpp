@@ -7,6 +7,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/prefetch.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/features.hpp>
 #include <gsh/field/hash_level.hpp>
@@ -34,12 +35,11 @@ struct HashBlock {
     }
 
     /// Asks for the entries of a point some way ahead of point i: on the fine levels each lies on a line of its own.
-    /// Inlined by force, since GCC drops calls of functions that only prefetch.
     template <std::size_t Features>
-    [[gnu::always_inline]] void prefetch(const T* entries, std::size_t i, std::size_t count) const {
+    void prefetch_ahead(const T* entries, std::size_t i, std::size_t count) const {
         constexpr std::size_t distance = 32; // points; covers the third-level cache's latency
         if (i + distance >= count) return;
-        for (int corner = 0; corner < 8; ++corner) __builtin_prefetch(entries + index[corner][i + distance] * Features);
+        for (int corner = 0; corner < 8; ++corner) prefetch(entries + index[corner][i + distance] * Features);
     }
 
 private:
@@ -117,7 +117,7 @@ void hash_forward(B& backend, const Grid& grid, Span<const T> table, const Query
             grid.level(static_cast<int>(l)), query, begin, std::min(begin + grain, query.size()),
             [&](const detail::HashBlock<T>& block, std::size_t first, std::size_t count) {
                 for (std::size_t i = 0; i < count; ++i) {
-                    block.template prefetch<width>(entries, i, count);
+                    block.template prefetch_ahead<width>(entries, i, count);
                     Row sum = Row::Zero();
                     for (int corner = 0; corner < 8; ++corner)
                         sum += block.weight[corner][i] * Eigen::Map<const Row>(entries + block.index[corner][i] * width);
@@ -140,7 +140,7 @@ void hash_backward(B& backend, const Grid& grid, FeatureView<const T> dL_dfeatur
             grid.level(static_cast<int>(l)), query, 0, query.size(),
             [&](const detail::HashBlock<T>& block, std::size_t first, std::size_t count) {
                 for (std::size_t i = 0; i < count; ++i) {
-                    block.template prefetch<width>(entries, i, count);
+                    block.template prefetch_ahead<width>(entries, i, count);
                     const Row gradient = Eigen::Map<const Row>(in + (first + i) * dL_dfeatures.block);
                     for (int corner = 0; corner < 8; ++corner)
                         Eigen::Map<Row>(entries + block.index[corner][i] * width) += block.weight[corner][i] * gradient;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/prefetch.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/cpu/gemm.hpp>
 #include <gsh/field/features.hpp>
@@ -93,13 +94,12 @@ struct Ahead {
     FeatureView<const T> view;
     std::size_t first, count; ///< the next tile
 
-    // Inlined by force: GCC takes a function that only prefetches for one without effect and drops its calls.
-    [[gnu::always_inline]] void operator()(std::size_t row, std::size_t rows) const {
+    void operator()(std::size_t row, std::size_t rows) const {
         if (row >= count) return;
         constexpr std::size_t line = 64 / sizeof(T);
         for (std::size_t c = 0; c < view.columns; c += view.block) {
             const T* from = view.column(c) + (first + row) * view.block;
-            for (std::size_t i = 0; i < rows * view.block; i += line) __builtin_prefetch(from + i);
+            for (std::size_t i = 0; i < rows * view.block; i += line) prefetch(from + i);
         }
     }
 };
