@@ -13,6 +13,7 @@
 #include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
+#include <gsh/optim/schedule.hpp>
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/parameters.hpp>
@@ -66,6 +67,8 @@ struct LearningRates {
 
 struct TrainConfig {
     LearningRates rates;
+    std::int64_t decay_steps = 0;              ///< all rates fall to `final_rate` of themselves over so many steps; 0: never
+    double final_rate = 0.1;                   ///< small last steps average out what single photographs pull at
     double ssim_weight = 0.2;
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, in training and in test
     double dilation = 0.3;                     ///< square pixels, the rasterizer's low-pass filter
@@ -266,7 +269,9 @@ private:
         const auto number = static_cast<std::int64_t>(step_count_);
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
             const auto group = static_cast<ParameterGroup>(g);
-            const double rate = config_.rates[group];
+            const double rate = Schedule::exponential(config_.rates[group], config_.rates[group] * config_.final_rate,
+                                                      config_.decay_steps)
+                                    .rate(number - 1);
             const Span<T> parameters = model_->parameters()[group], gradients = gradient_[group];
             if (rate == 0)
                 backend_->fill(gradients, T(0));
