@@ -86,13 +86,4 @@ template <std::floating_point T>
     return y;
 }
 
-/// Asks for a cache line that will be read soon. A hint: without it the result is the same, later.
-inline void prefetch([[maybe_unused]] const void* address) {
-#if defined(__has_builtin)
-#if __has_builtin(__builtin_prefetch)
-    __builtin_prefetch(address);
-#endif
-#endif
-}
-
 } // namespace gsh::cpu

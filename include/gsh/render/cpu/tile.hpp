@@ -8,6 +8,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/prefetch.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
 #include <gsh/render/cpu/bin.hpp>
 #include <gsh/render/raster_cache.hpp>
