@@ -646,6 +646,8 @@ TEST_CASE("what does not fit is refused with a name") {
         CHECK(message(scene).find("not finite") != std::string::npos);
         scene = good, scene.camera.width = 0;
         CHECK(message(scene).find("image is empty") != std::string::npos);
+        scene.camera.width = 1 << 21;
+        CHECK(message(scene).find("1048560") != std::string::npos);
     }
     SUBCASE("settings") {
         const auto refused = [&](auto&& set) {

@@ -97,8 +97,12 @@ public:
     }
 
 private:
+    static constexpr int max_side = 65535 * TileGrid::tile_size;
+
     static void check_camera(const char* where, const Camera<T>& camera) {
         check_value(camera.width > 0 && camera.height > 0, where, "the camera's image is empty; set width and height");
+        check_value(camera.width <= max_side && camera.height <= max_side, where,
+                    "the camera's image is wider or higher than 1048560 pixels, more tiles than 16 bits can number");
         T sum = camera.fx * T(0) + camera.fy * T(0) + camera.cx * T(0) + camera.cy * T(0);
         for (int c = 0; c < 3; ++c)
             for (int r = 0; r < 3; ++r) sum += camera.R[c][r] * T(0) + camera.t[r] * T(0);
