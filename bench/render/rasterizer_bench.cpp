@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Rasterizing a body of 170,000 small Gaussians, and a harder load, at two image sizes; and where the time goes.
+/// @file  Rasterizing a body of 170,000 small Gaussians, and a harder load, at two image sizes; where the time goes.
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
@@ -47,9 +47,10 @@ struct Load {
             const std::size_t begin = done;
             const vec3<double> axis = normalize(capsule.to - capsule.from);
             const vec3<double> side = normalize(cross(axis, vec3<double>(0.3, 0.2, 0.9))), other = cross(axis, side);
-            const double r = capsule.radius, span = length(capsule.to - capsule.from) + 2 * r; // equal areas along the axis
+            const double r = capsule.radius, count = static_cast<double>(end - begin);
+            const double span = length(capsule.to - capsule.from) + 2 * r; // along it, equal steps have equal areas
             for (; done < end; ++done) {
-                const double h = span * (static_cast<double>(done - begin) + rng.uniform()) / static_cast<double>(end - begin) - r;
+                const double h = span * (static_cast<double>(done - begin) + rng.uniform()) / count - r;
                 const double angle = rng.uniform(0, 2 * std::numbers::pi);
                 const double beyond = h < 0 ? h : std::max(0.0, h - (span - 2 * r)); // into a cap
                 const double across = std::sqrt(std::max(0.0, r * r - beyond * beyond)) / r;
@@ -68,7 +69,7 @@ struct Load {
     }
 };
 
-/// A person of capsules, 1.7 m tall: flat Gaussians on the surface, 0.6 times their spacing in size, most of them opaque.
+/// A person of capsules, 1.7 m tall: flat Gaussians on the surface, 0.6 of their spacing in size, most of them opaque.
 Load make_body() {
     const std::vector<Capsule> body = {
         {{0, -0.62, 0}, {0, -0.76, 0}, 0.10},        {{0, -0.40, 0}, {0, 0.0, 0}, 0.15},
@@ -134,7 +135,8 @@ struct Setup {
         for (int c = 0; c < 3; ++c)
             for (int y = 0; y < camera.height; ++y)
                 for (int x = 0; x < camera.width; ++x)
-                    dL_dcolor.at(c, y, x) = 0.5f * std::sin(0.05f * static_cast<float>(x * (c + 1)) + 0.03f * static_cast<float>(y));
+                    dL_dcolor.at(c, y, x) =
+                        0.5f * std::sin(0.05f * static_cast<float>(x * (c + 1)) + 0.03f * static_cast<float>(y));
         dL.means.resize(N), dL.colors.resize(N), dL.covariances.resize(N), dL.opacities.resize(N);
     }
     SplatView<float> gradients() { return {dL.means, dL.covariances, dL.opacities, dL.colors}; }
@@ -175,22 +177,29 @@ void stages(benchmark::State& state) {
     Setup<B> s(state);
     const RasterParams<float>& params = s.rasterizer.params();
     std::array<double, 6> ms{};
-    const auto timed = [&](int stage, const auto& work) {
-        const auto start = std::chrono::steady_clock::now();
-        work();
-        ms[static_cast<std::size_t>(stage)] += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-    };
     for (auto _ : state) {
-        Span<SortItem<std::uint32_t>> order;
-        timed(0, [&] { benchmark::DoNotOptimize(cpu::project_splats(s.backend, s.camera, s.load.view(), params, s.cache)); });
-        timed(1, [&] { order = cpu::sort_by_depth(s.backend, s.cache); });
-        timed(2, [&] { cpu::bin_splats(s.backend, order, s.cache); });
-        timed(3, [&] { cpu::blend_tiles(s.backend, s.background, params, {s.color.view()}, s.cache); });
-        timed(4, [&] { cpu::blend_tiles_backward(s.backend, s.background, params, {s.dL_dcolor.view()}, s.cache, {}); });
-        timed(5, [&] { cpu::project_splats_backward(s.backend, s.camera, s.load.view(), params, s.cache, s.gradients(), {}); });
+        auto start = std::chrono::steady_clock::now();
+        const auto lap = [&](std::size_t stage) {
+            const auto now = std::chrono::steady_clock::now();
+            ms[stage] += std::chrono::duration<double, std::milli>(now - start).count();
+            start = now;
+        };
+        benchmark::DoNotOptimize(cpu::project_splats(s.backend, s.camera, s.load.view(), params, s.cache));
+        lap(0);
+        const auto order = cpu::sort_by_depth(s.backend, s.cache);
+        lap(1);
+        cpu::bin_splats(s.backend, order, s.cache);
+        lap(2);
+        cpu::blend_tiles(s.backend, s.background, params, {s.color.view()}, s.cache);
+        lap(3);
+        cpu::blend_tiles_backward(s.backend, s.background, params, {s.dL_dcolor.view()}, s.cache, {});
+        lap(4);
+        cpu::project_splats_backward(s.backend, s.camera, s.load.view(), params, s.cache, s.gradients(), {});
+        lap(5);
     }
     const char* const names[] = {"1_project", "2_sort", "3_bin", "4_blend", "5_blend_back", "6_project_back"};
-    for (std::size_t i = 0; i < ms.size(); ++i) state.counters[names[i]] = ms[i] / static_cast<double>(state.iterations());
+    for (std::size_t i = 0; i < ms.size(); ++i)
+        state.counters[names[i]] = ms[i] / static_cast<double>(state.iterations());
     s.report(state, N * 52 * 4 + s.color.data.size() * 8);
 }
 

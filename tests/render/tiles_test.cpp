@@ -19,7 +19,8 @@ Shape random_shape(test::Rng& rng) {
     const double angle = rng.uniform(0, 3.2), a = std::exp(rng.uniform(-3, 6)), b = std::exp(rng.uniform(-3, 3));
     const double c = std::cos(angle), s = std::sin(angle);
     Shape shape;
-    shape.covariance = {a * a * c * c + b * b * s * s + 0.3, (a * a - b * b) * c * s, a * a * s * s + b * b * c * c + 0.3};
+    shape.covariance = {a * a * c * c + b * b * s * s + 0.3, (a * a - b * b) * c * s,
+                        a * a * s * s + b * b * c * c + 0.3};
     shape.ellipse = {rng.uniform(-60, 160), rng.uniform(-60, 130), whiten(shape.covariance), rng.uniform(0.01, 8)};
     return shape;
 }

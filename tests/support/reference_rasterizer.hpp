@@ -28,7 +28,7 @@ struct Reference {
     /// How close each pixel is to a decision that rounding can turn.
     Image<double> cut_margin;  ///< least |alpha / alpha_min - 1| of all splats that a live pixel met
     Image<double> stop_margin; ///< least |T / transmittance_min - 1| after a splat
-    Image<double> depth_gap;   ///< least distance in z, relative to z, of two splats that count here, one behind the other
+    Image<double> depth_gap;   ///< least distance in z, relative to z, of two neighbours among the splats that count here
 };
 
 struct ReferenceSplat {
@@ -52,7 +52,8 @@ inline bool reference_project(const Camera<double>& camera, const SplatView<cons
                                  (W - camera.cx) / camera.fx + o.jacobian_margin * W / camera.fx);
     const double jy = std::clamp(y, -camera.cy / camera.fy - o.jacobian_margin * H / camera.fy,
                                  (H - camera.cy) / camera.fy + o.jacobian_margin * H / camera.fy);
-    const double J[2][3] = {{camera.fx / p[2], 0, -camera.fx * jx / p[2]}, {0, camera.fy / p[2], -camera.fy * jy / p[2]}};
+    const double J[2][3] = {{camera.fx / p[2], 0, -camera.fx * jx / p[2]},
+                            {0, camera.fy / p[2], -camera.fy * jy / p[2]}};
     const sym3<double>& s = splats.covariances[index];
     const double sigma[3][3] = {{s.xx, s.xy, s.xz}, {s.xy, s.yy, s.yz}, {s.xz, s.yz, s.zz}};
     double M[2][3] = {}, cov[2][2] = {};
@@ -103,7 +104,8 @@ inline Reference reference_rasterize(const Camera<double>& camera, const SplatVi
                 const double dx = px + 0.5 - splat.px, dy = py + 0.5 - splat.py;
                 const double q = splat.conic_a * dx * dx + 2 * splat.conic_b * dx * dy + splat.conic_c * dy * dy;
                 const double alpha = std::min(o.alpha_max, splat.opacity * std::exp(-0.5 * q));
-                out.cut_margin.at(0, py, px) = std::min(out.cut_margin.at(0, py, px), std::abs(alpha / o.alpha_min - 1));
+                double& margin = out.cut_margin.at(0, py, px);
+                margin = std::min(margin, std::abs(alpha / o.alpha_min - 1));
                 if (alpha < o.alpha_min) continue;
                 out.depth_gap.at(0, py, px) = std::min(out.depth_gap.at(0, py, px), (splat.z - last_z) / splat.z);
                 last_z = splat.z;

@@ -17,7 +17,7 @@ struct ProjectionParams {
     S near_plane = S(0.2);              ///< metres; what is not farther than this is culled
     S dilation = S(0.3);                ///< px², added to both variances: no splat is thinner than a pixel
     S jacobian_margin = S(0.15);        ///< of the image size, on each side: how far out the Jacobian keeps turning
-    bool compensate_opacity = false;    ///< anti-aliasing: dilation then spreads a splat's weight instead of adding some
+    bool compensate_opacity = false;    ///< anti-aliasing: dilation then spreads a splat's weight, adding none
     S compensation_floor = S(0.000025); ///< below this ratio of determinants the compensation stays as it is
 
     template <std::floating_point U>
@@ -93,8 +93,9 @@ private:
 /// Source  Zwicker et al., "EWA Splatting", 2002; clamp and dilation as in Kerbl et al., "3D Gaussian Splatting",
 ///         2023, but with the principal point; opacity factor as in Yu et al., "Mip-Splatting", 2024.
 template <Lane T>
-[[nodiscard]] GSH_INLINE GSH_HD Projection<T> project(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
-                                           const ProjectionParams<ScalarOf<T>>& params) {
+[[nodiscard]] GSH_INLINE GSH_HD Projection<T>
+project(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
+        const ProjectionParams<ScalarOf<T>>& params) {
     using S = ScalarOf<T>;
     const detail::ProjectionFrame<T> f(camera, mean, covariance, params);
     const sym2<T> sharp{dot(f.a, f.cov_a), dot(f.a, f.cov_b), dot(f.b, f.cov_b)};

@@ -19,6 +19,15 @@
 
 namespace gsh {
 
+/// The usual settings with a scene's pixel filter.
+template <std::floating_point T>
+[[nodiscard]] RasterParams<T> raster_params(const PixelFilter& filter) {
+    RasterParams<T> params;
+    params.dilation = T(filter.dilation);
+    params.compensate_opacity = filter.compensate_opacity;
+    return params;
+}
+
 /// Projects Gaussians and composites them front to back over a background.
 ///
 ///     alpha = min(alpha_max, opacity * exp(-dᵀ Σ⁻¹ d / 2))  at a pixel's centre; skipped if below alpha_min
@@ -135,7 +144,7 @@ private:
         if (status.pairs > params_.max_pairs)
             throw ValueError(std::string(where) + ": the Gaussians cover " + std::to_string(status.pairs) +
                              " tiles in all, expected at most " + std::to_string(params_.max_pairs) +
-                             "; are scales or the camera in other units than metres? Params::max_pairs raises the limit");
+                             "; are scales or the camera in other units than metres? Params::max_pairs sets the limit");
     }
 
     B* backend_;

@@ -31,11 +31,13 @@ TEST_CASE_TEMPLATE("radix_sort is a stable sort at any thread count", Key, std::
             std::vector<Item<Key>> items(n);
             for (std::size_t i = 0; i < n; ++i) {
                 const Key base = all - mask; // depths share their upper bits
-                items[i] = {static_cast<Key>(base | (static_cast<Key>(rng.bits()) & mask)), static_cast<std::uint32_t>(i)};
+                const Key key = base | (static_cast<Key>(rng.bits()) & mask);
+                items[i] = {key, static_cast<std::uint32_t>(i)};
             }
             std::vector<Item<Key>> expected = items;
-            std::sort(expected.begin(), expected.end(),
-                      [](const auto& a, const auto& b) { return a.key < b.key || (a.key == b.key && a.index < b.index); });
+            std::sort(expected.begin(), expected.end(), [](const auto& a, const auto& b) {
+                return a.key < b.key || (a.key == b.key && a.index < b.index);
+            });
             const auto check = [&](auto& backend) {
                 std::vector<Item<Key>> sorted = items, scratch(n);
                 cpu::Buffer<std::uint32_t> histograms;

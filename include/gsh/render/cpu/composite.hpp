@@ -146,7 +146,8 @@ void blend_tiles(B& backend, const Background<T>& background, const RasterParams
                 return blocks[p / detail::block_lanes].median[static_cast<std::size_t>(p % detail::block_lanes)];
             });
     });
-    backend.for_chunks(cache.grid.size() - cache.active_tiles, 64, [&](std::size_t, std::size_t first, std::size_t end) {
+    const std::size_t idle = cache.grid.size() - cache.active_tiles;
+    backend.for_chunks(idle, 64, [&](std::size_t, std::size_t first, std::size_t end) {
         for (std::size_t i = first; i < end; ++i)
             detail::write_target(
                 detail::TilePlace(cache.grid, cache.tile_order[cache.active_tiles + i]), background, target,

@@ -4,30 +4,18 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/gaussian/splats.hpp>
-#include <gsh/render/cpu/bin.hpp>
+#include <gsh/render/cpu/project_backward.hpp>
 #include <gsh/render/cpu/tile.hpp>
 #include <gsh/render/target.hpp>
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
-#include <utility>
+#include <cstddef>
+#include <cstdint>
 
 namespace gsh::cpu {
 
 namespace detail {
-
-/// What the tiles sum up for each splat, with G = dL/d ln(alpha) at a pixel.
-enum SlotEntry : int {
-    slot_g,                           // sum G
-    slot_u, slot_v,                   // sum G u, G v
-    slot_uu, slot_uv, slot_vv,        // sum G u u, G u v, G v v
-    slot_red, slot_green, slot_blue,  // sum weight * dL/d color of the pixel
-    slot_depth                        // likewise for the depths, if there is such a gradient
-};
-template <bool Depth>
-inline constexpr std::size_t slot_size = Depth ? 10 : 9;
-
 
 /// The blend's state at the 16 pixels of a block on its second way front to back, and the pixels' gradients.
 ///
@@ -149,61 +137,6 @@ void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splat
     }
 }
 
-/// Some splats by member, in double, so that the adjoint of their projection is a loop over plain arrays.
-struct ProjectionBackwardStage {
-    static constexpr std::size_t size = 64;
-
-    std::size_t count = 0;
-    std::size_t splat[size];
-    alignas(64) double mean_x[size], mean_y[size], mean_z[size], xx[size], xy[size], xz[size], yy[size], yz[size], zz[size];
-    alignas(64) double u[size], v[size], uu[size], uv[size], vv[size], ux[size], uy[size], vy[size]; // moments; W
-    alignas(64) double dL_ddepth[size], dL_dfactor[size], norm_square[size];
-    alignas(64) double dL_dmean_x[size], dL_dmean_y[size], dL_dmean_z[size];
-    alignas(64) double dL_dxx[size], dL_dxy[size], dL_dxz[size], dL_dyy[size], dL_dyz[size], dL_dzz[size];
-
-    template <std::floating_point T>
-    void add(std::size_t i, const SplatView<const T>& splats, const ScreenSplat<T>& s, const T* sum) {
-        const std::size_t k = count++;
-        const vec3<T>& m = splats.means[i];
-        const sym3<T>& c = splats.covariances[i];
-        splat[k] = i;
-        mean_x[k] = m.x, mean_y[k] = m.y, mean_z[k] = m.z;
-        xx[k] = c.xx, xy[k] = c.xy, xz[k] = c.xz, yy[k] = c.yy, yz[k] = c.yz, zz[k] = c.zz;
-        u[k] = sum[slot_u], v[k] = sum[slot_v], uu[k] = sum[slot_uu], uv[k] = sum[slot_uv], vv[k] = sum[slot_vv];
-        ux[k] = s.w.ux, uy[k] = s.w.uy, vy[k] = s.w.vy;
-        dL_ddepth[k] = sum[slot_depth];
-        dL_dfactor[k] = sum[slot_g] / s.opacity * splats.opacities[i];
-    }
-
-    /// ln(alpha) = ln(opacity) - ln(2) (u² + v²), (u, v) = W (pixel - center), Σ⁻¹ = 2 ln(2) Wᵀ W, so that with the
-    /// moments m = sum G (u, v), M = sum G (u, v) (u, v)ᵀ:  dL/dcenter = 2 ln(2) Wᵀ m,  dL/dΣ = 2 ln(2)² Wᵀ M W.
-    /// General is false where neither square roots nor camera gradients keep the loop from becoming vector code.
-    template <bool General>
-    void project_backward(const Camera<double>& camera, ProjectionParams<double> params,
-                          CameraGradient<double>* dL_dcamera) {
-        if (!General) params.compensate_opacity = false, dL_dcamera = nullptr;
-        constexpr double ln2 = 0.69314718055994530942, to_center = 2 * ln2, to_covariance = 2 * ln2 * ln2;
-        for (std::size_t k = 0; k < count; ++k) {
-            Projection<double> dL;
-            dL.center = {to_center * (ux[k] * u[k]), to_center * (uy[k] * u[k] + vy[k] * v[k])};
-            const double along_u = uy[k] * uu[k] + vy[k] * uv[k], along_v = uy[k] * uv[k] + vy[k] * vv[k];
-            dL.covariance = {to_covariance * (ux[k] * ux[k] * uu[k]), to_covariance * (2 * ux[k] * along_u),
-                             to_covariance * (uy[k] * along_u + vy[k] * along_v)};
-            dL.depth = dL_ddepth[k];
-            dL.opacity_factor = dL_dfactor[k];
-            norm_square[k] = dL.center.x * dL.center.x + dL.center.y * dL.center.y;
-
-            const vec3<double> mean(mean_x[k], mean_y[k], mean_z[k]);
-            const sym3<double> covariance{xx[k], xy[k], xz[k], yy[k], yz[k], zz[k]};
-            vec3<double> dL_dmean(0);
-            sym3<double> d{};
-            gsh::project_backward(camera, mean, covariance, params, dL, dL_dmean, d, dL_dcamera);
-            dL_dmean_x[k] = dL_dmean.x, dL_dmean_y[k] = dL_dmean.y, dL_dmean_z[k] = dL_dmean.z;
-            dL_dxx[k] = d.xx, dL_dxy[k] = d.xy, dL_dxz[k] = d.xz, dL_dyy[k] = d.yy, dL_dyz[k] = d.yz, dL_dzz[k] = d.zz;
-        }
-    }
-};
-
 } // namespace detail
 
 /// First stage: each tile leaves its share of its splats' gradients in their slots, and the background's.
@@ -287,68 +220,6 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
         for (const vec3<double>& share : cache.tile_background) sum += share;
         dL_dbackground.color[0] += vec3<T>(sum);
     }
-}
-
-/// Second stage: each splat sums its slots and carries the gradient through the projection.
-template <CpuBackend B, std::floating_point T>
-void project_splats_backward(B& backend, const Camera<T>& camera, const SplatView<const T>& splats,
-                             const RasterParams<T>& params, RasterCache<B, T>& cache,
-                             const SplatView<T>& dL_dsplats, Span<CameraGradient<T>> dL_dcamera) {
-    using namespace detail;
-    const std::size_t n = splats.size(), chunks = chunk_count(n, splat_grain);
-    const Camera<double> wide_camera = camera.template cast<double>();
-    const ProjectionParams<double> projection_params = params.template cast<double>();
-    const bool general = !dL_dcamera.empty() || params.compensate_opacity;
-    cache.screen_gradient_norms.resize(n);
-    cache.chunk_camera.resize(dL_dcamera.empty() ? 0 : chunks);
-
-    backend.for_chunks(n, splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        CameraGradient<double> chunk_camera;
-        ProjectionBackwardStage stage;
-        const auto flush = [&] {
-            if (general)
-                stage.template project_backward<true>(wide_camera, projection_params,
-                                                      dL_dcamera.empty() ? nullptr : &chunk_camera);
-            else
-                stage.template project_backward<false>(wide_camera, projection_params, nullptr);
-            for (std::size_t k = 0; k < stage.count; ++k) {
-                const std::size_t i = stage.splat[k];
-                cache.screen_gradient_norms[i] = static_cast<T>(std::sqrt(stage.norm_square[k]));
-                if (!dL_dsplats.means.empty())
-                    dL_dsplats.means[i] += vec3<T>(static_cast<T>(stage.dL_dmean_x[k]), static_cast<T>(stage.dL_dmean_y[k]),
-                                                   static_cast<T>(stage.dL_dmean_z[k]));
-                if (!dL_dsplats.covariances.empty())
-                    dL_dsplats.covariances[i] += sym3<T>{static_cast<T>(stage.dL_dxx[k]), static_cast<T>(stage.dL_dxy[k]),
-                                                         static_cast<T>(stage.dL_dxz[k]), static_cast<T>(stage.dL_dyy[k]),
-                                                         static_cast<T>(stage.dL_dyz[k]), static_cast<T>(stage.dL_dzz[k])};
-            }
-            stage.count = 0;
-        };
-        for (std::size_t i = begin; i < end; ++i) {
-            cache.screen_gradient_norms[i] = T(0);
-            if (!cache.visible[i]) continue;
-            T sum[slot_size<true>] = {};
-            for (std::size_t slot = cache.slot_begin[i]; slot < cache.slot_begin[i + 1]; ++slot)
-                for (std::size_t k = 0; k < cache.slot_size; ++k) sum[k] += cache.slots[slot * cache.slot_size + k];
-            const ScreenSplat<T>& s = cache.splats[i];
-            if (!dL_dsplats.opacities.empty()) {
-                const T factor = params.compensate_opacity ? s.opacity / splats.opacities[i] : T(1);
-                dL_dsplats.opacities[i] += sum[slot_g] / s.opacity * factor;
-            }
-            if (!dL_dsplats.colors.empty())
-                dL_dsplats.colors[i] += vec3<T>(sum[slot_red], sum[slot_green], sum[slot_blue]);
-            stage.add(i, splats, s, sum);
-            if (stage.count == stage.size) flush();
-        }
-        flush();
-        if (!dL_dcamera.empty()) cache.chunk_camera[chunk] = chunk_camera;
-    });
-    if (dL_dcamera.empty()) return;
-    CameraGradient<double> sum;
-    for (const CameraGradient<double>& share : cache.chunk_camera) sum += share;
-    CameraGradient<T>& out = dL_dcamera[0];
-    out += CameraGradient<T>{mat3<T>(sum.dL_dR), vec3<T>(sum.dL_dt), T(sum.dL_dfx),
-                             T(sum.dL_dfy),      T(sum.dL_dcx),      T(sum.dL_dcy)};
 }
 
 /// Adjoint of composite_forward; see Rasterizer::backward.

@@ -10,7 +10,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/prefetch.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
-#include <gsh/render/cpu/bin.hpp>
+#include <gsh/render/cpu/project.hpp>
 #include <gsh/render/raster_cache.hpp>
 
 #include <algorithm>
@@ -74,7 +74,8 @@ struct Batch {
     std::size_t size = 0;
 
     /// Takes the list's splats from `begin` on, and asks for those that come after them.
-    void load(Span<const ScreenSplat<T>> from, Span<const TileInstance> list, std::size_t begin, const TilePlace& tile) {
+    void load(Span<const ScreenSplat<T>> from, Span<const TileInstance> list, std::size_t begin,
+              const TilePlace& tile) {
         size = std::min(batch_size, list.size() - begin);
         const Span<const TileInstance> instances = list.subspan(begin, size);
         const std::size_t ahead = std::min(batch_size, list.size() - begin - size);
@@ -111,14 +112,16 @@ struct Batch {
 private:
     /// The splats' ellipses by member, for a loop over splats.
     struct Shapes {
-        alignas(64) float u[batch_size], v[batch_size], ux[batch_size], uy[batch_size], vy[batch_size], reach[batch_size];
+        alignas(64) float u[batch_size], v[batch_size], ux[batch_size], uy[batch_size], vy[batch_size];
+        alignas(64) float reach[batch_size];
     };
 
     /// The blocks of each row of blocks that the ellipse's extent between its first and last line of pixels meets: as
     /// horizontal_extent (tiles.hpp), in single precision with a margin, without branches.
     void find_blocks(Shapes& s) {
         const std::size_t padded = (size + 15) / 16 * 16; // whole registers, filled up with ellipses out of reach
-        for (std::size_t j = size; j < padded; ++j) s.u[j] = s.v[j] = 1e6f, s.ux[j] = s.uy[j] = s.vy[j] = 1, s.reach[j] = 0;
+        for (std::size_t j = size; j < padded; ++j)
+            s.u[j] = s.v[j] = 1e6f, s.ux[j] = s.uy[j] = s.vy[j] = 1, s.reach[j] = 0;
         for (std::size_t first = 0; first < padded; first += 16) {
             for (std::size_t l = 0; l < 16; ++l) {
                 const std::size_t j = first + l;

@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The rasterizer's first stage on the CPU: splats on the screen, and the tiles they touch.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/gaussian/splats.hpp>
+#include <gsh/render/cpu/arithmetic.hpp>
+#include <gsh/render/projection.hpp>
+#include <gsh/render/raster_cache.hpp>
+#include <gsh/render/tiles.hpp>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+namespace gsh::cpu {
+
+namespace detail {
+
+inline constexpr std::size_t splat_grain = 1024; // splats of one chunk of the per-splat passes
+
+/// Tiles are chosen a little too generously, so that rounding never loses a pixel to which the blend gives a say.
+[[nodiscard]] constexpr double generous(double cut) { return cut * 1.0001 + 1e-3; }
+
+template <std::floating_point T>
+[[nodiscard]] Ellipse<double> ellipse_of(const ScreenSplat<T>& s) {
+    return {s.center.x, s.center.y, s.w, generous(s.cut)};
+}
+
+/// Columns of tiles, as a half-open range, that the ellipse meets in a row of its rectangle.
+inline void cover_columns(const Ellipse<double>& ellipse, const TileCover& cover, int row, const TileGrid& grid,
+                          int& first, int& end) {
+    tile_columns(ellipse, row, grid, first, end);
+    first = std::max(first, int(cover.x0)); // the rectangle is rounded in another way
+    end = std::max(first, std::min(end, cover.x0 + cover.columns));
+}
+
+/// The tiles that the ellipse touches of the rectangle that holds it; returns their number.
+template <std::floating_point T>
+[[nodiscard]] std::uint32_t cover_tiles(const ScreenSplat<T>& splat, const TileRect& rect, const TileGrid& grid,
+                                        TileCover& cover) {
+    const int columns = rect.x1 - rect.x0, rows = rect.y1 - rect.y0;
+    cover = {0, static_cast<std::uint16_t>(rect.x0), static_cast<std::uint16_t>(rect.y0),
+             static_cast<std::uint16_t>(columns), static_cast<std::uint16_t>(rows)};
+    const bool small = columns <= 8 && rows <= 8;
+    if (small && (columns == 1 || rows == 1)) { // the bounding box touches the ellipse on every side: nothing to spare
+        constexpr std::uint64_t first_column = 0x0101010101010101ull;
+        cover.mask = ((1ull << columns) - 1) * (first_column >> (64 - 8 * rows));
+        return static_cast<std::uint32_t>(columns * rows);
+    }
+    const Ellipse<double> ellipse = ellipse_of(splat);
+    std::uint32_t count = 0;
+    for (int y = rect.y0; y < rect.y1; ++y) {
+        int first, end;
+        cover_columns(ellipse, cover, y, grid, first, end);
+        if (first == end) continue;
+        count += static_cast<std::uint32_t>(end - first);
+        if (small) cover.mask |= ((1ull << (end - first)) - 1) << (8 * (y - rect.y0) + first - rect.x0);
+    }
+    return count;
+}
+
+/// Some splats by member, in double, so that their projection is a loop over plain arrays.
+struct ProjectionStage {
+    static constexpr std::size_t size = 64;
+    alignas(64) double mean_x[size], mean_y[size], mean_z[size];
+    alignas(64) double xx[size], xy[size], xz[size], yy[size], yz[size], zz[size];
+    alignas(64) double opacity[size], cut[size]; // in; out compensated
+    alignas(64) double nonfinite[size];          // 0, or NaN
+    alignas(64) double x[size], y[size], depth[size], ux[size], uy[size], vy[size]; // out
+    alignas(64) double half_width[size], half_height[size]; // of the bounding box; negative if the splat is culled
+    alignas(64) int x0[size], y0[size], x1[size], y1[size]; // out: rectangle of tiles, empty if the splat is culled
+
+    template <std::floating_point T>
+    void load(const SplatView<const T>& splats, std::size_t first, std::size_t count, T alpha_min) {
+        for (std::size_t k = 0; k < count; ++k) {
+            const vec3<T>&m = splats.means[first + k], &c = splats.colors[first + k];
+            const sym3<T>& s = splats.covariances[first + k];
+            const T alpha = splats.opacities[first + k];
+            mean_x[k] = m.x, mean_y[k] = m.y, mean_z[k] = m.z;
+            xx[k] = s.xx, xy[k] = s.xy, xz[k] = s.xz, yy[k] = s.yy, yz[k] = s.yz, zz[k] = s.zz;
+            opacity[k] = alpha;
+            cut[k] = std::log2(alpha / alpha_min);
+            nonfinite[k] = static_cast<double>(c.x * T(0) + c.y * T(0) + c.z * T(0)); // finite: 0, else NaN
+        }
+    }
+
+    /// Compensate tells the compiler whether there will be a square root, which would cost the loop its vectors.
+    template <bool Compensate>
+    void project(const Camera<double>& camera, ProjectionParams<double> params, const TileGrid& grid,
+                 double alpha_min, double largest_cut, std::size_t count) {
+        params.compensate_opacity = Compensate;
+        for (std::size_t k = 0; k < count; ++k) {
+            const vec3<double> mean(mean_x[k], mean_y[k], mean_z[k]);
+            const sym3<double> covariance{xx[k], xy[k], xz[k], yy[k], yz[k], zz[k]};
+            const Projection<double> p = gsh::project(camera, mean, covariance, params);
+            nonfinite[k] += mean.x * 0.0 + mean.y * 0.0 + mean.z * 0.0 + covariance.xx * 0.0 + covariance.xy * 0.0 +
+                            covariance.xz * 0.0 + covariance.yy * 0.0 + covariance.yz * 0.0 + covariance.zz * 0.0 +
+                            opacity[k] * 0.0;
+            if constexpr (Compensate) {
+                opacity[k] *= p.opacity_factor;
+                cut[k] = std::log2(opacity[k] / alpha_min);
+            }
+            cut[k] = cut[k] < largest_cut ? cut[k] : largest_cut;
+
+            constexpr double largest = std::numeric_limits<double>::max();
+            const double det = determinant(p.covariance);
+            const bool kept = p.in_front & (opacity[k] >= alpha_min) & (p.covariance.xx > 0) & (p.covariance.yy > 0) &
+                              (det > 0) & (det <= largest) & (std::fabs(p.center.x) <= largest) &
+                              (std::fabs(p.center.y) <= largest);
+            const Whitening<double> w =
+                whiten(p.covariance, inverse_sqrt(p.covariance.yy), inverse_sqrt(det));
+            x[k] = p.center.x, y[k] = p.center.y, depth[k] = p.depth;
+            ux[k] = w.ux, uy[k] = w.uy, vy[k] = w.vy;
+
+            const double reach = generous(cut[k]);
+            const double width = squared_extent(reach, p.covariance.xx);
+            const double height = squared_extent(reach, p.covariance.yy);
+            const double box_width = width * inverse_sqrt(width), box_height = height * inverse_sqrt(height);
+            half_width[k] = kept ? box_width : -1.0;
+            half_height[k] = kept ? box_height : -1.0;
+        }
+        for (std::size_t k = 0; k < count; ++k) {
+            const TileRect rect = tile_rect(x[k], y[k], half_width[k], half_height[k], grid);
+            x0[k] = rect.x0, y0[k] = rect.y0, x1[k] = rect.x1, y1[k] = rect.y1;
+        }
+    }
+
+    template <std::floating_point T>
+    [[nodiscard]] ScreenSplat<T> splat(std::size_t k, const vec3<T>& color) const {
+        return {{x[k], y[k]}, {ux[k], uy[k], vy[k]}, static_cast<T>(opacity[k]), static_cast<T>(depth[k]), color,
+                static_cast<T>(cut[k])};
+    }
+};
+
+} // namespace detail
+
+/// First stage: screen splats, their tiles, their gradient slots, and the visible ones as sort items.
+/// Returns false, having reported why in cache.status, if there is something to refuse.
+template <CpuBackend B, std::floating_point T>
+[[nodiscard]] bool project_splats(B& backend, const Camera<T>& camera, const SplatView<const T>& splats,
+                                  const RasterParams<T>& params, RasterCache<B, T>& cache) {
+    using Key = typename RasterCache<B, T>::Key;
+    const std::size_t n = splats.size(), chunks = chunk_count(n, detail::splat_grain);
+    cache.splat_count = n;
+    cache.grid = {camera.width, camera.height};
+    cache.status.resize(1);
+    cache.visible.resize(n);
+    cache.splats.resize(n);
+    cache.covers.resize(n);
+    cache.slot_begin.resize(n + 1);
+    cache.items.resize(n);
+    cache.items_scratch.resize(n);
+    cache.chunk_status.resize(chunks);
+
+    const Camera<double> wide_camera = camera.template cast<double>();
+    const ProjectionParams<double> projection_params = params.template cast<double>();
+    const double alpha_min = params.alpha_min;
+    constexpr double largest_cut = sizeof(T) == 4 ? 120 : 1000; // where exp2_minus ends; far beyond any opacity up to 1
+    backend.for_chunks(n, detail::splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+        RasterStatus status;
+        // First the arithmetic for some splats, then what forks on its results: a wrong guess does not wait for it.
+        detail::ProjectionStage stage;
+        for (std::size_t first = begin; first < end; first += stage.size) {
+            const std::size_t count = std::min(stage.size, end - first);
+            stage.load(splats, first, count, params.alpha_min);
+            if (params.compensate_opacity)
+                stage.project<true>(wide_camera, projection_params, cache.grid, alpha_min, largest_cut, count);
+            else
+                stage.project<false>(wide_camera, projection_params, cache.grid, alpha_min, largest_cut, count);
+            for (std::size_t k = 0; k < count; ++k) {
+                const std::size_t i = first + k;
+                const TileRect rect{stage.x0[k], stage.y0[k], stage.x1[k], stage.y1[k]};
+                std::uint32_t tiles = 0;
+                if (!(stage.nonfinite[k] == 0)) {
+                    if (status.nonfinite++ == 0) status.first_nonfinite = static_cast<std::uint32_t>(i);
+                } else if (!rect.empty()) {
+                    cache.splats[i] = stage.splat(k, splats.colors[i]);
+                    tiles = detail::cover_tiles(cache.splats[i], rect, cache.grid, cache.covers[i]);
+                }
+                cache.visible[i] = tiles != 0;
+                cache.slot_begin[i] = static_cast<std::uint32_t>(status.pairs);
+                status.pairs += tiles;
+                if (tiles == 0) continue;
+                const Key key = std::bit_cast<Key>(cache.splats[i].depth); // positive floats sort like their bits
+                cache.items_scratch[begin + status.visible++] = {key, static_cast<std::uint32_t>(i)};
+            }
+        }
+        cache.chunk_status[chunk] = status;
+    });
+
+    RasterStatus total;
+    for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+        RasterStatus& status = cache.chunk_status[chunk];
+        if (total.nonfinite == 0) total.first_nonfinite = status.first_nonfinite;
+        total.nonfinite += status.nonfinite;
+        const RasterStatus here = status;
+        status.pairs = total.pairs, status.visible = total.visible; // now: what came before
+        total.pairs += here.pairs, total.visible += here.visible;
+    }
+    cache.status[0] = total;
+    if (total.nonfinite != 0 || total.pairs > params.max_pairs) {
+        cache.splat_count = 0, cache.grid = {}; // so that backward does not mistake it for a forward pass
+        return false;
+    }
+
+    cache.slot_begin[n] = static_cast<std::uint32_t>(total.pairs);
+    backend.for_chunks(n, detail::splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+        const RasterStatus& before = cache.chunk_status[chunk];
+        const auto base = static_cast<std::uint32_t>(before.pairs);
+        for (std::size_t i = begin; i < end; ++i) cache.slot_begin[i] += base;
+        const std::size_t next = chunk + 1 < chunks ? cache.chunk_status[chunk + 1].visible : total.visible;
+        std::copy_n(cache.items_scratch.data() + begin, next - before.visible, cache.items.data() + before.visible);
+    });
+    return true;
+}
+
+} // namespace gsh::cpu
