@@ -22,7 +22,9 @@ class Renderer {
 public:
     using Backend = cpu::Threads;
 
-    explicit Renderer(Backend& backend) : backend_(&backend), rasterizer_(backend) {}
+    /// The filter is the scene's: an avatar's file says it, a plain PLY was made for the usual one.
+    explicit Renderer(Backend& backend, const PixelFilter& filter = {})
+        : backend_(&backend), rasterizer_(backend, raster_params<float>(filter)) {}
 
     /// An avatar in a frame of a motion.
     Image<float> render(const Avatar<Backend>& avatar, const Motion& motion, std::size_t frame, const Camera<double>& camera,

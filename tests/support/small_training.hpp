@@ -109,7 +109,7 @@ struct SmallTraining {
                                  std::vector<double>(scene->body.vertex_count(), 12.0), seed)),
           rig(make_rig(scene->body, scene->betas, samples)),
           model(backend, rig, samples, seed, {.hash_base = 4, .hash_growth = 2, .hash_table_size = 1024, .mlp_width = 16, .mlp_hidden_layers = 1}),
-          trainer(backend, model, scene->photos, scene->motion, seed, {.rates = {.sh = 5e-3}}) {}
+          trainer(backend, model, scene->photos, scene->motion, seed, {.rates = {.quats = 0, .sh = 5e-3}}) {}
     SmallTraining(const SmallTraining&) = delete;
 
     /// All parameters, one after the other.

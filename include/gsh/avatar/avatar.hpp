@@ -23,6 +23,7 @@ struct AvatarData {
     RigData rig;
     GaussianCloud<float> gaussians;
     ColorClamp clamping = ColorClamp::both;
+    PixelFilter filter = {}; ///< for the rasterizer that draws it
 };
 
 /// Poses an avatar. The parameter fields were queried when it was made, so a frame costs skinning and shading alone.

@@ -12,6 +12,12 @@
 
 namespace gsh {
 
+/// How a splat meets the pixel grid; what a scene was trained with is part of the scene.
+struct PixelFilter {
+    double dilation = 0.3;           ///< square pixels, added to both variances of a projected splat
+    bool compensate_opacity = false; ///< keep a splat's total weight when the dilation widens it
+};
+
 /// Views of N Gaussians in world space; `SplatView<const T>` is an input, `SplatView<T>` an output or a gradient.
 ///
 /// Shapes  means [N], covariances [N], opacities [N], colors [N] RGB.

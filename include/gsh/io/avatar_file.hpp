@@ -40,6 +40,8 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     file.add_rows<float>("sh", g.sh);
     file.add("sh_degree", std::int32_t(g.sh_degree));
     file.add("clamp_above", std::int32_t(avatar.clamping == ColorClamp::both));
+    file.add("dilation", avatar.filter.dilation);
+    file.add("compensate_opacity", std::int32_t(avatar.filter.compensate_opacity));
     file.commit();
 }
 
@@ -66,6 +68,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     g.sh = file.read_rows<float, vec3<float>>("sh");
     g.sh_degree = file.read_number<std::int32_t>("sh_degree");
     avatar.clamping = file.read_number<std::int32_t>("clamp_above") ? ColorClamp::both : ColorClamp::below;
+    avatar.filter = {file.read_number<double>("dilation"), file.read_number<std::int32_t>("compensate_opacity") != 0};
 
     const std::string where = path.string();
     check_value(g.sh_degree >= 0 && g.sh_degree <= 4, where, "sh_degree is " + std::to_string(g.sh_degree) + ", expected 0 to 4");
@@ -74,6 +77,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     check_skin(where, rig.skin.view(), rig.point_count());
     for (const std::uint16_t joint : rig.skin.joints)
         check_value(joint < rig.joint_count(), where, "skin_joints names joint " + std::to_string(joint) + ", the body has " + std::to_string(rig.joint_count()));
+    check_value(avatar.filter.dilation >= 0 && avatar.filter.dilation < 1e6, where, "dilation must be square pixels, not negative");
     check_finite<float>(where, "means", view_as<const float>(Span<const vec3<float>>(g.means)));
     check_finite<float>(where, "sh", view_as<const float>(Span<const vec3<float>>(g.sh)));
     check_finite<float>(where, "log_scales", view_as<const float>(Span<const vec3<float>>(g.log_scales)));

@@ -181,14 +181,14 @@ public:
     }
 
     /// The avatar as it is now, for files and for Avatar: `rig` with the learned joints, and the canonical Gaussians of
-    /// the last update_canonical.
-    [[nodiscard]] AvatarData avatar(RigData rig) const
+    /// the last update_canonical. `filter` is what they were trained with.
+    [[nodiscard]] AvatarData avatar(RigData rig, const PixelFilter& filter) const
         requires std::same_as<T, float>
     {
         std::vector<vec3<T>> learned(rig.joint_count());
         backend_->download(joints(), Span<vec3<T>>(learned));
         for (std::size_t j = 0; j < learned.size(); ++j) rig.joints[j] = vec3<double>(learned[j]);
-        return {std::move(rig), canonical_gaussians(), config_.clamping};
+        return {std::move(rig), canonical_gaussians(), config_.clamping, filter};
     }
 
     /// Learned joints [J] in the backend's memory.

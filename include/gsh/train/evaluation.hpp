@@ -22,14 +22,12 @@ struct ImageScore {
     double psnr_person = 0; ///< decibels over the pixels whose true alpha exceeds 1/2
 };
 
-/// Means over images, as tables print them.
+/// Means over images, as tables print them; NaN if there are none.
 [[nodiscard]] inline ImageScore mean_score(const std::vector<ImageScore>& scores) {
     ImageScore mean{.name = "mean"};
-    for (const ImageScore& score : scores) {
-        mean.psnr += score.psnr / static_cast<double>(scores.size());
-        mean.ssim += score.ssim / static_cast<double>(scores.size());
-        mean.psnr_person += score.psnr_person / static_cast<double>(scores.size());
-    }
+    for (const ImageScore& score : scores)
+        mean.psnr += score.psnr, mean.ssim += score.ssim, mean.psnr_person += score.psnr_person;
+    for (double* sum : {&mean.psnr, &mean.ssim, &mean.psnr_person}) *sum /= static_cast<double>(scores.size());
     return mean;
 }
 

@@ -13,7 +13,6 @@
 #include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
-#include <gsh/optim/schedule.hpp>
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/parameters.hpp>
@@ -21,6 +20,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -44,11 +44,11 @@ struct Photo {
 /// Steps of gradient descent per group, metres or unitless as the group is.
 struct LearningRates {
     double joints = 5e-4;
-    double quats = 0;
-    double log_scales = 1e-3;
+    double quats = 1e-3;
+    double log_scales = 5e-3;
     double opacity_logits = 0.05;
-    double displacement = 1e-4; ///< table and network of the displacement field
-    double sh = 5e-4;           ///< table and network of the colour field
+    double displacement = 5e-4; ///< table and network of the displacement field
+    double sh = 2e-3;           ///< table and network of the colour field
 
     [[nodiscard]] double operator[](ParameterGroup group) const {
         switch (group) {
@@ -67,13 +67,19 @@ struct LearningRates {
 
 struct TrainConfig {
     LearningRates rates;
-    std::int64_t decay_steps = 0;              ///< all rates fall to `final_rate` of themselves over so many steps; 0: never
-    double final_rate = 0.1;                   ///< small last steps average out what single photographs pull at
+    double final_rate = 0.1; ///< share of its rate that each group ends with: small last steps average out single photographs
     double ssim_weight = 0.2;
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, in training and in test
-    double dilation = 0.3;                     ///< square pixels, the rasterizer's low-pass filter
-    bool compensate_opacity = false;           ///< keep a splat's total weight when the filter widens it
+    PixelFilter filter{.dilation = 0.1, .compensate_opacity = true}; ///< about what photographs have: 0.14 px² less a pixel's own box
 };
+
+/// Rates and filter of the direct baseline (Liu et al., "Animatable 3D Gaussian", 2024, its code): slow fields, frozen
+/// rotations, no decay. What TrainConfig has instead is measured against these in docs/quality.md.
+[[nodiscard]] inline TrainConfig baseline_config() {
+    return {.rates = {.joints = 5e-4, .quats = 0, .log_scales = 1e-3, .opacity_logits = 0.05, .displacement = 1e-4, .sh = 5e-4},
+            .final_rate = 1,
+            .filter = {.dilation = 0.3, .compensate_opacity = false}};
+}
 
 /// Where a step spends its time.
 enum class Stage : std::size_t { photo, field_forward, pose, render, loss, render_backward, model_backward, update };
@@ -95,7 +101,7 @@ public:
     Trainer(B& backend, Model& model, std::vector<Photo> photos, const Motion& motion, std::uint64_t seed,
             const TrainConfig& config = {})
         : backend_(&backend), model_(&model), photos_(std::move(photos)), motion_(&motion), seed_(seed),
-          config_(config), rasterizer_(backend, raster_params(config)),
+          config_(config), rasterizer_(backend, raster_params<T>(config.filter)),
           loss_(backend, {.ssim_weight = T(config.ssim_weight)}) {
         check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
         for (const Photo& photo : photos_) check_photo(photo);
@@ -129,8 +135,9 @@ public:
         return order_[step % photos_.size()];
     }
 
-    /// Takes one step.
-    void step() {
+    /// Takes one step. progress in [0, 1] is the share of the whole run that is over: learning rates fall geometrically
+    /// with it, to TrainConfig::final_rate. A run that is to be repeatable counts steps for it, not seconds.
+    void step(double progress = 0) {
         const Photo& photo = photos_[photo_of_step(step_count_)];
         time(Stage::photo, [&] { upload_photo(photo); });
         time(Stage::field_forward, [&] { model_->update_canonical(model_cache_); });
@@ -159,7 +166,7 @@ public:
         time(Stage::model_backward, [&] {
             model_->backward(pose_, camera.center(), std::as_const(dL_dsplats_).view(), model_cache_, gradient_);
         });
-        time(Stage::update, [&] { update(); });
+        time(Stage::update, [&] { update(progress); });
     }
 
     /// Loss of the last step; waits for it.
@@ -212,13 +219,6 @@ public:
     void set_step_count(std::uint64_t steps) { step_count_ = steps; }
 
 private:
-    static RasterParams<T> raster_params(const TrainConfig& config) {
-        RasterParams<T> params;
-        params.dilation = T(config.dilation);
-        params.compensate_opacity = config.compensate_opacity;
-        return params;
-    }
-
     void check_photo(const Photo& photo) const {
         check_value(photo.frame < motion_->frame_count(), "Trainer",
                     photo.name + " is of frame " + std::to_string(photo.frame) + ", the motion has " +
@@ -263,15 +263,14 @@ private:
     }
 
     /// A step of Adam for every group that learns; the gradients are zero afterwards.
-    void update() {
+    void update(double progress) {
         ++step_count_;
         ++timed_steps_;
         const auto number = static_cast<std::int64_t>(step_count_);
+        const double decay = std::pow(config_.final_rate, std::clamp(progress, 0.0, 1.0));
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
             const auto group = static_cast<ParameterGroup>(g);
-            const double rate = Schedule::exponential(config_.rates[group], config_.rates[group] * config_.final_rate,
-                                                      config_.decay_steps)
-                                    .rate(number - 1);
+            const double rate = config_.rates[group] * decay;
             const Span<T> parameters = model_->parameters()[group], gradients = gradient_[group];
             if (rate == 0)
                 backend_->fill(gradients, T(0));
