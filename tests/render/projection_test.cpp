@@ -19,7 +19,8 @@ Camera<double> make_camera(test::Rng& rng) {
 }
 
 sym3<double> make_covariance(test::Rng& rng, double size) {
-    return gram(mat3<double>(rng.vec() * size, rng.vec() * size, rng.vec() * size));
+    const auto columns = rng.vecs(3);
+    return gram(mat3<double>(columns[0] * size, columns[1] * size, columns[2] * size));
 }
 
 /// A random linear function of everything that project returns.

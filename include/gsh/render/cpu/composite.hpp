@@ -25,8 +25,10 @@ struct alignas(64) BlendBlock {
 
 /// Blends one splat into one block:  C += T alpha c,  T *= 1 - alpha,  unless that would take T below the limit.
 template <bool Depth, class T>
-inline void blend(const TileSplat<T> s, const BlendLimits<T> limits, const Lanes<T>& x, const Lanes<T>& y,
+inline void blend(const TileSplat<T>& splat, const BlendLimits<T>& bounds, const Lanes<T>& x, const Lanes<T>& y,
                   BlendBlock<T>& __restrict block) {
+    const TileSplat<T> s = splat; // copies, which nothing written here can change
+    const BlendLimits<T> limits = bounds;
     for (std::size_t l = 0; l < block_lanes; ++l) {
         const T before = block.product[l];
         const BlendStep<T> step(s, limits, x[l], y[l], before);

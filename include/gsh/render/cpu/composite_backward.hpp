@@ -34,8 +34,11 @@ struct alignas(64) SlotSums {
 
 /// Takes one splat's share of the gradient in one block. The first block of a splat sets the sums, others add.
 template <bool Depth, bool First, class T>
-inline void blend_backward(const TileSplat<T> s, const BlendLimits<T> limits, const Lanes<T>& x, const Lanes<T>& y,
-                           GradientBlock<T>& __restrict block, SlotSums<Depth, T>& __restrict sums) {
+inline void blend_backward(const TileSplat<T>& splat, const BlendLimits<T>& bounds, const Lanes<T>& x,
+                           const Lanes<T>& y, GradientBlock<T>& __restrict block,
+                           SlotSums<Depth, T>& __restrict sums) {
+    const TileSplat<T> s = splat; // copies, which nothing written here can change
+    const BlendLimits<T> limits = bounds;
     for (std::size_t l = 0; l < block_lanes; ++l) {
         const T before = block.product[l];
         const BlendStep<T> step(s, limits, x[l], y[l], before);
