@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-animate: an avatar in a motion that it was not trained on, frame by frame.
 
+#include "support/framing.hpp"
+#include "support/output_folder.hpp"
 #include "support/program.hpp"
 #include "support/progress.hpp"
 #include "support/renderer.hpp"
@@ -13,7 +15,6 @@
 #include <gsh/io/image_file.hpp>
 #include <gsh/io/motion_file.hpp>
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdio>
@@ -35,20 +36,20 @@ struct AnimateOptions {
     std::size_t threads = 0;
 };
 
-/// A camera in front of the body that sees all of it in every frame.
+/// A camera in front of the body that sees all of it in every frame, and as large as that allows.
 Camera<double> frame_motion(const RigData& rig, const Motion& motion, int size) {
-    vec3<double> low(1e30), high(-1e30);
-    for (std::size_t f = 0; f < motion.frame_count(); ++f) {
-        const PosedBody posed = pose_body(rig.body, motion.pose_at(f), motion.transl[f], rig.betas, motion.expression_at(f), rig.joints);
-        for (const vec3<double>& vertex : posed.vertices)
-            for (int axis = 0; axis < 3; ++axis) {
-                low[axis] = std::min(low[axis], vertex[axis]);
-                high[axis] = std::max(high[axis], vertex[axis]);
-            }
-    }
-    constexpr double margin = 1.05; // for hair and cloth that stand off the body
-    const double radius = margin * 0.5 * length(high - low);
-    return frame_sphere<double>((low + high) * 0.5, radius, {0, 0.1, 1}, {0, 1, 0}, 30 * std::numbers::pi / 180, size, size);
+    // Joints as training left them, moved on to the motion's shape.
+    const auto regressed = [&](const std::vector<double>& betas) {
+        return regress_joints(rig.body, shaped_vertices(rig.body, betas));
+    };
+    std::vector<vec3<double>> joints = rig.joints, from = regressed(rig.betas), to = regressed(motion.betas);
+    for (std::size_t j = 0; j < joints.size(); ++j) joints[j] += to[j] - from[j];
+
+    constexpr double field_of_view = 30 * std::numbers::pi / 180;
+    Framing framing(look_at<double>({0, 0.1, 1}, {0, 0, 0}, {0, 1, 0}, field_of_view, size, size));
+    for (std::size_t f = 0; f < motion.frame_count(); ++f)
+        framing.add(pose_body(rig.body, motion.pose_at(f), motion.transl[f], motion.betas, motion.expression_at(f), joints).vertices);
+    return framing.camera();
 }
 
 int animate(const AnimateOptions& options) {
@@ -60,20 +61,22 @@ int animate(const AnimateOptions& options) {
     for (const std::string& warning : warnings) warn(warning);
     cpu::Threads backend(options.threads);
     const Avatar<cpu::Threads> avatar(backend, data);
-    Renderer renderer(backend);
-    make_folder(options.out);
+    Renderer renderer(backend, data.filter);
+    OutputFolder out(options.out);
     watch_interrupts();
     Progress progress("animating");
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
-    for (std::size_t f = 0; f < motion.frame_count() && !interrupted; ++f) {
+    std::size_t done = 0;
+    for (; done < motion.frame_count() && !interrupted; ++done) {
         char name[32];
-        std::snprintf(name, sizeof name, "%04zu.png", f);
-        write_png(options.out / name, renderer.render(avatar, motion, f, camera, background));
-        progress.show(static_cast<double>(f + 1) / static_cast<double>(motion.frame_count()), "frame " + std::to_string(f));
+        std::snprintf(name, sizeof name, "%04zu.png", done);
+        write_png(out.file(name), renderer.render(avatar, motion, done, camera, background));
+        progress.show(static_cast<double>(done + 1) / static_cast<double>(motion.frame_count()), "frame " + std::to_string(done));
     }
     progress.finish();
-    std::printf("%zu frames in %s\n", motion.frame_count(), options.out.c_str());
-    return interrupted ? exit_interrupted : exit_done;
+    out.commit();
+    std::printf("%zu of %zu frames in %s\n", done, motion.frame_count(), options.out.c_str());
+    return done < motion.frame_count() ? exit_interrupted : exit_done;
 }
 
 } // namespace
@@ -87,7 +90,7 @@ int main(int argc, char** argv) {
     app.add_option("--camera-name", options.camera_name, "which entry, if the file holds several cameras");
     app.add_option("--size", options.size, "pixels of the square image without --camera (default 540)")->check(CLI::Range(16, 8192));
     app.add_option("--out", options.out, "folder for the frames")->required();
-    app.add_option("--background", options.background, "red green blue in [0, 1] (default white)");
-    app.add_option("--threads", options.threads, "CPU threads (default: all)");
+    add_background(app, options.background, "white");
+    add_threads(app, options.threads);
     return run_program(app, argc, argv, [&] { return animate(options); });
 }

@@ -6,6 +6,7 @@
 /// 3. Train, with a checkpoint every few seconds.
 /// 4. Judge on the test views, and write what was found.
 
+#include "support/output_folder.hpp"
 #include "support/program.hpp"
 #include "support/progress.hpp"
 #include "support/reconstruction.hpp"
@@ -49,14 +50,14 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
                                    : static_cast<double>(trainer.step_count()) / static_cast<double>(options.steps);
     };
     while (fraction() < 1 && !interrupted) {
-        trainer.step();
+        trainer.step(fraction());
         record.steps = trainer.step_count();
         record.seconds = seconds_before + since(start) - paused;
         const auto pause = Clock::now();
         if (record.wants_sample()) record.add_sample(trainer.last_loss().loss, trainer.last_psnr());
         progress.show(fraction(), status_text(record, static_cast<double>(record.steps - steps_before) /
                                                           (record.seconds - seconds_before)));
-        if (since(last_checkpoint) > checkpoint_interval_seconds) {
+        if (since(last_checkpoint) > options.checkpoint_interval) {
             checkpoint();
             last_checkpoint = Clock::now();
         }
@@ -68,27 +69,26 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
 int reconstruct(const ReconstructOptions& options) {
     cpu::Threads backend(options.threads);
     const Source source = load_source(backend, options);
-    for (const std::string& warning : source.warnings) warn(warning);
-
     Reconstruction reconstruction(backend, source, options);
     TrainingRecord record;
     if (options.resume) load_checkpoint(options, reconstruction, record);
-    make_folder(options.out);
+    OutputFolder out(options.out);
+    for (const std::string& warning : source.warnings) warn(warning);
     std::printf("%zu Gaussians, %zu training and %zu test images, %zu threads\n", reconstruction.model.size(),
                 reconstruction.trainer.photos().size(), reconstruction.test_photos.size(), backend.thread_count());
     std::fflush(stdout);
 
     watch_interrupts();
     train(reconstruction, options, record);
-    if (interrupted) {
+    const auto mean = write_results(out, options, source, reconstruction, record);
+    if (!mean) {
         std::fprintf(stderr, "stopped after step %llu; --resume continues from there\n",
                      static_cast<unsigned long long>(record.steps));
         return exit_interrupted;
     }
-    const ImageScore mean = write_results(options, source, reconstruction, record);
-    std::printf("%llu steps in %.1f s: PSNR %.2f dB, SSIM %.4f, PSNR on the person %.2f dB\nresults in %s\n",
-                static_cast<unsigned long long>(record.steps), record.seconds, mean.psnr, mean.ssim, mean.psnr_person,
-                options.out.c_str());
+    std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s, PSNR on the person %s dB\nresults in %s\n",
+                static_cast<unsigned long long>(record.steps), record.seconds, fixed(mean->psnr, 2).c_str(),
+                fixed(mean->ssim, 4).c_str(), fixed(mean->psnr_person, 2).c_str(), options.out.c_str());
     return exit_done;
 }
 

@@ -5,6 +5,7 @@
 #include "support/renderer.hpp"
 
 #include <gsh/backend/threads.hpp>
+#include <gsh/io/atomic_file.hpp>
 #include <gsh/io/avatar_file.hpp>
 #include <gsh/io/camera_file.hpp>
 #include <gsh/io/image_file.hpp>
@@ -42,22 +43,38 @@ void write_pixels(const std::filesystem::path& path, const Image<float>& image) 
     write_npy<float>(path, pixels, {static_cast<std::size_t>(image.height), static_cast<std::size_t>(image.width), 3});
 }
 
+/// The motion whose frame is wanted, and what is suspicious about it.
+Motion motion_of(const RenderOptions& options, const AvatarData& avatar) {
+    std::vector<std::string> warnings;
+    const Motion motion = options.poses.empty() ? rest_motion(avatar.rig)
+                                                : load_motion(options.poses, avatar.rig.body, {}, &warnings);
+    for (const std::string& warning : warnings) warn(warning);
+    check_value(options.frame < motion.frame_count(), "--frame " + std::to_string(options.frame),
+                options.poses.empty() ? "needs --poses" : "is beyond " + options.poses.string() + ", which holds " +
+                                                              std::to_string(motion.frame_count()) + " frames, from 0");
+    return motion;
+}
+
 int render(const RenderOptions& options) {
+    const bool avatar_file = options.scene.extension() == ".gsh";
+    check_value(avatar_file || (options.poses.empty() && options.frame == 0), options.scene.string(),
+                "--poses and --frame are for avatars (.gsh)");
     const Camera<double> camera = read_camera(options.camera, options.camera_name).camera;
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
     cpu::Threads backend(options.threads);
-    Renderer renderer(backend);
     Image<float> picture;
-    if (options.scene.extension() == ".gsh") {
+    if (avatar_file) {
         const AvatarData data = load_avatar(options.scene);
-        const Motion motion = options.poses.empty() ? rest_motion(data.rig) : load_motion(options.poses, data.rig.body);
+        const Motion motion = motion_of(options, data);
         const Avatar<cpu::Threads> avatar(backend, data);
-        picture = renderer.render(avatar, motion, options.frame, camera, background);
+        picture = Renderer(backend, data.filter).render(avatar, motion, options.frame, camera, background);
     } else {
-        picture = renderer.render(read_gaussian_ply(options.scene), camera, background);
+        picture = Renderer(backend).render(read_gaussian_ply(options.scene), camera, background);
     }
-    write_png(options.out, picture);
+    AtomicFile png(options.out); // both files or none
+    png.write(encode_png(quantise(picture.view())));
     if (!options.npy.empty()) write_pixels(options.npy, picture);
+    png.commit(Sync::none);
     return exit_done;
 }
 
@@ -68,12 +85,12 @@ int main(int argc, char** argv) {
     CLI::App app("Renders a 3DGS scene or an avatar.", "gsh-render");
     app.add_option("scene", options.scene, "SCENE.ply (standard 3DGS) or AVATAR.gsh")->required();
     app.add_option("--poses", options.poses, "motion (.npz) for an avatar; without it, the canonical pose");
-    app.add_option("--frame", options.frame, "frame of the motion (default 0)");
+    app.add_option("--frame", options.frame, "frame of the motion (default 0)")->check(not_negative());
     app.add_option("--camera", options.camera, "CAMERA.json: width, height, K, R, t")->required();
     app.add_option("--camera-name", options.camera_name, "which entry, if the file holds several cameras");
     app.add_option("--out", options.out, "IMAGE.png")->required();
     app.add_option("--npy", options.npy, "IMAGE.npy: the same as floats (height, width, 3), not rounded");
-    app.add_option("--background", options.background, "red green blue in [0, 1] (default black)");
-    app.add_option("--threads", options.threads, "CPU threads (default: all)");
+    add_background(app, options.background, "black");
+    add_threads(app, options.threads);
     return run_program(app, argc, argv, [&] { return render(options); });
 }

@@ -6,14 +6,16 @@
 
 #include <CLI/CLI.hpp>
 
+#include <array>
 #include <atomic>
+#include <cctype>
 #include <csignal>
+#include <cstddef>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
-#include <filesystem>
 #include <new>
 #include <string>
-#include <system_error>
 
 namespace gsh::examples {
 
@@ -23,39 +25,74 @@ enum Exit { exit_done = 0, exit_bad_input = 2, exit_interrupted = 130 };
 /// Set by Ctrl-C (SIGINT) and SIGTERM once `watch_interrupts` was called.
 inline std::atomic<bool> interrupted{false};
 
+/// From here on the first Ctrl-C asks the program to end in good order; a second one ends it at once.
 inline void watch_interrupts() {
-    const auto note = [](int) { interrupted = true; };
+    const auto note = [](int signal) {
+        interrupted = true;
+        std::signal(signal, SIG_DFL);
+    };
     std::signal(SIGINT, note);
     std::signal(SIGTERM, note);
+}
+
+/// A message that stays on its line, whatever file names and libraries put into it.
+inline std::string one_line(std::string text) {
+    for (char& c : text)
+        if (std::iscntrl(static_cast<unsigned char>(c))) c = ' ';
+    return text;
 }
 
 /// Parses the command line, runs the work, and turns every failure into one line on standard error.
 template <class Work>
 int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
+    const auto refuse = [&](const std::string& message) {
+        std::fprintf(stderr, "%s: %s\n", app.get_name().c_str(), one_line(message).c_str());
+        return exit_bad_input;
+    };
     std::signal(SIGXFSZ, SIG_IGN); // a limit on file sizes comes back as an error of write, with a message
     try {
         app.parse(argc, argv);
-    } catch (const CLI::ParseError& error) {
-        return app.exit(error) == 0 ? exit_done : exit_bad_input;
-    }
-    try {
         return work();
+    } catch (const CLI::ParseError& error) {
+        if (error.get_exit_code() == 0) return app.exit(error); // --help
+        return refuse(std::string(error.what()) + "; --help lists all options");
     } catch (const std::bad_alloc&) {
-        std::fprintf(stderr, "%s: out of memory\n", app.get_name().c_str());
+        return refuse("out of memory");
     } catch (const std::exception& error) {
-        std::fprintf(stderr, "%s: %s\n", app.get_name().c_str(), error.what());
+        return refuse(error.what());
     }
-    return exit_bad_input;
 }
 
-/// Creates a folder for results, or says why not.
-inline void make_folder(const std::filesystem::path& folder) {
-    std::error_code error;
-    std::filesystem::create_directories(folder, error);
-    if (error || !std::filesystem::is_directory(folder))
-        throw IoError(folder.string() + ": cannot be created: " + (error ? error.message() : "a file is in the way"));
+inline void warn(const std::string& message) { std::fprintf(stderr, "warning: %s\n", one_line(message).c_str()); }
+
+/// Numbers that an option takes: those for which `fits` holds, "expected" says which.
+template <class Condition>
+CLI::Validator numbers(const Condition& fits, const std::string& expected) {
+    const auto complaint = [=](std::string& text) {
+        char* end = nullptr;
+        const double value = std::strtod(text.c_str(), &end);
+        const bool good = end != text.c_str() && *end == '\0' && fits(value);
+        return good ? std::string() : "'" + text + "' is not " + expected;
+    };
+    return {complaint, ""};
 }
 
-inline void warn(const std::string& message) { std::fprintf(stderr, "warning: %s\n", message.c_str()); }
+inline CLI::Validator above_zero() {
+    return numbers([](double value) { return value > 0; }, "a number above 0");
+}
+inline CLI::Validator not_negative() {
+    return numbers([](double value) { return value >= 0; }, "0 or more");
+}
+
+/// The option --threads; 0 stands for all of the machine's.
+inline void add_threads(CLI::App& app, std::size_t& threads) {
+    app.add_option("--threads", threads, "CPU threads (default: all)")->check(CLI::Range(1, 1024));
+}
+
+/// The option --background r g b.
+inline void add_background(CLI::App& app, std::array<double, 3>& background, const std::string& by_default) {
+    app.add_option("--background", background, "red green blue in [0, 1] (default " + by_default + ")")
+        ->check(numbers([](double value) { return value >= 0 && value <= 1; }, "from 0 to 1"));
+}
 
 } // namespace gsh::examples

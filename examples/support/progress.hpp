@@ -25,14 +25,16 @@ public:
         const auto now = Clock::now();
         const auto pause = terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(10000);
         if (shown_ && fraction < 1 && now - last_ < pause) return;
+        if (!shown_) start_ = now, first_ = fraction; // a resumed job does not begin at 0
         last_ = now;
         shown_ = true;
-        const double seconds = std::chrono::duration<double>(now - start_).count();
-        const double left = fraction > 0 ? seconds * (1 - fraction) / fraction : 0;
-        const int filled = static_cast<int>(fraction * bar_width);
+        const double seconds = std::chrono::duration<double>(now - start_).count(), covered = fraction - first_;
+        char left[32] = "";
+        if (covered > 0) std::snprintf(left, sizeof left, "  %.0f s left", std::max(0.0, seconds * (1 - fraction) / covered));
+        const int filled = static_cast<int>(std::min(fraction, 1.0) * bar_width);
         const std::string bar = std::string(static_cast<std::size_t>(filled), '#') +
                                 std::string(static_cast<std::size_t>(bar_width - filled), '.');
-        std::fprintf(stderr, "%s%s [%s] %3.0f%%  %s  %.0f s left%s", terminal_ ? "\r\033[K" : "", title_.c_str(),
+        std::fprintf(stderr, "%s%s [%s] %3.0f%%  %s%s%s", terminal_ ? "\r\033[K" : "", title_.c_str(),
                      bar.c_str(), 100 * std::min(fraction, 1.0), details.c_str(), left, terminal_ ? "" : "\n");
         std::fflush(stderr);
     }
@@ -49,6 +51,7 @@ private:
     std::string title_;
     bool terminal_;
     bool shown_ = false;
+    double first_ = 0; // fraction when first shown
     Clock::time_point start_ = Clock::now(), last_ = start_;
 };
 

@@ -33,13 +33,15 @@ struct ReconstructOptions {
     std::filesystem::path capture, body, out;
     bool synthetic = false;
     bool resume = false;
-    std::uint64_t steps = 0;     ///< 0: the default of the kind of input
-    double seconds = 0;          ///< of training; 0: count steps
-    std::size_t gaussians = 0;   ///< 0: the default of the kind of input
+    bool baseline = false;          ///< rates and pixel filter of the direct baseline
+    std::uint64_t steps = 0;        ///< 0: the default of the kind of input
+    double seconds = 0;             ///< of training; 0: count steps
+    std::size_t gaussians = 0;      ///< 0: the default of the kind of input
     std::uint64_t seed = 0;
-    std::size_t threads = 0;     ///< 0: all of the machine's
-    std::string poses = "poses.npz";
-    std::uint64_t max_memory = 0; ///< bytes; 0: no limit
+    std::size_t threads = 0;        ///< 0: all of the machine's
+    std::string poses;              ///< empty: poses.npz
+    std::uint64_t max_memory = 0;   ///< bytes; 0: no limit
+    double checkpoint_interval = 5; ///< seconds
 };
 
 inline void add_options(CLI::App& app, ReconstructOptions& o) {
@@ -47,13 +49,18 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--body", o.body, "body model (.npz, SMPL / SMPL-H / SMPL-X layout)");
     app.add_flag("--synthetic", o.synthetic, "film the built-in actor and reconstruct that, instead of a capture");
     app.add_option("--out", o.out, "folder for the results")->required();
-    app.add_option("--steps", o.steps, "training steps (default 3000; 500 with --synthetic)");
-    app.add_option("--seconds", o.seconds, "train for so long instead of counting steps");
-    app.add_option("--gaussians", o.gaussians, "number of Gaussians (default 170000; 60000 with --synthetic)");
-    app.add_option("--seed", o.seed, "of all random choices (default 0)");
-    app.add_option("--threads", o.threads, "CPU threads (default: all)");
-    app.add_option("--poses", o.poses, "pose file in the capture's folder (default poses.npz)");
-    app.add_option("--max-memory", o.max_memory, "bytes that training may take; fewer Gaussians if need be");
+    app.add_option("--steps", o.steps, "training steps (default 3000; 500 with --synthetic)")->check(above_zero());
+    app.add_option("--seconds", o.seconds, "train for so long instead of counting steps")->check(above_zero());
+    app.add_option("--gaussians", o.gaussians, "number of Gaussians (default 170000; 60000 with --synthetic)")
+        ->check(CLI::Range(1, 100'000'000));
+    app.add_option("--seed", o.seed, "of all random choices (default 0)")->check(not_negative());
+    add_threads(app, o.threads);
+    app.add_option("--poses", o.poses, "pose file in the capture's folder (default poses.npz), or a path");
+    app.add_option("--max-memory", o.max_memory, "bytes that training may take; fewer Gaussians if need be")
+        ->check(above_zero());
+    app.add_option("--checkpoint-interval", o.checkpoint_interval, "seconds between checkpoints (default 5)")
+        ->check(above_zero());
+    app.add_flag("--baseline", o.baseline, "learning rates and pixel filter of Animatable 3D Gaussian, for comparison");
     app.add_flag("--resume", o.resume, "go on from the checkpoint in --out");
 }
 
@@ -63,11 +70,12 @@ inline void check_options(ReconstructOptions& o) {
         if (!condition) throw ValueError(message);
     };
     expect(o.synthetic || (!o.capture.empty() && !o.body.empty()), "--capture and --body are needed, or --synthetic alone");
-    expect(!o.synthetic || (o.capture.empty() && o.body.empty()), "--synthetic brings its own capture and body; leave out --capture and --body");
+    expect(!o.synthetic || (o.capture.empty() && o.body.empty() && o.poses.empty()),
+           "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
-    expect(o.seconds >= 0, "--seconds must not be negative");
     if (o.steps == 0) o.steps = o.synthetic ? 500 : 3000;
     if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
+    if (o.poses.empty()) o.poses = "poses.npz";
 }
 
 /// What is reconstructed: the body model and the capture, wherever they come from.
@@ -100,6 +108,22 @@ inline std::vector<Photo> photos_of(const Capture& capture, bool test) {
         char frame[16];
         std::snprintf(frame, sizeof frame, "%04zu", view.frame);
         photos.push_back({camera.name + "_" + frame, camera.camera, view.frame, capture.image(view).data});
+    }
+    return photos;
+}
+
+/// Photographs to judge by. What cannot be judged had better be known before training than after it.
+/// Errors  ValueError for a photograph that is smaller than the SSIM window, or whose mask nowhere exceeds 1/2.
+inline std::vector<Photo> test_photos_of(const Capture& capture) {
+    std::vector<Photo> photos = photos_of(capture, true);
+    for (const Photo& photo : photos) {
+        constexpr int least = SsimWindow<double>::size;
+        check_value(photo.camera.width >= least && photo.camera.height >= least, "test image " + photo.name,
+                    "is " + std::to_string(photo.camera.width) + " x " + std::to_string(photo.camera.height) +
+                        " pixels, expected at least " + std::to_string(least) + " x " + std::to_string(least) + " for SSIM");
+        bool person = false;
+        for (std::size_t i = 3; i < photo.rgba.size() && !person; i += 4) person = photo.rgba[i] > 127;
+        check_value(person, "test image " + photo.name, "has a mask (alpha) that nowhere exceeds 1/2, expected a person to judge");
     }
     return photos;
 }
@@ -146,8 +170,9 @@ struct Reconstruction {
 private:
     Reconstruction(Backend& backend, const Source& source, const ReconstructOptions& o, const SurfaceSamples& samples)
         : rig(make_rig(source.body, source.capture.motion.betas, samples)), model(backend, rig, samples, o.seed),
-          test_photos(photos_of(source.capture, true)),
-          trainer(backend, model, photos_of(source.capture, false), source.capture.motion, o.seed) {}
+          test_photos(test_photos_of(source.capture)),
+          trainer(backend, model, photos_of(source.capture, false), source.capture.motion, o.seed,
+                  o.baseline ? baseline_config() : TrainConfig()) {}
 };
 
 /// What is kept about the course of training, for the report and for resuming.
@@ -157,8 +182,8 @@ struct TrainingRecord {
     std::uint64_t interval = 10;
     std::vector<std::pair<double, double>> loss, psnr; ///< (step, value) of the training view at hand
 
-    [[nodiscard]] bool wants_sample() const { return steps % interval == 0; }
-    /// A long run keeps every other sample, so that a curve has at most a few hundred points.
+    [[nodiscard]] bool wants_sample() const { return steps == 1 || steps % interval == 0; }
+    /// A long run keeps the first and every other sample, so that a curve has at most a few hundred points.
     void add_sample(double loss_value, double psnr_value) {
         loss.emplace_back(static_cast<double>(steps), loss_value);
         psnr.emplace_back(static_cast<double>(steps), psnr_value);
@@ -166,7 +191,7 @@ struct TrainingRecord {
         if (loss.size() < most) return;
         interval *= 2;
         for (auto* curve : {&loss, &psnr})
-            std::erase_if(*curve, [&](const auto& point) { return static_cast<std::uint64_t>(point.first) % interval != 0; });
+            std::erase_if(*curve, [&](const auto& point) { return point.first != 1 && static_cast<std::uint64_t>(point.first) % interval != 0; });
     }
 };
 

@@ -2,6 +2,7 @@
 /// @file  What gsh-reconstruct leaves in its output folder: checkpoint, avatar, figures, pictures, a page.
 #pragma once
 
+#include "support/output_folder.hpp"
 #include "support/pictures.hpp"
 #include "support/reconstruction.hpp"
 #include "support/report.hpp"
@@ -17,23 +18,25 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <filesystem>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 namespace gsh::examples {
 
-inline constexpr double checkpoint_interval_seconds = 5;
-
 inline std::filesystem::path checkpoint_path(const ReconstructOptions& o) { return o.out / "checkpoint.gsh"; }
 
 inline void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record) {
     ArchiveWriter file(checkpoint_path(o), "checkpoint", checkpoint_version);
     add_trainer(file, reconstruction.trainer);
+    file.add("baseline", std::int32_t(o.baseline));
     file.add("seconds", record.seconds);
     file.add("interval", record.interval);
     const auto add_curve = [&](const char* key, const auto& curve) {
@@ -48,6 +51,8 @@ inline void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconst
 
 inline void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record) {
     const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
+    check_value((file.read_number<std::int32_t>("baseline") != 0) == o.baseline, checkpoint_path(o).string(),
+                o.baseline ? "was made without --baseline" : "was made with --baseline; resume with it");
     load_trainer(file, reconstruction.trainer);
     record.steps = reconstruction.trainer.step_count();
     record.seconds = file.read_number<double>("seconds");
@@ -66,32 +71,34 @@ inline std::uint64_t peak_memory_bytes() {
     return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024; // Linux counts in KiB
 }
 
-/// JSON has no infinity: equal images have no PSNR.
+/// JSON has no infinity (the PSNR of equal images) and no NaN (a mean without images).
 inline nlohmann::ordered_json number_or_null(double value) {
     return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
 }
 
 inline std::string fixed(double value, int digits) {
+    if (std::isnan(value)) return "none";
     char text[32];
     std::snprintf(text, sizeof text, "%.*f", digits, value);
     return text;
 }
 
 /// Judges the avatar on the test views and writes everything; metrics.json comes last, so whoever finds it finds all.
-inline ImageScore write_results(const ReconstructOptions& o, const Source& source, Reconstruction& reconstruction,
-                                const TrainingRecord& record) {
+/// Returns nothing, and leaves nothing, if somebody interrupts.
+inline std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
+                                               Reconstruction& reconstruction, const TrainingRecord& record) {
     auto& trainer = reconstruction.trainer;
     Report report;
     std::vector<ImageScore> scores;
-    make_folder(o.out / "test");
     constexpr std::size_t shown = 6; // pictures on the page; all of them are in test/
     const std::size_t every = std::max<std::size_t>(1, reconstruction.test_photos.size() / shown);
     report.images.push_back({"image", "PSNR", "SSIM", "PSNR on the person"});
     for (const Photo& photo : reconstruction.test_photos) {
+        if (interrupted) return std::nullopt;
         const auto comparison = compare(trainer, photo);
         const ImageScore& score = comparison.score;
         const std::string png = encode_png(quantise(comparison_picture(comparison.render, comparison.truth).view()));
-        write_file(o.out / "test" / (photo.name + ".png"), png, Sync::none);
+        write_file(out.file("test/" + photo.name + ".png"), png, Sync::none);
         if (scores.size() % every == 0 && report.pictures.size() < shown)
             report.pictures.push_back({photo.name + ": PSNR " + fixed(score.psnr, 2) + " dB; error times 5", {png.begin(), png.end()}});
         report.images.push_back({score.name, fixed(score.psnr, 2), fixed(score.ssim, 4), fixed(score.psnr_person, 2)});
@@ -100,9 +107,9 @@ inline ImageScore write_results(const ReconstructOptions& o, const Source& sourc
     const ImageScore mean = mean_score(scores);
 
     reconstruction.model.update_canonical(trainer.cache());
-    const AvatarData avatar = reconstruction.model.avatar(reconstruction.rig);
-    save_avatar(o.out / "avatar.gsh", avatar);
-    write_gaussian_ply(o.out / "avatar.ply", avatar.gaussians);
+    const AvatarData avatar = reconstruction.model.avatar(reconstruction.rig, trainer.config().filter);
+    save_avatar(out.file("avatar.gsh"), avatar);
+    write_gaussian_ply(out.file("avatar.ply"), avatar.gaussians);
 
     const std::string protocol =
         "Test views of " + source.capture.name + " (" + std::to_string(scores.size()) + " images), poses as given (" +
@@ -118,7 +125,7 @@ inline ImageScore write_results(const ReconstructOptions& o, const Source& sourc
     json["peak_memory_bytes"] = peak_memory_bytes();
     json["seed"] = o.seed;
     json["threads"] = trainer.backend().thread_count();
-    json["configuration"] = "baseline with per-frame expression, shape and pose detail";
+    json["configuration"] = o.baseline ? "baseline" : "default";
     json["protocol"] = protocol;
     report.stages.push_back({"stage", "ms per step"});
     double total = 0;
@@ -132,6 +139,7 @@ inline ImageScore write_results(const ReconstructOptions& o, const Source& sourc
         total += trainer.stage_seconds()[s];
     }
     stage("all", total);
+    json["images"] = nlohmann::ordered_json::array();
     for (const ImageScore& score : scores)
         json["images"].push_back({{"name", score.name},
                                   {"psnr", number_or_null(score.psnr)},
@@ -149,8 +157,11 @@ inline ImageScore write_results(const ReconstructOptions& o, const Source& sourc
                     {"Peak memory", fixed(static_cast<double>(peak_memory_bytes()) / (1 << 20), 0) + " MiB"}};
     report.curves = {{"Loss of the step's training view", "0.8 L1 + 0.2 (1 - SSIM)", record.loss},
                      {"PSNR of the step's training view", "dB", record.psnr}};
-    write_report(o.out / "report.html", report);
-    write_file(o.out / "metrics.json", json.dump(2) + "\n");
+    write_report(out.file("report.html"), report);
+    // A folder's name may be anything, JSON is UTF-8.
+    write_file(out.file("metrics.json"), json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+    if (interrupted) return std::nullopt;
+    out.commit();
     return mean;
 }
 

@@ -184,10 +184,10 @@ inline NamedCamera read_camera_entry(const Json& json, const std::string& where)
     Camera<double>& camera = result.camera;
     camera.width = object.integer("width");
     camera.height = object.integer("height");
-    constexpr int largest = 1 << 16;
-    check_value(camera.width > 0 && camera.height > 0 && camera.width <= largest && camera.height <= largest, object.where(),
+    constexpr std::int64_t most = std::int64_t(1) << 26; // pixels, as of image files
+    check_value(camera.width > 0 && camera.height > 0 && std::int64_t(camera.width) * camera.height <= most, object.where(),
                 "width x height is " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
-                    ", expected 1 to 65536 each");
+                    ", expected at least 1 each and at most " + std::to_string(most) + " pixels in all");
     read_intrinsics(object, camera);
     read_extrinsics(object, camera);
     if (object.has("distortion")) {

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Results that appear in their folder together, or not at all.
+#pragma once
+
+#include <gsh/core/error.hpp>
+
+#include <filesystem>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+namespace gsh::examples {
+
+/// A folder for results. Files are written into results.partial/ within it and move into place on commit, in the order
+/// in which they were asked for. Without a commit they go, and so does the folder, if it was made here and is empty.
+/// Errors  IoError naming what cannot be created or moved.
+class OutputFolder {
+public:
+    explicit OutputFolder(std::filesystem::path folder) : folder_(std::move(folder)), staging_(folder_ / "results.partial") {
+        std::error_code ignored;
+        existed_ = std::filesystem::exists(folder_, ignored);
+        std::filesystem::remove_all(staging_, ignored); // of a run that was killed
+        make(folder_);
+    }
+    OutputFolder(const OutputFolder&) = delete;
+    OutputFolder& operator=(const OutputFolder&) = delete;
+    ~OutputFolder() {
+        std::error_code ignored;
+        std::filesystem::remove_all(staging_, ignored);
+        if (!existed_) std::filesystem::remove(folder_, ignored); // only if empty
+    }
+
+    /// Where to write the result `name`, which may lie in a subfolder.
+    [[nodiscard]] std::filesystem::path file(const std::string& name) {
+        make((staging_ / name).parent_path());
+        names_.push_back(name);
+        return staging_ / name;
+    }
+
+    void commit() {
+        for (const std::string& name : names_) {
+            make((folder_ / name).parent_path());
+            std::error_code error;
+            std::filesystem::rename(staging_ / name, folder_ / name, error);
+            if (error) throw IoError((folder_ / name).string() + ": cannot be written: " + error.message());
+        }
+        names_.clear();
+    }
+
+private:
+    static void make(const std::filesystem::path& folder) {
+        std::error_code error;
+        std::filesystem::create_directories(folder, error);
+        if (error || !std::filesystem::is_directory(folder))
+            throw IoError(folder.string() + ": cannot be created: " + (error ? error.message() : "a file is in the way"));
+    }
+
+    std::filesystem::path folder_, staging_;
+    std::vector<std::string> names_;
+    bool existed_ = false;
+};
+
+} // namespace gsh::examples

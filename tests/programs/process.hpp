@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Our programs run as a user runs them: as processes of their own, judged by exit code, output and files.
+#pragma once
+
+#include "io/temporary.hpp"
+
+#include <doctest/doctest.h>
+
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+namespace gsh::test {
+
+/// How a program ended: its exit code, or minus the signal that killed it, and what it said.
+struct Outcome {
+    int code = 0;
+    std::string out, err;
+};
+
+/// A running program.
+class Process {
+public:
+    /// Words are the program's name, then its arguments. Files that it writes may hold `file_blocks` blocks of 512
+    /// bytes, as if the disk were full then.
+    explicit Process(std::vector<std::string> words, long file_blocks = 0) : name_(words[0]) {
+        words[0] = std::string(GSH_PROGRAM_DIR "/") + name_;
+        if (file_blocks > 0)
+            words.insert(words.begin(), {"/bin/sh", "-c", "ulimit -f $0 && exec \"$@\"", std::to_string(file_blocks)});
+        std::vector<char*> arguments;
+        for (std::string& word : words) arguments.push_back(word.data());
+        arguments.push_back(nullptr);
+
+        posix_spawn_file_actions_t actions;
+        posix_spawn_file_actions_init(&actions);
+        const auto to_file = [&](int descriptor, const char* file) {
+            const std::string path = said_ / file;
+            posix_spawn_file_actions_addopen(&actions, descriptor, path.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+        };
+        to_file(STDOUT_FILENO, "out");
+        to_file(STDERR_FILENO, "err");
+        const int error = posix_spawn(&id_, arguments[0], &actions, nullptr, arguments.data(), environ);
+        posix_spawn_file_actions_destroy(&actions);
+        REQUIRE(error == 0);
+    }
+    Process(const Process&) = delete;
+    Process& operator=(const Process&) = delete;
+    ~Process() {
+        if (id_ <= 0) return;
+        ::kill(id_, SIGKILL);
+        ::waitpid(id_, nullptr, 0);
+    }
+
+    void send(int signal) const { REQUIRE(::kill(id_, signal) == 0); }
+
+    /// Waits until `happened` while the program runs; false if it ends before, or if nothing happens in a minute.
+    [[nodiscard]] bool wait_until(const std::function<bool()>& happened) const {
+        for (int tick = 0; tick < 6000; ++tick) {
+            if (happened()) return true;
+            siginfo_t info{};
+            if (::waitid(P_PID, static_cast<id_t>(id_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 && info.si_pid == id_)
+                return false;
+            std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        }
+        return false;
+    }
+
+    [[nodiscard]] std::string err() const { return read_file(said_ / "err"); }
+
+    [[nodiscard]] Outcome wait() {
+        int status = 0;
+        REQUIRE(::waitpid(id_, &status, 0) == id_);
+        id_ = 0;
+        return {WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status), read_file(said_ / "out"), err()};
+    }
+
+private:
+    Temporary said_;
+    std::string name_;
+    pid_t id_ = 0;
+};
+
+[[nodiscard]] inline Outcome run(std::vector<std::string> words, long file_blocks = 0) {
+    return Process(std::move(words), file_blocks).wait();
+}
+
+/// The program succeeded and had nothing to complain about, except for the progress that logs show.
+inline void check_done(const Outcome& outcome) {
+    INFO(outcome.err);
+    CHECK(outcome.code == 0);
+    CHECK(outcome.err.find("warning") == std::string::npos);
+}
+
+/// The program ended with 2, and said one line that begins with its name and holds every one of the words.
+inline void check_refused(const Outcome& outcome, const std::string& program,
+                          std::initializer_list<std::string_view> words) {
+    INFO(outcome.err);
+    CHECK(outcome.code == 2);
+    CHECK(outcome.err.starts_with(program + ": "));
+    CHECK(outcome.err.ends_with("\n"));
+    CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+    for (const std::string_view word : words) {
+        INFO("looking for '" << std::string(word) << "'");
+        CHECK(outcome.err.find(word) != std::string::npos);
+    }
+}
+
+} // namespace gsh::test

@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "programs/process.hpp"
+#include "programs/small_capture.hpp"
+
+#include <gsh/io/avatar_file.hpp>
+#include <gsh/io/npy.hpp>
+#include <gsh/io/ply.hpp>
+#include <gsh/train/memory.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+using namespace gsh;
+using test::check_done;
+using test::check_refused;
+using test::run;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// One capture and one reconstruction of it for all tests here.
+struct Studio : test::SmallCapture {
+    fs::path out = folder / "out";
+    test::Outcome reconstruction = run(reconstruct(out, {"--steps", "4", "--threads", "1"}));
+};
+Studio& studio() {
+    static Studio instance;
+    return instance;
+}
+
+nlohmann::json json_of(const fs::path& path) { return nlohmann::json::parse(read_file(path)); }
+bool same_file(const fs::path& a, const fs::path& b) { return read_file(a) == read_file(b); }
+
+/// A folder for one run's results; what it holds goes with it, for checkpoints are large.
+struct Out {
+    test::Temporary folder;
+    fs::path path = folder / "out";
+    [[nodiscard]] bool has(const char* name) const { return fs::exists(path / name); }
+};
+
+} // namespace
+
+TEST_CASE("a reconstruction leaves all that was promised") {
+    const Studio& s = studio();
+    check_done(s.reconstruction);
+    CHECK(s.reconstruction.out.find("1500 Gaussians, 4 training and 2 test images, 1 threads") != std::string::npos);
+
+    const auto metrics = json_of(s.out / "metrics.json");
+    for (const char* key : {"psnr", "ssim", "psnr_person", "steps", "seconds", "gaussians", "peak_memory_bytes"})
+        CHECK(metrics.at(key).is_number());
+    CHECK(metrics.at("steps") == 4);
+    CHECK(metrics.at("gaussians") == 1500);
+    CHECK(metrics.at("psnr") > 10.0);
+    CHECK(metrics.at("peak_memory_bytes") > 50'000'000);
+    CHECK(metrics.at("protocol").get<std::string>().find("Test views of capture (2 images)") == 0);
+    REQUIRE(metrics.at("images").size() == 2);
+    CHECK(metrics.at("images")[1].at("name") == "test00_0001");
+    CHECK(metrics.at("images")[1].at("psnr").is_number());
+    CHECK(metrics.at("ms_per_stage").at("render") > 0.0);
+
+    const AvatarData avatar = load_avatar(s.out / "avatar.gsh");
+    CHECK(avatar.gaussians.size() == 1500);
+    const GaussianCloud<float> cloud = read_gaussian_ply(s.out / "avatar.ply");
+    CHECK(cloud.size() == 1500);
+    CHECK(cloud.sh_degree == 3);
+    CHECK(cloud.means == avatar.gaussians.means);
+    for (const char* name : {"test00_0000.png", "test00_0001.png"}) {
+        const PixelImage comparison = read_image(s.out / "test" / name);
+        CHECK(comparison.width == 3 * 64);
+        CHECK(comparison.height == 64);
+    }
+    const std::string page = read_file(s.out / "report.html");
+    CHECK(page.find("http") == std::string::npos);
+    CHECK(page.find("src=\"data:image/png;base64,") != std::string::npos);
+    CHECK(page.find("<svg") == std::string::npos); // one sample is no curve
+    CHECK(page.ends_with("</html>\n"));
+    CHECK(fs::exists(s.out / "checkpoint.gsh"));
+    CHECK(test::files_below(s.out) == 7);
+}
+
+TEST_CASE("the same seed gives the same avatar on any number of threads, another seed another") {
+    const Studio& s = studio();
+    const Out two, other;
+    check_done(run(s.reconstruct(two.path, {"--steps", "4", "--threads", "2"})));
+    CHECK(same_file(two.path / "avatar.gsh", s.out / "avatar.gsh"));
+    CHECK(same_file(two.path / "avatar.ply", s.out / "avatar.ply"));
+    CHECK(same_file(two.path / "test/test00_0001.png", s.out / "test/test00_0001.png"));
+    check_done(run(s.reconstruct(other.path, {"--steps", "4", "--seed", "7"})));
+    CHECK(!same_file(other.path / "avatar.ply", s.out / "avatar.ply"));
+}
+
+TEST_CASE("a signal in the middle loses nothing that a checkpoint keeps") {
+    const Studio& s = studio();
+    const auto interrupt = [&](const Out& out, const char* steps, int signal) {
+        test::Process process(s.reconstruct(out.path, {"--steps", steps}));
+        REQUIRE(process.wait_until([&] { return process.err().find("step 1 ") != std::string::npos; }));
+        process.send(signal);
+        const test::Outcome outcome = process.wait();
+        CHECK(outcome.code == 130);
+        CHECK(outcome.err.find("--resume continues from there") != std::string::npos);
+        CHECK(out.has("checkpoint.gsh"));
+        CHECK(test::files_below(out.path) == 1);
+    };
+    const Out whole, parts, terminated, killed;
+    check_done(run(s.reconstruct(whole.path, {"--steps", "60"})));
+    interrupt(parts, "60", SIGINT);
+    check_done(run(s.reconstruct(parts.path, {"--steps", "60", "--resume"})));
+    CHECK(same_file(parts.path / "avatar.gsh", whole.path / "avatar.gsh"));
+    CHECK(same_file(parts.path / "avatar.ply", whole.path / "avatar.ply"));
+    CHECK(json_of(parts.path / "metrics.json").at("steps") == 60);
+    interrupt(terminated, "1000000", SIGTERM);
+
+    test::Process process(s.reconstruct(killed.path, {"--steps", "1000000", "--checkpoint-interval", "0.01"}));
+    REQUIRE(process.wait_until([&] { return killed.has("checkpoint.gsh"); }));
+    process.send(SIGKILL);
+    CHECK(process.wait().code == -SIGKILL);
+    CHECK(!killed.has("metrics.json"));
+    check_done(run(s.reconstruct(killed.path, {"--steps", "1", "--resume"})));
+    CHECK(json_of(killed.path / "metrics.json").at("steps") >= 1);
+    CHECK(!killed.has("checkpoint.gsh.partial"));
+}
+
+TEST_CASE("a checkpoint belongs to one training alone") {
+    const Studio& s = studio();
+    const Out out;
+    check_done(run(s.reconstruct(out.path, {"--steps", "2"})));
+    const std::string avatar = read_file(out.path / "avatar.gsh");
+    const auto resume = [&](std::vector<std::string> more) {
+        more.push_back("--resume");
+        return run(s.reconstruct(out.path, more));
+    };
+    check_refused(resume({"--seed", "1"}), "gsh-reconstruct", {"checkpoint.gsh", "seed 0"});
+    check_refused(resume({"--baseline"}), "gsh-reconstruct", {"checkpoint.gsh", "--baseline"});
+    test::truncate_file(out.path / "checkpoint.gsh", 1000);
+    check_refused(resume({"--steps", "6"}), "gsh-reconstruct", {"checkpoint.gsh"});
+    fs::remove(out.path / "checkpoint.gsh");
+    check_refused(resume({"--steps", "6"}), "gsh-reconstruct", {"checkpoint.gsh", "No such file"});
+    CHECK(read_file(out.path / "avatar.gsh") == avatar); // none of them touched it
+}
+
+TEST_CASE("a reconstruction keeps to time and memory") {
+    const Studio& s = studio();
+    const Out timed, small, none;
+    check_done(run(s.reconstruct(timed.path, {"--seconds", "1"})));
+    const auto metrics = json_of(timed.path / "metrics.json");
+    CHECK(metrics.at("seconds") >= 1.0);
+    CHECK(metrics.at("seconds") < 10.0);
+    CHECK(metrics.at("steps") >= 1);
+    const bool curves = read_file(timed.path / "report.html").find("<svg") != std::string::npos;
+    CHECK(curves == (metrics.at("steps") >= 10)); // two samples make a curve
+
+    std::size_t held = 0;
+    for (const PixelImage& image : s.capture.images) held += image.data.size();
+    const MemoryModel memory = training_memory(64 * 64, held);
+    const auto budget = [&](std::size_t gaussians) { return std::to_string(memory.bytes(gaussians)); };
+    const test::Outcome fewer = run(s.reconstruct(small.path, {"--steps", "1", "--max-memory", budget(1000)}));
+    CHECK(fewer.code == 0);
+    CHECK(fewer.err.find("warning: 1000 instead of 1500 Gaussians") != std::string::npos);
+    CHECK(json_of(small.path / "metrics.json").at("gaussians") == 1000);
+    check_refused(run(s.reconstruct(none.path, {"--steps", "1", "--max-memory", budget(100)})), "gsh-reconstruct",
+                  {"--max-memory", "too little"});
+    CHECK(!fs::exists(none.path));
+}
+
+TEST_CASE("without test views there is an avatar, and no figures") {
+    const Studio& s = studio();
+    const Out out;
+    const test::Temporary folder;
+    const fs::path path = folder / "a <b> & \xC3\xBC";
+    Capture capture = s.capture;
+    for (NamedCamera& camera : capture.cameras) camera.role = NamedCamera::Role::train;
+    save_capture(path, capture);
+    const test::Outcome outcome = run(s.reconstruct(out.path, {"--steps", "1"}, path));
+    check_done(outcome);
+    CHECK(outcome.out.find("PSNR none dB") != std::string::npos);
+    CHECK(json_of(out.path / "metrics.json").at("psnr").is_null());
+    CHECK(json_of(out.path / "metrics.json").at("images").empty());
+    CHECK(read_file(out.path / "report.html").find("a &lt;b&gt; &amp; \xC3\xBC") != std::string::npos);
+    CHECK(out.has("avatar.gsh"));
+}
+
+TEST_CASE("what is probably wrong is said, and done all the same") {
+    const Studio& s = studio();
+    const Out out;
+    const test::Temporary folder;
+    const fs::path path = folder / "capture";
+    Capture capture = s.capture;
+    capture.cameras[1].camera.t += vec3<double>(40, 0, 0);
+    for (std::size_t f = 0; f < 2; ++f) // of the first camera
+        for (std::size_t i = 3; i < capture.images[f].data.size(); i += 4)
+            capture.images[f].data[i] = static_cast<std::uint8_t>(255 - capture.images[f].data[i]);
+    save_capture(path, capture);
+    BodyModel body = s.body; // with the hands of the first frame as its mean
+    const auto pose = capture.motion.pose_at(0);
+    body.hands_mean_left.assign(pose.begin() + 25, pose.begin() + 40);
+    body.hands_mean_right.assign(pose.begin() + 40, pose.begin() + 55);
+    save_body_model(folder / "body.npz", body);
+    test::NpzEdit(path / "poses.npz").replace("flat_hand", test::npy_bytes("|u1", "()", std::string(1, '\0')));
+    const test::Outcome outcome = run(s.reconstruct(out.path, {"--steps", "1"}, path, folder / "body.npz"));
+    INFO(outcome.err);
+    CHECK(outcome.code == 0);
+    for (const char* words : {"warning: ", "mean hand was added twice", "camera 'cam01' is far off the body",
+                              "camera 'cam00' has a mask that is probably inverted"})
+        CHECK(outcome.err.find(words) != std::string::npos);
+    CHECK(out.has("metrics.json"));
+}
+
+TEST_CASE("pictures of an avatar and of its canonical Gaussians") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    const auto render = [&](const fs::path& scene, std::vector<std::string> more) {
+        std::vector<std::string> words{"gsh-render", scene.string(), "--camera", s.camera.string(), "--out",
+                                       (folder / "a.png").string(), "--npy", (folder / "a.npy").string()};
+        words.insert(words.end(), more.begin(), more.end());
+        check_done(run(words));
+        auto pixels = read_npy<float>(folder / "a.npy");
+        CHECK(pixels.shape == Shape{64, 64, 3});
+        const PixelImage picture = read_image(folder / "a.png");
+        for (std::size_t i = 0; i < pixels.size(); ++i) {
+            const double wanted = 255 * std::clamp(pixels[i], 0.0f, 1.0f);
+            if (std::abs(picture.data[i / 3 * 4 + i % 3] - wanted) > 0.51) FAIL_CHECK("pixel " << i / 3);
+        }
+        return pixels;
+    };
+    const auto canonical = render(s.out / "avatar.gsh", {}), cloud = render(s.out / "avatar.ply", {});
+    double difference = 0; // a PLY is drawn with the usual pixel filter, an avatar with its own
+    for (std::size_t i = 0; i < cloud.size(); ++i)
+        difference += std::abs(double(canonical[i]) - double(cloud[i])) / static_cast<double>(cloud.size());
+    CHECK(difference < 0.05);
+    CHECK(cloud[0] == 0.0f);
+    const auto white = render(s.out / "avatar.gsh", {"--poses", (s.path / "poses.npz").string(), "--frame", "1",
+                                                     "--background", "1", "0.5", "0"});
+    CHECK(white[0] == 1.0f);
+    CHECK(white[1] == 0.5f);
+    CHECK(white.data != canonical.data);
+    // Of several cameras, one must be named.
+    const std::vector<std::string> list{"gsh-render", (s.out / "avatar.ply").string(), "--camera", (s.path / "cameras.json").string(),
+                                        "--out", (folder / "b.png").string()};
+    check_refused(run(list), "gsh-render", {"cameras.json", "cam00, cam01, test00"});
+    auto named = list;
+    named.insert(named.end(), {"--camera-name", "cam00"});
+    check_done(run(named));
+    CHECK(fs::exists(folder / "b.png"));
+}
+
+TEST_CASE("frames of a new motion, through a camera that finds its place or that is given") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    const std::vector<std::string> words{"gsh-animate", (s.out / "avatar.gsh").string(), "--poses", s.dance.string()};
+    const auto animate = [&](const char* name, std::vector<std::string> more) {
+        more.insert(more.begin(), words.begin(), words.end());
+        more.insert(more.end(), {"--out", (folder / name).string()});
+        const test::Outcome outcome = run(more);
+        check_done(outcome);
+        CHECK(outcome.out.find("3 of 3 frames") != std::string::npos);
+        CHECK(test::files_below(folder / name) == 3);
+    };
+    animate("framed", {"--size", "96"});
+    int left = 96, right = 0, top = 96, bottom = 0; // of the person over all frames
+    for (const char* name : {"0000.png", "0001.png", "0002.png"}) {
+        const PixelImage picture = read_image(folder / "framed" / fs::path(name));
+        REQUIRE(picture.width == 96);
+        for (int y = 0; y < 96; ++y)
+            for (int x = 0; x < 96; ++x) {
+                if (picture.pixel(y, x)[0] > 200) continue; // nearly the white background
+                left = std::min(left, x), right = std::max(right, x + 1);
+                top = std::min(top, y), bottom = std::max(bottom, y + 1);
+            }
+    }
+    CHECK(std::max(right - left, bottom - top) >= 84);
+    CHECK(std::abs((left + right) / 2 - 48) <= 4);
+    CHECK(std::abs((top + bottom) / 2 - 48) <= 4);
+    animate("given", {"--camera", s.camera.string(), "--background", "0", "0", "0"});
+    CHECK(read_image(folder / "given" / fs::path("0002.png")).width == 64);
+}
+
+TEST_CASE("each program lists its options") {
+    for (const char* program : {"gsh-reconstruct", "gsh-render", "gsh-animate"}) {
+        const test::Outcome outcome = run({program, "--help"});
+        CHECK(outcome.code == 0);
+        CHECK(outcome.err.empty());
+        CHECK(outcome.out.find("--out") != std::string::npos);
+    }
+}
