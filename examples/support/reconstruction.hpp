@@ -49,7 +49,7 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--body", o.body, "body model (.npz, SMPL / SMPL-H / SMPL-X layout)");
     app.add_flag("--synthetic", o.synthetic, "film the built-in actor and reconstruct that, instead of a capture");
     app.add_option("--out", o.out, "folder for the results")->required();
-    app.add_option("--steps", o.steps, "training steps (default 3000; 500 with --synthetic)")->check(above_zero());
+    app.add_option("--steps", o.steps, "training steps (default 3000; 1200 with --synthetic)")->check(above_zero());
     app.add_option("--seconds", o.seconds, "train for so long instead of counting steps")->check(above_zero());
     app.add_option("--gaussians", o.gaussians, "number of Gaussians (default 170000; 60000 with --synthetic)")
         ->check(CLI::Range(1, 100'000'000));
@@ -73,7 +73,7 @@ inline void check_options(ReconstructOptions& o) {
     expect(!o.synthetic || (o.capture.empty() && o.body.empty() && o.poses.empty()),
            "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
-    if (o.steps == 0) o.steps = o.synthetic ? 500 : 3000;
+    if (o.steps == 0) o.steps = o.synthetic ? 1200 : 3000;
     if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
     if (o.poses.empty()) o.poses = "poses.npz";
 }
