@@ -325,7 +325,6 @@ TEST_CASE("a disk that fills up leaves what was there, and nothing else") {
     const Studio& s = studio();
     const test::Temporary folder;
     const fs::path out = folder / "out";
-    // The results fail, after a checkpoint that fits: 512-byte blocks, so none does.
     const auto last_line = [](const std::string& text) {
         return text.substr(text.size() < 2 ? 0 : text.rfind('\n', text.size() - 2) + 1);
     };
@@ -341,6 +340,15 @@ TEST_CASE("a disk that fills up leaves what was there, and nothing else") {
     outcome = run(s.reconstruct(out, {"--steps", "1"}), 20000);
     CHECK(outcome.code == 2);
     CHECK(test::files_below(out) == 1);
+    CHECK(read_file(out / "metrics.json") == "{}");
+
+    // Where one result has no place, all others stay away, too; the checkpoint is worth keeping.
+    write_file(out / "test", "in the way of test/*.png");
+    outcome = run(s.reconstruct(out, {"--steps", "1"}));
+    CHECK(outcome.code == 2);
+    CHECK(last_line(outcome.err).starts_with("gsh-reconstruct: " + (out / "test").string() + ": cannot be created"));
+    CHECK(test::files_below(out) == 3);
+    CHECK(fs::exists(out / "checkpoint.gsh"));
     CHECK(read_file(out / "metrics.json") == "{}");
 
     outcome = run({"gsh-render", s.scene, "--camera", s.camera, "--out", folder / "a.png", "--npy", folder / "a.npy"}, 20);
