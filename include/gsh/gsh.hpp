@@ -5,6 +5,7 @@
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/lane.hpp>
+#include <gsh/core/prefetch.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/core/span.hpp>
 
@@ -16,6 +17,7 @@
 #include <gsh/math/sh.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
+#include <gsh/math/wide.hpp>
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/host_buffer.hpp>
@@ -62,13 +64,17 @@
 #include <gsh/optim/schedule.hpp>
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/cpu/skinned_gaussian.hpp>
 #include <gsh/avatar/rig.hpp>
+#include <gsh/avatar/skinned_element.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 
 #include <gsh/render/cpu/arithmetic.hpp>
 #include <gsh/render/cpu/bin.hpp>
 #include <gsh/render/cpu/composite.hpp>
 #include <gsh/render/cpu/composite_backward.hpp>
+#include <gsh/render/cpu/project.hpp>
+#include <gsh/render/cpu/project_backward.hpp>
 #include <gsh/render/cpu/radix_sort.hpp>
 #include <gsh/render/cpu/tile.hpp>
 #include <gsh/render/projection.hpp>

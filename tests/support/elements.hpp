@@ -337,7 +337,7 @@ struct ProjectionElement {
             vec3<T> dL_dmean(T(0));
             sym3<T> dL_dcovariance = zero_sym3<T>();
             CameraGradient<T> dL_dcamera;
-            project_backward(camera, mean, covariance, params, dL_dprojection, dL_dmean, dL_dcovariance, dL_dcamera);
+            project_backward(camera, mean, covariance, params, dL_dprojection, dL_dmean, dL_dcovariance, &dL_dcamera);
             const T seen = select(p.in_front, T(1), T(0)); // what lies behind means nothing
             out.put(seen), out.put(p.center * seen), out.put(p.depth * seen), out.put(p.opacity_factor * seen);
             out.put(p.covariance.xx * seen), out.put(p.covariance.xy * seen), out.put(p.covariance.yy * seen);

@@ -19,3 +19,12 @@
 #else
 #define GSH_INLINE inline
 #endif
+
+/// Bytes of the widest vector register of the machine that the compiler writes code for.
+#if defined(__AVX512F__)
+#define GSH_VECTOR_BYTES 64
+#elif defined(__AVX__)
+#define GSH_VECTOR_BYTES 32
+#else
+#define GSH_VECTOR_BYTES 16
+#endif

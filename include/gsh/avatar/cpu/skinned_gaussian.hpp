@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Posing Gaussians on the CPU: a vector register's worth of them at a time, one in each lane.
+#pragma once
+
+#include <gsh/avatar/skinned_element.hpp>
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/skinning.hpp>
+#include <gsh/core/config.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/math/affine.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/math/wide.hpp>
+
+#include <cstddef>
+#include <cstring>
+
+namespace gsh::cpu {
+
+namespace detail {
+
+using gsh::detail::SkinnedInput;
+using gsh::detail::SkinnedSplatBackward;
+using gsh::detail::SkinnedSplatForward;
+
+/// The twelve numbers of an affine map as three vectors of four; sums over an unknown number of bones stay in registers.
+/// Each number sees the same operations as in blend() and blend_backward() of body/skinning.hpp.
+template <class T>
+struct AffineRegisters {
+    typedef T Four __attribute__((vector_size(4 * sizeof(T))));
+    static_assert(sizeof(Affine<T>) == 3 * sizeof(Four));
+    Four x, y, z;
+
+    [[nodiscard]] GSH_INLINE static AffineRegisters load(const Affine<T>& map) {
+        const T* numbers = &map.linear[0].x;
+        AffineRegisters loaded;
+        std::memcpy(&loaded.x, numbers, sizeof(Four));
+        std::memcpy(&loaded.y, numbers + 4, sizeof(Four));
+        std::memcpy(&loaded.z, numbers + 8, sizeof(Four));
+        return loaded;
+    }
+    GSH_INLINE void store(Affine<T>& map) const {
+        T* numbers = &map.linear[0].x;
+        std::memcpy(numbers, &x, sizeof(Four));
+        std::memcpy(numbers + 4, &y, sizeof(Four));
+        std::memcpy(numbers + 8, &z, sizeof(Four));
+    }
+    GSH_INLINE void add_scaled(const AffineRegisters& other, T scale) {
+        x += other.x * scale, y += other.y * scale, z += other.z * scale;
+    }
+};
+
+/// Up to `width` Gaussians, one per lane; where there are fewer, the last one fills the other lanes.
+template <int Degree, class T>
+struct SkinnedBlock {
+    using W = Wide<T>;
+    using Gaussian = SkinnedGaussian<Degree>;
+    static constexpr std::size_t width = W::width;
+
+    std::size_t index[width];
+    std::size_t count = 0;
+
+    /// True when the block is full.
+    bool push(std::size_t i) {
+        index[count++] = i;
+        return count == width;
+    }
+
+    void forward(const SkinnedSplatForward<Degree, T>& element) {
+        if (count == 0) return;
+        gather(element.input);
+        const auto out = Gaussian::forward(in_, element.clamping);
+        const auto& splats = element.splats;
+        for (std::size_t lane = 0; lane < count; ++lane) {
+            const std::size_t i = index[lane];
+            get_lane<T>(out.mean, lane, splats.means[i]);
+            get_lane<T>(out.covariance, lane, splats.covariances[i]);
+            get_lane<T>(out.opacity, lane, splats.opacities[i]);
+            get_lane<T>(out.color, lane, splats.colors[i]);
+        }
+        count = 0;
+    }
+
+    void backward(const SkinnedSplatBackward<Degree, T>& element, Span<Affine<T>> dL_dbones, vec3<T>& dL_dcenter) {
+        if (count == 0) return;
+        gather(element.input);
+        const auto& splats = element.dL_dsplats;
+        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>) {
+            const std::size_t* i = index + lane;
+            put_lanes<T>(dL_dout_.mean, lane, [&](std::size_t j) -> auto& { return splats.means[i[j]]; });
+            put_lanes<T>(dL_dout_.covariance, lane, [&](std::size_t j) -> auto& { return splats.covariances[i[j]]; });
+            put_lanes<T>(dL_dout_.opacity, lane, [&](std::size_t j) -> auto& { return splats.opacities[i[j]]; });
+            put_lanes<T>(dL_dout_.color, lane, [&](std::size_t j) -> auto& { return splats.colors[i[j]]; });
+        }
+        typename Gaussian::template Gradient<W> gradient;
+        vec3<W> dL_dsh[Gaussian::basis_count];
+        for (vec3<W>& value : dL_dsh) value = vec3<W>(W(T(0)));
+        gradient.sh = dL_dsh;
+        Gaussian::backward(in_, element.clamping, dL_dout_, gradient);
+
+        const auto& out = element.dL_dgaussians;
+        for (std::size_t lane = 0; lane < count; ++lane) {
+            const std::size_t i = index[lane];
+            if (!out.means.empty()) add_lane<T>(gradient.mean, lane, out.means[i]);
+            if (!out.quats.empty()) add_lane<T>(gradient.q, lane, out.quats[i]);
+            if (!out.log_scales.empty()) add_lane<T>(gradient.log_scale, lane, out.log_scales[i]);
+            if (!out.opacity_logits.empty()) add_lane<T>(gradient.opacity_logit, lane, out.opacity_logits[i]);
+            if (!out.ao.empty()) add_lane<T>(gradient.ao, lane, out.ao[i]);
+            if (!out.sh.empty())
+                for (std::size_t k = 0; k < Gaussian::basis_count; ++k)
+                    add_lane<T>(dL_dsh[k], lane, out.sh[i * element.dL_dsh_stride + k]);
+            if (!dL_dbones.empty()) {
+                Affine<T> dL_dM;
+                get_lane<T>(gradient.M, lane, dL_dM);
+                const auto term = AffineRegisters<T>::load(dL_dM);
+                each_influence(element.input.gaussians.weights, i, [&](std::size_t joint, T weight) {
+                    auto sum = AffineRegisters<T>::load(dL_dbones[joint]);
+                    sum.add_scaled(term, weight);
+                    sum.store(dL_dbones[joint]);
+                });
+            }
+            add_lane<T>(gradient.center, lane, dL_dcenter);
+        }
+        count = 0;
+    }
+
+private:
+    typename Gaussian::template Input<W> in_;
+    typename Gaussian::template Output<W> dL_dout_;
+    vec3<W> sh_[Gaussian::basis_count];
+
+    template <class F>
+    GSH_INLINE static void each_influence(const SkinWeights<T>& skin, std::size_t i, const F& f) {
+        const std::size_t first = i * skin.influences;
+        for (std::size_t k = first; k < first + skin.influences && skin.weights[k] != T(0); ++k)
+            f(skin.joints[k], skin.weights[k]);
+    }
+
+    void gather(const SkinnedInput<Degree, T>& input) {
+        for (std::size_t lane = count; lane < width; ++lane) index[lane] = index[count - 1];
+        const auto& from = input.gaussians;
+        in_.sh = sh_;
+        in_.ao = W(T(1));
+        in_.center = vec3<W>(W(input.center.x), W(input.center.y), W(input.center.z));
+        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>) {
+            const std::size_t* i = index + lane;
+            put_lanes<T>(in_.mean, lane, [&](std::size_t j) -> auto& { return from.means[i[j]]; });
+            put_lanes<T>(in_.q, lane, [&](std::size_t j) -> auto& { return from.quats[i[j]]; });
+            put_lanes<T>(in_.log_scale, lane, [&](std::size_t j) -> auto& { return from.log_scales[i[j]]; });
+            put_lanes<T>(in_.opacity_logit, lane, [&](std::size_t j) -> auto& { return from.opacity_logits[i[j]]; });
+            if (!from.ao.empty()) put_lanes<T>(in_.ao, lane, [&](std::size_t j) -> auto& { return from.ao[i[j]]; });
+            put_lanes<T>(sh_, lane, [&](std::size_t j) -> const vec3<T>(&)[Gaussian::basis_count] {
+                return reinterpret_cast<const vec3<T>(&)[Gaussian::basis_count]>(from.sh[i[j] * input.sh_stride]);
+            });
+            Affine<T> M[lanes_per_store<T>];
+            for (std::size_t j = 0; j < lanes_per_store<T>; ++j) {
+                AffineRegisters<T> sum{};
+                each_influence(from.weights, i[j], [&](std::size_t joint, T weight) {
+                    sum.add_scaled(AffineRegisters<T>::load(input.bones[joint]), weight);
+                });
+                sum.store(M[j]);
+            }
+            put_lanes<T>(in_.M, lane, [&](std::size_t j) -> auto& { return M[j]; });
+        }
+    }
+};
+
+} // namespace detail
+
+/// Every lane's result depends on its own Gaussian alone, so that how Gaussians share blocks changes no bit of it.
+template <CpuBackend B, int Degree, class T>
+void skinned_splats_pose(B& backend, const gsh::detail::SkinnedSplatForward<Degree, T>& element) {
+    constexpr std::size_t grain = 1024;
+    backend.for_chunks(element.input.gaussians.size(), grain, [&](std::size_t, std::size_t begin, std::size_t end) {
+        const auto mine = element;
+        detail::SkinnedBlock<Degree, T> block;
+        for (std::size_t i = begin; i < end; ++i)
+            if (block.push(i)) block.forward(mine);
+        block.forward(mine);
+    });
+}
+
+/// Adds the adjoints of all Gaussians that were seen. Each fixed chunk sums into bones and a centre of its own, in the
+/// order of its Gaussians; they are joined in the order of the chunks, so that the result does not depend on who ran
+/// what.
+template <CpuBackend B, int Degree, class T>
+void skinned_splats_accumulate(B& backend, const gsh::detail::SkinnedSplatBackward<Degree, T>& element,
+                               Span<Affine<T>> dL_dbones, Span<vec3<T>> dL_dcenter,
+                               SkinnedSplatsWorkspace<T, B>& workspace) {
+    constexpr std::size_t grain = 2048;
+    const std::size_t count = element.input.gaussians.size(), chunks = chunk_count(count, grain);
+    const std::size_t J = dL_dbones.size();
+    workspace.dL_dbones.resize(chunks * J);
+    workspace.dL_dcenters.resize(chunks);
+    backend.for_chunks(count, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+        const auto mine = element;
+        const auto bones = Span<Affine<T>>(workspace.dL_dbones).subspan(chunk * J, J);
+        for (auto& bone : bones) bone = Affine<T>::zero();
+        vec3<T> center(T(0));
+        detail::SkinnedBlock<Degree, T> block;
+        for (std::size_t i = begin; i < end; ++i)
+            if (!mine.unseen(i) && block.push(i)) block.backward(mine, bones, center);
+        block.backward(mine, bones, center);
+        workspace.dL_dcenters[chunk] = center;
+    });
+    for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+        for (std::size_t j = 0; j < J; ++j) dL_dbones[j].add_scaled(workspace.dL_dbones[chunk * J + j], T(1));
+        if (!dL_dcenter.empty()) dL_dcenter[0] += workspace.dL_dcenters[chunk];
+    }
+}
+
+} // namespace gsh::cpu

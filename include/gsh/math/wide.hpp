@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A vector register as a lane type, from the compiler alone: what the CPU overloads run per-element code on.
+///
+/// math/pack.hpp has more functions in fewer instructions, but needs xsimd, which gsh::gsh comes without. Here the
+/// arithmetic, the roots and the exponential of floats are vector code; the other functions go lane by lane through std.
+#pragma once
+
+#include <gsh/core/config.hpp>
+#include <gsh/core/lane.hpp>
+
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <initializer_list>
+#include <type_traits>
+
+namespace gsh {
+
+namespace detail {
+template <class S>
+struct VectorRegister {
+    typedef S type __attribute__((vector_size(GSH_VECTOR_BYTES)));
+};
+} // namespace detail
+
+/// The outcome of a comparison of Wides whose numbers have sizeof(Bits) bytes: all bits set in each true lane.
+template <std::signed_integral Bits>
+struct WideMask {
+    using Vector = typename detail::VectorRegister<Bits>::type;
+    Vector bits;
+
+    [[nodiscard]] GSH_INLINE friend WideMask operator&(WideMask a, WideMask b) { return {a.bits & b.bits}; }
+    [[nodiscard]] GSH_INLINE friend WideMask operator|(WideMask a, WideMask b) { return {a.bits | b.bits}; }
+    [[nodiscard]] GSH_INLINE friend WideMask operator!(WideMask a) { return {~a.bits}; }
+};
+
+/// As many numbers as one register of the machine compiled for holds; arithmetic works on all of them at once.
+template <class S>
+    requires(std::is_arithmetic_v<S> && sizeof(S) >= 4 && sizeof(S) <= 8)
+struct Wide {
+    using Vector = typename detail::VectorRegister<S>::type;
+    using Mask = WideMask<std::conditional_t<sizeof(S) == 4, std::int32_t, std::int64_t>>;
+    static constexpr std::size_t width = GSH_VECTOR_BYTES / sizeof(S);
+
+    Vector v;
+
+    Wide() = default;
+    GSH_INLINE Wide(S number) : v(number - Vector{}) {} // all lanes; minus a zero keeps a -0
+    GSH_INLINE explicit Wide(Vector v_) : v(v_) {}
+
+    [[nodiscard]] GSH_INLINE static Wide load(const S* numbers) {
+        Wide wide;
+        std::memcpy(&wide.v, numbers, sizeof(Vector));
+        return wide;
+    }
+    GSH_INLINE void store(S* numbers) const { std::memcpy(numbers, &v, sizeof(Vector)); }
+    [[nodiscard]] GSH_INLINE S operator[](std::size_t lane) const { return v[lane]; }
+    GSH_INLINE void set(std::size_t lane, S number) { v[lane] = number; }
+
+    [[nodiscard]] GSH_INLINE friend Wide operator+(Wide a, Wide b) { return Wide(a.v + b.v); }
+    [[nodiscard]] GSH_INLINE friend Wide operator-(Wide a, Wide b) { return Wide(a.v - b.v); }
+    [[nodiscard]] GSH_INLINE friend Wide operator*(Wide a, Wide b) { return Wide(a.v * b.v); }
+    [[nodiscard]] GSH_INLINE friend Wide operator/(Wide a, Wide b) { return Wide(a.v / b.v); }
+    [[nodiscard]] GSH_INLINE friend Wide operator&(Wide a, Wide b) { return Wide(a.v & b.v); }
+    [[nodiscard]] GSH_INLINE friend Wide operator|(Wide a, Wide b) { return Wide(a.v | b.v); }
+    [[nodiscard]] GSH_INLINE friend Wide operator^(Wide a, Wide b) { return Wide(a.v ^ b.v); }
+    [[nodiscard]] GSH_INLINE Wide operator-() const { return Wide(-v); }
+    GSH_INLINE Wide& operator+=(Wide o) { return v += o.v, *this; }
+    GSH_INLINE Wide& operator-=(Wide o) { return v -= o.v, *this; }
+    GSH_INLINE Wide& operator*=(Wide o) { return v *= o.v, *this; }
+    GSH_INLINE Wide& operator/=(Wide o) { return v /= o.v, *this; }
+
+    [[nodiscard]] GSH_INLINE friend Mask operator<(Wide a, Wide b) { return {a.v < b.v}; }
+    [[nodiscard]] GSH_INLINE friend Mask operator<=(Wide a, Wide b) { return {a.v <= b.v}; }
+    [[nodiscard]] GSH_INLINE friend Mask operator>(Wide a, Wide b) { return {a.v > b.v}; }
+    [[nodiscard]] GSH_INLINE friend Mask operator>=(Wide a, Wide b) { return {a.v >= b.v}; }
+    [[nodiscard]] GSH_INLINE friend Mask operator==(Wide a, Wide b) { return {a.v == b.v}; }
+    [[nodiscard]] GSH_INLINE friend Mask operator!=(Wide a, Wide b) { return {a.v != b.v}; }
+
+    [[nodiscard]] GSH_INLINE friend Wide select(Mask mask, Wide if_true, Wide if_false) {
+        return Wide(mask.bits ? if_true.v : if_false.v);
+    }
+    [[nodiscard]] GSH_INLINE friend Wide min(Wide a, Wide b) { return select(b < a, b, a); }
+    [[nodiscard]] GSH_INLINE friend Wide max(Wide a, Wide b) { return select(a < b, b, a); }
+    [[nodiscard]] GSH_INLINE friend Wide abs(Wide x) { return select(x > S(0), x, S(0) - x); }
+};
+
+template <std::signed_integral Bits>
+[[nodiscard]] GSH_INLINE bool any(WideMask<Bits> mask) {
+    Bits seen = 0;
+    for (std::size_t lane = 0; lane < GSH_VECTOR_BYTES / sizeof(Bits); ++lane) seen |= mask.bits[lane];
+    return seen != 0;
+}
+
+template <class S>
+struct LaneTraits<Wide<S>> {
+    using Scalar = S;
+    using Mask = typename Wide<S>::Mask;
+    using Index = Wide<std::conditional_t<sizeof(S) == 4, std::uint32_t, std::uint64_t>>; ///< as wide as S
+    static constexpr std::size_t width = Wide<S>::width;
+
+    [[nodiscard]] static Index to_index(Wide<S> x) {
+        return per_lane<Index>(x, [](S v) { return v; });
+    }
+    [[nodiscard]] static Wide<S> from_index(Index i) {
+        return per_lane<Wide<S>>(i, [](auto v) { return v; });
+    }
+    [[nodiscard]] static Wide<S> gather(const S* table, Index index) {
+        return per_lane<Wide<S>>(index, [table](auto i) { return table[i]; });
+    }
+
+    /// f of each lane, through memory.
+    template <class To, class From, class F>
+    [[nodiscard]] GSH_INLINE static To per_lane(From from, F f) {
+        using Number = std::remove_cvref_t<decltype(To()[0])>;
+        std::remove_cvref_t<decltype(from[0])> in[width];
+        Number out[width];
+        from.store(in);
+        for (std::size_t lane = 0; lane < width; ++lane) out[lane] = static_cast<Number>(f(in[lane]));
+        return To::load(out);
+    }
+};
+
+template <std::floating_point S>
+[[nodiscard]] GSH_INLINE Wide<S> sqrt(Wide<S> x) {
+    return LaneTraits<Wide<S>>::template per_lane<Wide<S>>(x, [](S v) { return std::sqrt(v); });
+}
+template <std::floating_point S>
+[[nodiscard]] Wide<S> log(Wide<S> x) {
+    return LaneTraits<Wide<S>>::template per_lane<Wide<S>>(x, [](S v) { return std::log(v); });
+}
+template <std::floating_point S>
+[[nodiscard]] Wide<S> sin(Wide<S> x) {
+    return LaneTraits<Wide<S>>::template per_lane<Wide<S>>(x, [](S v) { return std::sin(v); });
+}
+template <std::floating_point S>
+[[nodiscard]] Wide<S> cos(Wide<S> x) {
+    return LaneTraits<Wide<S>>::template per_lane<Wide<S>>(x, [](S v) { return std::cos(v); });
+}
+template <std::floating_point S>
+[[nodiscard]] Wide<S> floor(Wide<S> x) {
+    return LaneTraits<Wide<S>>::template per_lane<Wide<S>>(x, [](S v) { return std::floor(v); });
+}
+
+/// e^x within two units in the last place, from 0 through the subnormals to infinity; NaN stays NaN.
+///
+/// x = n log 2 + r with |r| <= log(2)/2, e^r by its Taylor series (the rest is below a tenth of a unit), and 2^n in two
+/// factors, since n may lie beyond the exponents of normal numbers.
+[[nodiscard]] GSH_INLINE Wide<float> exp(Wide<float> x) {
+    using W = Wide<float>;
+    using Bits = Wide<float>::Mask::Vector;
+    x = select(x > W(89.0f), W(89.0f), x), x = select(x < W(-104.0f), W(-104.0f), x);
+    const W shift(12582912.0f); // 1.5 · 2²³: what is added to it is rounded to an integer, found in its lowest bits
+    const W shifted = x * W(1.44269504f) + shift, n = shifted - shift;
+    const W r = (x - n * W(0.693359375f)) + n * W(2.12194440e-4f); // log 2 in two parts, the first times n is exact
+    W series(1.0f / 5040);
+    for (const float factor : {1.0f / 720, 1.0f / 120, 1.0f / 24, 1.0f / 6, 0.5f, 1.0f, 1.0f})
+        series = series * r + W(factor);
+    Bits whole;
+    std::memcpy(&whole, &shifted.v, sizeof whole);
+    whole = whole - 0x4b400000; // the bits of shift
+    const Bits half = whole >> 1, first = (half + 127) << 23, second = (whole - half + 127) << 23;
+    W a, b;
+    std::memcpy(&a.v, &first, sizeof a.v), std::memcpy(&b.v, &second, sizeof b.v);
+    return series * a * b;
+}
+[[nodiscard]] inline Wide<double> exp(Wide<double> x) {
+    return LaneTraits<Wide<double>>::per_lane<Wide<double>>(x, [](double v) { return std::exp(v); });
+}
+
+/// Puts a struct of S (a vector, a matrix, …) into each of the lanes [lane, lane + lanes_per_store) of the same struct
+/// of Wide<S>; numbers(j) is the struct of lane + j. Several lanes share one store: stores are what such a transpose
+/// waits for.
+template <class S>
+inline constexpr std::size_t lanes_per_store = 16 / sizeof(S);
+
+template <class S, class Wides, class F>
+GSH_INLINE void put_lanes(Wides& wides, std::size_t lane, const F& numbers) {
+    typedef S Few __attribute__((vector_size(16)));
+    constexpr std::size_t lanes = lanes_per_store<S>;
+    constexpr std::size_t bytes = sizeof(numbers(0)), count = bytes / sizeof(S);
+    static_assert(sizeof(Wides) == count * sizeof(Wide<S>) && Wide<S>::width % lanes == 0);
+    const S* first[lanes];
+    for (std::size_t j = 0; j < lanes; ++j) first[j] = reinterpret_cast<const S*>(&numbers(j));
+    for (std::size_t k = 0; k < count; ++k) {
+        Few few;
+        for (std::size_t j = 0; j < lanes; ++j) few[j] = first[j][k];
+        std::memcpy(reinterpret_cast<char*>(&wides) + k * sizeof(Wide<S>) + lane * sizeof(S), &few, sizeof few);
+    }
+}
+
+/// And back: `numbers` becomes one lane of `wides`.
+template <class S, class Wides, class Numbers>
+GSH_INLINE void get_lane(const Wides& wides, std::size_t lane, Numbers& numbers) {
+    constexpr std::size_t count = sizeof(Numbers) / sizeof(S);
+    static_assert(sizeof(Wides) == count * sizeof(Wide<S>));
+    for (std::size_t k = 0; k < count; ++k)
+        reinterpret_cast<S*>(&numbers)[k] = reinterpret_cast<const Wide<S>*>(&wides)[k][lane];
+}
+
+/// The same with +=.
+template <class S, class Wides, class Numbers>
+GSH_INLINE void add_lane(const Wides& wides, std::size_t lane, Numbers& numbers) {
+    constexpr std::size_t count = sizeof(Numbers) / sizeof(S);
+    static_assert(sizeof(Wides) == count * sizeof(Wide<S>));
+    for (std::size_t k = 0; k < count; ++k)
+        reinterpret_cast<S*>(&numbers)[k] += reinterpret_cast<const Wide<S>*>(&wides)[k][lane];
+}
+
+} // namespace gsh
