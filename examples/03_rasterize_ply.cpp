@@ -7,6 +7,7 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/gaussian/gaussians.hpp>
+#include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/io/image_file.hpp>
 #include <gsh/io/ply.hpp>
@@ -27,8 +28,7 @@ namespace {
 
 using Backend = cpu::Threads;
 
-// 1. The scene. A colour is 0.5 + Y_0 sh_0 + …, so a plain one is sh_0 = (colour - 0.5) / Y_0.
-constexpr float Y0 = 0.28209479f;
+// 1. The scene.
 const Vec gold(0.95f, 0.75f, 0.20f), teal(0.10f, 0.60f, 0.65f), background(0.93f, 0.94f, 0.96f);
 constexpr float front_z = 0.35f, back_z = -0.35f, ball_scale = 0.13f, front_opacity = 0.6f, back_opacity = 0.9f;
 
@@ -39,7 +39,7 @@ GaussianCloud<float> make_scene() {
         cloud.means[i] = {0, 0, z};
         cloud.log_scales[i] = Vec(std::log(ball_scale));
         cloud.opacity_logits[i] = logit(opacity);
-        cloud.sh[4 * i] = (color - Vec(0.5f)) / Y0;
+        cloud.sh[4 * i] = sh_of_color(color);
     };
     ball(0, back_z, back_opacity, teal);
     ball(1, front_z, front_opacity, gold);
@@ -49,7 +49,7 @@ GaussianCloud<float> make_scene() {
         cloud.quats[i] = {std::cos(0.5f * a), 0, 0, std::sin(0.5f * a)}; // turns x outwards, y along the ring
         cloud.log_scales[i] = {std::log(0.03f), std::log(0.045f), std::log(0.03f)};
         cloud.opacity_logits[i] = logit(0.95f);
-        cloud.sh[4 * i] = (Vec(0.5f + 0.3f * std::cos(a), 0.35f, 0.5f + 0.3f * std::sin(a)) - Vec(0.5f)) / Y0;
+        cloud.sh[4 * i] = sh_of_color(Vec(0.5f + 0.3f * std::cos(a), 0.35f, 0.5f + 0.3f * std::sin(a)));
         cloud.sh[4 * i + 2] = {0.6f, 0.2f, 0.2f}; // times 0.49 z of the viewing direction: redder seen from behind
     }
     return cloud;
@@ -58,8 +58,8 @@ GaussianCloud<float> make_scene() {
 // 2. Any scene from any camera. The file's SH degree is known only now, the template wants it at compile time.
 Image<float> render(Backend& backend, const GaussianCloud<float>& cloud, const Camera<float>& camera,
                     Image<float>& alpha) {
-    Gaussians<float, Backend> gaussians;
-    Splats<float, Backend> splats;
+    Gaussians<Backend, float> gaussians;
+    Splats<Backend, float> splats;
     upload(backend, cloud, gaussians);
     splats.resize(cloud.size());
     with_sh_degree(cloud.sh_degree, [&](auto degree) {

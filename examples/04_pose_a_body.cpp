@@ -12,6 +12,7 @@
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/gaussian/shade.hpp>
 #include <gsh/io/image_file.hpp>
 #include <gsh/math/activation.hpp>
 #include <gsh/render/rasterizer.hpp>
@@ -51,7 +52,7 @@ GaussianCloud<float> dress(const SurfaceSamples& skin) {
         const float scale = static_cast<float>(skin.scales[i]);
         cloud.log_scales[i] = {std::log(scale), std::log(scale), std::log(0.2f * scale)};
         cloud.opacity_logits[i] = logit(0.9f);
-        cloud.sh[i] = (bone_color(heaviest, skin.normals[i]) - vec3<float>(0.5f)) / 0.28209479f; // Y_0
+        cloud.sh[i] = sh_of_color(bone_color(heaviest, skin.normals[i]));
     }
     return cloud;
 }
@@ -82,8 +83,8 @@ private:
     Backend& backend_;
     Avatar<Backend> avatar_;
     Rasterizer<Backend> rasterizer_;
-    RigPose<float, Backend> pose_;
-    Splats<float, Backend> splats_;
+    RigPose<Backend, float> pose_;
+    Splats<Backend, float> splats_;
     Avatar<Backend>::Cache avatar_cache_;
     Rasterizer<Backend>::Cache raster_cache_;
 };

@@ -50,7 +50,7 @@ public:
         upload(backend, start, gaussians_);
         for (auto* like : {&dL_dgaussians_, &m_, &v_}) {
             like->resize(start.size(), start.sh_degree);
-            zero(*like);
+            fill_zero(backend_, like->view());
         }
         splats_.resize(start.size());
         dL_dsplats_.resize(start.size());
@@ -74,10 +74,7 @@ public:
     void backward() {
         backend_.fill(Span<float>(dL_drender_.data), 0.0f);
         loss_.backward(render_.view(), truth_.view(), 1.0f, loss_cache_, dL_drender_.view());
-        backend_.fill(Span<vec3<float>>(dL_dsplats_.means), vec3<float>(0));
-        backend_.fill(Span<sym3<float>>(dL_dsplats_.covariances), sym3<float>{});
-        backend_.fill(Span<float>(dL_dsplats_.opacities), 0.0f);
-        backend_.fill(Span<vec3<float>>(dL_dsplats_.colors), vec3<float>(0));
+        fill_zero(backend_, dL_dsplats_.view());
         rasterizer_.backward(camera_, splats_.view(), background_, {.color = dL_drender_.view()}, raster_cache_,
                              dL_dsplats_.view());
         static_splats_backward<0>(backend_, gaussians_.view(), camera_.center(), dL_dsplats_.view(), workspace_,
@@ -107,11 +104,6 @@ private:
     static Span<float> numbers(cpu::Buffer<T>& values) {
         return view_as<float>(Span<T>(values));
     }
-    void zero(Gaussians<float, Backend>& g) {
-        for (const Span<float> part : {numbers(g.means), numbers(g.quats), numbers(g.log_scales),
-                                       numbers(g.opacity_logits), numbers(g.sh)})
-            backend_.fill(part, 0.0f);
-    }
 
     Backend& backend_;
     Rasterizer<Backend> rasterizer_;
@@ -119,13 +111,13 @@ private:
     Adam adam_;
     Camera<float> camera_;
     Background<float> background_; // black
-    Gaussians<float, Backend> gaussians_, dL_dgaussians_, m_, v_;
-    Splats<float, Backend> splats_, dL_dsplats_;
+    Gaussians<Backend, float> gaussians_, dL_dgaussians_, m_, v_;
+    Splats<Backend, float> splats_, dL_dsplats_;
     const Image<float>& truth_;
     Image<float> render_, dL_drender_;
     Rasterizer<Backend>::Cache raster_cache_;
     PhotometricLoss<Backend>::Cache loss_cache_;
-    StaticSplatsWorkspace<float, Backend> workspace_;
+    StaticSplatsWorkspace<Backend, float> workspace_;
 };
 
 void story(const std::filesystem::path& folder) {

@@ -75,7 +75,7 @@ void backward(benchmark::State& state) {
         }
     const SkinnedView<float> out{gradient.means, gradient.quats, gradient.log_scales, gradient.logits, gradient.sh};
     std::vector<vec3<float>> center(1);
-    SkinnedSplatsWorkspace<float, B> workspace;
+    SkinnedSplatsWorkspace<B, float> workspace;
     for (auto _ : state) {
         skinned_splats_backward<2>(backend, scene.view(), scene.bones, vec3<float>(0, 1, 4), scene.splats(), workspace,
                                    out, gradient.bones, center);

@@ -25,7 +25,7 @@ template <class B>
 struct Setup {
     B backend;
     Grid grid;
-    Grid::Query<float, B> query;
+    Grid::Query<B, float> query;
     std::vector<float> table = grid.initial_table<float>(1), features = std::vector<float>(points * Grid::output_count);
     FeatureView<float> view;
 

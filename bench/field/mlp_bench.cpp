@@ -23,7 +23,7 @@ template <class B>
 struct Setup {
     B backend;
     Mlp mlp;
-    Mlp::Cache<float, B> cache;
+    Mlp::Cache<B, float> cache;
     std::vector<float> weights = mlp.initial_weights<float>(1), inputs = std::vector<float>(points * 64),
                        outputs = std::vector<float>(points * mlp.outputs());
     FeatureView<const float> view{inputs, points, 64, 4};

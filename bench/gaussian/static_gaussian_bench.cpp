@@ -26,9 +26,9 @@ GaussianCloud<float> random_cloud(int degree) {
 template <class B, int Degree>
 void forward(benchmark::State& state) {
     B backend;
-    Gaussians<float, B> gaussians;
+    Gaussians<B, float> gaussians;
     upload(backend, random_cloud(Degree), gaussians);
-    Splats<float, B> splats;
+    Splats<B, float> splats;
     splats.resize(count);
     for (auto _ : state) {
         static_splats_forward<Degree>(backend, gaussians.view(), vec3<float>(0, 0, -4), splats.view());
@@ -41,13 +41,13 @@ void forward(benchmark::State& state) {
 template <class B, int Degree>
 void backward(benchmark::State& state) {
     B backend;
-    Gaussians<float, B> gaussians, dL_dgaussians;
+    Gaussians<B, float> gaussians, dL_dgaussians;
     upload(backend, random_cloud(Degree), gaussians);
     upload(backend, GaussianCloud<float>(count, Degree), dL_dgaussians);
-    Splats<float, B> dL_dsplats;
+    Splats<B, float> dL_dsplats;
     dL_dsplats.resize(count);
     static_splats_forward<Degree>(backend, gaussians.view(), vec3<float>(0, 0, -4), dL_dsplats.view());
-    StaticSplatsWorkspace<float, B> workspace;
+    StaticSplatsWorkspace<B, float> workspace;
     for (auto _ : state) {
         static_splats_backward<Degree>(backend, gaussians.view(), vec3<float>(0, 0, -4), dL_dsplats.view(), workspace,
                                        dL_dgaussians.view());

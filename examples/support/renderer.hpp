@@ -39,7 +39,7 @@ public:
     /// A static 3DGS scene.
     Image<float> render(const GaussianCloud<float>& scene, const Camera<double>& camera, const vec3<float>& background) {
         const Camera<float> view = camera.cast<float>();
-        Gaussians<float, Backend> gaussians;
+        Gaussians<Backend, float> gaussians;
         upload(*backend_, scene, gaussians);
         splats_.resize(scene.size());
         with_sh_degree(scene.sh_degree, [&](auto degree) {
@@ -60,8 +60,8 @@ private:
 
     Backend* backend_;
     Rasterizer<Backend> rasterizer_;
-    RigPose<float, Backend> pose_;
-    Splats<float, Backend> splats_;
+    RigPose<Backend, float> pose_;
+    Splats<Backend, float> splats_;
     Avatar<Backend>::Cache avatar_cache_;
     Rasterizer<Backend>::Cache raster_cache_;
 };

@@ -42,7 +42,7 @@ TEST_CASE("a rig at rest moves nothing") {
     rest.joint_count = 4;
     rest.pose.assign(4, vec3<double>(0.0));
     rest.transl = {vec3<double>(0.0)};
-    RigPose<double, cpu::Serial> pose;
+    RigPose<cpu::Serial, double> pose;
     rig.upload_pose(rest, 0, pose);
     Rig<cpu::Serial, double>::Cache cache;
     rig.forward(pose, f.data.joints, cache);
@@ -68,7 +68,7 @@ TEST_CASE("a rig carries surface points as the body model carries its vertices")
     at_vertices.weights = sparse_weights(f.body.weights, 4);
     const RigData data = make_rig(f.body, f.betas, at_vertices);
     Rig<cpu::Serial, double> rig(backend, data);
-    RigPose<double, cpu::Serial> pose;
+    RigPose<cpu::Serial, double> pose;
     rig.upload_pose(f.motion, 0, pose);
     Rig<cpu::Serial, double>::Cache cache;
     rig.forward(pose, data.joints, cache);
@@ -86,7 +86,7 @@ TEST_CASE_TEMPLATE("Rig::backward is the gradient of forward", B, cpu::Serial, c
     B backend;
     Rig<B, double> rig(backend, f.data);
     const std::size_t N = rig.point_count(), J = 4;
-    RigPose<double, B> pose;
+    RigPose<B, double> pose;
     rig.upload_pose(f.motion, 0, pose);
     auto joints = f.data.joints;
     test::Rng rng(9);
@@ -128,7 +128,7 @@ TEST_CASE("a rig refuses a motion for another skeleton") {
     Fixture f;
     cpu::Serial backend;
     Rig<cpu::Serial, double> rig(backend, f.data);
-    RigPose<double, cpu::Serial> pose;
+    RigPose<cpu::Serial, double> pose;
     CHECK_THROWS_AS(rig.upload_pose(f.motion, 1, pose), ValueError);
     f.motion.joint_count = 3;
     CHECK_THROWS_AS(rig.upload_pose(f.motion, 0, pose), ShapeError);

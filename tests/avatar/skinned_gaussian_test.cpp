@@ -186,7 +186,7 @@ TEST_CASE_TEMPLATE("skinned_splats_backward is the gradient of forward with resp
             skinned_splats_forward<degree>(backend, scene.input(), scene.bones, scene.center[0], splats.view());
             return inner(splats, dL_dsplats);
         };
-        SkinnedSplatsWorkspace<double, cpu::Serial> workspace;
+        SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
         const auto backward = [&] {
             skinned_splats_backward<degree>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(),
                                             workspace, gradient.view(), gradient.bones, gradient.center);
@@ -223,7 +223,7 @@ TEST_CASE("colours clamped below only keep their gradient above one") {
     cpu::Serial backend;
     SplatArrays<double> splats(4);
     const SplatArrays<double> dL_dsplats(4, 8);
-    SkinnedSplatsWorkspace<double, cpu::Serial> workspace;
+    SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
     const auto loss = [&] {
         skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(),
                                   ColorClamp::below);
@@ -242,7 +242,7 @@ TEST_CASE("attributes that nobody asks for are left alone, the others do not cha
     all.clear(), some.clear();
     cpu::Serial backend;
     const SplatArrays<double> dL_dsplats(count, 10);
-    SkinnedSplatsWorkspace<double, cpu::Serial> workspace;
+    SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
     skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
                                all.view(), all.bones, all.center);
     skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
@@ -357,7 +357,7 @@ TEST_CASE("Threads equals Serial bit for bit; any size from none to beyond a chu
             SplatArrays<float> splats(count);
             Scene<float> gradient = scene;
             gradient.clear();
-            SkinnedSplatsWorkspace<float, B> workspace;
+            SkinnedSplatsWorkspace<B, float> workspace;
             skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view());
             skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(),
                                        workspace, gradient.view(), gradient.bones, gradient.center);
@@ -389,7 +389,7 @@ TEST_CASE("sizes that do not fit are refused") {
     Scene<double> scene(3, 9, 9, 15), gradient = scene;
     SplatArrays<double> splats(3);
     cpu::Serial backend;
-    SkinnedSplatsWorkspace<double, cpu::Serial> workspace;
+    SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
     const auto forward = [&](auto break_it) {
         auto input = scene.input();
         auto out = splats.view();

@@ -21,9 +21,9 @@ TEST_CASE("HashField::backward is the gradient of forward") {
     auto table = rng.numbers(field.grid().parameter_count());
     auto weights = rng.numbers(field.mlp().parameter_count());
     const auto loss_weights = rng.numbers(13 * 4);
-    Field::Grid::Query<double, cpu::Serial> query;
+    Field::Grid::Query<cpu::Serial, double> query;
     field.grid().prepare<cpu::Serial, double>(backend, points, query);
-    Field::Cache<double, cpu::Serial> cache;
+    Field::Cache<cpu::Serial, double> cache;
     std::vector<double> outputs(13 * 4);
     const auto loss = [&] {
         field.forward(backend, table, weights, query, outputs, cache);
@@ -51,9 +51,9 @@ TEST_CASE("HashField gives the same bits at any thread count") {
     const auto table = field.grid().initial_table<float>(1), weights = field.mlp().initial_weights<float>(2);
     const std::vector<float> dL_doutputs(5000 * 4, 0.25f);
     const auto run = [&]<class B>(B backend) {
-        typename Field::Grid::Query<float, B> query;
+        typename Field::Grid::Query<B, float> query;
         field.grid().prepare<B, float>(backend, points, query);
-        typename Field::Cache<float, B> cache;
+        typename Field::Cache<B, float> cache;
         std::vector<float> result(5000 * 4 + table.size() + weights.size(), 0.0f);
         const Span<float> all(result);
         field.forward(backend, table, weights, query, all.subspan(0, 5000 * 4), cache);

@@ -64,7 +64,7 @@ struct Run {
     Run(B& backend, const Grid& grid, const std::vector<T>& table, const std::vector<vec3<T>>& points,
         const std::vector<T>& dL_dfeatures, std::size_t block, int backwards = 1)
         : features(dL_dfeatures.size()), dL_dtable(table.size(), T(0)), dL_dpoints(points.size(), vec3<T>(0)) {
-        Grid::Query<T, B> query;
+        Grid::Query<B, T> query;
         grid.prepare(backend, points, query);
         touched.assign(query.touched.begin(), query.touched.end());
         const FeatureView<const T> gradient(dL_dfeatures, points.size(), Grid::output_count, block);
@@ -138,7 +138,7 @@ TEST_CASE("HashGrid's adjoints are the gradients to the table and to the points"
     auto points = rng.vecs(9, 0.02, 0.98); // random points stay clear of cell faces by far more than the step
     const auto dL_dfeatures = rng.numbers(points.size() * 20);
     cpu::Serial backend;
-    Grid::Query<double, cpu::Serial> query;
+    Grid::Query<cpu::Serial, double> query;
     std::vector<double> features(dL_dfeatures.size());
     const auto loss = [&] {
         grid.prepare(backend, points, query);
@@ -260,7 +260,7 @@ TEST_CASE("HashGrid says what is wrong with its arguments, and takes no points a
 
     const Grid grid(small);
     cpu::Serial backend;
-    Grid::Query<float, cpu::Serial> query;
+    Grid::Query<cpu::Serial, float> query;
     auto table = grid.initial_table<float>(1);
     std::vector<float> features(60), few(7);
     std::vector<vec3<float>> points(3, vec3<float>(0.5f)), one(1);

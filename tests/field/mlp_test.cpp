@@ -40,7 +40,7 @@ struct Run {
     Run(B backend, const Mlp& mlp, const std::vector<T>& weights, FeatureView<const T> inputs,
         const std::vector<T>& dL_doutputs, int backwards = 1)
         : outputs(dL_doutputs.size()), dL_dweights(weights.size(), T(0)), dL_dinputs(inputs.values.size(), T(0)) {
-        Mlp::Cache<T, B> cache;
+        Mlp::Cache<B, T> cache;
         mlp.forward(backend, weights, inputs, outputs, cache);
         for (int i = 0; i < backwards; ++i)
             mlp.backward(backend, weights, inputs, dL_doutputs, cache, dL_dweights,
@@ -76,7 +76,7 @@ TEST_CASE("Mlp::backward is the gradient of forward") {
         const auto dL_doutputs = rng.numbers(s.rows * mlp.outputs());
         const auto view = row_major(Span<const double>(inputs), mlp.inputs());
         cpu::Serial backend;
-        Mlp::Cache<double, cpu::Serial> cache;
+        Mlp::Cache<cpu::Serial, double> cache;
         std::vector<double> outputs(dL_doutputs.size());
         const auto loss = [&] {
             mlp.forward(backend, weights, view, outputs, cache);
@@ -103,7 +103,7 @@ TEST_CASE("Mlp::backward adds, and Write::assign overwrites the inputs' gradient
     for (std::size_t i = 0; i < inputs.size(); ++i) CHECK(twice.dL_dinputs[i] == 2 * once.dL_dinputs[i]);
 
     cpu::Serial backend;
-    Mlp::Cache<double, cpu::Serial> cache;
+    Mlp::Cache<cpu::Serial, double> cache;
     std::vector<double> outputs(dL_doutputs.size()), dL_dweights(weights.size(), 0.0), dL_dinputs(inputs.size(), 9.0);
     mlp.forward(backend, weights, view, outputs, cache);
     mlp.backward(backend, weights, view, dL_doutputs, cache, dL_dweights, row_major(Span<double>(dL_dinputs), 6),
@@ -147,7 +147,7 @@ TEST_CASE_TEMPLATE("Mlp on Threads equals Serial bit for bit", T, float, double)
     const Run<T, cpu::Serial> expected({}, mlp, weights, view, dL_doutputs);
     for (const std::size_t threads : {1, 2, 3, 7}) {
         cpu::Threads backend(threads);
-        Mlp::Cache<T, cpu::Threads> cache;
+        Mlp::Cache<cpu::Threads, T> cache;
         std::vector<T> outputs(dL_doutputs.size()), dL_dweights(weights.size(), T(0)), dL_dinputs(inputs.size(), T(0));
         mlp.forward(backend, weights, view, outputs, cache);
         mlp.backward(backend, weights, view, dL_doutputs, cache, dL_dweights, row_major(Span<T>(dL_dinputs), 10));
@@ -179,7 +179,7 @@ TEST_CASE("Mlp says what is wrong with its arguments, and takes an empty batch")
 
     const Mlp mlp({4, 2, 8, 1});
     cpu::Serial backend;
-    Mlp::Cache<float, cpu::Serial> cache;
+    Mlp::Cache<cpu::Serial, float> cache;
     auto weights = mlp.initial_weights<float>(1);
     std::vector<float> inputs(12), outputs(6), dL_dinputs(12), few(5);
     const auto view = row_major(Span<const float>(inputs), 4);

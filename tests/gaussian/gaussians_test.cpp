@@ -20,7 +20,7 @@ TEST_CASE("a cloud goes to a backend and comes back as it was") {
         for (auto& coefficient : cloud.sh) coefficient = rng.vec();
         for (auto& logit : cloud.opacity_logits) logit = rng.uniform();
         cpu::Threads backend(2);
-        Gaussians<double, cpu::Threads> gaussians;
+        Gaussians<cpu::Threads, double> gaussians;
         upload(backend, cloud, gaussians);
         CHECK(gaussians.size() == count);
         CHECK(gaussians.view().sh.size() == 9 * count);
@@ -34,7 +34,7 @@ TEST_CASE("a cloud goes to a backend and comes back as it was") {
 
 TEST_CASE("every attribute's size is checked, by name") {
     cpu::Serial backend;
-    Gaussians<float, cpu::Serial> gaussians;
+    Gaussians<cpu::Serial, float> gaussians;
     const auto broken = [&](auto&& breakage) {
         GaussianCloud<float> cloud(3, 1);
         breakage(cloud);
@@ -75,7 +75,7 @@ TEST_CASE("a resized cloud holds neutral Gaussians") {
 }
 
 TEST_CASE("splats resize together") {
-    Splats<float, cpu::Serial> splats;
+    Splats<cpu::Serial, float> splats;
     splats.resize(5);
     CHECK(splats.view().size() == 5);
     CHECK(splats.view().covariances.size() == 5);

@@ -46,6 +46,12 @@ TEST_CASE("ao has a gradient even where it is 0") {
     CHECK(dL_dsh[0] == vec3<double>(0.0));
 }
 
+TEST_CASE("sh_of_color gives a Gaussian its colour back") {
+    const vec3<double> color(0.1, 0.5, 0.9), sh[] = {sh_of_color(color)};
+    const auto shaded = shade<0>(sh, vec3<double>(0, 0, 1), 1.0, ColorClamp::both);
+    for (int c = 0; c < 3; ++c) CHECK(shaded[c] == doctest::Approx(color[c]).epsilon(1e-12));
+}
+
 TEST_CASE("no coefficients make grey") {
     const vec3<double> sh[] = {vec3<double>(0.0)};
     CHECK(shade<0>(sh, vec3<double>(1, 0, 0), 1.0, ColorClamp::below) == vec3<double>(0.5));

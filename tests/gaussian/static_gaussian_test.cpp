@@ -26,9 +26,9 @@ GaussianCloud<T> random_cloud(std::size_t count, int degree) {
 }
 
 template <class T>
-Splats<T, cpu::Serial> random_gradient(std::size_t count) {
+Splats<cpu::Serial, T> random_gradient(std::size_t count) {
     test::Rng rng(6);
-    Splats<T, cpu::Serial> dL_dsplats;
+    Splats<cpu::Serial, T> dL_dsplats;
     dL_dsplats.resize(count);
     for (auto& v : dL_dsplats.means) v = vec3<T>(rng.vec());
     for (auto& v : dL_dsplats.covariances) {
@@ -71,7 +71,7 @@ TEST_CASE("static_splats_backward is the gradient of static_splats_forward, and 
     vec3<double> center(0.3, -0.2, -4);
     auto weight = random_gradient<double>(count);
     cpu::Serial backend;
-    Splats<double, cpu::Serial> splats;
+    Splats<cpu::Serial, double> splats;
     splats.resize(count);
     const auto loss = [&] {
         static_splats_forward<degree>(backend, cloud.view(), center, splats.view());
@@ -86,7 +86,7 @@ TEST_CASE("static_splats_backward is the gradient of static_splats_forward, and 
     };
     auto gradient = zero_cloud<double>(count, degree);
     std::vector<vec3<double>> dL_dcenter(1, vec3<double>(0.0));
-    StaticSplatsWorkspace<double, cpu::Serial> workspace;
+    StaticSplatsWorkspace<cpu::Serial, double> workspace;
     static_splats_backward<degree>(backend, cloud.view(), center, weight.view(), workspace, gradient.view(), dL_dcenter);
     test::check_gradient(loss, test::scalars(cloud.means), test::scalars(gradient.means));
     test::check_gradient(loss, test::scalars(cloud.quats), test::scalars(gradient.quats));
@@ -114,20 +114,20 @@ TEST_CASE("Threads equals Serial bit for bit at any thread count and size") {
         const auto cloud = random_cloud<float>(count, 2);
         const auto dL_dsplats = random_gradient<float>(count);
         const auto run = [&](auto& backend, auto& splats, auto& gradient, auto& dL_dcenter) {
-            StaticSplatsWorkspace<float, std::remove_reference_t<decltype(backend)>> workspace;
+            StaticSplatsWorkspace<std::remove_reference_t<decltype(backend)>, float> workspace;
             splats.resize(count);
             static_splats_forward<2>(backend, cloud.view(), center, splats.view());
             static_splats_backward<2>(backend, cloud.view(), center, dL_dsplats.view(), workspace, gradient.view(),
                                       dL_dcenter);
         };
         cpu::Serial serial;
-        Splats<float, cpu::Serial> expected;
+        Splats<cpu::Serial, float> expected;
         auto expected_gradient = zero_cloud<float>(count, 2);
         std::vector<vec3<float>> expected_center(1, vec3<float>(0.0f));
         run(serial, expected, expected_gradient, expected_center);
         for (const std::size_t threads : {1, 2, 3, 7}) {
             cpu::Threads backend(threads);
-            Splats<float, cpu::Threads> splats;
+            Splats<cpu::Threads, float> splats;
             auto gradient = zero_cloud<float>(count, 2);
             std::vector<vec3<float>> dL_dcenter(1, vec3<float>(0.0f));
             run(backend, splats, gradient, dL_dcenter);
@@ -144,7 +144,7 @@ TEST_CASE("empty gradients are left alone, the others do not change for it") {
     const auto cloud = random_cloud<double>(4, 1);
     const auto dL_dsplats = random_gradient<double>(4);
     cpu::Serial backend;
-    StaticSplatsWorkspace<double, cpu::Serial> workspace;
+    StaticSplatsWorkspace<cpu::Serial, double> workspace;
     auto all = zero_cloud<double>(4, 1), some = all;
     some.quats.clear(), some.sh.clear();
     const vec3<double> center(0, 0, -3);
@@ -159,11 +159,11 @@ TEST_CASE("a Gaussian at the camera's centre makes no NaN") {
     auto cloud = random_cloud<double>(1, 2);
     const vec3<double> center = cloud.means[0];
     cpu::Serial backend;
-    Splats<double, cpu::Serial> splats;
+    Splats<cpu::Serial, double> splats;
     splats.resize(1);
     static_splats_forward<2>(backend, cloud.view(), center, splats.view());
     CHECK(std::isfinite(splats.colors[0].x));
-    StaticSplatsWorkspace<double, cpu::Serial> workspace;
+    StaticSplatsWorkspace<cpu::Serial, double> workspace;
     auto gradient = zero_cloud<double>(1, 2);
     static_splats_backward<2>(backend, cloud.view(), center, random_gradient<double>(1).view(), workspace,
                               gradient.view());
@@ -173,7 +173,7 @@ TEST_CASE("a Gaussian at the camera's centre makes no NaN") {
 TEST_CASE("sizes and degrees are checked") {
     cpu::Serial backend;
     auto cloud = random_cloud<double>(2, 1);
-    Splats<double, cpu::Serial> splats;
+    Splats<cpu::Serial, double> splats;
     splats.resize(2);
     const vec3<double> center(0.0);
     CHECK_THROWS_WITH_AS(static_splats_forward<2>(backend, cloud.view(), center, splats.view()),
@@ -181,20 +181,20 @@ TEST_CASE("sizes and degrees are checked") {
                          "with_sh_degree",
                          ShapeError);
     for (const int which : {0, 1, 2, 3}) {
-        Splats<double, cpu::Serial> wrong;
+        Splats<cpu::Serial, double> wrong;
         wrong.resize(2);
         if (which == 0) wrong.means.resize(1);
         if (which == 1) wrong.covariances.resize(1);
         if (which == 2) wrong.opacities.resize(1);
         if (which == 3) wrong.colors.resize(1);
         CHECK_THROWS_AS(static_splats_forward<1>(backend, cloud.view(), center, wrong.view()), ShapeError);
-        StaticSplatsWorkspace<double, cpu::Serial> workspace;
+        StaticSplatsWorkspace<cpu::Serial, double> workspace;
         auto gradient = zero_cloud<double>(2, 1);
         CHECK_THROWS_AS(
             static_splats_backward<1>(backend, cloud.view(), center, wrong.view(), workspace, gradient.view()),
             ShapeError);
     }
-    StaticSplatsWorkspace<double, cpu::Serial> workspace;
+    StaticSplatsWorkspace<cpu::Serial, double> workspace;
     auto gradient = zero_cloud<double>(2, 1), other = zero_cloud<double>(3, 1), higher = zero_cloud<double>(2, 2);
     std::vector<vec3<double>> two(2);
     const auto backward = [&](auto& out, Span<vec3<double>> dL_dcenter) {

@@ -63,9 +63,9 @@ TEST_CASE("an avatar comes back from its file as it was, and poses the same") {
     motion.pose = rng.vecs(4);
     const auto posed = [&](const AvatarData& data) {
         const Avatar<cpu::Serial> shown(backend, data);
-        RigPose<float, cpu::Serial> pose;
+        RigPose<cpu::Serial, float> pose;
         shown.rig().upload_pose(motion, 0, pose);
-        Splats<float, cpu::Serial> splats;
+        Splats<cpu::Serial, float> splats;
         splats.resize(shown.size());
         Avatar<cpu::Serial>::Cache cache;
         shown.pose(pose, {0, 0, 3}, splats.view(), cache);

@@ -187,7 +187,7 @@ TEST_CASE("equal images: loss 0, SSIM 1, no gradient; L1 and mix are what they s
 
     L1Loss<cpu::Serial, double> only_l1(backend);
     SsimLoss<cpu::Serial, double> only_ssim(backend);
-    PhotometricCache<double, cpu::Serial> l1_cache, ssim_cache;
+    PhotometricCache<cpu::Serial, double> l1_cache, ssim_cache;
     only_l1.forward(a.view(), b.view(), l1_cache);
     only_ssim.forward(a.view(), b.view(), ssim_cache);
     CHECK(only_l1.values(l1_cache).loss == mixed.l1);

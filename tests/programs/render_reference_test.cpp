@@ -39,8 +39,8 @@ GaussianCloud<float> scene(std::size_t count) {
 }
 
 /// Covariance, opacity and colour of each Gaussian, by the formulas of the format and nothing of the library.
-Splats<double, cpu::Serial> plain_splats(const GaussianCloud<float>& cloud, const vec3<double>& eye) {
-    Splats<double, cpu::Serial> splats;
+Splats<cpu::Serial, double> plain_splats(const GaussianCloud<float>& cloud, const vec3<double>& eye) {
+    Splats<cpu::Serial, double> splats;
     splats.resize(cloud.size());
     for (std::size_t i = 0; i < cloud.size(); ++i) {
         const quat<float>& f = cloud.quats[i];
@@ -116,7 +116,7 @@ TEST_CASE("gsh-render draws a standard PLY as its format says") {
         wide.opacity_logits[i] = cloud.opacity_logits[i];
     }
     for (std::size_t k = 0; k < cloud.sh.size(); ++k) wide.sh[k] = vec3<double>(cloud.sh[k]);
-    Splats<double, cpu::Serial> own;
+    Splats<cpu::Serial, double> own;
     own.resize(cloud.size());
     static_splats_forward<3>(backend, std::as_const(wide).view(), camera.center(), own.view());
     Image<double> drawn(3, 130, 150);

@@ -105,7 +105,7 @@ struct Rendering {
     }
 };
 
-template <class T, Backend B>
+template <Backend B, std::floating_point T = float>
 Rendering<T> render(B& backend, const Scene<T>& scene, const RasterParams<T>& params = {},
                     const ImageView<const T>& background = {}) {
     typename Rasterizer<B, T>::Cache cache;

@@ -50,7 +50,7 @@ struct SmallScene {
         const RigData rig = make_rig(body, betas, samples);
         cpu::Serial backend;
         Rig<cpu::Serial, double> mover(backend, rig);
-        RigPose<double, cpu::Serial> pose;
+        RigPose<cpu::Serial, double> pose;
         typename Rig<cpu::Serial, double>::Cache cache;
         for (std::size_t c = 0; c < cameras.size(); ++c)
             for (std::size_t f = 0; f < 2; ++f) {

@@ -33,13 +33,13 @@ struct Chain {
                 {.hash_base = 3, .hash_growth = 1.6, .hash_table_size = 128, .mlp_width = 8, .mlp_hidden_layers = 1,
                  .initial_opacity = 0.4, .sh_dc_scale = 2}};
     Camera<double> camera;
-    RigPose<double, B> pose;
+    RigPose<B, double> pose;
     Rasterizer<B, double> rasterizer{backend, raster_params()};
     PhotometricLoss<B, double> loss_function{backend};
     Image<double> truth{3, 40, 36};
 
     typename Model::Cache cache;
-    Splats<double, B> splats;
+    Splats<B, double> splats;
     typename Rasterizer<B, double>::Cache raster_cache;
     typename PhotometricLoss<B, double>::Cache loss_cache;
     Image<double> render{3, 40, 36};
@@ -81,7 +81,7 @@ struct Chain {
     }
 
     struct Gradient {
-        Parameters<double, B> parameters;
+        Parameters<B, double> parameters;
         std::vector<vec3<double>> pose, transl;
         std::vector<double> coefficients;
         std::vector<vec3<double>> means; // with respect to x̂₀
@@ -91,12 +91,9 @@ struct Chain {
         loss();
         Image<double> dL_drender(3, 40, 36);
         loss_function.backward(std::as_const(render).view(), std::as_const(truth).view(), 1.0, loss_cache, dL_drender.view());
-        Splats<double, B> dL_dsplats;
+        Splats<B, double> dL_dsplats;
         dL_dsplats.resize(model.size());
-        backend.fill(dL_dsplats.view().means, vec3<double>(0.0));
-        backend.fill(dL_dsplats.view().covariances, sym3<double>{});
-        backend.fill(dL_dsplats.view().opacities, 0.0);
-        backend.fill(dL_dsplats.view().colors, vec3<double>(0.0));
+        fill_zero(backend, dL_dsplats.view());
         rasterizer.backward(camera, std::as_const(splats).view(), {.color = {0.9, 0.8, 0.7}},
                             {.color = std::as_const(dL_drender).view()}, raster_cache, dL_dsplats.view());
         Gradient g;

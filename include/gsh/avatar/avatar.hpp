@@ -64,7 +64,7 @@ public:
     [[nodiscard]] const Rig<B, T>& rig() const { return rig_; }
 
     /// Splats of a pose as seen from `center` (Camera::center()); splats must have size() elements.
-    void pose(const RigPose<T, B>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) const {
+    void pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) const {
         rig_.forward(pose, joints_, cache.rig);
         cache.means.resize(size());
         backend_->copy(Span<const vec3<T>>(gaussians_.means), cache.means);
@@ -79,7 +79,7 @@ public:
 private:
     B* backend_;
     Rig<B, T> rig_;
-    Gaussians<T, B> gaussians_;
+    Gaussians<B, T> gaussians_;
     typename B::template Buffer<vec3<T>> joints_;
     ColorClamp clamping_;
 };

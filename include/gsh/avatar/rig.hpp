@@ -73,7 +73,7 @@ struct RigData {
 /// One frame's pose in a backend's memory.
 ///
 /// Shapes  pose [J] axis-angle; coefficients [S + E], betas (absolute) then expression; transl [1].
-template <std::floating_point T, Backend B>
+template <Backend B, std::floating_point T = float>
 struct RigPose {
     typename B::template Buffer<vec3<T>> pose;
     typename B::template Buffer<T> coefficients;
@@ -169,7 +169,7 @@ public:
     /// Brings frame `frame` of a motion to the backend. A motion may know fewer coefficients than the rig (the rest
     /// are zero; no betas at all means the rig's own shape).
     /// Errors  ShapeError if the motion's joints are not the rig's, or if it has more coefficients.
-    void upload_pose(const Motion& motion, std::size_t frame, RigPose<T, B>& pose) const {
+    void upload_pose(const Motion& motion, std::size_t frame, RigPose<B, T>& pose) const {
         check_size("Rig::upload_pose", "the motion's joints", motion.joint_count, joint_count_,
                    "the motion must be made for the avatar's skeleton");
         check_value(frame < motion.frame_count(), "Rig::upload_pose",
@@ -199,7 +199,7 @@ public:
     }
 
     /// Bones and offsets of one frame. joints [J]: the learned rest positions J_learned.
-    void forward(const RigPose<T, B>& pose, Span<const vec3<T>> joints, Cache& cache) const {
+    void forward(const RigPose<B, T>& pose, Span<const vec3<T>> joints, Cache& cache) const {
         check_size("Rig::forward", "joints", joints.size(), joint_count_, "store one per joint");
         check_size("Rig::forward", "coefficients", pose.coefficients.size(), coefficient_count());
         cache.rotations.resize(joint_count_);
@@ -227,7 +227,7 @@ public:
     }
 
     /// Adjoint of forward and add_offsets: adds to dL_djoints and to what is asked for in dL_dpose.
-    void backward(const RigPose<T, B>& pose, Cache& cache, Span<const Affine<T>> dL_dbones,
+    void backward(const RigPose<B, T>& pose, Cache& cache, Span<const Affine<T>> dL_dbones,
                   Span<const vec3<T>> dL_dpoints, Span<vec3<T>> dL_djoints, RigPoseGradient<T> dL_dpose = {}) {
         cache.dL_drotations.resize(joint_count_);
         cache.dL_djoints.resize(joint_count_);

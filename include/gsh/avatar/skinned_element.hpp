@@ -153,7 +153,7 @@ struct SkinnedView {
 };
 
 /// Scratch of skinned_splats_backward; keep it from step to step.
-template <std::floating_point T, Backend B>
+template <Backend B, std::floating_point T = float>
 struct SkinnedSplatsWorkspace {
     typename B::template Buffer<Affine<T>> dL_dbones; // [chunks, J]
     typename B::template Buffer<vec3<T>> dL_dcenters; // [chunks]

@@ -87,7 +87,7 @@ void skinned_splats_backward(B& backend, const std::type_identity_t<SkinnedView<
                              std::type_identity_t<Span<const Affine<T>>> bones,
                              const std::type_identity_t<vec3<T>>& center,
                              const std::type_identity_t<SplatView<const T>>& dL_dsplats,
-                             SkinnedSplatsWorkspace<T, B>& workspace, const SkinnedView<T>& dL_dgaussians,
+                             SkinnedSplatsWorkspace<B, T>& workspace, const SkinnedView<T>& dL_dgaussians,
                              Span<std::type_identity_t<Affine<T>>> dL_dbones = {},
                              Span<std::type_identity_t<vec3<T>>> dL_dcenter = {},
                              ColorClamp clamping = ColorClamp::both) {

@@ -23,11 +23,11 @@ class HashField {
 public:
     using Grid = HashGrid<Levels, Features>;
 
-    template <class T, Backend B>
+    template <Backend B, std::floating_point T = float>
     struct Cache {
         typename B::template Buffer<T> features;     ///< [Levels][N][Features]
         typename B::template Buffer<T> dL_dfeatures; ///< likewise
-        Mlp::Cache<T, B> mlp;
+        Mlp::Cache<B, T> mlp;
     };
 
     /// The network's input count is the grid's output count, whatever `network` says.
@@ -38,8 +38,8 @@ public:
 
     template <Backend B, std::floating_point T>
     void forward(B& backend, std::type_identity_t<Span<const T>> table, std::type_identity_t<Span<const T>> weights,
-                 const typename Grid::template Query<T, B>& query, std::type_identity_t<Span<T>> outputs,
-                 Cache<T, B>& cache) const {
+                 const typename Grid::template Query<B, T>& query, std::type_identity_t<Span<T>> outputs,
+                 Cache<B, T>& cache) const {
         cache.features.resize(query.size() * Grid::output_count);
         const FeatureView<T> features = view(Span<T>(cache.features), query.size());
         grid_.forward(backend, table, query, features);
@@ -49,8 +49,8 @@ public:
     /// Adds to dL_dtable and dL_dweights.
     template <Backend B, std::floating_point T>
     void backward(B& backend, std::type_identity_t<Span<const T>> weights,
-                  const typename Grid::template Query<T, B>& query, std::type_identity_t<Span<const T>> dL_doutputs,
-                  Cache<T, B>& cache, std::type_identity_t<Span<T>> dL_dtable,
+                  const typename Grid::template Query<B, T>& query, std::type_identity_t<Span<const T>> dL_doutputs,
+                  Cache<B, T>& cache, std::type_identity_t<Span<T>> dL_dtable,
                   std::type_identity_t<Span<T>> dL_dweights) const {
         cache.dL_dfeatures.resize(cache.features.size());
         const FeatureView<T> features = view(Span<T>(cache.features), query.size());

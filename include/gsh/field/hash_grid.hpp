@@ -46,7 +46,7 @@ public:
     };
 
     /// Fixed points, prepared once for every pass over every table of this geometry.
-    template <class T, Backend B>
+    template <Backend B, std::floating_point T = float>
     struct Query {
         typename B::template Buffer<T> x, y, z;           ///< [N]
         typename B::template Buffer<std::uint32_t> touched; ///< entries that some point refers to, ascending
@@ -109,7 +109,7 @@ public:
 
     /// Takes over the points and lists the entries that they touch.
     template <Backend B, std::floating_point T>
-    void prepare(B& backend, std::type_identity_t<Span<const vec3<T>>> points, Query<T, B>& query) const {
+    void prepare(B& backend, std::type_identity_t<Span<const vec3<T>>> points, Query<B, T>& query) const {
         query.x.resize(points.size());
         query.y.resize(points.size());
         query.z.resize(points.size());
@@ -118,7 +118,7 @@ public:
 
     /// features = encoding of each point of the query.
     template <Backend B, std::floating_point T>
-    void forward(B& backend, std::type_identity_t<Span<const T>> table, const Query<T, B>& query,
+    void forward(B& backend, std::type_identity_t<Span<const T>> table, const Query<B, T>& query,
                  std::type_identity_t<FeatureView<T>> features) const {
         check_size("HashGrid::forward", "table", table.size(), parameter_count());
         check_features("HashGrid::forward", "features", features, query.size(), output_count);
@@ -128,7 +128,7 @@ public:
 
     /// Adds to dL_dtable. Only touched entries change.
     template <Backend B, std::floating_point T>
-    void backward(B& backend, std::type_identity_t<FeatureView<const T>> dL_dfeatures, const Query<T, B>& query,
+    void backward(B& backend, std::type_identity_t<FeatureView<const T>> dL_dfeatures, const Query<B, T>& query,
                   std::type_identity_t<Span<T>> dL_dtable) const {
         check_size("HashGrid::backward", "dL_dtable", dL_dtable.size(), parameter_count());
         check_features("HashGrid::backward", "dL_dfeatures", dL_dfeatures, query.size(), output_count);
@@ -139,7 +139,7 @@ public:
 
     /// Adds the gradient with respect to the points to dL_dpoints.
     template <Backend B, std::floating_point T>
-    void backward_points(B& backend, std::type_identity_t<Span<const T>> table, const Query<T, B>& query,
+    void backward_points(B& backend, std::type_identity_t<Span<const T>> table, const Query<B, T>& query,
                          std::type_identity_t<FeatureView<const T>> dL_dfeatures,
                          std::type_identity_t<Span<vec3<T>>> dL_dpoints) const;
 
@@ -221,7 +221,7 @@ template <int Levels, int Features>
     requires(Levels >= 1 && Features >= 1)
 template <Backend B, std::floating_point T>
 void HashGrid<Levels, Features>::backward_points(B& backend, std::type_identity_t<Span<const T>> table,
-                                                 const Query<T, B>& query,
+                                                 const Query<B, T>& query,
                                                  std::type_identity_t<FeatureView<const T>> dL_dfeatures,
                                                  std::type_identity_t<Span<vec3<T>>> dL_dpoints) const {
     check_size("HashGrid::backward_points", "table", table.size(), parameter_count());

@@ -35,7 +35,7 @@ public:
     };
 
     /// What backward needs of forward, and working storage; one per batch in flight.
-    template <class T, Backend B>
+    template <Backend B, std::floating_point T = float>
     struct Cache {
         typename B::template Buffer<T> hidden;   ///< activations after ReLU, layer after layer
         typename B::template Buffer<T> packed;   ///< weights as the products read them
@@ -87,7 +87,7 @@ public:
     template <Backend B, std::floating_point T>
     void forward(B& backend, std::type_identity_t<Span<const T>> weights,
                  std::type_identity_t<FeatureView<const T>> inputs, std::type_identity_t<Span<T>> outputs,
-                 Cache<T, B>& cache) const {
+                 Cache<B, T>& cache) const {
         check_size("Mlp::forward", "weights", weights.size(), parameter_count());
         check_features("Mlp::forward", "inputs", inputs, inputs.rows, this->inputs());
         check_size("Mlp::forward", "outputs", outputs.size(), inputs.rows * this->outputs());
@@ -100,7 +100,7 @@ public:
     template <Backend B, std::floating_point T>
     void backward(B& backend, std::type_identity_t<Span<const T>> weights,
                   std::type_identity_t<FeatureView<const T>> inputs, std::type_identity_t<Span<const T>> dL_doutputs,
-                  Cache<T, B>& cache, std::type_identity_t<Span<T>> dL_dweights,
+                  Cache<B, T>& cache, std::type_identity_t<Span<T>> dL_dweights,
                   std::type_identity_t<FeatureView<T>> dL_dinputs, Write inputs_mode = Write::add) const {
         check_size("Mlp::backward", "weights", weights.size(), parameter_count());
         check_features("Mlp::backward", "inputs", inputs, cache.rows, this->inputs());

@@ -45,6 +45,17 @@ struct GaussiansView {
     }
 };
 
+/// Every number of every attribute becomes zero, as a gradient or a moment of Adam starts; a quat{} would be the
+/// identity instead.
+template <Backend B, std::floating_point T>
+void fill_zero(B& backend, const GaussiansView<T>& gradient) {
+    backend.fill(gradient.means, vec3<T>(T(0)));
+    backend.fill(gradient.quats, quat<T>{T(0), T(0), T(0), T(0)});
+    backend.fill(gradient.log_scales, vec3<T>(T(0)));
+    backend.fill(gradient.opacity_logits, T(0));
+    backend.fill(gradient.sh, vec3<T>(T(0)));
+}
+
 /// Throws ShapeError unless every attribute fits `count` Gaussians; where `optional`, an empty attribute passes.
 template <class T>
 void check_gaussians(std::string_view where, std::string_view argument, const GaussiansView<T>& view,
@@ -62,7 +73,7 @@ void check_gaussians(std::string_view where, std::string_view argument, const Ga
 }
 
 /// Storage behind a GaussiansView, in the backend's memory.
-template <class T, Backend B>
+template <Backend B, std::floating_point T = float>
 struct Gaussians {
     template <class U>
     using Buffer = typename B::template Buffer<U>;
@@ -119,8 +130,8 @@ struct GaussianCloud {
 };
 
 /// Copies a cloud into the backend's memory, resizing `gaussians` to it.
-template <class T, Backend B>
-void upload(B& backend, const GaussianCloud<T>& cloud, Gaussians<T, B>& gaussians) {
+template <Backend B, std::floating_point T = float>
+void upload(B& backend, const GaussianCloud<T>& cloud, Gaussians<B, T>& gaussians) {
     check_gaussians("upload", "cloud", cloud.view(), cloud.size());
     gaussians.resize(cloud.size(), cloud.sh_degree);
     const GaussiansView<const T> from = cloud.view();
@@ -133,8 +144,8 @@ void upload(B& backend, const GaussianCloud<T>& cloud, Gaussians<T, B>& gaussian
 }
 
 /// Copies Gaussians from the backend's memory to the host.
-template <class T, Backend B>
-[[nodiscard]] GaussianCloud<T> download(B& backend, const Gaussians<T, B>& gaussians) {
+template <Backend B, std::floating_point T = float>
+[[nodiscard]] GaussianCloud<T> download(B& backend, const Gaussians<B, T>& gaussians) {
     GaussianCloud<T> cloud(gaussians.size(), gaussians.sh_degree);
     const GaussiansView<const T> from = gaussians.view();
     const GaussiansView<T> to = cloud.view();

@@ -12,6 +12,13 @@ namespace gsh {
 /// Where colours stop: at 0 and 1, or at 0 only as in a plain 3DGS scene.
 enum class ColorClamp { both, below };
 
+/// The constant coefficient of a Gaussian that has this colour from everywhere, the others being zero:
+/// (color - 0.5) / Y_0.
+template <Lane T>
+[[nodiscard]] GSH_HD vec3<T> sh_of_color(const vec3<T>& color) {
+    return (color - vec3<T>(T(0.5))) * T(ScalarOf<T>(3.5449077018110318)); // 1 / Y_0 = 2 sqrt(pi)
+}
+
 namespace detail {
 
 /// Y(sh, dir) + 0.5 before the clamp.

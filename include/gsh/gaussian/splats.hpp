@@ -42,8 +42,17 @@ struct SplatView {
     }
 };
 
+/// Every number of every attribute becomes zero, as a gradient starts.
+template <Backend B, std::floating_point T>
+void fill_zero(B& backend, const SplatView<T>& gradient) {
+    backend.fill(gradient.means, vec3<T>(T(0)));
+    backend.fill(gradient.covariances, sym3<T>{});
+    backend.fill(gradient.opacities, T(0));
+    backend.fill(gradient.colors, vec3<T>(T(0)));
+}
+
 /// Storage behind a SplatView.
-template <class T, Backend B>
+template <Backend B, std::floating_point T = float>
 struct Splats {
     template <class U>
     using Buffer = typename B::template Buffer<U>;

@@ -112,7 +112,7 @@ inline void check_degree(std::string_view where, int found, int expected) {
 } // namespace detail
 
 /// Scratch of static_splats_backward; keep it from step to step.
-template <class T, Backend B>
+template <Backend B, std::floating_point T = float>
 struct StaticSplatsWorkspace {
     typename B::template Buffer<vec3<T>> dL_dcenters, partials;
 };
@@ -140,7 +140,7 @@ template <int Degree, Backend B, class T>
 void static_splats_backward(B& backend, const std::type_identity_t<GaussiansView<const T>>& gaussians,
                             const std::type_identity_t<vec3<T>>& center,
                             const std::type_identity_t<SplatView<const T>>& dL_dsplats,
-                            StaticSplatsWorkspace<T, B>& workspace, const GaussiansView<T>& dL_dgaussians,
+                            StaticSplatsWorkspace<B, T>& workspace, const GaussiansView<T>& dL_dgaussians,
                             Span<std::type_identity_t<vec3<T>>> dL_dcenter = {},
                             ColorClamp clamping = ColorClamp::below) {
     constexpr auto where = "static_splats_backward";

@@ -25,7 +25,7 @@ template <Backend B, std::floating_point T = float>
 class PhotometricLoss {
 public:
     using Params = PhotometricParams<T>;
-    using Cache = PhotometricCache<T, B>;
+    using Cache = PhotometricCache<B, T>;
 
     explicit PhotometricLoss(B& backend, Params params = {}) : backend_(&backend), params_(params) {
         check_value(params.ssim_weight >= T(0) && params.ssim_weight <= T(1), "PhotometricLoss",

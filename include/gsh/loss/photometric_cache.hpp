@@ -24,7 +24,7 @@ struct PhotometricValues {
 };
 
 /// Partial derivatives of the SSIM term, kept tile by tile.
-template <class T, Backend B>
+template <Backend B, std::floating_point T = float>
 struct PhotometricCache {
     template <class U>
     using Buffer = typename B::template Buffer<U>;

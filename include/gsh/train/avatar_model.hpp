@@ -64,13 +64,13 @@ public:
 
     /// What the passes leave for each other.
     struct Cache {
-        typename Field::template Cache<T, B> displacement, sh;
+        typename Field::template Cache<B, T> displacement, sh;
         typename Rig<B, T>::Cache rig;
         Buffer<vec3<T>> means;         // [N] x̂₀(t)
         Buffer<vec3<T>> dL_dmeans;     // [N]
         Buffer<vec3<T>> dL_dsh;        // [N, basis]
         Buffer<Affine<T>> dL_dbones;   // [J]
-        SkinnedSplatsWorkspace<T, B> workspace;
+        SkinnedSplatsWorkspace<B, T> workspace;
     };
 
     /// The rig's points become the Gaussians. `samples` gives their positions and initial scales.
@@ -110,8 +110,8 @@ public:
     [[nodiscard]] const AvatarConfig& config() const { return config_; }
     [[nodiscard]] const Rig<B, T>& rig() const { return rig_; }
     [[nodiscard]] Rig<B, T>& rig() { return rig_; }
-    [[nodiscard]] Parameters<T, B>& parameters() { return parameters_; }
-    [[nodiscard]] const Parameters<T, B>& parameters() const { return parameters_; }
+    [[nodiscard]] Parameters<B, T>& parameters() { return parameters_; }
+    [[nodiscard]] const Parameters<B, T>& parameters() const { return parameters_; }
     /// Table entries that some Gaussian refers to; the others never have a gradient.
     [[nodiscard]] Span<const std::uint32_t> touched_entries() const { return query_.touched; }
 
@@ -128,7 +128,7 @@ public:
     }
 
     /// Splats at a frame, as seen from `center` (the camera's, in the world).
-    void pose(const RigPose<T, B>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) {
+    void pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) {
         rig_.forward(pose, joints(), cache.rig);
         cache.means.resize(count_);
         backend_->for_each(count_, detail::Sum<vec3<T>>{positions_, displacement_, cache.means});
@@ -138,8 +138,8 @@ public:
 
     /// Adjoint of update_canonical and pose: adds to dL_dparameters, and to what is asked for of the pose and the
     /// camera's centre.
-    void backward(const RigPose<T, B>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
-                  Parameters<T, B>& dL_dparameters, RigPoseGradient<T> dL_dpose = {}, Span<vec3<T>> dL_dcenter = {}) {
+    void backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
+                  Parameters<B, T>& dL_dparameters, RigPoseGradient<T> dL_dpose = {}, Span<vec3<T>> dL_dcenter = {}) {
         cache.dL_dmeans.resize(count_);
         cache.dL_dsh.resize(sh_.size());
         cache.dL_dbones.resize(rig_.joint_count());
@@ -240,9 +240,9 @@ private:
     Rig<B, T> rig_;
     Field displacement_field_, sh_field_;
     std::size_t count_;
-    typename Grid::template Query<T, B> query_; // both fields have one geometry
+    typename Grid::template Query<B, T> query_; // both fields have one geometry
     Buffer<vec3<T>> positions_;                 // [N] x₀
-    Parameters<T, B> parameters_;
+    Parameters<B, T> parameters_;
     Buffer<vec3<T>> displacement_;              // [N] δx
     Buffer<vec3<T>> sh_;                        // [N, basis]
 };

@@ -35,7 +35,7 @@ inline constexpr std::size_t parameter_group_count = parameter_group_names.size(
 }
 
 /// One array of numbers per group, in the backend's memory.
-template <std::floating_point T, Backend B>
+template <Backend B, std::floating_point T = float>
 class Parameters {
 public:
     using Buffer = typename B::template Buffer<T>;

@@ -16,6 +16,7 @@
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/parameters.hpp>
+#include <gsh/train/photo.hpp>
 
 #include <algorithm>
 #include <array>
@@ -30,16 +31,6 @@
 #include <vector>
 
 namespace gsh {
-
-/// One photograph of the person: who took it, when, and its pixels.
-///
-/// Shapes  rgba [height, width, 4] straight alpha, owned by the caller; alpha is the person's mask.
-struct Photo {
-    std::string name;
-    Camera<double> camera;
-    std::size_t frame = 0; ///< of the motion
-    Span<const std::uint8_t> rgba;
-};
 
 /// Steps of gradient descent per group, metres or unitless as the group is.
 struct LearningRates {
@@ -156,10 +147,7 @@ public:
         time(Stage::render_backward, [&] {
             dL_dsplats_.resize(model_->size());
             const SplatView<T> gradient = dL_dsplats_.view();
-            backend_->fill(gradient.means, vec3<T>(T(0)));
-            backend_->fill(gradient.covariances, sym3<T>{});
-            backend_->fill(gradient.opacities, T(0));
-            backend_->fill(gradient.colors, vec3<T>(T(0)));
+            fill_zero(*backend_, gradient);
             rasterizer_.backward(camera, std::as_const(splats_).view(), background(), {.color = image(dL_drender_)},
                                  raster_cache_, gradient);
         });
@@ -214,8 +202,8 @@ public:
     }
 
     // The whole state of training, for checkpoints: parameters of the model, these moments, and the step count.
-    [[nodiscard]] Parameters<T, B>& first_moment() { return first_moment_; }
-    [[nodiscard]] Parameters<T, B>& second_moment() { return second_moment_; }
+    [[nodiscard]] Parameters<B, T>& first_moment() { return first_moment_; }
+    [[nodiscard]] Parameters<B, T>& second_moment() { return second_moment_; }
     void set_step_count(std::uint64_t steps) { step_count_ = steps; }
 
 private:
@@ -302,12 +290,12 @@ private:
     int height_ = 0, width_ = 0;
     Buffer<std::uint8_t> rgba_;
     Buffer<T> render_, truth_, dL_drender_; // [3, height, width]
-    RigPose<T, B> pose_;
-    Splats<T, B> splats_, dL_dsplats_;
+    RigPose<B, T> pose_;
+    Splats<B, T> splats_, dL_dsplats_;
     typename Model::Cache model_cache_;
     typename Rasterizer<B, T>::Cache raster_cache_;
     typename PhotometricLoss<B, T>::Cache loss_cache_;
-    Parameters<T, B> gradient_, first_moment_, second_moment_;
+    Parameters<B, T> gradient_, first_moment_, second_moment_;
 };
 
 } // namespace gsh

@@ -185,7 +185,7 @@ void skinned_splats_pose(B& backend, const gsh::detail::SkinnedSplatForward<Degr
 template <CpuBackend B, int Degree, class T>
 void skinned_splats_accumulate(B& backend, const gsh::detail::SkinnedSplatBackward<Degree, T>& element,
                                Span<Affine<T>> dL_dbones, Span<vec3<T>> dL_dcenter,
-                               SkinnedSplatsWorkspace<T, B>& workspace) {
+                               SkinnedSplatsWorkspace<B, T>& workspace) {
     constexpr std::size_t grain = 2048;
     const std::size_t count = element.input.gaussians.size(), chunks = chunk_count(count, grain);
     const std::size_t J = dL_dbones.size();

@@ -213,7 +213,7 @@ private:
 /// Fills the cache with values and partial derivatives. One chunk is one tile of one channel.
 template <CpuBackend B, class T>
 void photometric_forward(B& backend, const ImageView<const T>& render, const ImageView<const T>& truth,
-                         const PhotometricParams<T>& params, PhotometricCache<T, B>& cache) {
+                         const PhotometricParams<T>& params, PhotometricCache<B, T>& cache) {
     using Tiles = detail::PhotometricTiles;
     const Tiles tiles{render.channels, render.height, render.width};
     const bool with_ssim = cache.with_ssim;
@@ -245,7 +245,7 @@ void photometric_forward(B& backend, const ImageView<const T>& render, const Ima
 
 template <CpuBackend B, class T>
 void photometric_backward(B& backend, const ImageView<const T>& render, const ImageView<const T>& truth, T dL_dloss,
-                          const PhotometricParams<T>& params, const PhotometricCache<T, B>& cache,
+                          const PhotometricParams<T>& params, const PhotometricCache<B, T>& cache,
                           const ImageView<T>& dL_drender) {
     using Tiles = detail::PhotometricTiles;
     const Tiles tiles{render.channels, render.height, render.width};
