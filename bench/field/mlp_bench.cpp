@@ -36,18 +36,18 @@ struct Setup {
 template <class B>
 void forward(benchmark::State& state) {
     Setup<B> s(state);
-    for (auto _ : state) s.mlp.forward(s.backend, s.weights, s.view, s.outputs, s.cache);
+    for (auto _ : state) s.mlp.forward(s.backend, s.weights, {s.view}, s.outputs, s.cache);
     count(state, s.mlp, 1);
 }
 
 template <class B>
 void backward(benchmark::State& state) {
     Setup<B> s(state);
-    s.mlp.forward(s.backend, s.weights, s.view, s.outputs, s.cache);
+    s.mlp.forward(s.backend, s.weights, {s.view}, s.outputs, s.cache);
     std::vector<float> dL_dweights(s.weights.size()), dL_dinputs(s.inputs.size());
     const FeatureView<float> dL_dview(dL_dinputs, points, 64, 4);
     for (auto _ : state)
-        s.mlp.backward(s.backend, s.weights, s.view, s.outputs, s.cache, dL_dweights, dL_dview, Write::assign);
+        s.mlp.backward(s.backend, s.weights, {s.view}, s.outputs, s.cache, dL_dweights, dL_dview, Write::assign);
     count(state, s.mlp, 2);
 }
 

@@ -294,3 +294,56 @@ TEST_CASE("a new table is uniform in 1e-4, reproducibly") {
     CHECK(*high <= 1e-4f);
     CHECK(*high - *low > 1.9e-4f);
 }
+
+TEST_CASE("levels count at a point as much as their weights say, in every pass") {
+    const Grid grid(small);
+    auto table = big_table<double>(grid);
+    test::Rng rng(11);
+    auto points = rng.vecs(300, 0.02, 0.98);
+    std::vector<double> coarse = rng.numbers(300), fine = rng.numbers(300);
+    for (std::size_t i = 0; i < 300; ++i) {
+        if (i % 3 == 0) fine[i] = 0;
+        if (i % 5 == 0) coarse[i] = 0;
+        if (i >= 128 && i < 256) fine[i] = 0; // a whole block that the fine levels pass over
+    }
+    const auto dL_dfeatures = rng.numbers(300 * 20);
+    cpu::Serial backend;
+    Grid::Query<cpu::Serial, double> query;
+    grid.prepare(backend, points, query, {2, coarse, fine});
+    std::vector<double> features(300 * 20, 7.0), dL_dtable(table.size(), 0.0), expected_gradient(table.size(), 0.0);
+    std::vector<vec3<double>> dL_dpoints(300, vec3<double>(0.0));
+    grid.forward(backend, table, query, row_major(Span<double>(features), 20));
+    grid.backward(backend, row_major(Span<const double>(dL_dfeatures), 20), query, dL_dtable);
+    grid.backward_points(backend, table, query, row_major(Span<const double>(dL_dfeatures), 20), dL_dpoints);
+    std::size_t lookups = 0;
+    for (std::size_t i = 0; i < 300; ++i) {
+        const LevelWeight<double> weight{2, coarse[i], fine[i]};
+        double plain[Grid::output_count], weighted[Grid::output_count];
+        grid.encode(table.data(), points[i], plain);
+        grid.encode(table.data(), points[i], weighted, weight);
+        for (std::size_t c = 0; c < 20; ++c) {
+            CHECK(weighted[c] == doctest::Approx(plain[c] * (c < 8 ? coarse[i] : fine[i])).epsilon(1e-12));
+            CHECK(features[i * 20 + c] == doctest::Approx(weighted[c]).epsilon(1e-12));
+        }
+        vec3<double> dL_dpoint(0.0);
+        grid.encode_backward_point(table.data(), points[i], &dL_dfeatures[i * 20], dL_dpoint, weight);
+        CHECK(dL_dpoints[i] == dL_dpoint);
+        grid.encode_backward_table(points[i], &dL_dfeatures[i * 20], expected_gradient.data(), weight);
+        lookups += (coarse[i] != 0 ? 16u : 0u) + (fine[i] != 0 ? 24u : 0u);
+    }
+    CHECK(query.lookups == lookups);
+    for (std::size_t i = 0; i < table.size(); ++i) CHECK(dL_dtable[i] == doctest::Approx(expected_gradient[i]).epsilon(1e-12));
+    std::set<std::uint32_t> learned;
+    for (std::size_t e = 0; e < grid.entry_count(); ++e)
+        if (dL_dtable[e * 4] != 0) learned.insert(static_cast<std::uint32_t>(e));
+    CHECK(std::vector<std::uint32_t>(learned.begin(), learned.end()) ==
+          std::vector<std::uint32_t>(query.touched.begin(), query.touched.end()));
+
+    auto twice = features;
+    grid.forward(backend, table, query, row_major(Span<double>(twice), 20), Write::add);
+    for (std::size_t c = 0; c < features.size(); ++c) CHECK(twice[c] == 2 * features[c]);
+
+    const std::vector<double> few(3, 1.0);
+    CHECK_THROWS_AS(grid.prepare(backend, points, query, {2, few, {}}), ShapeError);
+    CHECK_THROWS_AS(grid.prepare(backend, points, query, {2, {}, few}), ShapeError);
+}

@@ -41,9 +41,9 @@ struct Run {
         const std::vector<T>& dL_doutputs, int backwards = 1)
         : outputs(dL_doutputs.size()), dL_dweights(weights.size(), T(0)), dL_dinputs(inputs.values.size(), T(0)) {
         Mlp::Cache<B, T> cache;
-        mlp.forward(backend, weights, inputs, outputs, cache);
+        mlp.forward(backend, weights, {inputs}, outputs, cache);
         for (int i = 0; i < backwards; ++i)
-            mlp.backward(backend, weights, inputs, dL_doutputs, cache, dL_dweights,
+            mlp.backward(backend, weights, {inputs}, dL_doutputs, cache, dL_dweights,
                          {dL_dinputs, inputs.rows, inputs.columns, inputs.block});
     }
 };
@@ -79,7 +79,7 @@ TEST_CASE("Mlp::backward is the gradient of forward") {
         Mlp::Cache<cpu::Serial, double> cache;
         std::vector<double> outputs(dL_doutputs.size());
         const auto loss = [&] {
-            mlp.forward(backend, weights, view, outputs, cache);
+            mlp.forward(backend, weights, {view}, outputs, cache);
             double sum = 0;
             for (std::size_t i = 0; i < outputs.size(); ++i) sum += outputs[i] * dL_doutputs[i];
             return sum;
@@ -105,12 +105,12 @@ TEST_CASE("Mlp::backward adds, and Write::assign overwrites the inputs' gradient
     cpu::Serial backend;
     Mlp::Cache<cpu::Serial, double> cache;
     std::vector<double> outputs(dL_doutputs.size()), dL_dweights(weights.size(), 0.0), dL_dinputs(inputs.size(), 9.0);
-    mlp.forward(backend, weights, view, outputs, cache);
-    mlp.backward(backend, weights, view, dL_doutputs, cache, dL_dweights, row_major(Span<double>(dL_dinputs), 6),
+    mlp.forward(backend, weights, {view}, outputs, cache);
+    mlp.backward(backend, weights, {view}, dL_doutputs, cache, dL_dweights, row_major(Span<double>(dL_dinputs), 6),
                  Write::assign);
     CHECK(dL_dinputs == once.dL_dinputs);
     dL_dweights.assign(weights.size(), 0.0);
-    mlp.backward(backend, weights, view, dL_doutputs, cache, dL_dweights, {}); // no gradient for the inputs
+    mlp.backward(backend, weights, {view}, dL_doutputs, cache, dL_dweights, {}); // no gradient for the inputs
     CHECK(dL_dweights == once.dL_dweights);
 }
 
@@ -149,8 +149,8 @@ TEST_CASE_TEMPLATE("Mlp on Threads equals Serial bit for bit", T, float, double)
         cpu::Threads backend(threads);
         Mlp::Cache<cpu::Threads, T> cache;
         std::vector<T> outputs(dL_doutputs.size()), dL_dweights(weights.size(), T(0)), dL_dinputs(inputs.size(), T(0));
-        mlp.forward(backend, weights, view, outputs, cache);
-        mlp.backward(backend, weights, view, dL_doutputs, cache, dL_dweights, row_major(Span<T>(dL_dinputs), 10));
+        mlp.forward(backend, weights, {view}, outputs, cache);
+        mlp.backward(backend, weights, {view}, dL_doutputs, cache, dL_dweights, row_major(Span<T>(dL_dinputs), 10));
         CHECK(outputs == expected.outputs);
         CHECK(dL_dweights == expected.dL_dweights);
         CHECK(dL_dinputs == expected.dL_dinputs);
@@ -183,28 +183,28 @@ TEST_CASE("Mlp says what is wrong with its arguments, and takes an empty batch")
     auto weights = mlp.initial_weights<float>(1);
     std::vector<float> inputs(12), outputs(6), dL_dinputs(12), few(5);
     const auto view = row_major(Span<const float>(inputs), 4);
-    CHECK_THROWS_AS(mlp.forward(backend, few, view, outputs, cache), ShapeError);
-    CHECK_THROWS_AS(mlp.forward(backend, weights, row_major(Span<const float>(inputs), 3), outputs, cache), ShapeError);
-    CHECK_THROWS_AS(mlp.forward(backend, weights, view, few, cache), ShapeError);
-    CHECK_THROWS_AS(mlp.forward(backend, weights, {inputs, 3, 4, 3}, outputs, cache), ValueError);
-    CHECK_THROWS_AS(mlp.forward(backend, weights, {few, 3, 4, 4}, outputs, cache), ShapeError);
+    CHECK_THROWS_AS(mlp.forward(backend, few, {view}, outputs, cache), ShapeError);
+    CHECK_THROWS_AS(mlp.forward(backend, weights, {row_major(Span<const float>(inputs), 3)}, outputs, cache), ShapeError);
+    CHECK_THROWS_AS(mlp.forward(backend, weights, {view}, few, cache), ShapeError);
+    CHECK_THROWS_AS(mlp.forward(backend, weights, {{inputs, 3, 4, 3}}, outputs, cache), ValueError);
+    CHECK_THROWS_AS(mlp.forward(backend, weights, {{few, 3, 4, 4}}, outputs, cache), ShapeError);
     CHECK_THROWS_AS(static_cast<void>(row_major(Span<float>(inputs), 5)), ValueError);
     CHECK_THROWS_AS(static_cast<void>(blocked(Span<float>(inputs), 4, 3)), ValueError);
     CHECK_THROWS_AS(static_cast<void>(blocked(Span<float>(inputs), 4, 2).slice(1, 2)), ValueError);
 
-    mlp.forward(backend, weights, view, outputs, cache);
+    mlp.forward(backend, weights, {view}, outputs, cache);
     std::vector<float> dL_dweights(weights.size());
     const auto dL_dview = row_major(Span<float>(dL_dinputs), 4);
-    CHECK_THROWS_AS(mlp.backward(backend, few, view, outputs, cache, dL_dweights, dL_dview), ShapeError);
-    CHECK_THROWS_AS(mlp.backward(backend, weights, view, few, cache, dL_dweights, dL_dview), ShapeError);
-    CHECK_THROWS_AS(mlp.backward(backend, weights, view, outputs, cache, few, dL_dview), ShapeError);
-    CHECK_THROWS_AS(mlp.backward(backend, weights, view, outputs, cache, dL_dweights, row_major(Span<float>(inputs), 3)),
+    CHECK_THROWS_AS(mlp.backward(backend, few, {view}, outputs, cache, dL_dweights, dL_dview), ShapeError);
+    CHECK_THROWS_AS(mlp.backward(backend, weights, {view}, few, cache, dL_dweights, dL_dview), ShapeError);
+    CHECK_THROWS_AS(mlp.backward(backend, weights, {view}, outputs, cache, few, dL_dview), ShapeError);
+    CHECK_THROWS_AS(mlp.backward(backend, weights, {view}, outputs, cache, dL_dweights, row_major(Span<float>(inputs), 3)),
                     ShapeError);
     cache.rows = 2; // another batch's cache
-    CHECK_THROWS_AS(mlp.backward(backend, weights, view, outputs, cache, dL_dweights, dL_dview), ShapeError);
+    CHECK_THROWS_AS(mlp.backward(backend, weights, {view}, outputs, cache, dL_dweights, dL_dview), ShapeError);
 
     const FeatureView<float> nothing(Span<float>(), 0, 4, 4);
-    mlp.forward(backend, weights, nothing, Span<float>(), cache);
-    mlp.backward(backend, weights, nothing, Span<float>(), cache, dL_dweights, nothing);
+    mlp.forward(backend, weights, {nothing}, Span<float>(), cache);
+    mlp.backward(backend, weights, {nothing}, Span<float>(), cache, dL_dweights, nothing);
     for (const float g : dL_dweights) CHECK(g == 0.0f);
 }

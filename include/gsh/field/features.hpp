@@ -75,6 +75,17 @@ void check_features(std::string_view where, std::string_view argument, const Fea
     check_size(where, std::string(argument).append(".values"), view.values.size(), rows * columns);
 }
 
+/// What a network reads: features, and beside them what every point has of its own and what all points share.
+///
+/// Shapes  features [N, F] in any blocks, points [N, P] row-major, shared [S]; the network's inputs are F + P + S numbers
+///         in this order.
+template <class T>
+struct MlpInputs {
+    FeatureView<const T> features;
+    Span<const T> points = {};
+    Span<const T> shared = {};
+};
+
 /// What a backward pass does with an output that nothing else feeds: add as everywhere, or overwrite, which saves the
 /// caller the zeroing and the pass the reading of a large intermediate gradient.
 enum class Write { add, assign };

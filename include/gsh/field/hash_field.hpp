@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/features.hpp>
 #include <gsh/field/hash_grid.hpp>
@@ -10,18 +11,60 @@
 
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
+#include <string_view>
 #include <type_traits>
+#include <vector>
 
 namespace gsh {
 
-/// outputs(x) = Mlp(HashGrid(x)) at the fixed points of a query: x ↦ SH, x ↦ δx of the paper.
+/// How a field tells regions that deserve detail (τ near 1) from the rest (τ = 0), paper §3.4:
 ///
-/// Shapes  table [grid().parameter_count()], weights [mlp().parameter_count()], outputs [N, outputs].
+///     z = τ F_h + (1 - τ) F_l,   F_h all levels, F_l the coarse ones alone.
+///
+/// Shapes  region [N], τ in [0, 1] per point; empty: every level counts everywhere.
+template <class T>
+struct MultiScale {
+    int fine_level = 0;          ///< the first level that only regions with τ > 0 have
+    bool separate_tables = false; ///< F_h and F_l from a table each; else they share one, and z = [coarse, τ fine]
+    Span<const T> region;
+};
+
+/// What a field's network reads beside the encoding.
+///
+/// Shapes  points [N, point_inputs] row-major, each point's own (prior features); shared [shared_inputs], the same for
+///         every point (the time, a pose).
+template <class T>
+struct FieldInputs {
+    Span<const T> points = {};
+    Span<const T> shared = {};
+};
+
+/// outputs(x) = Mlp([HashGrid(x), points, shared]) at the fixed points of a query: x ↦ SH, x ↦ δx, x ↦ ao of the paper.
+///
+/// Shapes  table [parameter_count of the grid, once or twice], weights [mlp().parameter_count()], outputs [N, outputs].
+/// Errors  ShapeError, ValueError before any work starts.
 /// Source  paper §3.4, equations for x₀ ↦ (SH, δx); Müller et al., "Instant Neural Graphics Primitives", 2022.
 template <int Levels, int Features>
 class HashField {
 public:
     using Grid = HashGrid<Levels, Features>;
+
+    /// Fixed points, prepared once for every pass. One grid, or two where the tables of fine and coarse are separate:
+    /// then the first is F_l's.
+    template <Backend B, std::floating_point T = float>
+    struct Query {
+        std::vector<typename Grid::template Query<B, T>> grids;
+        typename B::template Buffer<std::uint32_t> touched; ///< entries that some point refers to, ascending
+
+        [[nodiscard]] std::size_t size() const { return grids.empty() ? 0 : grids[0].size(); }
+        /// Table rows that one pass over all points reads.
+        [[nodiscard]] std::size_t lookups() const {
+            std::size_t sum = 0;
+            for (const auto& grid : grids) sum += grid.lookups;
+            return sum;
+        }
+    };
 
     template <Backend B, std::floating_point T = float>
     struct Cache {
@@ -30,47 +73,123 @@ public:
         Mlp::Cache<B, T> mlp;
     };
 
-    /// The network's input count is the grid's output count, whatever `network` says.
-    HashField(typename Grid::Params grid, Mlp::Params network) : grid_(grid), mlp_(with_inputs(network)) {}
+    /// The network's input count follows from the others, whatever `network` says.
+    HashField(typename Grid::Params grid, Mlp::Params network, std::size_t point_inputs = 0, std::size_t shared_inputs = 0)
+        : grid_(grid), mlp_(with_inputs(network, point_inputs + shared_inputs)), point_inputs_(point_inputs),
+          shared_inputs_(shared_inputs) {}
 
     [[nodiscard]] const Grid& grid() const { return grid_; }
     [[nodiscard]] const Mlp& mlp() const { return mlp_; }
+    [[nodiscard]] std::size_t point_inputs() const { return point_inputs_; }
+    [[nodiscard]] std::size_t shared_inputs() const { return shared_inputs_; }
+
+    /// Takes over the points, in [0, 1]^3, and how far each one's levels reach.
+    /// Errors  ShapeError, ValueError: as many τ as points; fine_level within the grid's.
+    template <Backend B, std::floating_point T>
+    void prepare(B& backend, std::type_identity_t<Span<const vec3<T>>> points, Query<B, T>& query,
+                 const std::type_identity_t<MultiScale<T>>& scales = {}) const {
+        check_value(scales.fine_level >= 0 && scales.fine_level <= Levels, "HashField::prepare",
+                    "fine_level must lie between 0 and the number of levels");
+        if (scales.region.empty()) {
+            query.grids.resize(1);
+            grid_.prepare(backend, points, query.grids[0]);
+        } else if (!scales.separate_tables) {
+            query.grids.resize(1);
+            grid_.prepare(backend, points, query.grids[0], LevelWeights<T>{scales.fine_level, {}, scales.region});
+        } else {
+            check_size("HashField::prepare", "region", scales.region.size(), points.size(), "one τ per point");
+            std::vector<T> rest(points.size()), none(points.size(), T(0)), region(points.size());
+            backend.download(scales.region, Span<T>(region));
+            for (std::size_t i = 0; i < region.size(); ++i) rest[i] = T(1) - region[i];
+            typename B::template Buffer<T> on_backend[2];
+            for (auto* buffer : {&on_backend[0], &on_backend[1]}) buffer->resize(points.size());
+            backend.upload(Span<const T>(rest), Span<T>(on_backend[0]));
+            backend.upload(Span<const T>(none), Span<T>(on_backend[1]));
+            query.grids.resize(2);
+            grid_.prepare(backend, points, query.grids[0], LevelWeights<T>{scales.fine_level, on_backend[0], on_backend[1]});
+            grid_.prepare(backend, points, query.grids[1], LevelWeights<T>{scales.fine_level, scales.region, scales.region});
+        }
+        join_touched(backend, query);
+    }
+    /// Tables that a query's field has: a table of the field holds one after the other.
+    [[nodiscard]] std::size_t table_size(const auto& query) const { return query.grids.size() * grid_.parameter_count(); }
 
     template <Backend B, std::floating_point T>
     void forward(B& backend, std::type_identity_t<Span<const T>> table, std::type_identity_t<Span<const T>> weights,
-                 const typename Grid::template Query<B, T>& query, std::type_identity_t<Span<T>> outputs,
-                 Cache<B, T>& cache) const {
+                 const Query<B, T>& query, std::type_identity_t<Span<T>> outputs, Cache<B, T>& cache,
+                 const std::type_identity_t<FieldInputs<T>>& inputs = {}) const {
+        check(query, weights.size(), outputs.size(), "outputs", inputs, "HashField::forward");
+        check_size("HashField::forward", "table", table.size(), table_size(query));
         cache.features.resize(query.size() * Grid::output_count);
         const FeatureView<T> features = view(Span<T>(cache.features), query.size());
-        grid_.forward(backend, table, query, features);
-        mlp_.forward(backend, weights, features, outputs, cache.mlp);
+        for (std::size_t g = 0; g < query.grids.size(); ++g)
+            grid_.forward(backend, table.subspan(g * grid_.parameter_count(), grid_.parameter_count()), query.grids[g],
+                          features, g ? Write::add : Write::assign);
+        mlp_.forward(backend, weights, MlpInputs<T>{features, inputs.points, inputs.shared}, outputs, cache.mlp);
     }
 
-    /// Adds to dL_dtable and dL_dweights.
+    /// Adds to dL_dtable, dL_dweights and, unless it is empty, dL_dshared; weights, inputs and cache are forward's.
     template <Backend B, std::floating_point T>
-    void backward(B& backend, std::type_identity_t<Span<const T>> weights,
-                  const typename Grid::template Query<B, T>& query, std::type_identity_t<Span<const T>> dL_doutputs,
-                  Cache<B, T>& cache, std::type_identity_t<Span<T>> dL_dtable,
-                  std::type_identity_t<Span<T>> dL_dweights) const {
+    void backward(B& backend, std::type_identity_t<Span<const T>> weights, const Query<B, T>& query,
+                  std::type_identity_t<Span<const T>> dL_doutputs, Cache<B, T>& cache,
+                  std::type_identity_t<Span<T>> dL_dtable, std::type_identity_t<Span<T>> dL_dweights,
+                  const std::type_identity_t<FieldInputs<T>>& inputs = {},
+                  std::type_identity_t<Span<T>> dL_dshared = {}) const {
+        check(query, weights.size(), dL_doutputs.size(), "dL_doutputs", inputs, "HashField::backward");
+        check_size("HashField::backward", "dL_dtable", dL_dtable.size(), table_size(query));
+        check_size("HashField::backward", "dL_dweights", dL_dweights.size(), mlp_.parameter_count());
+        check_size("HashField::backward", "cache.rows", cache.mlp.rows, query.size(), "forward must come first");
+        if (!dL_dshared.empty())
+            check_size("HashField::backward", "dL_dshared", dL_dshared.size(), shared_inputs_);
         cache.dL_dfeatures.resize(cache.features.size());
         const FeatureView<T> features = view(Span<T>(cache.features), query.size());
         const FeatureView<T> dL_dfeatures = view(Span<T>(cache.dL_dfeatures), query.size());
-        mlp_.backward(backend, weights, features, dL_doutputs, cache.mlp, dL_dweights, dL_dfeatures, Write::assign);
-        grid_.backward(backend, dL_dfeatures, query, dL_dtable);
+        mlp_.backward(backend, weights, MlpInputs<T>{features, inputs.points, inputs.shared}, dL_doutputs, cache.mlp,
+                      dL_dweights, dL_dfeatures, Write::assign, dL_dshared);
+        for (std::size_t g = 0; g < query.grids.size(); ++g)
+            grid_.backward(backend, dL_dfeatures, query.grids[g],
+                           dL_dtable.subspan(g * grid_.parameter_count(), grid_.parameter_count()));
     }
 
 private:
-    static Mlp::Params with_inputs(Mlp::Params network) {
-        network.inputs = Grid::output_count;
+    static Mlp::Params with_inputs(Mlp::Params network, std::size_t beside) {
+        network.inputs = Grid::output_count + static_cast<int>(beside);
         return network;
     }
+
     template <class T>
     static FeatureView<T> view(Span<T> values, std::size_t rows) {
         return {values, rows, Grid::output_count, Features};
     }
 
+    template <Backend B, class T>
+    void check(const Query<B, T>& query, std::size_t weights, std::size_t outputs, std::string_view outputs_name,
+               const FieldInputs<T>& inputs, std::string_view where) const {
+        check_size(where, "weights", weights, mlp_.parameter_count());
+        check_size(where, outputs_name, outputs, query.size() * mlp_.outputs());
+        check_size(where, "inputs.points", inputs.points.size(), query.size() * point_inputs_);
+        check_size(where, "inputs.shared", inputs.shared.size(), shared_inputs_);
+    }
+
+    template <Backend B, class T>
+    void join_touched(B& backend, Query<B, T>& query) const {
+        std::size_t count = 0;
+        for (const auto& grid : query.grids) count += grid.touched.size();
+        query.touched.resize(count);
+        std::vector<std::uint32_t> entries;
+        entries.reserve(count);
+        for (std::size_t g = 0; g < query.grids.size(); ++g) {
+            std::vector<std::uint32_t> of_grid(query.grids[g].touched.size());
+            backend.download(Span<const std::uint32_t>(query.grids[g].touched), Span<std::uint32_t>(of_grid));
+            for (const std::uint32_t e : of_grid)
+                entries.push_back(e + static_cast<std::uint32_t>(g * grid_.entry_count()));
+        }
+        backend.upload(Span<const std::uint32_t>(entries), Span<std::uint32_t>(query.touched));
+    }
+
     Grid grid_;
     Mlp mlp_;
+    std::size_t point_inputs_, shared_inputs_;
 };
 
 } // namespace gsh

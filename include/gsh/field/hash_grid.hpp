@@ -51,8 +51,12 @@ public:
         typename B::template Buffer<T> x, y, z;           ///< [N]
         typename B::template Buffer<std::uint32_t> touched; ///< entries that some point refers to, ascending
         std::array<std::size_t, Levels + 1> touched_begin{}; ///< level l owns touched[touched_begin[l], touched_begin[l + 1])
+        int split = 0;                                       ///< first fine level
+        typename B::template Buffer<T> coarse, fine;         ///< [N] or empty: weights of the levels
+        std::size_t lookups = 0;                             ///< table rows that a pass over all points reads
 
         [[nodiscard]] std::size_t size() const { return x.size(); }
+        [[nodiscard]] LevelWeights<T> weights() const { return {split, coarse, fine}; }
     };
 
     explicit HashGrid(Params params = {}) : params_(params) {
@@ -94,36 +98,45 @@ public:
 
     /// Features of one point (per lane); features [Levels * Features].
     template <Lane T>
-    GSH_HD void encode(const ScalarOf<T>* table, const vec3<T>& point, T* features) const;
+    GSH_HD void encode(const ScalarOf<T>* table, const vec3<T>& point, T* features,
+                       const LevelWeight<T>& weight = {}) const;
 
     /// Adds to dL_dpoint. Inside a cell features are smooth; across its faces the derivative jumps.
     template <Lane T>
     GSH_HD void encode_backward_point(const ScalarOf<T>* table, const vec3<T>& point, const T* dL_dfeatures,
-                                      vec3<T>& dL_dpoint) const;
+                                      vec3<T>& dL_dpoint, const LevelWeight<T>& weight = {}) const;
 
     /// Adds to dL_dtable; for scalars, since lanes may meet in one entry.
     template <std::floating_point T>
-    GSH_HD void encode_backward_table(const vec3<T>& point, const T* dL_dfeatures, T* dL_dtable) const;
+    GSH_HD void encode_backward_table(const vec3<T>& point, const T* dL_dfeatures, T* dL_dtable,
+                                      const LevelWeight<T>& weight = {}) const;
 
     // Many points ---------------------------------------------------------------------------------------------------
 
-    /// Takes over the points and lists the entries that they touch.
+    /// Takes over the points and the weights of their levels, and lists the entries that they touch.
     template <Backend B, std::floating_point T>
-    void prepare(B& backend, std::type_identity_t<Span<const vec3<T>>> points, Query<B, T>& query) const {
+    void prepare(B& backend, std::type_identity_t<Span<const vec3<T>>> points, Query<B, T>& query,
+                 const std::type_identity_t<LevelWeights<T>>& weights = {}) const {
+        for (const Span<const T> level_weights : {weights.coarse, weights.fine})
+            if (!level_weights.empty())
+                check_size("HashGrid::prepare", "weights", level_weights.size(), points.size(), "one weight per point, or none");
         query.x.resize(points.size());
         query.y.resize(points.size());
         query.z.resize(points.size());
-        hash_prepare(backend, *this, points, query);
+        query.split = weights.split;
+        query.coarse.resize(weights.coarse.size());
+        query.fine.resize(weights.fine.size());
+        hash_prepare(backend, *this, points, weights, query);
     }
 
-    /// features = encoding of each point of the query.
+    /// features = encoding of each point of the query; with Write::add they are added to what is there.
     template <Backend B, std::floating_point T>
     void forward(B& backend, std::type_identity_t<Span<const T>> table, const Query<B, T>& query,
-                 std::type_identity_t<FeatureView<T>> features) const {
+                 std::type_identity_t<FeatureView<T>> features, Write mode = Write::assign) const {
         check_size("HashGrid::forward", "table", table.size(), parameter_count());
         check_features("HashGrid::forward", "features", features, query.size(), output_count);
         check_value(features.block % Features == 0, "HashGrid::forward", "features.block must be a multiple of Features");
-        hash_forward(backend, *this, table, query, features);
+        hash_forward(backend, *this, table, query, features, mode);
     }
 
     /// Adds to dL_dtable. Only touched entries change.
@@ -152,13 +165,14 @@ private:
 template <int Levels, int Features>
     requires(Levels >= 1 && Features >= 1)
 template <Lane T>
-GSH_HD void HashGrid<Levels, Features>::encode(const ScalarOf<T>* table, const vec3<T>& point, T* features) const {
+GSH_HD void HashGrid<Levels, Features>::encode(const ScalarOf<T>* table, const vec3<T>& point, T* features,
+                                               const LevelWeight<T>& level_weight) const {
     for (int l = 0; l < Levels; ++l) {
         const HashCell<T> cell = levels_[l].cell(point);
         T* out = features + l * Features;
         for (int f = 0; f < Features; ++f) out[f] = T(0);
         for (int corner = 0; corner < 8; ++corner) {
-            const T weight = cell.weight(corner);
+            const T weight = cell.weight(corner) * level_weight(l);
             const IndexOf<T> first = levels_[l].index(cell, corner) * IndexOf<T>(Features);
             for (int f = 0; f < Features; ++f) out[f] += weight * LaneTraits<T>::gather(table + f, first);
         }
@@ -169,7 +183,8 @@ template <int Levels, int Features>
     requires(Levels >= 1 && Features >= 1)
 template <Lane T>
 GSH_HD void HashGrid<Levels, Features>::encode_backward_point(const ScalarOf<T>* table, const vec3<T>& point,
-                                                              const T* dL_dfeatures, vec3<T>& dL_dpoint) const {
+                                                              const T* dL_dfeatures, vec3<T>& dL_dpoint,
+                                                              const LevelWeight<T>& level_weight) const {
     vec3<T> dL_dinside(T(0));
     for (int l = 0; l < Levels; ++l) {
         const HashCell<T> cell = levels_[l].cell(point);
@@ -181,7 +196,7 @@ GSH_HD void HashGrid<Levels, Features>::encode_backward_point(const ScalarOf<T>*
                 dL_dweight += dL_dfeatures[l * Features + f] * LaneTraits<T>::gather(table + f, first);
             dL_dfraction += cell.weight_gradient(corner) * dL_dweight;
         }
-        dL_dinside += dL_dfraction * T(static_cast<ScalarOf<T>>(levels_[l].scale));
+        dL_dinside += dL_dfraction * (T(static_cast<ScalarOf<T>>(levels_[l].scale)) * level_weight(l));
     }
     for (int axis = 0; axis < 3; ++axis) // a coordinate beyond a face was moved to it
         dL_dpoint[axis] += select(point[axis] < T(0) || point[axis] > T(1), T(0), dL_dinside[axis]);
@@ -191,12 +206,14 @@ template <int Levels, int Features>
     requires(Levels >= 1 && Features >= 1)
 template <std::floating_point T>
 GSH_HD void HashGrid<Levels, Features>::encode_backward_table(const vec3<T>& point, const T* dL_dfeatures,
-                                                              T* dL_dtable) const {
+                                                              T* dL_dtable,
+                                                              const LevelWeight<T>& level_weight) const {
     for (int l = 0; l < Levels; ++l) {
         const HashCell<T> cell = levels_[l].cell(point);
         for (int corner = 0; corner < 8; ++corner) {
             T* row = dL_dtable + levels_[l].index(cell, corner) * Features;
-            for (int f = 0; f < Features; ++f) row[f] += cell.weight(corner) * dL_dfeatures[l * Features + f];
+            const T weight = cell.weight(corner) * level_weight(l);
+            for (int f = 0; f < Features; ++f) row[f] += weight * dL_dfeatures[l * Features + f];
         }
     }
 }
@@ -207,12 +224,13 @@ struct HashBackwardPoint {
     Grid grid;
     Span<const T> x, y, z, table;
     FeatureView<const T> dL_dfeatures;
+    LevelWeights<T> weights;
     Span<vec3<T>> dL_dpoints;
 
     GSH_HD void operator()(std::size_t i) const {
         T row[Grid::output_count];
         for (int c = 0; c < Grid::output_count; ++c) row[c] = dL_dfeatures(i, static_cast<std::size_t>(c));
-        grid.encode_backward_point(table.data(), vec3<T>(x[i], y[i], z[i]), row, dL_dpoints[i]);
+        grid.encode_backward_point(table.data(), vec3<T>(x[i], y[i], z[i]), row, dL_dpoints[i], weights[i]);
     }
 };
 } // namespace detail
@@ -228,7 +246,7 @@ void HashGrid<Levels, Features>::backward_points(B& backend, std::type_identity_
     check_features("HashGrid::backward_points", "dL_dfeatures", dL_dfeatures, query.size(), output_count);
     check_size("HashGrid::backward_points", "dL_dpoints", dL_dpoints.size(), query.size());
     backend.for_each(query.size(), detail::HashBackwardPoint<HashGrid, T>{*this, query.x, query.y, query.z, table,
-                                                                          dL_dfeatures, dL_dpoints});
+                                                                          dL_dfeatures, query.weights(), dL_dpoints});
 }
 
 } // namespace gsh

@@ -4,8 +4,10 @@
 
 #include <gsh/core/config.hpp>
 #include <gsh/core/lane.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/math/vec.hpp>
 
+#include <cstddef>
 #include <cstdint>
 
 namespace gsh {
@@ -88,6 +90,28 @@ private:
         // In this order NaN becomes 0, so that no index leaves the table.
         return min(T(1), max(T(0), coordinate)) * T(static_cast<ScalarOf<T>>(scale)) + T(ScalarOf<T>(0.5));
     }
+};
+
+/// How much coarse and fine levels count at a point: its features on a level are multiplied by the level's weight.
+template <class T>
+struct LevelWeight {
+    int split = 0; ///< levels [0, split) are coarse, the others fine
+    T coarse = T(1), fine = T(1);
+
+    [[nodiscard]] GSH_HD const T& operator()(int level) const { return level < split ? coarse : fine; }
+};
+
+/// The same for N points. An empty array is 1 everywhere; where a weight is 0 nothing is looked up and nothing learned.
+template <class T>
+struct LevelWeights {
+    int split = 0;              ///< levels [0, split) are coarse, the others fine
+    Span<const T> coarse, fine; ///< [N]
+
+    [[nodiscard]] GSH_HD LevelWeight<T> operator[](std::size_t i) const {
+        return {split, coarse.empty() ? T(1) : coarse[i], fine.empty() ? T(1) : fine[i]};
+    }
+    /// The array that speaks of a level.
+    [[nodiscard]] Span<const T> of_level(int level) const { return level < split ? coarse : fine; }
 };
 
 } // namespace gsh

@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
 #include <type_traits>
 #include <vector>
 
@@ -20,7 +21,7 @@ namespace gsh {
 /// y = W_H relu(W_{H-1} … relu(W_0 x)): no bias, linear output, and its adjoint.
 ///
 /// Shapes  weights: layer after layer, each [outputs of the layer, inputs of the layer] row-major;
-///         inputs [N, inputs] in any blocks, outputs [N, outputs] row-major.
+///         inputs [N, inputs] as MlpInputs splits them, outputs [N, outputs] row-major.
 /// Errors  ShapeError, ValueError before any work starts.
 /// Source  Müller et al., "Instant Neural Graphics Primitives with a Multiresolution Hash Encoding", 2022, section 4;
 ///         initialisation Glorot and Bengio, "Understanding the difficulty of training deep feedforward neural
@@ -85,34 +86,45 @@ public:
 
     /// outputs = the network at each row of inputs; cache remembers the hidden activations.
     template <Backend B, std::floating_point T>
-    void forward(B& backend, std::type_identity_t<Span<const T>> weights,
-                 std::type_identity_t<FeatureView<const T>> inputs, std::type_identity_t<Span<T>> outputs,
-                 Cache<B, T>& cache) const {
+    void forward(B& backend, std::type_identity_t<Span<const T>> weights, const std::type_identity_t<MlpInputs<T>>& inputs,
+                 std::type_identity_t<Span<T>> outputs, Cache<B, T>& cache) const {
         check_size("Mlp::forward", "weights", weights.size(), parameter_count());
-        check_features("Mlp::forward", "inputs", inputs, inputs.rows, this->inputs());
-        check_size("Mlp::forward", "outputs", outputs.size(), inputs.rows * this->outputs());
-        cache.rows = inputs.rows;
-        if (inputs.rows) mlp_forward(backend, *this, weights, inputs, outputs, cache);
+        check_inputs("Mlp::forward", inputs, inputs.features.rows);
+        check_size("Mlp::forward", "outputs", outputs.size(), inputs.features.rows * this->outputs());
+        cache.rows = inputs.features.rows;
+        if (cache.rows) mlp_forward(backend, *this, weights, inputs, outputs, cache);
     }
 
-    /// Adds to dL_dweights; adds to or, with Write::assign, overwrites dL_dinputs, which may be empty ({}).
-    /// weights, inputs and cache are those of forward.
+    /// Adds to dL_dweights and dL_dshared; adds to or, with Write::assign, overwrites dL_dfeatures. The latter two may be
+    /// empty ({}). weights, inputs and cache are those of forward.
     template <Backend B, std::floating_point T>
     void backward(B& backend, std::type_identity_t<Span<const T>> weights,
-                  std::type_identity_t<FeatureView<const T>> inputs, std::type_identity_t<Span<const T>> dL_doutputs,
+                  const std::type_identity_t<MlpInputs<T>>& inputs, std::type_identity_t<Span<const T>> dL_doutputs,
                   Cache<B, T>& cache, std::type_identity_t<Span<T>> dL_dweights,
-                  std::type_identity_t<FeatureView<T>> dL_dinputs, Write inputs_mode = Write::add) const {
+                  std::type_identity_t<FeatureView<T>> dL_dfeatures, Write features_mode = Write::add,
+                  std::type_identity_t<Span<T>> dL_dshared = {}) const {
         check_size("Mlp::backward", "weights", weights.size(), parameter_count());
-        check_features("Mlp::backward", "inputs", inputs, cache.rows, this->inputs());
-        check_size("Mlp::backward", "dL_doutputs", dL_doutputs.size(), inputs.rows * this->outputs());
+        check_inputs("Mlp::backward", inputs, cache.rows);
+        check_size("Mlp::backward", "dL_doutputs", dL_doutputs.size(), cache.rows * this->outputs());
         check_size("Mlp::backward", "dL_dweights", dL_dweights.size(), parameter_count());
-        if (!dL_dinputs.empty())
-            check_features("Mlp::backward", "dL_dinputs", dL_dinputs, inputs.rows, this->inputs());
-        if (inputs.rows)
-            mlp_backward(backend, *this, weights, inputs, dL_doutputs, cache, dL_dweights, dL_dinputs, inputs_mode);
+        if (!dL_dfeatures.empty())
+            check_features("Mlp::backward", "dL_dfeatures", dL_dfeatures, cache.rows, inputs.features.columns);
+        if (!dL_dshared.empty()) check_size("Mlp::backward", "dL_dshared", dL_dshared.size(), inputs.shared.size());
+        if (cache.rows)
+            mlp_backward(backend, *this, weights, inputs, dL_doutputs, cache, dL_dweights, dL_dfeatures, features_mode,
+                         dL_dshared);
     }
 
 private:
+    template <class T>
+    void check_inputs(std::string_view where, const MlpInputs<T>& inputs, std::size_t rows) const {
+        const std::size_t beside = inputs.points.size() / (rows ? rows : 1) + inputs.shared.size();
+        check_features(where, "inputs.features", inputs.features, rows, inputs.features.columns);
+        if (rows == 0) return;
+        check_value(inputs.points.size() % rows == 0, where, "inputs.points must hold one row of numbers per row of features");
+        check_size(where, "inputs", inputs.features.columns + beside, this->inputs(), "columns of features and points, and shared");
+    }
+
     Params params_;
 };
 

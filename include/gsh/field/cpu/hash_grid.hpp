@@ -18,6 +18,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 namespace gsh::cpu {
 
@@ -29,6 +30,7 @@ struct HashBlock {
     static constexpr std::size_t capacity = 128;
     alignas(64) std::uint32_t index[8][capacity];
     alignas(64) T weight[8][capacity];
+    const T* level_weight; ///< of the block's points, or null: 1
 
     void fill(const HashLevel& level, const T* x, const T* y, const T* z, std::size_t count) {
         level.hashed ? fill<true>(level, x, y, z, count) : fill<false>(level, x, y, z, count);
@@ -38,9 +40,12 @@ struct HashBlock {
     template <std::size_t Features>
     void prefetch_ahead(const T* entries, std::size_t i, std::size_t count) const {
         constexpr std::size_t distance = 32; // points; covers the third-level cache's latency
-        if (i + distance >= count) return;
+        if (i + distance >= count || !counts(i + distance)) return;
         for (int corner = 0; corner < 8; ++corner) prefetch(entries + index[corner][i + distance] * Features);
     }
+
+    /// Whether the level counts at point i at all.
+    [[nodiscard]] bool counts(std::size_t i) const { return !level_weight || level_weight[i] != T(0); }
 
 private:
     template <bool Hashed>
@@ -52,45 +57,121 @@ private:
                 weight[corner][i] = cell.weight(corner);
             }
         }
+        if (level_weight)
+            for (int corner = 0; corner < 8; ++corner)
+                for (std::size_t i = 0; i < count; ++i) weight[corner][i] *= level_weight[i];
     }
 };
 
-/// Calls body(block, first, count) for blocks of the query's points in [begin, end), corners filled in.
-template <class T, class Query, class Body>
-void for_hash_blocks(const HashLevel& level, const Query& query, std::size_t begin, std::size_t end, const Body& body) {
+/// Calls body(block, first, count) for blocks of the query's points in [begin, end), corners of level l filled in, or
+/// passes over a block of which no point asks for the level: then skipped(first, count).
+template <class T, class Grid, class Query, class Body, class Skipped>
+void for_hash_blocks(const Grid& grid, std::size_t l, const Query& query, std::size_t begin, std::size_t end,
+                     const Body& body, const Skipped& skipped) {
+    const Span<const T> level_weights = query.weights().of_level(static_cast<int>(l));
     HashBlock<T> block;
     for (std::size_t first = begin; first < end; first += block.capacity) {
         const std::size_t count = std::min(block.capacity, end - first);
-        block.fill(level, query.x.data() + first, query.y.data() + first, query.z.data() + first, count);
+        block.level_weight = level_weights.empty() ? nullptr : level_weights.data() + first;
+        if (block.level_weight && std::all_of(block.level_weight, block.level_weight + count, [](T w) { return w == T(0); })) {
+            skipped(first, count);
+            continue;
+        }
+        block.fill(grid.level(static_cast<int>(l)), query.x.data() + first, query.y.data() + first,
+                   query.z.data() + first, count);
         body(block, first, count);
     }
+}
+
+/// Features of points [begin, end) on level l; out is where point `begin` has them, points lie `stride` apart.
+template <class T, class Grid, class Query>
+void hash_encode(const Grid& grid, std::size_t l, const T* entries, const Query& query, std::size_t begin,
+                 std::size_t end, T* out, std::size_t stride, Write mode) {
+    constexpr std::size_t width = Grid::feature_count;
+    using Row = Eigen::Array<T, Grid::feature_count, 1>; // one register for the usual four features
+    const auto encode = [&](auto adds) {
+        for_hash_blocks<T>(
+            grid, l, query, begin, end,
+            [&](const HashBlock<T>& block, std::size_t first, std::size_t count) {
+                for (std::size_t i = 0; i < count; ++i) {
+                    block.template prefetch_ahead<width>(entries, i, count);
+                    Eigen::Map<Row> features(out + (first - begin + i) * stride);
+                    Row sum = Row::Zero();
+                    if (block.counts(i))
+                        for (int corner = 0; corner < 8; ++corner)
+                            sum += block.weight[corner][i] *
+                                   Eigen::Map<const Row>(entries + block.index[corner][i] * width);
+                    if constexpr (adds)
+                        features += sum;
+                    else
+                        features = sum;
+                }
+            },
+            [&](std::size_t first, std::size_t count) {
+                if constexpr (!adds)
+                    for (std::size_t i = 0; i < count; ++i)
+                        Eigen::Map<Row>(out + (first - begin + i) * stride).setZero();
+            });
+    };
+    mode == Write::add ? encode(std::true_type()) : encode(std::false_type());
+}
+
+/// Adds to the table's gradient what points [begin, end) have on level l; `in` is where point `begin` has its dL_dfeatures.
+template <class T, class Grid, class Query>
+void hash_scatter(const Grid& grid, std::size_t l, T* dL_dentries, const Query& query, std::size_t begin,
+                  std::size_t end, const T* in, std::size_t stride) {
+    constexpr std::size_t width = Grid::feature_count;
+    using Row = Eigen::Array<T, Grid::feature_count, 1>;
+    for_hash_blocks<T>(
+        grid, l, query, begin, end,
+        [&](const HashBlock<T>& block, std::size_t first, std::size_t count) {
+            for (std::size_t i = 0; i < count; ++i) {
+                block.template prefetch_ahead<width>(dL_dentries, i, count);
+                if (!block.counts(i)) continue;
+                const Row gradient = Eigen::Map<const Row>(in + (first - begin + i) * stride);
+                for (int corner = 0; corner < 8; ++corner)
+                    Eigen::Map<Row>(dL_dentries + block.index[corner][i] * width) += block.weight[corner][i] * gradient;
+            }
+        },
+        [](std::size_t, std::size_t) {});
 }
 
 } // namespace detail
 
 template <CpuBackend B, class Grid, class T, class Query>
-void hash_prepare(B& backend, const Grid& grid, Span<const vec3<T>> points, Query& query) {
+void hash_prepare(B& backend, const Grid& grid, Span<const vec3<T>> points, const LevelWeights<T>& weights, Query& query) {
     constexpr std::size_t levels = Grid::level_count;
     backend.for_chunks(points.size(), 4096, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i)
             query.x[i] = points[i].x, query.y[i] = points[i].y, query.z[i] = points[i].z;
     });
+    backend.copy(weights.coarse, query.coarse);
+    backend.copy(weights.fine, query.fine);
 
     typename B::template Buffer<std::uint8_t> marks(grid.entry_count());
-    std::array<std::size_t, levels> counts{};
+    std::array<std::size_t, levels> counts{}, lookups{};
     backend.for_chunks(levels, 1, [&](std::size_t l, std::size_t, std::size_t) {
         const HashLevel& level = grid.level(static_cast<int>(l));
         std::uint8_t* mark = marks.data();
         std::fill_n(mark + level.offset, level.size, std::uint8_t(0));
-        detail::for_hash_blocks<T>(level, query, 0, points.size(),
-                                   [&](const detail::HashBlock<T>& block, std::size_t, std::size_t count) {
-                                       for (int corner = 0; corner < 8; ++corner)
-                                           for (std::size_t i = 0; i < count; ++i) mark[block.index[corner][i]] = 1;
-                                   });
+        detail::for_hash_blocks<T>(
+            grid, l, query, 0, points.size(),
+            [&](const detail::HashBlock<T>& block, std::size_t, std::size_t count) {
+                for (std::size_t i = 0; i < count; ++i) {
+                    if (!block.counts(i)) continue;
+                    for (int corner = 0; corner < 8; ++corner) mark[block.index[corner][i]] = 1;
+                    lookups[l] += 8;
+                }
+            },
+            [](std::size_t, std::size_t) {});
         for (std::size_t e = 0; e < level.size; ++e) counts[l] += mark[level.offset + e];
     });
+    query.lookups = 0;
     query.touched_begin[0] = 0;
-    for (std::size_t l = 0; l < levels; ++l) query.touched_begin[l + 1] = query.touched_begin[l] + counts[l];
+    for (std::size_t l = 0; l < levels; ++l) {
+        query.touched_begin[l + 1] = query.touched_begin[l] + counts[l];
+        query.lookups += lookups[l];
+    }
     query.touched.resize(query.touched_begin[levels]);
     backend.for_chunks(levels, 1, [&](std::size_t l, std::size_t, std::size_t) {
         const HashLevel& level = grid.level(static_cast<int>(l));
@@ -101,8 +182,8 @@ void hash_prepare(B& backend, const Grid& grid, Span<const vec3<T>> points, Quer
 }
 
 template <CpuBackend B, class Grid, class T, class Query>
-void hash_forward(B& backend, const Grid& grid, Span<const T> table, const Query& query, FeatureView<T> features) {
-    using Row = Eigen::Array<T, Grid::feature_count, 1>; // one register for the usual four features
+void hash_forward(B& backend, const Grid& grid, Span<const T> table, const Query& query, FeatureView<T> features,
+                  Write mode) {
     constexpr std::size_t levels = Grid::level_count, width = Grid::feature_count, grain = 4096;
     const std::size_t chunks = chunk_count(query.size(), grain);
     const bool level_outermost = features.block == width;
@@ -111,41 +192,20 @@ void hash_forward(B& backend, const Grid& grid, Span<const T> table, const Query
         // levels, the rows' lines matter more.
         const std::size_t l = level_outermost ? task / chunks : task % levels;
         const std::size_t begin = (level_outermost ? task % chunks : task / levels) * grain;
-        const T* entries = table.data();
-        T* out = features.column(l * width);
-        detail::for_hash_blocks<T>(
-            grid.level(static_cast<int>(l)), query, begin, std::min(begin + grain, query.size()),
-            [&](const detail::HashBlock<T>& block, std::size_t first, std::size_t count) {
-                for (std::size_t i = 0; i < count; ++i) {
-                    block.template prefetch_ahead<width>(entries, i, count);
-                    Row sum = Row::Zero();
-                    for (int corner = 0; corner < 8; ++corner)
-                        sum += block.weight[corner][i] * Eigen::Map<const Row>(entries + block.index[corner][i] * width);
-                    Eigen::Map<Row>(out + (first + i) * features.block) = sum;
-                }
-            });
+        const std::size_t end = std::min(begin + grain, query.size());
+        detail::hash_encode(grid, l, table.data(), query, begin, end,
+                            features.column(l * width) + begin * features.block, features.block, mode);
     });
 }
 
 template <CpuBackend B, class Grid, class T, class Query>
 void hash_backward(B& backend, const Grid& grid, FeatureView<const T> dL_dfeatures, const Query& query,
                    Span<T> dL_dtable) {
-    using Row = Eigen::Array<T, Grid::feature_count, 1>;
     constexpr std::size_t levels = Grid::level_count, width = Grid::feature_count;
     backend.for_chunks(levels, 1, [&](std::size_t task, std::size_t, std::size_t) {
         const std::size_t l = levels - 1 - task; // the finest levels take longest, so they go first
-        T* entries = dL_dtable.data();
-        const T* in = dL_dfeatures.column(l * width);
-        detail::for_hash_blocks<T>(
-            grid.level(static_cast<int>(l)), query, 0, query.size(),
-            [&](const detail::HashBlock<T>& block, std::size_t first, std::size_t count) {
-                for (std::size_t i = 0; i < count; ++i) {
-                    block.template prefetch_ahead<width>(entries, i, count);
-                    const Row gradient = Eigen::Map<const Row>(in + (first + i) * dL_dfeatures.block);
-                    for (int corner = 0; corner < 8; ++corner)
-                        Eigen::Map<Row>(entries + block.index[corner][i] * width) += block.weight[corner][i] * gradient;
-                }
-            });
+        detail::hash_scatter(grid, l, dL_dtable.data(), query, 0, query.size(), dL_dfeatures.column(l * width),
+                             dL_dfeatures.block);
     });
 }
 

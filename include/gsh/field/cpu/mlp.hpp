@@ -26,13 +26,23 @@ inline constexpr std::size_t mlp_tile_rows = 64;
 }
 
 /// Sizes and places that forward and backward share.
+///
+/// Inputs that all rows share take no part in the products: what the first layer makes of them is the same for every
+/// row, so it rides along as the matrix column of one more input, which is 1.
 template <class T, class Network>
 struct MlpLayout {
     using G = Gemm<T>;
     const Network& network;
+    Span<const T> shared = {}; ///< the last of the network's inputs
 
     [[nodiscard]] std::size_t layers() const { return network.layer_count(); }
-    [[nodiscard]] std::size_t in(std::size_t layer) const { return network.layer_inputs(layer); }
+    [[nodiscard]] std::size_t hidden_layers() const { return layers() - 1; }
+    /// Inputs that each row has of its own.
+    [[nodiscard]] std::size_t row_inputs() const { return network.inputs() - shared.size(); }
+    /// Columns of a layer's matrix in the products.
+    [[nodiscard]] std::size_t in(std::size_t layer) const {
+        return layer ? network.layer_inputs(layer) : row_inputs() + (shared.empty() ? 0 : 1);
+    }
     [[nodiscard]] std::size_t out(std::size_t layer) const { return network.layer_outputs(layer); }
     [[nodiscard]] std::size_t padded_in(std::size_t layer) const { return G::padded(in(layer)); }
     [[nodiscard]] std::size_t padded_out(std::size_t layer) const { return G::padded(out(layer)); }
@@ -52,26 +62,34 @@ struct MlpLayout {
         for (std::size_t l = 0; l < layer; ++l) offset += out(l) * padded_in(l);
         return offset;
     }
-    [[nodiscard]] std::size_t hidden_offset(std::size_t layer, std::size_t rows) const {
-        return layer * rows * padded_out(0); // all hidden layers are as wide as the first
+    /// Activations of a tile that starts at row `first` and has `count` rows, layer after layer (all hidden layers are
+    /// as wide as the first).
+    [[nodiscard]] std::size_t hidden_offset(std::size_t first, std::size_t layer, std::size_t count) const {
+        return (first * hidden_layers() + layer * count) * padded_out(0);
     }
 
+    /// Number (output o, input i) of a layer's matrix as the products have it.
+    [[nodiscard]] T entry(Span<const T> weights, std::size_t layer, std::size_t o, std::size_t i) const {
+        const T* row = weights.data() + network.layer_offset(layer) + o * network.layer_inputs(layer);
+        if (layer || i < row_inputs()) return row[i];
+        T sum = 0;
+        for (std::size_t c = 0; c < shared.size(); ++c) sum += row[row_inputs() + c] * shared[c];
+        return sum;
+    }
     void pack_transposed(Span<const T> weights, T* packed) const {
         for (std::size_t l = 0; l < layers(); ++l) {
-            const T* from = weights.data() + network.layer_offset(l);
             T* to = packed + transposed_offset(l);
             for (std::size_t i = 0; i < in(l); ++i)
                 for (std::size_t o = 0; o < padded_out(l); ++o)
-                    to[i * padded_out(l) + o] = o < out(l) ? from[o * in(l) + i] : T(0);
+                    to[i * padded_out(l) + o] = o < out(l) ? entry(weights, l, o, i) : T(0);
         }
     }
     void pack_padded(Span<const T> weights, T* packed) const {
         for (std::size_t l = 0; l < layers(); ++l) {
-            const T* from = weights.data() + network.layer_offset(l);
             T* to = packed + padded_offset(l);
             for (std::size_t o = 0; o < out(l); ++o)
                 for (std::size_t i = 0; i < padded_in(l); ++i)
-                    to[o * padded_in(l) + i] = i < in(l) ? from[o * in(l) + i] : T(0);
+                    to[o * padded_in(l) + i] = i < in(l) ? entry(weights, l, o, i) : T(0);
         }
     }
 };
@@ -104,27 +122,39 @@ struct Ahead {
     }
 };
 
-/// Rows [first, first + rows) of the view as a row-major tile: the view's own memory where its rows suit, else a copy
-/// padded with zeros.
+/// What the backward pass reads next: the inputs of the next tile while layer 0 is worked on, its activations while
+/// the others are.
+template <class T, class Network>
+struct AheadOfLayers {
+    const MlpLayout<T, Network>& layout;
+    Ahead<T> inputs;
+    const T* hidden;
+    std::size_t next; ///< first row of the next tile
+
+    [[nodiscard]] Ahead<T> operator[](std::size_t layer) const {
+        if (layer == 0) return inputs;
+        const std::size_t stride = layout.padded_in(layer), count = inputs.count;
+        const Span<const T> tile{hidden + layout.hidden_offset(next, layer - 1, count), count * stride};
+        return {{tile, count, stride, stride}, 0, count};
+    }
+};
+
+/// Rows [first, first + rows) of the view to a row-major tile.
 template <class T>
-typename Gemm<T>::Right input_tile(const FeatureView<const T>& view, std::size_t first, std::size_t rows, T* copy) {
-    const std::size_t stride = Gemm<T>::padded(view.columns);
-    if (view.block == view.columns && stride == view.columns) return {view.values.data() + first * stride, stride};
-    if (stride != view.columns) std::fill_n(copy, rows * stride, T(0));
+void features_to_rows(const FeatureView<const T>& view, std::size_t first, std::size_t rows, T* tile, std::size_t stride) {
     with_block(view.block, [&](auto block) {
         for (std::size_t c = 0; c < view.columns; c += block) {
             const T* from = view.column(c) + first * block;
             for (std::size_t r = 0; r < rows; ++r)
-                for (std::size_t j = 0; j < block; ++j) copy[r * stride + c + j] = from[r * block + j];
+                for (std::size_t j = 0; j < block; ++j) tile[r * stride + c + j] = from[r * block + j];
         }
     });
-    return {copy, stride};
 }
 
-/// Writes a row-major tile back to rows [first, first + rows) of the view.
+/// A row-major tile to rows [first, first + rows) of the view.
 template <class T>
-void output_tile(const T* tile, std::size_t first, std::size_t rows, const FeatureView<T>& view, Write mode) {
-    const std::size_t stride = Gemm<T>::padded(view.columns);
+void rows_to_features(const T* tile, std::size_t stride, std::size_t first, std::size_t rows, const FeatureView<T>& view,
+                      Write mode) {
     with_block(view.block, [&](auto block) {
         for (std::size_t c = 0; c < view.columns; c += block) {
             T* to = view.column(c) + first * block;
@@ -139,17 +169,114 @@ void output_tile(const T* tile, std::size_t first, std::size_t rows, const Featu
     });
 }
 
+/// Rows [first, first + rows) as the products read them: the features' own memory where its rows suit, else a copy of
+/// features, what each point has beside them, and a 1 for what all points share, padded with zeros.
+template <class T, class Network>
+typename Gemm<T>::Right input_tile(const MlpLayout<T, Network>& layout, const MlpInputs<T>& inputs, std::size_t first,
+                                   std::size_t rows, T* copy) {
+    const FeatureView<const T>& features = inputs.features;
+    const std::size_t stride = layout.padded_in(0), own = layout.row_inputs() - features.columns;
+    if (features.block == stride && features.columns == stride) return {features.values.data() + first * stride, stride};
+    features_to_rows(features, first, rows, copy, stride);
+    if (stride != features.columns)
+        for (std::size_t r = 0; r < rows; ++r) {
+            T* row = copy + r * stride;
+            T* rest = std::copy_n(inputs.points.data() + (first + r) * own, own, row + features.columns);
+            std::fill(rest, row + stride, T(0));
+            if (!inputs.shared.empty()) *rest = T(1);
+        }
+    return {copy, stride};
+}
+
+/// All layers of one tile. x: its inputs; hidden: where its activations go; packed: pack_transposed's; output: padded
+/// rows of the result.
+template <class T, class Network, class Ahead>
+void mlp_tile_forward(const MlpLayout<T, Network>& layout, const T* packed, typename Gemm<T>::Right x, std::size_t count,
+                      T* hidden, T* output, const Ahead& ahead) {
+    using G = Gemm<T>;
+    const std::size_t last = layout.layers() - 1;
+    for (std::size_t l = 0; l <= last; ++l) {
+        const std::size_t stride = layout.padded_out(l);
+        const typename G::Right matrix{packed + layout.transposed_offset(l), stride};
+        const auto multiply = [&](T* to, const auto& epilogue, const auto& ahead_of_layer) {
+            G::product(count, layout.out(l), layout.in(l), {x.data, x.stride, 1}, matrix, {to, stride}, epilogue,
+                       ahead_of_layer);
+        };
+        if (l == last) {
+            multiply(output, typename G::Assign{}, typename G::Nothing{});
+        } else {
+            l == 0 ? multiply(hidden, typename G::Relu{}, ahead)
+                   : multiply(hidden, typename G::Relu{}, typename G::Nothing{});
+            x = {hidden, stride};
+            hidden += count * stride;
+        }
+    }
+}
+
+/// The adjoint for one tile: adds to `sums` (pack_padded's layout) and returns dL_dx as padded rows, which lie in one
+/// of the two scratch tiles; null where dL_dx is not asked for.
+template <class T, class Network, class Ahead>
+const T* mlp_tile_backward(const MlpLayout<T, Network>& layout, const T* packed, typename Gemm<T>::Right x,
+                           typename Gemm<T>::Right dL_dy, std::size_t count, const T* hidden, T* const (&scratch)[2],
+                           T* sums, bool wants_inputs, const Ahead& ahead) {
+    using G = Gemm<T>;
+    for (std::size_t l = layout.layers(); l-- > 0;) {
+        const std::size_t stride = layout.padded_in(l);
+        const T* activations = l ? hidden + (l - 1) * count * stride : nullptr;
+        // dL_dW[o, i] += sum over rows of dL_dy[row, o] x[row, i]
+        G::product(layout.out(l), layout.in(l), count, {dL_dy.data, 1, dL_dy.stride},
+                   l ? typename G::Right{activations, stride} : x, {sums + layout.padded_offset(l), stride},
+                   typename G::Add{});
+        if (l == 0 && !wants_inputs) return nullptr;
+        // dL_dx = dL_dy W, through the ReLU that made x
+        const auto multiply = [&](const auto& epilogue) {
+            G::product(count, layout.in(l), layout.out(l), {dL_dy.data, dL_dy.stride, 1},
+                       {packed + layout.padded_offset(l), stride}, {scratch[l % 2], stride}, epilogue, ahead[l]);
+        };
+        l ? multiply(typename G::WhereActive{activations}) : multiply(typename G::Assign{});
+        dL_dy = {scratch[l % 2], stride};
+    }
+    return dL_dy.data;
+}
+
+/// Joins the partial sums in order and adds them to dL_dweights, and to dL_dshared unless that is empty.
+template <CpuBackend B, class T, class Network>
+void mlp_join(B& backend, const MlpLayout<T, Network>& layout, Span<const T> weights, const T* partials,
+              std::size_t partial_count, Span<T> dL_dweights, Span<T> dL_dshared) {
+    const std::size_t sums_size = layout.padded_offset(layout.layers()), own = layout.row_inputs();
+    for (std::size_t l = 0; l < layout.layers(); ++l) {
+        const std::size_t in = layout.network.layer_inputs(l), columns = l ? in : own, stride = layout.padded_in(l);
+        const T* sums = partials + layout.padded_offset(l);
+        T* to = dL_dweights.data() + layout.network.layer_offset(l);
+        backend.for_chunks(layout.out(l), 8, [&](std::size_t, std::size_t begin, std::size_t end) {
+            for (std::size_t o = begin; o < end; ++o)
+                for (std::size_t p = 0; p < partial_count; ++p) {
+                    const T* row = sums + p * sums_size + o * stride;
+                    for (std::size_t i = 0; i < columns; ++i) to[o * in + i] += row[i];
+                    if (l == 0)
+                        for (std::size_t c = 0; c < layout.shared.size(); ++c)
+                            to[o * in + own + c] += row[own] * layout.shared[c];
+                }
+        });
+    }
+    if (dL_dshared.empty()) return;
+    for (std::size_t o = 0; o < layout.out(0); ++o)
+        for (std::size_t p = 0; p < partial_count; ++p)
+            for (std::size_t c = 0; c < dL_dshared.size(); ++c)
+                dL_dshared[c] += weights[o * layout.network.inputs() + own + c] *
+                                 partials[p * sums_size + layout.padded_offset(0) + o * layout.padded_in(0) + own];
+}
+
 } // namespace detail
 
 template <CpuBackend B, class Network, class T, class Cache>
-void mlp_forward(B& backend, const Network& network, Span<const T> weights, FeatureView<const T> inputs,
+void mlp_forward(B& backend, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
                  Span<T> outputs, Cache& cache) {
-    using G = detail::Gemm<T>;
-    const detail::MlpLayout<T, Network> layout{network};
-    const std::size_t rows = inputs.rows, last = layout.layers() - 1, outputs_count = layout.out(last);
+    const detail::MlpLayout<T, Network> layout{network, inputs.shared};
+    const std::size_t rows = inputs.features.rows, outputs_count = network.outputs(), stride = layout.padded_out(layout.layers() - 1);
     const std::size_t grain = detail::mlp_chunk_rows(rows), tile_size = detail::mlp_tile_rows * layout.widest();
 
-    cache.hidden.resize(layout.hidden_offset(last, rows));
+    cache.hidden.resize(layout.hidden_offset(rows, 0, 0));
     cache.packed.resize(layout.transposed_offset(layout.layers()));
     cache.scratch.resize(chunk_count(rows, grain) * 2 * tile_size);
     layout.pack_transposed(weights, cache.packed.data());
@@ -160,19 +287,9 @@ void mlp_forward(B& backend, const Network& network, Span<const T> weights, Feat
         for (std::size_t first = begin; first < end; first += detail::mlp_tile_rows) {
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
             const std::size_t next = first + count, next_count = std::min(detail::mlp_tile_rows, end - next);
-            typename G::Right x = detail::input_tile(inputs, first, count, input_copy);
-            for (std::size_t l = 0; l < last; ++l) {
-                const std::size_t stride = layout.padded_out(l);
-                T* hidden = cache.hidden.data() + layout.hidden_offset(l, rows) + first * stride;
-                G::product(count, layout.out(l), layout.in(l), {x.data, x.stride, 1},
-                           {cache.packed.data() + layout.transposed_offset(l), stride}, {hidden, stride},
-                           typename G::Relu{}, detail::Ahead<T>{l ? FeatureView<const T>() : inputs, next, next_count});
-                x = {hidden, stride};
-            }
-            const std::size_t stride = layout.padded_out(last);
-            G::product(count, outputs_count, layout.in(last), {x.data, x.stride, 1},
-                       {cache.packed.data() + layout.transposed_offset(last), stride}, {output_copy, stride},
-                       typename G::Assign{});
+            detail::mlp_tile_forward(layout, cache.packed.data(), detail::input_tile(layout, inputs, first, count, input_copy),
+                                     count, cache.hidden.data() + layout.hidden_offset(first, 0, count), output_copy,
+                                     detail::Ahead<T>{inputs.features, next, next_count});
             for (std::size_t r = 0; r < count; ++r)
                 std::copy_n(output_copy + r * stride, outputs_count, outputs.data() + (first + r) * outputs_count);
         }
@@ -180,12 +297,11 @@ void mlp_forward(B& backend, const Network& network, Span<const T> weights, Feat
 }
 
 template <CpuBackend B, class Network, class T, class Cache>
-void mlp_backward(B& backend, const Network& network, Span<const T> weights, FeatureView<const T> inputs,
-                  Span<const T> dL_doutputs, Cache& cache, Span<T> dL_dweights, FeatureView<T> dL_dinputs,
-                  Write inputs_mode) {
-    using G = detail::Gemm<T>;
-    const detail::MlpLayout<T, Network> layout{network};
-    const std::size_t rows = inputs.rows, last = layout.layers() - 1;
+void mlp_backward(B& backend, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
+                  Span<const T> dL_doutputs, Cache& cache, Span<T> dL_dweights, FeatureView<T> dL_dfeatures,
+                  Write features_mode, Span<T> dL_dshared) {
+    const detail::MlpLayout<T, Network> layout{network, inputs.shared};
+    const std::size_t rows = inputs.features.rows, outputs = network.outputs();
     const std::size_t grain = detail::mlp_chunk_rows(rows), tile_size = detail::mlp_tile_rows * layout.widest();
     const std::size_t chunks = chunk_count(rows, grain), sums_size = layout.padded_offset(layout.layers());
 
@@ -196,51 +312,21 @@ void mlp_backward(B& backend, const Network& network, Span<const T> weights, Fea
 
     backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         T* input_copy = cache.scratch.data() + chunk * 3 * tile_size;
-        T* gradients[2] = {input_copy + tile_size, input_copy + 2 * tile_size};
+        T* const gradients[2] = {input_copy + tile_size, input_copy + 2 * tile_size};
         T* sums = cache.partials.data() + chunk * sums_size;
         std::fill_n(sums, sums_size, T(0));
         for (std::size_t first = begin; first < end; first += detail::mlp_tile_rows) {
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
             const std::size_t next = first + count, next_count = std::min(detail::mlp_tile_rows, end - next);
-            typename G::Right dL_dy{dL_doutputs.data() + first * layout.out(last), layout.out(last)};
-            for (std::size_t l = last + 1; l-- > 0;) {
-                const std::size_t stride = layout.padded_in(l);
-                const T* hidden = l ? cache.hidden.data() + layout.hidden_offset(l - 1, rows) + first * stride : nullptr;
-                const typename G::Right x =
-                    l ? typename G::Right{hidden, stride} : detail::input_tile(inputs, first, count, input_copy);
-                // dL_dW[o, i] += sum over rows of dL_dy[row, o] x[row, i]
-                G::product(layout.out(l), layout.in(l), count, {dL_dy.data, 1, dL_dy.stride}, x,
-                           {sums + layout.padded_offset(l), stride}, typename G::Add{});
-                if (l == 0 && dL_dinputs.empty()) break;
-                // dL_dx = dL_dy W, through the ReLU that made x
-                const typename G::Left left{dL_dy.data, dL_dy.stride, 1};
-                const typename G::Right matrix{cache.packed.data() + layout.padded_offset(l), stride};
-                T* dL_dx = gradients[l % 2];
-                if (l) {
-                    const Span<const T> layer{cache.hidden.data() + layout.hidden_offset(l - 1, rows), rows * stride};
-                    G::product(count, layout.in(l), layout.out(l), left, matrix, {dL_dx, stride},
-                               typename G::WhereActive{hidden},
-                               detail::Ahead<T>{{layer, rows, stride, stride}, next, next_count});
-                } else {
-                    G::product(count, layout.in(l), layout.out(l), left, matrix, {dL_dx, stride},
-                               typename G::Assign{}, detail::Ahead<T>{inputs, next, next_count});
-                }
-                dL_dy = {dL_dx, stride};
-            }
-            if (!dL_dinputs.empty()) detail::output_tile(dL_dy.data, first, count, dL_dinputs, inputs_mode);
+            const T* dL_dx = detail::mlp_tile_backward(
+                layout, cache.packed.data(), detail::input_tile(layout, inputs, first, count, input_copy),
+                {dL_doutputs.data() + first * outputs, outputs}, count,
+                cache.hidden.data() + layout.hidden_offset(first, 0, count), gradients, sums, !dL_dfeatures.empty(),
+                detail::AheadOfLayers<T, Network>{layout, {inputs.features, next, next_count}, cache.hidden.data(), next});
+            if (dL_dx) detail::rows_to_features(dL_dx, layout.padded_in(0), first, count, dL_dfeatures, features_mode);
         }
     });
-
-    for (std::size_t l = 0; l <= last; ++l) {
-        const std::size_t in = layout.in(l), stride = layout.padded_in(l);
-        const T* sums = cache.partials.data() + layout.padded_offset(l);
-        T* to = dL_dweights.data() + network.layer_offset(l);
-        backend.for_chunks(layout.out(l), 8, [&](std::size_t, std::size_t begin, std::size_t end) {
-            for (std::size_t o = begin; o < end; ++o)
-                for (std::size_t chunk = 0; chunk < chunks; ++chunk)
-                    for (std::size_t i = 0; i < in; ++i) to[o * in + i] += sums[chunk * sums_size + o * stride + i];
-        });
-    }
+    detail::mlp_join(backend, layout, weights, cache.partials.data(), chunks, dL_dweights, dL_dshared);
 }
 
 } // namespace gsh::cpu
