@@ -59,6 +59,18 @@ struct SurfaceSamples {
                                                    Span<const double> samples_per_vertex, std::uint64_t seed,
                                                    const SurfaceSampleOptions& options = {});
 
+/// The same number of points for each vertex.
+[[nodiscard]] inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<double>> vertices,
+                                                   double samples_per_vertex, std::uint64_t seed,
+                                                   const SurfaceSampleOptions& options = {}) {
+    const std::vector<double> K(model.vertex_count(), samples_per_vertex);
+    return sample_surface(model, vertices, K, seed, options);
+}
+
+/// Numbers given at the vertices [V], at the samples [N]: barycentric in each sample's triangle.
+/// Errors  ValueError if a triangle names a vertex that has no number.
+[[nodiscard]] inline std::vector<double> interpolate(const SurfaceSamples& samples, Span<const double> values);
+
 // -------------------------------------------------------------------------------------------------------------
 
 namespace detail {
@@ -242,6 +254,19 @@ inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<dou
     }
     drawn.weights = builder.table();
     return drawn;
+}
+
+inline std::vector<double> interpolate(const SurfaceSamples& samples, Span<const double> values) {
+    detail::check_triangles("interpolate", "samples.triangles", samples.triangles, values.size());
+    check_size("interpolate", "samples.barycentric", samples.barycentric.size(), samples.triangles.size());
+    std::vector<double> result;
+    for (std::size_t i = 0; i < samples.triangles.size(); ++i) {
+        const auto& [a, b, c] = samples.triangles[i];
+        result.push_back(dot(samples.barycentric[i], vec3<double>(values[static_cast<std::size_t>(a)],
+                                                                  values[static_cast<std::size_t>(b)],
+                                                                  values[static_cast<std::size_t>(c)])));
+    }
+    return result;
 }
 
 } // namespace gsh
