@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Posing 170,000 Gaussians on 55 bones, spherical harmonics of degree 2, and the way back.
+/// @file  Posing 170,000 Gaussians on 55 bones, SH of degree 2, and the way back, in every deformation.
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
@@ -19,7 +19,7 @@ constexpr std::size_t N = 170000, J = 55, influences = 6, basis = 9;
 struct Scene {
     std::vector<vec3<float>> means, log_scales, sh, splat_means, colors;
     std::vector<quat<float>> quats;
-    std::vector<float> logits, weights, opacities;
+    std::vector<float> logits, ao, weights, opacities;
     std::vector<std::uint16_t> joints;
     std::vector<Affine<float>> bones;
     std::vector<sym3<float>> covariances;
@@ -33,6 +33,7 @@ struct Scene {
         };
         for (std::size_t i = 0; i < N; ++i) {
             means.push_back(vector(-1, 1)), log_scales.push_back(vector(-6, -4)), logits.push_back(number(-2, 2));
+            ao.push_back(number(0.5, 1));
             quats.push_back({number(0.5, 1), number(-1, 1), number(-1, 1), number(-1, 1)});
             for (std::size_t k = 0; k < basis; ++k) sh.push_back(vector(-0.1, 0.1));
             const std::size_t used = 1 + (i / 64) % 4, first = i * J / N;
@@ -44,56 +45,73 @@ struct Scene {
         for (std::size_t j = 0; j < J; ++j) bones.push_back({rotation_from_axis_angle(vector(-1, 1)), vector(-1, 1)});
         splat_means.resize(N), colors.resize(N), opacities.resize(N), covariances.resize(N);
     }
-    SkinnedView<const float> view() const {
-        return {means, quats, log_scales, logits, sh, {}, {joints, weights, influences}, 0};
+    SkinnedView<const float> view(bool shaded) const {
+        return {means, quats, log_scales, logits, sh, shaded ? Span<const float>(ao) : Span<const float>(),
+                {joints, weights, influences}, 0};
     }
     SplatView<float> splats() { return {splat_means, covariances, opacities, colors}; }
 };
+
+/// Arguments of every case: the Deformation, ambient occlusion or none, and of backward the percentage of Gaussians
+/// that no pixel saw, half of them on a body.
+Deformation deformation(const benchmark::State& state) { return static_cast<Deformation>(state.range(0)); }
 
 template <class B>
 void forward(benchmark::State& state) {
     Scene scene;
     B backend;
+    SkinnedSplatsWorkspace<B, float> workspace;
     for (auto _ : state) {
-        skinned_splats_forward<2>(backend, scene.view(), scene.bones, vec3<float>(0, 1, 4), scene.splats());
+        skinned_splats_forward<2>(backend, scene.view(state.range(1)), scene.bones, vec3<float>(0, 1, 4),
+                                  scene.splats(), workspace, ColorClamp::both, deformation(state));
         benchmark::ClobberMemory();
     }
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(N));
     state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(N * (152 + 6 * influences + 52)));
 }
 
-/// With half of the Gaussians unseen, as on a body, or none.
 template <class B>
 void backward(benchmark::State& state) {
     Scene scene, gradient;
     B backend;
-    skinned_splats_forward<2>(backend, scene.view(), scene.bones, vec3<float>(0, 1, 4), scene.splats());
+    const auto view = scene.view(state.range(1));
+    SkinnedSplatsWorkspace<B, float> workspace;
+    skinned_splats_forward<2>(backend, view, scene.bones, vec3<float>(0, 1, 4), scene.splats(), workspace,
+                              ColorClamp::both, deformation(state));
     for (std::size_t i = 0; i < N; ++i)
-        if ((i / 64) % 2 && state.range(0) == 50) {
+        if ((i / 64) % 2 && state.range(2) == 50) {
             scene.splat_means[i] = scene.colors[i] = vec3<float>(0);
             scene.covariances[i] = {}, scene.opacities[i] = 0;
         }
-    const SkinnedView<float> out{gradient.means, gradient.quats, gradient.log_scales, gradient.logits, gradient.sh};
+    const SkinnedView<float> out{
+        gradient.means, gradient.quats, gradient.log_scales, gradient.logits,
+        gradient.sh,    state.range(1) ? Span<float>(gradient.ao) : Span<float>()};
     std::vector<vec3<float>> center(1);
-    SkinnedSplatsWorkspace<B, float> workspace;
     for (auto _ : state) {
-        skinned_splats_backward<2>(backend, scene.view(), scene.bones, vec3<float>(0, 1, 4), scene.splats(), workspace,
-                                   out, gradient.bones, center);
+        skinned_splats_backward<2>(backend, view, scene.bones, vec3<float>(0, 1, 4), scene.splats(), workspace, out,
+                                   gradient.bones, center, ColorClamp::both, deformation(state));
         benchmark::ClobberMemory();
     }
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(N));
     state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(N * (152 + 6 * influences + 52 + 2 * 152)));
 }
 
-BENCHMARK(forward<cpu::Serial>)->Unit(benchmark::kMillisecond);
-BENCHMARK(forward<cpu::Threads>)->Unit(benchmark::kMillisecond)->UseRealTime();
-BENCHMARK(backward<cpu::Serial>)->ArgName("unseen_percent")->Arg(0)->Arg(50)->Unit(benchmark::kMillisecond);
-BENCHMARK(backward<cpu::Threads>)
-    ->ArgName("unseen_percent")
-    ->Arg(0)
-    ->Arg(50)
-    ->Unit(benchmark::kMillisecond)
-    ->UseRealTime();
+constexpr long linear = static_cast<long>(Deformation::linear), polar = static_cast<long>(Deformation::polar),
+               dual = static_cast<long>(Deformation::dual_quaternion);
+
+void forward_cases(benchmark::internal::Benchmark* bench) {
+    bench->ArgNames({"deformation", "ao"})->Unit(benchmark::kMillisecond);
+    bench->Args({linear, 0})->Args({linear, 1})->Args({polar, 0})->Args({dual, 0});
+}
+void backward_cases(benchmark::internal::Benchmark* bench) {
+    bench->ArgNames({"deformation", "ao", "unseen_percent"})->Unit(benchmark::kMillisecond);
+    bench->Args({linear, 0, 0})->Args({linear, 1, 0})->Args({polar, 0, 0})->Args({dual, 0, 0});
+    bench->Args({linear, 0, 50})->Args({polar, 0, 50})->Args({dual, 0, 50});
+}
+BENCHMARK(forward<cpu::Serial>)->Apply(forward_cases);
+BENCHMARK(forward<cpu::Threads>)->Apply(forward_cases)->UseRealTime();
+BENCHMARK(backward<cpu::Serial>)->Apply(backward_cases);
+BENCHMARK(backward<cpu::Threads>)->Apply(backward_cases)->UseRealTime();
 
 } // namespace
 } // namespace gsh

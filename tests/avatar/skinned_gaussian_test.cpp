@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/gradient.hpp"
+#include "support/skinned_scene.hpp"
 
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/serial.hpp>
@@ -18,93 +19,10 @@ struct Degree {
     static constexpr int value = N;
 };
 
-constexpr std::size_t joint_count = 5, influences = 3;
-
-/// Everything that posing reads, and gradients of everything.
+constexpr std::size_t joint_count = test::SkinnedScene<double>::joint_count;
 template <class T>
-struct Scene {
-    std::vector<vec3<T>> means, log_scales, sh;
-    std::vector<quat<T>> quats;
-    std::vector<T> logits, ao, weights;
-    std::vector<std::uint16_t> joints;
-    std::vector<Affine<T>> bones;
-    std::vector<vec3<T>> center;
-    std::size_t sh_stride;
-
-    Scene(std::size_t count, std::size_t basis, std::size_t stride, std::uint64_t seed) : sh_stride(stride) {
-        test::Rng rng(seed);
-        const auto number = [&](double low, double high) { return static_cast<T>(rng.uniform(low, high)); };
-        for (std::size_t i = 0; i < count; ++i) {
-            means.push_back(vec3<T>(rng.vec())), log_scales.push_back(vec3<T>(rng.vec()));
-            const auto q = rng.quat();
-            quats.push_back({T(q.w), T(q.x), T(q.y), T(q.z)});
-            logits.push_back(number(-2, 2)), ao.push_back(number(0.5, 1));
-            T sum = 0;
-            for (std::size_t k = 0; k < influences; ++k) {
-                joints.push_back(static_cast<std::uint16_t>((i + 2 * k) % joint_count));
-                weights.push_back(k < 1 + i % influences ? number(0.2, 1) : T(0));
-                sum += weights.back();
-            }
-            for (std::size_t k = 0; k < influences; ++k) weights[i * influences + k] /= sum;
-            for (std::size_t k = 0; k < stride; ++k) {
-                // Small coefficients keep every colour inside (0, 1), away from the clamp's kinks; every third
-                // Gaussian is far above 1 in one channel, where the gradient must vanish.
-                vec3<T> value(rng.vec(-0.05, 0.05));
-                if (k == 0 && i % 3 == 2) value.y = T(8);
-                sh.push_back(k < basis ? value : vec3<T>(T(9)));
-            }
-        }
-        for (std::size_t j = 0; j < joint_count; ++j) {
-            Affine<T> bone{mat3<T>(T(1)), vec3<T>(rng.vec())};
-            for (int c = 0; c < 3; ++c) bone.linear[c] += vec3<T>(rng.vec(-0.4, 0.4));
-            bones.push_back(bone);
-        }
-        center.push_back(vec3<T>(rng.vec(4, 6)));
-    }
-
-    void clear() {
-        for (auto* values : {&means, &log_scales, &sh, &center})
-            std::fill(values->begin(), values->end(), vec3<T>(T(0)));
-        std::fill(quats.begin(), quats.end(), quat<T>{0, 0, 0, 0});
-        std::fill(logits.begin(), logits.end(), T(0));
-        std::fill(ao.begin(), ao.end(), T(0));
-        std::fill(bones.begin(), bones.end(), Affine<T>::zero());
-    }
-    SkinnedView<T> view() { return {means, quats, log_scales, logits, sh, ao, {}, sh_stride}; }
-    SkinnedView<const T> input() const {
-        return {means, quats, log_scales, logits, sh, ao, {joints, weights, influences}, sh_stride};
-    }
-};
-
-template <class T>
-struct SplatArrays {
-    std::vector<vec3<T>> means, colors;
-    std::vector<sym3<T>> covariances;
-    std::vector<T> opacities;
-
-    explicit SplatArrays(std::size_t count, std::uint64_t seed = 99)
-        : means(count), colors(count), covariances(count), opacities(count) {
-        test::Rng rng(seed);
-        for (std::size_t i = 0; i < count; ++i) {
-            means[i] = vec3<T>(rng.vec()), colors[i] = vec3<T>(rng.vec());
-            const vec3<T> a(rng.vec()), b(rng.vec());
-            covariances[i] = {a.x, a.y, a.z, b.x, b.y, b.z};
-            opacities[i] = T(rng.uniform(-1, 1));
-        }
-    }
-    SplatView<T> view() { return {means, covariances, opacities, colors}; }
-    SplatView<const T> view() const { return {means, covariances, opacities, colors}; }
-};
-
-double inner(const SplatArrays<double>& a, const SplatArrays<double>& b) {
-    double sum = 0;
-    for (std::size_t i = 0; i < a.means.size(); ++i) {
-        sum += dot(a.means[i], b.means[i]) + dot(a.colors[i], b.colors[i]) + a.opacities[i] * b.opacities[i];
-        const auto &c = a.covariances[i], &d = b.covariances[i];
-        sum += c.xx * d.xx + c.xy * d.xy + c.xz * d.xz + c.yy * d.yy + c.yz * d.yz + c.zz * d.zz;
-    }
-    return sum;
-}
+using Scene = test::SkinnedScene<T>;
+using test::SplatArrays;
 
 TEST_CASE("the canonical direction is that of the true inverse, also for mirrored maps") {
     test::Rng rng(1);
@@ -161,7 +79,7 @@ TEST_CASE("a rigid transform moves the Gaussian and leaves its colour to a camer
     const Affine<double> rigid{rotation_from_axis_angle(rng.vec()), rng.vec()};
     S::Input<double> in{rng.vec(), rng.quat(), rng.vec(), 0.4, sh.data(), 0.8, {}, rng.vec(3, 4)};
     const auto rest = S::forward(in, ColorClamp::both);
-    in.M = rigid, in.center = rigid(in.center);
+    in.blend = rigid, in.center = rigid(in.center);
     const auto posed = S::forward(in, ColorClamp::both);
     CHECK(length(posed.mean - rigid(rest.mean)) < 1e-14);
     CHECK(length(posed.color - rest.color) < 1e-14);
@@ -236,6 +154,28 @@ TEST_CASE("colours clamped below only keep their gradient above one") {
     CHECK(gradient.sh[2 * 9].y != 0);
 }
 
+TEST_CASE("ambient occlusion receives the loss times the colour before it, in full shadow and above white too") {
+    constexpr std::size_t count = 33; // two registers and a rest
+    Scene<double> scene(count, 9, 9, 17), gradient = scene, lit = scene;
+    for (std::size_t i = 0; i < count; ++i) scene.ao[i] = i % 4 ? scene.ao[i] : 0.0;
+    std::fill(lit.ao.begin(), lit.ao.end(), 1.0);
+    gradient.clear();
+    cpu::Serial backend;
+    SplatArrays<double> splats(count), unoccluded(count);
+    const SplatArrays<double> dL_dsplats(count, 18);
+    SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
+    skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view());
+    skinned_splats_forward<2>(backend, lit.input(), scene.bones, scene.center[0], unoccluded.view());
+    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
+                               gradient.view(), gradient.bones, gradient.center);
+    for (std::size_t i = 0; i < count; ++i) {
+        CHECK(length(splats.colors[i] - unoccluded.colors[i] * scene.ao[i]) < 1e-15);
+        CHECK(gradient.ao[i] == doctest::Approx(dot(dL_dsplats.colors[i], unoccluded.colors[i])));
+        if (scene.ao[i] == 0) CHECK(gradient.sh[9 * i] == vec3<double>(0)); // the shadow hides the colour
+        if (i % 3 == 2) CHECK(unoccluded.colors[i].y == 1);                 // clamped, and yet it counts for ao
+    }
+}
+
 TEST_CASE("attributes that nobody asks for are left alone, the others do not change") {
     const std::size_t count = 9;
     Scene<double> scene(count, 9, 9, 9), all = scene, some = scene;
@@ -308,8 +248,8 @@ TEST_CASE("a pack of Gaussians equals its lanes, forward and backward") {
     packed.opacity_logit = pack([&](std::size_t i) { return in[i].opacity_logit; });
     packed.sh = sh;
     packed.ao = pack([&](std::size_t i) { return in[i].ao; });
-    for (int c = 0; c < 3; ++c) packed.M.linear[c] = pack3([&](std::size_t i) { return in[i].M.linear[c]; });
-    packed.M.translation = pack3([&](std::size_t i) { return in[i].M.translation; });
+    for (int c = 0; c < 3; ++c) packed.blend.linear[c] = pack3([&](std::size_t i) { return in[i].blend.linear[c]; });
+    packed.blend.translation = pack3([&](std::size_t i) { return in[i].blend.translation; });
     packed.center = pack3([&](std::size_t i) { return in[i].center; });
     const auto found = S::forward(packed, ColorClamp::both);
 
@@ -333,10 +273,10 @@ TEST_CASE("a pack of Gaussians equals its lanes, forward and backward") {
             CHECK(found.color[k].get(i) == doctest::Approx(out[i].color[k]));
             CHECK(packed_gradient.mean[k].get(i) == doctest::Approx(gradient[i].mean[k]));
             CHECK(packed_gradient.log_scale[k].get(i) == doctest::Approx(gradient[i].log_scale[k]));
-            CHECK(packed_gradient.M.translation[k].get(i) == doctest::Approx(gradient[i].M.translation[k]));
+            CHECK(packed_gradient.blend.translation[k].get(i) == doctest::Approx(gradient[i].blend.translation[k]));
             CHECK(packed_gradient.center[k].get(i) == doctest::Approx(gradient[i].center[k]));
             for (int r = 0; r < 3; ++r)
-                CHECK(packed_gradient.M.linear[k][r].get(i) == doctest::Approx(gradient[i].M.linear[k][r]));
+                CHECK(packed_gradient.blend.linear[k][r].get(i) == doctest::Approx(gradient[i].blend.linear[k][r]));
             for (std::size_t b = 0; b < 9; ++b)
                 CHECK(dL_dsh_packed[b][k].get(i) == doctest::Approx(dL_dsh[9 * i + b][k]));
         }

@@ -74,6 +74,42 @@ TEST_CASE("equal bones blend to themselves") {
         CHECK(length(blend<double>(table.view(), i, bones).translation - bones[0].translation) < 1e-15);
 }
 
+TEST_CASE("dual quaternions blend on the side of the heaviest bone, and the adjoint keeps their signs") {
+    const auto table = sparse_weights(dense_weights(6), joint_count);
+    test::Rng rng(7);
+    std::vector<dual_quat<double>> bones(joint_count), dL_dblended(point_count), flipped;
+    for (double& x : test::scalars(bones)) x = rng.uniform(-1, 1);
+    for (double& x : test::scalars(dL_dblended)) x = rng.uniform(-1, 1);
+    flipped = bones;
+    for (std::size_t j = 0; j < joint_count; j += 2) {
+        flipped[j] = dual_quat<double>::zero();
+        flipped[j].add_scaled(bones[j], -1);
+    }
+    std::vector<dual_quat<double>> dL_dbones(joint_count, dual_quat<double>::zero());
+    int turned = 0;
+    for (std::size_t i = 0; i < point_count; ++i) {
+        const auto found = blend<double>(table.view(), i, bones), other = blend<double>(table.view(), i, flipped);
+        const std::size_t first = i * table.influences;
+        const bool heaviest_flipped = table.joints[first] % 2 == 0;
+        CHECK(std::abs(found.real.x - (heaviest_flipped ? -other.real.x : other.real.x)) < 1e-15);
+        CHECK(std::abs(found.dual.w - (heaviest_flipped ? -other.dual.w : other.dual.w)) < 1e-15);
+        CHECK(dot(found.real, bones[table.joints[first]].real) > 0);
+        for (std::size_t k = first; k < first + table.influences && table.weights[k] > 0; ++k)
+            turned += blend_weight<double>(bones, table.joints[first], table.joints[k], 1.0) < 0;
+        blend_backward<double>(table.view(), i, bones, dL_dblended[i], dL_dbones);
+    }
+    CHECK(turned > 20);
+    const auto loss = [&] {
+        double sum = 0;
+        for (std::size_t i = 0; i < point_count; ++i) {
+            const auto b = blend<double>(table.view(), i, bones);
+            sum += dot(b.real, dL_dblended[i].real) + dot(b.dual, dL_dblended[i].dual);
+        }
+        return sum;
+    };
+    test::check_gradient(loss, test::scalars(bones), test::scalars(dL_dbones));
+}
+
 TEST_CASE("blend_backward is the gradient of blend, and adds") {
     const auto table = sparse_weights(dense_weights(6), joint_count);
     auto bones = random_maps(joint_count, 7);

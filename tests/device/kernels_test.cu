@@ -48,24 +48,24 @@ struct RunElement {
     }
 };
 
-/// Linear blend skinning takes joint indices, which are no lane's numbers; so it is here and not among the elements.
-template <class T>
+/// Blends of bones take joint indices, which are no lane's numbers; so they are here and not among the elements.
+template <class T, class Bone>
 struct Skin {
     SkinWeights<T> skin;
-    Span<const Affine<T>> bones, dL_dblended;
-    Span<Affine<T>> blended, dL_dbones;
+    Span<const Bone> bones, dL_dblended;
+    Span<Bone> blended, dL_dbones;
 
     GSH_HD void operator()(std::size_t i) const {
         blended[i] = blend(skin, i, bones);
-        blend_backward(skin, i, dL_dblended[i], dL_dbones);
+        blend_backward(skin, i, bones, dL_dblended[i], dL_dbones);
     }
 };
 
 /// The adjoint of a skinned Gaussian adds to bones and a centre that its caller owns.
-template <int Degree, class T>
+template <int Degree, class T, class D = LinearBlend>
 struct SkinnedBackward {
-    gsh::detail::SkinnedSplatBackward<Degree, T> body;
-    Span<Affine<T>> dL_dbones; // [N, J]
+    gsh::detail::SkinnedSplatBackward<Degree, T, D> body;
+    Span<typename D::template Bone<T>> dL_dbones; // [N, J]
     Span<vec3<T>> dL_dcenters; // [N]
     std::size_t joint_count;
 
@@ -95,14 +95,17 @@ using Bodies = Types<
     gsh::detail::StaticSplatForward<0, T>, gsh::detail::StaticSplatForward<2, T>, gsh::detail::StaticSplatForward<4, T>,
     gsh::detail::StaticSplatBackward<0, T>, gsh::detail::StaticSplatBackward<2, T>,
     gsh::detail::StaticSplatBackward<4, T>, gsh::detail::SkinnedSplatForward<2, T>,
-    gsh::detail::SkinnedSplatForward<3, T>, SkinnedBackward<2, T>, SkinnedBackward<3, T>, gsh::detail::PoseRotations<T>, gsh::detail::PoseRotationsBackward<T>,
+    gsh::detail::SkinnedSplatForward<3, T>, SkinnedBackward<2, T>, SkinnedBackward<3, T>,
+    gsh::detail::SkinnedSplatForward<2, T, PolarBlend>, gsh::detail::SkinnedSplatForward<2, T, DualQuaternionBlend>,
+    SkinnedBackward<2, T, PolarBlend>, SkinnedBackward<2, T, DualQuaternionBlend>, gsh::detail::BonesAsDualQuats<T>,
+    gsh::detail::BonesAsDualQuatsBackward<T>, gsh::detail::PoseRotations<T>, gsh::detail::PoseRotationsBackward<T>,
     gsh::detail::PoseFeature<T>, gsh::detail::PoseFeatureBackward<T>, gsh::detail::BoneTransforms<T>,
     gsh::detail::BoneTransformsBackward<T>, gsh::detail::SurfaceGather<T>, gsh::detail::SurfaceScatter<T>,
     gsh::detail::HashBackwardPoint<HashGrid<5, 2>, T>, gsh::detail::ResamplePlanes<T, UndistortMap<T>>,
     gsh::detail::ResampleRgba8<T, UndistortMap<T>>, gsh::detail::CompositeRgba8<T, gsh::detail::PlainBackground<T>>,
     gsh::detail::CompositeRgba8<T, gsh::detail::ImageBackground<T>>,
     gsh::detail::Difference<T>, gsh::detail::Accumulate<T>, gsh::detail::Accumulate<vec3<T>>, gsh::detail::Sum<vec3<T>>,
-    gsh::detail::ScaleFirst<T>, gsh::detail::AdamStep<T>, Skin<T>, HashTableBackward<T>>;
+    gsh::detail::ScaleFirst<T>, gsh::detail::AdamStep<T>, Skin<T, Affine<T>>, Skin<T, dual_quat<T>>, HashTableBackward<T>>;
 
 bool failed = false;
 

@@ -16,6 +16,8 @@
 #include <gsh/loss/ssim.hpp>
 #include <gsh/math/activation.hpp>
 #include <gsh/math/affine.hpp>
+#include <gsh/math/dual_quat.hpp>
+#include <gsh/math/polar.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/sh.hpp>
@@ -56,6 +58,10 @@ public:
     GSH_HD quat<T> quaternion() {
         const T w = number(1, 2), x = number(), y = number(), z = number();
         return {w, x, y, z};
+    }
+    GSH_HD dual_quat<T> dual_quaternion() {
+        const quat<T> real = quaternion(), dual = quaternion();
+        return {real, dual};
     }
     GSH_HD sym3<T> symmetric() {
         const vec3<T> a = vector(), b = vector();
@@ -103,6 +109,7 @@ public:
     GSH_HD void put(const sym3<T>& s) { put(s.xx), put(s.xy), put(s.xz), put(s.yy), put(s.yz), put(s.zz); }
     GSH_HD void put(const mat3<T>& m) { put(m[0]), put(m[1]), put(m[2]); }
     GSH_HD void put(const Affine<T>& a) { put(a.linear), put(a.translation); }
+    GSH_HD void put(const dual_quat<T>& q) { put(q.real), put(q.dual); }
     GSH_HD void put(const CameraGradient<T>& c) {
         put(c.dL_dR), put(c.dL_dt);
         put(c.dL_dfx), put(c.dL_dfy), put(c.dL_dcx), put(c.dL_dcy);
@@ -387,11 +394,14 @@ struct HashGridElement {
     }
 };
 
+template <class D>
 struct SkinnedGaussianElement {
-    static constexpr const char* name = "avatar/skinned_gaussian";
+    static constexpr const char* name = D::value == Deformation::linear  ? "avatar/skinned_gaussian"
+                                        : D::value == Deformation::polar ? "avatar/skinned_gaussian polar"
+                                                                         : "avatar/skinned_gaussian dual";
     template <Lane T>
     GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
-        using Skinned = SkinnedGaussian<2>;
+        using Skinned = SkinnedGaussian<2, D>;
         vec3<T> sh[9], dL_dsh[9];
         in.vectors(sh);
         for (vec3<T>& value : dL_dsh) value = vec3<T>(T(0));
@@ -402,7 +412,10 @@ struct SkinnedGaussianElement {
         gaussian.opacity_logit = in.number(-3, 3);
         gaussian.sh = sh;
         gaussian.ao = in.number(0, 1);
-        gaussian.M = in.affine();
+        if constexpr (D::value == Deformation::dual_quaternion)
+            gaussian.blend = in.dual_quaternion();
+        else
+            gaussian.blend = in.affine();
         gaussian.center = in.vector() + vec3<T>(T(0), T(0), T(-20));
         typename Skinned::template Output<T> dL_dout;
         dL_dout.mean = in.vector();
@@ -415,7 +428,31 @@ struct SkinnedGaussianElement {
         Skinned::backward(gaussian, ColorClamp::both, dL_dout, gradient);
         out.put(splat.mean), out.put(splat.covariance), out.put(splat.opacity), out.put(splat.color);
         out.put(gradient.mean), out.put(gradient.q), out.put(gradient.log_scale), out.put(gradient.opacity_logit);
-        out.put(dL_dsh), out.put(gradient.ao), out.put(gradient.M), out.put(gradient.center);
+        out.put(dL_dsh), out.put(gradient.ao), out.put(gradient.blend), out.put(gradient.center);
+    }
+};
+
+struct PolarElement {
+    static constexpr const char* name = "math/polar";
+    template <Lane T>
+    GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
+        const mat3<T> m = in.regular_matrix(), dL_dR = in.matrix();
+        mat3<T> dL_dm(T(0));
+        out.put(polar_rotation(m));
+        polar_rotation_backward(m, dL_dR, dL_dm);
+        out.put(dL_dm);
+    }
+};
+
+struct DualQuatElement {
+    static constexpr const char* name = "math/dual_quat";
+    template <Lane T>
+    GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
+        const dual_quat<T> b = in.dual_quaternion();
+        dual_quat<T> dL_db = dual_quat<T>::zero();
+        out.put(rigid_from_dual_quat(b));
+        rigid_from_dual_quat_backward(b, in.affine(), dL_db);
+        out.put(dL_db);
     }
 };
 
@@ -461,6 +498,7 @@ using Elements =
     std::tuple<VectorElement, ScalarElement, RotationElement, AffineElement, SymmetricElement, SHElement<0>,
                SHElement<1>, SHElement<2>, SHElement<3>, SHElement<4>, CovarianceElement, ShadeElement, PinholeElement,
                DistortionElement, SkeletonElement, ProjectionElement, WhitenElement, ColorElement, HashGridElement,
-               SkinnedGaussianElement, AdamElement, FrequencyElement, SsimElement>;
+               PolarElement, DualQuatElement, SkinnedGaussianElement<LinearBlend>, SkinnedGaussianElement<PolarBlend>,
+               SkinnedGaussianElement<DualQuaternionBlend>, AdamElement, FrequencyElement, SsimElement>;
 
 } // namespace gsh::test

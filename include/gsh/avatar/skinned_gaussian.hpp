@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  From a canonical Gaussian to a posed splat: position, covariance and colour through a blended bone transform.
+/// @file  From a canonical Gaussian to a posed splat: position, covariance and colour through a blend of bones.
 #pragma once
 
 #include <gsh/avatar/cpu/skinned_gaussian.hpp>
+#include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/skinned_element.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/skinning.hpp>
@@ -52,36 +53,78 @@ void check_posed(std::string_view where, std::string_view argument, const SplatV
     check_size(where, prefix + "colors", splats.colors.size(), count);
 }
 
+/// The bones in the form that policy D blends.
+template <class D, Backend B, class T>
+[[nodiscard]] Span<const typename D::template Bone<T>> bones_of(B& backend, Span<const Affine<T>> bones,
+                                                                SkinnedSplatsWorkspace<B, T>& workspace) {
+    if constexpr (std::is_same_v<typename D::template Bone<T>, Affine<T>>) {
+        return bones;
+    } else {
+        workspace.dual_bones.resize(bones.size());
+        backend.for_each(bones.size(), BonesAsDualQuats<T>{bones, workspace.dual_bones});
+        return workspace.dual_bones;
+    }
+}
+
+/// Where their gradients are summed: dL_dbones itself, or zeros in the workspace, as many as there are dL_dbones.
+template <class D, Backend B, class T>
+[[nodiscard]] Span<typename D::template Bone<T>> bone_gradients_of(B& backend, Span<Affine<T>> dL_dbones,
+                                                                   SkinnedSplatsWorkspace<B, T>& workspace) {
+    if constexpr (std::is_same_v<typename D::template Bone<T>, Affine<T>>) {
+        return dL_dbones;
+    } else {
+        workspace.dL_ddual_bones.resize(dL_dbones.size());
+        backend.fill(view_as<T>(Span<dual_quat<T>>(workspace.dL_ddual_bones)), T(0));
+        return workspace.dL_ddual_bones;
+    }
+}
+
 } // namespace detail
 
 /// Where a backend has no overload of its own, each index is one Gaussian.
-template <Backend B, int Degree, class T>
-void skinned_splats_pose(B& backend, const detail::SkinnedSplatForward<Degree, T>& element) {
+template <Backend B, int Degree, class T, class D>
+void skinned_splats_pose(B& backend, const detail::SkinnedSplatForward<Degree, T, D>& element) {
     backend.for_each(element.input.gaussians.size(), element);
 }
 
-/// Poses an avatar's Gaussians. M is blended anew from the bones for each Gaussian, here and in backward: that reads
-/// less memory than a stored M would.
+/// Poses an avatar's Gaussians. The bones are blended anew for each Gaussian, here and in backward: that reads less
+/// memory than a stored blend would.
 ///
 /// Shapes  gaussians [N], bones [J], splats [N]; center [3].
-/// Frame   bones: world from canonical; center: the camera's, in the world (Camera::center()).
+/// Frame   bones: world from canonical, rigid for Deformation::dual_quaternion; center: the camera's, in the world
+///         (Camera::center()).
 /// Errors  ShapeError where a size does not fit.
 template <int Degree, Backend B, class T>
 void skinned_splats_forward(B& backend, const std::type_identity_t<SkinnedView<const T>>& gaussians,
                             std::type_identity_t<Span<const Affine<T>>> bones,
                             const std::type_identity_t<vec3<T>>& center, const SplatView<T>& splats,
-                            ColorClamp clamping = ColorClamp::both) {
+                            SkinnedSplatsWorkspace<B, T>& workspace, ColorClamp clamping = ColorClamp::both,
+                            Deformation deformation = Deformation::linear) {
     constexpr auto where = "skinned_splats_forward";
     constexpr std::size_t basis_count = SkinnedGaussian<Degree>::basis_count;
     const std::size_t count = gaussians.size(), stride = gaussians.sh_stride ? gaussians.sh_stride : basis_count;
     detail::check_skinned(where, "gaussians", gaussians, count, basis_count, false);
     detail::check_posed(where, "splats", splats, count);
-    skinned_splats_pose(backend,
-                        detail::SkinnedSplatForward<Degree, T>{{gaussians, bones, center, stride}, clamping, splats});
+    detail::with_deformation(deformation, [&]<class D>(D) {
+        const auto own = detail::bones_of<D>(backend, bones, workspace);
+        skinned_splats_pose(
+            backend, detail::SkinnedSplatForward<Degree, T, D>{{gaussians, own, center, stride}, clamping, splats});
+    });
+}
+
+/// The same with a workspace of its own, which only dual quaternions need: eight numbers per bone.
+template <int Degree, Backend B, class T>
+void skinned_splats_forward(B& backend, const std::type_identity_t<SkinnedView<const T>>& gaussians,
+                            std::type_identity_t<Span<const Affine<T>>> bones,
+                            const std::type_identity_t<vec3<T>>& center, const SplatView<T>& splats,
+                            ColorClamp clamping = ColorClamp::both, Deformation deformation = Deformation::linear) {
+    SkinnedSplatsWorkspace<B, T> workspace;
+    skinned_splats_forward<Degree>(backend, gaussians, bones, center, splats, workspace, clamping, deformation);
 }
 
 /// Adjoint of skinned_splats_forward: adds to the attributes of dL_dgaussians that are not empty, and where given to
-/// dL_dbones [J] and dL_dcenter, one vector in the backend's memory.
+/// dL_dbones [J] and dL_dcenter, one vector in the backend's memory. With dual quaternions the gradient of a bone's
+/// nine numbers is the one along turns (dual_quat_from_rigid_backward).
 template <int Degree, Backend B, class T>
 void skinned_splats_backward(B& backend, const std::type_identity_t<SkinnedView<const T>>& gaussians,
                              std::type_identity_t<Span<const Affine<T>>> bones,
@@ -90,7 +133,8 @@ void skinned_splats_backward(B& backend, const std::type_identity_t<SkinnedView<
                              SkinnedSplatsWorkspace<B, T>& workspace, const SkinnedView<T>& dL_dgaussians,
                              Span<std::type_identity_t<Affine<T>>> dL_dbones = {},
                              Span<std::type_identity_t<vec3<T>>> dL_dcenter = {},
-                             ColorClamp clamping = ColorClamp::both) {
+                             ColorClamp clamping = ColorClamp::both,
+                             Deformation deformation = Deformation::linear) {
     constexpr auto where = "skinned_splats_backward";
     constexpr std::size_t basis_count = SkinnedGaussian<Degree>::basis_count;
     const std::size_t count = gaussians.size(), stride = gaussians.sh_stride ? gaussians.sh_stride : basis_count;
@@ -99,11 +143,19 @@ void skinned_splats_backward(B& backend, const std::type_identity_t<SkinnedView<
     detail::check_skinned(where, "dL_dgaussians", dL_dgaussians, count, basis_count, true);
     if (!dL_dbones.empty()) check_size(where, "dL_dbones", dL_dbones.size(), bones.size(), "one per bone, or none");
     if (!dL_dcenter.empty()) check_size(where, "dL_dcenter", dL_dcenter.size(), 1, "one vector, or none");
-    skinned_splats_accumulate(
-        backend,
-        detail::SkinnedSplatBackward<Degree, T>{{gaussians, bones, center, stride}, clamping, dL_dsplats, dL_dgaussians,
-                                                dL_dgaussians.sh_stride ? dL_dgaussians.sh_stride : basis_count},
-        dL_dbones, dL_dcenter, workspace);
+    const std::size_t dL_dsh_stride = dL_dgaussians.sh_stride ? dL_dgaussians.sh_stride : basis_count;
+    detail::with_deformation(deformation, [&]<class D>(D) {
+        const auto own = detail::bones_of<D>(backend, bones, workspace);
+        const auto dL_down = detail::bone_gradients_of<D>(backend, dL_dbones, workspace);
+        skinned_splats_accumulate(
+            backend,
+            detail::SkinnedSplatBackward<Degree, T, D>{
+                {gaussians, own, center, stride}, clamping, dL_dsplats, dL_dgaussians, dL_dsh_stride},
+            dL_down, dL_dcenter, workspace);
+        if constexpr (!std::is_same_v<typename D::template Bone<T>, Affine<T>>)
+            backend.for_each(dL_dbones.size(),
+                             detail::BonesAsDualQuatsBackward<T>{bones, own, dL_down, dL_dbones});
+    });
 }
 
 } // namespace gsh

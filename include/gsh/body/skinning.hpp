@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Linear blend skinning: sparse weights, blended bone transforms, and the adjoint to the bones.
+/// @file  Skinning: sparse weights, bones blended as matrices or as dual quaternions, and the adjoint to the bones.
 #pragma once
 
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/affine.hpp>
+#include <gsh/math/dual_quat.hpp>
+#include <gsh/math/quat.hpp>
 
 #include <algorithm>
 #include <concepts>
@@ -52,6 +54,50 @@ GSH_HD void blend_backward(const SkinWeights<T>& skin, std::size_t i, const Affi
     for (std::size_t k = first; k < first + skin.influences; ++k) {
         if (skin.weights[k] == T(0)) break;
         dL_dbones[skin.joints[k]].add_scaled(dL_dblended, skin.weights[k]);
+    }
+}
+
+/// The same for callers that blend dual quaternions too: the adjoint of a sum of matrices needs no bones.
+template <std::floating_point T>
+GSH_HD void blend_backward(const SkinWeights<T>& skin, std::size_t i, Span<const Affine<T>>,
+                           const Affine<T>& dL_dblended, Span<Affine<T>> dL_dbones) {
+    blend_backward(skin, i, dL_dblended, dL_dbones);
+}
+
+/// The weight of bone `joint` in a blend whose heaviest is `heaviest`. A matrix is one motion's only name.
+template <std::floating_point T>
+[[nodiscard]] GSH_HD T blend_weight(Span<const Affine<T>>, std::size_t, std::size_t, T weight) {
+    return weight;
+}
+/// q and -q are the same motion: the one on the heaviest bone's side counts, so that a blend takes the shorter way.
+template <std::floating_point T>
+[[nodiscard]] GSH_HD T blend_weight(Span<const dual_quat<T>> bones, std::size_t heaviest, std::size_t joint, T weight) {
+    return dot(bones[heaviest].real, bones[joint].real) < T(0) ? -weight : weight;
+}
+
+/// Σ_k ± weight_k bone_k for dual quaternions, each with blend_weight's sign; not yet normalised.
+template <std::floating_point T>
+[[nodiscard]] GSH_HD dual_quat<T> blend(const SkinWeights<T>& skin, std::size_t i, Span<const dual_quat<T>> bones) {
+    const std::size_t first = i * skin.influences;
+    dual_quat<T> blended = dual_quat<T>::zero();
+    for (std::size_t k = first; k < first + skin.influences; ++k) {
+        if (skin.weights[k] == T(0)) break;
+        blended.add_scaled(bones[skin.joints[k]],
+                           blend_weight(bones, skin.joints[first], skin.joints[k], skin.weights[k]));
+    }
+    return blended;
+}
+
+/// Adjoint of that blend: adds to dL_dbones, with the same signs. Where a sign changes (bones half a turn apart)
+/// the blend jumps; next to it this is the gradient of either side.
+template <std::floating_point T>
+GSH_HD void blend_backward(const SkinWeights<T>& skin, std::size_t i, Span<const dual_quat<T>> bones,
+                           const dual_quat<T>& dL_dblended, Span<dual_quat<T>> dL_dbones) {
+    const std::size_t first = i * skin.influences;
+    for (std::size_t k = first; k < first + skin.influences; ++k) {
+        if (skin.weights[k] == T(0)) break;
+        dL_dbones[skin.joints[k]].add_scaled(dL_dblended,
+                                             blend_weight(bones, skin.joints[first], skin.joints[k], skin.weights[k]));
     }
 }
 

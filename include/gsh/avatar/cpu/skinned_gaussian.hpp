@@ -7,7 +7,6 @@
 #include <gsh/body/skinning.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/math/affine.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/math/wide.hpp>
 
@@ -22,38 +21,43 @@ using gsh::detail::SkinnedInput;
 using gsh::detail::SkinnedSplatBackward;
 using gsh::detail::SkinnedSplatForward;
 
-/// The twelve numbers of an affine map as three vectors of four; sums over an unknown number of bones stay in registers.
-/// Each number sees the same operations as in blend() and blend_backward() of body/skinning.hpp.
-template <class T>
-struct AffineRegisters {
+/// The numbers of a bone (an affine map's twelve, a dual quaternion's eight) as vectors of four; sums over an unknown
+/// number of bones stay in registers. Each number sees the same operations as in blend() and blend_backward() of
+/// body/skinning.hpp.
+template <class T, class Bone>
+struct BoneRegisters {
     typedef T Four __attribute__((vector_size(4 * sizeof(T))));
-    static_assert(sizeof(Affine<T>) == 3 * sizeof(Four));
-    Four x, y, z;
+    static constexpr std::size_t count = sizeof(Bone) / sizeof(Four);
+    static_assert(sizeof(Bone) == count * sizeof(Four) && (count == 2 || count == 3));
+    Four x, y, z; // z unused where count is 2
 
-    [[nodiscard]] GSH_INLINE static AffineRegisters load(const Affine<T>& map) {
-        const T* numbers = &map.linear[0].x;
-        AffineRegisters loaded;
+    [[nodiscard]] GSH_INLINE static BoneRegisters load(const Bone& bone) {
+        const char* numbers = reinterpret_cast<const char*>(&bone);
+        BoneRegisters loaded;
         std::memcpy(&loaded.x, numbers, sizeof(Four));
-        std::memcpy(&loaded.y, numbers + 4, sizeof(Four));
-        std::memcpy(&loaded.z, numbers + 8, sizeof(Four));
+        std::memcpy(&loaded.y, numbers + sizeof(Four), sizeof(Four));
+        if constexpr (count == 3) std::memcpy(&loaded.z, numbers + 2 * sizeof(Four), sizeof(Four));
         return loaded;
     }
-    GSH_INLINE void store(Affine<T>& map) const {
-        T* numbers = &map.linear[0].x;
+    GSH_INLINE void store(Bone& bone) const {
+        char* numbers = reinterpret_cast<char*>(&bone);
         std::memcpy(numbers, &x, sizeof(Four));
-        std::memcpy(numbers + 4, &y, sizeof(Four));
-        std::memcpy(numbers + 8, &z, sizeof(Four));
+        std::memcpy(numbers + sizeof(Four), &y, sizeof(Four));
+        if constexpr (count == 3) std::memcpy(numbers + 2 * sizeof(Four), &z, sizeof(Four));
     }
-    GSH_INLINE void add_scaled(const AffineRegisters& other, T scale) {
-        x += other.x * scale, y += other.y * scale, z += other.z * scale;
+    GSH_INLINE void add_scaled(const BoneRegisters& other, T scale) {
+        x += other.x * scale, y += other.y * scale;
+        if constexpr (count == 3) z += other.z * scale;
     }
 };
 
 /// Up to `width` Gaussians, one per lane; where there are fewer, the last one fills the other lanes.
-template <int Degree, class T>
+template <int Degree, class T, class D>
 struct SkinnedBlock {
     using W = Wide<T>;
-    using Gaussian = SkinnedGaussian<Degree>;
+    using Gaussian = SkinnedGaussian<Degree, D>;
+    using Bone = typename D::template Bone<T>;
+    using Registers = BoneRegisters<T, Bone>;
     static constexpr std::size_t width = W::width;
 
     std::size_t index[width];
@@ -65,7 +69,7 @@ struct SkinnedBlock {
         return count == width;
     }
 
-    void forward(const SkinnedSplatForward<Degree, T>& element) {
+    void forward(const SkinnedSplatForward<Degree, T, D>& element) {
         if (count == 0) return;
         gather(element.input);
         const auto out = Gaussian::forward(in_, element.clamping);
@@ -80,7 +84,7 @@ struct SkinnedBlock {
         count = 0;
     }
 
-    void backward(const SkinnedSplatBackward<Degree, T>& element, Span<Affine<T>> dL_dbones, vec3<T>& dL_dcenter) {
+    void backward(const SkinnedSplatBackward<Degree, T, D>& element, Span<Bone> dL_dbones, vec3<T>& dL_dcenter) {
         if (count == 0) return;
         gather(element.input);
         const auto& splats = element.dL_dsplats;
@@ -109,11 +113,11 @@ struct SkinnedBlock {
                 for (std::size_t k = 0; k < Gaussian::basis_count; ++k)
                     add_lane<T>(dL_dsh[k], lane, out.sh[i * element.dL_dsh_stride + k]);
             if (!dL_dbones.empty()) {
-                Affine<T> dL_dM;
-                get_lane<T>(gradient.M, lane, dL_dM);
-                const auto term = AffineRegisters<T>::load(dL_dM);
-                each_influence(element.input.gaussians.weights, i, [&](std::size_t joint, T weight) {
-                    auto sum = AffineRegisters<T>::load(dL_dbones[joint]);
+                Bone dL_dblend;
+                get_lane<T>(gradient.blend, lane, dL_dblend);
+                const auto term = Registers::load(dL_dblend);
+                each_influence(element.input, i, [&](std::size_t joint, T weight) {
+                    auto sum = Registers::load(dL_dbones[joint]);
                     sum.add_scaled(term, weight);
                     sum.store(dL_dbones[joint]);
                 });
@@ -129,13 +133,14 @@ private:
     vec3<W> sh_[Gaussian::basis_count];
 
     template <class F>
-    GSH_INLINE static void each_influence(const SkinWeights<T>& skin, std::size_t i, const F& f) {
+    GSH_INLINE static void each_influence(const SkinnedInput<Degree, T, D>& input, std::size_t i, const F& f) {
+        const SkinWeights<T>& skin = input.gaussians.weights;
         const std::size_t first = i * skin.influences;
         for (std::size_t k = first; k < first + skin.influences && skin.weights[k] != T(0); ++k)
-            f(skin.joints[k], skin.weights[k]);
+            f(skin.joints[k], blend_weight(input.bones, skin.joints[first], skin.joints[k], skin.weights[k]));
     }
 
-    void gather(const SkinnedInput<Degree, T>& input) {
+    void gather(const SkinnedInput<Degree, T, D>& input) {
         for (std::size_t lane = count; lane < width; ++lane) index[lane] = index[count - 1];
         const auto& from = input.gaussians;
         in_.sh = sh_;
@@ -151,15 +156,15 @@ private:
             put_lanes<T>(sh_, lane, [&](std::size_t j) -> const vec3<T>(&)[Gaussian::basis_count] {
                 return reinterpret_cast<const vec3<T>(&)[Gaussian::basis_count]>(from.sh[i[j] * input.sh_stride]);
             });
-            Affine<T> M[lanes_per_store<T>];
+            Bone blends[lanes_per_store<T>];
             for (std::size_t j = 0; j < lanes_per_store<T>; ++j) {
-                AffineRegisters<T> sum{};
-                each_influence(from.weights, i[j], [&](std::size_t joint, T weight) {
-                    sum.add_scaled(AffineRegisters<T>::load(input.bones[joint]), weight);
+                Registers sum{};
+                each_influence(input, i[j], [&](std::size_t joint, T weight) {
+                    sum.add_scaled(Registers::load(input.bones[joint]), weight);
                 });
-                sum.store(M[j]);
+                sum.store(blends[j]);
             }
-            put_lanes<T>(in_.M, lane, [&](std::size_t j) -> auto& { return M[j]; });
+            put_lanes<T>(in_.blend, lane, [&](std::size_t j) -> auto& { return blends[j]; });
         }
     }
 };
@@ -167,12 +172,12 @@ private:
 } // namespace detail
 
 /// Every lane's result depends on its own Gaussian alone, so that how Gaussians share blocks changes no bit of it.
-template <CpuBackend B, int Degree, class T>
-void skinned_splats_pose(B& backend, const gsh::detail::SkinnedSplatForward<Degree, T>& element) {
+template <CpuBackend B, int Degree, class T, class D>
+void skinned_splats_pose(B& backend, const gsh::detail::SkinnedSplatForward<Degree, T, D>& element) {
     constexpr std::size_t grain = 1024;
     backend.for_chunks(element.input.gaussians.size(), grain, [&](std::size_t, std::size_t begin, std::size_t end) {
         const auto mine = element;
-        detail::SkinnedBlock<Degree, T> block;
+        detail::SkinnedBlock<Degree, T, D> block;
         for (std::size_t i = begin; i < end; ++i)
             if (block.push(i)) block.forward(mine);
         block.forward(mine);
@@ -182,28 +187,30 @@ void skinned_splats_pose(B& backend, const gsh::detail::SkinnedSplatForward<Degr
 /// Adds the adjoints of all Gaussians that were seen. Each fixed chunk sums into bones and a centre of its own, in the
 /// order of its Gaussians; they are joined in the order of the chunks, so that the result does not depend on who ran
 /// what.
-template <CpuBackend B, int Degree, class T>
-void skinned_splats_accumulate(B& backend, const gsh::detail::SkinnedSplatBackward<Degree, T>& element,
-                               Span<Affine<T>> dL_dbones, Span<vec3<T>> dL_dcenter,
+template <CpuBackend B, int Degree, class T, class D>
+void skinned_splats_accumulate(B& backend, const gsh::detail::SkinnedSplatBackward<Degree, T, D>& element,
+                               Span<typename D::template Bone<T>> dL_dbones, Span<vec3<T>> dL_dcenter,
                                SkinnedSplatsWorkspace<B, T>& workspace) {
+    using Bone = typename D::template Bone<T>;
     constexpr std::size_t grain = 2048;
     const std::size_t count = element.input.gaussians.size(), chunks = chunk_count(count, grain);
     const std::size_t J = dL_dbones.size();
-    workspace.dL_dbones.resize(chunks * J);
+    auto& chunk_bones = workspace.chunk_bones(static_cast<const Bone*>(nullptr));
+    chunk_bones.resize(chunks * J);
     workspace.dL_dcenters.resize(chunks);
     backend.for_chunks(count, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         const auto mine = element;
-        const auto bones = Span<Affine<T>>(workspace.dL_dbones).subspan(chunk * J, J);
-        for (auto& bone : bones) bone = Affine<T>::zero();
+        const auto bones = Span<Bone>(chunk_bones).subspan(chunk * J, J);
+        for (auto& bone : bones) bone = Bone::zero();
         vec3<T> center(T(0));
-        detail::SkinnedBlock<Degree, T> block;
+        detail::SkinnedBlock<Degree, T, D> block;
         for (std::size_t i = begin; i < end; ++i)
             if (!mine.unseen(i) && block.push(i)) block.backward(mine, bones, center);
         block.backward(mine, bones, center);
         workspace.dL_dcenters[chunk] = center;
     });
     for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
-        for (std::size_t j = 0; j < J; ++j) dL_dbones[j].add_scaled(workspace.dL_dbones[chunk * J + j], T(1));
+        for (std::size_t j = 0; j < J; ++j) dL_dbones[j].add_scaled(chunk_bones[chunk * J + j], T(1));
         if (!dL_dcenter.empty()) dL_dcenter[0] += workspace.dL_dcenters[chunk];
     }
 }
