@@ -4,6 +4,7 @@
 #include "support/gradient.hpp"
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -20,7 +21,7 @@ Image<double> random_image(int channels, int height, int width, std::uint64_t se
 
 /// The protocol to the letter: reflect-pad both images by 5, SSIM at every pixel of the original from a window in the
 /// padded pictures, in the textbook's form, then crop 5 pixels all round and average.
-double slow_ssim(const Image<double>& a, const Image<double>& b) {
+double slow_ssim(const Image<double>& a, const Image<double>& b, const Image<std::uint8_t>* mask = nullptr) {
     const auto mirror = [](int i, int n) { return i < 0 ? -i : i >= n ? 2 * n - 2 - i : i; };
     double weights[11], total = 0, sum = 0;
     for (int k = 0; k < 11; ++k) total += weights[k] = std::exp(-(k - 5) * (k - 5) / 4.5);
@@ -39,6 +40,7 @@ double slow_ssim(const Image<double>& a, const Image<double>& b) {
                 const double value = (2 * ma * mb + 1e-4) * (2 * (ab - ma * mb) + 9e-4) /
                                      ((ma * ma + mb * mb + 1e-4) * (aa - ma * ma + bb - mb * mb + 9e-4));
                 if (y < 5 || y >= a.height - 5 || x < 5 || x >= a.width - 5) continue; // the crop
+                if (mask && mask->at(0, y, x) == 0) continue;
                 sum += value;
                 ++count;
             }
@@ -81,6 +83,73 @@ TEST_CASE("ssim follows the protocol of padding, window and crop") {
     Image<float> fa(1, 20, 20, 0.25f), fb(1, 20, 20, 0.75f); // no variance: only the luminance term is left
     CHECK(ssim(fa.view(), fb.view()) ==
           doctest::Approx((2 * 0.25 * 0.75 + 1e-4) / (0.25 * 0.25 + 0.75 * 0.75 + 1e-4)).epsilon(1e-12));
+}
+
+TEST_CASE("ssim inside a mask is the mean of its windows there") {
+    const auto a = random_image(3, 23, 29, 1), b = random_image(3, 23, 29, 2);
+    Image<std::uint8_t> mask(1, 23, 29);
+    test::Rng rng(5);
+    for (auto& m : mask.data) m = rng.uniform() < 0.2;
+    CHECK(std::abs(ssim(a.view(), b.view(), std::as_const(mask).view()) - slow_ssim(a, b, &mask)) < 1e-12);
+    CHECK(ssim(a.view(), a.view(), mask.view()) == 1);
+    const Image<std::uint8_t> all(1, 23, 29, 1);
+    CHECK(std::abs(ssim(a.view(), b.view(), all.view()) - ssim(a.view(), b.view())) < 1e-14);
+    Image<std::uint8_t> border(1, 23, 29);
+    for (int y = 0; y < 23; ++y)
+        for (int x = 0; x < 29; ++x) border.at(0, y, x) = y < 5 || y >= 18 || x < 5 || x >= 24;
+    CHECK_THROWS_AS((void)ssim(a.view(), b.view(), border.view()), ValueError);
+    CHECK_THROWS_AS((void)ssim(a.view(), b.view(), Image<std::uint8_t>(1, 29, 23).view()), ShapeError);
+}
+
+TEST_CASE("a region's score counts its pixels, and none is no error") {
+    Image<double> a(3, 20, 20, 0.5);
+    const Image<double> b(3, 20, 20, 0.4);
+    Image<std::uint8_t> mask(1, 20, 20);
+    const RegionScore nothing = score_region(a.view(), b.view(), mask.view());
+    CHECK(nothing.pixels == 0);
+    CHECK(std::isnan(nothing.psnr));
+    CHECK(std::isnan(nothing.ssim));
+    mask.at(0, 4, 10) = 1; // too near to the border for a window
+    const RegionScore border = score_region(a.view(), b.view(), mask.view());
+    CHECK(border.pixels == 1);
+    CHECK(border.windows == 0);
+    CHECK(border.psnr == doctest::Approx(20).epsilon(1e-9));
+    CHECK(std::isnan(border.ssim));
+    mask.at(0, 5, 14) = 1, mask.at(0, 14, 5) = 1, mask.at(0, 15, 5) = 1;
+    const RegionScore some = score_region(a.view(), b.view(), mask.view());
+    CHECK(some.pixels == 4);
+    CHECK(some.windows == 2);
+    CHECK(some.ssim == doctest::Approx(ssim(a.view(), b.view(), std::as_const(mask).view())));
+    CHECK(score_region(a.view(), a.view(), mask.view()).psnr == std::numeric_limits<double>::infinity());
+    a.at(2, 5, 14) = std::numeric_limits<double>::quiet_NaN();
+    CHECK(std::isnan(score_region(a.view(), b.view(), mask.view()).psnr));
+    CHECK_THROWS_AS((void)score_region(a.view(), b.view(), Image<float>(1, 20, 19).view()), ShapeError);
+}
+
+TEST_CASE("means leave out images that hardly show a region, and those without error") {
+    constexpr double infinity = std::numeric_limits<double>::infinity(), nan = std::numeric_limits<double>::quiet_NaN();
+    const auto mean = [](std::vector<RegionScore> scores, std::size_t min_pixels = 50) {
+        return mean_over_images(scores, min_pixels);
+    };
+    const RegionScore good{100, 100, 30, 0.9}, fair{50, 50, 20, 0.8}, small{49, 49, 1, 0.1}, equal{99, 99, infinity, 1};
+    RegionMean m = mean({good, fair, small});
+    CHECK(m.images == 2);
+    CHECK(m.psnr == 25); // of decibels, each image once
+    CHECK(m.ssim == doctest::Approx(0.85));
+    m = mean({good, equal});
+    CHECK(m.images == 2);
+    CHECK(m.equal == 1);
+    CHECK(m.psnr == 30);
+    CHECK(m.ssim == doctest::Approx(0.95));
+    CHECK(mean({equal}).psnr == infinity);
+    CHECK(mean({small}).images == 0);
+    CHECK(std::isnan(mean({small}).psnr));
+    CHECK(std::isnan(mean({}).ssim));
+    CHECK(mean({small}, 49).psnr == 1);
+    CHECK(mean({{}, good}, 0).psnr == 30); // no pixels, no score
+    CHECK(std::isnan(mean({good, {100, 100, nan, nan}}).psnr));
+    CHECK(std::isnan(mean({good, {100, 100, nan, nan}}).ssim));
+    CHECK(mean({good, {100, 0, 20, nan}}).ssim == 0.9); // no window: only its PSNR counts
 }
 
 TEST_CASE("metrics refuse what they cannot judge") {

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Metrics of a report: PSNR, over a whole image or inside a mask, and SSIM. Host code, sums in double.
+/// @file  Metrics of a report: PSNR and SSIM, over a whole image or inside a mask. Host code, sums in double.
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/ssim.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <string_view>
 #include <vector>
 
@@ -70,14 +72,12 @@ template <class A, class B, class M>
     return psnr_of_mse(mean_squared_error(image, truth, mask));
 }
 
-/// Mean structural similarity over channels and pixels: window 11 x 11, Gaussian with sigma 1.5, K1 0.01, K2 0.03.
-///
-/// The protocol pads by reflection and then crops the border of 5 pixels again; no window that is left reaches into the
-/// padding, so only whole windows are evaluated here, (height - 10) x (width - 10) of them.
-/// Errors  ShapeError for images that differ in shape; ValueError for images smaller than the window.
-/// Source  Wang et al., 2004; padding and crop as in torchmetrics' structural_similarity_index_measure.
-template <class A, class B>
-[[nodiscard]] double ssim(const ImageView<A>& image, const ImageView<B>& truth) {
+namespace detail {
+
+/// Calls row(channel, y, losses) for each row of whole windows: losses[x] is 1 - SSIM of the window that is centred
+/// on pixel (x + 5, y + 5).
+template <class A, class B, class Row>
+void for_ssim_rows(const ImageView<A>& image, const ImageView<B>& truth, const Row& row) {
     constexpr std::string_view where = "ssim";
     constexpr int taps = SsimWindow<double>::size, moments = 4;
     check_image(where, "image", image, truth.channels, truth.height, truth.width);
@@ -89,7 +89,7 @@ template <class A, class B>
     const SsimWindow<double> window;
     const auto width = static_cast<std::size_t>(truth.width), valid = static_cast<std::size_t>(columns);
     std::vector<double> down(moments * width), across(moments * valid); // one row, filtered down; then across
-    double loss = 0;
+    std::vector<double> losses(valid);
     for (int c = 0; c < truth.channels; ++c)
         for (int y = 0; y < rows; ++y) {
             std::fill(down.begin(), down.end(), 0.0);
@@ -112,11 +112,102 @@ template <class A, class B>
                 }
             for (std::size_t x = 0; x < valid; ++x) {
                 SsimPartials<double> unused;
-                loss += ssim_loss<double>(
+                losses[x] = ssim_loss<double>(
                     {across[x], across[valid + x], across[2 * valid + x], across[3 * valid + x]}, unused);
             }
+            row(c, y, Span<const double>(losses));
         }
-    return 1 - loss / (static_cast<double>(truth.channels) * rows * columns);
+}
+
+} // namespace detail
+
+/// Mean structural similarity over channels and pixels: window 11 x 11, Gaussian with sigma 1.5, K1 0.01, K2 0.03.
+///
+/// The protocol pads by reflection and then crops the border of 5 pixels again; no window that is left reaches into the
+/// padding, so only whole windows are evaluated here, (height - 10) x (width - 10) of them.
+/// Errors  ShapeError for images that differ in shape; ValueError for images smaller than the window.
+/// Source  Wang et al., 2004; padding and crop as in torchmetrics' structural_similarity_index_measure.
+template <class A, class B>
+[[nodiscard]] double ssim(const ImageView<A>& image, const ImageView<B>& truth) {
+    double loss = 0;
+    std::size_t count = 0;
+    detail::for_ssim_rows(image, truth, [&](int, int, Span<const double> losses) {
+        for (const double l : losses) loss += l;
+        count += losses.size();
+    });
+    return 1 - loss / static_cast<double>(count);
+}
+
+/// The mean of the same windows whose central pixel has mask > 0.5. A window sees what surrounds its centre, so the
+/// mask's border counts what lies 5 pixels beyond it.
+/// Errors  as above, and ValueError where no such pixel is 5 pixels away from the image's border.
+template <class A, class B, class M>
+[[nodiscard]] double ssim(const ImageView<A>& image, const ImageView<B>& truth, const ImageView<M>& mask) {
+    check_image("ssim", "mask", mask, 1, truth.height, truth.width);
+    constexpr int radius = SsimWindow<double>::radius;
+    double loss = 0;
+    std::size_t count = 0;
+    detail::for_ssim_rows(image, truth, [&](int, int y, Span<const double> losses) {
+        const M* inside = mask.row(0, y + radius) + radius;
+        for (std::size_t x = 0; x < losses.size(); ++x)
+            if (static_cast<double>(inside[x]) > 0.5) loss += losses[x], ++count;
+    });
+    check_value(count > 0, "ssim", "mask has no pixel above 0.5 at least 5 pixels inside the image");
+    return 1 - loss / static_cast<double>(count);
+}
+
+/// Figures of one image's pixels inside a mask.
+struct RegionScore {
+    std::size_t pixels = 0;  ///< mask > 0.5
+    std::size_t windows = 0; ///< of these, at least 5 pixels inside the image
+    double psnr = std::numeric_limits<double>::quiet_NaN(); ///< dB; +infinity where equal, NaN without a pixel
+    double ssim = std::numeric_limits<double>::quiet_NaN(); ///< NaN without a window
+};
+
+/// A region of one image: a face that is turned away is no error, it has no pixels.
+/// Errors  ShapeError for images or masks that differ in shape; ValueError for images smaller than 11 x 11.
+template <class A, class B, class M>
+[[nodiscard]] RegionScore score_region(const ImageView<A>& image, const ImageView<B>& truth, const ImageView<M>& mask) {
+    constexpr int radius = SsimWindow<double>::radius;
+    check_image("score_region", "mask", mask, 1, truth.height, truth.width);
+    RegionScore score;
+    for (int y = 0; y < mask.height; ++y)
+        for (int x = 0; x < mask.width; ++x) {
+            if (!(static_cast<double>(mask.at(0, y, x)) > 0.5)) continue;
+            ++score.pixels;
+            score.windows += y >= radius && y < mask.height - radius && x >= radius && x < mask.width - radius;
+        }
+    if (score.pixels > 0) score.psnr = psnr(image, truth, mask);
+    if (score.windows > 0) score.ssim = ssim(image, truth, mask);
+    return score;
+}
+
+/// What a table prints of a region.
+struct RegionMean {
+    std::size_t images = 0; ///< that show at least min_pixels of it
+    std::size_t equal = 0;  ///< of these, with a PSNR of +infinity: left out of the mean
+    double psnr = std::numeric_limits<double>::quiet_NaN(); ///< dB, mean over images; NaN if there are none,
+                                                            ///< +infinity if all are equal
+    double ssim = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// Means over the images that show the region: PSNR per image, then averaged, each image counting once. An image's NaN
+/// stays visible: the mean is NaN, too.
+[[nodiscard]] inline RegionMean mean_over_images(Span<const RegionScore> scores, std::size_t min_pixels = 50) {
+    RegionMean mean;
+    double psnr = 0, ssim = 0;
+    std::size_t ssims = 0;
+    for (const RegionScore& score : scores) {
+        if (score.pixels == 0 || score.pixels < min_pixels) continue;
+        ++mean.images;
+        if (score.psnr == std::numeric_limits<double>::infinity()) ++mean.equal;
+        else psnr += score.psnr;
+        if (score.windows > 0) ssim += score.ssim, ++ssims;
+    }
+    if (mean.images > mean.equal) mean.psnr = psnr / static_cast<double>(mean.images - mean.equal);
+    else if (mean.images > 0) mean.psnr = std::numeric_limits<double>::infinity();
+    if (ssims > 0) mean.ssim = ssim / static_cast<double>(ssims);
+    return mean;
 }
 
 } // namespace gsh
