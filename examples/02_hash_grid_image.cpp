@@ -45,8 +45,8 @@ std::vector<vec3<float>> pixel_centers(int size) {
 // 2. Training. The points never change, so they are prepared once: a Query knows which entries they touch.
 void learn(Backend& backend, LearnedField& learned, const Image<float>& picture) {
     const std::vector<vec3<float>> points = pixel_centers(picture.width);
-    Field::Grid::Query<Backend, float> query;
-    learned.field.grid().prepare(backend, points, query);
+    Field::Query<Backend, float> query;
+    learned.field.prepare(backend, points, query);
 
     Field::Cache<Backend, float> cache;
     std::vector<float> outputs(3 * points.size()), dL_doutputs(outputs.size());
@@ -79,8 +79,8 @@ void learn(Backend& backend, LearnedField& learned, const Image<float>& picture)
 // 5. A field has no pixels: ask it at any size.
 Image<float> paint(Backend& backend, const LearnedField& learned, int size) {
     const std::vector<vec3<float>> points = pixel_centers(size);
-    Field::Grid::Query<Backend, float> query;
-    learned.field.grid().prepare(backend, points, query);
+    Field::Query<Backend, float> query;
+    learned.field.prepare(backend, points, query);
     Field::Cache<Backend, float> cache;
     std::vector<float> outputs(3 * points.size());
     learned.field.forward(backend, learned.table, learned.weights, query, outputs, cache);

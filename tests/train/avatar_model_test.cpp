@@ -9,7 +9,11 @@
 #include "support/gradient.hpp"
 #include "support/bodies.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
 #include <utility>
+#include <vector>
 
 using namespace gsh;
 
@@ -29,9 +33,8 @@ struct Chain {
     std::vector<double> betas{0.2, -0.4};
     SurfaceSamples samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 1.0), 3);
     RigData rig = make_rig(body, betas, samples);
-    Model model{backend, rig, samples, 5,
-                {.hash_base = 3, .hash_growth = 1.6, .hash_table_size = 128, .mlp_width = 8, .mlp_hidden_layers = 1,
-                 .initial_opacity = 0.4, .sh_dc_scale = 2}};
+    Model model;
+    std::vector<double> head_code, ao_code;
     Camera<double> camera;
     RigPose<B, double> pose;
     Rasterizer<B, double> rasterizer{backend, raster_params()};
@@ -44,12 +47,24 @@ struct Chain {
     typename PhotometricLoss<B, double>::Cache loss_cache;
     Image<double> render{3, 40, 36};
 
-    Chain() {
+    /// A configuration at the size of this test; priors only where it is asked for them.
+    explicit Chain(AvatarConfig config = {.heads = Heads::separate}, bool with_priors = false)
+        : model(backend, rig, samples, 5, small(config), with_priors ? priors(samples.size()) : CanonicalPriors()) {
         test::Rng rng(8);
         for (auto& value : truth.data) value = rng.uniform();
         // Fields that say something: tables and rotations that are not near zero.
-        for (double& value : model.parameters()[ParameterGroup::sh_table]) value = rng.uniform(-0.3, 0.3);
-        for (double& value : model.parameters()[ParameterGroup::displacement_table]) value = rng.uniform(-0.05, 0.05);
+        const auto fill = [&](ParameterGroup group, double low, double high) {
+            for (double& value : model.parameters()[group]) value = rng.uniform(low, high);
+        };
+        fill(ParameterGroup::sh_table, -0.3, 0.3);
+        fill(ParameterGroup::joint_table, -0.1, 0.1);
+        fill(ParameterGroup::displacement_table, -0.05, 0.05);
+        fill(ParameterGroup::displacements, -0.05, 0.05);
+        fill(ParameterGroup::sh, -0.3, 0.3);
+        fill(ParameterGroup::ao_table, -0.5, 0.5);
+        fill(ParameterGroup::ao_network, -0.5, 0.5);
+        head_code = rng.numbers(model.head_code_size());
+        ao_code = rng.numbers(model.ao_code_size());
         for (double& value : model.parameters()[ParameterGroup::quats]) value += rng.uniform(-0.5, 0.5);
         for (double& value : model.parameters()[ParameterGroup::log_scales]) value += rng.uniform(-0.3, 0.3);
         Motion motion;
@@ -65,6 +80,21 @@ struct Chain {
         splats.resize(model.size());
     }
 
+    static AvatarConfig small(AvatarConfig config) {
+        config.hash_base = 3, config.hash_growth = 1.6, config.hash_table_size = 128, config.ao_table_size = 64;
+        config.mlp_width = 8, config.mlp_hidden_layers = 1;
+        config.fine_level = 1;
+        config.initial_opacity = 0.4, config.sh_dc_scale = 2;
+        return config;
+    }
+    static CanonicalPriors priors(std::size_t count) {
+        test::Rng rng(9);
+        CanonicalPriors result{rng.numbers(count), rng.numbers(2 * count)};
+        for (double& tau : result.region) tau = std::max(tau, 0.0); // about half of the points know no fine level
+        return result;
+    }
+    FrameCode<double> code() const { return {head_code, ao_code}; }
+
     static RasterParams<double> raster_params() {
         RasterParams<double> params;
         params.alpha_min = 1e-14;
@@ -73,8 +103,8 @@ struct Chain {
     }
 
     double loss() {
-        model.update_canonical(cache);
-        model.pose(pose, camera.center(), splats.view(), cache);
+        model.update_canonical(cache, code());
+        model.pose(pose, camera.center(), splats.view(), cache, code());
         rasterizer.forward(camera, std::as_const(splats).view(), {.color = {0.9, 0.8, 0.7}}, {.color = render.view()}, raster_cache);
         loss_function.forward(std::as_const(render).view(), std::as_const(truth).view(), loss_cache);
         return loss_function.values(loss_cache).loss;
@@ -103,7 +133,7 @@ struct Chain {
         g.coefficients.assign(model.rig().coefficient_count(), 0);
         // The camera's centre is a function of its extrinsics; here it is a constant.
         model.backward(pose, camera.center(), std::as_const(dL_dsplats).view(), cache, g.parameters,
-                       {g.pose, g.coefficients, g.transl});
+                       {g.pose, g.coefficients, g.transl}, {}, code());
         g.means.assign(cache.dL_dmeans.begin(), cache.dL_dmeans.end());
         return g;
     }
@@ -116,31 +146,84 @@ Span<double> numbers(Buffer& buffer) {
 
 } // namespace
 
-TEST_CASE_TEMPLATE("the whole chain's adjoint is the gradient of the loss", B, cpu::Serial, cpu::Threads) {
-    Chain<B> chain;
+namespace {
+
+/// Checks every group that the configuration has, and the pose.
+template <class B>
+void check_chain(const AvatarConfig& config, bool with_priors, std::initializer_list<ParameterGroup> expected) {
+    Chain<B> chain(config, with_priors);
     auto gradient = chain.gradient();
     const auto loss = [&] { return chain.loss(); };
     const test::GradientCheck check{.step = 1e-6, .tolerance = 1e-6};
-    const auto check_group = [&](ParameterGroup group, std::size_t stride) {
-        CAPTURE(parameter_group_names[static_cast<std::size_t>(group)]);
+    std::size_t found = 0;
+    for (std::size_t g = 0; g < parameter_group_count; ++g) {
+        const auto group = static_cast<ParameterGroup>(g);
+        CAPTURE(parameter_group_names[g]);
+        const Span<double> values = chain.model.parameters()[group];
+        if (values.empty()) continue;
+        if (std::find(expected.begin(), expected.end(), group) != expected.end()) ++found;
         double largest = 0;
         for (const double value : gradient.parameters[group]) largest = std::max(largest, std::abs(value));
         CHECK(largest > 1e-7); // the check below must have something to see
         auto options = check;
-        options.stride = stride;
-        test::check_gradient(loss, Span<double>(chain.model.parameters()[group]), Span<const double>(gradient.parameters[group]), options);
-    };
-    check_group(ParameterGroup::joints, 1);
-    check_group(ParameterGroup::quats, 7);
-    check_group(ParameterGroup::log_scales, 5);
-    check_group(ParameterGroup::opacity_logits, 2);
-    check_group(ParameterGroup::displacement_table, 17);
-    check_group(ParameterGroup::displacement_network, 5);
-    check_group(ParameterGroup::sh_table, 17);
-    check_group(ParameterGroup::sh_network, 11);
+        options.stride = values.size() / 30 + 1;
+        test::check_gradient(loss, values, Span<const double>(gradient.parameters[group]), options);
+    }
+    CHECK(found == expected.size());
     test::check_gradient(loss, numbers(chain.pose.pose), test::scalars(gradient.pose), check);
     test::check_gradient(loss, numbers(chain.pose.coefficients), test::scalars(gradient.coefficients), check);
     test::check_gradient(loss, numbers(chain.pose.transl), test::scalars(gradient.transl), check);
+}
+
+} // namespace
+
+TEST_CASE_TEMPLATE("the whole chain's adjoint is the gradient of the loss", B, cpu::Serial, cpu::Threads) {
+    using enum ParameterGroup;
+    SUBCASE("fields apart, as the baseline has them") {
+        check_chain<B>({.heads = Heads::separate}, false,
+                       {joints, quats, log_scales, opacity_logits, displacement_table, displacement_network, sh_table, sh_network});
+    }
+    SUBCASE("one head, regions, priors, shadows that know the time") {
+        check_chain<B>({.ao = AmbientOcclusion::time}, true,
+                       {joints, quats, log_scales, opacity_logits, joint_table, joint_network, ao_table, ao_network});
+    }
+    SUBCASE("a table each for coarse and fine, heads that know the time") {
+        check_chain<B>({.head_time = true, .separate_tables = true}, true, {joint_table, joint_network});
+    }
+    SUBCASE("nothing from fields, shadows that know the pose") {
+        check_chain<B>({.hash_displacement = false, .hash_sh = false, .ao = AmbientOcclusion::pose}, false,
+                       {displacements, sh, ao_table, ao_network});
+    }
+    SUBCASE("colours from a field alone, polar blending") {
+        check_chain<B>({.hash_displacement = false, .deformation = Deformation::polar}, true, {displacements, sh_table, sh_network});
+    }
+    SUBCASE("displacements from a field alone, dual quaternions") {
+        check_chain<B>({.hash_sh = false, .deformation = Deformation::dual_quaternion}, true,
+                       {sh, displacement_table, displacement_network});
+    }
+}
+
+TEST_CASE("ambient occlusion starts the same everywhere, and as it was asked to") {
+    using Model = Chain<cpu::Serial>::Model;
+    const Chain<cpu::Serial> chain;
+    cpu::Serial backend;
+    auto config = Chain<cpu::Serial>::small({.ao = AmbientOcclusion::time, .initial_ao = 0.9});
+    Model model(backend, chain.rig, chain.samples, 5, config);
+    Model::Cache cache;
+    const std::vector<double> code(model.ao_code_size(), 0.3);
+    for (const double ao : model.occlusion(code, cache)) CHECK(ao == doctest::Approx(0.9));
+}
+
+TEST_CASE("fine levels cost nothing where the region is not") {
+    using Model = Chain<cpu::Serial>::Model;
+    const Chain<cpu::Serial> chain;
+    cpu::Serial backend;
+    const auto config = Chain<cpu::Serial>::small({});
+    const std::size_t N = chain.samples.size();
+    const Model everywhere(backend, chain.rig, chain.samples, 5, config);
+    const Model nowhere(backend, chain.rig, chain.samples, 5, config, {std::vector<double>(N, 0.0), {}});
+    CHECK(everywhere.lookups() == N * 3 * 8);
+    CHECK(nowhere.lookups() == N * 8); // levels 1 and 2 are fine
 }
 
 TEST_CASE("the chain's gradient of a Gaussian's mean") {
@@ -164,7 +247,7 @@ TEST_CASE("the chain's gradient of a Gaussian's mean") {
 TEST_CASE("untouched table entries have no gradient") {
     Chain<cpu::Serial> chain;
     const auto gradient = chain.gradient();
-    const auto touched = chain.model.touched_entries();
+    const auto& touched = *chain.model.touched_entries(ParameterGroup::sh_table);
     std::vector<bool> is_touched(gradient.parameters[ParameterGroup::sh_table].size() / 2, false);
     for (const std::uint32_t entry : touched) is_touched[entry] = true;
     std::size_t with_gradient = 0;
@@ -183,4 +266,9 @@ TEST_CASE("the model refuses what does not fit") {
     using Model = Chain<cpu::Serial>::Model;
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, fewer, 1), ShapeError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_opacity = 1}), ValueError);
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_ao = 0}), ValueError);
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {std::vector<double>(chain.samples.size(), 0.5), {}}), ValueError); // level 12 of 3
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.hash_displacement = false, .hash_sh = false, .head_time = true}), ValueError);
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {{0.5}, {}}), ShapeError);
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {{}, {0.5}}), ValueError);
 }

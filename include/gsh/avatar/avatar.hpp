@@ -2,6 +2,7 @@
 /// @file  An avatar that is ready to be shown: canonical Gaussians on a rig, posed by a motion.
 #pragma once
 
+#include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
@@ -24,6 +25,8 @@ struct AvatarData {
     GaussianCloud<float> gaussians;
     ColorClamp clamping = ColorClamp::both;
     PixelFilter filter = {}; ///< for the rasterizer that draws it
+    Deformation deformation = Deformation::linear;
+    std::vector<float> ao = {}; ///< [N] ambient occlusion that holds in every pose, or empty for 1
 };
 
 /// Poses an avatar. The parameter fields were queried when it was made, so a frame costs skinning and shading alone.
@@ -37,10 +40,19 @@ public:
     struct Cache {
         typename Rig<B, T>::Cache rig;
         typename B::template Buffer<vec3<T>> means; // [N]
+        // gradients on their way back
+        typename B::template Buffer<vec3<T>> dL_dmeans, dL_djoints;
+        typename B::template Buffer<Affine<T>> dL_dbones;
+        SkinnedSplatsWorkspace<B, T> workspace;
     };
 
-    Avatar(B& backend, const AvatarData& data) : backend_(&backend), rig_(backend, data.rig), clamping_(data.clamping) {
+    Avatar(B& backend, const AvatarData& data)
+        : backend_(&backend), rig_(backend, data.rig), clamping_(data.clamping), deformation_(data.deformation) {
         check_size("Avatar", "gaussians", data.gaussians.size(), data.rig.point_count(), "one per point of the rig");
+        if (!data.ao.empty()) check_size("Avatar", "ao", data.ao.size(), data.rig.point_count(), "one per Gaussian, or none");
+        const std::vector<T> ao(data.ao.begin(), data.ao.end());
+        ao_.resize(ao.size());
+        backend.upload(Span<const T>(ao), ao_);
         GaussianCloud<T> cloud;
         const auto cast = [](const auto& from, auto& to) {
             using To = typename std::remove_cvref_t<decltype(to)>::value_type;
@@ -69,19 +81,45 @@ public:
         cache.means.resize(size());
         backend_->copy(Span<const vec3<T>>(gaussians_.means), cache.means);
         rig_.add_offsets(cache.rig, cache.means);
-        const SkinnedView<const T> view{cache.means,   gaussians_.quats, gaussians_.log_scales, gaussians_.opacity_logits,
-                                        gaussians_.sh, {},               rig_.skin()};
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
-            skinned_splats_forward<decltype(degree)::value>(*backend_, view, cache.rig.bones, center, splats, clamping_);
+            skinned_splats_forward<decltype(degree)::value>(*backend_, view(cache), cache.rig.bones, center, splats,
+                                                            cache.workspace, clamping_, deformation_);
         });
     }
 
+    /// Adjoint of pose with respect to the pose alone, the avatar being what it is: adds to what is asked for in dL_dpose,
+    /// and to dL_dcenter [1] if given. The other arguments are those of the forward pass that filled the cache.
+    void pose_backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
+                       const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
+        const auto zeros = [&](auto& buffer, std::size_t count, auto zero) {
+            buffer.resize(count);
+            backend_->fill(Span(buffer.data(), count), zero);
+        };
+        zeros(cache.dL_dmeans, size(), vec3<T>(T(0)));
+        zeros(cache.dL_djoints, joints_.size(), vec3<T>(T(0)));
+        zeros(cache.dL_dbones, joints_.size(), Affine<T>::zero());
+        const SkinnedView<T> dL_dgaussians{.means = cache.dL_dmeans, .quats = {}, .log_scales = {}, .opacity_logits = {}, .sh = {}};
+        with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
+            skinned_splats_backward<decltype(degree)::value>(*backend_, view(cache), cache.rig.bones, center, dL_dsplats,
+                                                             cache.workspace, dL_dgaussians, cache.dL_dbones, dL_dcenter, clamping_,
+                                                             deformation_);
+        });
+        rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans, cache.dL_djoints, dL_dpose);
+    }
+
 private:
+    [[nodiscard]] SkinnedView<const T> view(const Cache& cache) const {
+        return {cache.means,   gaussians_.quats, gaussians_.log_scales, gaussians_.opacity_logits,
+                gaussians_.sh, ao_,              rig_.skin()};
+    }
+
     B* backend_;
     Rig<B, T> rig_;
     Gaussians<B, T> gaussians_;
     typename B::template Buffer<vec3<T>> joints_;
     ColorClamp clamping_;
+    Deformation deformation_;
+    typename B::template Buffer<T> ao_; // [N] or empty
 };
 
 } // namespace gsh

@@ -18,7 +18,7 @@
 
 namespace gsh {
 
-inline constexpr int avatar_file_version = 1;
+inline constexpr int avatar_file_version = 2;
 
 /// Writes an avatar, atomically. The archive opens in NumPy; the body's members begin with "body/".
 inline void save_avatar(const std::filesystem::path& path, const AvatarData& avatar) {
@@ -42,6 +42,8 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     file.add("clamp_above", std::int32_t(avatar.clamping == ColorClamp::both));
     file.add("dilation", avatar.filter.dilation);
     file.add("compensate_opacity", std::int32_t(avatar.filter.compensate_opacity));
+    file.add("deformation", std::int32_t(avatar.deformation));
+    file.add("ao", avatar.ao);
     file.commit();
 }
 
@@ -70,7 +72,14 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     avatar.clamping = file.read_number<std::int32_t>("clamp_above") ? ColorClamp::both : ColorClamp::below;
     avatar.filter = {file.read_number<double>("dilation"), file.read_number<std::int32_t>("compensate_opacity") != 0};
 
+    avatar.ao = file.read<float>("ao").data;
+    const auto deformation = file.read_number<std::int32_t>("deformation");
+
     const std::string where = path.string();
+    check_value(deformation >= 0 && deformation <= 2, where, "deformation is " + std::to_string(deformation) + ", expected 0 to 2");
+    avatar.deformation = static_cast<Deformation>(deformation);
+    if (!avatar.ao.empty()) check_size(where, "ao", avatar.ao.size(), rig.point_count(), "one per Gaussian, or none");
+    check_finite<float>(where, "ao", avatar.ao);
     check_value(g.sh_degree >= 0 && g.sh_degree <= 4, where, "sh_degree is " + std::to_string(g.sh_degree) + ", expected 0 to 4");
     check_gaussians(where, "avatar", std::as_const(g).view(), rig.point_count());
     check_size(where, "barycentric", rig.barycentric.size(), rig.point_count());

@@ -83,6 +83,20 @@ struct Adam {
         adam_step_rows(backend, prepared<T>(parameters, gradients, m, v, rate, step_number, used), rows, width);
     }
 
+    /// One step of a [., width] table whose first `first` columns move at one rate and the others at another, as the
+    /// constant and the higher bands of spherical harmonics do.
+    template <Backend B, std::floating_point T>
+    void step_columns(B& backend, Span<T> parameters, std::type_identity_t<Span<T>> gradients,
+                      std::type_identity_t<Span<T>> m, std::type_identity_t<Span<T>> v, std::size_t width,
+                      std::size_t first, double first_rate, double other_rate, std::int64_t step_number,
+                      UsedGradients used = UsedGradients::keep) const {
+        check_value(first <= width && width > 0 && parameters.size() % width == 0, "Adam::step_columns",
+                    "parameters must hold a whole number of rows of width > 0, and first be at most the width");
+        adam_step_columns(backend, prepared<T>(parameters, gradients, m, v, first_rate, step_number, used),
+                          prepared<T>(parameters, gradients, m, v, other_rate, step_number, used),
+                          parameters.size() / width, width, first);
+    }
+
 private:
     template <class T>
     [[nodiscard]] detail::AdamStep<T> prepared(Span<T> parameters, Span<T> gradients, Span<T> m, Span<T> v, double rate,

@@ -3,16 +3,19 @@
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/field/frequency.hpp>
 #include <gsh/field/hash_field.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/math/activation.hpp>
+#include <gsh/math/vec.hpp>
 #include <gsh/train/parameters.hpp>
 
 #include <algorithm>
@@ -20,37 +23,132 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
 namespace gsh {
 
-/// Sizes and starting values of an avatar.
+/// Where colours and displacements come from.
+enum class Heads {
+    joint,   ///< one network z ↦ (SH, δx), the paper's
+    separate ///< a field each, its direct baseline's
+};
+
+/// What shadows depend on.
+enum class AmbientOcclusion {
+    none, ///< ao = 1
+    time, ///< the frame, γ(t): the paper's; a new motion gets each Gaussian's mean over training
+    pose  ///< the joints' rotations relative to their parents: shadows replay on a new motion
+};
+
+/// Sizes, starting values and parts of an avatar.
 struct AvatarConfig {
     double hash_base = 4;                     ///< cells on the coarsest level, along the bounding cube's edge
     double hash_growth = 1.5;                 ///< from one level to the next
     std::uint32_t hash_table_size = 1u << 17; ///< most entries of a level
     int mlp_width = 64;                       ///< neurons of a hidden layer
     int mlp_hidden_layers = 2;
+    Heads heads = Heads::joint;
+    bool hash_displacement = true; ///< δx from a field; else stored with each Gaussian
+    bool hash_sh = true;           ///< SH from a field; else stored with each Gaussian
+    bool head_time = false;        ///< the heads read γ(t) too: colours and displacements that change with the frame
+    /// Fine levels, which only points with a share in the region have (if the avatar is given one).
+    int fine_level = 12;
+    bool separate_tables = false; ///< coarse and fine features from a table each
+    AmbientOcclusion ao = AmbientOcclusion::none;
+    std::uint32_t ao_table_size = 1u << 19;
+    double initial_ao = 0.95;
+    Deformation deformation = Deformation::linear;
     double initial_opacity = 0.2;
-    double bounds_margin = 1.05;              ///< the fields' cube, in sizes of the points' bounding cube
-    double sh_dc_scale = 20;                  ///< the network's constant-colour outputs are multiplied by this
+    double bounds_margin = 1.05; ///< the fields' cube, in sizes of the points' bounding cube
+    double sh_dc_scale = 20;     ///< the network's constant-colour outputs are multiplied by this
     ColorClamp clamping = ColorClamp::both;
 };
 
+/// What a field is told of the canonical points beside their places. Either may be empty.
+///
+/// Shapes  region [N], τ of a RegionMask in [0, 1]; features [N, any number] row-major: depths and normals of prior views.
+struct CanonicalPriors {
+    std::vector<double> region;
+    std::vector<double> features;
+};
+
+/// What a pass is told of its frame. An empty `ao` leaves ambient occlusion out: ao = 1.
+///
+/// Shapes  head [AvatarModel::head_code_size()], ao [AvatarModel::ao_code_size()] in the backend's memory.
+template <class T>
+struct FrameCode {
+    Span<const T> head = {};
+    Span<const T> ao = {};
+};
+
+/// γ(t) of the paper, equation 14: four octaves and the time itself.
+using TimeEncoding = FrequencyEncoding<4>;
+
+namespace detail {
+
+/// means = positions + every stride-th displacement.
+template <class T>
+struct DisplacedMeans {
+    Span<const vec3<T>> positions, displacements;
+    std::size_t stride;
+    Span<vec3<T>> means;
+    GSH_HD void operator()(std::size_t i) const { means[i] = positions[i] + displacements[i * stride]; }
+};
+
+/// Every stride-th gradient = that of a mean.
+template <class T>
+struct DisplacementGradient {
+    Span<const vec3<T>> dL_dmeans;
+    std::size_t stride;
+    Span<vec3<T>> dL_ddisplacements;
+    GSH_HD void operator()(std::size_t i) const { dL_ddisplacements[i * stride] = dL_dmeans[i]; }
+};
+
+/// Multiplies every stride-th vector: the constant colours among the coefficients.
+template <class T>
+struct ScaleConstant {
+    Span<vec3<T>> values;
+    std::size_t stride;
+    T factor;
+    GSH_HD void operator()(std::size_t i) const { values[i * stride] *= factor; }
+};
+
+/// ao = sigmoid(the network's output + bias), in place.
+template <class T>
+struct OcclusionFromLogit {
+    Span<T> values;
+    T bias;
+    GSH_HD void operator()(std::size_t i) const { values[i] = sigmoid(values[i] + bias); }
+};
+
+template <class T>
+struct OcclusionFromLogitBackward {
+    Span<const T> ao;
+    Span<T> gradient; // with respect to ao, then to the logit
+    GSH_HD void operator()(std::size_t i) const {
+        T dL_dlogit(0);
+        sigmoid_backward(ao[i], gradient[i], dL_dlogit);
+        gradient[i] = dL_dlogit;
+    }
+};
+
+} // namespace detail
+
 /// Splats of an avatar at a frame, from parameters that a gradient step can move.
 ///
-///     SH, δx   = fields at x₀ (each a hash grid and a network of its own)
+///     SH, δx   = field(x₀ | τ, priors)      one hash grid and network, or one each, or stored per Gaussian
 ///     x̂₀(t)    = x₀ + δx + per-frame detail of the body (Rig)
-///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH; Σ w B(t))
+///     ao(t)    = sigmoid(field(x₀, γ(t) or pose))
+///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH, ao; Σ w B(t))
 ///
 /// Two stages, so that an avatar that is only shown evaluates its fields once: `update_canonical` queries them,
 /// `pose` does the rest. backward runs both in reverse.
 ///
-/// Ambient occlusion joins as one more field, read by `pose` between the colour's clamp and the splat; a region mask
-/// and prior features join as columns of the fields' input. Neither is part of this configuration.
-///
-/// Source  paper §3.3 to §3.5 in the configuration of its direct baseline, Liu et al., "Animatable 3D Gaussian", 2024.
+/// Source  paper §3.3 to §3.5; with Heads::separate, no region and no features its direct baseline, Liu et al.,
+///         "Animatable 3D Gaussian", 2024.
 template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4, int Degree = 2>
 class AvatarModel {
 public:
@@ -64,46 +162,47 @@ public:
 
     /// What the passes leave for each other.
     struct Cache {
-        typename Field::template Cache<B, T> displacement, sh;
+        typename Field::template Cache<B, T> head, displacement, ao;
         typename Rig<B, T>::Cache rig;
         Buffer<vec3<T>> means;         // [N] x̂₀(t)
+        Buffer<T> occlusion, dL_docclusion; // [N]
         Buffer<vec3<T>> dL_dmeans;     // [N]
-        Buffer<vec3<T>> dL_dsh;        // [N, basis]
+        Buffer<vec3<T>> dL_dhead;      // [N, basis (+ 1)], laid out as the head's output
         Buffer<Affine<T>> dL_dbones;   // [J]
         SkinnedSplatsWorkspace<B, T> workspace;
     };
 
     /// The rig's points become the Gaussians. `samples` gives their positions and initial scales.
+    /// Errors  ShapeError, ValueError: samples and priors must be of the rig's points, configurations make sense.
     AvatarModel(B& backend, const RigData& rig, const SurfaceSamples& samples, std::uint64_t seed,
-                const AvatarConfig& config = {})
-        : backend_(&backend), config_(config), rig_(backend, rig),
-          displacement_field_(grid_params(config), network(config, 3)),
-          sh_field_(grid_params(config), network(config, 3 * basis_count)), count_(samples.size()) {
+                const AvatarConfig& config = {}, const CanonicalPriors& priors = {})
+        : backend_(&backend), config_(config), rig_(backend, rig), count_(samples.size()) {
         check_size("AvatarModel", "samples", samples.size(), rig.point_count(), "the rig must be made of these samples");
         check_value(count_ > 0, "AvatarModel", "there are no samples, expected at least one");
         check_value(config.initial_opacity > 0 && config.initial_opacity < 1, "AvatarModel",
                     "initial_opacity must lie between 0 and 1");
-        set_positions(samples.positions);
+        check_value(config.initial_ao > 0 && config.initial_ao < 1, "AvatarModel", "initial_ao must lie between 0 and 1");
+        if (!priors.region.empty()) {
+            check_size("AvatarModel", "priors.region", priors.region.size(), count_, "one τ per sample, or none");
+            check_value(config.fine_level >= 0 && config.fine_level <= Levels, "AvatarModel",
+                        "fine_level is " + std::to_string(config.fine_level) + ", expected 0 to " + std::to_string(Levels));
+        }
+        check_value(priors.features.size() % count_ == 0, "AvatarModel",
+                    "priors.features must hold the same number of features for every sample");
+        check_value(!config.head_time || config.hash_sh || config.hash_displacement, "AvatarModel",
+                    "head_time needs a field that reads it");
+        set_positions(samples.positions, priors);
 
         std::vector<T> joints, log_scales;
         for (const auto& joint : rig.joints) joints.insert(joints.end(), {T(joint.x), T(joint.y), T(joint.z)});
         for (const double scale : samples.scales) log_scales.insert(log_scales.end(), 3, T(std::log(scale)));
         std::vector<T> quats(4 * count_, T(0));
         for (std::size_t i = 0; i < count_; ++i) quats[4 * i] = T(1);
-        const std::vector<T> opacity_logits(count_, static_cast<T>(logit(config.initial_opacity)));
-        const auto set = [&](ParameterGroup group, const std::vector<T>& values) {
-            parameters_[group].resize(values.size());
-            backend.upload(Span<const T>(values), parameters_[group]);
-        };
         set(ParameterGroup::joints, joints);
         set(ParameterGroup::quats, quats);
         set(ParameterGroup::log_scales, log_scales);
-        set(ParameterGroup::opacity_logits, opacity_logits);
-        // A stream of random numbers for each, all from the one seed.
-        set(ParameterGroup::displacement_table, displacement_field_.grid().template initial_table<T>(mix_bits(seed + 1)));
-        set(ParameterGroup::displacement_network, displacement_field_.mlp().template initial_weights<T>(mix_bits(seed + 2)));
-        set(ParameterGroup::sh_table, sh_field_.grid().template initial_table<T>(mix_bits(seed + 3)));
-        set(ParameterGroup::sh_network, sh_field_.mlp().template initial_weights<T>(mix_bits(seed + 4)));
+        set(ParameterGroup::opacity_logits, std::vector<T>(count_, static_cast<T>(logit(config.initial_opacity))));
+        make_fields(seed, priors.features.size() / count_);
     }
 
     [[nodiscard]] std::size_t size() const { return count_; }
@@ -112,71 +211,126 @@ public:
     [[nodiscard]] Rig<B, T>& rig() { return rig_; }
     [[nodiscard]] Parameters<B, T>& parameters() { return parameters_; }
     [[nodiscard]] const Parameters<B, T>& parameters() const { return parameters_; }
-    /// Table entries that some Gaussian refers to; the others never have a gradient.
-    [[nodiscard]] Span<const std::uint32_t> touched_entries() const { return query_.touched; }
+    /// Numbers that a FrameCode must have.
+    [[nodiscard]] std::size_t head_code_size() const { return config_.head_time ? TimeEncoding::output_count : 0; }
+    [[nodiscard]] std::size_t ao_code_size() const { return ao_ ? ao_->shared_inputs() : 0; }
+    /// For a hash table, the entries that some Gaussian refers to, the only ones that ever have a gradient; null for
+    /// groups that are not tables.
+    [[nodiscard]] const Buffer<std::uint32_t>* touched_entries(ParameterGroup group) const {
+        switch (group) {
+        case ParameterGroup::joint_table:
+        case ParameterGroup::displacement_table:
+        case ParameterGroup::sh_table: return &query_.touched;
+        case ParameterGroup::ao_table: return &ao_query_.touched;
+        default: return nullptr;
+        }
+    }
+    /// Numbers at the end of the joint network's weights that make displacements; colours have the rest.
+    [[nodiscard]] std::size_t displacement_weights() const {
+        return joint() ? 3 * head_->mlp().layer_inputs(head_->mlp().layer_count() - 1) : 0;
+    }
+    /// Table rows that the fields of colour and displacement read in one pass.
+    [[nodiscard]] std::size_t lookups() const {
+        return query_.lookups() * ((head_ ? 1u : 0u) + (displacement_ ? 1u : 0u));
+    }
 
     /// Queries the fields: canonical displacements and colours at the present parameters.
-    void update_canonical(Cache& cache) {
-        displacement_.resize(count_);
-        sh_.resize(count_ * basis_count);
-        displacement_field_.forward(*backend_, parameters_[ParameterGroup::displacement_table],
-                                                   parameters_[ParameterGroup::displacement_network], query_,
-                                                   scalars(displacement_), cache.displacement);
-        sh_field_.forward(*backend_, parameters_[ParameterGroup::sh_table],
-                                         parameters_[ParameterGroup::sh_network], query_, scalars(sh_), cache.sh);
-        backend_->for_each(count_, detail::ScaleFirst<T>{sh_, static_cast<std::size_t>(basis_count), T(config_.sh_dc_scale)});
+    void update_canonical(Cache& cache, const FrameCode<T>& code = {}) {
+        const FieldInputs<T> inputs{features_, code.head};
+        if (head_) {
+            head_outputs_.resize(count_ * head_stride());
+            head_->forward(*backend_, parameters_[head_table()], parameters_[head_network()], query_,
+                           scalars(head_outputs_), cache.head, inputs);
+        }
+        if (config_.hash_sh)
+            backend_->for_each(count_, detail::ScaleConstant<T>{head_outputs_, head_stride(), T(config_.sh_dc_scale)});
+        if (displacement_) {
+            displacements_.resize(count_);
+            displacement_->forward(*backend_, parameters_[ParameterGroup::displacement_table],
+                                   parameters_[ParameterGroup::displacement_network], query_, scalars(displacements_),
+                                   cache.displacement, inputs);
+        }
     }
 
     /// Splats at a frame, as seen from `center` (the camera's, in the world).
-    void pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) {
+    void pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache,
+              const FrameCode<T>& code = {}) {
         rig_.forward(pose, joints(), cache.rig);
         cache.means.resize(count_);
-        backend_->for_each(count_, detail::Sum<vec3<T>>{positions_, displacement_, cache.means});
+        backend_->for_each(count_, displaced_means(cache.means));
         rig_.add_offsets(cache.rig, cache.means);
-        skinned_splats_forward<Degree>(*backend_, gaussians(cache), cache.rig.bones, center, splats, config_.clamping);
+        cache.occlusion.resize(code.ao.empty() ? 0 : count_);
+        if (!code.ao.empty()) query_occlusion(code.ao, cache);
+        skinned_splats_forward<Degree>(*backend_, gaussians(cache), cache.rig.bones, center, splats, cache.workspace,
+                                       config_.clamping, config_.deformation);
     }
 
     /// Adjoint of update_canonical and pose: adds to dL_dparameters, and to what is asked for of the pose and the
     /// camera's centre.
     void backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
-                  Parameters<B, T>& dL_dparameters, RigPoseGradient<T> dL_dpose = {}, Span<vec3<T>> dL_dcenter = {}) {
-        cache.dL_dmeans.resize(count_);
-        cache.dL_dsh.resize(sh_.size());
-        cache.dL_dbones.resize(rig_.joint_count());
-        backend_->fill(Span<vec3<T>>(cache.dL_dmeans), vec3<T>(T(0)));
-        backend_->fill(Span<vec3<T>>(cache.dL_dsh), vec3<T>(T(0)));
-        backend_->fill(Span<Affine<T>>(cache.dL_dbones), Affine<T>::zero());
-        SkinnedView<T> dL_dgaussians{cache.dL_dmeans,
-                                     view_as<quat<T>>(Span<T>(dL_dparameters[ParameterGroup::quats])),
-                                     view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::log_scales])),
-                                     dL_dparameters[ParameterGroup::opacity_logits],
-                                     cache.dL_dsh};
+                  Parameters<B, T>& dL_dparameters, RigPoseGradient<T> dL_dpose = {}, Span<vec3<T>> dL_dcenter = {},
+                  const FrameCode<T>& code = {}) {
+        const auto start = [&](auto& buffer, std::size_t size, const auto& zero) {
+            buffer.resize(size);
+            backend_->fill(Span(buffer.data(), buffer.size()), zero);
+        };
+        start(cache.dL_dmeans, count_, vec3<T>(T(0)));
+        start(cache.dL_dbones, rig_.joint_count(), Affine<T>::zero());
+        start(cache.dL_docclusion, cache.occlusion.size(), T(0));
+        if (head_) start(cache.dL_dhead, head_outputs_.size(), vec3<T>(T(0)));
+        SkinnedView<T> dL_dgaussians{.means = cache.dL_dmeans,
+                                     .quats = view_as<quat<T>>(Span<T>(dL_dparameters[ParameterGroup::quats])),
+                                     .log_scales = view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::log_scales])),
+                                     .opacity_logits = dL_dparameters[ParameterGroup::opacity_logits],
+                                     .sh = config_.hash_sh ? Span<vec3<T>>(cache.dL_dhead)
+                                                           : view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::sh])),
+                                     .ao = cache.dL_docclusion,
+                                     .sh_stride = sh_stride()};
         skinned_splats_backward<Degree>(*backend_, gaussians(cache), cache.rig.bones, center, dL_dsplats,
-                                        cache.workspace, dL_dgaussians, cache.dL_dbones, dL_dcenter, config_.clamping);
+                                        cache.workspace, dL_dgaussians, cache.dL_dbones, dL_dcenter, config_.clamping,
+                                        config_.deformation);
         rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans,
                       view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::joints])), dL_dpose);
-        backend_->for_each(count_, detail::ScaleFirst<T>{cache.dL_dsh, static_cast<std::size_t>(basis_count),
-                                                         T(config_.sh_dc_scale)});
-        sh_field_.backward(*backend_, parameters_[ParameterGroup::sh_network], query_,
-                                          scalars(cache.dL_dsh), cache.sh, dL_dparameters[ParameterGroup::sh_table],
-                                          dL_dparameters[ParameterGroup::sh_network]);
-        displacement_field_.backward(*backend_, parameters_[ParameterGroup::displacement_network], query_,
-                                                    scalars(cache.dL_dmeans), cache.displacement,
-                                                    dL_dparameters[ParameterGroup::displacement_table],
-                                                    dL_dparameters[ParameterGroup::displacement_network]);
+
+        const FieldInputs<T> inputs{features_, code.head};
+        if (!code.ao.empty()) occlusion_backward(code.ao, cache, dL_dparameters);
+        if (displacement_)
+            displacement_->backward(*backend_, parameters_[ParameterGroup::displacement_network], query_,
+                                    scalars(cache.dL_dmeans), cache.displacement,
+                                    dL_dparameters[ParameterGroup::displacement_table],
+                                    dL_dparameters[ParameterGroup::displacement_network], inputs);
+        else if (config_.hash_displacement)
+            backend_->for_each(count_, detail::DisplacementGradient<T>{cache.dL_dmeans, head_stride(),
+                                                                       displacement_part(Span<vec3<T>>(cache.dL_dhead))});
+        else
+            backend_->for_each(3 * count_, detail::Accumulate<T>{scalars(cache.dL_dmeans), dL_dparameters[ParameterGroup::displacements]});
+        if (config_.hash_sh)
+            backend_->for_each(count_, detail::ScaleConstant<T>{cache.dL_dhead, head_stride(), T(config_.sh_dc_scale)});
+        if (head_)
+            head_->backward(*backend_, parameters_[head_network()], query_, scalars(cache.dL_dhead), cache.head,
+                            dL_dparameters[head_table()], dL_dparameters[head_network()], inputs);
+    }
+
+    /// Ambient occlusion [N] at a frame's code.
+    [[nodiscard]] Span<const T> occlusion(Span<const T> code, Cache& cache) {
+        query_occlusion(code, cache);
+        return cache.occlusion;
     }
 
     /// The canonical Gaussians of the last update_canonical, on the host: what an avatar file keeps.
     [[nodiscard]] GaussianCloud<T> canonical_gaussians() const {
         GaussianCloud<T> cloud(count_, Degree);
-        std::vector<vec3<T>> displacement(count_);
-        backend_->download(Span<const vec3<T>>(positions_), cloud.means);
-        backend_->download(Span<const vec3<T>>(displacement_), displacement);
-        for (std::size_t i = 0; i < count_; ++i) cloud.means[i] += displacement[i];
+        Buffer<vec3<T>> means(count_);
+        backend_->for_each(count_, displaced_means(means));
+        backend_->download(Span<const vec3<T>>(means), cloud.means);
         backend_->download(view_as<const quat<T>>(Span<const T>(parameters_[ParameterGroup::quats])), cloud.quats);
         backend_->download(view_as<const vec3<T>>(Span<const T>(parameters_[ParameterGroup::log_scales])), cloud.log_scales);
         backend_->download(Span<const T>(parameters_[ParameterGroup::opacity_logits]), cloud.opacity_logits);
-        backend_->download(Span<const vec3<T>>(sh_), cloud.sh);
+        std::vector<vec3<T>> sh(sh_view().size());
+        backend_->download(sh_view(), Span<vec3<T>>(sh));
+        for (std::size_t i = 0; i < count_; ++i)
+            std::copy_n(sh.begin() + static_cast<std::ptrdiff_t>(i * sh_stride()), basis_count,
+                        cloud.sh.begin() + static_cast<std::ptrdiff_t>(i * basis_count));
         return cloud;
     }
 
@@ -188,7 +342,11 @@ public:
         std::vector<vec3<T>> learned(rig.joint_count());
         backend_->download(joints(), Span<vec3<T>>(learned));
         for (std::size_t j = 0; j < learned.size(); ++j) rig.joints[j] = vec3<double>(learned[j]);
-        return {std::move(rig), canonical_gaussians(), config_.clamping, filter};
+        return {.rig = std::move(rig),
+                .gaussians = canonical_gaussians(),
+                .clamping = config_.clamping,
+                .filter = filter,
+                .deformation = config_.deformation};
     }
 
     /// Learned joints [J] in the backend's memory.
@@ -197,26 +355,105 @@ public:
     }
 
 private:
-    static typename Grid::Params grid_params(const AvatarConfig& config) {
-        return {.base = config.hash_base, .growth = config.hash_growth, .table_size = config.hash_table_size};
+    /// The head is the field of colours, the joint field, or, where colours are stored, there is none and displacements
+    /// have their own.
+    [[nodiscard]] bool joint() const {
+        return config_.heads == Heads::joint && config_.hash_sh && config_.hash_displacement;
     }
-    static Mlp::Params network(const AvatarConfig& config, int outputs) {
-        return {.inputs = Grid::output_count, .outputs = outputs, .width = config.mlp_width, .hidden_layers = config.mlp_hidden_layers};
+    [[nodiscard]] ParameterGroup head_table() const { return joint() ? ParameterGroup::joint_table : ParameterGroup::sh_table; }
+    [[nodiscard]] ParameterGroup head_network() const {
+        return joint() ? ParameterGroup::joint_network : ParameterGroup::sh_network;
     }
+    /// Vectors in a row of the head's output: SH, then δx of a joint head.
+    [[nodiscard]] std::size_t head_stride() const { return basis_count + (joint() ? 1u : 0u); }
+    [[nodiscard]] std::size_t sh_stride() const { return config_.hash_sh ? head_stride() : basis_count; }
+    template <class V>
+    [[nodiscard]] static Span<V> displacement_part(Span<V> head_rows) { return head_rows.subspan(basis_count, head_rows.size() - basis_count); }
+
+    [[nodiscard]] Span<const vec3<T>> sh_view() const {
+        return config_.hash_sh ? Span<const vec3<T>>(head_outputs_)
+                               : view_as<const vec3<T>>(Span<const T>(parameters_[ParameterGroup::sh]));
+    }
+    [[nodiscard]] detail::DisplacedMeans<T> displaced_means(Span<vec3<T>> means) const {
+        if (joint()) return {positions_, displacement_part(Span<const vec3<T>>(head_outputs_)), head_stride(), means};
+        if (displacement_) return {positions_, displacements_, 1, means};
+        return {positions_, view_as<const vec3<T>>(Span<const T>(parameters_[ParameterGroup::displacements])), 1, means};
+    }
+
     static Span<T> scalars(Buffer<vec3<T>>& buffer) { return view_as<T>(Span<vec3<T>>(buffer)); }
 
     [[nodiscard]] SkinnedView<const T> gaussians(const Cache& cache) const {
-        return {cache.means,
-                view_as<const quat<T>>(Span<const T>(parameters_[ParameterGroup::quats])),
-                view_as<const vec3<T>>(Span<const T>(parameters_[ParameterGroup::log_scales])),
-                parameters_[ParameterGroup::opacity_logits],
-                sh_,
-                {},
-                rig_.skin()};
+        return {.means = cache.means,
+                .quats = view_as<const quat<T>>(Span<const T>(parameters_[ParameterGroup::quats])),
+                .log_scales = view_as<const vec3<T>>(Span<const T>(parameters_[ParameterGroup::log_scales])),
+                .opacity_logits = parameters_[ParameterGroup::opacity_logits],
+                .sh = sh_view(),
+                .ao = cache.occlusion,
+                .weights = rig_.skin(),
+                .sh_stride = sh_stride()};
     }
 
-    /// Keeps x₀ and its place in the fields' unit cube: the points' bounding cube about its centre, a little larger.
-    void set_positions(Span<const vec3<double>> positions) {
+    void query_occlusion(Span<const T> code, Cache& cache) {
+        cache.occlusion.resize(count_);
+        ao_->forward(*backend_, parameters_[ParameterGroup::ao_table], parameters_[ParameterGroup::ao_network], ao_query_,
+                     cache.occlusion, cache.ao, {{}, code});
+        backend_->for_each(count_, detail::OcclusionFromLogit<T>{cache.occlusion, static_cast<T>(logit(config_.initial_ao))});
+    }
+    void occlusion_backward(Span<const T> code, Cache& cache, Parameters<B, T>& dL_dparameters) {
+        backend_->for_each(count_, detail::OcclusionFromLogitBackward<T>{cache.occlusion, cache.dL_docclusion});
+        ao_->backward(*backend_, parameters_[ParameterGroup::ao_network], ao_query_, cache.dL_docclusion, cache.ao,
+                      dL_dparameters[ParameterGroup::ao_table], dL_dparameters[ParameterGroup::ao_network], {{}, code});
+    }
+
+    void set(ParameterGroup group, const std::vector<T>& values) {
+        parameters_[group].resize(values.size());
+        backend_->upload(Span<const T>(values), parameters_[group]);
+    }
+
+    /// Fields and what they start with; each draws from a stream of random numbers of its own, all from the one seed.
+    void make_fields(std::uint64_t seed, std::size_t feature_count) {
+        const auto make = [&](int outputs, ParameterGroup table, ParameterGroup network, std::uint64_t stream,
+                              std::uint32_t table_size, std::size_t point_inputs, std::size_t shared_inputs, std::size_t tables) {
+            Field field({.base = config_.hash_base, .growth = config_.hash_growth, .table_size = table_size},
+                        {.outputs = outputs, .width = config_.mlp_width, .hidden_layers = config_.mlp_hidden_layers},
+                        point_inputs, shared_inputs);
+            std::vector<T> entries;
+            for (std::size_t t = 0; t < tables; ++t) {
+                const auto more = field.grid().template initial_table<T>(mix_bits(seed + stream + 100 * t));
+                entries.insert(entries.end(), more.begin(), more.end());
+            }
+            set(table, entries);
+            set(network, field.mlp().template initial_weights<T>(mix_bits(seed + stream + 1)));
+            return field;
+        };
+        const std::uint32_t size = config_.hash_table_size;
+        const std::size_t tables = query_.grids.size(), code = head_code_size();
+        constexpr int colors = 3 * basis_count;
+        if (joint())
+            head_.emplace(make(colors + 3, ParameterGroup::joint_table, ParameterGroup::joint_network, 5, size, feature_count, code, tables));
+        else if (config_.hash_sh)
+            head_.emplace(make(colors, ParameterGroup::sh_table, ParameterGroup::sh_network, 3, size, feature_count, code, tables));
+        if (config_.hash_displacement && !joint())
+            displacement_.emplace(make(3, ParameterGroup::displacement_table, ParameterGroup::displacement_network, 1, size,
+                                       feature_count, code, tables));
+        if (!config_.hash_displacement) set(ParameterGroup::displacements, std::vector<T>(3 * count_, T(0)));
+        if (!config_.hash_sh) set(ParameterGroup::sh, std::vector<T>(colors * count_, T(0)));
+        if (config_.ao != AmbientOcclusion::none) {
+            const std::size_t inputs = config_.ao == AmbientOcclusion::time ? TimeEncoding::output_count : 9 * (rig_.joint_count() - 1);
+            ao_.emplace(make(1, ParameterGroup::ao_table, ParameterGroup::ao_network, 7, config_.ao_table_size, 0, inputs, 1));
+            Buffer<vec3<T>> points(unit_.size());
+            backend_->upload(Span<const vec3<T>>(unit_), points);
+            ao_->prepare(*backend_, Span<const vec3<T>>(points), ao_query_);
+            // The last layer starts at zero: no shadow yet, the same everywhere.
+            auto& network = parameters_[ParameterGroup::ao_network];
+            const std::size_t last = ao_->mlp().layer_inputs(ao_->mlp().layer_count() - 1);
+            backend_->fill(Span<T>(network).subspan(network.size() - last, last), T(0));
+        }
+    }
+
+    /// Keeps x₀, its features, and its place in the fields' unit cube: the points' bounding cube about its centre, a
+    /// little larger.
+    void set_positions(Span<const vec3<double>> positions, const CanonicalPriors& priors) {
         vec3<double> low = positions[0], high = positions[0];
         for (const auto& p : positions)
             for (int axis = 0; axis < 3; ++axis) {
@@ -225,26 +462,39 @@ private:
             }
         const vec3<double> center = (low + high) * 0.5, extent = high - low;
         const double edge = config_.bounds_margin * std::max({extent.x, extent.y, extent.z, 1e-6});
-        std::vector<vec3<T>> here, unit;
+        std::vector<vec3<T>> here;
         for (const auto& p : positions) {
             here.push_back(vec3<T>(p));
-            unit.push_back(vec3<T>((p - center) / edge + vec3<double>(0.5)));
+            unit_.push_back(vec3<T>((p - center) / edge + vec3<double>(0.5)));
         }
+        const std::vector<T> region(priors.region.begin(), priors.region.end()),
+            features(priors.features.begin(), priors.features.end());
+        Buffer<T> region_here(region.size());
+        Buffer<vec3<T>> points(unit_.size());
         positions_.resize(here.size());
+        features_.resize(features.size());
         backend_->upload(Span<const vec3<T>>(here), positions_);
-        sh_field_.grid().template prepare<B, T>(*backend_, unit, query_);
+        backend_->upload(Span<const T>(features), features_);
+        backend_->upload(Span<const T>(region), region_here);
+        backend_->upload(Span<const vec3<T>>(unit_), points);
+        const Field geometry({.base = config_.hash_base, .growth = config_.hash_growth, .table_size = config_.hash_table_size}, {.outputs = 1});
+        geometry.prepare(*backend_, Span<const vec3<T>>(points), query_,
+                         MultiScale<T>{priors.region.empty() ? 0 : config_.fine_level, config_.separate_tables,
+                                       Span<const T>(region_here)});
     }
 
     B* backend_;
     AvatarConfig config_;
     Rig<B, T> rig_;
-    Field displacement_field_, sh_field_;
+    std::optional<Field> head_, displacement_, ao_;
     std::size_t count_;
-    typename Grid::template Query<B, T> query_; // both fields have one geometry
-    Buffer<vec3<T>> positions_;                 // [N] x₀
+    typename Field::template Query<B, T> query_, ao_query_; // head and displacement have one geometry
+    std::vector<vec3<T>> unit_;                             // [N] x₀ in the unit cube
+    Buffer<vec3<T>> positions_;                             // [N] x₀
+    Buffer<T> features_;                                    // [N, features]
     Parameters<B, T> parameters_;
-    Buffer<vec3<T>> displacement_;              // [N] δx
-    Buffer<vec3<T>> sh_;                        // [N, basis]
+    Buffer<vec3<T>> head_outputs_;                          // [N, basis (+ 1)]: SH, and δx of a joint head
+    Buffer<vec3<T>> displacements_;                         // [N] δx of a field of its own
 };
 
 } // namespace gsh

@@ -16,7 +16,7 @@
 
 namespace gsh {
 
-inline constexpr int checkpoint_version = 1;
+inline constexpr int checkpoint_version = 2;
 
 namespace detail {
 
@@ -40,6 +40,7 @@ void add_trainer(ArchiveWriter& file, TrainerType& trainer) {
     using T = typename TrainerType::Scalar;
     std::vector<T> host;
     file.add("steps", std::uint64_t(trainer.step_count()));
+    file.add("progress", trainer.progress());
     file.add("seed", std::uint64_t(trainer.seed()));
     detail::for_each_trained(trainer, [&](std::string_view what, auto& parameters) {
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
@@ -70,12 +71,14 @@ void load_trainer(const ArchiveReader& file, TrainerType& trainer) {
         }
     });
     const auto steps = file.read_number<std::uint64_t>("steps");
+    const auto progress = file.read_number<double>("progress");
     std::size_t next = 0;
     detail::for_each_trained(trainer, [&](std::string_view, auto& parameters) {
         for (std::size_t g = 0; g < parameter_group_count; ++g)
             trainer.backend().upload(Span<const T>(values[next++]), parameters[static_cast<ParameterGroup>(g)]);
     });
     trainer.set_step_count(steps);
+    trainer.set_progress(progress);
 }
 
 } // namespace gsh

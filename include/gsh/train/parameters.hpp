@@ -4,7 +4,6 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/math/vec.hpp>
 
 #include <array>
 #include <concepts>
@@ -13,26 +12,28 @@
 
 namespace gsh {
 
-/// Parameters that share a learning rate.
+/// Parameters that share a learning rate. Which of them an avatar has depends on its configuration; the others are empty.
 enum class ParameterGroup : std::size_t {
     joints,               ///< [J, 3] rest positions, metres
     quats,                ///< [N, 4] w, x, y, z
     log_scales,           ///< [N, 3]
     opacity_logits,       ///< [N]
+    displacements,        ///< [N, 3] δx of each Gaussian, where no field gives it
+    sh,                   ///< [N, (degree + 1)², 3] colours of each Gaussian, where no field gives them
+    joint_table,          ///< hash table of the field x₀ ↦ (SH, δx)
+    joint_network,        ///< its network
     displacement_table,   ///< hash table of the field x₀ ↦ δx
     displacement_network, ///< its network
     sh_table,             ///< hash table of the field x₀ ↦ SH
     sh_network,           ///< its network
+    ao_table,             ///< hash table of the field of ambient occlusion
+    ao_network,           ///< its network
 };
 
-inline constexpr std::array<std::string_view, 8> parameter_group_names{
-    "joints", "quats", "log_scales", "opacity_logits", "displacement_table", "displacement_network", "sh_table", "sh_network"};
+inline constexpr std::array<std::string_view, 14> parameter_group_names{
+    "joints",      "quats",         "log_scales",         "opacity_logits",       "displacements", "sh",         "joint_table",
+    "joint_network", "displacement_table", "displacement_network", "sh_table",      "sh_network", "ao_table",    "ao_network"};
 inline constexpr std::size_t parameter_group_count = parameter_group_names.size();
-
-/// Hash tables, of which only the entries that some Gaussian refers to ever move.
-[[nodiscard]] constexpr bool is_table(ParameterGroup group) {
-    return group == ParameterGroup::displacement_table || group == ParameterGroup::sh_table;
-}
 
 /// One array of numbers per group, in the backend's memory.
 template <Backend B, std::floating_point T = float>
@@ -59,26 +60,5 @@ public:
 private:
     std::array<Buffer, parameter_group_count> groups_;
 };
-
-namespace detail {
-
-/// result = a + b.
-template <class T>
-struct Sum {
-    Span<const T> a, b;
-    Span<T> result;
-    GSH_HD void operator()(std::size_t i) const { result[i] = a[i] + b[i]; }
-};
-
-/// Multiplies the first of every `stride` vectors.
-template <class T>
-struct ScaleFirst {
-    Span<vec3<T>> values;
-    std::size_t stride;
-    T factor;
-    GSH_HD void operator()(std::size_t i) const { values[i * stride] *= factor; }
-};
-
-} // namespace detail
 
 } // namespace gsh

@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/motion.hpp>
+#include <gsh/body/skeleton.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
@@ -12,6 +13,7 @@
 #include <gsh/image/image.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
+#include <gsh/math/rotation.hpp>
 #include <gsh/optim/adam.hpp>
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/train/avatar_model.hpp>
@@ -38,8 +40,11 @@ struct LearningRates {
     double quats = 1e-3;
     double log_scales = 5e-3;
     double opacity_logits = 0.05;
-    double displacement = 5e-4; ///< table and network of the displacement field
-    double sh = 2e-3;           ///< table and network of the colour field
+    double displacement = 5e-4;        ///< table and network of the displacement field; its rows in a joint network
+    double sh = 2e-3;                  ///< table and network of the colour field, or of the joint one
+    double stored_displacements = 1e-2; ///< δx of each Gaussian, where no field gives it
+    double stored_sh = 2.5e-3;         ///< constant colour of each Gaussian, where no field gives it; the bands a 20th of it
+    double ao = 5e-3;                  ///< table and network of ambient occlusion
 
     [[nodiscard]] double operator[](ParameterGroup group) const {
         switch (group) {
@@ -47,10 +52,16 @@ struct LearningRates {
         case ParameterGroup::quats: return quats;
         case ParameterGroup::log_scales: return log_scales;
         case ParameterGroup::opacity_logits: return opacity_logits;
+        case ParameterGroup::displacements: return stored_displacements;
+        case ParameterGroup::sh: return stored_sh;
         case ParameterGroup::displacement_table:
         case ParameterGroup::displacement_network: return displacement;
+        case ParameterGroup::joint_table:
+        case ParameterGroup::joint_network:
         case ParameterGroup::sh_table:
         case ParameterGroup::sh_network: return sh;
+        case ParameterGroup::ao_table:
+        case ParameterGroup::ao_network: return ao;
         }
         return 0;
     }
@@ -60,6 +71,7 @@ struct TrainConfig {
     LearningRates rates;
     double final_rate = 0.1; ///< share of its rate that each group ends with: small last steps average out single photographs
     double ssim_weight = 0.2;
+    double ao_start = 0.4; ///< share of the run after which ambient occlusion is learned; 1 before
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, in training and in test
     PixelFilter filter{.dilation = 0.1, .compensate_opacity = true}; ///< about what photographs have: 0.14 px² less a pixel's own box
 };
@@ -96,6 +108,7 @@ public:
           loss_(backend, {.ssim_weight = T(config.ssim_weight)}) {
         check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
         for (const Photo& photo : photos_) check_photo(photo);
+        make_codes();
         gradient_.become_zero_like(backend, model.parameters());
         first_moment_.become_zero_like(backend, model.parameters());
         second_moment_.become_zero_like(backend, model.parameters());
@@ -130,13 +143,15 @@ public:
     /// with it, to TrainConfig::final_rate. A run that is to be repeatable counts steps for it, not seconds.
     void step(double progress = 0) {
         const Photo& photo = photos_[photo_of_step(step_count_)];
+        progress_ = progress;
+        const FrameCode<T> code = frame_code(photo.frame);
         time(Stage::photo, [&] { upload_photo(photo); });
-        time(Stage::field_forward, [&] { model_->update_canonical(model_cache_); });
+        time(Stage::field_forward, [&] { model_->update_canonical(model_cache_, code); });
         const Camera<T> camera = photo.camera.template cast<T>();
         time(Stage::pose, [&] {
             model_->rig().upload_pose(*motion_, photo.frame, pose_);
             splats_.resize(model_->size());
-            model_->pose(pose_, camera.center(), splats_.view(), model_cache_);
+            model_->pose(pose_, camera.center(), splats_.view(), model_cache_, code);
         });
         time(Stage::render, [&] { draw(camera, {}); });
         time(Stage::loss, [&] {
@@ -152,7 +167,8 @@ public:
                                  raster_cache_, gradient);
         });
         time(Stage::model_backward, [&] {
-            model_->backward(pose_, camera.center(), std::as_const(dL_dsplats_).view(), model_cache_, gradient_);
+            model_->backward(pose_, camera.center(), std::as_const(dL_dsplats_).view(), model_cache_, gradient_, {}, {},
+                             code);
         });
         time(Stage::update, [&] { update(progress); });
     }
@@ -172,10 +188,11 @@ public:
     void render(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha = nullptr) {
         const Camera<T> view = camera.template cast<T>();
         resize_images(view.height, view.width);
-        model_->update_canonical(model_cache_);
+        const FrameCode<T> code = frame_code(frame);
+        model_->update_canonical(model_cache_, code);
         model_->rig().upload_pose(*motion_, frame, pose_);
         splats_.resize(model_->size());
-        model_->pose(pose_, view.center(), splats_.view(), model_cache_);
+        model_->pose(pose_, view.center(), splats_.view(), model_cache_, code);
         Buffer<T> alpha_plane(alpha ? view_size() : 0);
         draw(view, alpha ? ImageView<T>{alpha_plane, 1, height_, width_} : ImageView<T>{});
         color = Image<T>(3, height_, width_);
@@ -184,6 +201,25 @@ public:
             *alpha = Image<T>(1, height_, width_);
             backend_->download(Span<const T>(alpha_plane), Span<T>(alpha->data));
         }
+    }
+
+    /// Each Gaussian's ambient occlusion, mean over the frames that there are photographs of; empty where there is none.
+    /// What a new motion gets from an avatar whose shadows know only the time.
+    [[nodiscard]] std::vector<T> mean_occlusion() {
+        std::vector<T> mean, frame_ao(model_->size());
+        std::vector<bool> seen(motion_->frame_count(), false);
+        std::size_t count = 0;
+        for (const Photo& photo : photos_) {
+            const FrameCode<T> code = frame_code(photo.frame);
+            if (code.ao.empty() || seen[photo.frame]) continue;
+            seen[photo.frame] = true;
+            ++count;
+            backend_->download(model_->occlusion(code.ao, model_cache_), Span<T>(frame_ao));
+            mean.resize(frame_ao.size(), T(0));
+            for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += frame_ao[i];
+        }
+        for (T& ao : mean) ao /= static_cast<T>(count);
+        return mean;
     }
 
     /// A photograph as training sees it, on the host: over the background, with its mask's alpha.
@@ -205,6 +241,9 @@ public:
     [[nodiscard]] Parameters<B, T>& first_moment() { return first_moment_; }
     [[nodiscard]] Parameters<B, T>& second_moment() { return second_moment_; }
     void set_step_count(std::uint64_t steps) { step_count_ = steps; }
+    /// Share of the run that was over at the last step.
+    [[nodiscard]] double progress() const { return progress_; }
+    void set_progress(double progress) { progress_ = progress; }
 
 private:
     void check_photo(const Photo& photo) const {
@@ -259,16 +298,61 @@ private:
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
             const auto group = static_cast<ParameterGroup>(g);
             const double rate = config_.rates[group] * decay;
-            const Span<T> parameters = model_->parameters()[group], gradients = gradient_[group];
-            if (rate == 0)
+            const Span<T> parameters = model_->parameters()[group], gradients = gradient_[group],
+                          m = first_moment_[group], v = second_moment_[group];
+            const auto* touched = model_->touched_entries(group);
+            if (parameters.empty()) continue;
+            if (rate == 0) {
                 backend_->fill(gradients, T(0));
-            else if (is_table(group))
-                adam_.step_rows(*backend_, parameters, gradients, first_moment_[group], second_moment_[group],
-                                model_->touched_entries(), Model::Grid::feature_count, rate, number, UsedGradients::zero);
-            else
-                adam_.step(*backend_, parameters, gradients, first_moment_[group], second_moment_[group], rate, number,
-                           UsedGradients::zero);
+            } else if (touched) {
+                adam_.step_rows(*backend_, parameters, gradients, m, v, *touched, Model::Grid::feature_count, rate, number,
+                                UsedGradients::zero);
+            } else if (group == ParameterGroup::sh) {
+                adam_.step_columns(*backend_, parameters, gradients, m, v, 3 * Model::basis_count, 3, rate, rate / 20,
+                                   number, UsedGradients::zero);
+            } else {
+                const std::size_t slow = group == ParameterGroup::joint_network ? model_->displacement_weights() : 0;
+                const auto step = [&](std::size_t first, std::size_t count, double part_rate) {
+                    const auto part = [&](Span<T> all) { return all.subspan(first, count); };
+                    adam_.step(*backend_, part(parameters), part(gradients), part(m), part(v), part_rate, number,
+                               UsedGradients::zero);
+                };
+                step(0, parameters.size() - slow, rate);
+                if (slow) step(parameters.size() - slow, slow, config_.rates.displacement * decay);
+            }
         }
+    }
+
+    /// What the fields are told of each frame: γ(t) with t = frame / frames, or the joints' rotations.
+    void make_codes() {
+        const std::size_t frames = motion_->frame_count(), head_size = model_->head_code_size(), ao_size = model_->ao_code_size();
+        std::vector<T> head, ao;
+        for (std::size_t frame = 0; frame < frames; ++frame) {
+            std::vector<T> time(TimeEncoding::output_count);
+            TimeEncoding::forward(T(frame) / T(frames), time.data());
+            if (head_size) head.insert(head.end(), time.begin(), time.end());
+            if (model_->config().ao == AmbientOcclusion::time) ao.insert(ao.end(), time.begin(), time.end());
+            if (model_->config().ao == AmbientOcclusion::pose) {
+                const auto pose = motion_->pose_at(frame);
+                const std::size_t first = ao.size();
+                ao.resize(first + ao_size);
+                for (std::size_t j = 1; j < pose.size(); ++j)
+                    pose_feature<T>(j, rotation_from_axis_angle(vec3<T>(pose[j])), Span<T>(ao).subspan(first, ao_size));
+            }
+        }
+        head_codes_.resize(head.size());
+        ao_codes_.resize(ao.size());
+        backend_->upload(Span<const T>(head), head_codes_);
+        backend_->upload(Span<const T>(ao), ao_codes_);
+        check_size("Trainer", "codes of ambient occlusion", ao.size(), frames * ao_size);
+    }
+    [[nodiscard]] FrameCode<T> frame_code(std::size_t frame) const {
+        const auto row = [&](const Buffer<T>& codes, std::size_t size) {
+            return Span<const T>(codes).subspan(frame * size, size);
+        };
+        FrameCode<T> code{.head = row(head_codes_, model_->head_code_size())};
+        if (model_->ao_code_size() && progress_ >= config_.ao_start) code.ao = row(ao_codes_, model_->ao_code_size());
+        return code;
     }
 
     B* backend_;
@@ -282,6 +366,8 @@ private:
     Adam adam_;
 
     std::uint64_t step_count_ = 0;
+    double progress_ = 0;
+    Buffer<T> head_codes_, ao_codes_; // [frames, size of a code]
     std::vector<std::uint32_t> order_;
     std::uint64_t order_epoch_ = 0;
     std::array<double, stage_names.size()> stage_seconds_{};

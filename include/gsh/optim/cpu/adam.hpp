@@ -41,4 +41,15 @@ void adam_step_rows(B& backend, const Step& step, Span<const std::uint32_t> rows
     });
 }
 
+template <CpuBackend B, class Step>
+void adam_step_columns(B& backend, const Step& first_step, const Step& other_step, std::size_t rows, std::size_t width,
+                       std::size_t first) {
+    backend.for_chunks(rows, 1024, [&](std::size_t, std::size_t begin, std::size_t end) {
+        for (std::size_t row = begin; row < end; ++row) {
+            detail::adam_run(first_step, row * width, row * width + first);
+            detail::adam_run(other_step, row * width + first, (row + 1) * width);
+        }
+    });
+}
+
 } // namespace gsh::cpu
