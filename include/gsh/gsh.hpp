@@ -16,6 +16,7 @@
 #include <gsh/math/polar.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/rotation.hpp>
+#include <gsh/math/rotation_increment.hpp>
 #include <gsh/math/sh.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
@@ -27,14 +28,17 @@
 #include <gsh/backend/sum.hpp>
 #include <gsh/backend/threads.hpp>
 
+#include <gsh/camera/camera_increment.hpp>
 #include <gsh/camera/distortion.hpp>
 #include <gsh/camera/pinhole.hpp>
 
 #include <gsh/body/blend_shapes.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/geodesic.hpp>
+#include <gsh/body/joint_error.hpp>
 #include <gsh/body/mesh.hpp>
 #include <gsh/body/motion.hpp>
+#include <gsh/body/moved_motion.hpp>
 #include <gsh/body/nearest_points.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/region_mask.hpp>
@@ -42,6 +46,7 @@
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/body/vertex_samples.hpp>
 
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
@@ -88,19 +93,33 @@
 #include <gsh/render/target.hpp>
 #include <gsh/render/tiles.hpp>
 
+#include <gsh/prior/mesh_rasterizer.hpp>
+#include <gsh/prior/normal_integration.hpp>
+#include <gsh/prior/orthographic_camera.hpp>
+#include <gsh/prior/prior_features.hpp>
+#include <gsh/prior/prior_view.hpp>
 
 #include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/loss/cpu/photometric.hpp>
 #include <gsh/loss/lpips.hpp>
 #include <gsh/loss/lpips_network.hpp>
 #include <gsh/loss/metrics.hpp>
+#include <gsh/loss/motion_terms.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/loss/photometric_cache.hpp>
 #include <gsh/loss/ssim.hpp>
 
 #include <gsh/train/avatar_model.hpp>
+#include <gsh/train/density_control.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/memory.hpp>
 #include <gsh/train/parameters.hpp>
 #include <gsh/train/photo.hpp>
+#include <gsh/train/pose_fit.hpp>
+#include <gsh/train/refinement.hpp>
+#include <gsh/train/refinement_config.hpp>
+#include <gsh/train/refinement_tables.hpp>
+#include <gsh/train/region_labels.hpp>
+#include <gsh/train/static_start.hpp>
+#include <gsh/train/static_trainer.hpp>
 #include <gsh/train/trainer.hpp>

@@ -125,3 +125,34 @@ TEST_CASE("Adam says what is wrong with its arguments, and takes nothing at all"
     Adam().step_rows(backend, p, s.gradients, s.m, s.v, {}, 4, 0.1, 1);
     CHECK(s == State<float>(8));
 }
+
+TEST_CASE("Adam::step_columns moves the first columns at one rate and the others at another") {
+    constexpr std::size_t width = 12, rows = 3000;
+    for (const std::size_t first : {0, 3, 12}) {
+        CAPTURE(first);
+        cpu::Serial serial;
+        State<float> slow(rows * width), fast(rows * width), columns(rows * width), threaded(rows * width);
+        for (int t = 1; t <= 3; ++t) {
+            for (State<float>* state : {&slow, &fast, &columns, &threaded}) draw(*state, static_cast<std::uint64_t>(t));
+            Adam().step(serial, Span<float>(slow.parameters), slow.gradients, slow.m, slow.v, 0.001, t);
+            Adam().step(serial, Span<float>(fast.parameters), fast.gradients, fast.m, fast.v, 0.02, t);
+            Adam().step_columns(serial, Span<float>(columns.parameters), columns.gradients, columns.m, columns.v, width,
+                                first, 0.02, 0.001, t, UsedGradients::zero);
+            cpu::Threads threads(3);
+            Adam().step_columns(threads, Span<float>(threaded.parameters), threaded.gradients, threaded.m, threaded.v,
+                                width, first, 0.02, 0.001, t, UsedGradients::zero);
+        }
+        CHECK(columns == threaded);
+        CHECK(columns.m == slow.m);
+        CHECK(std::count(columns.gradients.begin(), columns.gradients.end(), 0.0f) == rows * width);
+        bool equal = true;
+        for (std::size_t i = 0; i < rows * width; ++i)
+            equal = equal && columns.parameters[i] == (i % width < first ? fast : slow).parameters[i];
+        CHECK(equal);
+    }
+    cpu::Serial backend;
+    std::vector<float> p(8), g(8), m(8), v(8);
+    CHECK_THROWS_AS(Adam().step_columns(backend, Span<float>(p), g, m, v, 3, 1, 1, 1, 1), ValueError);
+    CHECK_THROWS_AS(Adam().step_columns(backend, Span<float>(p), g, m, v, 0, 0, 1, 1, 1), ValueError);
+    CHECK_THROWS_AS(Adam().step_columns(backend, Span<float>(p), g, m, v, 4, 5, 1, 1, 1), ValueError);
+}

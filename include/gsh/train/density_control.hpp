@@ -1,0 +1,396 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Adaptive density control: Gaussians multiply where the images ask for more, and go where nobody sees them.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/gaussian/gaussians.hpp>
+#include <gsh/math/activation.hpp>
+#include <gsh/math/rotation.hpp>
+#include <gsh/render/raster_cache.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <numbers>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// When Gaussians change in number, and which. Steps count from 1; sizes are shares of the scene's extent.
+struct DensityParams {
+    double gradient_threshold = 2e-4;  ///< mean |dL/d center| with half the image's longer side as the unit of length
+    std::int64_t start = 500;          ///< the first steps move what is there
+    std::int64_t stop = 15000;         ///< from here on the number stays
+    std::int64_t interval = 100;       ///< steps between changes, over which gradients are averaged
+    std::int64_t reset_interval = 3000; ///< steps between opacity resets; 0: none
+    double small = 0.01;               ///< longest axis up to which a Gaussian is cloned; a larger one is split
+    double large = 0.1;                ///< longest axis beyond which it goes, once opacities were reset
+    double large_on_screen = 0;        ///< likewise its radius in pixels (three sigma) in any view; 0: no limit
+    double min_opacity = 0.005;        ///< below this it goes
+    double reset_opacity = 0.01;       ///< what a reset leaves at most
+    double split_factor = 1.6;         ///< a split Gaussian's axes are divided by this
+    int split_count = 2;               ///< how many stand in its place
+    std::size_t max_gaussians = 2'000'000; ///< never more: those with the largest gradients go first
+
+    [[nodiscard]] bool adapts_after(std::int64_t step) const {
+        return step > start && step < stop && step % interval == 0;
+    }
+    [[nodiscard]] bool resets_after(std::int64_t step) const {
+        return reset_interval > 0 && step < stop && step % reset_interval == 0;
+    }
+    [[nodiscard]] bool prunes_large_after(std::int64_t step) const {
+        return reset_interval > 0 && step > reset_interval;
+    }
+};
+
+/// The Gaussians of one change.
+struct DensityChange {
+    std::size_t cloned = 0, split = 0, pruned = 0;
+    bool opacity_reset = false;
+
+    [[nodiscard]] bool changed() const { return cloned + split + pruned > 0; }
+};
+
+/// What becomes of a Gaussian.
+enum class Fate : std::uint8_t { keep, clone, split, prune };
+
+namespace detail {
+
+/// What a Gaussian is to the one whose number it takes over: that one itself, its copy, or a part of it.
+enum class Kin : std::uint8_t { self, copy, part };
+
+/// The Gaussians after a change: whom each descends from, in the order of the parents.
+struct Descent {
+    std::vector<std::uint32_t> parents;
+    std::vector<Kin> kin;
+    DensityChange change;
+
+    void add(std::size_t parent, Kin relation) {
+        parents.push_back(static_cast<std::uint32_t>(parent));
+        kin.push_back(relation);
+    }
+};
+
+/// Carries the fates out on paper. Where `most` leaves too little room, the largest gradients are served first (ties:
+/// the lower index) and the others stay as they are.
+template <class T>
+[[nodiscard]] Descent plan_descent(std::vector<Fate> fates, const std::vector<T>& gradients, std::size_t split_count,
+                                   std::size_t most) {
+    std::vector<std::size_t> wishes;
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < fates.size(); ++i) {
+        kept += fates[i] != Fate::prune;
+        if (fates[i] == Fate::clone || fates[i] == Fate::split) wishes.push_back(i);
+    }
+    const auto growth = [&](std::size_t i) { return fates[i] == Fate::clone ? 1 : split_count - 1; };
+    std::size_t wished = 0, room = most - std::min(most, kept);
+    for (const std::size_t i : wishes) wished += growth(i);
+    if (wished > room) {
+        std::sort(wishes.begin(), wishes.end(), [&](std::size_t a, std::size_t b) {
+            return gradients[a] != gradients[b] ? gradients[a] > gradients[b] : a < b;
+        });
+        for (const std::size_t i : wishes)
+            if (growth(i) <= room) room -= growth(i);
+            else fates[i] = Fate::keep;
+    }
+
+    Descent descent;
+    for (std::size_t i = 0; i < fates.size(); ++i) {
+        if (fates[i] == Fate::prune) {
+            ++descent.change.pruned;
+        } else if (fates[i] == Fate::split) {
+            ++descent.change.split;
+            for (std::size_t k = 0; k < split_count; ++k) descent.add(i, Kin::part);
+        } else {
+            descent.add(i, Kin::self);
+            if (fates[i] == Fate::clone) ++descent.change.cloned, descent.add(i, Kin::copy);
+        }
+    }
+    return descent;
+}
+
+/// Three standard deviations along the longer axis of a splat on the screen, pixels.
+[[nodiscard]] GSH_HD inline double screen_radius(const Whitening<double>& w) {
+    // u² + v² = log2(e)/2 dᵀ Σ⁻¹ d; the smaller eigenvalue of WᵀW is det / the larger one.
+    const double trace = w.ux * w.ux + w.uy * w.uy + w.vy * w.vy, det = w.ux * w.ux * w.vy * w.vy;
+    const double larger = 0.5 * (trace + sqrt(max(trace * trace - 4 * det, 0.0)));
+    return 3 * sqrt(half_log2_e * larger / det);
+}
+
+template <class T>
+struct ObserveSplats {
+    Span<const std::uint8_t> visible;
+    Span<const T> gradient_norms;
+    Span<const ScreenSplat<T>> splats;
+    T unit; ///< pixels
+    Span<T> gradient_sums;
+    Span<std::uint32_t> view_counts;
+    Span<T> radii;
+
+    GSH_HD void operator()(std::size_t i) const {
+        if (!visible[i]) return;
+        gradient_sums[i] += gradient_norms[i] * unit;
+        ++view_counts[i];
+        radii[i] = max(radii[i], static_cast<T>(screen_radius(splats[i].w)));
+    }
+};
+
+template <class T>
+struct DecideFates {
+    GaussiansView<const T> gaussians;
+    Span<const T> gradient_sums;
+    Span<const std::uint32_t> view_counts;
+    Span<const T> radii;
+    T threshold, small, large, large_on_screen, min_opacity_logit; // small and large as logarithms
+    Span<Fate> fates;
+    Span<T> gradients;
+
+    GSH_HD void operator()(std::size_t i) const {
+        const vec3<T>& s = gaussians.log_scales[i];
+        const T size = max(s.x, max(s.y, s.z));
+        const T gradient = view_counts[i] == 0 ? T(0) : gradient_sums[i] / static_cast<T>(view_counts[i]);
+        const bool busy = gradient >= threshold, faint = gaussians.opacity_logits[i] < min_opacity_logit;
+        const bool too_large = size > large || radii[i] > large_on_screen;
+        gradients[i] = gradient;
+        fates[i] = faint                  ? Fate::prune
+                   : busy && size > small ? Fate::split
+                   : too_large            ? Fate::prune
+                   : busy                 ? Fate::clone
+                                          : Fate::keep;
+    }
+};
+
+/// Standard normal (Box and Muller, 1958) from two draws of the stream.
+[[nodiscard]] GSH_HD inline double random_normal(std::uint64_t seed, std::uint64_t index) {
+    const double radius = sqrt(-2 * log(1 - random_uniform(seed, 2 * index)));
+    return radius * cos(2 * std::numbers::pi * random_uniform(seed, 2 * index + 1));
+}
+
+/// New Gaussian r from its parent. A part lies where its parent's density says, at random, and is smaller.
+template <class T>
+struct DescendGaussian {
+    GaussiansView<const T> from;
+    Span<const std::uint32_t> parents;
+    Span<const Kin> kin;
+    std::uint64_t seed;
+    T log_split_factor;
+    GaussiansView<T> to;
+
+    GSH_HD void operator()(std::size_t r) const {
+        const std::size_t p = parents[r];
+        vec3<T> mean = from.means[p], log_scale = from.log_scales[p];
+        if (kin[r] == Kin::part) {
+            vec3<T> offset;
+            for (int k = 0; k < 3; ++k)
+                offset[k] =
+                    exp(log_scale[k]) * static_cast<T>(random_normal(seed, 3 * r + static_cast<std::size_t>(k)));
+            mean += rotation_from_quat(from.quats[p]) * offset;
+            log_scale -= vec3<T>(log_split_factor);
+        }
+        to.means[r] = mean;
+        to.log_scales[r] = log_scale;
+        to.quats[r] = from.quats[p];
+        to.opacity_logits[r] = from.opacity_logits[p];
+        const std::size_t basis = static_cast<std::size_t>(sh_basis_count(from.sh_degree));
+        for (std::size_t k = 0; k < basis; ++k) to.sh[r * basis + k] = from.sh[p * basis + k];
+    }
+};
+
+/// Adam's moments of new Gaussian r: those of its former self, or zero.
+template <class T>
+struct DescendMoments {
+    GaussiansView<const T> from;
+    Span<const std::uint32_t> parents;
+    Span<const Kin> kin;
+    GaussiansView<T> to;
+
+    GSH_HD void operator()(std::size_t r) const {
+        const std::size_t p = parents[r], basis = static_cast<std::size_t>(sh_basis_count(from.sh_degree));
+        const bool self = kin[r] == Kin::self;
+        to.means[r] = self ? from.means[p] : vec3<T>(T(0));
+        to.log_scales[r] = self ? from.log_scales[p] : vec3<T>(T(0));
+        to.quats[r] = self ? from.quats[p] : quat<T>{T(0), T(0), T(0), T(0)};
+        to.opacity_logits[r] = self ? from.opacity_logits[p] : T(0);
+        for (std::size_t k = 0; k < basis; ++k) to.sh[r * basis + k] = self ? from.sh[p * basis + k] : vec3<T>(T(0));
+    }
+};
+
+template <class T>
+struct LimitFromAbove {
+    Span<T> values;
+    T limit;
+    GSH_HD void operator()(std::size_t i) const { values[i] = min(values[i], limit); }
+};
+
+} // namespace detail
+
+/// Watches the rasterizer's backward passes and, at set steps, clones, splits and prunes Gaussians with Adam's moments.
+///
+///     busy = mean over the views that saw it of |dL/d center| >= gradient_threshold
+///     opacity < min_opacity: pruned;  busy and large: split;  too large: pruned;  busy and small: cloned
+///
+/// A clone is an exact copy; a split puts samples of the Gaussian, its axes divided by split_factor, in its place. Both
+/// start with moments of zero; who stays keeps its own. The order stays that of the parents.
+///
+/// Units   gradients are of the loss with respect to the projected mean, in halves of the image's longer side:
+///         normalised device coordinates, for a square image.
+/// Source  Kerbl et al., "3D Gaussian Splatting", 2023, §5 and its code. Different here: parts that are still too large
+///         go at the next change, not at once; the limit on the screen, which that code forgets before it applies it,
+///         is off by default and works.
+template <Backend B, std::floating_point T = float>
+class DensityControl {
+public:
+    using Params = DensityParams;
+    template <class U>
+    using Buffer = typename B::template Buffer<U>;
+
+    /// Units   extent in metres: the radius of what the cameras see, or of their circle (scene_extent).
+    /// Errors  ValueError for settings that make no sense.
+    DensityControl(B& backend, const Params& params, double extent, std::uint64_t seed)
+        : backend_(&backend), params_(params), extent_(extent), seed_(seed) {
+        constexpr const char* where = "DensityControl";
+        check_value(extent > 0 && std::isfinite(extent), where,
+                    "extent is " + std::to_string(extent) + ", expected metres above 0");
+        check_value(params.interval > 0, where, "interval must be at least 1 step");
+        check_value(params.gradient_threshold > 0, where, "gradient_threshold must be positive");
+        check_value(params.min_opacity > 0 && params.min_opacity < 1 && params.reset_opacity > 0 &&
+                        params.reset_opacity < 1,
+                    where, "min_opacity and reset_opacity must lie between 0 and 1");
+        check_value(params.reset_opacity > params.min_opacity, where,
+                    "reset_opacity must exceed min_opacity, or a reset prunes everything");
+        check_value(params.small > 0 && params.large > 0 && params.large_on_screen >= 0, where,
+                    "small and large must be positive, large_on_screen not negative");
+        check_value(params.split_factor >= 1, where, "split_factor must be at least 1");
+        check_value(params.split_count >= 1, where, "split_count must be at least 1");
+        check_value(params.max_gaussians < std::numeric_limits<std::uint32_t>::max(), where,
+                    "max_gaussians must fit 32 bits");
+    }
+
+    [[nodiscard]] const Params& params() const { return params_; }
+
+    /// Forgets what was seen: from now on there are `count` Gaussians.
+    void restart(std::size_t count) {
+        for (Buffer<T>* buffer : {&gradient_sums_, &radii_}) {
+            buffer->resize(count);
+            backend_->fill(Span<T>(*buffer), T(0));
+        }
+        view_counts_.resize(count);
+        backend_->fill(Span<std::uint32_t>(view_counts_), 0u);
+    }
+
+    /// Takes note of one view, after Rasterizer::backward.
+    /// Errors  ShapeError unless the cache is of the Gaussians of the last change or restart.
+    void observe(const RasterCache<B, T>& cache) {
+        constexpr const char* where = "DensityControl::observe";
+        const std::size_t count = gradient_sums_.size();
+        check_size(where, "cache.visible", cache.visible.size(), count, "call restart when Gaussians change elsewhere");
+        check_size(where, "cache.screen_gradient_norms", cache.screen_gradient_norms.size(), count, "after backward");
+        const T unit = T(std::max(cache.grid.width, cache.grid.height)) / 2;
+        backend_->for_each(count, detail::ObserveSplats<T>{cache.visible, cache.screen_gradient_norms, cache.splats,
+                                                           unit, gradient_sums_, view_counts_, radii_});
+    }
+
+    /// What the schedule asks for after step `step`, counted from 1. If the Gaussians changed, so did their number:
+    /// gradients and splats need new sizes.
+    DensityChange after_step(std::int64_t step, Gaussians<B, T>& gaussians, Gaussians<B, T>& m, Gaussians<B, T>& v) {
+        DensityChange change;
+        if (params_.adapts_after(step))
+            change = adapt(gaussians, m, v, random_bits(seed_, static_cast<std::uint64_t>(step)),
+                           params_.prunes_large_after(step));
+        if (params_.resets_after(step)) {
+            reset_opacity(gaussians, m, v);
+            change.opacity_reset = true;
+        }
+        return change;
+    }
+
+    /// Clones, splits and prunes by what was seen since the last time; `seed` decides where parts lie.
+    /// Errors  ShapeError for moments or statistics of another number of Gaussians.
+    DensityChange adapt(Gaussians<B, T>& gaussians, Gaussians<B, T>& m, Gaussians<B, T>& v, std::uint64_t seed,
+                        bool prune_large) {
+        constexpr const char* where = "DensityControl::adapt";
+        const std::size_t count = gaussians.size();
+        check_moments(where, gaussians, m, v);
+        check_size(where, "gaussians", count, gradient_sums_.size(), "call restart when Gaussians change elsewhere");
+
+        const auto metres = [&](double share) { return T(std::log(share * extent_)); };
+        constexpr T unlimited = std::numeric_limits<T>::infinity();
+        fates_.resize(count);
+        gradients_.resize(count);
+        backend_->for_each(
+            count,
+            detail::DecideFates<T>{std::as_const(gaussians).view(), gradient_sums_, view_counts_, radii_,
+                                   T(params_.gradient_threshold), metres(params_.small),
+                                   prune_large ? metres(params_.large) : unlimited,
+                                   prune_large && params_.large_on_screen > 0 ? T(params_.large_on_screen) : unlimited,
+                                   logit(T(params_.min_opacity)), fates_, gradients_});
+        std::vector<Fate> fates(count);
+        std::vector<T> gradients(count);
+        backend_->download(Span<const Fate>(fates_), Span<Fate>(fates));
+        backend_->download(Span<const T>(gradients_), Span<T>(gradients));
+        const detail::Descent descent = detail::plan_descent(
+            std::move(fates), gradients, static_cast<std::size_t>(params_.split_count), params_.max_gaussians);
+        if (descent.change.changed()) descend(descent, gaussians, m, v, seed);
+        restart(gaussians.size());
+        return descent.change;
+    }
+
+    /// Makes everything nearly transparent, and Adam forget how it got there: what matters grows again, the rest is
+    /// pruned.
+    void reset_opacity(Gaussians<B, T>& gaussians, Gaussians<B, T>& m, Gaussians<B, T>& v) {
+        check_moments("DensityControl::reset_opacity", gaussians, m, v);
+        backend_->for_each(gaussians.size(),
+                           detail::LimitFromAbove<T>{gaussians.opacity_logits, logit(T(params_.reset_opacity))});
+        for (Gaussians<B, T>* moment : {&m, &v}) backend_->fill(Span<T>(moment->opacity_logits), T(0));
+    }
+
+private:
+    static void check_moments(const char* where, const Gaussians<B, T>& gaussians, const Gaussians<B, T>& m,
+                              const Gaussians<B, T>& v) {
+        check_gaussians(where, "m", m.view(), gaussians.size());
+        check_gaussians(where, "v", v.view(), gaussians.size());
+        check_size(where, "m.sh", m.sh.size(), gaussians.sh.size(), "moments have the degree of the Gaussians");
+        check_size(where, "v.sh", v.sh.size(), gaussians.sh.size(), "moments have the degree of the Gaussians");
+    }
+
+    void descend(const detail::Descent& descent, Gaussians<B, T>& gaussians, Gaussians<B, T>& m, Gaussians<B, T>& v,
+                 std::uint64_t seed) {
+        const std::size_t count = descent.parents.size();
+        parents_.resize(count);
+        kin_.resize(count);
+        backend_->upload(Span<const std::uint32_t>(descent.parents), Span<std::uint32_t>(parents_));
+        backend_->upload(Span<const detail::Kin>(descent.kin), Span<detail::Kin>(kin_));
+        const auto replace = [&](Gaussians<B, T>& old, auto body) {
+            next_.resize(count, old.sh_degree);
+            body.from = std::as_const(old).view(), body.to = next_.view();
+            backend_->for_each(count, body);
+            std::swap(old, next_);
+        };
+        replace(gaussians, detail::DescendGaussian<T>{{}, parents_, kin_, seed, T(std::log(params_.split_factor)), {}});
+        replace(m, detail::DescendMoments<T>{{}, parents_, kin_, {}});
+        replace(v, detail::DescendMoments<T>{{}, parents_, kin_, {}});
+    }
+
+    B* backend_;
+    Params params_;
+    double extent_;
+    std::uint64_t seed_;
+
+    Buffer<T> gradient_sums_, radii_; // [N] over the views since the last change; largest radius on the screen
+    Buffer<std::uint32_t> view_counts_;
+
+    Buffer<Fate> fates_;
+    Buffer<T> gradients_;
+    Buffer<std::uint32_t> parents_;
+    Buffer<detail::Kin> kin_;
+    Gaussians<B, T> next_;
+};
+
+} // namespace gsh

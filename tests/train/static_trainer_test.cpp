@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/threads.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/train/evaluation.hpp>
+#include <gsh/train/static_start.hpp>
+#include <gsh/train/static_trainer.hpp>
+
+#include "io/temporary.hpp"
+#include "support/gradient.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+using namespace gsh;
+
+namespace {
+
+/// A ball, painted with smooth colours, before nothing, ray traced by hand from a ring of eight cameras and one between
+/// them: no rasterizer takes part.
+struct BallScene {
+    static constexpr int size = 56;
+    static constexpr double radius = 0.5;
+    std::vector<std::vector<std::uint8_t>> images;
+    std::vector<Photo> photos; // the last one is for judging
+
+    BallScene() {
+        for (int i = 0; i < 9; ++i) {
+            const double angle = i < 8 ? 0.7854 * i : 0.4, height = i % 2 == 0 ? 0.5 : -0.4;
+            const auto camera = look_at<double>({2 * std::sin(angle), i < 8 ? height : 0.1, 2 * std::cos(angle)},
+                                                {0, 0, 0}, {0, 1, 0}, 0.7, size, size);
+            images.push_back(photograph(camera));
+            photos.push_back({"cam" + std::to_string(i), camera, 0, {}});
+        }
+        for (std::size_t i = 0; i < images.size(); ++i) photos[i].rgba = images[i];
+    }
+    BallScene(const BallScene&) = delete;
+
+    std::vector<Photo> training() const { return {photos.begin(), photos.end() - 1}; }
+
+private:
+    static std::vector<std::uint8_t> photograph(const Camera<double>& camera) {
+        constexpr int samples = 4; // per pixel and axis
+        std::vector<std::uint8_t> rgba(4 * size * size);
+        for (int y = 0; y < size; ++y)
+            for (int x = 0; x < size; ++x) {
+                vec3<double> sum(0.0);
+                double hits = 0;
+                for (int s = 0; s < samples * samples; ++s) {
+                    const double u = x + (s % samples + 0.5) / samples, v = y + (s / samples + 0.5) / samples;
+                    const vec3<double> ray = normalize(transposed_times(
+                        camera.R, vec3<double>((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1)));
+                    const vec3<double> from = camera.center();
+                    const double b = dot(from, ray), c = dot(from, from) - radius * radius, root = b * b - c;
+                    if (root < 0) continue;
+                    const vec3<double> p = from + ray * (-b - std::sqrt(root));
+                    sum += vec3<double>(0.5 + 0.4 * std::sin(5 * p.x + 2 * p.y), 0.5 + 0.4 * std::sin(4 * p.y - 1),
+                                        0.5 + 0.4 * std::cos(6 * p.z));
+                    hits += 1;
+                }
+                std::uint8_t* pixel = &rgba[static_cast<std::size_t>(4 * (y * size + x))];
+                for (int k = 0; k < 3; ++k)
+                    pixel[k] = static_cast<std::uint8_t>(hits > 0 ? 255 * sum[k] / hits + 0.5 : 0);
+                pixel[3] = static_cast<std::uint8_t>(255 * hits / (samples * samples) + 0.5);
+            }
+        return rgba;
+    }
+};
+
+StaticConfig small_config(std::int64_t steps) {
+    StaticConfig config = static_config(steps);
+    config.density.max_gaussians = 2000;
+    config.sh_degree = 2;
+    return config;
+}
+
+template <class B>
+StaticTrainer<B> make_trainer(B& backend, const BallScene& scene, std::size_t points, const StaticConfig& config,
+                              std::uint64_t seed = 1) {
+    const auto photos = scene.training();
+    return StaticTrainer<B>(backend,
+                            initial_gaussians<float>(visual_hull_points(photos, hull_box(photos), points, seed)),
+                            photos, seed, config);
+}
+
+std::vector<float> numbers(const GaussianCloud<float>& cloud) {
+    std::vector<float> all = cloud.opacity_logits;
+    for (const auto& v : cloud.means) all.insert(all.end(), {v.x, v.y, v.z});
+    for (const auto& v : cloud.log_scales) all.insert(all.end(), {v.x, v.y, v.z});
+    for (const auto& v : cloud.quats) all.insert(all.end(), {v.w, v.x, v.y, v.z});
+    for (const auto& v : cloud.sh) all.insert(all.end(), {v.x, v.y, v.z});
+    return all;
+}
+
+} // namespace
+
+TEST_CASE("a small scene is learnt from eight views and shown from a ninth") {
+    const BallScene scene;
+    cpu::Threads backend(2);
+    auto trainer = make_trainer(backend, scene, 400, small_config(350));
+    const double before = compare(trainer, scene.photos.back()).score.psnr;
+    for (int step = 0; step < 350; ++step) trainer.step();
+    const auto score = compare(trainer, scene.photos.back()).score;
+    CAPTURE(before);
+    CAPTURE(score.psnr);
+    CAPTURE(trainer.size());
+    CHECK(score.psnr > 30);
+    CHECK(score.psnr > before + 8);
+    CHECK(trainer.step_count() == 350);
+    CHECK(trainer.total_change().cloned + trainer.total_change().split > 20);
+    CHECK(trainer.total_change().pruned > 0);
+    CHECK(trainer.size() <= 2000);
+    CHECK(trainer.cloud().sh_degree == 2);
+    CHECK(std::isfinite(trainer.last_loss().loss));
+    Image<float> color, alpha;
+    trainer.render(scene.photos[0].camera, 0, color, &alpha);
+    CHECK(alpha.at(0, 28, 28) > 0.9f);
+    CHECK(alpha.at(0, 1, 1) < 0.1f);
+}
+
+TEST_CASE("the same seed gives the same scene bit for bit, whatever the thread count") {
+    const BallScene scene;
+    StaticConfig config = small_config(45);
+    config.density.start = 5, config.density.interval = 10, config.density.reset_interval = 20,
+    config.density.stop = 40;
+    config.sh_interval = 15;
+    const auto train = [&](auto backend, std::uint64_t seed) {
+        auto trainer = make_trainer(backend, scene, 300, config, seed);
+        for (int step = 0; step < 45; ++step) trainer.step();
+        CHECK(trainer.size() != 300);
+        return numbers(trainer.cloud());
+    };
+    const auto expected = train(cpu::Serial(), 1);
+    for (const std::size_t threads : {2, 5}) {
+        CAPTURE(threads);
+        CHECK(train(cpu::Threads(threads), 1) == expected);
+    }
+    CHECK(train(cpu::Serial(), 2) != expected);
+}
+
+TEST_CASE("a degree more changes no picture") {
+    const BallScene scene;
+    cpu::Serial backend;
+    StaticConfig config = small_config(100);
+    config.density.start = 1000;
+    config.density.reset_interval = 0;
+    config.sh_interval = 4;
+    config.sh_degree = 3;
+    auto trainer = make_trainer(backend, scene, 50, config);
+    std::vector<int> degrees;
+    for (int step = 0; step < 14; ++step) {
+        trainer.step();
+        degrees.push_back(trainer.cloud().sh_degree);
+    }
+    CHECK(degrees == std::vector<int>{0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3});
+
+    // The step after which the degree rises leaves what it would have left without.
+    config.sh_degree = 0;
+    auto other = make_trainer(backend, scene, 50, config);
+    for (int step = 0; step < 4; ++step) other.step();
+    auto raised = make_trainer(backend, scene, 50, [&] { auto c = config; c.sh_degree = 3; return c; }());
+    for (int step = 0; step < 4; ++step) raised.step();
+    Image<float> a, b;
+    other.render(scene.photos[8].camera, 0, a);
+    raised.render(scene.photos[8].camera, 0, b);
+    CHECK(raised.cloud().sh_degree == 1);
+    CHECK(a.data == b.data);
+}
+
+TEST_CASE("a budget of steps keeps the proportions of 30,000") {
+    const StaticConfig whole = static_config(30000), tenth = static_config(3000), tiny = static_config(1);
+    CHECK(whole.density.start == 500);
+    CHECK(whole.density.stop == 15000);
+    CHECK(whole.density.interval == 100);
+    CHECK(whole.density.reset_interval == 3000);
+    CHECK(whole.sh_interval == 1000);
+    CHECK(tenth.steps == 3000);
+    CHECK(tenth.density.start == 50);
+    CHECK(tenth.density.stop == 1500);
+    CHECK(tenth.density.reset_interval == 300);
+    CHECK(tenth.density.interval == 25);
+    CHECK(tiny.sh_interval == 1);
+    CHECK_THROWS_AS((void)static_config(0), ValueError);
+}
+
+TEST_CASE("starting points lie in the visual hull and have its colours") {
+    const BallScene scene;
+    const auto photos = scene.training();
+    const Box box = hull_box(photos);
+    for (int k = 0; k < 3; ++k) {
+        CHECK(box.low[k] < -0.45);
+        CHECK(box.low[k] > -0.9);
+        CHECK(box.high[k] > 0.45);
+        CHECK(box.high[k] < 0.9);
+    }
+    const ColoredPoints start = visual_hull_points(photos, box, 500, 3);
+    REQUIRE(start.points.size() == 500);
+    REQUIRE(start.colors.size() == 500);
+    double far = 0;
+    vec3<double> color(0.0);
+    for (std::size_t i = 0; i < 500; ++i)
+        far = std::max(far, length(start.points[i])), color += start.colors[i] / 500.0;
+    CHECK(far < 0.75); // the hull of eight views of a ball is a little larger than the ball
+    CHECK(std::abs(color.x - 0.5) < 0.15);
+    CHECK(visual_hull_points(photos, box, 10, 3).points[7] == start.points[7]);
+    CHECK(visual_hull_points(photos, box, 0, 3).points.empty());
+
+    test::check_throws<ValueError>([&] { (void)visual_hull_points(photos, {{2, 2, 2}, {3, 3, 3}}, 5, 1); }, {"masks"});
+    test::check_throws<ValueError>(
+        [&] {
+            (void)visual_hull_points(photos, {{1, 0, 0}, {0, 1, 1}}, 5, 1);
+        },
+        {"box is empty"});
+    test::check_throws<ValueError>([&] { (void)hull_box({photos[0], photos[0]}); }, {"one line"});
+    test::check_throws<ValueError>([&] { (void)hull_box({}); }, {"no photographs"});
+    const std::vector<std::uint8_t> nothing(4 * 56 * 56, 0);
+    auto blind = photos;
+    for (Photo& photo : blind) photo.rgba = nothing;
+    test::check_throws<ValueError>([&] { (void)hull_box(blind); }, {"masks"});
+}
+
+TEST_CASE("Gaussians start as wide as the way to their three nearest neighbours") {
+    test::Rng rng(3);
+    std::vector<vec3<double>> points = rng.vecs(200);
+    points.push_back({1000, 0, 0}); // outliers are what reconstructions have
+    points.push_back(points[0]);
+    const auto found = neighbor_distances(points, 3);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        std::vector<double> squared;
+        for (std::size_t j = 0; j < points.size(); ++j)
+            if (j != i) squared.push_back(dot(points[i] - points[j], points[i] - points[j]));
+        std::sort(squared.begin(), squared.end());
+        CHECK(found[i] == doctest::Approx((squared[0] + squared[1] + squared[2]) / 3));
+    }
+    CHECK(neighbor_distances({}, 3).empty());
+    CHECK(neighbor_distances({{1, 2, 3}}, 3) == std::vector<double>{0});
+    CHECK(neighbor_distances({{0, 0, 0}, {2, 0, 0}}, 3) == std::vector<double>{4, 4});
+    CHECK(neighbor_distances(std::vector<vec3<double>>(40, vec3<double>(1.0)), 3) == std::vector<double>(40, 0.0));
+
+    const auto cloud = initial_gaussians<float>({{{0, 0, 0}, {2, 0, 0}}, {{1, 0.5, 0}, {0.25, 0.5, 1}}});
+    CHECK(cloud.size() == 2);
+    CHECK(std::exp(cloud.log_scales[1].y) == doctest::Approx(2));
+    CHECK(sigmoid(cloud.opacity_logits[0]) == doctest::Approx(0.1));
+    CHECK(shade<0>(&cloud.sh[1], vec3<float>(0, 0, 1), 1.0f, ColorClamp::below).x == doctest::Approx(0.25));
+    CHECK(initial_gaussians<float>({}).size() == 0);
+    CHECK_THROWS_AS((void)initial_gaussians<float>({{{0, 0, 0}}, {}}), ShapeError);
+    test::check_throws<ValueError>(
+        [] {
+            (void)initial_gaussians<float>({{{0, 0, std::nan("")}}, {{0, 0, 0}}});
+        },
+        {"point 0"});
+    test::check_throws<ValueError>([] { (void)initial_gaussians<float>({}, 1); }, {"opacity"});
+}
+
+TEST_CASE("the trainer refuses what it cannot train on") {
+    const BallScene scene;
+    cpu::Serial backend;
+    const auto photos = scene.training();
+    const GaussianCloud<float> cloud(4, 1);
+    const auto refuse = [&](const GaussianCloud<float>& start, const std::vector<Photo>& views,
+                            const StaticConfig& config, std::string_view word) {
+        test::check_throws([&] { StaticTrainer<cpu::Serial>(backend, start, views, 0, config); }, {word});
+    };
+    refuse(cloud, {}, {}, "no photographs");
+    refuse({}, photos, {}, "no Gaussians");
+    refuse(cloud, photos, {.sh_degree = 0}, "degree 1");
+    refuse(cloud, photos, {.sh_degree = 5}, "0 to 4");
+    refuse(cloud, photos, {.density = {.max_gaussians = 3}}, "max_gaussians");
+    refuse(cloud, photos, {.steps = 0}, "steps");
+    refuse(cloud, {photos[0]}, {}, "extent");
+    auto broken = photos;
+    broken[1].rgba = broken[1].rgba.subspan(0, 8);
+    refuse(cloud, broken, {}, "cam1");
+
+    GaussianCloud<float> faint(4, 0);
+    for (float& x : faint.opacity_logits) x = -20;
+    StaticTrainer<cpu::Serial> trainer(backend, faint, photos, 0, {.density = {.start = 0, .interval = 1}});
+    test::check_throws<ValueError>([&] { trainer.step(); }, {"no Gaussian is left after step 1"});
+}
