@@ -38,7 +38,6 @@
 #include <gsh/body/joint_error.hpp>
 #include <gsh/body/mesh.hpp>
 #include <gsh/body/motion.hpp>
-#include <gsh/body/moved_motion.hpp>
 #include <gsh/body/nearest_points.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/region_mask.hpp>
@@ -46,7 +45,6 @@
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/body/surface_samples.hpp>
-#include <gsh/body/vertex_samples.hpp>
 
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
@@ -93,11 +91,6 @@
 #include <gsh/render/target.hpp>
 #include <gsh/render/tiles.hpp>
 
-#include <gsh/prior/mesh_rasterizer.hpp>
-#include <gsh/prior/normal_integration.hpp>
-#include <gsh/prior/orthographic_camera.hpp>
-#include <gsh/prior/prior_features.hpp>
-#include <gsh/prior/prior_view.hpp>
 
 #include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/loss/cpu/photometric.hpp>
@@ -119,7 +112,6 @@
 #include <gsh/train/refinement.hpp>
 #include <gsh/train/refinement_config.hpp>
 #include <gsh/train/refinement_tables.hpp>
-#include <gsh/train/region_labels.hpp>
 #include <gsh/train/static_start.hpp>
 #include <gsh/train/static_trainer.hpp>
 #include <gsh/train/trainer.hpp>

@@ -13,7 +13,9 @@
 #include <gsh/image/color.hpp>
 #include <gsh/image/resample.hpp>
 #include <gsh/optim/adam.hpp>
+#include <gsh/train/density_control.hpp>
 #include <gsh/train/parameters.hpp>
+#include <gsh/train/refinement.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -104,8 +106,14 @@ using Bodies = Types<
     gsh::detail::HashBackwardPoint<HashGrid<5, 2>, T>, gsh::detail::ResamplePlanes<T, UndistortMap<T>>,
     gsh::detail::ResampleRgba8<T, UndistortMap<T>>, gsh::detail::CompositeRgba8<T, gsh::detail::PlainBackground<T>>,
     gsh::detail::CompositeRgba8<T, gsh::detail::ImageBackground<T>>,
-    gsh::detail::Difference<T>, gsh::detail::Accumulate<T>, gsh::detail::Accumulate<vec3<T>>, gsh::detail::Sum<vec3<T>>,
-    gsh::detail::ScaleFirst<T>, gsh::detail::AdamStep<T>, Skin<T, Affine<T>>, Skin<T, dual_quat<T>>, HashTableBackward<T>>;
+    gsh::detail::Difference<T>, gsh::detail::Accumulate<T>, gsh::detail::Accumulate<vec3<T>>,
+    gsh::detail::ObserveSplats<T>, gsh::detail::DecideFates<T>, gsh::detail::DescendGaussian<T>,
+    gsh::detail::DescendMoments<T>, gsh::detail::LimitFromAbove<T>,
+    gsh::detail::AdamStep<T>, Skin<T, Affine<T>>, Skin<T, dual_quat<T>>, HashTableBackward<T>,
+    gsh::detail::TurnedPose<T>, gsh::detail::TurnedPoseBackward<T>, gsh::detail::Incremented<T>,
+    gsh::detail::PullGradient<T>, gsh::detail::MovedCameraBackward<T>, gsh::detail::RowStep<T>,
+    gsh::detail::SequenceGradient<RotationSequence<T>, vec3<T>>, gsh::detail::SequenceGradient<NumberSequence<T>, T>,
+    gsh::detail::SequenceValue<RotationSequence<T>, T>, gsh::detail::SequenceValue<NumberSequence<T>, T>>;
 
 bool failed = false;
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/camera/camera_increment.hpp>
 #include <gsh/camera/distortion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/body/skeleton.hpp>
@@ -20,6 +21,7 @@
 #include <gsh/math/polar.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/rotation.hpp>
+#include <gsh/math/rotation_increment.hpp>
 #include <gsh/math/sh.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
@@ -189,6 +191,19 @@ struct RotationElement {
     }
 };
 
+struct RotationIncrementElement {
+    static constexpr const char* name = "math/rotation_increment";
+    template <Lane T>
+    GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
+        const vec3<T> result = in.vector() * T(1.8), increment = in.vector(), dL_dresult = in.vector();
+        const ExponentialJacobian<T> J(result);
+        out.put(J.times(increment)), out.put(J.inverse_times(increment));
+        vec3<T> dL_dincrement(T(0));
+        turned_backward(increment, result, dL_dresult, dL_dincrement);
+        out.put(dL_dincrement);
+    }
+};
+
 struct AffineElement {
     static constexpr const char* name = "math/affine";
     template <Lane T>
@@ -278,6 +293,23 @@ struct PinholeElement {
         to_camera_backward(camera, point, dL_dp, dL_dpoint, dL_dcamera);
         center_backward(camera, in.vector(), dL_dcamera);
         out.put(to_pixel(camera, p)), out.put(camera.center()), out.put(dL_dpoint), out.put(dL_dcamera);
+    }
+};
+
+struct CameraIncrementElement {
+    static constexpr const char* name = "camera/camera_increment";
+    template <Lane T>
+    GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
+        const Camera<T> camera = in.camera();
+        const vec3<T> pivot = in.vector();
+        const CameraIncrement<T> increment{in.vector(), in.vector(), in.number(), in.vector2()};
+        const Camera<T> moved = moved_camera(camera, pivot, increment);
+        out.put(moved.R), out.put(moved.t), out.put(moved.fx), out.put(moved.cy);
+        CameraGradient<T> dL_dmoved{in.matrix(), in.vector(), in.number(), in.number(), in.number(), in.number()};
+        CameraIncrement<T> dL_dincrement;
+        moved_camera_backward(camera, pivot, increment, dL_dmoved, dL_dincrement);
+        out.put(dL_dincrement.rotation), out.put(dL_dincrement.translation);
+        out.put(dL_dincrement.log_focal), out.put(dL_dincrement.center);
     }
 };
 
@@ -495,7 +527,8 @@ struct SsimElement {
 
 /// All of them. A new per-element function is one more struct above and one more name here.
 using Elements =
-    std::tuple<VectorElement, ScalarElement, RotationElement, AffineElement, SymmetricElement, SHElement<0>,
+    std::tuple<VectorElement, ScalarElement, RotationElement, RotationIncrementElement, CameraIncrementElement,
+               AffineElement, SymmetricElement, SHElement<0>,
                SHElement<1>, SHElement<2>, SHElement<3>, SHElement<4>, CovarianceElement, ShadeElement, PinholeElement,
                DistortionElement, SkeletonElement, ProjectionElement, WhitenElement, ColorElement, HashGridElement,
                PolarElement, DualQuatElement, SkinnedGaussianElement<LinearBlend>, SkinnedGaussianElement<PolarBlend>,

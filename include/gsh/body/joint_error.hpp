@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  How far the joints of one motion are from those of another: the figure by which estimated poses are judged.
+#pragma once
+
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/body/skeleton.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/math/affine.hpp>
+#include <gsh/math/rotation.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace gsh {
+
+/// What is taken out before joints are compared.
+enum class RootAlignment {
+    none,     ///< nothing: where the body stands counts, too
+    position, ///< each frame is shifted so that the roots coincide: the usual root-aligned error
+    rotation, ///< and turned about the root so that the roots' orientations coincide: the limbs' own error
+};
+
+/// Distances between joints, in millimetres.
+///
+/// Shapes  per_joint [J] means over frames, the root's among them; per_frame: means over joints, one per compared
+/// frame.
+struct JointErrors {
+    double mean_mm = 0; ///< over frames and joints; 0 if there are none
+    double worst_mm = 0;
+    std::vector<double> per_joint_mm;
+    std::vector<double> per_frame_mm;
+
+    /// Mean over some joints, for instance those of one hand.
+    [[nodiscard]] double mean_of_mm(Span<const std::size_t> joints) const {
+        double sum = 0;
+        for (const std::size_t joint : joints) {
+            check_value(joint < per_joint_mm.size(), "JointErrors::mean_of_mm",
+                        "joint " + std::to_string(joint) + " is asked for, there are " +
+                            std::to_string(per_joint_mm.size()));
+            sum += per_joint_mm[joint];
+        }
+        return joints.empty() ? 0 : sum / static_cast<double>(joints.size());
+    }
+};
+
+/// World positions of a motion's joints, [T, J], with the motion's own betas and expressions.
+/// Errors  as validate(Motion) has them.
+[[nodiscard]] inline std::vector<vec3<double>> motion_joints(const BodyModel& model, const Motion& motion) {
+    validate(motion, model, "motion_joints");
+    const std::size_t J = model.joint_count(), E = static_cast<std::size_t>(model.expression_count);
+    const auto shaped = regress_joints(model, shaped_vertices(model, motion.betas));
+    const auto directions =
+        motion.expression_count ? joint_directions(model, model.exprdirs) : std::vector<vec3<double>>();
+    std::vector<vec3<double>> result, rest(J);
+    std::vector<mat3<double>> rotations(J);
+    std::vector<Affine<double>> bones(J);
+    for (std::size_t t = 0; t < motion.frame_count(); ++t) {
+        for (std::size_t j = 0; j < J; ++j) {
+            rest[j] = shaped[j];
+            for (std::size_t k = 0; k < motion.expression_count; ++k)
+                rest[j] += directions[j * E + k] * motion.expression_at(t)[k];
+            rotations[j] = rotation_from_axis_angle(motion.pose_at(t)[j]);
+        }
+        bone_transforms<double>(model.parents, rotations, rest, motion.transl[t], bones);
+        for (std::size_t j = 0; j < J; ++j) result.push_back(bones[j](rest[j]));
+    }
+    return result;
+}
+
+/// Mean per-joint position error between two motions of one body, frame by frame.
+///
+/// Each motion is posed with its own shape and expression. Learned joints of an avatar play no part: two motions are
+/// compared on one and the same model.
+/// Shapes  frames: those to compare, or empty for all.
+/// Errors  ShapeError if the motions differ in frames or are not of this body; ValueError for a frame that is not
+/// there. Source  MPJPE, Ionescu et al., "Human3.6M", 2014, §4; root included in the mean, where alignment makes it
+/// zero.
+[[nodiscard]] inline JointErrors joint_errors(const BodyModel& model, const Motion& motion, const Motion& truth,
+                                              RootAlignment alignment = RootAlignment::position,
+                                              Span<const std::size_t> frames = {}) {
+    constexpr std::string_view where = "joint_errors";
+    check_size(where, "frames of the motion", motion.frame_count(), truth.frame_count(), "compare the same frames");
+    const std::vector<vec3<double>> found = motion_joints(model, motion), expected = motion_joints(model, truth);
+    std::vector<std::size_t> compared(frames.begin(), frames.end());
+    if (compared.empty())
+        for (std::size_t t = 0; t < truth.frame_count(); ++t) compared.push_back(t);
+
+    const std::size_t J = model.joint_count();
+    JointErrors errors;
+    errors.per_joint_mm.assign(J, 0);
+    for (const std::size_t t : compared) {
+        check_value(t < truth.frame_count(), where,
+                    "frame " + std::to_string(t) + " is to be compared, the motions have " +
+                        std::to_string(truth.frame_count()));
+        mat3<double> turn(1.0);
+        if (alignment == RootAlignment::rotation)
+            turn = rotation_from_axis_angle(truth.pose_at(t)[0]) *
+                   transpose(rotation_from_axis_angle(motion.pose_at(t)[0]));
+        const vec3<double> here = alignment == RootAlignment::none ? vec3<double>(0) : found[t * J];
+        const vec3<double> there = alignment == RootAlignment::none ? vec3<double>(0) : expected[t * J];
+        double sum = 0;
+        for (std::size_t j = 0; j < J; ++j) {
+            const double error = 1000 * length(turn * (found[t * J + j] - here) - (expected[t * J + j] - there));
+            errors.per_joint_mm[j] += error / static_cast<double>(compared.size());
+            errors.worst_mm = std::max(errors.worst_mm, error);
+            sum += error;
+        }
+        errors.per_frame_mm.push_back(sum / static_cast<double>(J));
+        errors.mean_mm += errors.per_frame_mm.back() / static_cast<double>(compared.size());
+    }
+    return errors;
+}
+
+} // namespace gsh

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A small correction of a calibrated camera, with its adjoint.
+#pragma once
+
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/config.hpp>
+#include <gsh/core/lane.hpp>
+#include <gsh/math/rotation.hpp>
+#include <gsh/math/vec.hpp>
+
+namespace gsh {
+
+/// What is to be added to a camera; zero changes nothing, bit for bit. A gradient has the same form.
+///
+/// The camera turns about a pivot in the scene, not about its own centre: a turn then shows the subject from another
+/// side and a shift moves it in the image. About its centre both would move it in the image, and each would undo the
+/// other.
+///
+/// Frame   rotation about the camera's axes, translation along them.
+/// Units   radians, metres, logarithm of a factor on both focal lengths, pixels.
+template <class T>
+struct CameraIncrement {
+    vec3<T> rotation = vec3<T>(T(0));
+    vec3<T> translation = vec3<T>(T(0));
+    T log_focal = T(0);
+    vec2<T> center = vec2<T>(T(0)); ///< of the principal point
+};
+
+/// x_cam = exp(rotation) (R x + t - p) + p + translation with p = R pivot + t; f *= exp(log_focal); c += center.
+template <Lane T>
+[[nodiscard]] GSH_HD Camera<T> moved_camera(const Camera<T>& camera, const vec3<T>& pivot,
+                                            const CameraIncrement<T>& increment) {
+    const mat3<T> turn = rotation_from_axis_angle(increment.rotation);
+    const vec3<T> from_pivot = -(camera.R * pivot); // t - p
+    const T zoom = exp(increment.log_focal);
+    Camera<T> moved = camera;
+    moved.R = turn * camera.R;
+    moved.t = camera.t + (turn * from_pivot - from_pivot) + increment.translation;
+    moved.fx = camera.fx * zoom, moved.fy = camera.fy * zoom;
+    moved.cx = camera.cx + increment.center.x, moved.cy = camera.cy + increment.center.y;
+    return moved;
+}
+
+/// Adjoint of moved_camera with respect to the increment: adds to dL_dincrement.
+template <Lane T>
+GSH_HD void moved_camera_backward(const Camera<T>& camera, const vec3<T>& pivot, const CameraIncrement<T>& increment,
+                                  const CameraGradient<T>& dL_dmoved, CameraIncrement<T>& dL_dincrement) {
+    const mat3<T> dL_dturn = dL_dmoved.dL_dR * transpose(camera.R) - outer(dL_dmoved.dL_dt, camera.R * pivot);
+    const T zoom = exp(increment.log_focal);
+    rotation_from_axis_angle_backward(increment.rotation, dL_dturn, dL_dincrement.rotation);
+    dL_dincrement.translation += dL_dmoved.dL_dt;
+    dL_dincrement.log_focal += (dL_dmoved.dL_dfx * camera.fx + dL_dmoved.dL_dfy * camera.fy) * zoom;
+    dL_dincrement.center += vec2<T>(dL_dmoved.dL_dcx, dL_dmoved.dL_dcy);
+}
+
+} // namespace gsh

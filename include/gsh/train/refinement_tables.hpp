@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The numbers of a refinement: tables of increments whose rows take steps of Adam, each when it is visited.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/camera/camera_increment.hpp>
+#include <gsh/core/config.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/optim/adam.hpp>
+#include <gsh/train/refinement_config.hpp>
+
+#include <array>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+namespace detail {
+
+/// One step of Adam for one row's numbers; the gradients are zero afterwards.
+template <class T>
+struct RowStep {
+    Span<T> parameters, gradients, m, v;
+    Span<const T> rates; // a factor for every three numbers, or empty
+    AdamCoefficients<T> coefficients;
+    GSH_HD void operator()(std::size_t i) const {
+        AdamCoefficients<T> mine = coefficients;
+        if (!rates.empty()) mine.step_size *= rates[i / 3];
+        adam_update(parameters[i], gradients[i], m[i], v[i], mine);
+        gradients[i] = T(0);
+    }
+};
+
+} // namespace detail
+
+/// Increments, their gradients and Adam's moments: one table per group, all in one array of the backend, all zero at
+/// first.
+///
+/// Rows are visited, now and then, and only a visited row takes a step, with its own count of steps: it moves by about
+/// the rate at each visit, however many rows there are. In dense Adam the zeros of all other rows' visits would shrink
+/// the second moment, and so raise the rate with the motion's length; and a frame would go on moving while others are
+/// looked at.
+///
+/// Shapes  see RefinementGroup; the four groups of a camera are one CameraIncrement.
+template <Backend B, std::floating_point T = float>
+class RefinementTables {
+public:
+    static constexpr std::size_t camera_width = sizeof(CameraIncrement<T>) / sizeof(T);
+    static_assert(camera_width == 9, "a camera's increment is nine numbers without gaps");
+
+    struct Sizes {
+        std::size_t frames = 0, joints = 0, expression = 0, betas = 0, cameras = 0;
+    };
+
+    RefinementTables(B& backend, const Sizes& sizes) : backend_(&backend) {
+        std::size_t numbers = 0, rows = 0;
+        const auto place = [&](RefinementGroup group, std::size_t count, std::size_t width, std::size_t stride,
+                               std::size_t offset) {
+            tables_[static_cast<std::size_t>(group)] = {offset, count, width, stride, rows};
+            rows += count;
+        };
+        const auto table = [&](RefinementGroup group, std::size_t count, std::size_t width) {
+            place(group, count, width, width, numbers);
+            numbers += count * width;
+        };
+        table(RefinementGroup::pose, sizes.frames, 3 * sizes.joints);
+        table(RefinementGroup::transl, sizes.frames, 3);
+        table(RefinementGroup::expression, sizes.frames, sizes.expression);
+        table(RefinementGroup::betas, 1, sizes.betas);
+        place(RefinementGroup::camera_rotation, sizes.cameras, 3, camera_width, numbers);
+        place(RefinementGroup::camera_translation, sizes.cameras, 3, camera_width, numbers + 3);
+        place(RefinementGroup::camera_focal, sizes.cameras, 1, camera_width, numbers + 6);
+        place(RefinementGroup::camera_center, sizes.cameras, 2, camera_width, numbers + 7);
+        numbers += sizes.cameras * camera_width;
+        updates_.assign(rows, 0);
+        for (Buffer* buffer : {&increments_, &gradient_, &first_moment_, &second_moment_}) {
+            buffer->resize(numbers);
+            backend_->fill(Span<T>(*buffer), T(0));
+        }
+    }
+
+    [[nodiscard]] std::size_t rows(RefinementGroup group) const { return table(group).rows; }
+    [[nodiscard]] std::size_t width(RefinementGroup group) const { return table(group).width; }
+
+    /// One row, in the backend's memory.
+    [[nodiscard]] Span<T> increments(RefinementGroup group, std::size_t row) {
+        return at(Span<T>(increments_), group, row);
+    }
+    [[nodiscard]] Span<const T> increments(RefinementGroup group, std::size_t row) const {
+        return at(Span<const T>(increments_), group, row);
+    }
+    [[nodiscard]] Span<T> gradient(RefinementGroup group, std::size_t row) {
+        return at(Span<T>(gradient_), group, row);
+    }
+
+    /// All rows of a group that has its table to itself: any but a camera's.
+    [[nodiscard]] Span<const T> all_increments(RefinementGroup group) const {
+        return Span<const T>(increments_).subspan(table(group).offset, table(group).rows * table(group).width);
+    }
+    /// The four groups of a camera.
+    [[nodiscard]] Span<const T> camera_increments(std::size_t camera) const {
+        return {increments(RefinementGroup::camera_rotation, camera).data(), camera_width};
+    }
+    [[nodiscard]] Span<T> camera_gradient(std::size_t camera) {
+        return {gradient(RefinementGroup::camera_rotation, camera).data(), camera_width};
+    }
+
+    /// A row's step of Adam; its gradient is zero afterwards. rates: a factor for every three numbers, or empty.
+    void step(RefinementGroup group, std::size_t row, const Adam& adam, double rate, Span<const T> rates = {}) {
+        const double t = static_cast<double>(++updates_[table(group).first_update + row]);
+        const double correction1 = 1 - std::pow(adam.beta1, t), correction2 = 1 - std::pow(adam.beta2, t);
+        const Span<T> numbers = increments(group, row);
+        backend_->for_each(numbers.size(),
+                           detail::RowStep<T>{numbers,
+                                              gradient(group, row),
+                                              at(Span<T>(first_moment_), group, row),
+                                              at(Span<T>(second_moment_), group, row),
+                                              rates,
+                                              {T(adam.beta1), T(adam.beta2), T(1 - adam.beta1), T(1 - adam.beta2),
+                                               T(rate / correction1), T(1 / std::sqrt(correction2)), T(adam.epsilon)}});
+    }
+    void forget_gradient(RefinementGroup group, std::size_t row) { backend_->fill(gradient(group, row), T(0)); }
+
+    /// All increments on the host, to be read row by row.
+    class HostIncrements {
+    public:
+        HostIncrements(const RefinementTables& tables) : tables_(&tables), numbers_(tables.increments_.size()) {
+            tables.backend_->download(Span<const T>(tables.increments_), Span<T>(numbers_));
+        }
+        [[nodiscard]] Span<T> operator()(RefinementGroup group, std::size_t row) {
+            return tables_->at(Span<T>(numbers_), group, row);
+        }
+        [[nodiscard]] const std::vector<T>& numbers() const { return numbers_; }
+
+    private:
+        const RefinementTables* tables_;
+        std::vector<T> numbers_;
+    };
+    [[nodiscard]] HostIncrements host_increments() const { return HostIncrements(*this); }
+    void set_increments(const HostIncrements& host) { backend_->upload(Span<const T>(host.numbers()), increments_); }
+
+    /// Everything but gradients that wait for a step; `steps` is the caller's.
+    [[nodiscard]] RefinementState<T> state() const {
+        RefinementState<T> state;
+        state.updates = updates_;
+        const auto fetch = [&](const Buffer& from, std::vector<T>& to) {
+            to.resize(from.size());
+            backend_->download(Span<const T>(from), Span<T>(to));
+        };
+        fetch(increments_, state.increments);
+        fetch(first_moment_, state.first_moment);
+        fetch(second_moment_, state.second_moment);
+        return state;
+    }
+    /// Errors  ShapeError if it is of other tables; nothing is taken over then.
+    void set_state(const RefinementState<T>& state) {
+        constexpr std::string_view where = "RefinementTables::set_state",
+                                   hint = "resume with the input of the first run";
+        check_size(where, "updates", state.updates.size(), updates_.size(), hint);
+        check_size(where, "increments", state.increments.size(), increments_.size(), hint);
+        check_size(where, "first_moment", state.first_moment.size(), increments_.size(), hint);
+        check_size(where, "second_moment", state.second_moment.size(), increments_.size(), hint);
+        updates_ = state.updates;
+        backend_->upload(Span<const T>(state.increments), increments_);
+        backend_->upload(Span<const T>(state.first_moment), first_moment_);
+        backend_->upload(Span<const T>(state.second_moment), second_moment_);
+        backend_->fill(Span<T>(gradient_), T(0));
+    }
+
+private:
+    using Buffer = typename B::template Buffer<T>;
+
+    /// Where a group's numbers stand: row r at offset + r stride.
+    struct Table {
+        std::size_t offset = 0, rows = 0, width = 0, stride = 0, first_update = 0;
+    };
+
+    [[nodiscard]] const Table& table(RefinementGroup group) const { return tables_[static_cast<std::size_t>(group)]; }
+
+    template <class U>
+    [[nodiscard]] Span<U> at(Span<U> numbers, RefinementGroup group, std::size_t row) const {
+        const Table& t = table(group);
+        if (row >= t.rows)
+            throw ValueError("refinement: row " + std::to_string(row) + " of " +
+                             std::string(refinement_group_names[static_cast<std::size_t>(group)]) +
+                             " is asked for, there are " + std::to_string(t.rows));
+        return numbers.subspan(t.offset + row * t.stride, t.width);
+    }
+
+    B* backend_;
+    std::array<Table, refinement_group_count> tables_;
+    Buffer increments_, gradient_, first_moment_, second_moment_;
+    std::vector<std::uint64_t> updates_; ///< steps that each row of each group has taken
+};
+
+} // namespace gsh

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/threads.hpp>
+#include <gsh/body/joint_error.hpp>
+#include <gsh/train/pose_fit.hpp>
+
+#include "support/posed_scene.hpp"
+
+#include <utility>
+
+using namespace gsh;
+using test::PosedScene;
+
+namespace {
+
+RefinementConfig quick() {
+    RefinementConfig config = test_time_config();
+    config.pose.rate = 1e-2, config.transl.rate = 3e-3, config.expression.rate = 0;
+    return config;
+}
+
+template <class B>
+Motion fitted(B&& backend, const PosedScene& scene, std::size_t frame, PoseFitParams params,
+              PoseFitReport* report = nullptr) {
+    using Where = std::remove_cvref_t<B>;
+    Avatar<Where> avatar(backend, scene.avatar);
+    PoseFit<Where> fit(backend, avatar, scene.avatar.filter, params);
+    MotionRefinement<Where> motion(backend, scene.avatar.rig, scene.estimate(), {}, quick());
+    const auto found = fit.fit(motion, frame, scene.observe(frame));
+    if (report) *report = found;
+    return motion.motion();
+}
+
+} // namespace
+
+TEST_CASE("a frame's pose is found from its photographs, and no other frame moves") {
+    const PosedScene scene;
+    const Motion estimate = scene.estimate();
+    for (const double mask_weight : {0.0, 0.3}) {
+        CAPTURE(mask_weight);
+        PoseFitReport report;
+        const Motion motion = fitted(cpu::Serial(), scene, 2, {.steps = 60, .mask_weight = mask_weight}, &report);
+        const std::vector<std::size_t> frame{2}, others{0, 1, 3, 4};
+        const auto error = [&](const Motion& m, const std::vector<std::size_t>& frames) {
+            return joint_errors(scene.body, m, scene.truth, RootAlignment::none, frames).mean_mm;
+        };
+        MESSAGE("joints " << error(estimate, frame) << " mm before, " << error(motion, frame) << " mm after; loss "
+                          << report.loss_before << " and " << report.loss_after);
+        CHECK(error(motion, frame) < 0.25 * error(estimate, frame));
+        CHECK(error(motion, others) == error(estimate, others));
+        CHECK(report.kept);
+        CHECK(report.loss_after < 0.5 * report.loss_before);
+    }
+}
+
+TEST_CASE("a fit is the same at any thread count") {
+    const PosedScene scene;
+    const Motion expected = fitted(cpu::Serial(), scene, 1, {.steps = 6});
+    for (const std::size_t threads : {1, 2, 5}) {
+        const Motion found = fitted(cpu::Threads(threads), scene, 1, {.steps = 6});
+        CHECK(found.pose == expected.pose);
+        CHECK(found.transl == expected.transl);
+    }
+}
+
+TEST_CASE("a fit that makes it worse leaves the estimate alone") {
+    const PosedScene scene;
+    cpu::Serial backend;
+    Avatar<cpu::Serial> avatar(backend, scene.avatar);
+    PoseFit<cpu::Serial> fit(backend, avatar, scene.avatar.filter, {.steps = 2});
+    RefinementConfig config = quick();
+    config.pose.rate = 1;
+    MotionRefinement<cpu::Serial> motion(backend, scene.avatar.rig, scene.truth, {}, config);
+    const auto report = fit.fit(motion, 0, {scene.observe(0, 1)});
+    CHECK(!report.kept);
+    CHECK(report.loss_after == report.loss_before);
+    CHECK(motion.motion().pose == scene.truth.pose);
+}
+
+TEST_CASE("no steps, no change; bad observations are refused") {
+    const PosedScene scene;
+    cpu::Serial backend;
+    Avatar<cpu::Serial> avatar(backend, scene.avatar);
+    PoseFit<cpu::Serial> fit(backend, avatar, scene.avatar.filter, {.steps = 0});
+    RefinementConfig config = quick();
+    config.left_out = {3};
+    MotionRefinement<cpu::Serial> motion(backend, scene.avatar.rig, scene.truth, {}, config);
+    CHECK(!fit.fit(motion, 0, {scene.observe(0, 1)}).kept);
+    CHECK_THROWS_AS(fit.fit(motion, 0, {}), ValueError);
+    CHECK_THROWS_AS(fit.fit(motion, 3, {scene.observe(3, 1)}), ValueError);
+    Observation photo = scene.observe(0, 0);
+    photo.rgba = photo.rgba.subspan(0, 12);
+    CHECK_THROWS_AS(fit.fit(motion, 0, {photo}), ShapeError);
+    CHECK_THROWS_AS(PoseFit<cpu::Serial>(backend, avatar, {}, {.mask_weight = -1}), ValueError);
+    MotionRefinement<cpu::Serial> late(backend, scene.avatar.rig, scene.truth, {}, {}); // starts at step 300
+    CHECK_THROWS_AS(fit.fit(late, 0, {scene.observe(0, 1)}), ValueError);
+}
