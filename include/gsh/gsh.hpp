@@ -38,6 +38,7 @@
 #include <gsh/body/joint_error.hpp>
 #include <gsh/body/mesh.hpp>
 #include <gsh/body/motion.hpp>
+#include <gsh/body/moved_motion.hpp>
 #include <gsh/body/nearest_points.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/region_mask.hpp>
@@ -45,6 +46,7 @@
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/body/vertex_samples.hpp>
 
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
@@ -90,7 +92,6 @@
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/render/target.hpp>
 #include <gsh/render/tiles.hpp>
-
 
 #include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/loss/cpu/photometric.hpp>

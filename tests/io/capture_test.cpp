@@ -150,6 +150,57 @@ TEST_CASE_FIXTURE(Fixture, "masks from a folder of their own replace alpha") {
     test::check_throws<ShapeError>([&] { (void)load(); }, {"masks/cam1", "2 images"});
 }
 
+TEST_CASE_FIXTURE(Fixture, "backgrounds are opaque, one per camera, and make a whole photograph no mistake") {
+    for (PixelImage& image : capture.images)
+        for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 255;
+    save_capture(path, capture);
+    CHECK(only_warning().find("without a mask") != std::string::npos);
+    for (int c = 0; c < 3; ++c) {
+        PixelImage plate(4, 60, 64);
+        for (std::size_t i = 0; i < plate.data.size(); ++i) plate.data[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(40 * c + 1);
+        capture.backgrounds.push_back(plate);
+    }
+    save_capture(path, capture);
+    std::vector<std::string> warnings;
+    const Capture read = load(&warnings);
+    CHECK(warnings.empty());
+    REQUIRE(read.backgrounds.size() == 3);
+    CHECK(read.background(2)->data == capture.backgrounds[2].data);
+    CHECK(make_capture(body).background(2) == nullptr);
+
+    // The lens bends the plate as it bends the photographs; what lies beyond stays opaque.
+    capture.cameras[0].distortion = Distortion<double>{0.8, 0, 0, 0, 0};
+    write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
+    const Capture straight = load();
+    CHECK(straight.background(0)->data != capture.backgrounds[0].data);
+    CHECK(int(straight.background(0)->pixel(0, 0)[3]) == 255);
+    capture.cameras[0].distortion.reset();
+    write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
+
+    PixelImage hole = capture.backgrounds[1];
+    hole.pixel(3, 3)[3] = 254;
+    write_png(path / "backgrounds/cam1.png", hole);
+    test::check_throws<ValueError>([&] { (void)load(); }, {"backgrounds/cam1.png", "transparent"});
+    write_png(path / "backgrounds/cam1.png", PixelImage(4, 64, 60));
+    test::check_throws<ShapeError>([&] { (void)load(); }, {"backgrounds/cam1.png", "60 x 64"});
+    std::filesystem::remove(path / "backgrounds/cam1.png");
+    test::check_throws<IoError>([&] { (void)load(); }, {"backgrounds/cam1.png"});
+    capture.backgrounds.pop_back();
+    CHECK_THROWS_AS(save_capture(folder / "b", capture), ShapeError);
+}
+
+TEST_CASE_FIXTURE(Fixture, "an image that was not taken is in no view") {
+    capture.images[0] = PixelImage();
+    capture.images[4] = PixelImage();
+    CHECK(capture.views(false).size() == 4);
+    CHECK(capture.views(true).size() == 3);
+    CHECK(!capture.is_taken({1, 1}));
+    CHECK(capture_warnings(capture, body).empty());
+    for (std::size_t f = 0; f < 3; ++f) capture.images[f] = PixelImage();
+    CHECK(capture_warnings(capture, body).empty());
+    test::check_throws<ValueError>([&] { save_capture(folder / "c", capture); }, {"cam0", "frame 0"});
+}
+
 TEST_CASE_FIXTURE(Fixture, "distorted images are straightened when they are loaded") {
     // A point that the lens moves comes back to where a pinhole would have put it.
     const Distortion<double> lens{-0.8, 0.05, 0.002, -0.001, 0};

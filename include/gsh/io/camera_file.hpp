@@ -91,10 +91,14 @@ public:
         if (!value.is_string()) throw wrong(field, value, "text");
         return value.get<std::string>();
     }
-    /// `count` numbers in a list, or in a list of rows.
-    [[nodiscard]] std::vector<double> numbers(const char* field, std::size_t count) const {
+    /// Numbers in a list, or in a list of rows; `count` of them where that is given.
+    [[nodiscard]] std::vector<double> numbers(const char* field) const {
         std::vector<double> values;
         gather(field, at(field), values, 2);
+        return values;
+    }
+    [[nodiscard]] std::vector<double> numbers(const char* field, std::size_t count) const {
+        std::vector<double> values = numbers(field);
         if (values.size() != count)
             throw ShapeError(where_ + ": " + field + " has " + std::to_string(values.size()) + " numbers, expected " +
                              std::to_string(count));

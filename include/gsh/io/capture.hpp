@@ -20,6 +20,7 @@
 #include <cstdint>
 #include <exception>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -35,12 +36,16 @@ struct CaptureView {
 /// A person seen by calibrated cameras, all of it in memory.
 ///
 /// Shapes  images [cameras * frames], RGBA with straight alpha (the mask), straightened; image (c, f) is at
-///         c * frame_count() + f. motion holds one pose per frame.
+///         c * frame_count() + f, and one without pixels was not taken. motion holds one pose per frame. backgrounds
+///         [cameras], opaque RGBA of the cameras' sizes, or empty.
 struct Capture {
     std::string name;
     std::vector<NamedCamera> cameras;
     Motion motion;
     std::vector<PixelImage> images;
+    /// What each camera sees without the person: photographs and renders of it are composited over this. Empty: over a
+    /// colour of the user's choice.
+    std::vector<PixelImage> backgrounds;
     std::vector<int> test_frames;  ///< left out of training, in every camera
     double fps = 0;                ///< 0 where nobody said
     std::optional<double> floor_y; ///< metres
@@ -48,6 +53,12 @@ struct Capture {
     [[nodiscard]] std::size_t frame_count() const { return motion.frame_count(); }
     [[nodiscard]] const PixelImage& image(CaptureView view) const {
         return images[view.camera * frame_count() + view.frame];
+    }
+    /// Whether the image was taken; before images are loaded, all count as such.
+    [[nodiscard]] bool is_taken(CaptureView view) const { return images.empty() || !image(view).data.empty(); }
+    /// The camera's background, or nothing.
+    [[nodiscard]] const PixelImage* background(std::size_t camera) const {
+        return backgrounds.empty() ? nullptr : &backgrounds[camera];
     }
     [[nodiscard]] bool is_test(CaptureView view) const {
         return cameras[view.camera].role == NamedCamera::Role::test ||
@@ -58,19 +69,36 @@ struct Capture {
         std::vector<CaptureView> result;
         for (std::size_t c = 0; c < cameras.size(); ++c)
             for (std::size_t f = 0; f < frame_count(); ++f)
-                if (is_test({c, f}) == test) result.push_back({c, f});
+                if (is_taken({c, f}) && is_test({c, f}) == test) result.push_back({c, f});
         return result;
+    }
+};
+
+/// Every step-th frame from first to last, both included.
+struct FrameRange {
+    int first = 0, last = 0, step = 1;
+
+    [[nodiscard]] bool contains(int frame) const {
+        return frame >= first && frame <= last && (frame - first) % step == 0;
     }
 };
 
 struct CaptureOptions {
     std::string poses = "poses.npz"; ///< file in the capture's folder, or a path
     MotionFileOptions::Hands hands = MotionFileOptions::Hands::automatic;
+
+    // What only foreign layouts ask (io/any_capture.hpp); our own says it in its files.
+    std::optional<FrameRange> train_frames = {}, test_frames = {}; ///< instead of the data set's own split
+    std::vector<std::string> test_cameras = {};                    ///< names; empty: the data set's own
+    int downscale = 0;                                             ///< whole factor; 0: as its other readers do
+    int person = 0;                                                ///< whose motion, where there are several people
+    std::filesystem::path model = {};                              ///< folder of the rig that a data set brings; empty: its usual place
 };
 
 /// Loads DIR/cameras.json, DIR/poses.npz and the images DIR/images/CAMERA/FRAME.png (or .jpg), in order of their
-/// names. The mask is the images' alpha, or DIR/masks/CAMERA/FRAME.png, where white is the person. Images of cameras
-/// with distortion are straightened. `body` says what the poses mean.
+/// names. The mask is the images' alpha, or DIR/masks/CAMERA/FRAME.png, where white is the person. DIR/backgrounds/CAMERA.png
+/// (or .jpg), for all cameras or none, shows what is there without the person. Images of cameras with distortion are
+/// straightened. `body` says what the poses mean.
 ///
 /// Errors    IoError, ShapeError, ValueError naming the file: images, poses and cameras that do not belong together,
 ///           a mask that is empty everywhere, no view to train on, and all that the single files can be guilty of.
@@ -151,6 +179,70 @@ inline void check_mask(const std::filesystem::path& path, const PixelImage& imag
     for (std::size_t i = 3; i < image.data.size(); i += 4)
         if (image.data[i] != 0) return;
     throw ValueError(path.string() + ": its mask (alpha) is empty everywhere, expected the person to be somewhere");
+}
+
+/// The image at 1/factor of its size: each pixel the mean of a square. Colours and alpha on their own, as readers of
+/// these data sets shrink photograph and mask before they join them.
+inline PixelImage shrink(const PixelImage& image, int factor) {
+    if (factor == 1) return image;
+    PixelImage small(image.channels, image.height / factor, image.width / factor);
+    const int area = factor * factor;
+    for (int y = 0; y < small.height; ++y)
+        for (int x = 0; x < small.width; ++x)
+            for (int c = 0; c < image.channels; ++c) {
+                int sum = area / 2;
+                for (int k = 0; k < area; ++k) sum += image.pixel(y * factor + k / factor, x * factor + k % factor)[c];
+                small.pixel(y, x)[c] = static_cast<std::uint8_t>(sum / area);
+            }
+    return small;
+}
+
+/// The camera of shrunk images.
+/// Errors  ValueError for a factor that does not divide the size.
+inline Camera<double> shrink(const Camera<double>& camera, int factor, const std::string& where) {
+    check_value(factor >= 1 && camera.width % factor == 0 && camera.height % factor == 0, where,
+                "images of " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+                    " pixels cannot be shrunk by " + std::to_string(factor) + "; take a factor that divides both");
+    Camera<double> small = camera;
+    small.fx /= factor, small.fy /= factor, small.cx /= factor, small.cy /= factor;
+    small.width /= factor, small.height /= factor;
+    return small;
+}
+
+inline void check_range(const FrameRange& range, const std::string& where) {
+    constexpr int most = 100'000'000; // room to count on
+    check_value(range.first >= 0 && range.step >= 1 && range.step <= most && range.last >= range.first && range.last <= most,
+                where, "the frames " + std::to_string(range.first) + " to " + std::to_string(range.last) + " by " +
+                           std::to_string(range.step) + " are none; expected first <= last and a step of at least 1");
+}
+
+/// Runs load(i) for all i. The first in order that fails is the one that is reported, whichever thread finds it.
+template <CpuBackend B, class Load>
+void load_all(B& backend, std::size_t count, const Load& load) {
+    std::vector<std::exception_ptr> failures(count);
+    backend.for_chunks(count, 1, [&](std::size_t, std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) try {
+                load(i);
+            } catch (...) {
+                failures[i] = std::current_exception();
+            }
+    });
+    for (const auto& failure : failures)
+        if (failure) std::rethrow_exception(failure);
+}
+
+/// FOLDER/NAME.png, or .jpg, or .jpeg: the first that is there; the .png if none is, for whoever reports it.
+inline std::filesystem::path image_path(const std::filesystem::path& folder, const std::string& name) {
+    std::error_code ignored;
+    for (const char* extension : {".png", ".jpg", ".jpeg"})
+        if (auto path = folder / (name + extension); std::filesystem::exists(path, ignored)) return path;
+    return folder / (name + ".png");
+}
+
+/// A background has no transparent part.
+inline void check_opaque(const std::filesystem::path& path, const PixelImage& image) {
+    for (std::size_t i = 3; i < image.data.size(); i += 4)
+        check_value(image.data[i] == 255, path.string(), "is transparent somewhere, expected an opaque background");
 }
 
 inline PixelImage straighten(const PixelImage& image, const NamedCamera& camera) {
@@ -253,10 +345,8 @@ Capture load_capture(B& backend, const std::filesystem::path& folder, const Body
         if (std::filesystem::is_directory(folder / "masks")) append("masks", masks);
     }
 
-    // The first image in order that fails is the one that is reported, whichever thread finds it.
     capture.images.resize(count);
-    std::vector<std::exception_ptr> failures(count);
-    const auto load = [&](std::size_t i) {
+    detail::load_all(backend, count, [&](std::size_t i) {
         const NamedCamera& camera = capture.cameras[i / frames];
         PixelImage image = read_image(images[i]);
         detail::check_image_size(images[i], image, camera);
@@ -267,16 +357,19 @@ Capture load_capture(B& backend, const std::filesystem::path& folder, const Body
         }
         detail::check_mask(masks.empty() ? images[i] : masks[i], image);
         capture.images[i] = camera.distortion ? detail::straighten(image, camera) : std::move(image);
-    };
-    backend.for_chunks(count, 1, [&](std::size_t, std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) try {
-                load(i);
-            } catch (...) {
-                failures[i] = std::current_exception();
-            }
     });
-    for (const auto& failure : failures)
-        if (failure) std::rethrow_exception(failure);
+    if (std::filesystem::is_directory(folder / "backgrounds"))
+        for (const NamedCamera& camera : capture.cameras) {
+            const auto path = detail::image_path(folder / "backgrounds", camera.name);
+            PixelImage image = read_image(path);
+            detail::check_image_size(path, image, camera);
+            detail::check_opaque(path, image);
+            if (camera.distortion) {
+                image = detail::straighten(image, camera);
+                for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 255; // black beyond the photograph
+            }
+            capture.backgrounds.push_back(std::move(image));
+        }
     for (NamedCamera& camera : capture.cameras) camera.distortion.reset();
 
     if (warnings)
@@ -288,15 +381,20 @@ inline std::vector<std::string> capture_warnings(const Capture& capture, const B
     std::vector<std::string> warnings;
     const std::size_t frames = capture.frame_count();
     if (frames == 0) return warnings;
-    const std::array<std::size_t, 3> looked_at{0, frames / 2, frames - 1};
-    std::vector<std::vector<vec3<double>>> points;
-    for (const std::size_t frame : looked_at) points.push_back(detail::bone_points(body, capture.motion, frame));
+    std::map<std::size_t, std::vector<vec3<double>>> points; // of the frames that are looked at
 
     const auto percent = [](double share) { return std::to_string(static_cast<int>(100 * share + 0.5)) + "%"; };
     for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
+        std::vector<std::size_t> taken;
+        for (std::size_t f = 0; f < frames; ++f)
+            if (capture.is_taken({c, f})) taken.push_back(f);
+        if (taken.empty()) continue;
+        const std::array<std::size_t, 3> looked_at{taken.front(), taken[taken.size() / 2], taken.back()};
         detail::MaskStatistics mean;
-        for (std::size_t k = 0; k < looked_at.size(); ++k) {
-            const auto one = detail::mask_statistics(capture.cameras[c].camera, capture.image({c, looked_at[k]}), points[k]);
+        for (const std::size_t frame : looked_at) {
+            auto& on_bones = points[frame];
+            if (on_bones.empty()) on_bones = detail::bone_points(body, capture.motion, frame);
+            const auto one = detail::mask_statistics(capture.cameras[c].camera, capture.image({c, frame}), on_bones);
             const double weight = 1.0 / static_cast<double>(looked_at.size());
             mean.inside += weight * one.inside, mean.extent += weight * one.extent;
             mean.on_body += weight * one.on_body, mean.border += weight * one.border;
@@ -310,6 +408,8 @@ inline std::vector<std::string> capture_warnings(const Capture& capture, const B
         else if (mean.extent < 0.02 * capture.cameras[c].camera.height)
             warnings.push_back(camera + " sees a body " + std::to_string(static_cast<int>(mean.extent + 0.5)) +
                                " pixels tall; t is probably not in metres");
+        else if (mean.opaque && capture.background(c))
+            continue; // the whole photograph is the person over the background
         else if (mean.opaque)
             warnings.push_back(camera + " has images without a mask: no pixel is transparent; store the person's mask as alpha, or in masks/");
         else if (mean.on_body < 0.4 && mean.border > 0.6)
@@ -325,7 +425,21 @@ inline std::vector<std::string> capture_warnings(const Capture& capture, const B
 inline void save_capture(const std::filesystem::path& folder, const Capture& capture) {
     const std::size_t frames = capture.frame_count();
     check_size("save_capture", "images", capture.images.size(), capture.cameras.size() * frames, "store one per camera and frame");
+    for (std::size_t i = 0; i < capture.images.size(); ++i)
+        check_value(!capture.images[i].data.empty(), "save_capture",
+                    "camera '" + capture.cameras[i / frames].name + "' did not take frame " + std::to_string(i % frames) +
+                        ", but the layout has a place for every image; leave out such cameras or frames");
     std::error_code error;
+    if (!capture.backgrounds.empty()) {
+        check_size("save_capture", "backgrounds", capture.backgrounds.size(), capture.cameras.size(), "store one per camera");
+        std::filesystem::create_directories(folder / "backgrounds", error);
+        if (error) throw IoError((folder / "backgrounds").string() + ": cannot be created: " + error.message());
+        for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
+            const auto path = folder / "backgrounds" / (capture.cameras[c].name + ".png");
+            detail::check_image_size(path, capture.backgrounds[c], capture.cameras[c]);
+            write_png(path, capture.backgrounds[c]);
+        }
+    }
     for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
         const auto images = folder / "images" / capture.cameras[c].name;
         std::filesystem::create_directories(images, error);

@@ -4,7 +4,9 @@
 
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
+#include <gsh/body/moved_motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/motion_table.hpp>
 #include <gsh/io/npz.hpp>
 
 #include <algorithm>
@@ -15,6 +17,7 @@
 #include <initializer_list>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -28,6 +31,15 @@ struct MotionFileOptions {
     };
     Hands hands = Hands::automatic;
     double fps = 0; ///< of files that hold neither timestamps nor a frame rate; 0: one frame a second
+
+    /// Which way is up. Poses that belong to cameras must stay as they are; motions from elsewhere often count height
+    /// along z (AMASS) or lie in a camera's frame, y down.
+    enum class World {
+        as_stored,
+        upright, ///< the coordinate axis that the body stands along becomes +y
+    };
+    World world = World::as_stored;
+    int person = 0; ///< whose motion, in formats that hold several people: an id, or a place in the list
 };
 
 /// Reads a motion for a body.
@@ -54,12 +66,13 @@ inline void save_motion(const std::filesystem::path& path, const Motion& motion)
 
 namespace detail {
 
-/// Reads a motion file part by part into the joints of a body.
+/// Reads a motion part by part into the joints of a body, from an NpzReader or a MotionTable.
+template <class Source>
 class MotionReader {
 public:
-    MotionReader(const std::filesystem::path& path, const BodyModel& model, const MotionFileOptions& options,
+    MotionReader(Source source, const BodyModel& model, const MotionFileOptions& options,
                  std::vector<std::string>* warnings)
-        : file_(path), model_(model), options_(options), warnings_(warnings), joints_(model.joint_count()) {}
+        : file_(std::move(source)), model_(model), options_(options), warnings_(warnings), joints_(model.joint_count()) {}
 
     [[nodiscard]] Motion read() {
         const bool split = file_.has_array("global_orient") || !file_.has_array("poses");
@@ -75,11 +88,13 @@ public:
             warn(hand_mean_warning(model_, motion_, add));
         }
         warn_of_degrees();
+        if (options_.world == MotionFileOptions::World::upright && !stand_upright(model_, motion_))
+            warn("the body stands along no coordinate axis, so the world is left as it is");
         return std::move(motion_);
     }
 
 private:
-    NpzReader file_;
+    Source file_;
     const BodyModel& model_;
     const MotionFileOptions& options_;
     std::vector<std::string>* warnings_;
@@ -108,7 +123,7 @@ private:
         check_value(frames_ > 0, file_.name_of(key), "holds no frames");
         if (shape[0] != frames_)
             throw ShapeError(file_.name_of(key) + " " + expected(frames_) + "; all parts must hold the same frames");
-        NpyArray<double> array = file_.read<double>(key);
+        NpyArray<double> array = file_.template read<double>(key);
         array.shape = {frames_, found};
         return array;
     }
@@ -209,7 +224,7 @@ private:
     }
 
     void read_betas() {
-        auto betas = file_.read<double>("betas");
+        auto betas = file_.template read<double>("betas");
         const std::size_t rows = betas.shape.size() > 1 ? betas.dim(0) : 1, own = static_cast<std::size_t>(model_.shape_count);
         if (betas.shape.empty() || betas.shape.size() > 2 || rows == 0)
             throw ShapeError(file_.name_of("betas") + " has shape " + shape_text(betas.shape) + ", expected (*,): one shape for all frames");
@@ -242,7 +257,7 @@ private:
 
     void read_timestamps() {
         if (file_.has_array("timestamps")) {
-            motion_.timestamps = file_.read<double>("timestamps", {static_cast<std::int64_t>(frames_)}, Numbers::any).data;
+            motion_.timestamps = file_.template read<double>("timestamps", {static_cast<std::int64_t>(frames_)}, Numbers::any).data;
             for (std::size_t t = 1; t < frames_; ++t)
                 check_value(motion_.timestamps[t] >= motion_.timestamps[t - 1], file_.name_of("timestamps"),
                             "go back in time at frame " + std::to_string(t));
@@ -251,7 +266,7 @@ private:
         double fps = options_.fps > 0 ? options_.fps : 1;
         for (const char* key : {"mocap_framerate", "mocap_frame_rate"})
             if (file_.has_array(key)) {
-                fps = file_.read_number<double>(key, Numbers::any);
+                fps = file_.template read_number<double>(key, Numbers::any);
                 check_value(fps > 0, file_.name_of(key), "must be positive");
             }
         for (std::size_t t = 0; t < frames_; ++t) motion_.timestamps.push_back(static_cast<double>(t) / fps);
@@ -261,7 +276,7 @@ private:
         if (options_.hands != MotionFileOptions::Hands::automatic)
             return options_.hands == MotionFileOptions::Hands::add_mean;
         for (const char* key : {"flat_hand", "flat_hand_mean"})
-            if (file_.has_array(key)) return file_.read_number<int>(key) == 0;
+            if (file_.has_array(key)) return file_.template read_number<int>(key) == 0;
         return split;
     }
     void add_mean_hands() {
@@ -283,7 +298,7 @@ private:
 
 inline Motion load_motion(const std::filesystem::path& path, const BodyModel& model, const MotionFileOptions& options,
                           std::vector<std::string>* warnings) {
-    return detail::MotionReader(path, model, options, warnings).read();
+    return detail::MotionReader<NpzReader>(NpzReader(path), model, options, warnings).read();
 }
 
 inline std::string hand_mean_warning(const BodyModel& model, const Motion& motion, bool mean_added) {

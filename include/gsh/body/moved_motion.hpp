@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Motions seen from another frame: a rigid change of the world, and the way up.
+#pragma once
+
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/math/affine.hpp>
+#include <gsh/math/rotation.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <cmath>
+#include <cstddef>
+#include <string>
+
+namespace gsh {
+
+/// Rest position J₀ of the root joint, which the root's rotation turns about; costs only the vertices it hangs on.
+/// Errors  ShapeError for more coefficients than the body has directions.
+[[nodiscard]] inline vec3<double> root_joint(const BodyModel& model, Span<const double> betas,
+                                             Span<const double> expression = {});
+
+/// Carries one frame of a motion into another world: a posed point that was at x is then at new_from_old(x).
+///
+///     R' = A R,   t' = A (J₀ + t) + a - J₀   for new_from_old(x) = A x + a,
+///
+/// since the body turns about J₀ and not about the origin.
+/// Errors  ValueError unless A is a rotation (a mirror would need a mirrored body).
+inline void move_frame(const BodyModel& model, Motion& motion, std::size_t frame, const Affine<double>& new_from_old);
+
+/// Turns the world so that the coordinate axis along which the body stands, on average over the frames, becomes +y.
+/// Returns false, and changes nothing, where that is no axis: a motion on the floor, or somersaults.
+inline bool stand_upright(const BodyModel& model, Motion& motion);
+
+// -------------------------------------------------------------------------------------------------------------
+
+inline vec3<double> root_joint(const BodyModel& model, Span<const double> betas, Span<const double> expression) {
+    const auto S = static_cast<std::size_t>(model.shape_count), E = static_cast<std::size_t>(model.expression_count);
+    detail::check_coefficients("root_joint", "betas", betas.size(), S);
+    detail::check_coefficients("root_joint", "expression", expression.size(), E);
+    check_value(!model.J_regressor.empty(), "root_joint", "the body has no joints");
+    vec3<double> joint(0);
+    for (const auto& [vertex, weight] : model.J_regressor[0]) {
+        const auto v = static_cast<std::size_t>(vertex);
+        vec3<double> position = model.v_template[v];
+        for (std::size_t k = 0; k < betas.size(); ++k) position += model.shapedirs[v * S + k] * betas[k];
+        for (std::size_t k = 0; k < expression.size(); ++k) position += model.exprdirs[v * E + k] * expression[k];
+        joint += position * weight;
+    }
+    return joint;
+}
+
+inline void move_frame(const BodyModel& model, Motion& motion, std::size_t frame, const Affine<double>& new_from_old) {
+    const mat3<double>& A = new_from_old.linear;
+    bool rotation = determinant(A) > 0;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) rotation = rotation && std::abs(dot(A[i], A[j]) - (i == j)) < 1e-3;
+    check_value(
+        rotation, "move_frame",
+        "the change of frame is not a rotation (orthonormal, determinant +1); a mirrored world needs a mirrored body");
+    check_value(frame < motion.frame_count(), "move_frame",
+                "frame " + std::to_string(frame) + " is not below " + std::to_string(motion.frame_count()));
+    const vec3<double> J0 = root_joint(model, motion.betas, motion.expression_at(frame));
+    vec3<double>& root = motion.pose[frame * motion.joint_count];
+    root = axis_angle_from_rotation(A * rotation_from_axis_angle(root));
+    motion.transl[frame] = new_from_old(J0 + motion.transl[frame]) - J0;
+}
+
+inline bool stand_upright(const BodyModel& model, Motion& motion) {
+    if (motion.frame_count() == 0) return false;
+    vec3<double> up(0);
+    for (std::size_t t = 0; t < motion.frame_count(); ++t)
+        up += rotation_from_axis_angle(motion.pose_at(t)[0])[1] / static_cast<double>(motion.frame_count());
+    int axis = 0;
+    for (int k = 1; k < 3; ++k)
+        if (std::abs(up[k]) > std::abs(up[axis])) axis = k;
+    if (!(std::abs(up[axis]) > 0.6)) return false;
+    const double sign = up[axis] > 0 ? 1 : -1;
+    if (axis == 1 && sign > 0) return true;
+    mat3<double> A(0.0); // columns: where x, y and z go
+    if (axis == 1) {
+        A = mat3<double>(vec3<double>(1, 0, 0), vec3<double>(0, -1, 0), vec3<double>(0, 0, -1));
+    } else {
+        const int other = 2 - axis; // the horizontal axis that stays
+        A[other][other] = 1;
+        A[axis][1] = sign;
+        A[1][axis] = -sign;
+    }
+    for (std::size_t t = 0; t < motion.frame_count(); ++t) move_frame(model, motion, t, {A, vec3<double>(0)});
+    return true;
+}
+
+} // namespace gsh
