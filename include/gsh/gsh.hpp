@@ -93,6 +93,13 @@
 #include <gsh/render/target.hpp>
 #include <gsh/render/tiles.hpp>
 
+#include <gsh/prior/bilateral_solver.hpp>
+#include <gsh/prior/mesh_rasterizer.hpp>
+#include <gsh/prior/normal_integration.hpp>
+#include <gsh/prior/orthographic_camera.hpp>
+#include <gsh/prior/prior_features.hpp>
+#include <gsh/prior/prior_view.hpp>
+
 #include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/loss/cpu/photometric.hpp>
 #include <gsh/loss/lpips.hpp>

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The least squares behind bilateral normal integration, with weights that follow the solution.
+#pragma once
+
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/math/linalg.hpp>
+
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Warray-bounds" // as in math/linalg.hpp
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
+#include <Eigen/IterativeLinearSolvers>
+#include <Eigen/SparseCholesky>
+#include <Eigen/SparseCore>
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic pop
+#endif
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+struct NormalIntegrationParams {
+    double sharpness = 2;             ///< k: how decidedly a pixel sides with one neighbour, per squared pixel of step
+    double prior_weight = 1e-4;       ///< of a squared pixel between depth and prior, against the residuals of slopes
+    int max_iterations = 100;         ///< re-weighted solves
+    double tolerance = 1e-4;          ///< relative change of the energy that ends them
+    int largest_direct = 50000;       ///< pixels that are solved for by factorisation; more go to conjugate gradients,
+    double solver_tolerance = 1e-3;   ///< which end at this relative residual and go on from there in the next solve
+};
+
+namespace detail {
+
+/// The pixels that count, numbered row by row; a neighbour that does not count is -1.
+struct IntegrationGrid {
+    enum Direction : std::size_t { left, right, up, down };
+    std::vector<std::size_t> pixels;
+    std::vector<std::array<int, 4>> neighbors;
+
+    explicit IntegrationGrid(const Image<std::uint8_t>& mask) {
+        const auto width = static_cast<std::size_t>(mask.width);
+        std::vector<int> number(mask.data.size(), -1);
+        for (std::size_t i = 0; i < mask.data.size(); ++i)
+            if (mask.data[i]) number[i] = static_cast<int>(pixels.size()), pixels.push_back(i);
+        for (const std::size_t i : pixels) {
+            const std::size_t x = i % width;
+            neighbors.push_back({x > 0 ? number[i - 1] : -1, x + 1 < width ? number[i + 1] : -1,
+                                 i >= width ? number[i - width] : -1,
+                                 i + width < number.size() ? number[i + width] : -1});
+        }
+    }
+
+    [[nodiscard]] std::size_t size() const { return pixels.size(); }
+
+    /// Calls body with the members of each connected piece.
+    template <class Body>
+    void for_each_piece(const Body& body) const {
+        std::vector<bool> seen(size(), false);
+        std::vector<std::size_t> piece;
+        for (std::size_t start = 0; start < size(); ++start) {
+            if (seen[start]) continue;
+            piece.assign(1, start), seen[start] = true;
+            for (std::size_t k = 0; k < piece.size(); ++k)
+                for (const int neighbor : neighbors[piece[k]]) {
+                    const auto n = static_cast<std::size_t>(neighbor);
+                    if (neighbor >= 0 && !seen[n]) seen[n] = true, piece.push_back(n);
+                }
+            body(piece);
+        }
+    }
+};
+
+/// One pixel's equations a_axis Δz + b_axis = 0, z in pixels.
+struct SlopeEquations {
+    double a[2], b[2];
+};
+
+/// How a search ended.
+struct IntegrationReport {
+    double energy = 0;
+    int iterations = 0;
+    bool converged = false;
+};
+
+/// Iteratively re-weighted least squares on the grid.
+class BilateralIntegrator {
+public:
+    /// prior_weights [grid.size()] are λ where the prior counts, else 0; prior likewise; z is where the search begins.
+    BilateralIntegrator(const IntegrationGrid& grid, Span<const SlopeEquations> equations, Eigen::VectorXd prior,
+                        Eigen::VectorXd prior_weights, const NormalIntegrationParams& params, Eigen::VectorXd z)
+        : grid_(grid), equations_(equations), weights_(grid.size()), prior_(std::move(prior)),
+          prior_weights_(std::move(prior_weights)), params_(params), z_(std::move(z)), rhs_(z_.size()) {
+        lay_out();
+    }
+
+    [[nodiscard]] const Eigen::VectorXd& z() const { return z_; }
+
+    /// Runs until the energy settles.
+    [[nodiscard]] IntegrationReport run() {
+        IntegrationReport result;
+        const double nothing = 1e-12 * static_cast<double>(grid_.size()); // squared residuals that rounding leaves
+        double last = weigh();
+        while (result.iterations < params_.max_iterations && !result.converged) {
+            assemble();
+            solve();
+            ++result.iterations;
+            result.energy = weigh();
+            result.converged = std::abs(result.energy - last) <= params_.tolerance * last + nothing;
+            last = result.energy;
+        }
+        return result;
+    }
+
+private:
+    using Matrix = Eigen::SparseMatrix<double>;
+    static constexpr std::size_t directions = 4;
+
+    [[nodiscard]] double at(std::size_t i) const { return z_[static_cast<Eigen::Index>(i)]; }
+    /// z ahead minus z behind along the direction's axis; 0 where there is no neighbour.
+    [[nodiscard]] double difference(std::size_t i, std::size_t direction) const {
+        const int neighbor = grid_.neighbors[i][direction];
+        if (neighbor < 0) return 0;
+        const double step = at(static_cast<std::size_t>(neighbor)) - at(i);
+        return direction % 2 ? step : -step; // right and down lie ahead
+    }
+
+    /// The matrix's pattern never changes: its lower triangle, a column per pixel, rows ascending.
+    void lay_out() {
+        const auto n = static_cast<Eigen::Index>(grid_.size());
+        std::vector<Eigen::Triplet<double>> triplets;
+        for (std::size_t i = 0; i < grid_.size(); ++i) {
+            triplets.emplace_back(static_cast<int>(i), static_cast<int>(i), 1.0);
+            for (const std::size_t d : {IntegrationGrid::right, IntegrationGrid::down})
+                if (grid_.neighbors[i][d] >= 0) triplets.emplace_back(grid_.neighbors[i][d], static_cast<int>(i), 1.0);
+        }
+        matrix_.resize(n, n);
+        matrix_.setFromTriplets(triplets.begin(), triplets.end());
+        matrix_.makeCompressed();
+    }
+
+    /// Weights of the current z; returns the energy with them.
+    double weigh() {
+        double energy = 0;
+        for (std::size_t i = 0; i < grid_.size(); ++i) {
+            for (std::size_t axis = 0; axis < 2; ++axis) {
+                const double a = equations_[i].a[axis], b = equations_[i].b[axis];
+                const double behind = a * difference(i, 2 * axis), ahead = a * difference(i, 2 * axis + 1);
+                const double share = 1 / (1 + std::exp(-params_.sharpness * (behind * behind - ahead * ahead)));
+                weights_[i][2 * axis] = 1 - share, weights_[i][2 * axis + 1] = share;
+                if (grid_.neighbors[i][2 * axis] >= 0) energy += (1 - share) * (behind + b) * (behind + b);
+                if (grid_.neighbors[i][2 * axis + 1] >= 0) energy += share * (ahead + b) * (ahead + b);
+            }
+            const auto e = static_cast<Eigen::Index>(i);
+            energy += prior_weights_[e] * (z_[e] - prior_[e]) * (z_[e] - prior_[e]);
+        }
+        return energy;
+    }
+
+    void assemble() {
+        // Left to itself a constant of each piece is free; this much pull to where it is keeps the matrix definite.
+        constexpr double gauge = 1e-9;
+        double* values = matrix_.valuePtr();
+        const int* starts = matrix_.outerIndexPtr();
+        for (std::size_t i = 0; i < grid_.size(); ++i) {
+            const auto e = static_cast<Eigen::Index>(i);
+            values[starts[i]] = prior_weights_[e] + gauge;
+            for (int k = starts[i] + 1; k < starts[i + 1]; ++k) values[k] = 0;
+            rhs_[e] = prior_weights_[e] * prior_[e] + gauge * z_[e];
+        }
+        for (std::size_t i = 0; i < grid_.size(); ++i)
+            for (std::size_t d = 0; d < directions; ++d) {
+                if (grid_.neighbors[i][d] < 0) continue;
+                const auto j = static_cast<std::size_t>(grid_.neighbors[i][d]);
+                const double a = equations_[i].a[d / 2], b = equations_[i].b[d / 2], w = weights_[i][d];
+                const std::size_t behind = d % 2 ? i : j, ahead = d % 2 ? j : i;
+                values[starts[i]] += w * a * a, values[starts[j]] += w * a * a;
+                // In the earlier pixel's column the neighbour to the right stands before the one below.
+                const bool second = d / 2 == 1 && grid_.neighbors[behind][IntegrationGrid::right] >= 0;
+                values[starts[behind] + 1 + second] -= w * a * a;
+                rhs_[static_cast<Eigen::Index>(ahead)] -= w * a * b;
+                rhs_[static_cast<Eigen::Index>(behind)] += w * a * b;
+            }
+    }
+
+    void solve() {
+        if (grid_.size() <= static_cast<std::size_t>(params_.largest_direct)) {
+            if (!factors_.rows()) factors_.analyzePattern(matrix_);
+            factors_.factorize(matrix_);
+            z_ = factors_.solve(rhs_);
+        } else {
+            using Preconditioner = Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::NaturalOrdering<int>>;
+            Eigen::ConjugateGradient<Matrix, Eigen::Lower, Preconditioner> solver;
+            solver.setTolerance(params_.solver_tolerance);
+            solver.setMaxIterations(2000); // then the next weights are due anyway
+            solver.compute(matrix_);
+            z_ = solver.solveWithGuess(rhs_, z_);
+        }
+        if (!z_.allFinite()) throw Error("integrate_normals: a solve broke down; are the normals unit vectors?");
+    }
+
+    const IntegrationGrid& grid_;
+    Span<const SlopeEquations> equations_;
+    std::vector<std::array<double, directions>> weights_; // in the order of IntegrationGrid::Direction
+    Eigen::VectorXd prior_, prior_weights_;
+    NormalIntegrationParams params_;
+    Eigen::VectorXd z_, rhs_;
+    Matrix matrix_;
+    Eigen::SimplicialLDLT<Matrix, Eigen::Lower> factors_;
+};
+
+} // namespace detail
+} // namespace gsh
