@@ -36,6 +36,7 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/geodesic.hpp>
 #include <gsh/body/joint_error.hpp>
+#include <gsh/body/joint_merge.hpp>
 #include <gsh/body/mesh.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/body/moved_motion.hpp>
@@ -111,6 +112,7 @@
 #include <gsh/loss/ssim.hpp>
 
 #include <gsh/train/avatar_model.hpp>
+#include <gsh/train/configuration.hpp>
 #include <gsh/train/density_control.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/memory.hpp>
@@ -120,6 +122,7 @@
 #include <gsh/train/refinement.hpp>
 #include <gsh/train/refinement_config.hpp>
 #include <gsh/train/refinement_tables.hpp>
+#include <gsh/train/region_labels.hpp>
 #include <gsh/train/static_start.hpp>
 #include <gsh/train/static_trainer.hpp>
 #include <gsh/train/trainer.hpp>
