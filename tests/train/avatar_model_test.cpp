@@ -62,7 +62,9 @@ struct Chain {
         fill(ParameterGroup::displacements, -0.05, 0.05);
         fill(ParameterGroup::sh, -0.3, 0.3);
         fill(ParameterGroup::ao_table, -0.5, 0.5);
-        fill(ParameterGroup::ao_network, -0.5, 0.5);
+        for (const auto network : {ParameterGroup::joint_network, ParameterGroup::sh_network, ParameterGroup::displacement_network,
+                                   ParameterGroup::ao_network})
+            fill(network, -0.5, 0.5);
         head_code = rng.numbers(model.head_code_size());
         ao_code = rng.numbers(model.ao_code_size());
         for (double& value : model.parameters()[ParameterGroup::quats]) value += rng.uniform(-0.5, 0.5);
@@ -212,6 +214,21 @@ TEST_CASE("ambient occlusion starts the same everywhere, and as it was asked to"
     Model::Cache cache;
     const std::vector<double> code(model.ao_code_size(), 0.3);
     for (const double ao : model.occlusion(code, cache)) CHECK(ao == doctest::Approx(0.9));
+}
+
+TEST_CASE("the canonical body starts whole, whatever the priors say") {
+    using Model = Chain<cpu::Serial>::Model;
+    const Chain<cpu::Serial> chain;
+    cpu::Serial backend;
+    for (const Heads heads : {Heads::joint, Heads::separate}) {
+        auto priors = Chain<cpu::Serial>::priors(chain.samples.size());
+        for (double& feature : priors.features) feature *= 10;
+        Model model(backend, chain.rig, chain.samples, 5, Chain<cpu::Serial>::small({.heads = heads}), priors);
+        Model::Cache cache;
+        model.update_canonical(cache);
+        const auto means = model.canonical_gaussians().means;
+        for (std::size_t i = 0; i < means.size(); ++i) CHECK(length(means[i] - chain.samples.positions[i]) < 1e-3);
+    }
 }
 
 TEST_CASE("fine levels cost nothing where the region is not") {

@@ -117,9 +117,12 @@ public:
     template <Backend B, std::floating_point T>
     void prepare(B& backend, std::type_identity_t<Span<const vec3<T>>> points, Query<B, T>& query,
                  const std::type_identity_t<LevelWeights<T>>& weights = {}) const {
-        for (const Span<const T> level_weights : {weights.coarse, weights.fine})
-            if (!level_weights.empty())
-                check_size("HashGrid::prepare", "weights", level_weights.size(), points.size(), "one weight per point, or none");
+        const auto check_weights = [&](Span<const T> of_levels) {
+            if (!of_levels.empty())
+                check_size("HashGrid::prepare", "weights", of_levels.size(), points.size(), "one weight per point, or none");
+        };
+        check_weights(weights.coarse);
+        check_weights(weights.fine);
         query.x.resize(points.size());
         query.y.resize(points.size());
         query.z.resize(points.size());

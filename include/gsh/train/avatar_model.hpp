@@ -426,6 +426,16 @@ private:
             set(network, field.mlp().template initial_weights<T>(mix_bits(seed + stream + 1)));
             return field;
         };
+        // The encoding starts near zero, and so do displacements and colours. Inputs beside it are of order one: their
+        // weights start at zero, or the first picture would be of a body torn to pieces.
+        const auto silence = [&](const Field& field, ParameterGroup network) {
+            const Mlp& mlp = field.mlp();
+            std::vector<T> weights(parameters_[network].size());
+            backend_->download(Span<const T>(parameters_[network]), Span<T>(weights));
+            for (std::size_t o = 0; o < mlp.layer_outputs(0); ++o)
+                for (std::size_t i = Grid::output_count; i < mlp.inputs(); ++i) weights[o * mlp.inputs() + i] = T(0);
+            set(network, weights);
+        };
         const std::uint32_t size = config_.hash_table_size;
         const std::size_t tables = query_.grids.size(), code = head_code_size();
         constexpr int colors = 3 * basis_count;
@@ -436,6 +446,8 @@ private:
         if (config_.hash_displacement && !joint())
             displacement_.emplace(make(3, ParameterGroup::displacement_table, ParameterGroup::displacement_network, 1, size,
                                        feature_count, code, tables));
+        if (head_) silence(*head_, head_network());
+        if (displacement_) silence(*displacement_, ParameterGroup::displacement_network);
         if (!config_.hash_displacement) set(ParameterGroup::displacements, std::vector<T>(3 * count_, T(0)));
         if (!config_.hash_sh) set(ParameterGroup::sh, std::vector<T>(colors * count_, T(0)));
         if (config_.ao != AmbientOcclusion::none) {
