@@ -169,6 +169,7 @@ public:
         Buffer<vec3<T>> dL_dmeans;     // [N]
         Buffer<vec3<T>> dL_dhead;      // [N, basis (+ 1)], laid out as the head's output
         Buffer<Affine<T>> dL_dbones;   // [J]
+        Buffer<vec3<T>> dL_djoints;    // [J], where nobody asks for it
         SkinnedSplatsWorkspace<B, T> workspace;
     };
 
@@ -270,27 +271,17 @@ public:
     void backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
                   Parameters<B, T>& dL_dparameters, RigPoseGradient<T> dL_dpose = {}, Span<vec3<T>> dL_dcenter = {},
                   const FrameCode<T>& code = {}) {
-        const auto start = [&](auto& buffer, std::size_t size, const auto& zero) {
-            buffer.resize(size);
-            backend_->fill(Span(buffer.data(), buffer.size()), zero);
-        };
-        start(cache.dL_dmeans, count_, vec3<T>(T(0)));
-        start(cache.dL_dbones, rig_.joint_count(), Affine<T>::zero());
         start(cache.dL_docclusion, cache.occlusion.size(), T(0));
         if (head_) start(cache.dL_dhead, head_outputs_.size(), vec3<T>(T(0)));
-        SkinnedView<T> dL_dgaussians{.means = cache.dL_dmeans,
-                                     .quats = view_as<quat<T>>(Span<T>(dL_dparameters[ParameterGroup::quats])),
+        SkinnedView<T> dL_dgaussians{.quats = view_as<quat<T>>(Span<T>(dL_dparameters[ParameterGroup::quats])),
                                      .log_scales = view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::log_scales])),
                                      .opacity_logits = dL_dparameters[ParameterGroup::opacity_logits],
                                      .sh = config_.hash_sh ? Span<vec3<T>>(cache.dL_dhead)
                                                            : view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::sh])),
                                      .ao = cache.dL_docclusion,
                                      .sh_stride = sh_stride()};
-        skinned_splats_backward<Degree>(*backend_, gaussians(cache), cache.rig.bones, center, dL_dsplats,
-                                        cache.workspace, dL_dgaussians, cache.dL_dbones, dL_dcenter, config_.clamping,
-                                        config_.deformation);
-        rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans,
-                      view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::joints])), dL_dpose);
+        rig_backward(pose, center, dL_dsplats, cache, dL_dgaussians,
+                     view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::joints])), dL_dpose, dL_dcenter);
 
         const FieldInputs<T> inputs{features_, code.head};
         if (!code.ao.empty()) occlusion_backward(code.ao, cache, dL_dparameters);
@@ -309,6 +300,13 @@ public:
         if (head_)
             head_->backward(*backend_, parameters_[head_network()], query_, scalars(cache.dL_dhead), cache.head,
                             dL_dparameters[head_table()], dL_dparameters[head_network()], inputs);
+    }
+
+    /// Adjoint of pose with respect to the pose alone, the avatar being what it is.
+    void pose_backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
+                       const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
+        start(cache.dL_djoints, rig_.joint_count(), vec3<T>(T(0)));
+        rig_backward(pose, center, dL_dsplats, cache, {}, cache.dL_djoints, dL_dpose, dL_dcenter);
     }
 
     /// Ambient occlusion [N] at a frame's code.
@@ -391,6 +389,24 @@ private:
                 .ao = cache.occlusion,
                 .weights = rig_.skin(),
                 .sh_stride = sh_stride()};
+    }
+
+    template <class Buffer>
+    void start(Buffer& buffer, std::size_t size, const auto& zero) {
+        buffer.resize(size);
+        backend_->fill(Span(buffer.data(), buffer.size()), zero);
+    }
+    /// From splats back to what they were posed from: adds to dL_dgaussians' attributes, and overwrites cache.dL_dmeans.
+    void rig_backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
+                      SkinnedView<T> dL_dgaussians, Span<vec3<T>> dL_djoints, const RigPoseGradient<T>& dL_dpose,
+                      Span<vec3<T>> dL_dcenter) {
+        start(cache.dL_dmeans, count_, vec3<T>(T(0)));
+        start(cache.dL_dbones, rig_.joint_count(), Affine<T>::zero());
+        dL_dgaussians.means = cache.dL_dmeans;
+        skinned_splats_backward<Degree>(*backend_, gaussians(cache), cache.rig.bones, center, dL_dsplats,
+                                        cache.workspace, dL_dgaussians, cache.dL_dbones, dL_dcenter, config_.clamping,
+                                        config_.deformation);
+        rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans, dL_djoints, dL_dpose);
     }
 
     void query_occlusion(Span<const T> code, Cache& cache) {
@@ -507,6 +523,24 @@ private:
     Parameters<B, T> parameters_;
     Buffer<vec3<T>> head_outputs_;                          // [N, basis (+ 1)]: SH, and δx of a joint head
     Buffer<vec3<T>> displacements_;                         // [N] δx of a field of its own
+};
+
+/// A model at one frame's code, parameters as they are, its fields queried: what PoseFit moves about.
+template <class Model, class T>
+struct FrozenFrame {
+    using Cache = typename Model::Cache;
+
+    Model* model;
+    FrameCode<T> code;
+
+    [[nodiscard]] std::size_t size() const { return model->size(); }
+    void pose(const auto& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) const {
+        model->pose(pose, center, splats, cache, code);
+    }
+    void pose_backward(const auto& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
+                       const RigPoseGradient<T>& dL_dpose) const {
+        model->pose_backward(pose, center, dL_dsplats, cache, dL_dpose);
+    }
 };
 
 } // namespace gsh

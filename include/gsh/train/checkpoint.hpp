@@ -52,6 +52,29 @@ void add_trainer(ArchiveWriter& file, TrainerType& trainer) {
     });
 }
 
+/// Adds a refinement's state to an archive.
+template <class Refinement>
+void add_refinement(ArchiveWriter& file, const Refinement& refinement) {
+    const auto state = refinement.state();
+    file.add("refinement/steps", std::uint64_t(state.steps));
+    file.add("refinement/updates", state.updates);
+    file.add("refinement/increments", state.increments);
+    file.add("refinement/first_moment", state.first_moment);
+    file.add("refinement/second_moment", state.second_moment);
+}
+
+/// Brings a refinement that was made from the same input to the state that add_refinement kept.
+/// Errors  ShapeError if the file is of another motion or number of cameras.
+template <class Refinement>
+void load_refinement(const ArchiveReader& file, Refinement& refinement) {
+    using T = typename Refinement::Scalar;
+    refinement.set_state({.steps = file.read_number<std::uint64_t>("refinement/steps"),
+                          .updates = file.read<std::uint64_t>("refinement/updates").data,
+                          .increments = file.read<T>("refinement/increments").data,
+                          .first_moment = file.read<T>("refinement/first_moment").data,
+                          .second_moment = file.read<T>("refinement/second_moment").data});
+}
+
 /// Brings a trainer that was made from the same input to the state that add_trainer kept.
 /// Errors  ShapeError or ValueError if the file is of another training: another seed, another number of anything.
 template <class TrainerType>

@@ -19,6 +19,7 @@ struct Photo {
     Camera<double> camera;
     std::size_t frame = 0; ///< of the motion
     Span<const std::uint8_t> rgba;
+    std::size_t camera_index = 0; ///< of the capture's cameras, by which a refinement knows them
 };
 
 } // namespace gsh

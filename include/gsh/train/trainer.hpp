@@ -19,6 +19,7 @@
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/parameters.hpp>
 #include <gsh/train/photo.hpp>
+#include <gsh/train/refinement.hpp>
 
 #include <algorithm>
 #include <array>
@@ -129,6 +130,11 @@ public:
     /// The model's working memory.
     [[nodiscard]] typename Model::Cache& cache() { return model_cache_; }
 
+    /// From here on poses, and cameras if it holds any, are `refinement`'s, and learn with the avatar. It must outlive the
+    /// trainer.
+    void refine(MotionRefinement<B, T>& refinement) { refinement_ = &refinement; }
+    [[nodiscard]] MotionRefinement<B, T>* refinement() const { return refinement_; }
+
     /// The photograph that step `step` sees.
     [[nodiscard]] std::size_t photo_of_step(std::uint64_t step) {
         const std::uint64_t epoch = step / photos_.size();
@@ -147,9 +153,9 @@ public:
         const FrameCode<T> code = frame_code(photo.frame);
         time(Stage::photo, [&] { upload_photo(photo); });
         time(Stage::field_forward, [&] { model_->update_canonical(model_cache_, code); });
-        const Camera<T> camera = photo.camera.template cast<T>();
+        const Camera<T> camera = camera_of(photo);
         time(Stage::pose, [&] {
-            model_->rig().upload_pose(*motion_, photo.frame, pose_);
+            set_pose(photo.frame);
             splats_.resize(model_->size());
             model_->pose(pose_, camera.center(), splats_.view(), model_cache_, code);
         });
@@ -164,11 +170,17 @@ public:
             const SplatView<T> gradient = dL_dsplats_.view();
             fill_zero(*backend_, gradient);
             rasterizer_.backward(camera, std::as_const(splats_).view(), background(), {.color = image(dL_drender_)},
-                                 raster_cache_, gradient);
+                                 raster_cache_, gradient, camera_gradient(photo));
         });
         time(Stage::model_backward, [&] {
-            model_->backward(pose_, camera.center(), std::as_const(dL_dsplats_).view(), model_cache_, gradient_, {}, {},
-                             code);
+            const RigPoseGradient<T> dL_dpose = refinement_ && refinement_->learns_motion(photo.frame)
+                                                    ? refinement_->pose_gradient() : RigPoseGradient<T>();
+            model_->backward(pose_, camera.center(), std::as_const(dL_dsplats_).view(), model_cache_, gradient_, dL_dpose,
+                             dL_dcenter_, code);
+            if (!dL_dpose.empty()) refinement_->accumulate(photo.frame, dL_dpose);
+            if (!dL_dcenter_.empty())
+                refinement_->accumulate_camera(photo.camera_index, Span<const CameraGradient<T>>(dL_dcamera_),
+                                               Span<const vec3<T>>(dL_dcenter_));
         });
         time(Stage::update, [&] { update(progress); });
     }
@@ -184,13 +196,23 @@ public:
         return psnr(std::as_const(render).view(), std::as_const(truth).view());
     }
 
+    /// What the fields are told of a frame; ambient occlusion joins once the run has come to TrainConfig::ao_start.
+    [[nodiscard]] FrameCode<T> frame_code(std::size_t frame) const {
+        const auto row = [&](const Buffer<T>& codes, std::size_t size) {
+            return Span<const T>(codes).subspan(frame * size, size);
+        };
+        FrameCode<T> code{.head = row(head_codes_, model_->head_code_size())};
+        if (model_->ao_code_size() && progress_ >= config_.ao_start) code.ao = row(ao_codes_, model_->ao_code_size());
+        return code;
+    }
+
     /// Renders a frame at the present parameters: colour [3, height, width] over the background, and alpha if asked.
     void render(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha = nullptr) {
         const Camera<T> view = camera.template cast<T>();
         resize_images(view.height, view.width);
         const FrameCode<T> code = frame_code(frame);
         model_->update_canonical(model_cache_, code);
-        model_->rig().upload_pose(*motion_, frame, pose_);
+        set_pose(frame);
         splats_.resize(model_->size());
         model_->pose(pose_, view.center(), splats_.view(), model_cache_, code);
         Buffer<T> alpha_plane(alpha ? view_size() : 0);
@@ -277,6 +299,24 @@ private:
         return {.color = {T(config_.background[0]), T(config_.background[1]), T(config_.background[2])}};
     }
 
+    /// The camera as it is now; only cameras of training photographs are refined, test views keep theirs.
+    [[nodiscard]] Camera<T> camera_of(const Photo& photo) const {
+        return refinement_ && refinement_->camera_count() ? refinement_->template camera<T>(photo.camera_index)
+                                                          : photo.camera.template cast<T>();
+    }
+    /// Zeros to add to if the photograph's camera learns, else nothing; dL_dcenter_ goes with it.
+    [[nodiscard]] Span<CameraGradient<T>> camera_gradient(const Photo& photo) {
+        const bool learns = refinement_ && refinement_->camera_count() && refinement_->learns_camera(photo.camera_index);
+        dL_dcamera_.resize(learns ? 1 : 0);
+        dL_dcenter_.resize(learns ? 1 : 0);
+        backend_->fill(Span<CameraGradient<T>>(dL_dcamera_), CameraGradient<T>{});
+        backend_->fill(Span<vec3<T>>(dL_dcenter_), vec3<T>(T(0)));
+        return dL_dcamera_;
+    }
+    void set_pose(std::size_t frame) {
+        refinement_ ? refinement_->pose(frame, pose_) : model_->rig().upload_pose(*motion_, frame, pose_);
+    }
+
     void upload_photo(const Photo& photo) {
         resize_images(photo.camera.height, photo.camera.width);
         rgba_.resize(photo.rgba.size());
@@ -293,6 +333,7 @@ private:
     void update(double progress) {
         ++step_count_;
         ++timed_steps_;
+        if (refinement_) refinement_->step(progress);
         const auto number = static_cast<std::int64_t>(step_count_);
         const double decay = std::pow(config_.final_rate, std::clamp(progress, 0.0, 1.0));
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
@@ -346,14 +387,6 @@ private:
         backend_->upload(Span<const T>(ao), ao_codes_);
         check_size("Trainer", "codes of ambient occlusion", ao.size(), frames * ao_size);
     }
-    [[nodiscard]] FrameCode<T> frame_code(std::size_t frame) const {
-        const auto row = [&](const Buffer<T>& codes, std::size_t size) {
-            return Span<const T>(codes).subspan(frame * size, size);
-        };
-        FrameCode<T> code{.head = row(head_codes_, model_->head_code_size())};
-        if (model_->ao_code_size() && progress_ >= config_.ao_start) code.ao = row(ao_codes_, model_->ao_code_size());
-        return code;
-    }
 
     B* backend_;
     Model* model_;
@@ -377,6 +410,9 @@ private:
     Buffer<std::uint8_t> rgba_;
     Buffer<T> render_, truth_, dL_drender_; // [3, height, width]
     RigPose<B, T> pose_;
+    MotionRefinement<B, T>* refinement_ = nullptr;
+    Buffer<CameraGradient<T>> dL_dcamera_; // [1] or empty
+    Buffer<vec3<T>> dL_dcenter_;           // likewise
     Splats<B, T> splats_, dL_dsplats_;
     typename Model::Cache model_cache_;
     typename Rasterizer<B, T>::Cache raster_cache_;
