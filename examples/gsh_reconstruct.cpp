@@ -11,6 +11,7 @@
 #include "support/progress.hpp"
 #include "support/reconstruction.hpp"
 #include "support/results.hpp"
+#include "support/static_reconstruction.hpp"
 
 #include <gsh/backend/threads.hpp>
 
@@ -66,10 +67,26 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
     checkpoint();
 }
 
+/// The configuration `static`: one moment as a 3DGS scene, without a body.
+int reconstruct_scene(cpu::Threads& backend, const ReconstructOptions& options) {
+    const StaticSource source = load_static_source(options.capture, options.frame);
+    const StaticOptions chosen{.steps = options.steps, .max_gaussians = options.gaussians, .seed = options.seed};
+    OutputFolder out(options.out);
+    watch_interrupts();
+    const StaticResult result = reconstruct_static(backend, source, chosen);
+    if (interrupted) return exit_interrupted;
+    write_static_result(out, source, chosen, result);
+    const ImageScore mean = mean_score(result.scores);
+    std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s\nresults in %s\n", static_cast<unsigned long long>(result.steps),
+                result.seconds, fixed(mean.psnr, 2).c_str(), fixed(mean.ssim, 4).c_str(), options.out.c_str());
+    return exit_done;
+}
+
 int reconstruct(const ReconstructOptions& options) {
     cpu::Threads backend(options.threads);
+    if (options.config == "static") return reconstruct_scene(backend, options);
     const Source source = load_source(backend, options);
-    Reconstruction reconstruction(backend, source, options);
+    Reconstruction reconstruction(backend, source, configuration_of(options), options);
     TrainingRecord record;
     if (options.resume) load_checkpoint(options, reconstruction, record);
     OutputFolder out(options.out);

@@ -7,13 +7,20 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/io/body_file.hpp>
+#include <gsh/io/any_capture.hpp>
 #include <gsh/io/capture.hpp>
+#include <gsh/io/region_file.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
 #include <gsh/train/avatar_model.hpp>
+#include <gsh/train/canonical_setup.hpp>
+#include <gsh/train/configuration.hpp>
+#include <gsh/train/configuration_file.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/memory.hpp>
+#include <gsh/train/pose_fit.hpp>
+#include <gsh/train/refinement.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include <CLI/CLI.hpp>
@@ -23,6 +30,8 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -33,7 +42,13 @@ struct ReconstructOptions {
     std::filesystem::path capture, body, out;
     bool synthetic = false;
     bool resume = false;
-    bool baseline = false;          ///< rates and pixel filter of the direct baseline
+    std::string config = "paper";   ///< name or JSON file
+    std::vector<std::string> set;   ///< key=value on top of it
+    bool refine = false;            ///< poses learn too, and test poses are fitted
+    bool refine_cameras = false;    ///< cameras as well
+    std::filesystem::path regions;  ///< JSON lists of vertices
+    std::filesystem::path lpips;    ///< weights
+    std::size_t frame = 0;          ///< of the configuration `static`
     std::uint64_t steps = 0;        ///< 0: the default of the kind of input
     double seconds = 0;             ///< of training; 0: count steps
     std::size_t gaussians = 0;      ///< 0: the default of the kind of input
@@ -60,7 +75,13 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
         ->check(above_zero());
     app.add_option("--checkpoint-interval", o.checkpoint_interval, "seconds between checkpoints (default 5)")
         ->check(above_zero());
-    app.add_flag("--baseline", o.baseline, "learning rates and pixel filter of Animatable 3D Gaussian, for comparison");
+    app.add_option("--config", o.config, "configuration by name, or a JSON file of settings (default paper); static: one frame, no body");
+    app.add_option("--set", o.set, "a setting of the configuration, key=value; may be repeated");
+    app.add_flag("--refine", o.refine, "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
+    app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: all cameras but the first learn too");
+    app.add_option("--regions", o.regions, "JSON lists of face and hand vertices, or importance per vertex");
+    app.add_option("--lpips", o.lpips, "LPIPS weights (.safetensors or .npz): judge by LPIPS, too");
+    app.add_option("--frame", o.frame, "with --config static: the frame (default 0)");
     app.add_flag("--resume", o.resume, "go on from the checkpoint in --out");
 }
 
@@ -69,34 +90,52 @@ inline void check_options(ReconstructOptions& o) {
     const auto expect = [](bool condition, const char* message) {
         if (!condition) throw ValueError(message);
     };
-    expect(o.synthetic || (!o.capture.empty() && !o.body.empty()), "--capture and --body are needed, or --synthetic alone");
+    const bool scene = o.config == "static"; // needs no body, and no poses
+    expect(o.synthetic || (!o.capture.empty() && (scene || !o.body.empty())), "--capture and --body are needed, or --synthetic alone");
+    expect(!scene || !(o.synthetic || o.refine || o.resume || o.seconds > 0 || !o.set.empty()),
+           "--config static takes a capture and --steps; it cannot resume, refine or change settings");
     expect(!o.synthetic || (o.capture.empty() && o.body.empty() && o.poses.empty()),
            "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
+    expect(o.refine || !o.refine_cameras, "--refine-cameras needs --refine");
     if (o.steps == 0) o.steps = o.synthetic ? 1200 : 3000;
     if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
     if (o.poses.empty()) o.poses = "poses.npz";
+}
+
+/// The configuration that was asked for, single settings and all.
+inline Configuration configuration_of(const ReconstructOptions& o) {
+    Configuration configuration = find_configuration(o.config);
+    for (const std::string& setting : o.set) {
+        const auto equals = setting.find('=');
+        check_value(equals != std::string::npos, "--set " + setting, "must be key=value");
+        set_setting(configuration, setting.substr(0, equals), setting.substr(equals + 1), "--set");
+        configuration.name += " " + setting;
+    }
+    return configuration;
 }
 
 /// What is reconstructed: the body model and the capture, wherever they come from.
 struct Source {
     BodyModel body;
     Capture capture;
+    RegionLists regions;
     std::vector<std::string> warnings;
 };
 
 inline Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
     Source source;
-    if (!o.synthetic) {
+    if (o.synthetic) {
+        std::printf("filming the built-in actor\n");
+        std::fflush(stdout);
+        source.body = make_actor();
+        source.capture = film(backend, source.body, actor_motion(ActorMotion::talk, 12));
+        source.capture.name = "the built-in actor";
+    } else {
         source.body = load_body_model(o.body);
-        source.capture = load_capture(backend, o.capture, source.body, {.poses = o.poses}, &source.warnings);
-        return source;
+        source.capture = load_any_capture(backend, o.capture, &source.body, {.poses = o.poses}, &source.warnings).capture;
     }
-    std::printf("filming the built-in actor\n");
-    std::fflush(stdout);
-    source.body = make_actor();
-    source.capture = film(backend, source.body, actor_motion(ActorMotion::talk, 12));
-    source.capture.name = "the built-in actor";
+    if (!o.regions.empty()) source.regions = read_regions(o.regions, source.body.vertex_count());
     return source;
 }
 
@@ -107,7 +146,9 @@ inline std::vector<Photo> photos_of(const Capture& capture, bool test) {
         const NamedCamera& camera = capture.cameras[view.camera];
         char frame[16];
         std::snprintf(frame, sizeof frame, "%04zu", view.frame);
-        photos.push_back({camera.name + "_" + frame, camera.camera, view.frame, capture.image(view).data});
+        const PixelImage* plate = capture.background(view.camera);
+        photos.push_back({camera.name + "_" + frame, camera.camera, view.frame, capture.image(view).data, view.camera,
+                          plate ? Span<const std::uint8_t>(plate->data) : Span<const std::uint8_t>()});
     }
     return photos;
 }
@@ -128,51 +169,84 @@ inline std::vector<Photo> test_photos_of(const Capture& capture) {
     return photos;
 }
 
-/// Uniform samples on the body in the capture's shape. Where memory is limited, as many as fit.
-/// Errors  ValueError if not even a tenth of the Gaussians fit.
-inline SurfaceSamples sample_body(const Source& source, const ReconstructOptions& o) {
-    std::size_t count = o.gaussians;
-    if (o.max_memory > 0) {
-        std::size_t pixels = 0;
-        for (const auto& camera : source.capture.cameras)
-            pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) * static_cast<std::size_t>(camera.camera.height));
-        std::size_t held = 0; // what is in memory already
-        for (const auto& image : source.capture.images) held += image.data.size();
-        const MemoryModel memory = training_memory(pixels, held);
-        count = std::min(count, memory.gaussians_within(o.max_memory));
-        if (count < o.gaussians / 10)
-            throw ValueError("--max-memory " + std::to_string(o.max_memory) + " is too little: training " +
-                             std::to_string(o.gaussians) + " Gaussians takes about " +
-                             std::to_string(memory.bytes(o.gaussians)) + " bytes, a tenth of them " +
-                             std::to_string(memory.bytes(o.gaussians / 10)));
-        if (count < o.gaussians)
-            warn(std::to_string(count) + " instead of " + std::to_string(o.gaussians) + " Gaussians, to stay within " +
-                 std::to_string(o.max_memory) + " bytes");
-    }
-    const auto vertices = shaped_vertices(source.body, source.capture.motion.betas);
-    return sample_surface(source.body, vertices, std::vector<double>(vertices.size(), 1.0), mix_bits(o.seed), {.total = count});
+/// How many Gaussians: as many as were asked for, or as fit where memory is limited.
+/// Errors  ValueError if not even a tenth of them fit.
+inline std::size_t gaussian_count(const Source& source, const Configuration& configuration, const ReconstructOptions& o) {
+    if (o.max_memory == 0) return o.gaussians;
+    std::size_t pixels = 0;
+    for (const auto& camera : source.capture.cameras)
+        pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) * static_cast<std::size_t>(camera.camera.height));
+    std::size_t held = 0; // what is in memory already
+    for (const auto& image : source.capture.images) held += image.data.size();
+    const MemoryModel memory = training_memory(configuration.avatar, pixels, held);
+    const std::size_t count = std::min(o.gaussians, memory.gaussians_within(o.max_memory));
+    if (count < o.gaussians / 10)
+        throw ValueError("--max-memory " + std::to_string(o.max_memory) + " is too little: training " +
+                         std::to_string(o.gaussians) + " Gaussians takes about " +
+                         std::to_string(memory.bytes(o.gaussians)) + " bytes, a tenth of them " +
+                         std::to_string(memory.bytes(o.gaussians / 10)));
+    if (count < o.gaussians)
+        warn(std::to_string(count) + " instead of " + std::to_string(o.gaussians) + " Gaussians, to stay within " +
+             std::to_string(o.max_memory) + " bytes");
+    return count;
 }
 
 /// The model and its trainer, ready for the first step.
 struct Reconstruction {
     using Backend = cpu::Threads;
     using Model = AvatarModel<Backend, float>;
+    using Refinement = MotionRefinement<Backend, float>;
 
-    RigData rig;
+    Configuration configuration;
+    CanonicalSetup setup;
     Model model;
     std::vector<Photo> test_photos;
     Trainer<Backend, float, Model> trainer;
+    std::optional<Refinement> refinement, test_refinement; ///< of training frames, and of those to judge by
 
     /// source must outlive this: photographs are not copied.
-    Reconstruction(Backend& backend, const Source& source, const ReconstructOptions& o)
-        : Reconstruction(backend, source, o, sample_body(source, o)) {}
-
-private:
-    Reconstruction(Backend& backend, const Source& source, const ReconstructOptions& o, const SurfaceSamples& samples)
-        : rig(make_rig(source.body, source.capture.motion.betas, samples)), model(backend, rig, samples, o.seed),
+    Reconstruction(Backend& backend, const Source& source, const Configuration& chosen, const ReconstructOptions& o)
+        : configuration(chosen),
+          setup(make_canonical_setup(backend, source.body, source.capture.motion, configuration,
+                                     gaussian_count(source, configuration, o), o.seed, source.regions)),
+          model(backend, setup.rig, setup.samples, o.seed, configuration.avatar, setup.priors),
           test_photos(test_photos_of(source.capture)),
-          trainer(backend, model, photos_of(source.capture, false), source.capture.motion, o.seed,
-                  o.baseline ? baseline_config() : TrainConfig()) {}
+          trainer(backend, model, photos_of(source.capture, false), setup.motion, o.seed, configuration.train) {
+        if (!o.refine) return;
+        RefinementConfig config;
+        if (o.refine_cameras) config.camera_rotation.rate = 2e-4, config.camera_translation.rate = 2e-4;
+        std::set<std::size_t> seen;
+        for (const Photo& photo : trainer.photos()) seen.insert(photo.frame);
+        for (std::size_t frame = 0; frame < setup.motion.frame_count(); ++frame)
+            if (!seen.contains(frame)) config.left_out.push_back(frame);
+        std::vector<Camera<double>> cameras;
+        if (o.refine_cameras)
+            for (const auto& camera : source.capture.cameras) cameras.push_back(camera.camera);
+        refinement.emplace(backend, setup.rig, setup.motion, std::move(cameras), config);
+        trainer.refine(*refinement);
+    }
+    Reconstruction(const Reconstruction&) = delete;
+
+    /// Fits the poses of the frames to judge by to their own photographs, the avatar staying as it is. Figures after
+    /// this are figures of test-time refinement.
+    void refine_test_poses(Backend& backend) {
+        refinement->carry_to_left_out();
+        test_refinement.emplace(backend, setup.rig, refinement->motion(), std::vector<Camera<double>>(), test_time_config());
+        trainer.refine(*test_refinement);
+        std::set<std::size_t> frames;
+        for (const Photo& photo : test_photos) frames.insert(photo.frame);
+        for (const std::size_t frame : frames) {
+            FrozenFrame<Model, float> frozen{&model, trainer.frame_code(frame)};
+            model.update_canonical(trainer.cache(), frozen.code);
+            std::vector<Observation> observations;
+            for (const Photo& photo : test_photos)
+                if (photo.frame == frame) observations.push_back({photo.camera, photo.rgba});
+            PoseFit<Backend, float, FrozenFrame<Model, float>> fit(
+                backend, frozen, configuration.train.filter,
+                {.steps = 60, .ssim_weight = configuration.train.ssim_weight, .background = configuration.train.background});
+            fit.fit(*test_refinement, frame, observations);
+        }
+    }
 };
 
 /// What is kept about the course of training, for the report and for resuming.

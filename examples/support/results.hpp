@@ -2,6 +2,7 @@
 /// @file  What gsh-reconstruct leaves in its output folder: checkpoint, avatar, figures, pictures, a page.
 #pragma once
 
+#include "support/judgement.hpp"
 #include "support/output_folder.hpp"
 #include "support/pictures.hpp"
 #include "support/reconstruction.hpp"
@@ -33,10 +34,18 @@ namespace gsh::examples {
 
 inline std::filesystem::path checkpoint_path(const ReconstructOptions& o) { return o.out / "checkpoint.gsh"; }
 
+/// All settings of a configuration, a line each.
+inline std::string settings_text(const Configuration& configuration) {
+    std::string text;
+    for (const auto& [key, value] : settings_of(configuration)) text += key + " = " + value + "\n";
+    return text;
+}
+
 inline void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record) {
     ArchiveWriter file(checkpoint_path(o), "checkpoint", checkpoint_version);
     add_trainer(file, reconstruction.trainer);
-    file.add("baseline", std::int32_t(o.baseline));
+    if (reconstruction.refinement) add_refinement(file, *reconstruction.refinement);
+    file.add_text("configuration", settings_text(reconstruction.configuration) + (o.refine ? "refine\n" : ""));
     file.add("seconds", record.seconds);
     file.add("interval", record.interval);
     const auto add_curve = [&](const char* key, const auto& curve) {
@@ -51,9 +60,10 @@ inline void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconst
 
 inline void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record) {
     const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
-    check_value((file.read_number<std::int32_t>("baseline") != 0) == o.baseline, checkpoint_path(o).string(),
-                o.baseline ? "was made without --baseline" : "was made with --baseline; resume with it");
+    check_value(file.read_text("configuration") == settings_text(reconstruction.configuration) + (o.refine ? "refine\n" : ""),
+                checkpoint_path(o).string(), "was made with another configuration; resume with the same --config, --set and --refine");
     load_trainer(file, reconstruction.trainer);
+    if (reconstruction.refinement) load_refinement(file, *reconstruction.refinement);
     record.steps = reconstruction.trainer.step_count();
     record.seconds = file.read_number<double>("seconds");
     record.interval = file.read_number<std::uint64_t>("interval");
@@ -83,49 +93,73 @@ inline std::string fixed(double value, int digits) {
     return text;
 }
 
+/// The avatar of a reconstruction as it is now, for files. A body with fewer joints than the capture's is what moves it.
+inline AvatarData avatar_of(Reconstruction& reconstruction) {
+    auto& trainer = reconstruction.trainer;
+    reconstruction.model.update_canonical(trainer.cache(), trainer.frame_code(0));
+    AvatarData avatar = reconstruction.model.avatar(reconstruction.setup.rig, trainer.config().filter);
+    avatar.ao = trainer.mean_occlusion();
+    return avatar;
+}
+
+/// How the figures came about, in words.
+inline std::string protocol_of(const ReconstructOptions& o, const Source& source, const Judge& judge, std::size_t images) {
+    return "Test views of " + source.capture.name + " (" + std::to_string(images) + " images), poses of " + o.poses +
+           (o.refine ? ", refined in training and fitted to the test images at test time" : ", as given, not refined") +
+           ", " + (source.capture.backgrounds.empty() ? "white background" : "the capture's backgrounds") +
+           " in training and test, full image, range 1, unquantised; SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person "
+           "is where the true alpha exceeds 1/2; regions are where the posed body shows them, images with 50 pixels or more." +
+           judge.lpips_protocol();
+}
+
 /// Judges the avatar on the test views and writes everything; metrics.json comes last, so whoever finds it finds all.
 /// Returns nothing, and leaves nothing, if somebody interrupts.
 inline std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
                                                Reconstruction& reconstruction, const TrainingRecord& record) {
     auto& trainer = reconstruction.trainer;
+    Judge judge(trainer.backend(), source, o.lpips);
+    const AvatarData avatar = avatar_of(reconstruction); // before test images have a say
+    if (o.refine) reconstruction.refine_test_poses(trainer.backend());
     Report report;
     std::vector<ImageScore> scores;
     constexpr std::size_t shown = 6; // pictures on the page; all of them are in test/
     const std::size_t every = std::max<std::size_t>(1, reconstruction.test_photos.size() / shown);
     report.images.push_back({"image", "PSNR", "SSIM", "PSNR on the person"});
+    for (const std::string& name : region_names()) report.images.back().push_back(name);
     for (const Photo& photo : reconstruction.test_photos) {
         if (interrupted) return std::nullopt;
-        const auto comparison = compare(trainer, photo);
+        const auto comparison = judge.judge(trainer, photo);
         const ImageScore& score = comparison.score;
         const std::string png = encode_png(quantise(comparison_picture(comparison.render, comparison.truth).view()));
         write_file(out.file("test/" + photo.name + ".png"), png, Sync::none);
         if (scores.size() % every == 0 && report.pictures.size() < shown)
             report.pictures.push_back({photo.name + ": PSNR " + fixed(score.psnr, 2) + " dB; error times 5", {png.begin(), png.end()}});
         report.images.push_back({score.name, fixed(score.psnr, 2), fixed(score.ssim, 4), fixed(score.psnr_person, 2)});
+        for (const RegionScore& region : score.regions) report.images.back().push_back(fixed(region.psnr, 2));
         scores.push_back(score);
     }
     const ImageScore mean = mean_score(scores);
+    const std::vector<RegionMean> regions = mean_regions(scores);
 
-    reconstruction.model.update_canonical(trainer.cache());
-    const AvatarData avatar = reconstruction.model.avatar(reconstruction.rig, trainer.config().filter);
     save_avatar(out.file("avatar.gsh"), avatar);
-    write_gaussian_ply(out.file("avatar.ply"), avatar.gaussians);
+    write_gaussian_ply(out.file("avatar.ply"), shaded_cloud(avatar));
+    if (o.refine) save_motion(out.file("poses_refined.npz"), reconstruction.refinement->motion());
 
-    const std::string protocol =
-        "Test views of " + source.capture.name + " (" + std::to_string(scores.size()) + " images), poses as given (" +
-        o.poses + ", not refined at test time), white background in training and test, full image, range 1, unquantised; "
-        "SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person is where the true alpha exceeds 1/2.";
+    const std::string protocol = protocol_of(o, source, judge, scores.size());
     nlohmann::ordered_json json;
     json["psnr"] = number_or_null(mean.psnr);
     json["ssim"] = number_or_null(mean.ssim);
     json["psnr_person"] = number_or_null(mean.psnr_person);
+    for (std::size_t r = 0; r < regions.size(); ++r) json["psnr_regions"][region_names()[r]] = number_or_null(regions[r].psnr);
+    if (mean.lpips) json["lpips"] = number_or_null(*mean.lpips);
     json["steps"] = record.steps;
     json["seconds"] = record.seconds;
     json["gaussians"] = reconstruction.model.size();
     json["peak_memory_bytes"] = peak_memory_bytes();
     json["seed"] = o.seed;
     json["threads"] = trainer.backend().thread_count();
-    json["configuration"] = o.baseline ? "baseline" : "default";
+    json["configuration"] = reconstruction.configuration.name;
+    for (const auto& [key, value] : settings_of(reconstruction.configuration)) json["settings"][key] = value;
     json["protocol"] = protocol;
     report.stages.push_back({"stage", "ms per step"});
     double total = 0;
@@ -145,12 +179,21 @@ inline std::optional<ImageScore> write_results(OutputFolder& out, const Reconstr
                                   {"psnr", number_or_null(score.psnr)},
                                   {"ssim", number_or_null(score.ssim)},
                                   {"psnr_person", number_or_null(score.psnr_person)}});
+    for (std::size_t i = 0; i < scores.size(); ++i) {
+        for (std::size_t r = 0; r < scores[i].regions.size(); ++r)
+            json["images"][i]["psnr_regions"][region_names()[r]] = number_or_null(scores[i].regions[r].psnr);
+        if (scores[i].lpips) json["images"][i]["lpips"] = number_or_null(*scores[i].lpips);
+    }
 
     report.title = "Reconstruction of " + source.capture.name;
     report.protocol = protocol;
     report.facts = {{"PSNR", fixed(mean.psnr, 2) + " dB"},
                     {"SSIM", fixed(mean.ssim, 4)},
                     {"PSNR on the person", fixed(mean.psnr_person, 2) + " dB"},
+                    {"PSNR on face, hands, body", fixed(regions.empty() ? NAN : regions[0].psnr, 2) + ", " +
+                                                      fixed(regions.empty() ? NAN : regions[1].psnr, 2) + ", " +
+                                                      fixed(regions.empty() ? NAN : regions[2].psnr, 2) + " dB"},
+                    {"Configuration", reconstruction.configuration.name},
                     {"Gaussians", std::to_string(reconstruction.model.size())},
                     {"Training", std::to_string(record.steps) + " steps in " + fixed(record.seconds, 1) + " s on " +
                                      std::to_string(trainer.backend().thread_count()) + " threads"},

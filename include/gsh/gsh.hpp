@@ -112,6 +112,8 @@
 #include <gsh/loss/ssim.hpp>
 
 #include <gsh/train/avatar_model.hpp>
+#include <gsh/train/canonical_setup.hpp>
+#include <gsh/train/capture_reading.hpp>
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/density_control.hpp>
 #include <gsh/train/evaluation.hpp>

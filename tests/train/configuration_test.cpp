@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/train/configuration.hpp>
+#include <gsh/train/configuration_file.hpp>
+
+#include "io/temporary.hpp"
 
 #include <doctest/doctest.h>
 
@@ -70,4 +73,34 @@ TEST_CASE("a setting that cannot be is refused with its name, and nothing change
     message("multi_scale", "yes", "expected true or false");
     message("ao", "space", "expected one of none, time, pose");
     CHECK(settings_of(c) == before);
+}
+
+TEST_CASE("a file names where it starts from and what differs") {
+    const test::Temporary folder;
+    const auto write = [&](const std::string& text) {
+        write_file(folder / "mine.json", text);
+        return (folder / "mine.json").string();
+    };
+    const Configuration mine =
+        find_configuration(write(R"({"configuration": "baseline-x", "rate.sh": 1e-3, "ao": "none", "multi_scale": true, "mlp.width": 32})"));
+    CHECK(mine.name == "mine");
+    CHECK(mine.avatar.heads == Heads::separate);
+    CHECK(mine.train.rates.sh == 1e-3);
+    CHECK(mine.avatar.ao == AmbientOcclusion::none);
+    CHECK(mine.multi_scale);
+    CHECK(mine.avatar.mlp_width == 32);
+    CHECK(find_configuration(write(R"({"configuration": "no-depth"})")).name == "no-depth");
+    CHECK(find_configuration("no-ao").avatar.ao == AmbientOcclusion::none);
+
+    const auto refused = [&](const std::string& text, const char* message) {
+        CHECK_THROWS_WITH(find_configuration(write(text)), doctest::Contains(message));
+    };
+    refused("{", "mine.json");
+    refused("[1]", "must hold one JSON object");
+    refused(R"({"configuration": 3})", "there is no configuration '3'");
+    refused(R"({"configuration": "x"})", "there is no configuration 'x'");
+    refused(R"({"rate.sh": [1]})", "rate.sh must be a number");
+    refused(R"({"rate.sh": null})", "rate.sh must be a number");
+    refused(R"({"rate.tables": 1})", "there is no setting 'rate.tables'");
+    CHECK_THROWS_AS((void)find_configuration((folder / "none.json").string()), IoError);
 }

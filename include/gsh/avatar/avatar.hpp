@@ -29,6 +29,19 @@ struct AvatarData {
     std::vector<float> ao = {}; ///< [N] ambient occlusion that holds in every pose, or empty for 1
 };
 
+/// The canonical Gaussians with their ambient occlusion in their colours, for files that know none: exact where a colour
+/// lies within [0, 1], ao (Y sh + 1/2) = Y (ao sh) + 1/2 + (ao - 1)/2.
+[[nodiscard]] inline GaussianCloud<float> shaded_cloud(const AvatarData& avatar) {
+    GaussianCloud<float> cloud = avatar.gaussians;
+    if (avatar.ao.empty()) return cloud;
+    const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+        for (std::size_t k = 0; k < basis; ++k) cloud.sh[i * basis + k] *= avatar.ao[i];
+        cloud.sh[i * basis] += sh_of_color(vec3<float>(0.5f * avatar.ao[i]));
+    }
+    return cloud;
+}
+
 /// Poses an avatar. The parameter fields were queried when it was made, so a frame costs skinning and shading alone.
 ///
 /// Frame   see RigData (canonical) and Camera (world).

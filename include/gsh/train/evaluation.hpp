@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,15 +21,30 @@ struct ImageScore {
     double psnr = 0;        ///< decibels over the full image, range 1
     double ssim = 0;        ///< as metrics.hpp has it
     double psnr_person = 0; ///< decibels over the pixels whose true alpha exceeds 1/2
+    std::vector<RegionScore> regions = {}; ///< face, hands, …; as many as were asked for
+    std::optional<double> lpips = {};
 };
 
 /// Means over images, as tables print them; NaN if there are none.
 [[nodiscard]] inline ImageScore mean_score(const std::vector<ImageScore>& scores) {
     ImageScore mean{.name = "mean"};
+    double lpips = 0;
     for (const ImageScore& score : scores)
-        mean.psnr += score.psnr, mean.ssim += score.ssim, mean.psnr_person += score.psnr_person;
+        mean.psnr += score.psnr, mean.ssim += score.ssim, mean.psnr_person += score.psnr_person, lpips += score.lpips.value_or(0);
     for (double* sum : {&mean.psnr, &mean.ssim, &mean.psnr_person}) *sum /= static_cast<double>(scores.size());
+    if (!scores.empty() && scores.front().lpips) mean.lpips = lpips / static_cast<double>(scores.size());
     return mean;
+}
+
+/// Means of each region over the images that show enough of it.
+[[nodiscard]] inline std::vector<RegionMean> mean_regions(const std::vector<ImageScore>& scores) {
+    std::vector<RegionMean> means;
+    for (std::size_t r = 0; !scores.empty() && r < scores.front().regions.size(); ++r) {
+        std::vector<RegionScore> of_images;
+        for (const ImageScore& score : scores) of_images.push_back(score.regions[r]);
+        means.push_back(mean_over_images(of_images));
+    }
+    return means;
 }
 
 /// A photograph beside what the avatar makes of it.
@@ -45,7 +61,7 @@ template <class TrainerType>
 [[nodiscard]] auto compare(TrainerType& trainer, const Photo& photo) {
     using T = typename TrainerType::Scalar;
     Comparison<T> result;
-    trainer.render(photo.camera, photo.frame, result.render);
+    trainer.render(photo, result.render);
     trainer.photo_pixels(photo, result.truth, result.mask);
     const auto render = std::as_const(result.render).view(), truth = std::as_const(result.truth).view();
     result.score = {.name = photo.name,

@@ -2,6 +2,8 @@
 /// @file  How much memory training takes, so that a budget can be an input.
 #pragma once
 
+#include <gsh/train/avatar_model.hpp>
+
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -22,11 +24,19 @@ struct MemoryModel {
 
 /// What training AvatarModel in float takes, for images of `pixels` pixels and with `held` bytes (the capture) in memory
 /// already. Counted from the buffers and compared with measured peaks, docs/performance.md.
-[[nodiscard]] inline MemoryModel training_memory(std::size_t pixels, std::uint64_t held) {
-    constexpr std::uint64_t tables = 170'000'000; // two hash tables with gradients and moments
+[[nodiscard]] inline MemoryModel training_memory(const AvatarConfig& config, std::size_t pixels, std::uint64_t held) {
     constexpr std::uint64_t program = 150'000'000; // code, body model, copies for checkpoints
     constexpr std::uint64_t per_pixel = 100;       // render, photograph, gradients, loss terms
-    return {.fixed = tables + program + held + per_pixel * pixels, .per_gaussian = 3600};
+    // A field: a table of at most 16 levels of 4 features with gradient and two moments; per Gaussian 64 features and
+    // two hidden layers, the features' gradient, outputs.
+    const auto table = [](std::uint64_t entries) { return 16 * 4 * sizeof(float) * 4 * entries; };
+    constexpr std::uint64_t field_per_gaussian = 1300;
+    const std::uint64_t heads = (config.hash_sh ? 1u : 0u) + (config.hash_displacement ? 1u : 0u);
+    const std::uint64_t fields = config.heads == Heads::joint && heads ? 1 : heads;
+    const bool ao = config.ao != AmbientOcclusion::none;
+    return {.fixed = program + held + per_pixel * pixels + fields * table(config.hash_table_size) +
+                     (ao ? table(config.ao_table_size) : 0),
+            .per_gaussian = 1000 + field_per_gaussian * (fields + (ao ? 1 : 0))};
 }
 
 } // namespace gsh

@@ -188,6 +188,9 @@ public:
         return psnr(std::as_const(render).view(), std::as_const(truth).view());
     }
 
+    /// Renders a photograph's view.
+    void render(const Photo& photo, Image<T>& color) { render(photo.camera, photo.frame, color); }
+
     /// Renders the scene: colour [3, height, width] over the background, and alpha if asked. There is but one frame.
     void render(const Camera<double>& camera, std::size_t /*frame*/, Image<T>& color, Image<T>* alpha = nullptr) {
         resize_images(camera.height, camera.width);

@@ -206,23 +206,17 @@ public:
         return code;
     }
 
-    /// Renders a frame at the present parameters: colour [3, height, width] over the background, and alpha if asked.
+    /// Renders a photograph's view at its frame, over its plate if it has one.
+    void render(const Photo& photo, Image<T>& color, Image<T>* alpha = nullptr) {
+        resize_images(photo.camera.height, photo.camera.width);
+        upload_plate(photo);
+        render_view(photo.camera, photo.frame, color, alpha);
+    }
+
+    /// Renders a frame at the present parameters: colour [3, height, width] over the plain background, and alpha if asked.
     void render(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha = nullptr) {
-        const Camera<T> view = camera.template cast<T>();
-        resize_images(view.height, view.width);
-        const FrameCode<T> code = frame_code(frame);
-        model_->update_canonical(model_cache_, code);
-        set_pose(frame);
-        splats_.resize(model_->size());
-        model_->pose(pose_, view.center(), splats_.view(), model_cache_, code);
-        Buffer<T> alpha_plane(alpha ? view_size() : 0);
-        draw(view, alpha ? ImageView<T>{alpha_plane, 1, height_, width_} : ImageView<T>{});
-        color = Image<T>(3, height_, width_);
-        backend_->download(Span<const T>(render_), Span<T>(color.data));
-        if (alpha) {
-            *alpha = Image<T>(1, height_, width_);
-            backend_->download(Span<const T>(alpha_plane), Span<T>(alpha->data));
-        }
+        plate_.resize(0);
+        render_view(camera, frame, color, alpha);
     }
 
     /// Each Gaussian's ambient occlusion, mean over the frames that there are photographs of; empty where there is none.
@@ -251,8 +245,8 @@ public:
         rgba_.resize(photo.rgba.size());
         backend_->upload(photo.rgba, rgba_);
         Buffer<T> alpha_plane(view_size());
-        composite_rgba8(*backend_, Span<const std::uint8_t>(rgba_), height_, width_, background().color,
-                        image(truth_), ImageView<T>{alpha_plane, 1, height_, width_});
+        upload_plate(photo);
+        composite(ImageView<T>{alpha_plane, 1, height_, width_});
         color = Image<T>(3, height_, width_);
         alpha = Image<T>(1, height_, width_);
         backend_->download(Span<const T>(truth_), Span<T>(color.data));
@@ -275,6 +269,8 @@ private:
         check_size("Trainer", photo.name, photo.rgba.size(),
                    4 * static_cast<std::size_t>(photo.camera.width) * static_cast<std::size_t>(photo.camera.height),
                    "the image must have its camera's size");
+        if (!photo.plate.empty())
+            check_size("Trainer", photo.name + "'s plate", photo.plate.size(), photo.rgba.size(), "a plate is as large as the image");
     }
 
     template <class F>
@@ -296,7 +292,25 @@ private:
     [[nodiscard]] ImageView<const T> render_view() const { return {render_, 3, height_, width_}; }
     [[nodiscard]] ImageView<const T> truth_view() const { return {truth_, 3, height_, width_}; }
     [[nodiscard]] Background<T> background() const {
-        return {.color = {T(config_.background[0]), T(config_.background[1]), T(config_.background[2])}};
+        return {.color = {T(config_.background[0]), T(config_.background[1]), T(config_.background[2])},
+                .image = plate_.size() ? ImageView<const T>{plate_, 3, height_, width_} : ImageView<const T>()};
+    }
+    /// The plate as numbers, or none.
+    void upload_plate(const Photo& photo) {
+        plate_.resize(photo.plate.empty() ? 0 : 3 * view_size());
+        if (photo.plate.empty()) return;
+        plate_bytes_.resize(photo.plate.size());
+        backend_->upload(photo.plate, plate_bytes_);
+        composite_rgba8(*backend_, Span<const std::uint8_t>(plate_bytes_), height_, width_, vec3<T>(T(0)), image(plate_));
+    }
+    /// truth_ = rgba_ over the background.
+    void composite(const ImageView<T>& alpha = {}) {
+        const Background<T> behind = background();
+        const Span<const std::uint8_t> bytes(rgba_);
+        if (behind.image.data.empty())
+            composite_rgba8(*backend_, bytes, height_, width_, behind.color, image(truth_), alpha);
+        else
+            composite_rgba8(*backend_, bytes, height_, width_, behind.image, image(truth_), alpha);
     }
 
     /// The camera as it is now; only cameras of training photographs are refined, test views keep theirs.
@@ -321,7 +335,26 @@ private:
         resize_images(photo.camera.height, photo.camera.width);
         rgba_.resize(photo.rgba.size());
         backend_->upload(photo.rgba, rgba_);
-        composite_rgba8(*backend_, Span<const std::uint8_t>(rgba_), height_, width_, background().color, image(truth_));
+        upload_plate(photo);
+        composite();
+    }
+
+    void render_view(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha) {
+        const Camera<T> view = camera.template cast<T>();
+        resize_images(view.height, view.width);
+        const FrameCode<T> code = frame_code(frame);
+        model_->update_canonical(model_cache_, code);
+        set_pose(frame);
+        splats_.resize(model_->size());
+        model_->pose(pose_, view.center(), splats_.view(), model_cache_, code);
+        Buffer<T> alpha_plane(alpha ? view_size() : 0);
+        draw(view, alpha ? ImageView<T>{alpha_plane, 1, height_, width_} : ImageView<T>{});
+        color = Image<T>(3, height_, width_);
+        backend_->download(Span<const T>(render_), Span<T>(color.data));
+        if (alpha) {
+            *alpha = Image<T>(1, height_, width_);
+            backend_->download(Span<const T>(alpha_plane), Span<T>(alpha->data));
+        }
     }
 
     void draw(const Camera<T>& camera, const ImageView<T>& alpha) {
@@ -407,7 +440,8 @@ private:
     std::uint64_t timed_steps_ = 0;
 
     int height_ = 0, width_ = 0;
-    Buffer<std::uint8_t> rgba_;
+    Buffer<std::uint8_t> rgba_, plate_bytes_;
+    Buffer<T> plate_;                       // [3, height, width] or empty
     Buffer<T> render_, truth_, dL_drender_; // [3, height, width]
     RigPose<B, T> pose_;
     MotionRefinement<B, T>* refinement_ = nullptr;

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  From a body, its motion and a configuration to what an AvatarModel is made of.
+#pragma once
+
+#include <gsh/avatar/rig.hpp>
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/joint_merge.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/body/posed_body.hpp>
+#include <gsh/body/region_mask.hpp>
+#include <gsh/body/surface_samples.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/prior/prior_features.hpp>
+#include <gsh/prior/prior_view.hpp>
+#include <gsh/train/avatar_model.hpp>
+#include <gsh/train/configuration.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// The canonical body as a configuration wants it: Gaussians on its surface, their rig, and what their fields are told.
+struct CanonicalSetup {
+    Motion motion; ///< of the rig's joints
+    SurfaceSamples samples;
+    RigData rig;
+    CanonicalPriors priors;
+};
+
+/// Views of an estimator, beside those of the body's mesh or in their place.
+struct EstimatedPriors {
+    std::vector<PriorView> depths, normals;
+};
+
+/// `count` Gaussians on the body in the motion's shape, and what goes with them. Estimated views, where there are any,
+/// take the place of the mesh's.
+/// Errors  those of the parts: lists that name no vertex, nothing to sample, views that do not fit.
+template <CpuBackend B>
+[[nodiscard]] CanonicalSetup make_canonical_setup(B& backend, const BodyModel& body, const Motion& motion,
+                                                  const Configuration& config, std::size_t count, std::uint64_t seed,
+                                                  const RegionLists& regions = {}, const EstimatedPriors& estimated = {}) {
+    std::optional<BodyModel> merged;
+    CanonicalSetup setup{.motion = motion, .samples = {}, .rig = {}, .priors = {}};
+    if (config.joints == JointSet::trunk_and_limbs) {
+        const std::vector<int> kept = trunk_and_limbs(body);
+        merged = merge_joints(body, kept);
+        setup.motion = merge_joints(motion, kept);
+    }
+    const BodyModel& mover = merged ? *merged : body;
+    const std::vector<vec3<double>> vertices = shaped_vertices(body, motion.betas);
+
+    std::optional<RegionMask> mask; // of the whole body: a merged one has the same mesh, but knows less of its parts
+    if (config.region_samples || config.multi_scale) mask = region_mask(body, vertices, regions, config.region);
+    const std::vector<double> per_vertex = config.region_samples ? mask->samples_per_vertex()
+                                                                 : std::vector<double>(vertices.size(), 1.0);
+    setup.samples = sample_surface(mover, vertices, per_vertex, mix_bits(seed), {.total = count, .weights = config.sample_weights});
+    setup.rig = make_rig(mover, motion.betas, setup.samples);
+
+    const std::size_t N = setup.samples.size();
+    if (config.multi_scale) {
+        constexpr double least = 1e-3; // τ below this is 0, and the rest is stretched to begin there: no step anywhere
+        setup.priors.region = mask->at(setup.samples);
+        for (double& tau : setup.priors.region) tau = std::max(0.0, (tau - least) / (1 - least));
+    }
+    std::vector<std::pair<std::size_t, std::vector<double>>> columns;
+    const auto& skin = setup.samples.weights.view();
+    if (config.depth_prior) {
+        const auto views = estimated.depths.empty() ? four_depth_views(backend, vertices, body.faces) : estimated.depths;
+        columns.emplace_back(views.size(), depth_features(setup.samples.positions, views, skin, config.prior));
+    }
+    if (config.normal_prior) {
+        const auto views = estimated.normals.empty() ? two_normal_views(backend, vertices, body.faces) : estimated.normals;
+        columns.emplace_back(3 * views.size(), normal_features(setup.samples.positions, views, skin));
+    }
+    for (std::size_t i = 0; i < N; ++i)
+        for (const auto& [width, values] : columns)
+            setup.priors.features.insert(setup.priors.features.end(), values.begin() + static_cast<std::ptrdiff_t>(i * width),
+                                         values.begin() + static_cast<std::ptrdiff_t>((i + 1) * width));
+    return setup;
+}
+
+} // namespace gsh
