@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/avatar/avatar.hpp>
+#include <gsh/backend/serial.hpp>
+#include <gsh/body/surface_samples.hpp>
+
+#include "support/bodies.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <initializer_list>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+
+/// Gaussians on a tube, with colours that lie within (0, 1) from everywhere, and ambient occlusion of all strengths.
+AvatarData shaded_avatar(int degree = 2) {
+    const BodyModel body = test::tube(4, 6, 6);
+    const std::vector<double> betas{0.3, -0.1};
+    const auto samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 3.0), 3);
+    AvatarData avatar{make_rig(body, betas, samples), GaussianCloud<float>(samples.size(), degree), ColorClamp::both};
+    const auto basis = static_cast<std::size_t>(sh_basis_count(degree));
+    test::Rng rng(6);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+        avatar.gaussians.means[i] = vec3<float>(samples.positions[i]);
+        avatar.gaussians.log_scales[i] = vec3<float>(rng.vec(-4, -3));
+        for (std::size_t k = 0; k < basis; ++k)
+            avatar.gaussians.sh[i * basis + k] = k ? vec3<float>(rng.vec(-0.04, 0.04)) : sh_of_color(vec3<float>(rng.vec(0.3, 0.7)));
+        avatar.ao.push_back(static_cast<float>(rng.uniform(0, 1)));
+    }
+    return avatar;
+}
+
+std::vector<vec3<float>> colors_of(const AvatarData& data, const vec3<float>& center = {1, 1, 3}) {
+    cpu::Serial backend;
+    Motion motion = rest_motion(data.rig);
+    test::Rng rng(2);
+    motion.pose = rng.vecs(4, -0.7, 0.7);
+    const Avatar<cpu::Serial> avatar(backend, data);
+    RigPose<cpu::Serial, float> pose;
+    avatar.rig().upload_pose(motion, 0, pose);
+    Splats<cpu::Serial, float> splats;
+    splats.resize(avatar.size());
+    Avatar<cpu::Serial>::Cache cache;
+    avatar.pose(pose, center, splats.view(), cache);
+    return {splats.colors.begin(), splats.colors.end()};
+}
+
+/// The same Gaussians, their ambient occlusion in their colours.
+AvatarData baked(AvatarData avatar) {
+    avatar.gaussians = shaded_cloud(avatar);
+    avatar.ao.clear();
+    return avatar;
+}
+
+float largest_difference(const std::vector<vec3<float>>& a, const std::vector<vec3<float>>& b) {
+    REQUIRE(a.size() == b.size());
+    float largest = 0;
+    for (std::size_t i = 0; i < a.size(); ++i)
+        for (int c = 0; c < 3; ++c) largest = std::max(largest, std::abs(a[i][c] - b[i][c]));
+    return largest;
+}
+
+} // namespace
+
+TEST_CASE("ambient occlusion is a factor on the colours of an avatar, in every pose") {
+    const AvatarData avatar = shaded_avatar();
+    AvatarData lit = avatar;
+    lit.ao.clear();
+    const auto dark = colors_of(avatar), bright = colors_of(lit);
+    for (std::size_t i = 0; i < dark.size(); ++i)
+        for (int c = 0; c < 3; ++c) CHECK(dark[i][c] == doctest::Approx(bright[i][c] * avatar.ao[i]).epsilon(1e-6));
+    lit.ao.assign(lit.gaussians.size(), 1.0f);
+    CHECK(colors_of(lit) == bright);
+}
+
+TEST_CASE("a shaded cloud shows what ambient occlusion shows, where colours lie within 0 and 1") {
+    for (const int degree : {0, 1, 2}) {
+        const AvatarData avatar = shaded_avatar(degree);
+        for (const auto& center : {vec3<float>{1, 1, 3}, vec3<float>{-4, 0, 1}})
+            CHECK(largest_difference(colors_of(baked(avatar), center), colors_of(avatar, center)) < 1e-6f);
+    }
+    // A colour that is cut at 1 is cut before the shadow falls on it; a file that knows no shadow cuts after.
+    AvatarData bright = shaded_avatar(0);
+    bright.ao.assign(bright.gaussians.size(), 0.5f);
+    bright.gaussians.sh.assign(bright.gaussians.size(), sh_of_color(vec3<float>(1.5f)));
+    CHECK(colors_of(bright)[0].x == doctest::Approx(0.5f));
+    CHECK(colors_of(baked(bright))[0].x == doctest::Approx(0.75f));
+}
+
+TEST_CASE("without ambient occlusion a shaded cloud is the cloud") {
+    AvatarData avatar = shaded_avatar();
+    avatar.ao.clear();
+    const GaussianCloud<float> cloud = shaded_cloud(avatar);
+    CHECK(cloud.sh == avatar.gaussians.sh);
+    CHECK(cloud.means == avatar.gaussians.means);
+    CHECK(cloud.opacity_logits == avatar.gaussians.opacity_logits);
+}
+
+TEST_CASE("an avatar whose parts differ in number is refused") {
+    cpu::Serial backend;
+    AvatarData avatar = shaded_avatar();
+    avatar.ao.pop_back();
+    CHECK_THROWS_AS(Avatar<cpu::Serial>(backend, avatar), ShapeError);
+    avatar = shaded_avatar();
+    avatar.gaussians.resize(avatar.gaussians.size() - 1, 2);
+    CHECK_THROWS_AS(Avatar<cpu::Serial>(backend, avatar), ShapeError);
+}
