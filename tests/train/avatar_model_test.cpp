@@ -193,7 +193,7 @@ TEST_CASE_TEMPLATE("the whole chain's adjoint is the gradient of the loss", B, c
         check_chain<B>({.head_time = true, .separate_tables = true}, true, {joint_table, joint_network});
     }
     SUBCASE("nothing from fields, shadows that know the pose") {
-        check_chain<B>({.hash_displacement = false, .hash_sh = false, .ao = AmbientOcclusion::pose}, false,
+        check_chain<B>({.hash_displacement = false, .hash_sh = false, .ao = AmbientOcclusion::pose, .largest_ao = 1.7}, false,
                        {displacements, sh, ao_table, ao_network});
     }
     SUBCASE("colours from a field alone, polar blending") {

@@ -4,6 +4,7 @@
 
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/deformation.hpp>
+#include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
@@ -59,6 +60,7 @@ struct AvatarConfig {
     bool separate_tables = false; ///< coarse and fine features from a table each
     AmbientOcclusion ao = AmbientOcclusion::none;
     std::uint32_t ao_table_size = 1u << 19;
+    double largest_ao = 1; ///< above 1, light may exceed what the colours hold
     double initial_ao = 0.95;
     Deformation deformation = Deformation::linear;
     double initial_opacity = 0.2;
@@ -116,25 +118,6 @@ struct ScaleConstant {
     GSH_HD void operator()(std::size_t i) const { values[i * stride] *= factor; }
 };
 
-/// ao = sigmoid(the network's output + bias), in place.
-template <class T>
-struct OcclusionFromLogit {
-    Span<T> values;
-    T bias;
-    GSH_HD void operator()(std::size_t i) const { values[i] = sigmoid(values[i] + bias); }
-};
-
-template <class T>
-struct OcclusionFromLogitBackward {
-    Span<const T> ao;
-    Span<T> gradient; // with respect to ao, then to the logit
-    GSH_HD void operator()(std::size_t i) const {
-        T dL_dlogit(0);
-        sigmoid_backward(ao[i], gradient[i], dL_dlogit);
-        gradient[i] = dL_dlogit;
-    }
-};
-
 } // namespace detail
 
 /// Splats of an avatar at a frame, from parameters that a gradient step can move.
@@ -182,7 +165,8 @@ public:
         check_value(count_ > 0, "AvatarModel", "there are no samples, expected at least one");
         check_value(config.initial_opacity > 0 && config.initial_opacity < 1, "AvatarModel",
                     "initial_opacity must lie between 0 and 1");
-        check_value(config.initial_ao > 0 && config.initial_ao < 1, "AvatarModel", "initial_ao must lie between 0 and 1");
+        check_value(config.initial_ao > 0 && config.initial_ao < config.largest_ao, "AvatarModel",
+                    "initial_ao must lie between 0 and largest_ao");
         if (!priors.region.empty()) {
             check_size("AvatarModel", "priors.region", priors.region.size(), count_, "one τ per sample, or none");
             check_value(config.fine_level >= 0 && config.fine_level <= Levels, "AvatarModel",
@@ -347,6 +331,20 @@ public:
                 .deformation = config_.deformation};
     }
 
+    /// The field of shadows that follow the pose, for AvatarData; nothing where shadows know the time or none, or where the
+    /// network is a single matrix.
+    [[nodiscard]] std::optional<OcclusionFieldData> occlusion_field() const
+        requires std::same_as<T, float>
+    {
+        if (config_.ao != AmbientOcclusion::pose || ao_->mlp().params().hidden_layers < 1) return std::nullopt;
+        Buffer<T> encoding(count_ * Grid::output_count);
+        ao_->grid().forward(*backend_, parameters_[ParameterGroup::ao_table], ao_query_.grids[0],
+                            row_major(Span<T>(encoding), Grid::output_count));
+        return bake_occlusion_field(*backend_, ao_->mlp(), Span<const T>(parameters_[ParameterGroup::ao_network]),
+                                    FeatureView<const T>(row_major(Span<const T>(encoding), Grid::output_count)), occlusion_bias(),
+                                    config_.largest_ao);
+    }
+
     /// Learned joints [J] in the backend's memory.
     [[nodiscard]] Span<const vec3<T>> joints() const {
         return view_as<const vec3<T>>(Span<const T>(parameters_[ParameterGroup::joints]));
@@ -409,14 +407,18 @@ private:
         rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans, dL_djoints, dL_dpose);
     }
 
+    /// The network's output is zero at first: this is what ao starts with.
+    [[nodiscard]] double occlusion_bias() const { return logit(config_.initial_ao / config_.largest_ao); }
     void query_occlusion(Span<const T> code, Cache& cache) {
         cache.occlusion.resize(count_);
         ao_->forward(*backend_, parameters_[ParameterGroup::ao_table], parameters_[ParameterGroup::ao_network], ao_query_,
                      cache.occlusion, cache.ao, {{}, code});
-        backend_->for_each(count_, detail::OcclusionFromLogit<T>{cache.occlusion, static_cast<T>(logit(config_.initial_ao))});
+        backend_->for_each(count_, detail::OcclusionFromLogit<T>{cache.occlusion,
+                                                               static_cast<T>(occlusion_bias()),
+                                                               T(config_.largest_ao)});
     }
     void occlusion_backward(Span<const T> code, Cache& cache, Parameters<B, T>& dL_dparameters) {
-        backend_->for_each(count_, detail::OcclusionFromLogitBackward<T>{cache.occlusion, cache.dL_docclusion});
+        backend_->for_each(count_, detail::OcclusionFromLogitBackward<T>{cache.occlusion, T(config_.largest_ao), cache.dL_docclusion});
         ao_->backward(*backend_, parameters_[ParameterGroup::ao_network], ao_query_, cache.dL_docclusion, cache.ao,
                       dL_dparameters[ParameterGroup::ao_table], dL_dparameters[ParameterGroup::ao_network], {{}, code});
     }

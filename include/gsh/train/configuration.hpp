@@ -157,6 +157,7 @@ void for_each_setting(C& c, const F& f) {
     f("ao", c.avatar.ao);
     f("ao.table_size", c.avatar.ao_table_size);
     f("ao.initial", c.avatar.initial_ao);
+    f("ao.largest", c.avatar.largest_ao);
     f("ao.start", c.train.ao_start);
     f("deformation", c.avatar.deformation);
     f("initial_opacity", c.avatar.initial_opacity);
