@@ -66,7 +66,7 @@ template <CpuBackend B>
     if (config.multi_scale) {
         constexpr double least = 1e-3; // τ below this is 0, and the rest is stretched to begin there: no step anywhere
         setup.priors.region = mask->at(setup.samples);
-        for (double& tau : setup.priors.region) tau = std::max(0.0, (tau - least) / (1 - least));
+        for (double& tau : setup.priors.region) tau = std::clamp((tau - least) / (1 - least), 0.0, 1.0);
     }
     std::vector<std::pair<std::size_t, std::vector<double>>> columns;
     const auto& skin = setup.samples.weights.view();
