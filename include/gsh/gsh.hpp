@@ -74,8 +74,10 @@
 #include <gsh/optim/schedule.hpp>
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/cpu/occlusion_field.hpp>
 #include <gsh/avatar/cpu/skinned_gaussian.hpp>
 #include <gsh/avatar/deformation.hpp>
+#include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_element.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>

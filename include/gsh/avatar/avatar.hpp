@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>
+#include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
@@ -13,6 +14,7 @@
 
 #include <concepts>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 namespace gsh {
@@ -27,10 +29,12 @@ struct AvatarData {
     PixelFilter filter = {}; ///< for the rasterizer that draws it
     Deformation deformation = Deformation::linear;
     std::vector<float> ao = {}; ///< [N] ambient occlusion that holds in every pose, or empty for 1
+    /// Ambient occlusion that follows the pose. `ao` is then its mean over training, for what knows no poses.
+    std::optional<OcclusionFieldData> occlusion = {};
 };
 
-/// The canonical Gaussians with their ambient occlusion in their colours, for files that know none: exact where a colour
-/// lies within [0, 1], ao (Y sh + 1/2) = Y (ao sh) + 1/2 + (ao - 1)/2.
+/// The canonical Gaussians with their `ao` in their colours, for files that know none: exact where a colour lies
+/// within [0, 1], ao (Y sh + 1/2) = Y (ao sh) + 1/2 + (ao - 1)/2.
 [[nodiscard]] inline GaussianCloud<float> shaded_cloud(const AvatarData& avatar) {
     GaussianCloud<float> cloud = avatar.gaussians;
     if (avatar.ao.empty()) return cloud;
@@ -42,10 +46,11 @@ struct AvatarData {
     return cloud;
 }
 
-/// Poses an avatar. The parameter fields were queried when it was made, so a frame costs skinning and shading alone.
+/// Poses an avatar. The parameter fields were queried when it was made, so a frame costs skinning and shading, and where
+/// shadows follow the pose most of one small network.
 ///
 /// Frame   see RigData (canonical) and Camera (world).
-/// Errors  ShapeError if rig and Gaussians differ in number.
+/// Errors  ShapeError if rig and Gaussians differ in number, or if the occlusion field is another body's.
 template <Backend B, std::floating_point T = float>
 class Avatar {
 public:
@@ -53,9 +58,13 @@ public:
     struct Cache {
         typename Rig<B, T>::Cache rig;
         typename B::template Buffer<vec3<T>> means; // [N]
+        typename B::template Buffer<T> ao;          // [N] of this pose, where it follows the pose
+        typename OcclusionField<B, T>::Cache occlusion;
         // gradients on their way back
         typename B::template Buffer<vec3<T>> dL_dmeans, dL_djoints;
         typename B::template Buffer<Affine<T>> dL_dbones;
+        typename B::template Buffer<T> dL_dao;
+        typename B::template Buffer<mat3<T>> dL_drotations;
         SkinnedSplatsWorkspace<B, T> workspace;
     };
 
@@ -63,6 +72,7 @@ public:
         : backend_(&backend), rig_(backend, data.rig), clamping_(data.clamping), deformation_(data.deformation) {
         check_size("Avatar", "gaussians", data.gaussians.size(), data.rig.point_count(), "one per point of the rig");
         if (!data.ao.empty()) check_size("Avatar", "ao", data.ao.size(), data.rig.point_count(), "one per Gaussian, or none");
+        if (data.occlusion) occlusion_.emplace(backend, *data.occlusion, data.rig.point_count(), data.rig.joint_count());
         const std::vector<T> ao(data.ao.begin(), data.ao.end());
         ao_.resize(ao.size());
         backend.upload(Span<const T>(ao), ao_);
@@ -94,6 +104,10 @@ public:
         cache.means.resize(size());
         backend_->copy(Span<const vec3<T>>(gaussians_.means), cache.means);
         rig_.add_offsets(cache.rig, cache.means);
+        if (occlusion_) {
+            cache.ao.resize(size());
+            occlusion_->forward(rig_.skeleton(), cache.rig.rotations, cache.ao, cache.occlusion);
+        }
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
             skinned_splats_forward<decltype(degree)::value>(*backend_, view(cache), cache.rig.bones, center, splats,
                                                             cache.workspace, clamping_, deformation_);
@@ -111,19 +125,27 @@ public:
         zeros(cache.dL_dmeans, size(), vec3<T>(T(0)));
         zeros(cache.dL_djoints, joints_.size(), vec3<T>(T(0)));
         zeros(cache.dL_dbones, joints_.size(), Affine<T>::zero());
-        const SkinnedView<T> dL_dgaussians{.means = cache.dL_dmeans, .quats = {}, .log_scales = {}, .opacity_logits = {}, .sh = {}};
+        const bool shadows_move = occlusion_ && !dL_dpose.pose.empty();
+        zeros(cache.dL_dao, shadows_move ? size() : 0, T(0));
+        const SkinnedView<T> dL_dgaussians{
+            .means = cache.dL_dmeans, .quats = {}, .log_scales = {}, .opacity_logits = {}, .sh = {}, .ao = cache.dL_dao};
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
             skinned_splats_backward<decltype(degree)::value>(*backend_, view(cache), cache.rig.bones, center, dL_dsplats,
                                                              cache.workspace, dL_dgaussians, cache.dL_dbones, dL_dcenter, clamping_,
                                                              deformation_);
         });
         rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans, cache.dL_djoints, dL_dpose);
+        if (shadows_move) {
+            zeros(cache.dL_drotations, joints_.size(), mat3<T>(T(0)));
+            occlusion_->backward(rig_.skeleton(), cache.ao, cache.dL_dao, cache.occlusion, cache.dL_drotations);
+            rig_.skeleton().rotations_backward(pose.pose, cache.dL_drotations, dL_dpose.pose);
+        }
     }
 
 private:
     [[nodiscard]] SkinnedView<const T> view(const Cache& cache) const {
         return {cache.means,   gaussians_.quats, gaussians_.log_scales, gaussians_.opacity_logits,
-                gaussians_.sh, ao_,              rig_.skin()};
+                gaussians_.sh, occlusion_ ? Span<const T>(cache.ao) : Span<const T>(ao_), rig_.skin()};
     }
 
     B* backend_;
@@ -133,6 +155,7 @@ private:
     ColorClamp clamping_;
     Deformation deformation_;
     typename B::template Buffer<T> ao_; // [N] or empty
+    std::optional<OcclusionField<B, T>> occlusion_;
 };
 
 } // namespace gsh

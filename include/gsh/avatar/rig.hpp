@@ -164,6 +164,7 @@ public:
     [[nodiscard]] std::size_t joint_count() const { return joint_count_; }
     [[nodiscard]] std::size_t point_count() const { return point_count_; }
     [[nodiscard]] std::size_t coefficient_count() const { return shape_count_ + expression_count_; }
+    [[nodiscard]] const Skeleton<B, T>& skeleton() const { return skeleton_; }
     [[nodiscard]] SkinWeights<T> skin() const { return {skin_joints_, skin_weights_, influences_}; }
 
     /// Brings frame `frame` of a motion to the backend. A motion may know fewer coefficients than the rig (the rest

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/gaussian/gaussians.hpp>
@@ -18,13 +19,43 @@
 
 namespace gsh {
 
-inline constexpr int avatar_file_version = 2;
+inline constexpr int avatar_file_version = 3;
+
+namespace detail {
+
+inline void add_occlusion_field(ArchiveWriter& file, const OcclusionFieldData& field) {
+    const auto width = static_cast<std::size_t>(field.width);
+    file.add("occlusion_neurons", field.neurons, {field.neurons.size() / width, width});
+    file.add("occlusion_pose_weights", field.pose_weights, {width, field.pose_weights.size() / width});
+    file.add("occlusion_weights", field.weights);
+    file.add("occlusion_hidden_layers", std::int32_t(field.hidden_layers));
+    file.add("occlusion_bias", field.bias);
+    file.add("occlusion_largest", field.largest);
+}
+
+inline OcclusionFieldData read_occlusion_field(const ArchiveReader& file) {
+    const auto neurons = file.read<float>("occlusion_neurons"), pose_weights = file.read<float>("occlusion_pose_weights");
+    const std::string where = file.file().path().string();
+    if (neurons.shape.size() != 2) throw ShapeError(where + ": occlusion_neurons must have two axes");
+    check_value(neurons.dim(1) >= 1 && neurons.dim(1) <= 4096, where,
+                "occlusion_neurons has " + std::to_string(neurons.dim(1)) + " columns, expected 1 to 4096");
+    return {.neurons = neurons.data,
+            .pose_weights = pose_weights.data,
+            .weights = file.read<float>("occlusion_weights").data,
+            .width = static_cast<int>(neurons.dim(1)),
+            .hidden_layers = file.read_number<std::int32_t>("occlusion_hidden_layers"),
+            .bias = file.read_number<double>("occlusion_bias"),
+            .largest = file.read_number<double>("occlusion_largest")};
+}
+
+} // namespace detail
 
 /// Writes an avatar, atomically. The archive opens in NumPy; the body's members begin with "body/".
 inline void save_avatar(const std::filesystem::path& path, const AvatarData& avatar) {
     const RigData& rig = avatar.rig;
     const GaussianCloud<float>& g = avatar.gaussians;
     check_size("save_avatar", "gaussians", g.size(), rig.point_count(), "one per point of the rig");
+    if (avatar.occlusion) check_occlusion_field("save_avatar", *avatar.occlusion, rig.point_count(), rig.joint_count());
     ArchiveWriter file(path, "avatar", avatar_file_version);
     add_body_model(file, rig.body, "body/");
     file.add("betas", rig.betas);
@@ -44,6 +75,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     file.add("compensate_opacity", std::int32_t(avatar.filter.compensate_opacity));
     file.add("deformation", std::int32_t(avatar.deformation));
     file.add("ao", avatar.ao);
+    if (avatar.occlusion) detail::add_occlusion_field(file, *avatar.occlusion);
     file.commit();
 }
 
@@ -73,6 +105,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     avatar.filter = {file.read_number<double>("dilation"), file.read_number<std::int32_t>("compensate_opacity") != 0};
 
     avatar.ao = file.read<float>("ao").data;
+    if (file.has("occlusion_neurons")) avatar.occlusion = detail::read_occlusion_field(file);
     const auto deformation = file.read_number<std::int32_t>("deformation");
 
     const std::string where = path.string();
@@ -80,6 +113,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     avatar.deformation = static_cast<Deformation>(deformation);
     if (!avatar.ao.empty()) check_size(where, "ao", avatar.ao.size(), rig.point_count(), "one per Gaussian, or none");
     check_finite<float>(where, "ao", avatar.ao);
+    if (avatar.occlusion) check_occlusion_field(where, *avatar.occlusion, rig.point_count(), rig.joint_count());
     check_value(g.sh_degree >= 0 && g.sh_degree <= 4, where, "sh_degree is " + std::to_string(g.sh_degree) + ", expected 0 to 4");
     check_gaussians(where, "avatar", std::as_const(g).view(), rig.point_count());
     check_size(where, "barycentric", rig.barycentric.size(), rig.point_count());

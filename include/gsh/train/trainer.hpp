@@ -238,6 +238,18 @@ public:
         return mean;
     }
 
+    /// The avatar as it is now, for files: `rig` with the learned joints, fields queried. Shadows that follow the pose come
+    /// as the field that they are, those that know the time as each Gaussian's mean; none before TrainConfig::ao_start.
+    [[nodiscard]] AvatarData avatar(RigData rig)
+        requires std::same_as<T, float>
+    {
+        model_->update_canonical(model_cache_, frame_code(0));
+        AvatarData avatar = model_->avatar(std::move(rig), config_.filter);
+        avatar.ao = mean_occlusion();
+        if (!avatar.ao.empty()) avatar.occlusion = model_->occlusion_field();
+        return avatar;
+    }
+
     /// A photograph as training sees it, on the host: over the background, with its mask's alpha.
     void photo_pixels(const Photo& photo, Image<T>& color, Image<T>& alpha) {
         check_photo(photo);

@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Ambient occlusion that follows the pose: a field over the Gaussians and the joints' rotations, baked for showing.
+#pragma once
+
+#include <gsh/avatar/cpu/occlusion_field.hpp>
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/skeleton.hpp>
+#include <gsh/core/config.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/field/features.hpp>
+#include <gsh/field/mlp.hpp>
+#include <gsh/math/activation.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace gsh {
+
+/// A trained field of ambient occlusion on the host, as avatar files hold it.
+///
+/// The points of an avatar never move in the canonical frame, so what their encoding brings to the first layer's neurons is
+/// a constant of each: it stands here in place of the encoding's table and half of the network.
+///
+/// Shapes  N Gaussians, W neurons, P = 9 (J - 1) numbers of a pose of J joints.
+struct OcclusionFieldData {
+    std::vector<float> neurons = {};      // [N, W] W_0 h_i, the first layer's sums over the encoding
+    std::vector<float> pose_weights = {}; // [W, P] the first layer's weights of vec(R - I)
+    std::vector<float> weights = {};      // those of the layers behind it, network() says how many
+    int width = 64;                       ///< W
+    int hidden_layers = 2;                ///< of the whole network, at least one
+    double bias = 0;                      ///< added to the network's output
+    double largest = 1;                   ///< ao lies between 0 and this
+
+    /// The layers behind the first.
+    [[nodiscard]] Mlp network() const {
+        return Mlp({.inputs = width, .outputs = 1, .width = width, .hidden_layers = hidden_layers - 1});
+    }
+};
+
+/// Throws ShapeError or ValueError, naming the member, unless the field is one of `point_count` Gaussians and `joint_count`
+/// joints.
+inline void check_occlusion_field(std::string_view where, const OcclusionFieldData& field, std::size_t point_count,
+                                  std::size_t joint_count) {
+    check_value(field.width >= 1 && field.width <= 4096, where,
+                "the occlusion field's width is " + std::to_string(field.width) + ", expected 1 to 4096");
+    check_value(field.hidden_layers >= 1 && field.hidden_layers <= 64, where,
+                "the occlusion field's hidden_layers is " + std::to_string(field.hidden_layers) + ", expected 1 to 64");
+    const auto width = static_cast<std::size_t>(field.width);
+    check_size(where, "the occlusion field's neurons", field.neurons.size(), point_count * width, "one row per Gaussian");
+    check_size(where, "the occlusion field's pose_weights", field.pose_weights.size(),
+               width * 9 * (joint_count ? joint_count - 1 : 0), "nine numbers per neuron and joint but the root");
+    check_size(where, "the occlusion field's weights", field.weights.size(), field.network().parameter_count());
+    check_finite<float>(where, "the occlusion field's neurons", field.neurons);
+    check_finite<float>(where, "the occlusion field's pose_weights", field.pose_weights);
+    check_finite<float>(where, "the occlusion field's weights", field.weights);
+    check_value(std::isfinite(field.bias), where, "the occlusion field's bias must be finite");
+    check_value(field.largest > 0 && std::isfinite(field.largest), where, "the occlusion field's largest value must be positive");
+}
+
+namespace detail {
+
+/// ao = largest * sigmoid(the network's output + bias), in place.
+template <class T>
+struct OcclusionFromLogit {
+    Span<T> values;
+    T bias, largest;
+    GSH_HD void operator()(std::size_t i) const { values[i] = largest * sigmoid(values[i] + bias); }
+};
+
+template <class T>
+struct OcclusionFromLogitBackward {
+    Span<const T> ao;
+    T largest;
+    Span<T> gradient; // with respect to ao, then to the logit
+    GSH_HD void operator()(std::size_t i) const {
+        T dL_dlogit(0);
+        sigmoid_backward(ao[i] / largest, gradient[i] * largest, dL_dlogit);
+        gradient[i] = dL_dlogit;
+    }
+};
+
+/// sums[o] = what a pose brings to neuron o.
+template <class T>
+struct PoseOfNeurons {
+    Span<const T> weights, feature; // [W, P], [P]
+    Span<T> sums;
+    GSH_HD void operator()(std::size_t o) const {
+        T sum(0);
+        for (std::size_t c = 0; c < feature.size(); ++c) sum += weights[o * feature.size() + c] * feature[c];
+        sums[o] = sum;
+    }
+};
+
+template <class T>
+struct PoseOfNeuronsBackward {
+    Span<const T> weights, dL_dsums; // [W, P], [W]
+    Span<T> dL_dfeature;             // [P]
+    GSH_HD void operator()(std::size_t c) const {
+        for (std::size_t o = 0; o < dL_dsums.size(); ++o) dL_dfeature[c] += weights[o * dL_dfeature.size() + c] * dL_dsums[o];
+    }
+};
+
+} // namespace detail
+
+/// ao_i(R) = largest · sigmoid(Mlp([h_i, vec(R - I)]) + bias), R the rotations of the non-root joints relative to their
+/// parents: a shadow comes back whenever the body bends that way again, whichever way it faces.
+///
+///     x_i = relu(W_0 h_i + W_p vec(R - I)),   ao_i = largest · sigmoid((the layers behind the first)(x_i) + bias)
+///
+/// W_0 h_i is OcclusionFieldData::neurons, W_p its pose_weights. Sums run in the order of the network that was trained, so ao
+/// is the same bit for bit.
+///
+/// Shapes  rotations [J], ao [N].
+/// Errors  ShapeError, ValueError before any work starts.
+/// Source  the paper's ambient occlusion, §3.4, with the pose in place of γ(t).
+template <Backend B, std::floating_point T = float>
+class OcclusionField {
+public:
+    template <class U>
+    using Buffer = typename B::template Buffer<U>;
+
+    /// What the passes leave for each other, and working storage.
+    struct Cache {
+        Buffer<T> feature, dL_dfeature;   // [P]
+        Buffer<T> neurons, dL_dneurons;   // [W] the pose's part
+        Buffer<T> dL_dlogits;             // [N]
+        Buffer<T> packed, scratch, partials;
+    };
+
+    OcclusionField(B& backend, const OcclusionFieldData& data, std::size_t point_count, std::size_t joint_count)
+        : backend_(&backend), network_(data.network()), width_(static_cast<std::size_t>(data.width)), bias_(T(data.bias)),
+          largest_(T(data.largest)) {
+        check_occlusion_field("OcclusionField", data, point_count, joint_count);
+        const auto bring = [&](const std::vector<float>& from, Buffer<T>& to) {
+            const std::vector<T> values(from.begin(), from.end());
+            to.resize(values.size());
+            backend.upload(Span<const T>(values), to);
+        };
+        bring(data.neurons, neurons_);
+        bring(data.pose_weights, pose_weights_);
+        bring(data.weights, weights_);
+    }
+
+    [[nodiscard]] std::size_t size() const { return neurons_.size() / width_; }
+
+    /// skeleton: the rotations'.
+    void forward(const Skeleton<B, T>& skeleton, Span<const mat3<T>> rotations, Span<T> ao, Cache& cache) const {
+        check_size("OcclusionField::forward", "ao", ao.size(), size(), "one per Gaussian");
+        check_size("OcclusionField::forward", "the pose's numbers", skeleton.pose_feature_count(), pose_weights_.size() / width_,
+                   "the field must be made for this skeleton");
+        cache.feature.resize(skeleton.pose_feature_count());
+        cache.neurons.resize(width_);
+        skeleton.feature(rotations, cache.feature);
+        backend_->for_each(width_, detail::PoseOfNeurons<T>{pose_weights_, cache.feature, cache.neurons});
+        occlusion_forward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_), Span<const T>(cache.neurons), ao,
+                          cache);
+        backend_->for_each(size(), detail::OcclusionFromLogit<T>{ao, bias_, largest_});
+    }
+
+    /// Adjoint with respect to the rotations, the field being what it is: adds to dL_drotations. ao and cache are forward's.
+    void backward(const Skeleton<B, T>& skeleton, Span<const T> ao, Span<const T> dL_dao, Cache& cache,
+                  Span<mat3<T>> dL_drotations) const {
+        check_size("OcclusionField::backward", "ao", ao.size(), size(), "one per Gaussian");
+        check_size("OcclusionField::backward", "dL_dao", dL_dao.size(), size(), "one per Gaussian");
+        check_size("OcclusionField::backward", "cache.neurons", cache.neurons.size(), width_, "forward must come first");
+        cache.dL_dlogits.resize(size());
+        cache.dL_dneurons.resize(width_);
+        cache.dL_dfeature.resize(cache.feature.size());
+        backend_->copy(dL_dao, cache.dL_dlogits);
+        backend_->fill(Span<T>(cache.dL_dneurons), T(0));
+        backend_->fill(Span<T>(cache.dL_dfeature), T(0));
+        backend_->for_each(size(), detail::OcclusionFromLogitBackward<T>{ao, largest_, cache.dL_dlogits});
+        occlusion_backward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_), Span<const T>(cache.neurons),
+                           Span<const T>(cache.dL_dlogits), cache, Span<T>(cache.dL_dneurons));
+        backend_->for_each(cache.feature.size(), detail::PoseOfNeuronsBackward<T>{pose_weights_, cache.dL_dneurons, cache.dL_dfeature});
+        skeleton.feature_backward(cache.dL_dfeature, dL_drotations);
+    }
+
+private:
+    B* backend_;
+    Mlp network_; // behind the first layer
+    std::size_t width_;
+    T bias_, largest_;
+    Buffer<T> neurons_, pose_weights_, weights_;
+};
+
+/// Bakes a trained network Mlp([encoding, vec(R - I)]): `weights` are all of its weights, `features` the encoding of each
+/// Gaussian, both in the backend's memory. The pose's numbers are the inputs that features do not cover.
+/// Errors  ShapeError, ValueError: a network with one output and at least one hidden layer, weights to match.
+template <Backend B>
+[[nodiscard]] OcclusionFieldData bake_occlusion_field(B& backend, const Mlp& mlp, Span<const float> weights,
+                                                      const FeatureView<const float>& features, double bias, double largest) {
+    check_size("bake_occlusion_field", "weights", weights.size(), mlp.parameter_count());
+    check_value(mlp.outputs() == 1 && mlp.params().hidden_layers >= 1, "bake_occlusion_field",
+                "the network must have one output and a hidden layer");
+    check_value(features.columns <= mlp.inputs(), "bake_occlusion_field", "there are more features than the network has inputs");
+    OcclusionFieldData data{.width = mlp.params().width, .hidden_layers = mlp.params().hidden_layers, .bias = bias, .largest = largest};
+    const std::size_t W = mlp.layer_outputs(0), F = features.columns, P = mlp.inputs() - F;
+    std::vector<float> all(weights.size()), first;
+    backend.download(weights, Span<float>(all));
+    for (std::size_t o = 0; o < W; ++o) {
+        const float* row = all.data() + o * mlp.inputs();
+        first.insert(first.end(), row, row + F);
+        data.pose_weights.insert(data.pose_weights.end(), row + F, row + F + P);
+    }
+    data.weights.assign(all.begin() + static_cast<std::ptrdiff_t>(mlp.layer_offset(1)), all.end());
+
+    const Mlp layer({.inputs = static_cast<int>(F), .outputs = static_cast<int>(W), .hidden_layers = 0});
+    typename B::template Buffer<float> matrix(first.size()), neurons(features.rows * W);
+    Mlp::Cache<B, float> cache;
+    backend.upload(Span<const float>(first), matrix);
+    layer.forward(backend, Span<const float>(matrix), MlpInputs<float>{features}, Span<float>(neurons), cache);
+    data.neurons.resize(neurons.size());
+    backend.download(Span<const float>(neurons), Span<float>(data.neurons));
+    return data;
+}
+
+} // namespace gsh
