@@ -62,7 +62,7 @@ struct SmallScene {
             }
         for (std::size_t c = 0; c < cameras.size(); ++c)
             for (std::size_t f = 0; f < 2; ++f)
-                photos.push_back({"cam" + std::to_string(c) + "_" + std::to_string(f), cameras[c], f, images[2 * c + f].data});
+                photos.push_back({"cam" + std::to_string(c) + "_" + std::to_string(f), cameras[c], f, images[2 * c + f].data, c});
     }
 
 private:
@@ -90,6 +90,13 @@ private:
     }
 };
 
+/// A configuration at the size of tests, its parts as they are.
+inline AvatarConfig small(AvatarConfig config) {
+    config.hash_base = 4, config.hash_growth = 2, config.hash_table_size = 1024, config.ao_table_size = 1024;
+    config.mlp_width = 16, config.mlp_hidden_layers = 1;
+    return config;
+}
+
 /// A model and a trainer on a scene.
 template <class B>
 struct SmallTraining {
@@ -103,26 +110,30 @@ struct SmallTraining {
     Model model;
     TrainerType trainer;
 
-    explicit SmallTraining(const SmallScene& small_scene, B where = B(), std::uint64_t seed = 3)
+    explicit SmallTraining(const SmallScene& small_scene, B where = B(), std::uint64_t seed = 3, const AvatarConfig& avatar = {},
+                           const TrainConfig& config = {.rates = {.quats = 0, .sh = 5e-3}})
         : scene(&small_scene), backend(std::move(where)),
           samples(sample_surface(scene->body, shaped_vertices(scene->body, scene->betas),
                                  std::vector<double>(scene->body.vertex_count(), 12.0), seed)),
           rig(make_rig(scene->body, scene->betas, samples)),
-          model(backend, rig, samples, seed, {.hash_base = 4, .hash_growth = 2, .hash_table_size = 1024, .mlp_width = 16, .mlp_hidden_layers = 1}),
-          trainer(backend, model, scene->photos, scene->motion, seed, {.rates = {.quats = 0, .sh = 5e-3}}) {}
+          model(backend, rig, samples, seed, small(avatar)), trainer(backend, model, scene->photos, scene->motion, seed, config) {}
     SmallTraining(const SmallTraining&) = delete;
 
+    std::vector<float> parameters(ParameterGroup group) {
+        const auto& values = model.parameters()[group];
+        return {values.begin(), values.end()};
+    }
     /// All parameters, one after the other.
     std::vector<float> parameters() {
         std::vector<float> all;
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
-            const auto& group = model.parameters()[static_cast<ParameterGroup>(g)];
+            const auto group = parameters(static_cast<ParameterGroup>(g));
             all.insert(all.end(), group.begin(), group.end());
         }
         return all;
     }
-    void steps(int count) {
-        for (int i = 0; i < count; ++i) trainer.step();
+    void steps(int count, double progress = 0) {
+        for (int i = 0; i < count; ++i) trainer.step(progress);
     }
 };
 

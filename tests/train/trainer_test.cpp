@@ -1,17 +1,105 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/body/joint_error.hpp>
 #include <gsh/train/evaluation.hpp>
+#include <gsh/train/refinement.hpp>
 #include <gsh/train/trainer.hpp>
 
+#include "support/posed_scene.hpp"
 #include "support/small_training.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
 
 using namespace gsh;
+using test::PosedScene;
 using test::SmallScene;
 using test::SmallTraining;
+
+namespace {
+
+using Refinement = MotionRefinement<cpu::Serial>;
+
+/// A training on the posed scene's photographs whose poses or cameras are not quite the true ones. Its form stays what it
+/// is: joints and displacements that learn would take a share of the poses' common error for themselves.
+struct Estimated {
+    PosedScene scene;
+    Motion motion;
+    std::vector<Camera<double>> cameras;
+    cpu::Serial backend;
+    AvatarModel<cpu::Serial, float, 4, 2, 1> model;
+    Trainer<cpu::Serial, float, AvatarModel<cpu::Serial, float, 4, 2, 1>> trainer;
+    std::optional<Refinement> refinement;
+
+    Estimated(Motion poses, std::vector<Camera<double>> calibration)
+        : motion(std::move(poses)), cameras(std::move(calibration)), model(backend, scene.avatar.rig, samples(), 3, test::small({.hash_displacement = false})),
+          trainer(backend, model, photos(), motion, 3, {.rates = {.joints = 0, .stored_displacements = 0}}) {}
+    Estimated(const Estimated&) = delete;
+
+    void refine(const RefinementConfig& config, bool with_cameras = false) {
+        refinement.emplace(backend, scene.avatar.rig, motion, with_cameras ? cameras : std::vector<Camera<double>>(), config);
+        trainer.refine(*refinement);
+    }
+    void train(int steps) {
+        for (int i = 0; i < steps; ++i) trainer.step(static_cast<double>(i) / steps);
+    }
+
+private:
+    [[nodiscard]] SurfaceSamples samples() const { // those that the scene's rig was made of
+        return sample_surface(scene.body, shaped_vertices(scene.body, scene.truth.betas),
+                              std::vector<double>(scene.body.vertex_count(), 12.0), 4);
+    }
+    [[nodiscard]] std::vector<Photo> photos() const {
+        std::vector<Photo> all;
+        for (std::size_t f = 0; f < PosedScene::frames; ++f)
+            for (std::size_t c = 0; c < PosedScene::camera_count; ++c)
+                all.push_back({"photo", cameras[c], f, scene.images[f * PosedScene::camera_count + c], c});
+        return all;
+    }
+};
+
+template <class Training>
+std::vector<float> trained(Training& training) {
+    std::vector<float> all;
+    for (std::size_t g = 0; g < parameter_group_count; ++g) {
+        const auto& group = training.model.parameters()[static_cast<ParameterGroup>(g)];
+        all.insert(all.end(), group.begin(), group.end());
+    }
+    return all;
+}
+
+/// Ambient occlusion from the first step on.
+const TrainConfig from_the_start{.rates = {}, .ao_start = 0};
+
+/// The small scene as its cameras would see it in a room: a picture behind the person, another one for each camera.
+struct Plates {
+    static constexpr int size = SmallScene::size;
+    std::vector<PixelImage> images;
+
+    Plates() {
+        for (const int green : {40, 200}) {
+            PixelImage plate(4, size, size);
+            for (int y = 0; y < size; ++y)
+                for (int x = 0; x < size; ++x) {
+                    const int rgba[]{5 * x, green, 5 * y, 255};
+                    std::copy_n(rgba, 4, plate.pixel(y, x));
+                }
+            images.push_back(std::move(plate));
+        }
+    }
+    void behind(SmallScene& scene) const {
+        for (Photo& photo : scene.photos) photo.plate = images[photo.camera_index].data;
+    }
+};
+
+} // namespace
 
 TEST_CASE("training learns") {
     const SmallScene scene;
@@ -80,4 +168,215 @@ TEST_CASE("the trainer refuses photographs that do not fit") {
     photo = scene.photos[0];
     photo.rgba = photo.rgba.subspan(0, 8);
     CHECK_THROWS_AS(TrainerType(training.backend, training.model, {photo}, scene.motion, 1), ShapeError);
+    photo = scene.photos[0];
+    photo.plate = photo.rgba.subspan(0, 8);
+    CHECK_THROWS_AS(TrainerType(training.backend, training.model, {photo}, scene.motion, 1), ShapeError);
+}
+
+TEST_CASE("estimated poses come closer to the true ones while the avatar is learned") {
+    const PosedScene scene;
+    RefinementConfig config;
+    config.pose = {.rate = 4e-3, .start = 100, .terms = {.pull = 1e-3}};
+    config.transl = {.rate = 1e-3, .start = 100, .terms = {.pull = 1e-3}};
+    config.expression = {};
+    Estimated refined(scene.estimate(), scene.cameras), plain(scene.estimate(), scene.cameras);
+    refined.refine(config);
+    const auto error = [&](const Motion& motion) {
+        return joint_errors(scene.body, motion, scene.truth, RootAlignment::position).mean_mm;
+    };
+    const double before = error(refined.motion);
+    CHECK(error(refined.refinement->motion()) == before);
+    refined.train(400), plain.train(400);
+    const double after = error(refined.refinement->motion());
+    const auto score = [&](Estimated& training) {
+        std::vector<ImageScore> scores;
+        for (const Photo& photo : training.trainer.photos()) scores.push_back(compare(training.trainer, photo).score);
+        return mean_score(scores).psnr;
+    };
+    CAPTURE(before);
+    CAPTURE(after);
+    CAPTURE(score(plain));
+    CAPTURE(score(refined));
+    CHECK(after < 0.6 * before);
+    CHECK(score(refined) > score(plain) + 6);
+}
+
+TEST_CASE("a camera that stands elsewhere than its file says finds its place, and the first one stays") {
+    const PosedScene scene;
+    auto cameras = scene.cameras;
+    cameras[1].t += vec3<double>(0.03, -0.02, 0);
+    RefinementConfig config;
+    for (RefinedGroup* group : {&config.pose, &config.transl, &config.expression}) *group = {};
+    config.camera_rotation = {.rate = 1e-3, .start = 50, .terms = {.pull = 1e-3}};
+    config.camera_translation = {.rate = 1e-3, .start = 50, .terms = {.pull = 1e-3}};
+    Estimated refined(scene.truth, cameras);
+    refined.refine(config, true);
+    refined.train(300);
+    const auto found = refined.refinement->cameras();
+    // What counts is where the person's middle is seen, in pixels: turning and shifting do nearly the same.
+    const auto seen = [](const Camera<double>& camera) { return to_pixel(camera, to_camera(camera, {0, 0.8, 0})); };
+    const double before = length(seen(cameras[1]) - seen(scene.cameras[1])), after = length(seen(found[1]) - seen(scene.cameras[1]));
+    CAPTURE(before);
+    CAPTURE(after);
+    CHECK(after < 0.5 * before);
+    CHECK(found[0].R == cameras[0].R);
+    CHECK(found[0].t == cameras[0].t);
+    CHECK(refined.refinement->motion().pose == scene.truth.pose);
+}
+
+TEST_CASE("a refinement that waits for its start changes nothing, and one that has started does") {
+    const PosedScene scene;
+    RefinementConfig config; // cameras from the first step on would move at once
+    for (RefinedGroup* group : {&config.pose, &config.transl, &config.expression}) group->start = 4;
+    Estimated refined(scene.estimate(), scene.cameras), plain(scene.estimate(), scene.cameras);
+    refined.refine(config, true);
+    for (int i = 0; i < 5; ++i) refined.trainer.step(), plain.trainer.step(); // the fifth moves a pose after all else
+    CHECK(trained(refined) == trained(plain));
+    CHECK(refined.refinement->motion().pose != scene.estimate().pose);
+    for (int i = 0; i < 15; ++i) refined.trainer.step(), plain.trainer.step();
+    CHECK(trained(refined) != trained(plain));
+}
+
+TEST_CASE("a frame that is left out of refinement trains at its estimate") {
+    const PosedScene scene;
+    RefinementConfig config;
+    for (RefinedGroup* group : {&config.pose, &config.transl}) group->start = 0;
+    config.left_out = {2};
+    Estimated refined(scene.estimate(), scene.cameras);
+    refined.refine(config);
+    for (int i = 0; i < 15; ++i) refined.trainer.step();
+    const Motion motion = refined.refinement->motion();
+    for (std::size_t frame = 0; frame < PosedScene::frames; ++frame)
+        CHECK((motion.transl[frame] == refined.motion.transl[frame]) == (frame == 2));
+}
+
+TEST_CASE("a photograph's plate stands where the plain background would") {
+    SmallScene scene;
+    const Plates plates;
+    plates.behind(scene);
+    SmallTraining<cpu::Serial> training(scene);
+    Image<float> color, alpha, over_plate, over_white;
+    for (const Photo& photo : scene.photos) {
+        training.trainer.photo_pixels(photo, color, alpha);
+        training.trainer.render(photo, over_plate);
+        training.trainer.render(photo.camera, photo.frame, over_white);
+        std::size_t person = 0;
+        for (int y = 0; y < Plates::size; ++y)
+            for (int x = 0; x < Plates::size; ++x) {
+                const std::size_t i = 4 * static_cast<std::size_t>(y * Plates::size + x);
+                const bool inside = photo.rgba[i + 3] == 255;
+                person += inside;
+                for (int c = 0; c < 3; ++c) {
+                    const auto k = i + static_cast<std::size_t>(c);
+                    CHECK(color.at(c, y, x) == doctest::Approx((inside ? photo.rgba : photo.plate)[k] / 255.0));
+                }
+                CHECK(alpha.at(0, y, x) == (inside ? 1.0f : 0.0f));
+            }
+        CHECK(person > 100);
+        for (int c = 0; c < 3; ++c) {
+            CHECK(over_plate.at(c, 47, 47) == doctest::Approx(photo.plate[photo.plate.size() - 4 + static_cast<std::size_t>(c)] / 255.0));
+            CHECK(over_white.at(c, 47, 47) == 1.0f);
+        }
+    }
+}
+
+TEST_CASE("over plates the same person is learned as over white, and the room stays out of it") {
+    const SmallScene white;
+    SmallScene room;
+    const Plates plates;
+    plates.behind(room);
+    SmallTraining<cpu::Serial> in_room(room), before_white(white);
+    const auto score = [](auto& training, const SmallScene& of) { return compare(training.trainer, of.photos[0]).score; };
+    const double before = score(in_room, room).psnr;
+    in_room.steps(160), before_white.steps(160);
+    const double after = score(in_room, room).psnr;
+    CAPTURE(before);
+    CAPTURE(after);
+    CHECK(after > before + 6);
+    // Each against what the other has seen.
+    for (const SmallScene* scene : {&std::as_const(room), &white}) {
+        const ImageScore a = score(in_room, *scene), b = score(before_white, *scene);
+        CAPTURE(a.psnr_person);
+        CAPTURE(b.psnr_person);
+        CHECK(std::abs(a.psnr - b.psnr) < 1);
+        CHECK(std::abs(a.psnr_person - b.psnr_person) < 1);
+    }
+}
+
+TEST_CASE("ambient occlusion waits for its start: until then it neither learns nor shades") {
+    const SmallScene scene;
+    const TrainConfig config{.rates = {.quats = 0}, .ao_start = 0.4};
+    SmallTraining<cpu::Serial> shaded(scene, cpu::Serial(), 3, {.ao = AmbientOcclusion::time}, config),
+        plain(scene, cpu::Serial(), 3, {}, config);
+    const auto ao = [&] {
+        auto both = shaded.parameters(ParameterGroup::ao_table);
+        const auto network = shaded.parameters(ParameterGroup::ao_network);
+        both.insert(both.end(), network.begin(), network.end());
+        return both;
+    };
+    const auto initial = ao();
+    REQUIRE(!initial.empty());
+    CHECK(plain.parameters(ParameterGroup::ao_table).empty());
+    shaded.steps(6, 0.39), plain.steps(6, 0.39);
+    CHECK(ao() == initial);
+    for (const auto group : {ParameterGroup::joints, ParameterGroup::joint_table, ParameterGroup::joint_network,
+                             ParameterGroup::opacity_logits, ParameterGroup::log_scales})
+        CHECK(shaded.parameters(group) == plain.parameters(group));
+    CHECK(shaded.trainer.frame_code(1).ao.empty());
+    CHECK(shaded.trainer.mean_occlusion().empty());
+    shaded.steps(6, 0.4), plain.steps(6, 0.4);
+    CHECK(ao() != initial);
+    CHECK(shaded.parameters(ParameterGroup::joint_table) != plain.parameters(ParameterGroup::joint_table));
+    CHECK(shaded.trainer.frame_code(1).ao.size() == TimeEncoding::output_count);
+    CHECK(plain.trainer.mean_occlusion().empty());
+}
+
+TEST_CASE("mean occlusion is the mean over the frames that were photographed, each counted once") {
+    SmallScene scene;
+    const auto train = [&] {
+        auto training = std::make_unique<SmallTraining<cpu::Serial>>(scene, cpu::Serial(), 3,
+                                                                     AvatarConfig{.ao = AmbientOcclusion::time}, from_the_start);
+        training->steps(25);
+        return training;
+    };
+    const auto all = train();
+    std::vector<std::vector<float>> frames;
+    for (const std::size_t frame : {0, 1}) {
+        const auto ao = all->model.occlusion(all->trainer.frame_code(frame).ao, all->trainer.cache());
+        frames.emplace_back(ao.begin(), ao.end());
+    }
+    CHECK(frames[0] != frames[1]);
+    const auto mean = all->trainer.mean_occlusion();
+    REQUIRE(mean.size() == all->model.size());
+    for (std::size_t i = 0; i < mean.size(); ++i) {
+        CHECK(mean[i] == doctest::Approx((frames[0][i] + frames[1][i]) / 2));
+        CHECK((mean[i] > 0 && mean[i] < 1));
+    }
+    scene.photos = {scene.photos[0], scene.photos[1], scene.photos[2]}; // frame 0 by both cameras, frame 1 by one
+    CHECK(train()->trainer.mean_occlusion().size() == mean.size());
+    scene.photos = {scene.photos[1], scene.photos[3]}; // frame 1 alone
+    const auto second = train();
+    const auto ao = second->model.occlusion(second->trainer.frame_code(1).ao, second->trainer.cache());
+    const std::vector<float> expected(ao.begin(), ao.end());
+    CHECK(second->trainer.mean_occlusion() == expected);
+}
+
+TEST_CASE("shadows that know the pose are told the joints' rotations") {
+    const SmallScene scene;
+    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {.ao = AmbientOcclusion::pose}, from_the_start);
+    const auto code = training.trainer.frame_code(1).ao;
+    REQUIRE(code.size() == 9 * 3); // all joints but the root
+    for (std::size_t j = 1; j < 4; ++j) {
+        const mat3<double> R = rotation_from_axis_angle(scene.motion.pose_at(1)[j]);
+        double difference = 0, size = 0; // whatever the order: R's numbers, or R's less those of no turn
+        for (std::size_t k = 0; k < 9; ++k) {
+            const double entry = R[static_cast<int>(k % 3)][static_cast<int>(k / 3)], here = code[9 * (j - 1) + k];
+            difference += std::abs(here - (entry - (k % 4 == 0 ? 1 : 0)));
+            size += std::abs(here);
+        }
+        CHECK(difference < 1e-5);
+        CHECK(size > 0.1);
+    }
+    training.steps(8);
+    CHECK(training.trainer.mean_occlusion().size() == training.model.size());
 }
