@@ -289,3 +289,35 @@ TEST_CASE("the model refuses what does not fit") {
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {{0.5}, {}}), ShapeError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {{}, {0.5}}), ValueError);
 }
+
+TEST_CASE("a pose's gradient through its shadows, the avatar being what it is") {
+    using B = cpu::Serial;
+    Chain<B> chain({.ao = AmbientOcclusion::pose, .largest_ao = 1.7});
+    test::Rng rng(12);
+    Splats<B, double> weights;
+    weights.resize(chain.model.size());
+    fill_zero(chain.backend, weights.view());
+    for (auto& v : weights.colors) v = rng.vec();
+    chain.model.update_canonical(chain.cache, chain.code());
+    const auto loss = [&] {
+        chain.model.pose(chain.pose, chain.camera.center(), chain.splats.view(), chain.cache, chain.code());
+        double sum = 0;
+        for (std::size_t i = 0; i < chain.model.size(); ++i) sum += dot(chain.splats.colors[i], weights.colors[i]);
+        return sum;
+    };
+    std::vector<vec3<double>> dL_dpose(4, vec3<double>(0.0));
+    const auto backward = [&] {
+        loss();
+        chain.model.pose_backward(chain.pose, chain.camera.center(), std::as_const(weights).view(), chain.cache, {dL_dpose, {}, {}});
+    };
+    backward();
+    const auto once = dL_dpose;
+    test::check_gradient(loss, numbers(chain.pose.pose), test::scalars(dL_dpose));
+    backward();
+    for (std::size_t j = 0; j < 4; ++j) CHECK(length(dL_dpose[j] - 2.0 * once[j]) < 1e-12);
+
+    // The same shadows when the model is asked for them alone.
+    const std::vector<double> shadows(chain.cache.occlusion.begin(), chain.cache.occlusion.end());
+    const auto alone = chain.model.occlusion(chain.pose, chain.ao_code, chain.cache);
+    CHECK(std::equal(alone.begin(), alone.end(), shadows.begin(), shadows.end()));
+}

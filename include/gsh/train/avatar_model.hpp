@@ -77,7 +77,9 @@ struct CanonicalPriors {
     std::vector<double> features;
 };
 
-/// What a pass is told of its frame. An empty `ao` leaves ambient occlusion out: ao = 1.
+/// What a pass is told of its frame. An empty `ao` leaves ambient occlusion out: ao = 1. Where shadows follow the pose, the
+/// pose that the model is asked for puts its own numbers in the place of ao's, so that a pose that is refined takes its
+/// shadows along.
 ///
 /// Shapes  head [AvatarModel::head_code_size()], ao [AvatarModel::ao_code_size()] in the backend's memory.
 template <class T>
@@ -153,6 +155,9 @@ public:
         Buffer<vec3<T>> dL_dhead;      // [N, basis (+ 1)], laid out as the head's output
         Buffer<Affine<T>> dL_dbones;   // [J]
         Buffer<vec3<T>> dL_djoints;    // [J], where nobody asks for it
+        Buffer<T> pose_code, dL_dpose_code; // [9 (J - 1)], where shadows follow the pose
+        Buffer<mat3<T>> dL_drotations;      // [J], likewise
+        Buffer<T> dL_dao_network;           // where nobody asks for it
         SkinnedSplatsWorkspace<B, T> workspace;
     };
 
@@ -245,7 +250,7 @@ public:
         backend_->for_each(count_, displaced_means(cache.means));
         rig_.add_offsets(cache.rig, cache.means);
         cache.occlusion.resize(code.ao.empty() ? 0 : count_);
-        if (!code.ao.empty()) query_occlusion(code.ao, cache);
+        if (!code.ao.empty()) query_occlusion(occlusion_code(code.ao, cache), cache);
         skinned_splats_forward<Degree>(*backend_, gaussians(cache), cache.rig.bones, center, splats, cache.workspace,
                                        config_.clamping, config_.deformation);
     }
@@ -268,7 +273,14 @@ public:
                      view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::joints])), dL_dpose, dL_dcenter);
 
         const FieldInputs<T> inputs{features_, code.head};
-        if (!code.ao.empty()) occlusion_backward(code.ao, cache, dL_dparameters);
+        if (!code.ao.empty()) {
+            backend_->for_each(count_, occlusion_from_logit_backward(cache));
+            const Span<T> dL_dcode = start_pose_code(cache, dL_dpose);
+            ao_->backward(*backend_, parameters_[ParameterGroup::ao_network], ao_query_, cache.dL_docclusion, cache.ao,
+                          dL_dparameters[ParameterGroup::ao_table], dL_dparameters[ParameterGroup::ao_network],
+                          {{}, occlusion_code(code.ao, cache)}, dL_dcode);
+            pose_code_backward(pose, cache, dL_dpose);
+        }
         if (displacement_)
             displacement_->backward(*backend_, parameters_[ParameterGroup::displacement_network], query_,
                                     scalars(cache.dL_dmeans), cache.displacement,
@@ -289,10 +301,25 @@ public:
     /// Adjoint of pose with respect to the pose alone, the avatar being what it is.
     void pose_backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
                        const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
+        const bool shadows_move = config_.ao == AmbientOcclusion::pose && cache.occlusion.size() && !dL_dpose.pose.empty();
         start(cache.dL_djoints, rig_.joint_count(), vec3<T>(T(0)));
-        rig_backward(pose, center, dL_dsplats, cache, {}, cache.dL_djoints, dL_dpose, dL_dcenter);
+        start(cache.dL_docclusion, shadows_move ? count_ : 0, T(0));
+        rig_backward(pose, center, dL_dsplats, cache, {.ao = cache.dL_docclusion}, cache.dL_djoints, dL_dpose, dL_dcenter);
+        if (!shadows_move) return;
+        const Span<const T> features(cache.ao.features);
+        start(cache.dL_dao_network, ao_->mlp().parameter_count(), T(0));
+        backend_->for_each(count_, occlusion_from_logit_backward(cache));
+        ao_->mlp().backward(*backend_, parameters_[ParameterGroup::ao_network],
+                            {blocked(features, Grid::output_count, Features), {}, cache.pose_code}, cache.dL_docclusion,
+                            cache.ao.mlp, cache.dL_dao_network, {}, Write::add, start_pose_code(cache, dL_dpose));
+        pose_code_backward(pose, cache, dL_dpose);
     }
 
+    /// Ambient occlusion [N] at a pose, or at the frame's code where it knows no poses.
+    [[nodiscard]] Span<const T> occlusion(const RigPose<B, T>& pose, Span<const T> code, Cache& cache) {
+        rig_.forward(pose, joints(), cache.rig);
+        return occlusion(occlusion_code(code, cache), cache);
+    }
     /// Ambient occlusion [N] at a frame's code.
     [[nodiscard]] Span<const T> occlusion(Span<const T> code, Cache& cache) {
         query_occlusion(code, cache);
@@ -417,10 +444,27 @@ private:
                                                                static_cast<T>(occlusion_bias()),
                                                                T(config_.largest_ao)});
     }
-    void occlusion_backward(Span<const T> code, Cache& cache, Parameters<B, T>& dL_dparameters) {
-        backend_->for_each(count_, detail::OcclusionFromLogitBackward<T>{cache.occlusion, T(config_.largest_ao), cache.dL_docclusion});
-        ao_->backward(*backend_, parameters_[ParameterGroup::ao_network], ao_query_, cache.dL_docclusion, cache.ao,
-                      dL_dparameters[ParameterGroup::ao_table], dL_dparameters[ParameterGroup::ao_network], {{}, code});
+    [[nodiscard]] detail::OcclusionFromLogitBackward<T> occlusion_from_logit_backward(Cache& cache) const {
+        return {cache.occlusion, T(config_.largest_ao), cache.dL_docclusion};
+    }
+    /// What the occlusion field reads: the frame's code, or the numbers of the pose that cache.rig holds.
+    [[nodiscard]] Span<const T> occlusion_code(Span<const T> code, Cache& cache) const {
+        if (config_.ao != AmbientOcclusion::pose) return code;
+        cache.pose_code.resize(ao_code_size());
+        rig_.skeleton().feature(cache.rig.rotations, cache.pose_code);
+        return cache.pose_code;
+    }
+    /// Zeros for the gradient of the pose's numbers, if anybody asks for it.
+    [[nodiscard]] Span<T> start_pose_code(Cache& cache, const RigPoseGradient<T>& dL_dpose) {
+        start(cache.dL_dpose_code, config_.ao == AmbientOcclusion::pose && !dL_dpose.pose.empty() ? ao_code_size() : 0, T(0));
+        return cache.dL_dpose_code;
+    }
+    /// Carries that gradient to the pose.
+    void pose_code_backward(const RigPose<B, T>& pose, Cache& cache, const RigPoseGradient<T>& dL_dpose) {
+        if (!cache.dL_dpose_code.size()) return;
+        start(cache.dL_drotations, rig_.joint_count(), mat3<T>(T(0)));
+        rig_.skeleton().feature_backward(cache.dL_dpose_code, cache.dL_drotations);
+        rig_.skeleton().rotations_backward(pose.pose, cache.dL_drotations, dL_dpose.pose);
     }
 
     void set(ParameterGroup group, const std::vector<T>& values) {

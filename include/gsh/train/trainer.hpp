@@ -230,7 +230,8 @@ public:
             if (code.ao.empty() || seen[photo.frame]) continue;
             seen[photo.frame] = true;
             ++count;
-            backend_->download(model_->occlusion(code.ao, model_cache_), Span<T>(frame_ao));
+            set_pose(photo.frame);
+            backend_->download(model_->occlusion(pose_, code.ao, model_cache_), Span<T>(frame_ao));
             mean.resize(frame_ao.size(), T(0));
             for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += frame_ao[i];
         }
