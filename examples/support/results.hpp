@@ -95,11 +95,7 @@ inline std::string fixed(double value, int digits) {
 
 /// The avatar of a reconstruction as it is now, for files. A body with fewer joints than the capture's is what moves it.
 inline AvatarData avatar_of(Reconstruction& reconstruction) {
-    auto& trainer = reconstruction.trainer;
-    reconstruction.model.update_canonical(trainer.cache(), trainer.frame_code(0));
-    AvatarData avatar = reconstruction.model.avatar(reconstruction.setup.rig, trainer.config().filter);
-    avatar.ao = trainer.mean_occlusion();
-    return avatar;
+    return reconstruction.trainer.avatar(reconstruction.setup.rig);
 }
 
 /// How the figures came about, in words.
