@@ -56,12 +56,12 @@ struct AvatarConfig {
     bool hash_sh = true;           ///< SH from a field; else stored with each Gaussian
     bool head_time = false;        ///< the heads read γ(t) too: colours and displacements that change with the frame
     /// Fine levels, which only points with a share in the region have (if the avatar is given one).
-    int fine_level = 12;
+    int fine_level = 13; ///< what lies below must still resolve a training pixel on the torso
     bool separate_tables = false; ///< coarse and fine features from a table each
     AmbientOcclusion ao = AmbientOcclusion::none;
-    std::uint32_t ao_table_size = 1u << 19;
-    double largest_ao = 1; ///< above 1, light may exceed what the colours hold
-    double initial_ao = 0.95;
+    std::uint32_t ao_table_size = 1u << 17;
+    double largest_ao = 2; ///< above 1, light may exceed the mean that the colours hold when ao starts
+    double initial_ao = 1;
     Deformation deformation = Deformation::linear;
     double initial_opacity = 0.2;
     double bounds_margin = 1.05; ///< the fields' cube, in sizes of the points' bounding cube

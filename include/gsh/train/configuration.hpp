@@ -186,6 +186,8 @@ void for_each_setting(C& c, const F& f) {
     const auto make_baseline = [&] { // Liu et al., "Animatable 3D Gaussian", 2024, as its code has it
         c.region_samples = c.multi_scale = c.depth_prior = c.normal_prior = false;
         c.avatar.heads = Heads::separate;
+        c.avatar.ao_table_size = 1u << 19;
+        c.avatar.largest_ao = 1;
         c.avatar.initial_ao = 0.5;
         c.train = baseline_config();
     };
