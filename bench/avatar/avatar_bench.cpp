@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A frame of an avatar of 170,000 Gaussians, from pose to splats, with shadows that follow the pose and without.
+#include <gsh/avatar/avatar.hpp>
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/threads.hpp>
+#include <gsh/body/surface_samples.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/synthetic/actor.hpp>
+
+#include <benchmark/benchmark.h>
+
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+namespace {
+
+constexpr std::size_t N = 170000;
+
+/// The actor, and a field of the trained networks' sizes.
+const AvatarData& avatar(bool shaded) {
+    static const auto make = [](bool with_field) {
+        const BodyModel body = make_actor();
+        const std::vector<double> betas(static_cast<std::size_t>(body.shape_count), 0.0);
+        const auto samples = sample_surface(body, shaped_vertices(body, betas),
+                                            std::vector<double>(body.vertex_count(), double(N) / double(body.vertex_count())), 1);
+        AvatarData data{make_rig(body, betas, samples), GaussianCloud<float>(samples.size(), 2)};
+        for (std::size_t i = 0; i < samples.size(); ++i) {
+            data.gaussians.means[i] = vec3<float>(samples.positions[i]);
+            data.gaussians.quats[i] = {1, 0, 0, 0};
+            data.gaussians.log_scales[i] = vec3<float>(-5);
+        }
+        if (with_field) {
+            OcclusionFieldData& field = data.occlusion.emplace();
+            Rng rng(2);
+            const auto fill = [&](std::vector<float>& values, std::size_t count) {
+                values.resize(count);
+                for (float& value : values) value = static_cast<float>(rng.uniform(-0.3, 0.3));
+            };
+            fill(field.neurons, samples.size() * 64);
+            fill(field.pose_weights, 64 * 9 * (data.rig.joint_count() - 1));
+            fill(field.weights, field.network().parameter_count());
+        }
+        return data;
+    };
+    static const AvatarData with = make(true), without = make(false);
+    return shaded ? with : without;
+}
+
+template <class B>
+struct Frame {
+    B backend;
+    Avatar<B> shown;
+    RigPose<B, float> pose;
+    Splats<B, float> splats;
+    typename Avatar<B>::Cache cache;
+
+    explicit Frame(const benchmark::State& state) : shown(backend, avatar(state.range(0))) {
+        Motion motion = rest_motion(avatar(false).rig);
+        for (auto& angle : motion.pose) angle = vec3<double>(0.1, -0.1, 0.2);
+        shown.rig().upload_pose(motion, 0, pose);
+        splats.resize(shown.size());
+    }
+    void forward() { shown.pose(pose, {0, 1, 4}, splats.view(), cache); }
+};
+
+template <class B>
+void forward(benchmark::State& state) {
+    Frame<B> frame(state);
+    for (auto _ : state) frame.forward();
+    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(frame.shown.size()));
+}
+
+template <class B>
+void backward(benchmark::State& state) {
+    Frame<B> frame(state);
+    frame.forward();
+    std::vector<vec3<float>> dL_dpose(avatar(false).rig.joint_count());
+    for (auto _ : state)
+        frame.shown.pose_backward(frame.pose, {0, 1, 4}, std::as_const(frame.splats).view(), frame.cache, {dL_dpose, {}, {}});
+    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(frame.shown.size()));
+}
+
+BENCHMARK(forward<cpu::Serial>)->ArgName("shadows")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(forward<cpu::Threads>)->ArgName("shadows")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(backward<cpu::Serial>)->ArgName("shadows")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(backward<cpu::Threads>)->ArgName("shadows")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+} // namespace
+} // namespace gsh
