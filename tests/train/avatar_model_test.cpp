@@ -284,6 +284,7 @@ TEST_CASE("the model refuses what does not fit") {
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, fewer, 1), ShapeError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_opacity = 1}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_ao = 0}), ValueError);
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.bounds_margin = 0}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {std::vector<double>(chain.samples.size(), 0.5), {}}), ValueError); // level 12 of 3
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.hash_displacement = false, .hash_sh = false, .head_time = true}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {{0.5}, {}}), ShapeError);

@@ -172,6 +172,8 @@ public:
                     "initial_opacity must lie between 0 and 1");
         check_value(config.initial_ao > 0 && config.initial_ao < config.largest_ao, "AvatarModel",
                     "initial_ao must lie between 0 and largest_ao");
+        check_value(config.bounds_margin >= 1 && std::isfinite(config.bounds_margin), "AvatarModel",
+                    "bounds_margin must be at least 1: all points lie within the fields' cube");
         if (!priors.region.empty()) {
             check_size("AvatarModel", "priors.region", priors.region.size(), count_, "one τ per sample, or none");
             check_value(config.fine_level >= 0 && config.fine_level <= Levels, "AvatarModel",

@@ -101,12 +101,13 @@ public:
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
-    /// Errors  ValueError: no photographs, or one that names a frame the motion lacks.
+    /// Errors  ValueError: no photographs, one that names a frame the motion lacks, or a config that cannot be meant.
     Trainer(B& backend, Model& model, std::vector<Photo> photos, const Motion& motion, std::uint64_t seed,
             const TrainConfig& config = {})
         : backend_(&backend), model_(&model), photos_(std::move(photos)), motion_(&motion), seed_(seed),
           config_(config), rasterizer_(backend, raster_params<T>(config.filter)),
           loss_(backend, {.ssim_weight = T(config.ssim_weight)}) {
+        check_config();
         check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
         for (const Photo& photo : photos_) check_photo(photo);
         make_codes();
@@ -275,6 +276,17 @@ public:
     void set_progress(double progress) { progress_ = progress; }
 
 private:
+    void check_config() const {
+        const auto expect = [](bool good, const std::string& what) { check_value(good, "TrainConfig", what); };
+        for (std::size_t g = 0; g < parameter_group_count; ++g) {
+            const double rate = config_.rates[static_cast<ParameterGroup>(g)];
+            expect(rate >= 0 && std::isfinite(rate), "the rate of " + std::string(parameter_group_names[g]) + " must not be negative");
+        }
+        expect(config_.final_rate > 0 && config_.final_rate <= 1, "final_rate must lie in (0, 1]");
+        expect(config_.ssim_weight >= 0 && config_.ssim_weight <= 1, "ssim_weight must lie in [0, 1]");
+        expect(config_.ao_start >= 0, "ao_start must not be negative");
+        expect(config_.filter.dilation >= 0 && std::isfinite(config_.filter.dilation), "filter.dilation must not be negative");
+    }
     void check_photo(const Photo& photo) const {
         check_value(photo.frame < motion_->frame_count(), "Trainer",
                     photo.name + " is of frame " + std::to_string(photo.frame) + ", the motion has " +
