@@ -7,8 +7,11 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cstddef>
+#include <filesystem>
 #include <set>
 #include <string>
+#include <string_view>
 
 using namespace gsh;
 
@@ -50,6 +53,27 @@ TEST_CASE("settings read back what they print") {
     for (const auto& [key, text] : settings_of(odd)) set_setting(copy, key, text, "test");
     CHECK(settings_of(copy) == settings_of(odd));
     CHECK(copy.train.rates.sh == odd.train.rates.sh);
+}
+
+TEST_CASE("docs/configurations.md lists every configuration, and every setting with the paper's value") {
+    const std::string page = read_file(std::filesystem::path(GSH_SOURCE_DIR) / "docs" / "configurations.md");
+    for (const std::string_view name : configuration_names) {
+        CAPTURE(name);
+        CHECK(page.find(std::string("`").append(name).append("`")) != std::string::npos);
+    }
+    const auto settings = settings_of(named_configuration("paper"));
+    for (const auto& [key, text] : settings) {
+        const std::string row = std::string("\n| `").append(key).append("` | ").append(text).append(" | ");
+        CAPTURE(row);
+        CHECK(page.find(row) != std::string::npos);
+    }
+    const std::string table = page.substr(page.find("| setting |")); // and no other
+    const auto rows = [&](std::string_view begin) {
+        std::size_t count = 0;
+        for (std::size_t at = table.find(begin); at != std::string::npos; at = table.find(begin, at + 1)) ++count;
+        return count;
+    };
+    CHECK(rows("\n| `") == settings.size());
 }
 
 TEST_CASE("settings have names of their own") {
