@@ -82,6 +82,33 @@ TEST_CASE("a split file fills the joints of SMPL-X") {
     }
 }
 
+TEST_CASE("a body of trunk and limbs takes its 22 joints from files of its relatives") {
+    const test::Temporary folder;
+    const BodyModel model = test::small_body(22, 3, 0);
+    const auto check = [&](const char* what, const Parts& parts, const char* body_key, std::size_t first, const char* warning) {
+        CAPTURE(what);
+        parts.write(folder / what);
+        std::vector<std::string> warnings;
+        const Motion motion = load_motion(folder / what, model, {}, &warnings);
+        REQUIRE(motion.pose.size() == T * 22);
+        for (std::size_t t = 0; t < T; ++t)
+            for (std::size_t j = 1; j < 22; ++j) CHECK(motion.pose_at(t)[j] == parts.at(body_key, t, j - first));
+        bool warned = false;
+        for (const std::string& text : warnings) warned = warned || text.find(warning) != std::string::npos;
+        CHECK(warned);
+    };
+    Parts split = split_parts();
+    check("smplx.npz", split, "body_pose", 1, "expression holds 2 coefficients");
+    split.set("body_pose", {T, 69});
+    check("smpl.npz", split, "body_pose", 1, "last two joints (hands) are left out");
+    Parts whole;
+    whole.set("poses", {T, 165}), whole.set("trans", {T, 3}), whole.set("betas", {3});
+    check("amass.npz", whole, "poses", 0, "the common ones are taken");
+    split.set("body_pose", {T, 60});
+    split.write(folder / "bad.npz");
+    test::check_throws<ShapeError>([&] { (void)load_motion(folder / "bad.npz", model); }, {"body_pose has 60 numbers", "expected 63"});
+}
+
 TEST_CASE("motions come back as they were saved") {
     const test::Temporary folder;
     for (const std::size_t joints : {std::size_t(55), std::size_t(52), std::size_t(24), std::size_t(7)}) {

@@ -48,7 +48,7 @@ struct MotionFileOptions {
 ///              leye_pose, reye_pose [T, 3], left_hand_pose, right_hand_pose [T, 45] or [T, C] PCA coefficients,
 ///              expression [T, E], timestamps [T].
 /// Whole files  poses [T, 3 J], trans [T, 3], betas, mocap_framerate. Files for 22, 24, 52 or 55 joints serve bodies
-///              of 24, 52 or 55: the common joints are taken.
+///              of any of these: the common joints are taken.
 /// Units        axis-angle in radians, metres, seconds.
 /// Errors       IoError, ShapeError, ValueError naming file and key. What is probably, but not surely, wrong goes to
 ///              `warnings`: parts that are missing or left over, degrees, a mean hand that was forgotten or added twice.
@@ -155,7 +155,7 @@ private:
         start(read_frames("global_orient", 3));
         const auto body = read_frames("body_pose");
         const std::size_t found = body.dim(1) / 3;
-        const bool smpl_family = joints_ == 24 || joints_ == 52 || joints_ == 55;
+        const bool smpl_family = joints_ == 22 || joints_ == 24 || joints_ == 52 || joints_ == 55;
         const std::size_t own = joints_ - 1, common = std::min<std::size_t>(own, 21);
         if (body.dim(1) % 3 == 0 && smpl_family && (found == 21 || found == 23)) {
             place(body, 0, 1, found == own ? own : common);
