@@ -77,10 +77,10 @@ inline void draw_outline(PixelImage& canvas, const Silhouette& silhouette, const
     };
     for (int y = 0; y < silhouette.height; ++y)
         for (int x = 0; x < silhouette.width; ++x) {
-            if (!inside(y, x) || (inside(y - 1, x) && inside(y + 1, x) && inside(y, x - 1) && inside(y, x + 1))) continue;
+            if (!inside(y, x) || (inside(y - 1, x) && inside(y + 1, x) && inside(y, x - 1) && inside(y, x + 1)))
+                continue;
             for (int v = 0; v < reduction; ++v)
-                for (int u = 0; u < reduction; ++u)
-                    draw_dot(canvas, x * reduction + u, y * reduction + v, 0, color);
+                for (int u = 0; u < reduction; ++u) draw_dot(canvas, x * reduction + u, y * reduction + v, 0, color);
         }
 }
 
@@ -100,7 +100,8 @@ inline void draw_skeleton(PixelImage& canvas, const Camera<double>& camera, Span
             if (const vec3<double> q = to_camera(camera, joints[static_cast<std::size_t>(parents[j])]); q.z > near)
                 draw_line(canvas, to_pixel(camera, q), pixel, thick, color);
         if (std::abs(pixel.x) < 1e6 && std::abs(pixel.y) < 1e6)
-            draw_dot(canvas, static_cast<int>(std::floor(pixel.x)), static_cast<int>(std::floor(pixel.y)), 1 + thick, color);
+            draw_dot(canvas, static_cast<int>(std::floor(pixel.x)), static_cast<int>(std::floor(pixel.y)), 1 + thick,
+                     color);
     }
 }
 

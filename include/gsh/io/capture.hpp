@@ -86,6 +86,7 @@ struct FrameRange {
 struct CaptureOptions {
     std::string poses = "poses.npz"; ///< file in the capture's folder, or a path
     MotionFileOptions::Hands hands = MotionFileOptions::Hands::automatic;
+    bool empty_masks = false; ///< images whose mask is empty everywhere are taken, not refused
 
     // What only foreign layouts ask (io/any_capture.hpp); our own says it in its files.
     std::optional<FrameRange> train_frames = {}, test_frames = {}; ///< instead of the data set's own split
@@ -355,7 +356,7 @@ Capture load_capture(B& backend, const std::filesystem::path& folder, const Body
             detail::check_image_size(masks[i], mask, camera);
             detail::apply_mask(mask, image);
         }
-        detail::check_mask(masks.empty() ? images[i] : masks[i], image);
+        if (!options.empty_masks) detail::check_mask(masks.empty() ? images[i] : masks[i], image);
         capture.images[i] = camera.distortion ? detail::straighten(image, camera) : std::move(image);
     });
     if (std::filesystem::is_directory(folder / "backgrounds"))

@@ -125,7 +125,7 @@ Capture load_easymocap_capture(B& backend, const std::filesystem::path& folder, 
         PixelImage image = read_image(images[i]);
         detail::check_image_size(images[i], image, full[i / F]);
         if (masked) detail::apply_mask_file(masks[i], image);
-        detail::check_mask(masks[i], image);
+        if (!options.empty_masks) detail::check_mask(masks[i], image);
         if (full[i / F].distortion) image = detail::straighten(image, full[i / F]);
         capture.images[i] = detail::shrink(image, factor);
     });

@@ -6,6 +6,7 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture.hpp>
+#include <gsh/train/capture_hands.hpp>
 #include <gsh/train/capture_reading.hpp>
 #include <gsh/train/capture_search.hpp>
 #include <gsh/train/capture_words.hpp>
@@ -64,8 +65,8 @@ struct CaptureCheck {
 };
 
 /// Compares masks with the silhouettes of the posed body, as given and as other conventions would have them. A
-/// hypothesis is named where it makes the overlap clearly better: by an absolute amount and by a share of what is missing,
-/// so that loose clothes and an estimator's errors are no faults.
+/// hypothesis is named where it makes the overlap clearly better: by an absolute amount and by a share of what is
+/// missing, so that loose clothes and an estimator's errors are no faults.
 ///
 /// Errors  ShapeError, ValueError for a capture or a body that is none. A motion for another number of joints is a
 ///         finding, and then the only one.
@@ -143,58 +144,83 @@ private:
         CaptureFinding opaque{.fault = "no-masks", .measure = "share of images that are opaque everywhere"};
         for (const ViewCheck& v : result_.views) {
             if (v.mask == ViewCheck::Mask::empty) empty.views.push_back(v.view);
-            if (v.mask == ViewCheck::Mask::opaque && !capture_.background(v.view.camera)) opaque.views.push_back(v.view);
+            if (v.mask == ViewCheck::Mask::opaque && !capture_.background(v.view.camera))
+                opaque.views.push_back(v.view);
         }
         for (CaptureFinding* finding : {&empty, &opaque}) {
             if (finding->views.empty()) continue;
-            finding->given =
-                static_cast<double>(finding->views.size()) / static_cast<double>(result_.views.size());
+            finding->given = static_cast<double>(finding->views.size()) / static_cast<double>(result_.views.size());
             add(*finding, "usual",
-                finding == &empty ? "segment these images anew or leave them out; training would learn that nobody is there"
-                                  : "store the person's mask as alpha, or in masks/");
+                finding == &empty
+                    ? "segment these images anew or leave them out; training would learn that nobody is there"
+                    : "store the person's mask as alpha, or in masks/");
         }
     }
 
     /// What the reading changes, if it proves to be worth it: without it, the rest being mended, the overlap is clearly
-    /// worse.
+    /// worse. What does not is dropped, and the others are measured anew.
     void name_faults(const std::vector<CaptureView>& chosen) {
-        const std::vector<double> as_given = search_.fine(chosen, search_.as_given());
+        std::vector<CaptureFinding> named;
         for (bool dropped = true; dropped;) {
             dropped = false;
+            named.clear();
+            const std::vector<Aspect> aspects = aspects_of(result_.reading);
+            if (aspects.empty()) break;
             const std::vector<double> mended = search_.fine(chosen, result_.reading);
-            for (const Aspect& aspect : aspects_of(result_.reading)) {
+            for (const Aspect& aspect : aspects) {
                 CaptureReading without = result_.reading;
                 reset(without, aspect);
-                const auto [given, now] = search_.means(chosen, search_.fine(chosen, without), mended, aspect.cameras);
+                const auto [given, now] =
+                    search_.looks().means(chosen, search_.fine(chosen, without), mended, aspect.cameras);
                 const bool plain = aspect.kind == Aspect::Kind::inverted_mask && inverted_border(aspect.cameras);
-                if (plain || (now >= params_.search.convincing && search_.is_clear(given, now))) continue;
-                result_.reading = without;
-                dropped = true;
-                break;
+                if (!plain && !(now >= params_.search.convincing && search_.is_clear(given, now))) {
+                    result_.reading = without;
+                    dropped = true;
+                    break;
+                }
+                CaptureFinding finding{
+                    .fault = fault_name(aspect, result_.reading), .measure = "IoU", .given = given, .mended = now};
+                if (!aspect.of_motion()) finding.cameras = aspect.cameras;
+                finding.text = finding_text(capture_, finding, hypothesis_text(aspect, result_.reading),
+                                            remedy_text(aspect, result_.reading, capture_), 2);
+                named.push_back(std::move(finding));
             }
         }
-        const std::vector<double> mended = search_.fine(chosen, result_.reading);
-        for (const Aspect& aspect : aspects_of(result_.reading)) {
-            CaptureReading without = result_.reading;
-            reset(without, aspect);
-            const auto [given, now] = search_.means(chosen, search_.fine(chosen, without), mended, aspect.cameras);
-            CaptureFinding finding{.fault = fault_name(aspect, result_.reading), .measure = "IoU", .given = given, .mended = now};
-            if (!aspect.of_motion()) finding.cameras = aspect.cameras;
-            add(finding, hypothesis_text(aspect, result_.reading), remedy_text(aspect, result_.reading, capture_));
-        }
-        if (const auto hands = search_.hands(chosen, result_.reading); hands.times != 0) {
-            result_.reading.motion.mean_hands = hands.times;
-            CaptureFinding finding{.fault = hands.times > 0 ? "mean-hand-missing" : "mean-hand-twice",
-                                   .measure = "IoU around the hands", .given = hands.given, .mended = hands.mended};
-            add(finding, hands.times > 0 ? "with the body's mean hand added" : "without the body's mean hand",
-                hands.times > 0 ? "the poses count from the mean hand: store flat_hand = 0"
-                                : "the poses are whole hands already: store flat_hand = 1");
-        }
+        result_.findings.insert(result_.findings.end(), named.begin(), named.end());
+        name_hands(chosen);
+    }
+
+    void name_hands(const std::vector<CaptureView>& chosen) {
+        const auto [given, added, taken] =
+            hand_overlaps(search_.looks(), chosen, result_.reading, params_.search.fine_size);
+        const bool missing = added.iou() > taken.iou();
+        const Overlap& better = missing ? added : taken;
+        if (!search_.is_clear(given.iou(), better.iou())) return;
+        result_.reading.motion.mean_hands = missing ? 1 : -1;
+        CaptureFinding finding{.fault = missing ? "mean-hand-missing" : "mean-hand-twice",
+                               .measure = "IoU around the hands",
+                               .given = given.iou(),
+                               .mended = better.iou()};
+        add(finding, missing ? "with the body's mean hand added" : "without the body's mean hand",
+            missing ? "the poses count from the mean hand: store flat_hand = 0"
+                    : "the poses are whole hands already: store flat_hand = 1");
     }
 
     [[nodiscard]] bool inverted_border(const std::vector<std::size_t>& cameras) const {
         return std::all_of(cameras.begin(), cameras.end(),
                            [&](std::size_t c) { return search_.border_share(c) > params_.search.inverted_border; });
+    }
+
+    /// IoU of each view with all faults mended, -1 where it has no pose then.
+    [[nodiscard]] std::vector<double> overlaps(const std::vector<CaptureView>& views) {
+        if (!aspects_of(result_.reading).empty()) return search_.fine(views, result_.reading);
+        std::vector<double> result;
+        auto v = result_.views.begin(); // which are in the same order
+        for (const CaptureView& wanted : views) {
+            while (v->view.camera != wanted.camera || v->view.frame != wanted.frame) ++v;
+            result.push_back(v->iou);
+        }
+        return result;
     }
 
     /// Cameras that no reading brings to the body.
@@ -210,16 +236,14 @@ private:
                 inside += v.inside, seen += 1;
                 if (v.mask == ViewCheck::Mask::usable) usable.push_back(v.view);
             }
-            const bool mended = !(result_.reading.cameras[c] == CameraReading{}) ||
-                                !(result_.reading.motion == MotionReading{});
-            const auto chosen = search_.choose_views(usable);
-            double iou = 0;
-            for (const double value : search_.fine(chosen, result_.reading)) iou += value;
-            iou /= std::max<double>(1, static_cast<double>(chosen.size()));
+            const bool mended =
+                !(result_.reading.cameras[c] == CameraReading{}) || !(result_.reading.motion == MotionReading{});
+            const std::vector<double> own = overlaps(usable);
+            const double iou = search_.looks().means(usable, own, own, {c}).first;
             if (mended && iou >= params_.search.convincing) continue;
             if (seen > 0 && inside < 0.3 * seen)
                 far.cameras.push_back(c), far_sum += inside / seen;
-            else if (!chosen.empty() && iou < params_.search.convincing)
+            else if (!usable.empty() && iou < params_.search.convincing)
                 apart.cameras.push_back(c), apart_sum += iou;
         }
         if (!far.cameras.empty()) {
@@ -237,14 +261,9 @@ private:
 
     /// Images far below the others of their camera: a pose or a mask that failed there.
     void find_single_images() {
-        CaptureFinding single{.fault = "single-images", .measure = "IoU there"};
-        std::vector<double> iou;
-        const auto usual = [&](std::vector<double> values) {
-            std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-            return values[values.size() / 2];
-        };
         if (usable_.empty()) return;
-        iou = search_.fine(usable_, result_.reading);
+        CaptureFinding single{.fault = "single-images", .measure = "IoU there"};
+        const std::vector<double> iou = overlaps(usable_);
         const bool some_lost = std::any_of(result_.findings.begin(), result_.findings.end(), [](const auto& f) {
             return f.fault == "no-overlap" || f.fault == "camera-far-off";
         });
@@ -254,10 +273,12 @@ private:
             for (std::size_t i = 0; i < usable_.size(); ++i)
                 if (usable_[i].camera == c && iou[i] >= 0) own.push_back(iou[i]);
             if (own.empty()) continue;
-            const double median = usual(own);
+            std::nth_element(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(own.size() / 2), own.end());
+            const double median = own[own.size() / 2];
             if (some_lost && median < params_.search.convincing) continue;
             for (std::size_t i = 0; i < usable_.size(); ++i)
-                if (usable_[i].camera == c && iou[i] >= 0 && iou[i] < params_.search.convincing && iou[i] < 0.65 * median)
+                if (usable_[i].camera == c && iou[i] >= 0 && iou[i] < params_.search.convincing &&
+                    iou[i] < 0.65 * median)
                     single.views.push_back(usable_[i]), sum += iou[i], reference += median;
         }
         if (single.views.empty()) return;
@@ -271,14 +292,17 @@ private:
 } // namespace detail
 
 template <CpuBackend B>
-CaptureCheck check_capture(B& backend, const Capture& capture, const BodyModel& body, const CaptureCheckParams& params) {
+CaptureCheck check_capture(B& backend, const Capture& capture, const BodyModel& body,
+                           const CaptureCheckParams& params) {
     constexpr auto where = "check_capture";
     validate(body, where);
-    check_value(!capture.cameras.empty() && capture.frame_count() > 0, where, "the capture has no cameras or no frames");
+    check_value(!capture.cameras.empty() && capture.frame_count() > 0, where,
+                "the capture has no cameras or no frames");
     if (capture.motion.joint_count != body.joint_count()) {
         CaptureCheck result;
         result.reading.cameras.resize(capture.cameras.size());
-        CaptureFinding finding{.fault = "another-body", .measure = "joints of a pose",
+        CaptureFinding finding{.fault = "another-body",
+                               .measure = "joints of a pose",
                                .given = static_cast<double>(capture.motion.joint_count),
                                .mended = static_cast<double>(body.joint_count())};
         finding.text = detail::finding_text(capture, finding, "the body has",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Other ways to read a capture's files: what its numbers would mean if its author had followed other conventions.
+/// @file  Other ways to read a capture's files: what its numbers mean if its author followed other conventions.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -52,9 +52,9 @@ struct FrameOrder {
 /// How a camera's entry and its images are to be read. The default is as our files say.
 struct CameraReading {
     Extrinsics extrinsics = Extrinsics::world_to_camera;
-    double unit = 1;       ///< metres in a unit of t
-    double resolution = 1; ///< K is for images so many times as wide
-    double zoom = 1;       ///< factor on both focal lengths
+    double unit = 1;                        ///< metres in a unit of t
+    double resolution = 1;                  ///< K is for images so many times as wide
+    double zoom = 1;                        ///< factor on both focal lengths
     vec2<double> shift = vec2<double>(0.0); ///< pixels, onto the principal point
     bool inverted_mask = false;
     bool mirrored_image = false;
@@ -85,10 +85,10 @@ struct MotionReading {
     Translation translation = Translation::of_canonical_origin;
     World world = World::as_given;
     bool degrees = false;
-    double translation_unit = 1; ///< metres in a unit of transl
-    double size = 1;             ///< factor on the body
+    double translation_unit = 1;             ///< metres in a unit of transl
+    double size = 1;                         ///< factor on the body
     vec3<double> offset = vec3<double>(0.0); ///< metres, in the world
-    int mean_hands = 0; ///< times the body's mean hand is added to the hand poses
+    int mean_hands = 0;                      ///< times the body's mean hand is added to the hand poses
 
     friend bool operator==(const MotionReading&, const MotionReading&) = default;
 };

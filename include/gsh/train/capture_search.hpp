@@ -3,13 +3,11 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
-#include <gsh/backend/serial.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/camera/pinhole.hpp>
-#include <gsh/core/span.hpp>
 #include <gsh/io/capture.hpp>
 #include <gsh/math/linalg.hpp>
-#include <gsh/prior/mesh_rasterizer.hpp>
+#include <gsh/train/capture_looks.hpp>
 #include <gsh/train/capture_reading.hpp>
 #include <gsh/train/silhouette.hpp>
 
@@ -18,7 +16,6 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
-#include <map>
 #include <set>
 #include <utility>
 #include <vector>
@@ -26,41 +23,31 @@
 namespace gsh {
 
 struct CaptureSearchParams {
-    std::size_t views = 48;      ///< images that hypotheses are tried on; at least 3 of each camera
-    int coarse_size = 256;       ///< pixels along the longer side while hypotheses are tried
-    int fine_size = 1080;        ///< the same for figures that are reported; larger images are reduced
-    double gain = 0.04;          ///< of IoU, that a hypothesis must bring
-    double remaining = 0.7;      ///< of 1 - IoU, that it may leave
-    double convincing = 0.6;     ///< IoU below which nothing is believed
+    std::size_t views = 48;       ///< images that hypotheses are tried on; at least 3 of each camera
+    int coarse_size = 256;        ///< pixels along the longer side while hypotheses are tried
+    int fine_size = 1080;         ///< the same for figures that are reported; larger images are reduced
+    double gain = 0.04;           ///< of IoU, that a hypothesis must bring
+    double remaining = 0.7;       ///< of 1 - IoU, that it may leave
+    double convincing = 0.6;      ///< IoU below which nothing is believed
     double inverted_border = 0.6; ///< share of the border inside the mask that says that the mask is inverted
-    int rounds = 6;              ///< faults that may come together
-};
-
-/// What a posed body and a mask have to do with each other in one image.
-struct ViewLook {
-    bool valid = false; ///< the image has a pose
-    Overlap overlap;
-    double mask_share = 0, border_share = 0; ///< of the image's pixels, of those at its border
-    double inside = 0;                       ///< of the body's vertices, how many project into the image
-    vec2<double> mask_center = vec2<double>(0.0), body_center = vec2<double>(0.0); ///< pixels of the reduced image
-    std::size_t mask_area = 0, body_area = 0;
+    int rounds = 6;               ///< faults that may come together
 };
 
 /// Every hypothesis is rendered: conventions of cameras, of poses and of images each on their own, and sizes and shifts
-/// that a few steps of a line search find. The one that gains most is taken, for the cameras where its gain is clear, and
-/// the search goes on from there.
+/// that a few steps of a line search find. The one that gains most is taken, for the cameras where its gain is clear,
+/// and the search goes on from there.
 template <CpuBackend B>
 class CaptureSearch {
 public:
     using Views = std::vector<CaptureView>;
 
     CaptureSearch(B& backend, const Capture& capture, const BodyModel& body, const CaptureSearchParams& params)
-        : backend_(backend), capture_(capture), body_(body), params_(params),
-          counterparts_(joint_counterparts(body, capture.motion.betas)), border_(capture.cameras.size(), 0) {}
+        : looks_(backend, capture, body), capture_(capture), body_(body), params_(params),
+          border_(capture.cameras.size(), 0) {}
 
-    [[nodiscard]] CaptureReading as_given() const {
-        return {{}, std::vector<CameraReading>(capture_.cameras.size())};
-    }
+    [[nodiscard]] CaptureReading as_given() const { return {{}, std::vector<CameraReading>(capture_.cameras.size())}; }
+
+    [[nodiscard]] CaptureLooks<B>& looks() { return looks_; }
 
     [[nodiscard]] bool is_clear(double given, double mended) const {
         return mended - given >= params_.gain && 1 - mended <= params_.remaining * (1 - given);
@@ -68,7 +55,7 @@ public:
 
     /// The images, as given.
     [[nodiscard]] std::vector<ViewLook> look(const Views& views) {
-        auto looks = look(views, as_given(), params_.fine_size);
+        auto looks = looks_.look(views, as_given(), params_.fine_size);
         std::vector<double> count(border_.size(), 0);
         for (std::size_t i = 0; i < views.size(); ++i)
             border_[views[i].camera] += looks[i].border_share, count[views[i].camera] += 1;
@@ -95,18 +82,7 @@ public:
 
     /// IoU of each view under a reading, -1 where it has no pose.
     [[nodiscard]] std::vector<double> fine(const Views& views, const CaptureReading& reading) {
-        return overlaps(look(views, reading, params_.fine_size));
-    }
-
-    /// Means of both over the views of some cameras that are valid in both.
-    [[nodiscard]] std::pair<double, double> means(const Views& views, const std::vector<double>& a,
-                                                  const std::vector<double>& b,
-                                                  const std::vector<std::size_t>& cameras) const {
-        double sum_a = 0, sum_b = 0, count = 0;
-        for (std::size_t i = 0; i < views.size(); ++i)
-            if (a[i] >= 0 && b[i] >= 0 && std::count(cameras.begin(), cameras.end(), views[i].camera))
-                sum_a += a[i], sum_b += b[i], count += 1;
-        return {sum_a / std::max(1.0, count), sum_b / std::max(1.0, count)};
+        return looks_.overlaps(looks_.look(views, reading, params_.fine_size));
     }
 
     /// The best reading, on views with usable masks.
@@ -120,124 +96,17 @@ public:
         return reading;
     }
 
-    /// Whether hands fit better with the body's mean hand added (times 1) or taken away (-1), by the IoU around them.
-    struct Hands {
-        int times = 0;
-        double given = 0, mended = 0;
-    };
-    [[nodiscard]] Hands hands(const Views& views, const CaptureReading& reading);
-
 private:
-    B& backend_;
+    CaptureLooks<B> looks_;
     const Capture& capture_;
     const BodyModel& body_;
     CaptureSearchParams params_;
-    std::vector<int> counterparts_;
     std::vector<double> border_;
-
-    struct Posed {
-        MotionReading reading;
-        std::map<std::size_t, std::vector<vec3<double>>> vertices; ///< by pose
-    };
-    std::array<Posed, 2> posed_; ///< of the reading that others start from, and of the one that is tried
 
     struct Candidate {
         CaptureReading reading;
         bool of_motion;
     };
-
-    [[nodiscard]] static std::vector<double> overlaps(const std::vector<ViewLook>& looks) {
-        std::vector<double> result;
-        for (const ViewLook& look : looks) result.push_back(look.valid ? look.overlap.iou() : -1);
-        return result;
-    }
-    [[nodiscard]] int reduction(std::size_t camera, int size) const {
-        const auto& c = capture_.cameras[camera].camera;
-        return std::max(1, (std::max(c.width, c.height) + size - 1) / size);
-    }
-    [[nodiscard]] Silhouette mask(CaptureView view, const CaptureReading& reading, int size) const {
-        const CameraReading& own = reading.cameras[view.camera];
-        Silhouette result = mask_silhouette(capture_.image(view), reduction(view.camera, size));
-        if (own.inverted_mask) result.invert();
-        if (own.mirrored_image) result.mirror();
-        return result;
-    }
-    [[nodiscard]] Camera<double> camera(std::size_t c, const CaptureReading& reading, int size) const {
-        return reduced_camera(read_as(capture_.cameras[c].camera, reading.cameras[c]), reduction(c, size));
-    }
-
-    /// Vertices of poses under a reading; what was posed before is kept.
-    const std::map<std::size_t, std::vector<vec3<double>>>& pose(const std::vector<std::size_t>& poses,
-                                                                const MotionReading& reading) {
-        constexpr std::size_t most = 96; // poses that are kept
-        Posed& slot = posed_[posed_[0].reading == reading ? 0 : 1];
-        if (!(slot.reading == reading) || slot.vertices.size() > most) slot.vertices.clear();
-        slot.reading = reading;
-        std::vector<std::pair<std::size_t, std::vector<vec3<double>>*>> missing;
-        for (const std::size_t p : poses)
-            if (!slot.vertices.contains(p)) missing.emplace_back(p, &slot.vertices[p]);
-        backend_.for_chunks(missing.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
-            for (std::size_t i = begin; i < end; ++i)
-                *missing[i].second =
-                    pose_as(body_, capture_.motion, missing[i].first, reading, counterparts_).vertices;
-        });
-        return slot.vertices;
-    }
-
-    /// Calls see(index, vertices) for every view that has a pose, in parallel, not too many poses at a time.
-    template <class See>
-    void for_views(const Views& views, const CaptureReading& reading, const See& see) {
-        constexpr std::size_t batch = 32; // poses
-        std::map<std::size_t, std::vector<std::size_t>> by_pose;
-        for (std::size_t i = 0; i < views.size(); ++i)
-            if (const auto p = reading.cameras[views[i].camera].order.pose_of(views[i].frame, capture_.frame_count()))
-                by_pose[*p].push_back(i);
-        for (auto first = by_pose.begin(); first != by_pose.end();) {
-            std::vector<std::size_t> poses;
-            std::vector<std::pair<std::size_t, std::size_t>> work; // view, pose
-            for (; first != by_pose.end() && poses.size() < batch; ++first) {
-                poses.push_back(first->first);
-                for (const std::size_t i : first->second) work.emplace_back(i, first->first);
-            }
-            const auto& vertices = pose(poses, reading.motion);
-            backend_.for_chunks(work.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
-                for (std::size_t k = begin; k < end; ++k) see(work[k].first, vertices.at(work[k].second));
-            });
-        }
-    }
-
-    [[nodiscard]] Silhouette silhouette(const std::vector<vec3<double>>& vertices, const Camera<double>& seen_by,
-                                        double& inside) const {
-        std::size_t count = 0;
-        for (const auto& v : vertices) {
-            const vec3<double> p = to_camera(seen_by, v);
-            if (!(p.z > 1e-6)) continue;
-            const vec2<double> pixel = to_pixel(seen_by, p);
-            count += pixel.x >= 0 && pixel.y >= 0 && pixel.x < seen_by.width && pixel.y < seen_by.height;
-        }
-        inside = static_cast<double>(count) / static_cast<double>(std::max<std::size_t>(1, vertices.size()));
-        if (count == 0) {
-            Silhouette nothing{seen_by.height, seen_by.width, {}};
-            nothing.inside.assign(static_cast<std::size_t>(seen_by.height) * static_cast<std::size_t>(seen_by.width), 0);
-            return nothing;
-        }
-        return mesh_silhouette(vertices, body_.faces, seen_by);
-    }
-
-    [[nodiscard]] std::vector<ViewLook> look(const Views& views, const CaptureReading& reading, int size) {
-        std::vector<ViewLook> looks(views.size());
-        for_views(views, reading, [&](std::size_t i, const std::vector<vec3<double>>& vertices) {
-            ViewLook& result = looks[i];
-            result.valid = true;
-            const Silhouette body = silhouette(vertices, camera(views[i].camera, reading, size), result.inside);
-            const Silhouette person = mask(views[i], reading, size);
-            result.overlap = overlap(body, person);
-            result.mask_share = person.share(), result.border_share = person.border_share();
-            result.mask_center = person.centroid(), result.body_center = body.centroid();
-            result.mask_area = person.area(), result.body_area = body.area();
-        });
-        return looks;
-    }
 
     /// Takes the candidate that gains most. False if none is clearly better.
     bool improve(const Views& views, CaptureReading& reading);
@@ -274,12 +143,13 @@ private:
 template <CpuBackend B>
 bool CaptureSearch<B>::improve(const Views& views, CaptureReading& reading) {
     constexpr double tie = 0.01; // IoU
-    const auto looks = look(views, reading, params_.coarse_size);
-    const std::vector<double> base = overlaps(looks);
+    looks_.start_from(reading.motion);
+    const auto looks = looks_.look(views, reading, params_.coarse_size);
+    const std::vector<double> base = looks_.overlaps(looks);
     std::vector<bool> open(capture_.cameras.size(), false);
     for (const std::size_t c : all_cameras()) {
         const bool seen = std::any_of(views.begin(), views.end(), [&](const CaptureView& v) { return v.camera == c; });
-        open[c] = seen && means(views, base, base, {c}).first <= 1 - params_.gain;
+        open[c] = seen && looks_.means(views, base, base, {c}).first <= 1 - params_.gain;
     }
     if (std::count(open.begin(), open.end(), true) == 0) return false;
 
@@ -288,18 +158,18 @@ bool CaptureSearch<B>::improve(const Views& views, CaptureReading& reading) {
     double best = 0;
     CaptureReading best_reading;
     for (const Candidate& candidate : candidates) {
-        const std::vector<double> tried = overlaps(look(views, candidate.reading, params_.coarse_size));
+        const std::vector<double> tried = looks_.overlaps(looks_.look(views, candidate.reading, params_.coarse_size));
         CaptureReading merged = reading;
         double total = 0;
         if (candidate.of_motion) {
-            const auto [given, mended] = means(views, base, tried, all_cameras());
+            const auto [given, mended] = looks_.means(views, base, tried, all_cameras());
             if (!is_clear(given, mended)) continue;
             merged = candidate.reading;
             total = mended - given;
         } else {
             for (const std::size_t c : all_cameras()) {
                 if (!open[c]) continue;
-                const auto [given, mended] = means(views, base, tried, {c});
+                const auto [given, mended] = looks_.means(views, base, tried, {c});
                 if (!is_clear(given, mended)) continue;
                 merged.cameras[c] = candidate.reading.cameras[c];
                 const auto own =
@@ -396,8 +266,8 @@ CaptureReading CaptureSearch<B>::resized(const Views& views, const CaptureReadin
     double best_iou = -1;
     const auto attempt = [&](double size) {
         tried.motion.size = size;
-        const auto iou = overlaps(look(views, tried, params_.coarse_size));
-        const double mean = means(views, iou, iou, all_cameras()).first;
+        const auto iou = looks_.overlaps(looks_.look(views, tried, params_.coarse_size));
+        const double mean = looks_.means(views, iou, iou, all_cameras()).first;
         if (mean > best_iou) best_iou = mean, best = tried;
     };
     attempt(reading.motion.size * std::clamp(median(ratios), 0.1, 10.0));
@@ -422,9 +292,9 @@ CaptureReading CaptureSearch<B>::zoomed(const Views& views, const CaptureReading
     const auto attempt = [&](const std::function<double(std::size_t)>& factor) {
         CaptureReading tried = best;
         for (const std::size_t c : all_cameras()) tried.cameras[c].zoom *= factor(c);
-        const auto iou = overlaps(look(views, tried, params_.coarse_size));
+        const auto iou = looks_.overlaps(looks_.look(views, tried, params_.coarse_size));
         for (const std::size_t c : all_cameras())
-            if (const double mean = means(views, iou, iou, {c}).first; mean > best_iou[c])
+            if (const double mean = looks_.means(views, iou, iou, {c}).first; mean > best_iou[c])
                 best_iou[c] = mean, best.cameras[c] = tried.cameras[c];
     };
     attempt([&](std::size_t c) { return ratios[c].empty() ? 1.0 : std::clamp(median(ratios[c]), 0.1, 10.0); });
@@ -442,16 +312,16 @@ CaptureReading CaptureSearch<B>::displaced(const Views& views, const CaptureRead
                                            std::vector<ViewLook> looks) {
     CaptureReading result = reading;
     for (int step = 0; step < 3; ++step) {
-        if (step > 0) looks = look(views, result, params_.coarse_size);
+        if (step > 0) looks = looks_.look(views, result, params_.coarse_size);
         std::vector<vec3<double>> middles(views.size(), vec3<double>(0.0));
-        for_views(views, result, [&](std::size_t i, const std::vector<vec3<double>>& vertices) {
+        looks_.for_views(views, result, [&](std::size_t i, const std::vector<vec3<double>>& vertices) {
             for (const auto& v : vertices) middles[i] += v / static_cast<double>(vertices.size());
         });
         mat3<double> normal(0.0);
         vec3<double> right(0.0);
         for (std::size_t i = 0; i < views.size(); ++i) {
             if (!looks[i].valid || looks[i].body_area == 0 || looks[i].mask_area == 0) continue;
-            const Camera<double> seen_by = camera(views[i].camera, result, params_.coarse_size);
+            const Camera<double> seen_by = looks_.camera(views[i].camera, result, params_.coarse_size);
             const vec3<double> p = to_camera(seen_by, middles[i]);
             if (!(p.z > 1e-3)) continue;
             const vec2<double> error = looks[i].mask_center - looks[i].body_center;
@@ -475,12 +345,13 @@ CaptureReading CaptureSearch<B>::displaced(const Views& views, const CaptureRead
 template <CpuBackend B>
 CaptureReading CaptureSearch<B>::shifted(const Views& views, const CaptureReading& reading, int size, int first_step) {
     std::vector<std::pair<Silhouette, Silhouette>> pairs(views.size());
-    for_views(views, reading, [&](std::size_t i, const std::vector<vec3<double>>& vertices) {
+    looks_.for_views(views, reading, [&](std::size_t i, const std::vector<vec3<double>>& vertices) {
         double inside = 0;
-        pairs[i] = {silhouette(vertices, camera(views[i].camera, reading, size), inside), mask(views[i], reading, size)};
+        pairs[i] = {looks_.silhouette(vertices, looks_.camera(views[i].camera, reading, size), inside),
+                    looks_.mask(views[i], reading, size)};
     });
     CaptureReading result = reading;
-    backend_.for_chunks(capture_.cameras.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
+    looks_.backend().for_chunks(capture_.cameras.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t c = begin; c < end; ++c) {
             std::vector<const std::pair<Silhouette, Silhouette>*> own;
             std::vector<double> dx, dy;
@@ -513,8 +384,7 @@ CaptureReading CaptureSearch<B>::shifted(const Views& views, const CaptureReadin
                     moved = attempt(at) || moved;
                 if (!moved) step /= 2;
             }
-            result.cameras[c].shift +=
-                vec2<double>(best[0], best[1]) * static_cast<double>(reduction(c, size));
+            result.cameras[c].shift += vec2<double>(best[0], best[1]) * static_cast<double>(looks_.reduction(c, size));
         }
     });
     return result;
@@ -528,57 +398,6 @@ void CaptureSearch<B>::refine_shifts(const Views& views, CaptureReading& reading
     const CaptureReading refined = shifted(views, reading, params_.fine_size, 1);
     for (std::size_t c = 0; c < reading.cameras.size(); ++c)
         if (reading.cameras[c].shift != vec2<double>(0.0)) reading.cameras[c].shift = refined.cameras[c].shift;
-}
-
-template <CpuBackend B>
-auto CaptureSearch<B>::hands(const Views& views, const CaptureReading& reading) -> Hands {
-    const auto first = first_hand_joint(body_.joint_count());
-    if (!first || (body_.hands_mean_left.empty() && body_.hands_mean_right.empty())) return {};
-    std::vector<bool> of_hand; // per vertex
-    for (std::size_t v = 0; v < body_.vertex_count(); ++v) {
-        double weight = 0;
-        for (std::size_t j = *first; j < *first + 30; ++j) weight += body_.weights[v * body_.joint_count() + j];
-        of_hand.push_back(weight > 0.5);
-    }
-    const std::array<int, 3> times{0, 1, -1};
-    struct Seen {
-        std::vector<std::uint8_t> body, hand;
-    };
-    std::array<std::vector<Seen>, 3> seen;
-    for (std::size_t h = 0; h < 3; ++h) {
-        seen[h].resize(views.size());
-        CaptureReading tried = reading;
-        tried.motion.mean_hands = times[h];
-        for_views(views, tried, [&](std::size_t i, const std::vector<vec3<double>>& vertices) {
-            cpu::Serial serial;
-            const MeshImage image = rasterize_mesh(serial, Span<const vec3<double>>(vertices), body_.faces,
-                                                   camera(views[i].camera, tried, params_.fine_size));
-            Seen& result = seen[h][i];
-            result.body.resize(image.size()), result.hand.resize(image.size());
-            for (std::size_t pixel = 0; pixel < image.size(); ++pixel) {
-                if (!image.covers(pixel)) continue;
-                const auto& face = body_.faces[static_cast<std::size_t>(image.triangle[pixel])];
-                result.body[pixel] = 1;
-                result.hand[pixel] = of_hand[static_cast<std::size_t>(face[0])];
-            }
-        });
-    }
-    std::array<Overlap, 3> sums;
-    for (std::size_t i = 0; i < views.size(); ++i) {
-        if (seen[0][i].body.empty()) continue; // no pose
-        const Silhouette person = mask(views[i], reading, params_.fine_size);
-        for (std::size_t pixel = 0; pixel < person.inside.size(); ++pixel) {
-            if (!seen[0][i].hand[pixel] && !seen[1][i].hand[pixel] && !seen[2][i].hand[pixel]) continue;
-            for (std::size_t h = 0; h < 3; ++h)
-                sums[h] += {std::size_t(seen[h][i].body[pixel] & person.inside[pixel]),
-                            std::size_t(seen[h][i].body[pixel] | person.inside[pixel])};
-        }
-    }
-    Hands result{0, sums[0].iou(), sums[0].iou()};
-    for (const std::size_t h : {std::size_t(1), std::size_t(2)})
-        if (is_clear(sums[0].iou(), sums[h].iou()) && sums[h].iou() > result.mended)
-            result.times = times[h], result.mended = sums[h].iou();
-    return result;
 }
 
 } // namespace gsh

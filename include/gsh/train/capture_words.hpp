@@ -49,7 +49,8 @@ inline void reset(CaptureReading& reading, const Aspect& aspect);
 /// The fault in a word, the hypothesis that mends it ("with …"), and what its author can do.
 [[nodiscard]] inline std::string fault_name(const Aspect& aspect, const CaptureReading& reading);
 [[nodiscard]] inline std::string hypothesis_text(const Aspect& aspect, const CaptureReading& reading);
-[[nodiscard]] inline std::string remedy_text(const Aspect& aspect, const CaptureReading& reading, const Capture& capture);
+[[nodiscard]] inline std::string remedy_text(const Aspect& aspect, const CaptureReading& reading,
+                                             const Capture& capture);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -86,8 +87,8 @@ std::string finding_text(const Capture& capture, const Finding& finding, const s
     const std::string where = !finding.views.empty()     ? view_names(capture, finding.views)
                               : !finding.cameras.empty() ? camera_names(capture, finding.cameras)
                                                          : "poses";
-    return finding.fault + " (" + where + "): " + finding.measure + " " + digits(finding.given, decimals) + " as given, " +
-           digits(finding.mended, decimals) + " " + hypothesis + "; " + remedy;
+    return finding.fault + " (" + where + "): " + finding.measure + " " + digits(finding.given, decimals) +
+           " as given, " + digits(finding.mended, decimals) + " " + hypothesis + "; " + remedy;
 }
 
 } // namespace detail
@@ -100,9 +101,10 @@ inline std::vector<Aspect> aspects_of(const CaptureReading& reading) {
         const std::size_t begin = result.size();
         for (std::size_t c = 0; c < reading.cameras.size(); ++c) {
             if (!differs(reading.cameras[c])) continue;
-            const auto same = std::find_if(result.begin() + static_cast<std::ptrdiff_t>(begin), result.end(), [&](const Aspect& a) {
-                return alike(reading.cameras[a.cameras.front()], reading.cameras[c]);
-            });
+            const auto same =
+                std::find_if(result.begin() + static_cast<std::ptrdiff_t>(begin), result.end(), [&](const Aspect& a) {
+                    return alike(reading.cameras[a.cameras.front()], reading.cameras[c]);
+                });
             if (same == result.end())
                 result.push_back({kind, {c}});
             else
@@ -110,18 +112,25 @@ inline std::vector<Aspect> aspects_of(const CaptureReading& reading) {
         }
     };
     const auto any = [](const CameraReading&, const CameraReading&) { return true; };
-    of_cameras(Kind::inverted_mask, [](const CameraReading& r) { return r.inverted_mask; }, any);
-    of_cameras(Kind::mirrored_image, [](const CameraReading& r) { return r.mirrored_image; }, any);
+    of_cameras(
+        Kind::inverted_mask, [](const CameraReading& r) { return r.inverted_mask; }, any);
+    of_cameras(
+        Kind::mirrored_image, [](const CameraReading& r) { return r.mirrored_image; }, any);
     of_cameras(
         Kind::extrinsics,
         [&](const CameraReading& r) { return r.extrinsics != usual.extrinsics || r.unit != usual.unit; },
-        [](const CameraReading& a, const CameraReading& b) { return a.extrinsics == b.extrinsics && a.unit == b.unit; });
-    of_cameras(Kind::resolution, [&](const CameraReading& r) { return r.resolution != usual.resolution; }, any);
+        [](const CameraReading& a, const CameraReading& b) {
+            return a.extrinsics == b.extrinsics && a.unit == b.unit;
+        });
+    of_cameras(
+        Kind::resolution, [&](const CameraReading& r) { return r.resolution != usual.resolution; }, any);
     of_cameras(
         Kind::order, [&](const CameraReading& r) { return !(r.order == usual.order); },
         [](const CameraReading& a, const CameraReading& b) { return a.order == b.order; });
-    of_cameras(Kind::shift, [&](const CameraReading& r) { return r.shift != usual.shift; }, any);
-    of_cameras(Kind::zoom, [&](const CameraReading& r) { return r.zoom != usual.zoom; }, any);
+    of_cameras(
+        Kind::shift, [&](const CameraReading& r) { return r.shift != usual.shift; }, any);
+    of_cameras(
+        Kind::zoom, [&](const CameraReading& r) { return r.zoom != usual.zoom; }, any);
 
     const MotionReading& motion = reading.motion;
     const MotionReading as_given;
@@ -173,10 +182,11 @@ inline std::string fault_name(const Aspect& aspect, const CaptureReading& readin
     case Aspect::Kind::mirrored_image:
         return "mirrored-images";
     case Aspect::Kind::extrinsics:
-        return own ? "camera-units" : camera.extrinsics == Extrinsics::camera_to_world  ? "camera-to-world"
-                                  : camera.extrinsics == Extrinsics::transposed         ? "transposed-rotation"
-                                  : camera.extrinsics == Extrinsics::position           ? "camera-position"
-                                                                                        : "opengl-cameras";
+        return own                                                ? "camera-units"
+               : camera.extrinsics == Extrinsics::camera_to_world ? "camera-to-world"
+               : camera.extrinsics == Extrinsics::transposed      ? "transposed-rotation"
+               : camera.extrinsics == Extrinsics::position        ? "camera-position"
+                                                                  : "opengl-cameras";
     case Aspect::Kind::resolution:
         return "other-resolution";
     case Aspect::Kind::order:
@@ -242,7 +252,8 @@ inline std::string hypothesis_text(const Aspect& aspect, const CaptureReading& r
         return camera.order.kind == FrameOrder::Kind::reversed ? "in reversed order"
                : camera.order.kind == FrameOrder::Kind::offset
                    ? "with the pose of " + std::to_string(std::abs(camera.order.offset)) + " frame" +
-                         (std::abs(camera.order.offset) == 1 ? "" : "s") + (camera.order.offset > 0 ? " later" : " earlier")
+                         (std::abs(camera.order.offset) == 1 ? "" : "s") +
+                         (camera.order.offset > 0 ? " later" : " earlier")
                    : "with images taken in the order of words (1, 10, 2)";
     case Kind::shift:
         return "with a moved principal point";
@@ -266,8 +277,8 @@ inline std::string hypothesis_text(const Aspect& aspect, const CaptureReading& r
     case Kind::size:
         return "with the body scaled by " + detail::digits(motion.size, motion.size < 0.1 ? 3 : 2);
     case Kind::offset:
-        return "with the body moved by (" + detail::digits(motion.offset.x, 3) + ", " + detail::digits(motion.offset.y, 3) +
-               ", " + detail::digits(motion.offset.z, 3) + ") m";
+        return "with the body moved by (" + detail::digits(motion.offset.x, 3) + ", " +
+               detail::digits(motion.offset.y, 3) + ", " + detail::digits(motion.offset.z, 3) + ") m";
     }
     return {};
 }
@@ -301,7 +312,8 @@ inline std::string remedy_text(const Aspect& aspect, const CaptureReading& readi
         case Extrinsics::opengl:
             return std::string("negate the second and third row of R and t") + metres;
         case Extrinsics::opengl_camera_to_world:
-            return std::string("store R' = transpose(R), t' = -transpose(R) t, then negate the second and third row of both") +
+            return std::string(
+                       "store R' = transpose(R), t' = -transpose(R) t, then negate the second and third row of both") +
                    metres;
         case Extrinsics::transposed:
             return std::string("store R row by row") + metres;
@@ -312,7 +324,8 @@ inline std::string remedy_text(const Aspect& aspect, const CaptureReading& readi
     }
     case Kind::resolution:
         return "K is for images of another size: " + each([](const Camera<double>& c, const CameraReading& r) {
-                   return "store fx " + detail::digits(c.fx / r.resolution, 1) + ", cx " + detail::digits(c.cx / r.resolution, 1);
+                   return "store fx " + detail::digits(c.fx / r.resolution, 1) + ", cx " +
+                          detail::digits(c.cx / r.resolution, 1);
                });
     case Kind::order:
         return camera.order.kind == FrameOrder::Kind::offset
@@ -322,10 +335,11 @@ inline std::string remedy_text(const Aspect& aspect, const CaptureReading& readi
                                                                  : "pad the images' numbers with zeros";
     case Kind::shift:
         return each([](const Camera<double>& c, const CameraReading& r) {
-            const Camera<double> moved = read_as(c, r);
-            return "store cx " + detail::digits(moved.cx, 1) + ", cy " + detail::digits(moved.cy, 1) + " (were " +
-                   detail::digits(c.cx, 1) + ", " + detail::digits(c.cy, 1) + ")";
-        }) + (capture.cameras.size() == 1 ? ", or look for a constant error of transl" : "");
+                   const Camera<double> moved = read_as(c, r);
+                   return "store cx " + detail::digits(moved.cx, 1) + ", cy " + detail::digits(moved.cy, 1) +
+                          " (were " + detail::digits(c.cx, 1) + ", " + detail::digits(c.cy, 1) + ")";
+               }) +
+               (capture.cameras.size() == 1 ? ", or look for a constant error of transl" : "");
     case Kind::zoom:
         return each([](const Camera<double>& c, const CameraReading& r) {
             const Camera<double> moved = read_as(c, r);
@@ -334,7 +348,8 @@ inline std::string remedy_text(const Aspect& aspect, const CaptureReading& readi
         });
     case Kind::sides:
         return reading.motion.sides == MotionReading::Sides::mirrored
-                   ? "the poses were estimated on mirrored images: exchange left and right and negate y and z of each rotation"
+                   ? "the poses were estimated on mirrored images: exchange left and right and negate y and z of each "
+                     "rotation"
                    : "list the joints in the body's order, left before right";
     case Kind::degrees:
         return "store axis-angle in radians";

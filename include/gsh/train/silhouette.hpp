@@ -64,8 +64,8 @@ struct Silhouette {
     }
 };
 
-/// The camera of an image whose pixels are means over reduction x reduction of the given one's; what is left over at the
-/// right and at the bottom falls away.
+/// The camera of an image whose pixels are means over reduction x reduction of the given one's; what is left over at
+/// the right and at the bottom falls away.
 [[nodiscard]] inline Camera<double> reduced_camera(const Camera<double>& camera, int reduction) {
     Camera<double> result = camera;
     result.fx /= reduction, result.fy /= reduction, result.cx /= reduction, result.cy /= reduction;
@@ -93,8 +93,8 @@ struct Silhouette {
 }
 
 /// What a mesh covers of an image, by its pixels' centres.
-[[nodiscard]] inline Silhouette mesh_silhouette(Span<const vec3<double>> vertices,
-                                                Span<const std::array<int, 3>> faces, const Camera<double>& camera) {
+[[nodiscard]] inline Silhouette mesh_silhouette(Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces,
+                                                const Camera<double>& camera) {
     cpu::Serial serial;
     auto mask = rasterize_mesh(serial, vertices, faces, camera).mask();
     return {mask.height, mask.width, std::move(mask.data)};
@@ -108,9 +108,7 @@ struct Overlap {
         both += o.both, either += o.either;
         return *this;
     }
-    [[nodiscard]] double iou() const {
-        return either ? static_cast<double>(both) / static_cast<double>(either) : 0.0;
-    }
+    [[nodiscard]] double iou() const { return either ? static_cast<double>(both) / static_cast<double>(either) : 0.0; }
 };
 
 /// Overlap of `a`, moved by (dx, dy) pixels within its image, with `b`.
