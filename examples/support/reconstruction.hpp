@@ -26,6 +26,7 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
@@ -255,6 +256,8 @@ struct TrainingRecord {
     double seconds = 0; ///< of training alone
     std::uint64_t interval = 10;
     std::vector<std::pair<double, double>> loss, psnr; ///< (step, value) of the training view at hand
+    std::array<double, stage_names.size()> stage_seconds{}; ///< in the order of Stage
+    std::uint64_t timed_steps = 0;                          ///< steps that stage_seconds covers
 
     [[nodiscard]] bool wants_sample() const { return steps == 1 || steps % interval == 0; }
     /// A long run keeps the first and every other sample, so that a curve has at most a few hundred points.

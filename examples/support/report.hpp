@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A self-contained HTML page about one reconstruction: figures, curves and pictures in one file.
+/// @file  Self-contained HTML pages: figures, curves and pictures of a reconstruction in one file, and what pages are made of.
 #pragma once
 
 #include <gsh/io/atomic_file.hpp>
@@ -113,24 +113,29 @@ inline std::string table(const std::vector<std::vector<std::string>>& rows) {
     return html + "</table>";
 }
 
+/// Everything of a page up to its heading.
+inline std::string page_head(const std::string& title) {
+    return "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">"
+           "<meta name=\"viewport\" content=\"width=device-width\"><title>" +
+           escape(title) +
+           "</title><style>"
+           "body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;"
+           "color:#222;background:#fff}h1{font-weight:600}h2{font-weight:600;margin-top:2rem}"
+           "table{border-collapse:collapse;font-variant-numeric:tabular-nums}"
+           "td,th{padding:.2rem .8rem .2rem 0;text-align:left;border-bottom:1px solid #ddd}"
+           "figure{margin:0 0 1.5rem}img{max-width:100%;border:1px solid #ddd}"
+           ".curves{display:flex;flex-wrap:wrap;gap:1rem}.curves figure{flex:1 1 24rem}"
+           "svg{width:100%}svg text{font-size:11px;fill:#555}.grid{stroke:#eee}"
+           "polyline{fill:none;stroke:#1769aa;stroke-width:1.5}</style></head><body><h1>" +
+           escape(title) + "</h1>";
+}
+
 } // namespace detail
 
 /// Writes the page; the file appears whole or not at all.
 inline void write_report(const std::filesystem::path& path, const Report& report) {
     using namespace detail;
-    std::string html = "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">"
-                       "<meta name=\"viewport\" content=\"width=device-width\"><title>" +
-                       escape(report.title) +
-                       "</title><style>"
-                       "body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;"
-                       "color:#222;background:#fff}h1{font-weight:600}h2{font-weight:600;margin-top:2rem}"
-                       "table{border-collapse:collapse;font-variant-numeric:tabular-nums}"
-                       "td,th{padding:.2rem .8rem .2rem 0;text-align:left;border-bottom:1px solid #ddd}"
-                       "figure{margin:0 0 1.5rem}img{max-width:100%;border:1px solid #ddd}"
-                       ".curves{display:flex;flex-wrap:wrap;gap:1rem}.curves figure{flex:1 1 24rem}"
-                       "svg{width:100%}svg text{font-size:11px;fill:#555}.grid{stroke:#eee}"
-                       "polyline{fill:none;stroke:#1769aa;stroke-width:1.5}</style></head><body><h1>" +
-                       escape(report.title) + "</h1><p>" + escape(report.protocol) + "</p><table>";
+    std::string html = page_head(report.title) + "<p>" + escape(report.protocol) + "</p><table>";
     for (const auto& [name, value] : report.facts)
         html += "<tr><th>" + escape(name) + "</th><td>" + escape(value) + "</td></tr>";
     html += "</table>";

@@ -45,7 +45,7 @@ inline void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconst
     ArchiveWriter file(checkpoint_path(o), "checkpoint", checkpoint_version);
     add_trainer(file, reconstruction.trainer);
     if (reconstruction.refinement) add_refinement(file, *reconstruction.refinement);
-    file.add_text("configuration", settings_text(reconstruction.configuration) + (o.refine ? "refine\n" : ""));
+    file.add_text("configuration", settings_text(reconstruction.configuration) + (o.refine ? o.refine_cameras ? "refine, cameras too\n" : "refine\n" : ""));
     file.add("seconds", record.seconds);
     file.add("interval", record.interval);
     const auto add_curve = [&](const char* key, const auto& curve) {
@@ -55,12 +55,14 @@ inline void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconst
     };
     add_curve("loss", record.loss);
     add_curve("psnr", record.psnr);
+    file.add("stage_seconds", std::vector<double>(record.stage_seconds.begin(), record.stage_seconds.end()));
+    file.add("timed_steps", record.timed_steps);
     file.commit();
 }
 
 inline void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record) {
     const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
-    check_value(file.read_text("configuration") == settings_text(reconstruction.configuration) + (o.refine ? "refine\n" : ""),
+    check_value(file.read_text("configuration") == settings_text(reconstruction.configuration) + (o.refine ? o.refine_cameras ? "refine, cameras too\n" : "refine\n" : ""),
                 checkpoint_path(o).string(), "was made with another configuration; resume with the same --config, --set and --refine");
     load_trainer(file, reconstruction.trainer);
     if (reconstruction.refinement) load_refinement(file, *reconstruction.refinement);
@@ -73,6 +75,11 @@ inline void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconst
     };
     read_curve("loss", record.loss);
     read_curve("psnr", record.psnr);
+    if (!file.has("stage_seconds")) return; // older
+    const auto stages = file.read<double>("stage_seconds");
+    check_size(checkpoint_path(o).string(), "stage_seconds", stages.size(), record.stage_seconds.size());
+    for (std::size_t s = 0; s < stages.size(); ++s) record.stage_seconds[s] = stages[s];
+    record.timed_steps = file.read_number<std::uint64_t>("timed_steps");
 }
 
 inline std::uint64_t peak_memory_bytes() {
@@ -93,9 +100,28 @@ inline std::string fixed(double value, int digits) {
     return text;
 }
 
+/// Figures of one image.
+inline nlohmann::ordered_json score_json(const ImageScore& score) {
+    nlohmann::ordered_json json{{"name", score.name},
+                                {"psnr", number_or_null(score.psnr)},
+                                {"ssim", number_or_null(score.ssim)},
+                                {"psnr_person", number_or_null(score.psnr_person)}};
+    for (std::size_t r = 0; r < score.regions.size(); ++r)
+        json["psnr_regions"][region_names()[r]] = number_or_null(score.regions[r].psnr);
+    if (score.lpips) json["lpips"] = number_or_null(*score.lpips);
+    return json;
+}
+
 /// The avatar of a reconstruction as it is now, for files. A body with fewer joints than the capture's is what moves it.
 inline AvatarData avatar_of(Reconstruction& reconstruction) {
     return reconstruction.trainer.avatar(reconstruction.setup.rig);
+}
+
+/// What the figures measure, in words.
+inline std::string measures_of(const Judge& judge) {
+    return "full image, range 1, unquantised; SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person "
+           "is where the true alpha exceeds 1/2; regions are where the posed body shows them, images with 50 pixels or more." +
+           judge.lpips_protocol();
 }
 
 /// How the figures came about, in words.
@@ -103,9 +129,7 @@ inline std::string protocol_of(const ReconstructOptions& o, const Source& source
     return "Test views of " + source.capture.name + " (" + std::to_string(images) + " images), poses of " + o.poses +
            (o.refine ? ", refined in training and fitted to the test images at test time" : ", as given, not refined") +
            ", " + (source.capture.backgrounds.empty() ? "white background" : "the capture's backgrounds") +
-           " in training and test, full image, range 1, unquantised; SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person "
-           "is where the true alpha exceeds 1/2; regions are where the posed body shows them, images with 50 pixels or more." +
-           judge.lpips_protocol();
+           " in training and test, " + measures_of(judge);
 }
 
 /// Judges the avatar on the test views and writes everything; metrics.json comes last, so whoever finds it finds all.
@@ -160,26 +184,17 @@ inline std::optional<ImageScore> write_results(OutputFolder& out, const Reconstr
     report.stages.push_back({"stage", "ms per step"});
     double total = 0;
     const auto stage = [&](std::string_view name, double seconds) {
-        const double ms = 1e3 * seconds / static_cast<double>(std::max<std::uint64_t>(1, trainer.timed_steps()));
+        const double ms = 1e3 * seconds / static_cast<double>(std::max<std::uint64_t>(1, record.timed_steps));
         json["ms_per_stage"][std::string(name)] = ms;
         report.stages.push_back({std::string(name), fixed(ms, 2)});
     };
     for (std::size_t s = 0; s < stage_names.size(); ++s) {
-        stage(stage_names[s], trainer.stage_seconds()[s]);
-        total += trainer.stage_seconds()[s];
+        stage(stage_names[s], record.stage_seconds[s]);
+        total += record.stage_seconds[s];
     }
     stage("all", total);
     json["images"] = nlohmann::ordered_json::array();
-    for (const ImageScore& score : scores)
-        json["images"].push_back({{"name", score.name},
-                                  {"psnr", number_or_null(score.psnr)},
-                                  {"ssim", number_or_null(score.ssim)},
-                                  {"psnr_person", number_or_null(score.psnr_person)}});
-    for (std::size_t i = 0; i < scores.size(); ++i) {
-        for (std::size_t r = 0; r < scores[i].regions.size(); ++r)
-            json["images"][i]["psnr_regions"][region_names()[r]] = number_or_null(scores[i].regions[r].psnr);
-        if (scores[i].lpips) json["images"][i]["lpips"] = number_or_null(*scores[i].lpips);
-    }
+    for (const ImageScore& score : scores) json["images"].push_back(score_json(score));
 
     report.title = "Reconstruction of " + source.capture.name;
     report.protocol = protocol;

@@ -67,9 +67,9 @@ struct StaticResult {
 namespace detail {
 
 inline void add_photo(StaticSource& source, const std::string& name, const Camera<double>& camera, PixelImage image,
-                      bool test) {
+                      bool test, std::size_t frame = 0) {
     source.images.push_back(std::move(image)); // the pixels stay where they are when the list grows
-    (test ? source.test : source.training).push_back({name, camera, 0, source.images.back().data});
+    (test ? source.test : source.training).push_back({name, camera, frame, source.images.back().data});
 }
 
 } // namespace detail
@@ -84,7 +84,7 @@ inline StaticSource static_source(const Capture& capture, std::size_t frame) {
     for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
         const NamedCamera& camera = capture.cameras[c];
         detail::add_photo(source, camera.name, camera.camera, capture.image({c, frame}),
-                          camera.role == NamedCamera::Role::test);
+                          camera.role == NamedCamera::Role::test, frame);
     }
     return source;
 }
@@ -106,7 +106,7 @@ inline StaticSource load_capture_frame(const std::filesystem::path& folder, std:
         PixelImage image = read("images");
         if (std::filesystem::is_directory(folder / "masks")) gsh::detail::apply_mask(read("masks"), image);
         if (camera.distortion) image = gsh::detail::straighten(image, camera);
-        detail::add_photo(source, camera.name, camera.camera, std::move(image), camera.role == NamedCamera::Role::test);
+        detail::add_photo(source, camera.name, camera.camera, std::move(image), camera.role == NamedCamera::Role::test, frame);
     }
     return source;
 }
@@ -135,32 +135,59 @@ inline StaticSource load_static_source(const std::filesystem::path& folder, std:
                                                                      : load_colmap_source(folder);
 }
 
+/// A scene in training.
+class StaticReconstruction {
+public:
+    StaticTrainer<cpu::Threads> trainer;
+    double seconds = 0; ///< of training alone
+
+    /// Errors  ValueError for a source that cannot be trained on; source must outlive this.
+    StaticReconstruction(cpu::Threads& backend, const StaticSource& source, const StaticOptions& options)
+        : trainer(backend, start(source, options), source.training, options.seed, config(options)), steps_(options.steps) {}
+
+    /// Trains until step `until`, at most all of them, or until somebody interrupts; shows how far it is.
+    void train(std::uint64_t until, const std::string& title = "training") {
+        using Clock = std::chrono::steady_clock;
+        Progress progress(title);
+        const double seconds_before = seconds;
+        const std::uint64_t steps_before = trainer.step_count();
+        const auto begin = Clock::now();
+        while (trainer.step_count() < std::min(until, steps_) && !interrupted) {
+            trainer.step();
+            const double spent = std::chrono::duration<double>(Clock::now() - begin).count();
+            seconds = seconds_before + spent;
+            char text[96];
+            std::snprintf(text, sizeof text, "step %llu  %zu Gaussians  %.1f steps/s",
+                          static_cast<unsigned long long>(trainer.step_count()), trainer.size(),
+                          static_cast<double>(trainer.step_count() - steps_before) / spent);
+            progress.show(static_cast<double>(trainer.step_count()) / static_cast<double>(steps_), text);
+        }
+    }
+
+private:
+    static StaticConfig config(const StaticOptions& options) {
+        StaticConfig result = static_config(static_cast<std::int64_t>(options.steps));
+        result.sh_degree = options.sh_degree;
+        result.density.max_gaussians = options.max_gaussians;
+        return result;
+    }
+    static GaussianCloud<float> start(const StaticSource& source, const StaticOptions& options) {
+        return initial_gaussians<float>(source.points ? *source.points
+                                                      : visual_hull_points(source.training, hull_box(source.training),
+                                                                           options.points, mix_bits(options.seed)));
+    }
+
+    std::uint64_t steps_;
+};
+
 /// Trains, showing how far it is, and judges on the test photographs.
 inline StaticResult reconstruct_static(cpu::Threads& backend, const StaticSource& source,
                                        const StaticOptions& options) {
-    using Clock = std::chrono::steady_clock;
-    StaticConfig config = static_config(static_cast<std::int64_t>(options.steps));
-    config.sh_degree = options.sh_degree;
-    config.density.max_gaussians = options.max_gaussians;
-    const ColoredPoints points = source.points ? *source.points
-                                               : visual_hull_points(source.training, hull_box(source.training),
-                                                                    options.points, mix_bits(options.seed));
-    StaticTrainer<cpu::Threads> trainer(backend, initial_gaussians<float>(points), source.training, options.seed,
-                                        config);
-
+    StaticReconstruction reconstruction(backend, source, options);
+    reconstruction.train(options.steps);
+    auto& trainer = reconstruction.trainer;
     StaticResult result;
-    Progress progress("training");
-    const auto start = Clock::now();
-    while (trainer.step_count() < options.steps && !interrupted) {
-        trainer.step();
-        result.seconds = std::chrono::duration<double>(Clock::now() - start).count();
-        char text[96];
-        std::snprintf(text, sizeof text, "step %llu  %zu Gaussians  %.1f steps/s",
-                      static_cast<unsigned long long>(trainer.step_count()), trainer.size(),
-                      static_cast<double>(trainer.step_count()) / result.seconds);
-        progress.show(static_cast<double>(trainer.step_count()) / static_cast<double>(options.steps), text);
-    }
-    progress.finish();
+    result.seconds = reconstruction.seconds;
     result.steps = trainer.step_count();
     result.change = trainer.total_change();
     for (const Photo& photo : source.test) {

@@ -229,6 +229,36 @@ TEST_CASE("a field of shadows that does not fit its avatar is refused by name") 
     std::filesystem::remove(path);
 }
 
+TEST_CASE("occlusion that holds in every pose, deformation and filter come back from the file") {
+    const auto path = temporary("parts.gsh");
+    for (const Deformation deformation : {Deformation::linear, Deformation::polar, Deformation::dual_quaternion}) {
+        AvatarData avatar = small_avatar();
+        avatar.deformation = deformation;
+        avatar.filter = {.dilation = 0.17, .compensate_opacity = deformation != Deformation::polar};
+        test::Rng rng(9);
+        if (deformation != Deformation::linear)
+            for (std::size_t i = 0; i < avatar.gaussians.size(); ++i) avatar.ao.push_back(static_cast<float>(rng.uniform(0, 1.5)));
+        save_avatar(path, avatar);
+        const AvatarData back = load_avatar(path);
+        CHECK(back.deformation == deformation);
+        CHECK(back.ao == avatar.ao);
+        CHECK(!back.occlusion);
+        CHECK(back.filter.dilation == 0.17);
+        CHECK(back.filter.compensate_opacity == avatar.filter.compensate_opacity);
+    }
+    AvatarData avatar = small_avatar();
+    avatar.ao.assign(avatar.gaussians.size() - 1, 1.0f);
+    save_avatar(path, avatar);
+    CHECK(message_of([&] { (void)load_avatar(path); }).find("ao has") != std::string::npos);
+    avatar.ao.assign(avatar.gaussians.size(), std::numeric_limits<float>::infinity());
+    save_avatar(path, avatar);
+    CHECK(message_of([&] { (void)load_avatar(path); }).find("ao[0]") != std::string::npos);
+    save_avatar(path, small_avatar());
+    replace_member(path, "deformation.npy", test::npy_bytes("<i4", "()", std::string("\3\0\0\0", 4)));
+    CHECK(message_of([&] { (void)load_avatar(path); }).find("deformation is 3, expected 0 to 2") != std::string::npos);
+    std::filesystem::remove(path);
+}
+
 TEST_CASE("what cannot be an avatar is refused by name") {
     const auto path = temporary("bad.gsh");
     AvatarData avatar = small_avatar();

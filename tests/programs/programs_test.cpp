@@ -3,8 +3,10 @@
 #include "programs/small_capture.hpp"
 
 #include <gsh/io/avatar_file.hpp>
+#include <gsh/io/motion_file.hpp>
 #include <gsh/io/npy.hpp>
 #include <gsh/io/ply.hpp>
+#include <gsh/train/configuration.hpp>
 #include <gsh/train/memory.hpp>
 
 #include <nlohmann/json.hpp>
@@ -62,6 +64,13 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     CHECK(metrics.at("images")[1].at("name") == "test00_0001");
     CHECK(metrics.at("images")[1].at("psnr").is_number());
     CHECK(metrics.at("ms_per_stage").at("render") > 0.0);
+    CHECK(metrics.at("configuration").get<std::string>().starts_with("paper"));
+    for (const char* region : {"face", "hands", "body"}) {
+        CHECK(metrics.at("psnr_regions").contains(region)); // null where 64 pixels show too little of it
+        CHECK(metrics.at("images")[0].at("psnr_regions").contains(region));
+    }
+    CHECK(metrics.at("psnr_regions").at("body").is_number());
+    CHECK(!metrics.contains("lpips"));
 
     const AvatarData avatar = load_avatar(s.out / "avatar.gsh");
     CHECK(avatar.gaussians.size() == 1500);
@@ -81,6 +90,18 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     CHECK(page.ends_with("</html>\n"));
     CHECK(fs::exists(s.out / "checkpoint.gsh"));
     CHECK(test::files_below(s.out) == 7);
+}
+
+TEST_CASE("who asks for nothing gets the paper's configuration") {
+    const Studio& s = studio();
+    const Out out;
+    check_done(run({"gsh-reconstruct", "--capture", s.path.string(), "--body", s.body_file.string(), "--out", out.path.string(),
+                    "--gaussians", "1500", "--steps", "1"}));
+    const auto metrics = json_of(out.path / "metrics.json");
+    CHECK(metrics.at("configuration") == "paper");
+    const auto settings = settings_of(named_configuration("paper"));
+    CHECK(metrics.at("settings").size() == settings.size());
+    for (const auto& [key, value] : settings) CHECK(metrics.at("settings").at(key) == value);
 }
 
 TEST_CASE("the same seed gives the same avatar on any number of threads, another seed another") {
@@ -135,7 +156,9 @@ TEST_CASE("a checkpoint belongs to one training alone") {
         return run(s.reconstruct(out.path, more));
     };
     check_refused(resume({"--seed", "1"}), "gsh-reconstruct", {"checkpoint.gsh", "seed 0"});
-    check_refused(resume({"--baseline"}), "gsh-reconstruct", {"checkpoint.gsh", "--baseline"});
+    for (const std::vector<std::string>& other :
+         {std::vector<std::string>{"--config", "baseline-x"}, {"--set", "rate.sh=1e-3"}, {"--refine"}})
+        check_refused(resume(other), "gsh-reconstruct", {"checkpoint.gsh", "another configuration"});
     test::truncate_file(out.path / "checkpoint.gsh", 1000);
     check_refused(resume({"--steps", "6"}), "gsh-reconstruct", {"checkpoint.gsh"});
     fs::remove(out.path / "checkpoint.gsh");
@@ -156,7 +179,9 @@ TEST_CASE("a reconstruction keeps to time and memory") {
 
     std::size_t held = 0;
     for (const PixelImage& image : s.capture.images) held += image.data.size();
-    const MemoryModel memory = training_memory(64 * 64, held);
+    AvatarConfig config = named_configuration("paper").avatar;
+    config.hash_table_size = config.ao_table_size = 4096;
+    const MemoryModel memory = training_memory(config, 64 * 64, held);
     const auto budget = [&](std::size_t gaussians) { return std::to_string(memory.bytes(gaussians)); };
     const test::Outcome fewer = run(s.reconstruct(small.path, {"--steps", "1", "--max-memory", budget(1000)}));
     CHECK(fewer.code == 0);

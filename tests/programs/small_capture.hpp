@@ -45,12 +45,14 @@ struct SmallCapture {
         write_camera(camera, capture.cameras[0]);
     }
 
-    /// The words of a reconstruction of a capture, this one if no other is named, into `out`.
+    /// The words of a reconstruction of a capture, this one if no other is named, into `out`. Hash tables are small, for
+    /// checkpoints hold them three times.
     [[nodiscard]] std::vector<std::string> reconstruct(const fs::path& out, std::vector<std::string> more = {},
                                                        const fs::path& of = {}, const fs::path& with = {}) const {
         std::vector<std::string> words{"gsh-reconstruct", "--capture", (of.empty() ? path : of).string(),
                                        "--body", (with.empty() ? body_file : with).string(),
-                                       "--out", out.string(), "--gaussians", "1500"};
+                                       "--out", out.string(), "--gaussians", "1500",
+                                       "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"};
         words.insert(words.end(), more.begin(), more.end());
         return words;
     }

@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  gsh-reconstruct in its configurations, with refinement, regions, plates and LPIPS, as a user runs it.
+#include "io/safetensors_files.hpp"
+#include "loss/lpips_networks.hpp"
+#include "programs/process.hpp"
+#include "programs/small_capture.hpp"
+#include "support/gradient.hpp"
+
+#include <gsh/image/color.hpp>
+#include <gsh/io/avatar_file.hpp>
+#include <gsh/io/image_file.hpp>
+#include <gsh/io/motion_file.hpp>
+#include <gsh/io/ply.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+#include <vector>
+
+using namespace gsh;
+using test::check_done;
+using test::check_refused;
+using test::run;
+namespace fs = std::filesystem;
+
+namespace {
+
+test::SmallCapture& studio() {
+    static test::SmallCapture instance;
+    return instance;
+}
+
+/// A folder for results, and files beside it.
+struct Out {
+    test::Temporary folder;
+    fs::path path = folder / "out";
+
+    [[nodiscard]] fs::path operator/(const char* name) const { return path / name; }
+    [[nodiscard]] nlohmann::json metrics() const { return nlohmann::json::parse(read_file(path / "metrics.json")); }
+    [[nodiscard]] AvatarData avatar() const { return load_avatar(path / "avatar.gsh"); }
+    [[nodiscard]] std::string avatar_bytes() const { return read_file(path / "avatar.gsh"); }
+};
+
+test::Outcome reconstruct(const Out& out, const std::vector<std::string>& more, const fs::path& capture = {}) {
+    return run(studio().reconstruct(out.path, more, capture));
+}
+std::vector<std::string> animate(const Out& out, const char* name = "frames") {
+    return {"gsh-animate", (out / "avatar.gsh").string(), "--poses", studio().dance.string(), "--size", "64",
+            "--out", (out.folder / name).string()};
+}
+
+std::vector<std::uint8_t> column(const PixelImage& picture, int first, int width) {
+    std::vector<std::uint8_t> pixels;
+    for (int y = 0; y < picture.height; ++y)
+        for (int x = first; x < first + width; ++x) pixels.insert(pixels.end(), picture.pixel(y, x), picture.pixel(y, x) + 3);
+    return pixels;
+}
+
+} // namespace
+
+TEST_CASE("the baseline's avatar moves with 22 joints, also by poses of all 55") {
+    const Out baseline, all;
+    check_done(reconstruct(baseline, {"--steps", "3", "--config", "baseline"}));
+    CHECK(baseline.metrics().at("configuration").get<std::string>().starts_with("baseline"));
+    CHECK(baseline.metrics().at("settings").at("heads") == "separate");
+    CHECK(baseline.metrics().at("settings").at("joints") == "trunk_and_limbs");
+    const AvatarData avatar = baseline.avatar();
+    CHECK(avatar.rig.joint_count() == 22);
+    CHECK(avatar.filter.dilation == 0.3);
+    CHECK(avatar.gaussians.size() == 1500);
+    const test::Outcome frames = run(animate(baseline));
+    INFO(frames.err);
+    CHECK(frames.code == 0);
+    CHECK(test::files_below(baseline.folder / "frames") == 3);
+
+    check_done(reconstruct(all, {"--steps", "3", "--config", "baseline-x"}));
+    CHECK(all.avatar().rig.joint_count() == 55);
+    CHECK(!all.avatar().ao.empty());
+    check_done(run(animate(all)));
+}
+
+TEST_CASE("a file of settings is what the same settings are on the command line") {
+    const Out file, words, other;
+    const fs::path mine = file.folder / "mine.json";
+    write_file(mine, R"({"configuration": "no-ao", "mlp.width": 32, "rate.sh": 1e-3, "prior.depth": false})");
+    check_done(reconstruct(file, {"--steps", "3", "--config", mine.string()}));
+    CHECK(file.metrics().at("configuration").get<std::string>().starts_with("mine"));
+    const auto settings = file.metrics().at("settings");
+    CHECK(settings.at("ao") == "none");
+    CHECK(settings.at("mlp.width") == "32");
+    CHECK(settings.at("hash.table_size") == "4096"); // --set goes on top of the file
+    CHECK(file.avatar().ao.empty());
+
+    check_done(reconstruct(words, {"--steps", "3", "--config", "no-ao", "--set", "mlp.width=32", "--set", "rate.sh=0.001",
+                                   "--set", "prior.depth=false"}));
+    CHECK(words.metrics().at("settings") == settings);
+    CHECK(words.metrics().at("configuration").get<std::string>().ends_with("mlp.width=32 rate.sh=0.001 prior.depth=false"));
+    CHECK(words.avatar_bytes() == file.avatar_bytes());
+    check_done(reconstruct(other, {"--steps", "3", "--config", "no-ao", "--set", "mlp.width=32"}));
+    CHECK(other.avatar_bytes() != file.avatar_bytes());
+
+    // The page and the checkpoint know it, too.
+    CHECK(read_file(file / "report.html").find("mine") != std::string::npos);
+    check_refused(reconstruct(file, {"--steps", "4", "--config", "no-ao", "--resume"}), "gsh-reconstruct",
+                  {"checkpoint.gsh", "another configuration"});
+    check_done(reconstruct(file, {"--steps", "4", "--config", mine.string(), "--resume"}));
+    CHECK(file.metrics().at("steps") == 4);
+}
+
+TEST_CASE("refinement leaves refined poses, says so, and resumes") {
+    const Out out, plain;
+    const fs::path capture = out.folder / "capture";
+    fs::copy(studio().path, capture, fs::copy_options::recursive);
+    Motion noisy = studio().capture.motion;
+    test::Rng rng(5);
+    for (auto& angle : noisy.pose) angle += rng.vec(-0.05, 0.05);
+    save_motion(capture / "poses_noisy.npz", noisy);
+    const std::vector<std::string> words{"--poses", "poses_noisy.npz", "--refine"};
+    const auto with = [&](std::vector<std::string> more) {
+        more.insert(more.begin(), words.begin(), words.end());
+        return more;
+    };
+    check_done(reconstruct(out, with({"--steps", "3"}), capture));
+    // Poses wait for the 300th step: so far they are what they were.
+    CHECK(load_motion(out / "poses_refined.npz", studio().body).pose == noisy.pose);
+    CHECK(out.metrics().at("protocol").get<std::string>().find("poses_noisy.npz, refined in training") != std::string::npos);
+    check_done(reconstruct(plain, {"--poses", "poses_noisy.npz", "--steps", "3"}, capture));
+    CHECK(!fs::exists(plain / "poses_refined.npz"));
+    CHECK(plain.metrics().at("protocol").get<std::string>().find("as given, not refined") != std::string::npos);
+    CHECK(out.avatar_bytes() == plain.avatar_bytes()); // test images have no say in the avatar
+    CHECK(out.metrics().at("psnr") != plain.metrics().at("psnr")); // but in the poses that it is judged in
+
+    check_done(reconstruct(out, with({"--steps", "320", "--resume"}), capture));
+    CHECK(out.metrics().at("steps") == 320);
+    const Motion refined = load_motion(out / "poses_refined.npz", studio().body);
+    CHECK(refined.pose != noisy.pose);
+    CHECK(refined.frame_count() == 2);
+    check_refused(reconstruct(out, with({"--steps", "330", "--refine-cameras", "--resume"}), capture), "gsh-reconstruct", {"checkpoint.gsh"});
+    check_done(reconstruct(plain, with({"--steps", "3", "--refine-cameras"}), capture));
+}
+
+TEST_CASE("regions of the user's decide where Gaussians and fine levels go") {
+    const Out usual, painted;
+    const auto& vertices = studio().body.v_template;
+    double ground = 0;
+    for (const auto& vertex : vertices) ground = std::min(ground, vertex.y);
+    nlohmann::json regions;
+    for (const auto& vertex : vertices) regions["importance"].push_back(vertex.y < ground + 0.2 ? 1 : 0); // the feet
+    write_file(painted.folder / "regions.json", regions.dump());
+    const std::vector<std::string> words{"--steps", "1", "--set", "region.samples_high=60"};
+    check_done(reconstruct(usual, words));
+    auto more = words;
+    more.insert(more.end(), {"--regions", (painted.folder / "regions.json").string()});
+    check_done(reconstruct(painted, more));
+    const auto feet = [&](const Out& out) {
+        const auto means = out.avatar().gaussians.means;
+        return std::count_if(means.begin(), means.end(), [&](const auto& p) { return p.y < ground + 0.2; });
+    };
+    CHECK(feet(painted) > 2 * feet(usual));
+    CHECK(painted.metrics().at("psnr_regions").contains("hands"));
+}
+
+TEST_CASE("a person before a plate is trained and judged over it") {
+    const Out out;
+    const fs::path capture = out.folder / "capture";
+    Capture filmed = studio().capture;
+    for (std::size_t c = 0; c < filmed.cameras.size(); ++c) {
+        PixelImage plate(4, 64, 64);
+        for (std::size_t i = 0; i < plate.data.size(); ++i)
+            plate.data[i] = static_cast<std::uint8_t>(i % 4 == 3 ? 255 : 40 + 60 * c + i / 256);
+        filmed.backgrounds.push_back(plate);
+    }
+    save_capture(capture, filmed);
+    check_done(reconstruct(out, {"--steps", "3"}, capture));
+    CHECK(out.metrics().at("protocol").get<std::string>().find("the capture's backgrounds") != std::string::npos);
+    const PixelImage picture = read_image(out.path / "test" / "test00_0000.png");
+    REQUIRE(picture.width == 3 * 64);
+    const PixelImage& plate = filmed.backgrounds[2];
+    for (int y = 0; y < 64; ++y) // a column at the edge, where nobody stands: render, photograph, no error
+        for (int c = 0; c < 3; ++c) {
+            CHECK(picture.pixel(y, 0)[c] == plate.pixel(y, 0)[c]);
+            CHECK(picture.pixel(y, 64)[c] == plate.pixel(y, 0)[c]);
+            CHECK(picture.pixel(y, 128)[c] == 0);
+        }
+    CHECK(column(picture, 64, 64) != column(plate, 0, 64)); // the person is there
+}
+
+TEST_CASE("with weights there is LPIPS, and it says which") {
+    const Out out;
+    test::SafetensorsFile file;
+    const LpipsNetwork network = test::with_noise(lpips_alexnet());
+    std::size_t convolution = 0, inputs = 3, slice = 0;
+    for (const LpipsStep& step : network.steps) {
+        if (step.is_convolution()) {
+            const std::string name = "features." + std::to_string(step.number);
+            const std::string channels = std::to_string(step.channels), kernel = std::to_string(step.kernel);
+            file.add(name + ".weight", channels + ", " + std::to_string(inputs) + ", " + kernel + ", " + kernel,
+                     network.convolutions[convolution].weight);
+            file.add(name + ".bias", channels, network.convolutions[convolution++].bias);
+            inputs = static_cast<std::size_t>(step.channels);
+        }
+        if (step.compared)
+            file.add("lin" + std::to_string(slice) + ".model.1.weight", "1, " + std::to_string(inputs) + ", 1, 1", network.lins[slice]), ++slice;
+    }
+    file.write(out.folder / "lpips.safetensors");
+    const auto words = [&](const char* name) {
+        return std::vector<std::string>{"--steps", "2", "--lpips", (out.folder / name).string()};
+    };
+    check_done(reconstruct(out, words("lpips.safetensors")));
+    CHECK(out.metrics().at("lpips") > 0.0);
+    CHECK(out.metrics().at("images")[1].at("lpips") > 0.0);
+    CHECK(out.metrics().at("protocol").get<std::string>().find("LPIPS") != std::string::npos);
+
+    const Out none;
+    write_file(out.folder / "broken.safetensors", "no weights");
+    check_refused(reconstruct(none, words("missing.safetensors")), "gsh-reconstruct", {"missing.safetensors"});
+    check_refused(reconstruct(none, words("broken.safetensors")), "gsh-reconstruct", {"broken.safetensors"});
+    CHECK(!fs::exists(none.path));
+}
+
+TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
+    const test::SmallCapture& s = studio();
+    const Out out, again;
+    const fs::path capture = out.folder / "capture";
+    fs::copy(s.path, capture, fs::copy_options::recursive);
+    fs::remove(capture / "poses.npz");
+    const auto words = [&](const Out& to, std::vector<std::string> more) {
+        more.insert(more.begin(), {"gsh-reconstruct", "--capture", capture.string(), "--config", "static", "--out", to.path.string(),
+                                   "--gaussians", "1500"});
+        return more;
+    };
+    check_done(run(words(out, {"--steps", "40", "--frame", "1"})));
+    const auto metrics = out.metrics();
+    CHECK(metrics.at("configuration") == "static");
+    CHECK(metrics.at("steps") == 40);
+    CHECK(metrics.at("gaussians") <= 1500);
+    CHECK(metrics.at("psnr") > 10.0);
+    CHECK(metrics.at("protocol").get<std::string>().find("capture, frame 1 (1 images, 2 in training)") != std::string::npos);
+    REQUIRE(metrics.at("images").size() == 1);
+    CHECK(fs::exists(out.path / "test" / "test00.png"));
+    CHECK(read_gaussian_ply(out / "scene.ply").size() == metrics.at("gaussians"));
+    CHECK(test::files_below(out.path) == 3);
+    check_done(run({"gsh-render", (out / "scene.ply").string(), "--camera", s.camera.string(), "--out", (out.folder / "a.png").string()}));
+    check_done(run(words(again, {"--steps", "40", "--frame", "1", "--threads", "1"})));
+    CHECK(read_file(again / "scene.ply") == read_file(out / "scene.ply"));
+
+    const Out none;
+    check_refused(run(words(none, {"--frame", "2"})), "gsh-reconstruct", {"2 images", "frame 2"});
+    check_refused(run(words(none, {"--resume"})), "gsh-reconstruct", {"static", "resume"});
+    check_refused(run(words(none, {"--refine"})), "gsh-reconstruct", {"static", "refine"});
+    check_refused(run(words(none, {"--seconds", "3"})), "gsh-reconstruct", {"static", "--steps"});
+    check_refused(run(words(none, {"--set", "ao=none"})), "gsh-reconstruct", {"static", "settings"});
+    check_refused(run({"gsh-reconstruct", "--synthetic", "--config", "static", "--out", none.path.string()}), "gsh-reconstruct", {"static"});
+    fs::remove(capture / "cameras.json");
+    check_refused(run(words(none, {})), "gsh-reconstruct", {"sparse"}); // then it should be COLMAP's
+    CHECK(!fs::exists(none.path));
+}
+
+TEST_CASE("configurations, settings and lists that cannot be are refused before any work") {
+    const Out none;
+    const auto refuse = [&](std::vector<std::string> more, std::initializer_list<std::string_view> said) {
+        INFO(more.back());
+        more.insert(more.end(), {"--steps", "1"});
+        check_refused(reconstruct(none, more), "gsh-reconstruct", said);
+        CHECK(!fs::exists(none.path));
+    };
+    refuse({"--config", "papper"}, {"no configuration 'papper'", "paper, baseline"});
+    refuse({"--config", (none.folder / "none.json").string()}, {"none.json", "No such file"});
+    const fs::path file = none.folder / "mine.json";
+    const auto refuse_file = [&](const char* text, std::initializer_list<std::string_view> said) {
+        write_file(file, text);
+        refuse({"--config", file.string()}, said);
+    };
+    refuse_file("{\"ao\": \"time\",", {"mine.json"});
+    refuse_file("[]", {"mine.json", "JSON object"});
+    refuse_file(R"({"configuration": "papper"})", {"no configuration 'papper'"});
+    refuse_file(R"({"aoo": "time"})", {"mine.json", "no setting 'aoo'"});
+    refuse_file(R"({"ao": "space"})", {"mine.json", "ao is 'space'", "none, time, pose"});
+
+    refuse({"--set", "multi_scale"}, {"--set multi_scale", "key=value"});
+    refuse({"--set", "=3"}, {"--set", "no setting ''"});
+    refuse({"--set", "rate.shh=1"}, {"--set", "no setting 'rate.shh'"});
+    refuse({"--set", "rate.sh="}, {"rate.sh", "expected a number"});
+    refuse({"--set", "rate.sh=fast"}, {"rate.sh is 'fast'", "expected a number"});
+    refuse({"--set", "rate.sh=inf"}, {"rate.sh", "finite"});
+    refuse({"--set", "multi_scale=1"}, {"multi_scale is '1'", "true or false"});
+    // Numbers, but none that could mean anything.
+    for (const char* setting : {"mlp.width=0", "mlp.width=-8", "mlp.hidden_layers=-1", "hash.base=0", "hash.growth=0.5", "hash.table_size=1000",
+                                "hash.table_size=0", "hash.fine_level=17", "ao.table_size=3", "ao.initial=0", "ao.initial=7",
+                                "ao.largest=0.5", "ao.start=-1", "initial_opacity=1", "bounds_margin=0", "rate.sh=-1", "rate.final=-1",
+                                "ssim_weight=2", "filter.dilation=-1", "region.sigma=0", "region.samples_base=-1", "prior.depth_unit=0"})
+        refuse({"--set", setting}, {});
+    refuse({"--refine-cameras"}, {"--refine-cameras needs --refine"});
+    refuse({"--regions", (none.folder / "regions.json").string()}, {"regions.json", "No such file"});
+    write_file(none.folder / "regions.json", R"({"high": [99999999]})");
+    refuse({"--regions", (none.folder / "regions.json").string()}, {"regions.json", "high"});
+}

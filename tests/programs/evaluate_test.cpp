@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "loss/lpips_networks.hpp"
+#include "programs/process.hpp"
+#include "programs/small_capture.hpp"
+
+#include <gsh/io/image_file.hpp>
+#include <gsh/io/npz.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+using test::check_done;
+using test::check_refused;
+using test::run;
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// One capture for all tests here, and configurations with tables small enough for tests, in files.
+struct Studio : test::SmallCapture {
+    Studio() {
+        const auto write = [&](const char* name) {
+            const Json json{{"configuration", name}, {"hash.table_size", 1024}, {"ao.table_size", 1024}};
+            write_file(folder / (std::string(name) + ".json"), json.dump());
+        };
+        for (const char* name : {"paper", "no-ao", "baseline"}) write(name);
+    }
+    /// "paper,static" with paper's file.
+    [[nodiscard]] std::string configs(const std::vector<std::string>& names) const {
+        std::string text;
+        for (const std::string& name : names) text += (text.empty() ? "" : ",") + (name == "static" ? name : (folder / (name + ".json")).string());
+        return text;
+    }
+    [[nodiscard]] std::vector<std::string> evaluate(const fs::path& out, const std::string& list, std::vector<std::string> more) const {
+        std::vector<std::string> words{"gsh-evaluate", "--capture", path.string(), "--body", body_file.string(), "--configs", list,
+                                       "--out", out.string(), "--gaussians", "300"};
+        words.insert(words.end(), more.begin(), more.end());
+        return words;
+    }
+};
+Studio& studio() {
+    static Studio instance;
+    return instance;
+}
+
+Json json_of(const fs::path& path) { return Json::parse(read_file(path)); }
+
+/// (name, after) of each row of a list in tables.json.
+std::vector<std::pair<std::string, std::string>> rows_of(const Json& list) {
+    std::vector<std::pair<std::string, std::string>> rows;
+    for (const Json& row : list) rows.emplace_back(row.at("name"), row.at("after"));
+    return rows;
+}
+using Rows = std::vector<std::pair<std::string, std::string>>;
+
+/// Figures without what a clock measured.
+Json timeless(Json figures) {
+    for (Json& row : figures) row.erase("seconds");
+    return figures;
+}
+
+} // namespace
+
+TEST_CASE("tables, pictures and a page hold every configuration") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    const fs::path out = folder / "out";
+    const test::Outcome outcome = run(s.evaluate(out, s.configs({"paper", "no-ao", "static"}), {"--steps", "6,3", "--views", "2"}));
+    check_done(outcome);
+    for (const char* words : {"| paper ", "| no-ao ", "| static ", "## What each part is worth", "3 of 6 steps"})
+        CHECK(outcome.out.find(words) != std::string::npos);
+
+    const Json tables = json_of(out / "tables.json");
+    CHECK(tables.at("reference") == "paper");
+    CHECK(rows_of(tables.at("figures")) == Rows{{"paper", "3 of 6 steps"}, {"paper", "6 steps"}, {"no-ao", "3 of 6 steps"},
+                                                {"no-ao", "6 steps"}, {"static", "3 of 6 steps"}, {"static", "6 steps"}});
+    for (const Json& row : tables.at("figures")) {
+        CHECK(row.at("psnr") > 5.0);
+        CHECK(row.at("ssim").is_number());
+        CHECK(row.at("psnr_regions").contains("hands"));
+        CHECK(row.at("images").size() == (row.at("name") == "static" ? 1 : 2));
+        CHECK(row.at("protocol").get<std::string>().find("Test views of capture") == 0);
+        const bool middle = row.at("protocol").get<std::string>().find("Judged in the middle of a run, after 3 of 6 steps") != std::string::npos;
+        CHECK(middle == (row.at("after") == "3 of 6 steps"));
+    }
+    // Only avatars were judged on the same images.
+    REQUIRE(rows_of(tables.at("differences")) == Rows{{"no-ao", "3 of 6 steps"}, {"no-ao", "6 steps"}});
+    const Json& difference = tables.at("differences")[1];
+    const auto psnr = [&](std::size_t row) { return tables.at("figures")[row].at("psnr").get<double>(); };
+    CHECK(difference.at("psnr").get<double>() == doctest::Approx(psnr(3) - psnr(1)));
+    CHECK(difference.at("paper")[0].at("psnr").get<double>() == doctest::Approx(38.825 - 40.96));
+    CHECK(read_file(out / "tables.md").find("-2.13 dB, SSIM -0.0031, LPIPS +0.0011 (GalaBasketball)") != std::string::npos);
+
+    REQUIRE(tables.at("costs").size() == 3);
+    const Json &paper = tables.at("costs")[0], &no_ao = tables.at("costs")[1];
+    for (const Json* cost : {&paper, &no_ao}) {
+        CHECK(cost->at("gaussians") == 300);
+        CHECK(cost->at("lookups") > 300);
+        CHECK(cost->at("touched_entries") <= cost->at("entries"));
+        CHECK(cost->at("memory_bytes") > 1'000'000);
+        CHECK(cost->at("ms_per_step") > 0.0);
+        CHECK(cost->at("ms_per_stage").at("render") > 0.0);
+    }
+    CHECK(paper.at("ao_touched_entries") > 0);
+    CHECK(no_ao.at("ao_entries") == 0);
+    CHECK(no_ao.at("settings").at("ao") == "none");
+
+    // Rows of one height below each other: the photograph, three configurations; the second view has no static one.
+    const PixelImage first = read_image(out / "grids/test00_0000.png"), second = read_image(out / "grids/test00_0001.png");
+    CHECK(first.height == 4 * 64 + 3 * 4);
+    CHECK(second.height == 3 * 64 + 2 * 4);
+    CHECK(first.width > 2 * 64 + 3 * 12); // render, error, crops
+    const std::string page = read_file(out / "report.html");
+    CHECK(page.find("http") == std::string::npos);
+    std::size_t pictures = 0;
+    for (std::size_t at = page.find("src=\"data:image/png;base64,"); at != std::string::npos; at = page.find("src=\"data:image/png;base64,", at + 1)) ++pictures;
+    CHECK(pictures == 7);
+    CHECK(page.ends_with("</html>\n"));
+    for (const auto& entry : fs::recursive_directory_iterator(out)) // checkpoints are large
+        CHECK(entry.path().extension() != ".gsh");
+}
+
+TEST_CASE("an interrupted evaluation goes on, and ends with the figures of one that was left alone") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    const auto words = [&](const fs::path& out) { return s.evaluate(out, s.configs({"baseline", "paper"}), {"--steps", "20,60"}); };
+    check_done(run(words(folder / "whole")));
+    {
+        test::Process process(words(folder / "parts"));
+        REQUIRE(process.wait_until([&] { return process.err().find("paper (2 of 2)") != std::string::npos; }));
+        process.send(SIGINT);
+        const test::Outcome outcome = process.wait();
+        CHECK(outcome.code == 130);
+        CHECK(outcome.err.find("stopped; the same command goes on from there") != std::string::npos);
+        CHECK(fs::exists(folder / "parts/runs/paper-60-steps/checkpoint.gsh"));
+        CHECK(!fs::exists(folder / "parts/runs/paper-60-steps/result.json"));
+        CHECK(json_of(folder / "parts/tables.json").at("figures").size() == 2); // of what was finished
+    }
+    const test::Outcome rest = run(words(folder / "parts"));
+    check_done(rest);
+    CHECK(rest.out.find("baseline: is finished already") == 0);
+    CHECK(timeless(json_of(folder / "parts/tables.json").at("figures")) == timeless(json_of(folder / "whole/tables.json").at("figures")));
+    CHECK(json_of(folder / "parts/tables.json").at("differences") == json_of(folder / "whole/tables.json").at("differences"));
+    CHECK(read_file(folder / "parts/grids/test00_0001.png") == read_file(folder / "whole/grids/test00_0001.png"));
+    CHECK(!fs::exists(folder / "parts/runs/paper-60-steps/checkpoint.gsh"));
+}
+
+TEST_CASE("a second call adds what is new, and runs again what has changed") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    const fs::path out = folder / "out";
+    check_done(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "2"})));
+    const std::string before = read_file(out / "runs/paper-2-steps/result.json");
+    const Json first = json_of(out / "tables.json").at("figures");
+    CHECK(rows_of(first) == Rows{{"paper", "2 steps"}});
+
+    check_done(run(s.evaluate(out, s.configs({"no-ao"}), {"--steps", "2"})));
+    Json tables = json_of(out / "tables.json");
+    CHECK(rows_of(tables.at("figures")) == Rows{{"paper", "2 steps"}, {"no-ao", "2 steps"}});
+    CHECK(tables.at("figures")[0] == first[0]);
+    CHECK(read_file(out / "runs/paper-2-steps/result.json") == before);
+
+    // A budget of time, a setting: rows of their own. Settings that changed under the same name: anew.
+    check_done(run(s.evaluate(out, s.configs({"paper"}), {"--budgets", "0.1s", "--set", "rate.sh=0.001"})));
+    tables = json_of(out / "tables.json");
+    REQUIRE(tables.at("figures").size() == 3);
+    CHECK(tables.at("figures")[2].at("name") == "paper rate.sh=0.001");
+    CHECK(tables.at("figures")[2].at("configuration") == "paper");
+    CHECK(tables.at("figures")[2].at("after") == "0.1 s");
+    CHECK(tables.at("figures")[2].at("protocol").get<std::string>().find("Trained for 0.1 s on ") != std::string::npos);
+    const Json other{{"configuration", "no-ao"}, {"hash.table_size", 2048}};
+    const std::string kept = read_file(s.folder / "no-ao.json");
+    write_file(s.folder / "no-ao.json", other.dump());
+    const test::Outcome again = run(s.evaluate(out, s.configs({"paper", "no-ao"}), {"--steps", "2"}));
+    write_file(s.folder / "no-ao.json", kept);
+    check_done(again);
+    CHECK(again.out.find("paper: is finished already\nno-ao: was judged with other settings or after other steps; it runs again\nno-ao, 2 steps: PSNR ") == 0);
+    CHECK(json_of(out / "tables.json").at("costs")[1].at("settings").at("hash.table_size") == "2048");
+}
+
+TEST_CASE("refined poses are reported as such, and so is LPIPS") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    {
+        const LpipsNetwork network = test::with_noise(lpips_alexnet());
+        NpzWriter file(folder / "lpips.npz");
+        std::size_t convolution = 0, slice = 0, inputs = 3;
+        for (const LpipsStep& step : network.steps) {
+            if (step.is_convolution()) {
+                const std::string name = "features." + std::to_string(step.number);
+                const auto channels = static_cast<std::size_t>(step.channels), kernel = static_cast<std::size_t>(step.kernel);
+                file.add(name + ".weight", network.convolutions[convolution].weight, {channels, inputs, kernel, kernel});
+                file.add(name + ".bias", network.convolutions[convolution++].bias);
+                inputs = channels;
+            }
+            if (step.compared) file.add("lin" + std::to_string(slice) + ".weight", network.lins[slice], {1, inputs, 1, 1}), ++slice;
+        }
+        file.commit();
+    }
+    check_done(run(s.evaluate(folder / "out", s.configs({"paper", "no-ao"}),
+                              {"--steps", "1,2", "--refine", "--lpips", (folder / "lpips.npz").string()})));
+    const Json tables = json_of(folder / "out/tables.json"), &figures = tables.at("figures");
+    CHECK(rows_of(figures) == Rows{{"paper, refined", "1 of 2 steps"}, {"paper, refined", "2 steps"}, {"no-ao, refined", "1 of 2 steps"},
+                                   {"no-ao, refined", "2 steps"}});
+    for (const Json& row : figures) {
+        const std::string protocol = row.at("protocol");
+        CHECK(protocol.find("fitted to the test images at test time") != std::string::npos);
+        CHECK(protocol.find(" LPIPS ") != std::string::npos);
+        CHECK(row.at("lpips") > 0.0);
+    }
+    CHECK(tables.at("differences")[0].at("lpips").is_number());
+    CHECK(read_file(folder / "out/tables.md").find("| SSIM   | LPIPS") != std::string::npos);
+}
+
+TEST_CASE("what cannot be evaluated is refused in a line, and leaves nothing") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    const fs::path out = folder / "out";
+    const auto refuse = [&](const std::string& configs, std::vector<std::string> more, std::initializer_list<std::string_view> said) {
+        check_refused(run(s.evaluate(out, configs, std::move(more))), "gsh-evaluate", said);
+        CHECK(!fs::exists(out));
+    };
+    refuse("paper,no-such-thing", {}, {"no-such-thing", "expected one of paper"});
+    refuse("paper", {"--set", "rate.nothing=1"}, {"rate.nothing"});
+    refuse("paper", {"--steps", "3", "--budgets", "5s"}, {"--steps", "--budgets"});
+    refuse("paper", {"--steps", "3,many"}, {"many"});
+    refuse("paper", {"--budgets", "5h"}, {"--budgets", "'5h'", "expected one like 5s"});
+    refuse("paper", {"--refine-cameras"}, {"--refine-cameras needs --refine"});
+    refuse("static", {"--budgets", "5s"}, {"static", "--steps"});
+    refuse("static", {"--set", "rate.sh=1"}, {"static", "--set"});
+    refuse("static", {"--frame", "7"}, {"2 frames", "expected frame 7"});
+    refuse("paper", {"--poses", "none.npz"}, {"none.npz"});
+    {
+        const test::Temporary trained;
+        Capture capture = s.capture;
+        for (NamedCamera& camera : capture.cameras) camera.role = NamedCamera::Role::train;
+        save_capture(trained / "capture", capture);
+        refuse("paper", {"--capture", (trained / "capture").string()}, {"--capture"}); // it stands there twice
+        check_refused(run({"gsh-evaluate", "--capture", (trained / "capture").string(), "--body", s.body_file.string(), "--configs", "paper",
+                           "--out", out.string()}),
+                      "gsh-evaluate", {"capture", "no test views"});
+        CHECK(!fs::exists(out));
+    }
+    write_file(folder / "file", "in the way");
+    check_refused(run(s.evaluate(folder / "file", s.configs({"paper"}), {"--steps", "1"})), "gsh-evaluate", {"file", "cannot be created"});
+    // A folder belongs to one input.
+    check_done(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "1"})));
+    const std::string tables = read_file(out / "tables.json");
+    check_refused(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "1", "--seed", "1"})), "gsh-evaluate", {"evaluation.json", "--seed '0', not '1'"});
+    CHECK(read_file(out / "tables.json") == tables);
+    test::truncate_file(out / "runs/paper-1-steps/result.json", 200);
+    check_refused(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "1"})), "gsh-evaluate", {"result.json", "truncated"});
+}
