@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  gsh-evaluate: trains configurations on a capture, and says how good each is, what each part is worth and costs.
+/// @file  gsh-evaluate: configurations side by side on a capture: how good each is, what each part is worth and costs.
 ///
 /// 1. List the runs: a configuration each, and a budget each where seconds are counted.
 /// 2. Load the capture; see that there is what to judge by.
 /// 3. Train and judge each run that is not finished yet, or go on with the one that was interrupted.
 /// 4. After each, write tables, picture grids and a page of all that is finished.
 
-#include "support/evaluation.hpp"
 #include "support/evaluation_report.hpp"
+#include "support/evaluation_runs.hpp"
+#include "support/evaluator.hpp"
 #include "support/program.hpp"
 #include "support/reconstruction.hpp"
 
@@ -28,32 +29,40 @@ void add_options(CLI::App& app, EvaluateOptions& o) {
     common.gaussians = 170000, common.poses = "poses.npz", common.checkpoint_interval = 60;
     app.add_option("--capture", common.capture, "folder with images/, cameras.json and poses")->required();
     app.add_option("--body", common.body, "body model (.npz, SMPL / SMPL-H / SMPL-X layout)")->required();
-    app.add_option("--configs", o.configs, "configurations by name, or JSON files, separated by commas; static: one frame, no body")
+    app.add_option("--configs", o.configs,
+                   "configurations by name, or JSON files, separated by commas; static: one frame, no body")
         ->required()
         ->delimiter(',');
     app.add_option("--out", common.out, "folder for the results; what is finished there is kept")->required();
-    auto* steps = app.add_option("--steps", o.steps, "judge after so many steps; of several, separated by commas, the largest is the "
-                                                     "run's length (default 3000)");
+    auto* steps = app.add_option("--steps", o.steps,
+                                 "judge after so many steps; of several, separated by commas, the largest is the "
+                                 "run's length (default 3000)");
     steps->delimiter(',')->check(above_zero());
-    app.add_option("--budgets", o.budgets, "train for so long instead, a run each: 5s,30s,2min")->delimiter(',')->excludes(steps);
-    app.add_option("--gaussians", common.gaussians, "number of Gaussians (default 170000)")->check(CLI::Range(1, 100'000'000));
+    app.add_option("--budgets", o.budgets, "train for so long instead, a run each: 5s,30s,2min")
+        ->delimiter(',')
+        ->excludes(steps);
+    app.add_option("--gaussians", common.gaussians, "number of Gaussians (default 170000)")
+        ->check(CLI::Range(1, 100'000'000));
     app.add_option("--seed", common.seed, "of all random choices (default 0)")->check(not_negative());
     add_threads(app, common.threads);
     app.add_option("--poses", common.poses, "pose file in the capture's folder (default poses.npz), or a path");
-    app.add_flag("--refine", common.refine, "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
+    app.add_flag("--refine", common.refine,
+                 "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
     app.add_flag("--refine-cameras", common.refine_cameras, "with --refine: all cameras but the first learn too");
     app.add_option("--lpips", common.lpips, "LPIPS weights (.safetensors or .npz): judge by LPIPS, too");
     app.add_option("--regions", common.regions, "JSON lists of face and hand vertices, or importance per vertex");
     app.add_option("--set", common.set, "a setting of all these configurations, key=value; may be repeated");
     app.add_option("--frame", common.frame, "of the configuration static (default 0)");
     app.add_option("--views", o.views, "test views to make pictures of (default 4)")->check(CLI::Range(0, 1000));
-    app.add_option("--checkpoint-interval", common.checkpoint_interval, "seconds between checkpoints (default 60)")->check(above_zero());
+    app.add_option("--checkpoint-interval", common.checkpoint_interval, "seconds between checkpoints (default 60)")
+        ->check(above_zero());
 }
 
 /// Figures of a run's last mark in a line.
 std::string summary(const RunResult& result) {
     const ImageScore& mean = result.marks.back().mean;
-    std::string text = result.name + ", " + result.marks.back().after + ": PSNR " + fixed(mean.psnr, 2) + " dB, SSIM " + fixed(mean.ssim, 4);
+    std::string text = result.name + ", " + result.marks.back().after + ": PSNR " + fixed(mean.psnr, 2) + " dB, SSIM " +
+                       fixed(mean.ssim, 4);
     for (std::size_t r = 0; r < result.marks.back().regions.size(); ++r)
         text += ", " + region_names()[r] + " " + fixed(result.marks.back().regions[r], 2);
     return text;
@@ -70,16 +79,20 @@ int evaluate(const EvaluateOptions& o) {
     for (const std::string& warning : source.warnings) warn(warning);
     watch_interrupts();
 
-    const auto write = [&] { write_evaluation(folder, source.capture.name, evaluator.views(), evaluator.test_photos(), folder.results()); };
+    const auto write = [&] {
+        write_evaluation(folder, source.capture.name, evaluator.views(), evaluator.test_photos(), folder.results());
+    };
     for (std::size_t i = 0; i < runs.size(); ++i) {
         const Run& run = runs[i];
         if (folder.has(run)) {
             std::printf("%s: is finished already\n", run.name.c_str());
             continue;
         }
-        if (folder.has_outdated(run)) std::printf("%s: was judged with other settings or after other steps; it runs again\n", run.name.c_str());
+        if (folder.has_outdated(run))
+            std::printf("%s: was judged with other settings or after other steps; it runs again\n", run.name.c_str());
         std::fflush(stdout);
-        if (!evaluator.evaluate(run, folder, run.name + " (" + std::to_string(i + 1) + " of " + std::to_string(runs.size()) + ")")) {
+        if (!evaluator.evaluate(run, folder,
+                                run.name + " (" + std::to_string(i + 1) + " of " + std::to_string(runs.size()) + ")")) {
             std::fprintf(stderr, "stopped; the same command goes on from there\n");
             return exit_interrupted;
         }

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What gsh-evaluate writes from its results: tables.md, tables.json, picture grids, and a page that holds it all.
+/// @file  What gsh-evaluate writes from its results: tables.md, tables.json, picture grids, and a page that holds it
+/// all.
 #pragma once
 
-#include "support/evaluation.hpp"
 #include "support/evaluation_pictures.hpp"
+#include "support/evaluation_runs.hpp"
 #include "support/evaluation_tables.hpp"
 #include "support/report.hpp"
 
@@ -27,7 +28,8 @@ struct GridRow {
 };
 
 /// The photograph, then every result that has a picture of the view.
-[[nodiscard]] inline std::vector<GridRow> grid_rows(const ShownView& view, const Photo& photo, const std::vector<RunResult>& results) {
+[[nodiscard]] inline std::vector<GridRow> grid_rows(const ShownView& view, const Photo& photo,
+                                                    const std::vector<RunResult>& results) {
     PixelImage truth = row_picture(view, truth_image(photo), nullptr);
     std::string truth_png = encode_png(truth);
     std::vector<GridRow> rows;
@@ -37,7 +39,8 @@ struct GridRow {
         const Mark& last = result.marks.back();
         std::string label = result.name + ", " + last.after;
         for (const Json& image : last.images)
-            if (image.value("name", "") == view.name && image.at("psnr").is_number()) label += ": " + fixed(image.at("psnr"), 2) + " dB";
+            if (image.value("name", "") == view.name && image.at("psnr").is_number())
+                label += ": " + fixed(image.at("psnr"), 2) + " dB";
         const auto file = result.folder / (view.name + ".png");
         rows.push_back({std::move(label), read_file(file), read_image(file)});
     }
@@ -47,12 +50,14 @@ struct GridRow {
 /// What the columns of a row are.
 [[nodiscard]] inline std::string columns_text(const ShownView& view) {
     if (view.crops.empty()) return "render, error times 5";
-    return "render, error times 5, enlarged " + std::string(view.crops.size() == 3 ? "face, left hand, right hand" : "face or hands");
+    return "render, error times 5, enlarged " +
+           std::string(view.crops.size() == 3 ? "face, left hand, right hand" : "face or hands");
 }
 
 /// Writes everything anew from the results, of which there must be some. Each file appears whole.
-inline void write_evaluation(const EvaluationFolder& folder, const std::string& capture, const std::vector<ShownView>& views,
-                             const std::vector<Photo>& photos, const std::vector<RunResult>& results) {
+inline void write_evaluation(const EvaluationFolder& folder, const std::string& capture,
+                             const std::vector<ShownView>& views, const std::vector<Photo>& photos,
+                             const std::vector<RunResult>& results) {
     using namespace detail;
     const std::string title = "Evaluation on " + capture;
     std::string markdown = "# " + title + "\n\n" + markdown_tables(results) + "## Pictures\n", page = page_head(title);
@@ -60,7 +65,8 @@ inline void write_evaluation(const EvaluationFolder& folder, const std::string& 
     for (const Section& section : table_sections(results)) {
         page += "<h2>" + escape(section.title) + "</h2><p>" + escape(section.text) + "</p>" + table(section.table);
         const auto protocols = std::exchange(first, false) ? protocols_of(results) : std::vector<std::string>();
-        for (std::size_t p = 0; p < protocols.size(); ++p) page += "<p>" + reference(p) + " " + escape(protocols[p]) + "</p>";
+        for (std::size_t p = 0; p < protocols.size(); ++p)
+            page += "<p>" + reference(p) + " " + escape(protocols[p]) + "</p>";
     }
     for (const ShownView& view : views) {
         std::vector<GridRow> rows = grid_rows(view, photos[view.photo], results);

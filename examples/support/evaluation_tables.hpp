@@ -27,8 +27,8 @@ struct PublishedScore {
     double psnr, ssim, lpips;
 };
 
-/// PeopleSnapshot after 30 s, once from the paper's ablation and once as the mean of its comparison; GalaBasketball after
-/// 70 s with ambient occlusion, 50 s without.
+/// PeopleSnapshot after 30 s, once from the paper's ablation and once as the mean of its comparison; GalaBasketball
+/// after 70 s with ambient occlusion, 50 s without.
 inline constexpr std::array<PublishedScore, 11> published_scores{{
     {"paper", "PeopleSnapshot, ablation", 28.14, 0.9653, 0.0291},
     {"no-hash-sh", "PeopleSnapshot, ablation", 26.53, 0.9322, 0.0720},
@@ -49,11 +49,13 @@ struct PublishedDifference {
     double psnr, ssim, lpips;
 };
 
-[[nodiscard]] inline std::vector<PublishedDifference> published_differences(std::string_view configuration, std::string_view reference) {
+[[nodiscard]] inline std::vector<PublishedDifference> published_differences(std::string_view configuration,
+                                                                            std::string_view reference) {
     std::vector<PublishedDifference> result;
     for (const PublishedScore& a : published_scores)
         for (const PublishedScore& b : published_scores)
-            if (a.configuration == configuration && b.configuration == reference && a.data == b.data && configuration != reference)
+            if (a.configuration == configuration && b.configuration == reference && a.data == b.data &&
+                configuration != reference)
                 result.push_back({a.data, a.psnr - b.psnr, a.ssim - b.ssim, a.lpips - b.lpips});
     return result;
 }
@@ -82,9 +84,16 @@ struct MarkDifference {
                 if (first.name != results.front().name) continue;
                 for (const Mark& other : first.marks) {
                     if (other.after != mark.after || names(other) != names(mark)) continue;
-                    MarkDifference d{result.name, result.config, mark.after, mark.mean.psnr - other.mean.psnr,
-                                     mark.mean.ssim - other.mean.ssim, mark.mean.psnr_person - other.mean.psnr_person, {}, {}};
-                    for (std::size_t r = 0; r < mark.regions.size(); ++r) d.regions.push_back(mark.regions[r] - other.regions[r]);
+                    MarkDifference d{result.name,
+                                     result.config,
+                                     mark.after,
+                                     mark.mean.psnr - other.mean.psnr,
+                                     mark.mean.ssim - other.mean.ssim,
+                                     mark.mean.psnr_person - other.mean.psnr_person,
+                                     {},
+                                     {}};
+                    for (std::size_t r = 0; r < mark.regions.size(); ++r)
+                        d.regions.push_back(mark.regions[r] - other.regions[r]);
                     if (mark.mean.lpips && other.mean.lpips) d.lpips = *mark.mean.lpips - *other.mean.lpips;
                     differences.push_back(std::move(d));
                 }
@@ -109,16 +118,23 @@ inline std::string signed_number(double value, int digits) {
     std::snprintf(text, sizeof text, "%+.*f", digits, value);
     return text;
 }
-inline std::string mebibytes(std::uint64_t bytes) { return fixed(static_cast<double>(bytes) / (1 << 20), 0) + " MiB"; }
+inline std::string mebibytes(std::uint64_t bytes) {
+    return fixed(static_cast<double>(bytes) / (1 << 20), 0) + " MiB";
+}
 /// "12,000 of 1,000,000", or a dash where there is no table.
-inline std::string share(std::size_t part, std::size_t all) { return all ? grouped(part) + " of " + grouped(all) : "–"; }
+inline std::string share(std::size_t part, std::size_t all) {
+    return all ? grouped(part) + " of " + grouped(all) : "–";
+}
 
 /// "[1]" for the first protocol.
-inline std::string reference(std::size_t protocol) { return std::string("[").append(std::to_string(protocol + 1)).append("]"); }
+inline std::string reference(std::size_t protocol) {
+    return std::string("[").append(std::to_string(protocol + 1)).append("]");
+}
 
 inline bool has_lpips(const std::vector<RunResult>& results) {
     return std::any_of(results.begin(), results.end(), [](const RunResult& result) {
-        return std::any_of(result.marks.begin(), result.marks.end(), [](const Mark& mark) { return mark.mean.lpips.has_value(); });
+        return std::any_of(result.marks.begin(), result.marks.end(),
+                           [](const Mark& mark) { return mark.mean.lpips.has_value(); });
     });
 }
 
@@ -155,7 +171,8 @@ inline void add_figure_headings(std::vector<std::string>& heading, bool lpips) {
             row.push_back(fixed(mark.mean.psnr_person, 2));
             for (const double psnr : mark.regions) row.push_back(fixed(psnr, 2));
             const auto protocol = std::find(protocols.begin(), protocols.end(), mark.protocol) - protocols.begin();
-            row.insert(row.end(), {std::to_string(mark.images.size()), detail::reference(static_cast<std::size_t>(protocol))});
+            row.insert(row.end(),
+                       {std::to_string(mark.images.size()), detail::reference(static_cast<std::size_t>(protocol))});
             table.push_back(std::move(row));
         }
     return table;
@@ -170,14 +187,16 @@ inline void add_figure_headings(std::vector<std::string>& heading, bool lpips) {
     detail::add_figure_headings(table[0], lpips);
     table[0].push_back("in the paper");
     for (const MarkDifference& d : differences) {
-        std::vector<std::string> row{d.name, d.after, detail::signed_number(d.psnr, 2), detail::signed_number(d.ssim, 4)};
+        std::vector<std::string> row{d.name, d.after, detail::signed_number(d.psnr, 2),
+                                     detail::signed_number(d.ssim, 4)};
         if (lpips) row.push_back(detail::signed_number(d.lpips.value_or(std::nan("")), 4));
         row.push_back(detail::signed_number(d.psnr_person, 2));
         for (const double psnr : d.regions) row.push_back(detail::signed_number(psnr, 2));
         std::string published;
         for (const auto& p : published_differences(d.config, results.front().config))
-            published += (published.empty() ? "" : "; ") + detail::signed_number(p.psnr, 2) + " dB, SSIM " + detail::signed_number(p.ssim, 4) +
-                         ", LPIPS " + detail::signed_number(p.lpips, 4) + " (" + std::string(p.data) + ")";
+            published += (published.empty() ? "" : "; ") + detail::signed_number(p.psnr, 2) + " dB, SSIM " +
+                         detail::signed_number(p.ssim, 4) + ", LPIPS " + detail::signed_number(p.lpips, 4) + " (" +
+                         std::string(p.data) + ")";
         row.push_back(published.empty() ? "–" : published);
         table.push_back(std::move(row));
     }
@@ -186,16 +205,16 @@ inline void add_figure_headings(std::vector<std::string>& heading, bool lpips) {
 
 /// Time, memory and work of each run.
 [[nodiscard]] inline Table cost_table(const std::vector<RunResult>& results) {
-    Table table{{"configuration", "after", "training", "ms per step", "threads", "Gaussians", "memory", "lookups", "touched entries",
-                 "touched by shadows"}};
+    Table table{{"configuration", "after", "training", "ms per step", "threads", "Gaussians", "memory", "lookups",
+                 "touched entries", "touched by shadows"}};
     for (const RunResult& result : results) {
         if (result.marks.empty()) continue;
         const RunCost& cost = result.cost;
         const Mark& last = result.marks.back();
-        table.push_back({result.name, detail::grouped(last.steps) + " steps", fixed(last.seconds, 1) + " s", fixed(cost.ms_per_step, 2),
-                         std::to_string(cost.threads), detail::grouped(cost.gaussians), detail::mebibytes(cost.memory),
-                         cost.entries ? detail::grouped(cost.lookups) : "–", detail::share(cost.touched, cost.entries),
-                         detail::share(cost.ao_touched, cost.ao_entries)});
+        table.push_back({result.name, detail::grouped(last.steps) + " steps", fixed(last.seconds, 1) + " s",
+                         fixed(cost.ms_per_step, 2), std::to_string(cost.threads), detail::grouped(cost.gaussians),
+                         detail::mebibytes(cost.memory), cost.entries ? detail::grouped(cost.lookups) : "–",
+                         detail::share(cost.touched, cost.entries), detail::share(cost.ao_touched, cost.ao_entries)});
     }
     return table;
 }
@@ -219,7 +238,8 @@ inline void add_figure_headings(std::vector<std::string>& heading, bool lpips) {
 [[nodiscard]] inline Table settings_table(const std::vector<RunResult>& results) {
     Table table{{"configuration", "settings that differ from " + results.front().name}};
     for (const RunResult& result : results) {
-        if (std::any_of(table.begin() + 1, table.end(), [&](const auto& row) { return row[0] == result.name; })) continue;
+        if (std::any_of(table.begin() + 1, table.end(), [&](const auto& row) { return row[0] == result.name; }))
+            continue;
         std::string text;
         for (const auto& [key, value] : result.settings.items())
             if (results.front().settings.value(key, "") != value.get<std::string>())
@@ -242,16 +262,22 @@ struct Section {
         if (table.size() > 1) sections.push_back({std::move(title), std::move(text), std::move(table)});
     };
     add("How good",
-        "Means over the test images. PSNR in dB: of the full image, of the person, and of the parts of it that an image shows. "
+        "Means over the test images. PSNR in dB: of the full image, of the person, and of the parts of it that an "
+        "image shows. "
         "Full images hide faces and hands: these are few pixels.",
         quality_table(results));
     add("What each part is worth",
-        "Figures less those of " + first + " after the same training, on the same images; PSNR in dB. A part that helps has a row below zero when it is "
-        "left out. The paper's own differences are from other data, other hardware and other budgets: signs compare, sizes hardly.",
+        "Figures less those of " + first +
+            " after the same training, on the same images; PSNR in dB. A part that helps has a row below zero when it "
+            "is "
+            "left out. The paper's own differences are from other data, other hardware and other budgets: signs "
+            "compare, sizes hardly.",
         worth_table(results));
     add("What it costs",
-        "Training alone, without loading, sampling, checkpoints and judging. Memory is what the program holds at the end of training, the "
-        "capture among it. Lookups are table rows that the fields of colour and displacement read in one pass; touched entries are the rows "
+        "Training alone, without loading, sampling, checkpoints and judging. Memory is what the program holds at the "
+        "end of training, the "
+        "capture among it. Lookups are table rows that the fields of colour and displacement read in one pass; touched "
+        "entries are the rows "
         "of their tables that some Gaussian refers to, and so the only ones that learn.",
         cost_table(results));
     add("Where the time goes", "Milliseconds per step.", stage_table(results));
@@ -262,7 +288,8 @@ struct Section {
 /// A table in Markdown, its columns in line for those who read it as text.
 [[nodiscard]] inline std::string markdown_table(const Table& table) {
     const auto width_of = [](const std::string& text) { // characters, not bytes
-        return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
+        return static_cast<std::size_t>(
+            std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
     };
     std::vector<std::size_t> widths(table[0].size(), 3);
     for (const auto& row : table)
@@ -289,7 +316,8 @@ struct Section {
     std::string text;
     for (const Section& section : table_sections(results)) {
         const bool first = text.empty();
-        text += "## " + section.title + "\n" + (section.text.empty() ? "" : section.text + "\n\n") + markdown_table(section.table) + "\n";
+        text += "## " + section.title + "\n" + (section.text.empty() ? "" : section.text + "\n\n") +
+                markdown_table(section.table) + "\n";
         const auto protocols = first ? protocols_of(results) : std::vector<std::string>();
         for (std::size_t p = 0; p < protocols.size(); ++p) text += detail::reference(p) + " " + protocols[p] + "\n\n";
     }
@@ -298,23 +326,33 @@ struct Section {
 
 /// The same for programs: every mark with its protocol, cost and settings of its run, then the differences.
 [[nodiscard]] inline Json json_tables(const std::vector<RunResult>& results) {
-    Json json{{"reference", results.front().name}, {"figures", Json::array()}, {"differences", Json::array()}, {"costs", Json::array()}};
+    Json json{{"reference", results.front().name},
+              {"figures", Json::array()},
+              {"differences", Json::array()},
+              {"costs", Json::array()}};
     for (const RunResult& result : results) {
         for (const Mark& mark : result.marks) {
             Json row{{"name", result.name}, {"configuration", result.config}};
             row.update(mark_json(mark));
             json["figures"].push_back(std::move(row));
         }
-        Json row{{"name", result.name}, {"configuration", result.config}, {"steps", result.marks.empty() ? 0 : result.marks.back().steps},
+        Json row{{"name", result.name},
+                 {"configuration", result.config},
+                 {"steps", result.marks.empty() ? 0 : result.marks.back().steps},
                  {"seconds", result.marks.empty() ? 0.0 : result.marks.back().seconds}};
         row.update(cost_json(result.cost));
         row["settings"] = result.settings;
         json["costs"].push_back(std::move(row));
     }
     for (const MarkDifference& d : mark_differences(results)) {
-        Json row{{"name", d.name}, {"configuration", d.config}, {"after", d.after}, {"psnr", number_or_null(d.psnr)},
-                 {"ssim", number_or_null(d.ssim)}, {"psnr_person", number_or_null(d.psnr_person)}};
-        for (std::size_t r = 0; r < d.regions.size(); ++r) row["psnr_regions"][region_names()[r]] = number_or_null(d.regions[r]);
+        Json row{{"name", d.name},
+                 {"configuration", d.config},
+                 {"after", d.after},
+                 {"psnr", number_or_null(d.psnr)},
+                 {"ssim", number_or_null(d.ssim)},
+                 {"psnr_person", number_or_null(d.psnr_person)}};
+        for (std::size_t r = 0; r < d.regions.size(); ++r)
+            row["psnr_regions"][region_names()[r]] = number_or_null(d.regions[r]);
         if (d.lpips) row["lpips"] = number_or_null(*d.lpips);
         row["paper"] = Json::array();
         for (const auto& p : published_differences(d.config, results.front().config))

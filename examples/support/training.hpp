@@ -44,7 +44,8 @@ inline void train(Reconstruction& reconstruction, const ReconstructOptions& opti
     const auto status = [&] {
         char text[96];
         std::snprintf(text, sizeof text, "step %llu  loss %.4f  PSNR %.2f dB  %.1f steps/s",
-                      static_cast<unsigned long long>(record.steps), record.loss.empty() ? 0 : record.loss.back().second,
+                      static_cast<unsigned long long>(record.steps),
+                      record.loss.empty() ? 0 : record.loss.back().second,
                       record.psnr.empty() ? 0 : record.psnr.back().second,
                       static_cast<double>(record.steps - steps_before) / (record.seconds - seconds_before));
         return std::string(text);

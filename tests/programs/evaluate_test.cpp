@@ -34,12 +34,15 @@ struct Studio : test::SmallCapture {
     /// "paper,static" with paper's file.
     [[nodiscard]] std::string configs(const std::vector<std::string>& names) const {
         std::string text;
-        for (const std::string& name : names) text += (text.empty() ? "" : ",") + (name == "static" ? name : (folder / (name + ".json")).string());
+        for (const std::string& name : names)
+            text += (text.empty() ? "" : ",") + (name == "static" ? name : (folder / (name + ".json")).string());
         return text;
     }
-    [[nodiscard]] std::vector<std::string> evaluate(const fs::path& out, const std::string& list, std::vector<std::string> more) const {
-        std::vector<std::string> words{"gsh-evaluate", "--capture", path.string(), "--body", body_file.string(), "--configs", list,
-                                       "--out", out.string(), "--gaussians", "300"};
+    [[nodiscard]] std::vector<std::string> evaluate(const fs::path& out, const std::string& list,
+                                                    std::vector<std::string> more) const {
+        std::vector<std::string> words{"gsh-evaluate",     "--capture",   path.string(), "--body",
+                                       body_file.string(), "--configs",   list,          "--out",
+                                       out.string(),       "--gaussians", "300"};
         words.insert(words.end(), more.begin(), more.end());
         return words;
     }
@@ -49,7 +52,9 @@ Studio& studio() {
     return instance;
 }
 
-Json json_of(const fs::path& path) { return Json::parse(read_file(path)); }
+Json json_of(const fs::path& path) {
+    return Json::parse(read_file(path));
+}
 
 /// (name, after) of each row of a list in tables.json.
 std::vector<std::pair<std::string, std::string>> rows_of(const Json& list) {
@@ -71,22 +76,29 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
     const Studio& s = studio();
     const test::Temporary folder;
     const fs::path out = folder / "out";
-    const test::Outcome outcome = run(s.evaluate(out, s.configs({"paper", "no-ao", "static"}), {"--steps", "6,3", "--views", "2"}));
+    const test::Outcome outcome =
+        run(s.evaluate(out, s.configs({"paper", "no-ao", "static"}), {"--steps", "6,3", "--views", "2"}));
     check_done(outcome);
     for (const char* words : {"| paper ", "| no-ao ", "| static ", "## What each part is worth", "3 of 6 steps"})
         CHECK(outcome.out.find(words) != std::string::npos);
 
     const Json tables = json_of(out / "tables.json");
     CHECK(tables.at("reference") == "paper");
-    CHECK(rows_of(tables.at("figures")) == Rows{{"paper", "3 of 6 steps"}, {"paper", "6 steps"}, {"no-ao", "3 of 6 steps"},
-                                                {"no-ao", "6 steps"}, {"static", "3 of 6 steps"}, {"static", "6 steps"}});
+    CHECK(rows_of(tables.at("figures")) == Rows{{"paper", "3 of 6 steps"},
+                                                {"paper", "6 steps"},
+                                                {"no-ao", "3 of 6 steps"},
+                                                {"no-ao", "6 steps"},
+                                                {"static", "3 of 6 steps"},
+                                                {"static", "6 steps"}});
     for (const Json& row : tables.at("figures")) {
         CHECK(row.at("psnr") > 5.0);
         CHECK(row.at("ssim").is_number());
         CHECK(row.at("psnr_regions").contains("hands"));
         CHECK(row.at("images").size() == (row.at("name") == "static" ? 1 : 2));
         CHECK(row.at("protocol").get<std::string>().find("Test views of capture") == 0);
-        const bool middle = row.at("protocol").get<std::string>().find("Judged in the middle of a run, after 3 of 6 steps") != std::string::npos;
+        const bool middle =
+            row.at("protocol").get<std::string>().find("Judged in the middle of a run, after 3 of 6 steps") !=
+            std::string::npos;
         CHECK(middle == (row.at("after") == "3 of 6 steps"));
     }
     // Only avatars were judged on the same images.
@@ -95,7 +107,8 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
     const auto psnr = [&](std::size_t row) { return tables.at("figures")[row].at("psnr").get<double>(); };
     CHECK(difference.at("psnr").get<double>() == doctest::Approx(psnr(3) - psnr(1)));
     CHECK(difference.at("paper")[0].at("psnr").get<double>() == doctest::Approx(38.825 - 40.96));
-    CHECK(read_file(out / "tables.md").find("-2.13 dB, SSIM -0.0031, LPIPS +0.0011 (GalaBasketball)") != std::string::npos);
+    CHECK(read_file(out / "tables.md").find("-2.13 dB, SSIM -0.0031, LPIPS +0.0011 (GalaBasketball)") !=
+          std::string::npos);
 
     REQUIRE(tables.at("costs").size() == 3);
     const Json &paper = tables.at("costs")[0], &no_ao = tables.at("costs")[1];
@@ -112,14 +125,17 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
     CHECK(no_ao.at("settings").at("ao") == "none");
 
     // Rows of one height below each other: the photograph, three configurations; the second view has no static one.
-    const PixelImage first = read_image(out / "grids/test00_0000.png"), second = read_image(out / "grids/test00_0001.png");
+    const PixelImage first = read_image(out / "grids/test00_0000.png"),
+                     second = read_image(out / "grids/test00_0001.png");
     CHECK(first.height == 4 * 64 + 3 * 4);
     CHECK(second.height == 3 * 64 + 2 * 4);
     CHECK(first.width > 2 * 64 + 3 * 12); // render, error, crops
     const std::string page = read_file(out / "report.html");
     CHECK(page.find("http") == std::string::npos);
     std::size_t pictures = 0;
-    for (std::size_t at = page.find("src=\"data:image/png;base64,"); at != std::string::npos; at = page.find("src=\"data:image/png;base64,", at + 1)) ++pictures;
+    for (std::size_t at = page.find("src=\"data:image/png;base64,"); at != std::string::npos;
+         at = page.find("src=\"data:image/png;base64,", at + 1))
+        ++pictures;
     CHECK(pictures == 7);
     CHECK(page.ends_with("</html>\n"));
     for (const auto& entry : fs::recursive_directory_iterator(out)) // checkpoints are large
@@ -129,7 +145,9 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
 TEST_CASE("an interrupted evaluation goes on, and ends with the figures of one that was left alone") {
     const Studio& s = studio();
     const test::Temporary folder;
-    const auto words = [&](const fs::path& out) { return s.evaluate(out, s.configs({"baseline", "paper"}), {"--steps", "20,60"}); };
+    const auto words = [&](const fs::path& out) {
+        return s.evaluate(out, s.configs({"baseline", "paper"}), {"--steps", "20,60"});
+    };
     check_done(run(words(folder / "whole")));
     {
         test::Process process(words(folder / "parts"));
@@ -145,8 +163,10 @@ TEST_CASE("an interrupted evaluation goes on, and ends with the figures of one t
     const test::Outcome rest = run(words(folder / "parts"));
     check_done(rest);
     CHECK(rest.out.find("baseline: is finished already") == 0);
-    CHECK(timeless(json_of(folder / "parts/tables.json").at("figures")) == timeless(json_of(folder / "whole/tables.json").at("figures")));
-    CHECK(json_of(folder / "parts/tables.json").at("differences") == json_of(folder / "whole/tables.json").at("differences"));
+    CHECK(timeless(json_of(folder / "parts/tables.json").at("figures")) ==
+          timeless(json_of(folder / "whole/tables.json").at("figures")));
+    CHECK(json_of(folder / "parts/tables.json").at("differences") ==
+          json_of(folder / "whole/tables.json").at("differences"));
     CHECK(read_file(folder / "parts/grids/test00_0001.png") == read_file(folder / "whole/grids/test00_0001.png"));
     CHECK(!fs::exists(folder / "parts/runs/paper-60-steps/checkpoint.gsh"));
 }
@@ -180,7 +200,8 @@ TEST_CASE("a second call adds what is new, and runs again what has changed") {
     const test::Outcome again = run(s.evaluate(out, s.configs({"paper", "no-ao"}), {"--steps", "2"}));
     write_file(s.folder / "no-ao.json", kept);
     check_done(again);
-    CHECK(again.out.find("paper: is finished already\nno-ao: was judged with other settings or after other steps; it runs again\nno-ao, 2 steps: PSNR ") == 0);
+    CHECK(again.out.find("paper: is finished already\nno-ao: was judged with other settings or after other steps; it "
+                         "runs again\nno-ao, 2 steps: PSNR ") == 0);
     CHECK(json_of(out / "tables.json").at("costs")[1].at("settings").at("hash.table_size") == "2048");
 }
 
@@ -194,19 +215,24 @@ TEST_CASE("refined poses are reported as such, and so is LPIPS") {
         for (const LpipsStep& step : network.steps) {
             if (step.is_convolution()) {
                 const std::string name = "features." + std::to_string(step.number);
-                const auto channels = static_cast<std::size_t>(step.channels), kernel = static_cast<std::size_t>(step.kernel);
-                file.add(name + ".weight", network.convolutions[convolution].weight, {channels, inputs, kernel, kernel});
+                const auto channels = static_cast<std::size_t>(step.channels),
+                           kernel = static_cast<std::size_t>(step.kernel);
+                file.add(name + ".weight", network.convolutions[convolution].weight,
+                         {channels, inputs, kernel, kernel});
                 file.add(name + ".bias", network.convolutions[convolution++].bias);
                 inputs = channels;
             }
-            if (step.compared) file.add("lin" + std::to_string(slice) + ".weight", network.lins[slice], {1, inputs, 1, 1}), ++slice;
+            if (step.compared)
+                file.add("lin" + std::to_string(slice) + ".weight", network.lins[slice], {1, inputs, 1, 1}), ++slice;
         }
         file.commit();
     }
     check_done(run(s.evaluate(folder / "out", s.configs({"paper", "no-ao"}),
                               {"--steps", "1,2", "--refine", "--lpips", (folder / "lpips.npz").string()})));
     const Json tables = json_of(folder / "out/tables.json"), &figures = tables.at("figures");
-    CHECK(rows_of(figures) == Rows{{"paper, refined", "1 of 2 steps"}, {"paper, refined", "2 steps"}, {"no-ao, refined", "1 of 2 steps"},
+    CHECK(rows_of(figures) == Rows{{"paper, refined", "1 of 2 steps"},
+                                   {"paper, refined", "2 steps"},
+                                   {"no-ao, refined", "1 of 2 steps"},
                                    {"no-ao, refined", "2 steps"}});
     for (const Json& row : figures) {
         const std::string protocol = row.at("protocol");
@@ -222,7 +248,8 @@ TEST_CASE("what cannot be evaluated is refused in a line, and leaves nothing") {
     const Studio& s = studio();
     const test::Temporary folder;
     const fs::path out = folder / "out";
-    const auto refuse = [&](const std::string& configs, std::vector<std::string> more, std::initializer_list<std::string_view> said) {
+    const auto refuse = [&](const std::string& configs, std::vector<std::string> more,
+                            std::initializer_list<std::string_view> said) {
         check_refused(run(s.evaluate(out, configs, std::move(more))), "gsh-evaluate", said);
         CHECK(!fs::exists(out));
     };
@@ -242,18 +269,21 @@ TEST_CASE("what cannot be evaluated is refused in a line, and leaves nothing") {
         for (NamedCamera& camera : capture.cameras) camera.role = NamedCamera::Role::train;
         save_capture(trained / "capture", capture);
         refuse("paper", {"--capture", (trained / "capture").string()}, {"--capture"}); // it stands there twice
-        check_refused(run({"gsh-evaluate", "--capture", (trained / "capture").string(), "--body", s.body_file.string(), "--configs", "paper",
-                           "--out", out.string()}),
+        check_refused(run({"gsh-evaluate", "--capture", (trained / "capture").string(), "--body", s.body_file.string(),
+                           "--configs", "paper", "--out", out.string()}),
                       "gsh-evaluate", {"capture", "no test views"});
         CHECK(!fs::exists(out));
     }
     write_file(folder / "file", "in the way");
-    check_refused(run(s.evaluate(folder / "file", s.configs({"paper"}), {"--steps", "1"})), "gsh-evaluate", {"file", "cannot be created"});
+    check_refused(run(s.evaluate(folder / "file", s.configs({"paper"}), {"--steps", "1"})), "gsh-evaluate",
+                  {"file", "cannot be created"});
     // A folder belongs to one input.
     check_done(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "1"})));
     const std::string tables = read_file(out / "tables.json");
-    check_refused(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "1", "--seed", "1"})), "gsh-evaluate", {"evaluation.json", "--seed '0', not '1'"});
+    check_refused(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "1", "--seed", "1"})), "gsh-evaluate",
+                  {"evaluation.json", "--seed '0', not '1'"});
     CHECK(read_file(out / "tables.json") == tables);
     test::truncate_file(out / "runs/paper-1-steps/result.json", 200);
-    check_refused(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "1"})), "gsh-evaluate", {"result.json", "truncated"});
+    check_refused(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "1"})), "gsh-evaluate",
+                  {"result.json", "truncated"});
 }

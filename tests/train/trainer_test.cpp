@@ -370,9 +370,10 @@ TEST_CASE("mean occlusion is the mean over the frames that were photographed, ea
         CHECK(mean[i] == doctest::Approx((frames[0][i] + frames[1][i]) / 2));
         CHECK(mean[i] > 0);
     }
-    scene.photos = {scene.photos[0], scene.photos[1], scene.photos[2]}; // frame 0 by both cameras, frame 1 by one
+    const std::vector<Photo> photos = scene.photos;
+    scene.photos = {photos[0], photos[1], photos[2]}; // frame 0 by both cameras, frame 1 by one
     CHECK(train()->trainer.mean_occlusion().size() == mean.size());
-    scene.photos = {scene.photos[1], scene.photos[3]}; // frame 1 alone
+    scene.photos = {photos[1], photos[3]}; // frame 1 alone
     const auto second = train();
     const auto ao = second->model.occlusion(second->trainer.frame_code(1).ao, second->trainer.cache());
     const std::vector<float> expected(ao.begin(), ao.end());
