@@ -72,7 +72,7 @@ struct TrainConfig {
     LearningRates rates;
     double final_rate = 0.1; ///< share of its rate that each group ends with: small last steps average out single photographs
     double ssim_weight = 0.2;
-    double ao_start = 0.4; ///< share of the run after which ambient occlusion is learned; 1 before
+    double ao_start = 0.1; ///< share of the run after which ambient occlusion is learned; 1 before (the paper: 0.4)
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, in training and in test
     PixelFilter filter{.dilation = 0.1, .compensate_opacity = true}; ///< about what photographs have: 0.14 px² less a pixel's own box
 };
@@ -82,6 +82,7 @@ struct TrainConfig {
 [[nodiscard]] inline TrainConfig baseline_config() {
     return {.rates = {.joints = 5e-4, .quats = 0, .log_scales = 1e-3, .opacity_logits = 0.05, .displacement = 1e-4, .sh = 5e-4},
             .final_rate = 1,
+            .ao_start = 0.4,
             .filter = {.dilation = 0.3, .compensate_opacity = false}};
 }
 
