@@ -67,7 +67,7 @@ struct AvatarConfig {
     double initial_opacity = 0.2;
     /// Standard deviation along the surface's normal, in shares of that along the surface. 1 starts round and unturned, as
     /// the direct baseline does; a round Gaussian stands half its width off the body's outline.
-    double initial_thickness = 0.3;
+    double initial_thickness = 0.1;
     double bounds_margin = 1.05; ///< the fields' cube, in sizes of the points' bounding cube
     double sh_dc_scale = 20;     ///< the network's constant-colour outputs are multiplied by this
     ColorClamp clamping = ColorClamp::both;

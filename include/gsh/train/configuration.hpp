@@ -175,6 +175,7 @@ void for_each_setting(C& c, const F& f) {
     f("rate.ao", c.train.rates.ao);
     f("rate.final", c.train.final_rate);
     f("ssim_weight", c.train.ssim_weight);
+    f("background.random", c.train.random_background);
     f("filter.dilation", c.train.filter.dilation);
     f("filter.compensate_opacity", c.train.filter.compensate_opacity);
 }
