@@ -171,7 +171,7 @@ TEST_CASE("whoever stands in front hides the other, whatever their order") {
     Image<float> alpha;
     const Image<float> a = one.picture(camera, 0, &alpha), b = other.picture(camera, 0);
     const std::size_t count = 48 * 48, middle = 24 * 48 + 24;
-    REQUIRE(alpha.data[middle] > 0.98f);
+    REQUIRE(alpha.data[middle] > 0.85f);
     CHECK(a.data[2 * count + middle] > a.data[middle] + 0.5f); // blue in front
     CHECK(b.data[middle] > b.data[2 * count + middle] + 0.5f); // red in front
     // The same people named in the other order are the same picture.
@@ -225,6 +225,7 @@ TEST_CASE("the gradient of one picture reaches both people, and is right") {
     Cast<cpu::Serial, double> cast(scene, {scene.motion, moved(scene.motion, in_front)}, {photo}, {}, {}, config, 2);
     for (auto& model : cast.models) {
         for (double& opacity : model.parameters()[ParameterGroup::opacity_logits]) opacity = rng.uniform(-1, 1.5);
+        for (double& scale : model.parameters()[ParameterGroup::log_scales]) scale += rng.uniform(-0.3, 0.3); // round ones do not turn
         for (double& weight : model.parameters()[ParameterGroup::joint_network]) weight = rng.uniform(-0.2, 0.2);
         for (double& entry : model.parameters()[ParameterGroup::joint_table]) entry = rng.uniform(-0.1, 0.1);
     }
