@@ -32,7 +32,7 @@ constexpr int exit_findings = 1;
 
 struct CheckOptions {
     std::filesystem::path capture, body, out = "check";
-    std::string poses;
+    std::vector<std::string> poses;
     std::size_t frames = 30, threads = 0;
     int person = 0;
 };
@@ -49,7 +49,9 @@ struct Input {
         CaptureOptions how;
         how.empty_masks = true; // they are findings
         how.person = options.person;
-        if (!options.poses.empty()) how.poses = options.poses;
+        check_value(options.poses.size() <= 1, "--poses",
+                    "was given more than once; gsh-check looks at one person at a time: call it once for each pose file");
+        if (!options.poses.empty()) how.poses = options.poses[0];
         any = load_any_capture(backend, options.capture, given ? &*given : nullptr, how, &warnings);
         body = any.rig ? any.rig->body : std::move(*given);
         // The check says with figures what a glance at three frames suspects.
@@ -206,7 +208,8 @@ int main(int argc, char** argv) {
     CLI::App app("Checks whether images, cameras, poses and body of a capture belong together.", "gsh-check");
     app.add_option("capture", options.capture, "folder, in any layout that we read")->required();
     app.add_option("--body", options.body, "body model (.npz), unless the capture brings its own");
-    app.add_option("--poses", options.poses, "another pose file in the capture's folder, or a path");
+    app.add_option("--poses", options.poses, "another pose file in the capture's folder, or a path; of several people one at a time")
+        ->allow_extra_args(false);
     app.add_option("--person", options.person, "whose poses, where there are several people (default 0)")
         ->check(not_negative());
     app.add_option("--out", options.out, "folder for pictures and check.json (default ./check)");

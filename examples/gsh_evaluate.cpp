@@ -26,9 +26,10 @@ namespace {
 
 void add_options(CLI::App& app, EvaluateOptions& o) {
     ReconstructOptions& common = o.common;
-    common.gaussians = 170000, common.poses = "poses.npz", common.checkpoint_interval = 60;
+    common.gaussians = 170000, common.checkpoint_interval = 60;
     app.add_option("--capture", common.capture, "folder with images/, cameras.json and poses")->required();
-    app.add_option("--body", common.body, "body model (.npz, SMPL / SMPL-H / SMPL-X layout)")->required();
+    add_people(app, common);
+    app.get_option("--body")->required();
     app.add_option("--configs", o.configs,
                    "configurations by name, or JSON files, separated by commas; static: one frame, no body")
         ->required()
@@ -45,7 +46,6 @@ void add_options(CLI::App& app, EvaluateOptions& o) {
         ->check(CLI::Range(1, 100'000'000));
     app.add_option("--seed", common.seed, "of all random choices (default 0)")->check(not_negative());
     add_threads(app, common.threads);
-    app.add_option("--poses", common.poses, "pose file in the capture's folder (default poses.npz), or a path");
     app.add_flag("--refine", common.refine,
                  "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
     app.add_flag("--refine-cameras", common.refine_cameras, "with --refine: all cameras but the first learn too");
@@ -111,5 +111,8 @@ int main(int argc, char** argv) {
     EvaluateOptions options;
     CLI::App app("Compares configurations on a capture: tables, pictures, a page.", "gsh-evaluate");
     add_options(app, options);
-    return run_program(app, argc, argv, [&] { return evaluate(options); });
+    return run_program(app, argc, argv, [&] {
+        complete_poses(options.common);
+        return evaluate(options);
+    });
 }

@@ -50,7 +50,8 @@ int reconstruct(const ReconstructOptions& options) {
     if (options.resume) load_checkpoint(options, reconstruction, record);
     OutputFolder out(options.out);
     for (const std::string& warning : source.warnings) warn(warning);
-    std::printf("%zu Gaussians, %zu training and %zu test images, %zu threads\n", reconstruction.model.size(),
+    if (source.people.size() > 1) std::printf("%zu people, ", source.people.size());
+    std::printf("%zu Gaussians, %zu training and %zu test images, %zu threads\n", reconstruction.gaussian_count(),
                 reconstruction.trainer.photos().size(), reconstruction.test_photos.size(), backend.thread_count());
     std::fflush(stdout);
 

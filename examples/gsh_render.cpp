@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  gsh-render: one picture of a 3DGS scene (.ply), or of an avatar (.gsh) in a frame of a motion.
+/// @file  gsh-render: one picture of a 3DGS scene (.ply), or of avatars (.gsh) in a frame of their motions.
 
 #include "support/program.hpp"
 #include "support/renderer.hpp"
+#include "support/shown_people.hpp"
 
 #include <gsh/backend/threads.hpp>
 #include <gsh/io/atomic_file.hpp>
-#include <gsh/io/avatar_file.hpp>
 #include <gsh/io/camera_file.hpp>
 #include <gsh/io/image_file.hpp>
-#include <gsh/io/motion_file.hpp>
 #include <gsh/io/npy.hpp>
 #include <gsh/io/ply.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <filesystem>
@@ -26,7 +26,8 @@ using namespace gsh::examples;
 namespace {
 
 struct RenderOptions {
-    std::filesystem::path scene, poses, camera, out, npy;
+    std::vector<std::filesystem::path> scenes, poses; ///< a .ply, or avatars with a motion each
+    std::filesystem::path camera, out, npy;
     std::string camera_name;
     std::size_t frame = 0;
     std::array<double, 3> background{0, 0, 0};
@@ -43,33 +44,35 @@ void write_pixels(const std::filesystem::path& path, const Image<float>& image) 
     write_npy<float>(path, pixels, {static_cast<std::size_t>(image.height), static_cast<std::size_t>(image.width), 3});
 }
 
-/// The motion whose frame is wanted, and what is suspicious about it.
-Motion motion_of(const RenderOptions& options, const AvatarData& avatar) {
-    std::vector<std::string> warnings;
-    const Motion motion = options.poses.empty() ? rest_motion(avatar.rig)
-                                                : load_motion(options.poses, avatar.rig.body, {}, &warnings);
-    for (const std::string& warning : warnings) warn(warning);
-    check_value(options.frame < motion.frame_count(), "--frame " + std::to_string(options.frame),
-                options.poses.empty() ? "needs --poses" : "is beyond " + options.poses.string() + ", which holds " +
-                                                              std::to_string(motion.frame_count()) + " frames, from 0");
-    return motion;
+/// Avatars whose motions hold the frame that is wanted.
+ShownPeople people_of(const RenderOptions& options) {
+    ShownPeople people(options.scenes, options.poses);
+    for (std::size_t p = 0; p < people.motions.size(); ++p)
+        check_value(options.frame < people.motions[p].frame_count(), "--frame " + std::to_string(options.frame),
+                    options.poses.empty() ? "needs --poses"
+                                          : "is beyond " + options.poses[p].string() + ", which holds " +
+                                                std::to_string(people.motions[p].frame_count()) + " frames, from 0");
+    return people;
 }
 
 int render(const RenderOptions& options) {
-    const bool avatar_file = options.scene.extension() == ".gsh";
-    check_value(avatar_file || (options.poses.empty() && options.frame == 0), options.scene.string(),
+    const auto is_avatar = [](const std::filesystem::path& file) { return file.extension() == ".gsh"; };
+    const bool avatars = std::all_of(options.scenes.begin(), options.scenes.end(), is_avatar);
+    for (const auto& scene : options.scenes)
+        check_value(is_avatar(scene) || options.scenes.size() == 1, scene.string(),
+                    "is no avatar (.gsh); only avatars are drawn together");
+    check_value(avatars || (options.poses.empty() && options.frame == 0), options.scenes[0].string(),
                 "--poses and --frame are for avatars (.gsh)");
     const Camera<double> camera = read_camera(options.camera, options.camera_name).camera;
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
     cpu::Threads backend(options.threads);
     Image<float> picture;
-    if (avatar_file) {
-        const AvatarData data = load_avatar(options.scene);
-        const Motion motion = motion_of(options, data);
-        const Avatar<cpu::Threads> avatar(backend, data);
-        picture = Renderer(backend, data.filter).render(avatar, motion, options.frame, camera, background);
+    if (avatars) {
+        const ShownPeople people = people_of(options);
+        const Ensemble ensemble(backend, people);
+        picture = Renderer(backend, people.filter()).render(ensemble.at(options.frame), camera, background);
     } else {
-        picture = Renderer(backend).render(read_gaussian_ply(options.scene), camera, background);
+        picture = Renderer(backend).render(read_gaussian_ply(options.scenes[0]), camera, background);
     }
     AtomicFile png(options.out); // both files or none
     png.write(encode_png(quantise(picture.view())));
@@ -82,10 +85,11 @@ int render(const RenderOptions& options) {
 
 int main(int argc, char** argv) {
     RenderOptions options;
-    CLI::App app("Renders a 3DGS scene or an avatar.", "gsh-render");
-    app.add_option("scene", options.scene, "SCENE.ply (standard 3DGS) or AVATAR.gsh")->required();
-    app.add_option("--poses", options.poses, "motion (.npz) for an avatar; without it, the canonical pose");
-    app.add_option("--frame", options.frame, "frame of the motion (default 0)")->check(not_negative());
+    CLI::App app("Renders a 3DGS scene or avatars.", "gsh-render");
+    app.add_option("scene", options.scenes, "SCENE.ply (standard 3DGS) or AVATAR.gsh, of these also several in one scene")->required();
+    app.add_option("--poses", options.poses, "motion (.npz), one for each avatar in their order; without it, the canonical pose")
+        ->allow_extra_args(false);
+    app.add_option("--frame", options.frame, "frame of the motions (default 0)")->check(not_negative());
     app.add_option("--camera", options.camera, "CAMERA.json: width, height, K, R, t")->required();
     app.add_option("--camera-name", options.camera_name, "which entry, if the file holds several cameras");
     app.add_option("--out", options.out, "IMAGE.png")->required();

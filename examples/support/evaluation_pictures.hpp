@@ -80,17 +80,15 @@ inline constexpr int picture_gap = 4; // pixels between parts of a picture
 
 } // namespace detail
 
-/// `most` of the test views, evenly over all of them.
+/// `most` of the test views, evenly over all of them. Crops are of the first person.
 [[nodiscard]] inline std::vector<ShownView> shown_views(const Source& source, const std::vector<Photo>& photos,
                                                         std::size_t most) {
-    const BodyRegions regions = body_regions(source.body, source.regions);
-    const Motion& motion = source.capture.motion;
+    const BodyRegions regions = source.body_regions_of(0);
     std::vector<ShownView> views;
     const std::size_t count = std::min(most, photos.size());
     for (std::size_t i = 0; i < count; ++i) {
         const Photo& photo = photos[i * photos.size() / count];
-        const PosedBody posed = pose_body(source.body, motion.pose_at(photo.frame), motion.transl[photo.frame],
-                                          motion.betas, motion.expression_at(photo.frame));
+        const PosedBody posed = source.posed(0, photo.frame);
         ShownView view{photo.name, i * photos.size() / count, photo.camera.width, photo.camera.height, {}};
         for (const auto* region : {&regions.face, &regions.left_hand, &regions.right_hand})
             if (!region->empty()) view.crops.push_back(detail::crop_of(posed.vertices, *region, photo.camera));

@@ -154,9 +154,11 @@ public:
         const auto path = [](const std::filesystem::path& p) {
             return p.empty() ? "" : std::filesystem::weakly_canonical(p).string();
         };
+        std::string bodies;
+        for (const auto& body : o.common.bodies) bodies += (bodies.empty() ? "" : ", ") + path(body);
         input_ = {{"--capture", path(o.common.capture)},
-                  {"--body", path(o.common.body)},
-                  {"--poses", o.common.poses},
+                  {"--body", bodies},
+                  {"--poses", poses_text(o.common)},
                   {"--gaussians", std::to_string(o.common.gaussians)},
                   {"--seed", std::to_string(o.common.seed)},
                   {"--regions", path(o.common.regions)},

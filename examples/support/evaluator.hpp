@@ -108,7 +108,7 @@ private:
             mark.protocol = protocol_of(run.options, source_, judge_, test_photos_.size()) + " " +
                             training_protocol(run, record.steps);
             const bool judged = judge(reconstruction.trainer, test_photos_, mark, last ? &out : nullptr, result);
-            if (run.options.refine) reconstruction.trainer.refine(*reconstruction.refinement);
+            if (run.options.refine) reconstruction.end_test_refinement();
             if (!judged) return false;
             result.marks.push_back(std::move(mark));
             if (!last) write_progress(run, result.marks);
@@ -219,16 +219,19 @@ private:
     }
 
     [[nodiscard]] RunCost cost_of_run(Reconstruction& reconstruction, const TrainingRecord& record) const {
-        auto& model = reconstruction.model;
-        RunCost cost{.gaussians = model.size(), .memory = detail::resident_bytes(), .lookups = model.lookups()};
-        for (std::size_t g = 0; g < parameter_group_count; ++g) {
-            const auto group = static_cast<ParameterGroup>(g);
-            const auto* touched = model.touched_entries(group);
-            const std::size_t entries = model.parameters()[group].size() / Reconstruction::Model::Grid::feature_count;
-            if (!touched || entries == 0) continue;
-            const bool ao = group == ParameterGroup::ao_table;
-            (ao ? cost.ao_entries : cost.entries) += entries;
-            (ao ? cost.ao_touched : cost.touched) += touched->size();
+        RunCost cost{.gaussians = reconstruction.gaussian_count(), .memory = detail::resident_bytes()};
+        for (auto& person : reconstruction.people) {
+            auto& model = person.model;
+            cost.lookups += model.lookups();
+            for (std::size_t g = 0; g < parameter_group_count; ++g) {
+                const auto group = static_cast<ParameterGroup>(g);
+                const auto* touched = model.touched_entries(group);
+                const std::size_t entries = model.parameters()[group].size() / Reconstruction::Model::Grid::feature_count;
+                if (!touched || entries == 0) continue;
+                const bool ao = group == ParameterGroup::ao_table;
+                (ao ? cost.ao_entries : cost.entries) += entries;
+                (ao ? cost.ao_touched : cost.touched) += touched->size();
+            }
         }
         cost.ms_per_step = 1e3 * record.seconds / static_cast<double>(std::max<std::uint64_t>(1, record.steps));
         for (std::size_t s = 0; s < stage_names.size(); ++s)

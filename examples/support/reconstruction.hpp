@@ -5,10 +5,13 @@
 #include "support/program.hpp"
 
 #include <gsh/backend/threads.hpp>
+#include <gsh/body/posed_body.hpp>
+#include <gsh/body/region_mask.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/io/body_file.hpp>
 #include <gsh/io/any_capture.hpp>
 #include <gsh/io/capture.hpp>
+#include <gsh/io/people_capture.hpp>
 #include <gsh/io/region_file.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
@@ -18,6 +21,7 @@
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/configuration_file.hpp>
 #include <gsh/train/evaluation.hpp>
+#include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/memory.hpp>
 #include <gsh/train/pose_fit.hpp>
 #include <gsh/train/refinement.hpp>
@@ -30,6 +34,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <deque>
 #include <filesystem>
 #include <optional>
 #include <set>
@@ -40,7 +45,8 @@
 namespace gsh::examples {
 
 struct ReconstructOptions {
-    std::filesystem::path capture, body, out;
+    std::filesystem::path capture, out;
+    std::vector<std::filesystem::path> bodies; ///< one for all, or one per person
     bool synthetic = false;
     bool resume = false;
     std::string config = "paper";   ///< name or JSON file
@@ -55,23 +61,32 @@ struct ReconstructOptions {
     std::size_t gaussians = 0;      ///< 0: the default of the kind of input
     std::uint64_t seed = 0;
     std::size_t threads = 0;        ///< 0: all of the machine's
-    std::string poses;              ///< empty: poses.npz
+    std::vector<std::string> poses; ///< one per person; empty: poses.npz
     std::uint64_t max_memory = 0;   ///< bytes; 0: no limit
     double checkpoint_interval = 5; ///< seconds
 };
 
+/// The options --body and --poses.
+inline void add_people(CLI::App& app, ReconstructOptions& o) {
+    app.add_option("--body", o.bodies, "body model (.npz, SMPL / SMPL-H / SMPL-X layout); of several people one for all, or one each")
+        ->allow_extra_args(false);
+    app.add_option("--poses", o.poses,
+                   "pose file in the capture's folder (default poses.npz), or a path; of several people one each, repeated or "
+                   "separated by commas")
+        ->allow_extra_args(false);
+}
+
 inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--capture", o.capture, "folder with images/, cameras.json and poses");
-    app.add_option("--body", o.body, "body model (.npz, SMPL / SMPL-H / SMPL-X layout)");
+    add_people(app, o);
     app.add_flag("--synthetic", o.synthetic, "film the built-in actor and reconstruct that, instead of a capture");
     app.add_option("--out", o.out, "folder for the results")->required();
     app.add_option("--steps", o.steps, "training steps (default 3000; 1200 with --synthetic)")->check(above_zero());
     app.add_option("--seconds", o.seconds, "train for so long instead of counting steps")->check(above_zero());
-    app.add_option("--gaussians", o.gaussians, "number of Gaussians (default 170000; 60000 with --synthetic)")
+    app.add_option("--gaussians", o.gaussians, "number of Gaussians, of each person (default 170000; 60000 with --synthetic)")
         ->check(CLI::Range(1, 100'000'000));
     app.add_option("--seed", o.seed, "of all random choices (default 0)")->check(not_negative());
     add_threads(app, o.threads);
-    app.add_option("--poses", o.poses, "pose file in the capture's folder (default poses.npz), or a path");
     app.add_option("--max-memory", o.max_memory, "bytes that training may take; fewer Gaussians if need be")
         ->check(above_zero());
     app.add_option("--checkpoint-interval", o.checkpoint_interval, "seconds between checkpoints (default 5)")
@@ -86,22 +101,50 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_flag("--resume", o.resume, "go on from the checkpoint in --out");
 }
 
+/// Words between commas, one after the other; a word that names a file of `folder` is left whole.
+inline std::vector<std::string> listed(const std::vector<std::string>& words, const std::filesystem::path& folder) {
+    std::vector<std::string> result;
+    for (const std::string& word : words) {
+        std::error_code ignored;
+        const bool whole = std::filesystem::exists(folder / word, ignored);
+        for (std::size_t begin = 0, end = 0; end != std::string::npos; begin = end + 1) {
+            end = whole ? std::string::npos : word.find(',', begin);
+            result.push_back(word.substr(begin, end - begin));
+            check_value(!result.back().empty(), "--poses " + word, "names an empty file between its commas");
+        }
+    }
+    return result;
+}
+
+/// One pose file per person; poses.npz where none is named.
+inline void complete_poses(ReconstructOptions& o) {
+    o.poses = o.poses.empty() ? std::vector<std::string>{"poses.npz"} : listed(o.poses, o.capture);
+}
+/// The pose files as a user would name them.
+inline std::string poses_text(const ReconstructOptions& o) {
+    std::string text;
+    for (const std::string& poses : o.poses) text += (text.empty() ? "" : ", ") + poses;
+    return text;
+}
+
 /// Fills in defaults; refuses combinations that make no sense.
 inline void check_options(ReconstructOptions& o) {
     const auto expect = [](bool condition, const char* message) {
         if (!condition) throw ValueError(message);
     };
     const bool scene = o.config == "static"; // needs no body, and no poses
-    expect(o.synthetic || (!o.capture.empty() && (scene || !o.body.empty())), "--capture and --body are needed, or --synthetic alone");
+    const bool own_body = !o.capture.empty() && recognise_capture(o.capture) == CaptureLayout::gala;
+    expect(o.synthetic || (!o.capture.empty() && (scene || own_body || !o.bodies.empty())),
+           "--capture and --body are needed, or --synthetic alone");
     expect(!scene || !(o.synthetic || o.refine || o.resume || o.seconds > 0 || !o.set.empty()),
            "--config static takes a capture and --steps; it cannot resume, refine or change settings");
-    expect(!o.synthetic || (o.capture.empty() && o.body.empty() && o.poses.empty()),
+    expect(!o.synthetic || (o.capture.empty() && o.bodies.empty() && o.poses.empty()),
            "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
     expect(o.refine || !o.refine_cameras, "--refine-cameras needs --refine");
     if (o.steps == 0) o.steps = o.synthetic ? 1200 : 3000;
     if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
-    if (o.poses.empty()) o.poses = "poses.npz";
+    complete_poses(o);
 }
 
 /// The configuration that was asked for, single settings and all.
@@ -116,12 +159,23 @@ inline Configuration configuration_of(const ReconstructOptions& o) {
     return configuration;
 }
 
-/// What is reconstructed: the body model and the capture, wherever they come from.
+/// What is reconstructed: body models, the capture and who is in it, wherever they come from.
 struct Source {
-    BodyModel body;
+    std::vector<BodyModel> bodies;
+    std::vector<RegionLists> regions; ///< of each body
     Capture capture;
-    RegionLists regions;
+    std::vector<CapturePerson> people;
     std::vector<std::string> warnings;
+
+    [[nodiscard]] const BodyModel& body(std::size_t person = 0) const { return bodies[people[person].body]; }
+    /// A person's mesh at a frame, as the capture has it.
+    [[nodiscard]] PosedBody posed(std::size_t person, std::size_t frame) const {
+        const Motion& motion = people[person].motion;
+        return pose_body(body(person), motion.pose_at(frame), motion.transl[frame], motion.betas, motion.expression_at(frame));
+    }
+    [[nodiscard]] BodyRegions body_regions_of(std::size_t person) const {
+        return body_regions(body(person), regions[people[person].body]);
+    }
 };
 
 inline Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
@@ -129,14 +183,23 @@ inline Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
     if (o.synthetic) {
         std::printf("filming the built-in actor\n");
         std::fflush(stdout);
-        source.body = make_actor();
-        source.capture = film(backend, source.body, actor_motion(ActorMotion::talk, 12));
+        source.bodies.push_back(make_actor());
+        source.capture = film(backend, source.bodies[0], actor_motion(ActorMotion::talk, 12));
         source.capture.name = "the built-in actor";
+        source.people.push_back({"actor", 0, source.capture.motion});
     } else {
-        source.body = load_body_model(o.body);
-        source.capture = load_any_capture(backend, o.capture, &source.body, {.poses = o.poses}, &source.warnings).capture;
+        for (const auto& file : o.bodies) source.bodies.push_back(load_body_model(file));
+        const std::vector<std::filesystem::path> poses(o.poses.begin(), o.poses.end());
+        PeopleCapture loaded = load_people_capture(backend, o.capture, source.bodies, poses, {}, &source.warnings);
+        source.capture = std::move(loaded.any.capture);
+        source.people = std::move(loaded.people);
+        if (loaded.any.rig) source.bodies.assign(1, std::move(loaded.any.rig->body));
+        if (source.bodies[0].faces.empty())
+            source.warnings.push_back(o.capture.string() + ": its body has no triangles, so each person gets a Gaussian per vertex; "
+                                      "region mask, priors and --gaussians have no effect, and regions are not judged");
     }
-    if (!o.regions.empty()) source.regions = read_regions(o.regions, source.body.vertex_count());
+    for (const BodyModel& body : source.bodies)
+        source.regions.push_back(o.regions.empty() ? RegionLists() : read_regions(o.regions, body.vertex_count()));
     return source;
 }
 
@@ -170,7 +233,7 @@ inline std::vector<Photo> test_photos_of(const Capture& capture) {
     return photos;
 }
 
-/// How many Gaussians: as many as were asked for, or as fit where memory is limited.
+/// How many Gaussians each person gets: as many as were asked for, or as fit where memory is limited.
 /// Errors  ValueError if not even a tenth of them fit.
 inline std::size_t gaussian_count(const Source& source, const Configuration& configuration, const ReconstructOptions& o) {
     if (o.max_memory == 0) return o.gaussians;
@@ -179,7 +242,7 @@ inline std::size_t gaussian_count(const Source& source, const Configuration& con
         pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) * static_cast<std::size_t>(camera.camera.height));
     std::size_t held = 0; // what is in memory already
     for (const auto& image : source.capture.images) held += image.data.size();
-    const MemoryModel memory = training_memory(configuration.avatar, pixels, held);
+    const MemoryModel memory = training_memory(configuration.avatar, pixels, held, source.people.size());
     const std::size_t count = std::min(o.gaussians, memory.gaussians_within(o.max_memory));
     if (count < o.gaussians / 10)
         throw ValueError("--max-memory " + std::to_string(o.max_memory) + " is too little: training " +
@@ -192,61 +255,102 @@ inline std::size_t gaussian_count(const Source& source, const Configuration& con
     return count;
 }
 
-/// The model and its trainer, ready for the first step.
+/// The models and their trainer, ready for the first step.
 struct Reconstruction {
     using Backend = cpu::Threads;
     using Model = AvatarModel<Backend, float>;
     using Refinement = MotionRefinement<Backend, float>;
+    using TrainerType = Trainer<Backend, float, Model>;
+
+    /// One of the people.
+    struct Person {
+        std::string name;
+        CanonicalSetup setup;
+        Model model;
+        std::optional<Refinement> refinement, test_refinement; ///< of training frames, and of those to judge by
+
+        Person(Backend& backend, std::string called, CanonicalSetup made, std::uint64_t seed, const AvatarConfig& config)
+            : name(std::move(called)), setup(std::move(made)),
+              model(backend, setup.rig, setup.samples, seed, config, setup.priors) {}
+    };
 
     Configuration configuration;
-    CanonicalSetup setup;
-    Model model;
+    std::deque<Person> people; ///< they stay where they are
     std::vector<Photo> test_photos;
-    Trainer<Backend, float, Model> trainer;
-    std::optional<Refinement> refinement, test_refinement; ///< of training frames, and of those to judge by
+    TrainerType trainer;
 
     /// source must outlive this: photographs are not copied.
     Reconstruction(Backend& backend, const Source& source, const Configuration& chosen, const ReconstructOptions& o)
-        : configuration(chosen),
-          setup(make_canonical_setup(backend, source.body, source.capture.motion, configuration,
-                                     gaussian_count(source, configuration, o), o.seed, source.regions)),
-          model(backend, setup.rig, setup.samples, o.seed, configuration.avatar, setup.priors),
-          test_photos(test_photos_of(source.capture)),
-          trainer(backend, model, photos_of(source.capture, false), setup.motion, o.seed, configuration.train) {
+        : configuration(chosen), test_photos(test_photos_of(source.capture)),
+          trainer(backend, cast_of(backend, source, o), photos_of(source.capture, false), o.seed, configuration.train) {
         if (!o.refine) return;
         RefinementConfig config;
         if (o.refine_cameras) config.camera_rotation.rate = 2e-4, config.camera_translation.rate = 2e-4;
         std::set<std::size_t> seen;
         for (const Photo& photo : trainer.photos()) seen.insert(photo.frame);
-        for (std::size_t frame = 0; frame < setup.motion.frame_count(); ++frame)
+        for (std::size_t frame = 0; frame < trainer.frame_count(); ++frame)
             if (!seen.contains(frame)) config.left_out.push_back(frame);
-        std::vector<Camera<double>> cameras;
+        std::vector<Camera<double>> cameras; // the same for all, so that one person's refinement holds them
         if (o.refine_cameras)
             for (const auto& camera : source.capture.cameras) cameras.push_back(camera.camera);
-        refinement.emplace(backend, setup.rig, setup.motion, std::move(cameras), config);
-        trainer.refine(*refinement);
+        for (std::size_t p = 0; p < people.size(); ++p) {
+            Person& person = people[p];
+            person.refinement.emplace(backend, person.setup.rig, person.setup.motion,
+                                      p == 0 ? cameras : std::vector<Camera<double>>(), config);
+            trainer.refine(*person.refinement, p);
+        }
     }
     Reconstruction(const Reconstruction&) = delete;
 
-    /// Fits the poses of the frames to judge by to their own photographs, the avatar staying as it is. Figures after
-    /// this are figures of test-time refinement.
+    /// Everybody's Gaussians.
+    [[nodiscard]] std::size_t gaussian_count() const { return trainer.splat_count(); }
+
+    /// Fits the poses of the frames to judge by to their own photographs, the avatars staying as they are; several people
+    /// take turns. Figures after this are figures of test-time refinement.
     void refine_test_poses(Backend& backend) {
-        refinement->carry_to_left_out();
-        test_refinement.emplace(backend, setup.rig, refinement->motion(), std::vector<Camera<double>>(), test_time_config());
-        trainer.refine(*test_refinement);
+        for (std::size_t p = 0; p < people.size(); ++p) {
+            Person& person = people[p];
+            person.refinement->carry_to_left_out();
+            person.test_refinement.emplace(backend, person.setup.rig, person.refinement->motion(), std::vector<Camera<double>>(),
+                                           test_time_config());
+            trainer.refine(*person.test_refinement, p);
+        }
         std::set<std::size_t> frames;
         for (const Photo& photo : test_photos) frames.insert(photo.frame);
+        const std::size_t rounds = people.size() > 1 ? 2 : 1, steps = 60 / rounds;
         for (const std::size_t frame : frames) {
-            FrozenFrame<Model, float> frozen{&model, trainer.frame_code(frame)};
-            model.update_canonical(trainer.cache(), frozen.code);
+            trainer.query(frame);
             std::vector<Observation> observations;
             for (const Photo& photo : test_photos)
                 if (photo.frame == frame) observations.push_back({photo.camera, photo.rgba});
-            PoseFit<Backend, float, FrozenFrame<Model, float>> fit(
-                backend, frozen, configuration.train.filter,
-                {.steps = 60, .ssim_weight = configuration.train.ssim_weight, .background = configuration.train.background});
-            fit.fit(*test_refinement, frame, observations);
+            for (std::size_t turn = 0; turn < rounds * people.size(); ++turn) {
+                FrozenScene<TrainerType> frozen{&trainer, frame, turn % people.size()};
+                PoseFit<Backend, float, FrozenScene<TrainerType>> fit(
+                    backend, frozen, configuration.train.filter,
+                    {.steps = steps, .ssim_weight = configuration.train.ssim_weight, .background = configuration.train.background});
+                fit.fit(*people[frozen.person].test_refinement, frame, observations);
+            }
         }
+    }
+    /// Back to the poses of training.
+    void end_test_refinement() {
+        for (std::size_t p = 0; p < people.size(); ++p) trainer.refine(*people[p].refinement, p);
+    }
+
+private:
+    /// Makes the people; each draws from random numbers of their own.
+    std::vector<CastMember<Model>> cast_of(Backend& backend, const Source& source, const ReconstructOptions& o) {
+        std::vector<CastMember<Model>> cast;
+        const std::size_t count = examples::gaussian_count(source, configuration, o);
+        for (std::size_t p = 0; p < source.people.size(); ++p) {
+            const CapturePerson& from = source.people[p];
+            const std::uint64_t seed = p == 0 ? o.seed : random_bits(o.seed, p);
+            CanonicalSetup setup = make_canonical_setup(backend, source.body(p), from.motion, configuration, count, seed,
+                                                        source.regions[from.body]);
+            Person& person = people.emplace_back(backend, from.name, std::move(setup), seed, configuration.avatar);
+            cast.push_back({&person.model, &person.setup.motion});
+        }
+        return cast;
     }
 };
 

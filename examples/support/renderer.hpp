@@ -6,6 +6,7 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/error.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
@@ -14,8 +15,27 @@
 
 #include <cstddef>
 #include <utility>
+#include <vector>
 
 namespace gsh::examples {
+
+/// Somebody in a picture: an avatar in a frame of a motion. The caller owns both.
+struct Pose {
+    const Avatar<cpu::Threads>* avatar = nullptr;
+    const Motion* motion = nullptr;
+    std::size_t frame = 0;
+};
+
+/// The filter that avatars are drawn with together: all of them must have learned with the same.
+/// Errors  ValueError if they did not.
+inline PixelFilter common_filter(const std::vector<AvatarData>& avatars) {
+    for (const AvatarData& avatar : avatars)
+        check_value(avatar.filter.dilation == avatars[0].filter.dilation &&
+                        avatar.filter.compensate_opacity == avatars[0].filter.compensate_opacity,
+                    "avatars", "were trained with different pixel filters (filter.dilation, filter.compensate), so that one picture "
+                               "cannot be right for all of them; train them alike");
+    return avatars[0].filter;
+}
 
 /// Keeps its buffers from picture to picture.
 class Renderer {
@@ -26,13 +46,20 @@ public:
     explicit Renderer(Backend& backend, const PixelFilter& filter = {})
         : backend_(&backend), rasterizer_(backend, raster_params<float>(filter)) {}
 
-    /// An avatar in a frame of a motion.
-    Image<float> render(const Avatar<Backend>& avatar, const Motion& motion, std::size_t frame, const Camera<double>& camera,
-                        const vec3<float>& background) {
+    /// Avatars in one scene: whoever stands in front hides the others.
+    Image<float> render(const std::vector<Pose>& people, const Camera<double>& camera, const vec3<float>& background) {
         const Camera<float> view = camera.cast<float>();
-        avatar.rig().upload_pose(motion, frame, pose_);
-        splats_.resize(avatar.size());
-        avatar.pose(pose_, view.center(), splats_.view(), avatar_cache_);
+        std::size_t count = 0;
+        for (const Pose& person : people) count += person.avatar->size();
+        splats_.resize(count);
+        avatar_caches_.resize(people.size());
+        std::size_t first = 0;
+        for (std::size_t p = 0; p < people.size(); ++p) {
+            const auto& [avatar, motion, frame] = people[p];
+            avatar->rig().upload_pose(*motion, frame, pose_);
+            avatar->pose(pose_, view.center(), splats_.view().subview(first, avatar->size()), avatar_caches_[p]);
+            first += avatar->size();
+        }
         return draw(view, background);
     }
 
@@ -62,7 +89,7 @@ private:
     Rasterizer<Backend> rasterizer_;
     RigPose<Backend, float> pose_;
     Splats<Backend, float> splats_;
-    Avatar<Backend>::Cache avatar_cache_;
+    std::vector<Avatar<Backend>::Cache> avatar_caches_; // one per person
     Rasterizer<Backend>::Cache raster_cache_;
 };
 

@@ -32,6 +32,7 @@ struct Report {
     std::string protocol;                                        ///< one sentence: what was measured, and how
     std::vector<std::pair<std::string, std::string>> facts;      ///< the table at the top
     std::vector<std::vector<std::string>> images;                ///< per-image rows; the first row is the heading
+    std::vector<std::vector<std::string>> people;                ///< a row per person where there are several, likewise
     std::vector<std::vector<std::string>> stages;                ///< milliseconds per stage, likewise
     std::vector<Curve> curves;
     std::vector<Picture> pictures;
@@ -139,6 +140,8 @@ inline void write_report(const std::filesystem::path& path, const Report& report
     for (const auto& [name, value] : report.facts)
         html += "<tr><th>" + escape(name) + "</th><td>" + escape(value) + "</td></tr>";
     html += "</table>";
+    if (report.people.size() > 1)
+        html += "<h2>Each person</h2><p>Over the pixels that show them.</p>" + table(report.people);
     if (!report.curves.empty()) {
         html += "<h2>Training</h2><div class=\"curves\">";
         for (const auto& curve : report.curves)

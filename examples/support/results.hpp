@@ -41,11 +41,21 @@ inline std::string settings_text(const Configuration& configuration) {
     return text;
 }
 
+/// What a checkpoint was made for, in words: settings, refinement, and people where there are several.
+inline std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& reconstruction) {
+    std::string text = settings_text(reconstruction.configuration);
+    if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
+    if (reconstruction.people.size() > 1)
+        for (const auto& person : reconstruction.people) text += "person " + person.name + "\n";
+    return text;
+}
+
 inline void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record) {
     ArchiveWriter file(checkpoint_path(o), "checkpoint", checkpoint_version);
     add_trainer(file, reconstruction.trainer);
-    if (reconstruction.refinement) add_refinement(file, *reconstruction.refinement);
-    file.add_text("configuration", settings_text(reconstruction.configuration) + (o.refine ? o.refine_cameras ? "refine, cameras too\n" : "refine\n" : ""));
+    for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
+        if (const auto& refinement = reconstruction.people[p].refinement) add_refinement(file, *refinement, p);
+    file.add_text("configuration", checkpoint_text(o, reconstruction));
     file.add("seconds", record.seconds);
     file.add("interval", record.interval);
     const auto add_curve = [&](const char* key, const auto& curve) {
@@ -62,10 +72,11 @@ inline void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconst
 
 inline void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record) {
     const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
-    check_value(file.read_text("configuration") == settings_text(reconstruction.configuration) + (o.refine ? o.refine_cameras ? "refine, cameras too\n" : "refine\n" : ""),
-                checkpoint_path(o).string(), "was made with another configuration; resume with the same --config, --set and --refine");
+    check_value(file.read_text("configuration") == checkpoint_text(o, reconstruction), checkpoint_path(o).string(),
+                "was made with another configuration or for other people; resume with the same --config, --set, --refine and --poses");
     load_trainer(file, reconstruction.trainer);
-    if (reconstruction.refinement) load_refinement(file, *reconstruction.refinement);
+    for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
+        if (auto& refinement = reconstruction.people[p].refinement) load_refinement(file, *refinement, p);
     record.steps = reconstruction.trainer.step_count();
     record.seconds = file.read_number<double>("seconds");
     record.interval = file.read_number<std::uint64_t>("interval");
@@ -100,6 +111,14 @@ inline std::string fixed(double value, int digits) {
     return text;
 }
 
+/// Figures of one of several people, in one image or their mean.
+template <class Score>
+nlohmann::ordered_json person_json(const Score& whole, const std::vector<Score>& regions) {
+    nlohmann::ordered_json json{{"psnr_person", number_or_null(whole.psnr)}, {"ssim_person", number_or_null(whole.ssim)}};
+    for (std::size_t r = 0; r < regions.size(); ++r) json["psnr_regions"][region_names()[r]] = number_or_null(regions[r].psnr);
+    return json;
+}
+
 /// Figures of one image.
 inline nlohmann::ordered_json score_json(const ImageScore& score) {
     nlohmann::ordered_json json{{"name", score.name},
@@ -109,12 +128,21 @@ inline nlohmann::ordered_json score_json(const ImageScore& score) {
     for (std::size_t r = 0; r < score.regions.size(); ++r)
         json["psnr_regions"][region_names()[r]] = number_or_null(score.regions[r].psnr);
     if (score.lpips) json["lpips"] = number_or_null(*score.lpips);
+    for (const PersonScore& person : score.people) json["people"].push_back(person_json(person.whole, person.regions));
     return json;
 }
 
-/// The avatar of a reconstruction as it is now, for files. A body with fewer joints than the capture's is what moves it.
-inline AvatarData avatar_of(Reconstruction& reconstruction) {
-    return reconstruction.trainer.avatar(reconstruction.setup.rig);
+/// The avatars of a reconstruction as they are now, for files. A body with fewer joints than the capture's is what moves them.
+inline std::vector<AvatarData> avatars_of(Reconstruction& reconstruction) {
+    std::vector<AvatarData> avatars;
+    for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
+        avatars.push_back(reconstruction.trainer.avatar(reconstruction.people[p].setup.rig, p));
+    return avatars;
+}
+
+/// "avatar" for one person alone; of several, each one's name goes with it.
+inline std::string result_name(const Reconstruction& reconstruction, const std::string& what, std::size_t person) {
+    return reconstruction.people.size() == 1 ? what : what + "-" + reconstruction.people[person].name;
 }
 
 /// What the figures measure, in words.
@@ -126,10 +154,12 @@ inline std::string measures_of(const Judge& judge) {
 
 /// How the figures came about, in words.
 inline std::string protocol_of(const ReconstructOptions& o, const Source& source, const Judge& judge, std::size_t images) {
-    return "Test views of " + source.capture.name + " (" + std::to_string(images) + " images), poses of " + o.poses +
+    return "Test views of " + source.capture.name + " (" + std::to_string(images) + " images), poses of " + poses_text(o) +
            (o.refine ? ", refined in training and fitted to the test images at test time" : ", as given, not refined") +
            ", " + (source.capture.backgrounds.empty() ? "white background" : "the capture's backgrounds") +
-           " in training and test, " + measures_of(judge);
+           " in training and test, " + measures_of(judge) +
+           (source.people.size() > 1 ? " People are judged apart where person_masks show them, else where their body is in front "
+                                       "(clothes and hair go to the nearest)." : "");
 }
 
 /// Judges the avatar on the test views and writes everything; metrics.json comes last, so whoever finds it finds all.
@@ -138,7 +168,8 @@ inline std::optional<ImageScore> write_results(OutputFolder& out, const Reconstr
                                                Reconstruction& reconstruction, const TrainingRecord& record) {
     auto& trainer = reconstruction.trainer;
     Judge judge(trainer.backend(), source, o.lpips);
-    const AvatarData avatar = avatar_of(reconstruction); // before test images have a say
+    const std::vector<AvatarData> avatars = avatars_of(reconstruction); // before test images have a say
+    const std::size_t people = reconstruction.people.size();
     if (o.refine) reconstruction.refine_test_poses(trainer.backend());
     Report report;
     std::vector<ImageScore> scores;
@@ -146,6 +177,8 @@ inline std::optional<ImageScore> write_results(OutputFolder& out, const Reconstr
     const std::size_t every = std::max<std::size_t>(1, reconstruction.test_photos.size() / shown);
     report.images.push_back({"image", "PSNR", "SSIM", "PSNR on the person"});
     for (const std::string& name : region_names()) report.images.back().push_back(name);
+    if (people > 1)
+        for (const auto& person : reconstruction.people) report.images.back().push_back(person.name);
     for (const Photo& photo : reconstruction.test_photos) {
         if (interrupted) return std::nullopt;
         const auto comparison = judge.judge(trainer, photo);
@@ -156,14 +189,18 @@ inline std::optional<ImageScore> write_results(OutputFolder& out, const Reconstr
             report.pictures.push_back({photo.name + ": PSNR " + fixed(score.psnr, 2) + " dB; error times 5", {png.begin(), png.end()}});
         report.images.push_back({score.name, fixed(score.psnr, 2), fixed(score.ssim, 4), fixed(score.psnr_person, 2)});
         for (const RegionScore& region : score.regions) report.images.back().push_back(fixed(region.psnr, 2));
+        for (const PersonScore& person : score.people) report.images.back().push_back(fixed(person.whole.psnr, 2));
         scores.push_back(score);
     }
     const ImageScore mean = mean_score(scores);
     const std::vector<RegionMean> regions = mean_regions(scores);
 
-    save_avatar(out.file("avatar.gsh"), avatar);
-    write_gaussian_ply(out.file("avatar.ply"), shaded_cloud(avatar));
-    if (o.refine) save_motion(out.file("poses_refined.npz"), reconstruction.refinement->motion());
+    for (std::size_t p = 0; p < people; ++p) {
+        save_avatar(out.file(result_name(reconstruction, "avatar", p) + ".gsh"), avatars[p]);
+        write_gaussian_ply(out.file(result_name(reconstruction, "avatar", p) + ".ply"), shaded_cloud(avatars[p]));
+        if (o.refine)
+            save_motion(out.file(result_name(reconstruction, "poses_refined", p) + ".npz"), reconstruction.people[p].refinement->motion());
+    }
 
     const std::string protocol = protocol_of(o, source, judge, scores.size());
     nlohmann::ordered_json json;
@@ -174,7 +211,21 @@ inline std::optional<ImageScore> write_results(OutputFolder& out, const Reconstr
     if (mean.lpips) json["lpips"] = number_or_null(*mean.lpips);
     json["steps"] = record.steps;
     json["seconds"] = record.seconds;
-    json["gaussians"] = reconstruction.model.size();
+    json["gaussians"] = reconstruction.gaussian_count();
+    std::vector<PersonMean> apart = mean_people(scores);
+    apart.resize(people); // without test views they have no figures
+    if (people > 1) report.people.push_back({"person", "PSNR", "SSIM", "face", "hands", "body", "Gaussians"});
+    for (std::size_t p = 0; people > 1 && p < people; ++p) {
+        const Reconstruction::Person& person = reconstruction.people[p];
+        nlohmann::ordered_json one{{"name", person.name}};
+        one.update(person_json(apart[p].whole, apart[p].regions));
+        one["gaussians"] = person.model.size();
+        json["people"].push_back(one);
+        report.people.push_back({person.name, fixed(apart[p].whole.psnr, 2), fixed(apart[p].whole.ssim, 4)});
+        for (std::size_t r = 0; r < region_names().size(); ++r)
+            report.people.back().push_back(fixed(r < apart[p].regions.size() ? apart[p].regions[r].psnr : NAN, 2));
+        report.people.back().push_back(std::to_string(person.model.size()));
+    }
     json["peak_memory_bytes"] = peak_memory_bytes();
     json["seed"] = o.seed;
     json["threads"] = trainer.backend().thread_count();
@@ -205,7 +256,7 @@ inline std::optional<ImageScore> write_results(OutputFolder& out, const Reconstr
                                                       fixed(regions.empty() ? NAN : regions[1].psnr, 2) + ", " +
                                                       fixed(regions.empty() ? NAN : regions[2].psnr, 2) + " dB"},
                     {"Configuration", reconstruction.configuration.name},
-                    {"Gaussians", std::to_string(reconstruction.model.size())},
+                    {"Gaussians", std::to_string(reconstruction.gaussian_count())},
                     {"Training", std::to_string(record.steps) + " steps in " + fixed(record.seconds, 1) + " s on " +
                                      std::to_string(trainer.backend().thread_count()) + " threads"},
                     {"Peak memory", fixed(static_cast<double>(peak_memory_bytes()) / (1 << 20), 0) + " MiB"}};

@@ -119,6 +119,7 @@
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/density_control.hpp>
 #include <gsh/train/evaluation.hpp>
+#include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/memory.hpp>
 #include <gsh/train/parameters.hpp>
 #include <gsh/train/photo.hpp>

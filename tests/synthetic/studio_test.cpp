@@ -149,6 +149,42 @@ TEST_CASE("shadows are soft and move over the body") {
     CHECK(half_lit > 20); // penumbra
 }
 
+TEST_CASE("two actors hide each other and throw shadows on each other") {
+    cpu::Threads backend(2);
+    StudioParams params;
+    params.train_cameras = 3, params.test_cameras = 0, params.image_size = 80, params.samples = 9, params.distance = 4;
+    const auto moved = [](Motion motion, const vec3<double>& by) {
+        for (auto& transl : motion.transl) transl += by;
+        return motion;
+    };
+    const Motion left = moved(actor_motion(ActorMotion::talk, 2), {0.1, 0, -0.3}),
+                 right = moved(actor_motion(ActorMotion::stride, 2), {0.3, 0, 0.3}); // between the other and the lamp
+    const auto white = [](const vec3<double>&) { return SurfaceColor{.albedo = vec3<double>(0.8), .gloss = 0}; };
+    const auto blue = [](const vec3<double>&) { return SurfaceColor{.albedo = {0, 0, 0.8}, .gloss = 0}; };
+    const StudioActor a{&actor(), &left, white}, b{&actor(), &right, blue};
+    const Capture both = film(backend, {a, b}, params);
+    params.cameras = both.cameras;
+    const Capture first = film(backend, {a}, params), second = film(backend, {b}, params);
+    CHECK(first.cameras[1].camera.fx == both.cameras[1].camera.fx);
+    CHECK(film(backend, actor(), left, params, white).images[3].data == first.images[3].data);
+    std::size_t union_of_both = 0, white_hidden = 0, shadowed = 0;
+    for (std::size_t i = 0; i < both.images.size(); ++i)
+        for (std::size_t p = 0; p < both.images[i].data.size(); p += 4) {
+            const std::uint8_t *seen = &both.images[i].data[p], *one = &first.images[i].data[p], *other = &second.images[i].data[p];
+            union_of_both += seen[3] < std::max(one[3], other[3]); // the same rays: never less
+            if (one[3] == 255 && other[3] == 255 && seen[0] == 0 && seen[2] > 0) ++white_hidden;
+            if (one[3] == 255 && other[3] == 0 && one[0] > seen[0] + 30) ++shadowed;
+        }
+    CHECK(union_of_both == 0);
+    CHECK(white_hidden > 50);
+    CHECK(shadowed > 20);
+    const Motion longer = actor_motion(ActorMotion::talk, 3);
+    CHECK_THROWS_AS((void)film(backend, {a, {&actor(), &longer}}, params), ShapeError);
+    CHECK_THROWS_AS((void)film(backend, std::vector<StudioActor>(), params), ValueError);
+    params.image_size = 40;
+    CHECK_THROWS_AS((void)film(backend, {a}, params), ValueError); // not these cameras' images
+}
+
 TEST_CASE("a ray meets a triangle where it should") {
     const std::vector<vec3<float>> points = {{0, 0, 5}, {1, 0, 5}, {0, 1, 5}};
     const std::vector<std::array<int, 3>> faces = {{0, 1, 2}};

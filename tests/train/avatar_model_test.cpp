@@ -235,8 +235,10 @@ TEST_CASE("Gaussians start flat on the surface, or round") {
     using Model = Chain<cpu::Serial>::Model;
     const Chain<cpu::Serial> chain;
     cpu::Serial backend;
+    auto samples = chain.samples;
+    samples.normals[0] = vec3<double>(0); // unknown
     const auto start = [&](double thickness) {
-        Model model(backend, chain.rig, chain.samples, 5, Chain<cpu::Serial>::small({.initial_thickness = thickness}));
+        Model model(backend, chain.rig, samples, 5, Chain<cpu::Serial>::small({.initial_thickness = thickness}));
         Model::Cache cache;
         model.update_canonical(cache);
         return model.canonical_gaussians();
@@ -245,9 +247,9 @@ TEST_CASE("Gaussians start flat on the surface, or round") {
     for (std::size_t i = 0; i < flat.size(); ++i) {
         const double scale = chain.samples.scales[i];
         const mat3<double> R = rotation_matrix(flat.quats[i]);
-        CHECK(length(R[2] - chain.samples.normals[i]) < 1e-9);
+        if (i > 0) CHECK(length(R[2] - samples.normals[i]) < 1e-9);
         for (int axis = 0; axis < 3; ++axis) {
-            CHECK(std::exp(flat.log_scales[i][axis]) == doctest::Approx(axis == 2 ? scale / 4 : scale));
+            CHECK(std::exp(flat.log_scales[i][axis]) == doctest::Approx(axis == 2 && i > 0 ? scale / 4 : scale));
             CHECK(std::exp(round.log_scales[i][axis]) == doctest::Approx(scale));
         }
         CHECK(round.quats[i].w == 1);

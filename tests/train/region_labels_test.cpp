@@ -105,6 +105,40 @@ TEST_CASE("a pixel shows what is nearest") {
     CHECK_THROWS_AS((void)label(backend), ValueError);
 }
 
+TEST_CASE("of several people the one in front is seen, and clothes belong to the nearest") {
+    Squares tall, small; // 12 x 12 pixels, and 4 x 4 in front of its middle
+    tall.add(1, 0.6);
+    small.add(0.5, 0.1);
+    const std::vector<MeshRegion> whole{{"all", {0, 1, 2, 3}}};
+    const std::vector<LabelledBody> people{{tall.vertices, tall.faces, whole}, {small.vertices, small.faces}};
+    cpu::Serial backend;
+    const auto labels = people_labels<cpu::Serial>(backend, people, camera());
+    REQUIRE(labels.size() == 2);
+    CHECK(count(labels[0], 0) == 144 - 16);
+    CHECK(count(labels[0], RegionLabels::rest) == 0);
+    CHECK(count(labels[1], RegionLabels::rest) == 16);
+    CHECK(count(labels[1], RegionLabels::nothing) == 400 - 16);
+    const auto alone = people_labels<cpu::Serial>(backend, Span<const LabelledBody>(people).subspan(0, 1), camera());
+    CHECK(alone[0].labels == region_labels<cpu::Serial>(backend, tall.vertices, tall.faces, camera(), whole).labels);
+    CHECK(people_labels<cpu::Serial>(backend, {}, camera()).empty());
+
+    Image<float> alpha(1, 20, 20); // the two of them, a skirt below, and a ball that nobody holds
+    for (int y = 4; y < 18; ++y)
+        for (int x = 4; x < 16; ++x) alpha.at(0, y, x) = 1;
+    alpha.at(0, 0, 0) = 1, alpha.at(0, 5, 5) = 0.5f; // and a hole
+    const auto masks = people_masks(labels, std::as_const(alpha).view());
+    const auto bare = people_masks(labels, std::as_const(alpha).view(), false);
+    for (int y = 0; y < 20; ++y)
+        for (int x = 0; x < 20; ++x) {
+            const bool in_front = x >= 8 && x < 12 && y >= 8 && y < 12, body = x >= 4 && x < 16 && y >= 4 && y < 16;
+            const bool skirt = x >= 4 && x < 16 && y >= 16 && y < 18, hole = x == 5 && y == 5;
+            CHECK(masks[1].at(0, y, x) == in_front);
+            CHECK(masks[0].at(0, y, x) == (!in_front && !hole && (body || skirt)));
+            CHECK(bare[0].at(0, y, x) == (!in_front && !hole && body));
+        }
+    CHECK_THROWS_AS((void)people_masks(labels, Image<float>(1, 20, 21).view()), ShapeError);
+}
+
 TEST_CASE("regions of a captured body lie on its silhouette") {
     const std::filesystem::path data = std::filesystem::path(GSH_SOURCE_DIR) / "../shared/data";
     const auto body_file = data / "body/cc0_body_x.npz", capture = data / "captures/A_multi";

@@ -36,7 +36,7 @@ struct SurfaceSampleOptions {
 /// N points on a mesh, sorted along a Morton curve so that neighbours in memory are neighbours in space.
 struct SurfaceSamples {
     std::vector<vec3<double>> positions;       // [N] metres
-    std::vector<vec3<double>> normals;         // [N] unit, outward
+    std::vector<vec3<double>> normals;         // [N] unit, outward; zero where nobody knows
     std::vector<std::array<int, 3>> triangles; // [N] vertex indices of the triangle
     std::vector<vec3<double>> barycentric;     // [N] of the position before jitter
     std::vector<int> sources;                  // [N] the vertex it was drawn for, nearest in its triangle
@@ -248,7 +248,7 @@ inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<dou
             builder.add(rows.subspan(static_cast<std::size_t>(drawn.sources[i]) * J, J));
         builder.finish_point();
         const double size = length(normal);
-        drawn.normals.push_back(size > 0 ? normal * (1 / size) : vec3<double>(0, 1, 0));
+        drawn.normals.push_back(size > 0 ? normal * (1 / size) : vec3<double>(0));
         if (options.jitter > 0)
             for (int k = 0; k < 3; ++k) drawn.positions[i][k] += options.jitter * spacing[i] * rng.uniform(-1, 1);
     }

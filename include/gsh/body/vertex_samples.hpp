@@ -20,7 +20,7 @@ namespace gsh {
 /// One sample per vertex, with its weights (the heaviest max_influences joints; 0: all) and a scale of sqrt(mean
 /// squared distance to the 3 nearest vertices). A sample's triangle is three times its vertex, so nothing needs a face.
 ///
-/// Shapes  vertices [V], the shaped mesh; normals [V], or empty: +y.
+/// Shapes  vertices [V], the shaped mesh; normals [V], or empty: the samples' are zero then.
 /// Errors  ShapeError.
 /// Source  Liu et al., "Animatable 3D Gaussian", 2023, as its code places Gaussians on the bodies of GalaBasketball.
 [[nodiscard]] inline SurfaceSamples sample_vertices(const BodyModel& model, Span<const vec3<double>> vertices,
@@ -41,7 +41,7 @@ namespace gsh {
         const int vertex = static_cast<int>(v);
         samples.positions.push_back(vertices[v]);
         const double size = normals.empty() ? 0 : length(normals[v]);
-        samples.normals.push_back(size > 0 ? normals[v] * (1 / size) : vec3<double>(0, 1, 0));
+        samples.normals.push_back(size > 0 ? normals[v] * (1 / size) : vec3<double>(0));
         samples.triangles.push_back({vertex, vertex, vertex});
         samples.barycentric.emplace_back(1, 0, 0);
         samples.sources.push_back(vertex);

@@ -34,6 +34,11 @@ struct SplatView {
     Span<Like<vec3<Scalar>>> colors;
 
     [[nodiscard]] GSH_HD std::size_t size() const { return means.size(); }
+    /// `count` splats from number `first` on: one person's part of a scene.
+    [[nodiscard]] GSH_HD SplatView subview(std::size_t first, std::size_t count) const {
+        return {means.subspan(first, count), covariances.subspan(first, count), opacities.subspan(first, count),
+                colors.subspan(first, count)};
+    }
     template <std::same_as<T> U> // a template, since nvcc warns of a conversion to one's own type
         requires(!std::is_const_v<T>)
     [[nodiscard]] operator SplatView<const U>() const

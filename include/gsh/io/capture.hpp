@@ -114,6 +114,8 @@ inline void save_capture(const std::filesystem::path& folder, const Capture& cap
 /// Looks at the body's posed joints in the images: a camera that does not see them, or sees them absurdly small; masks
 /// that are full where the body is not, or do not lie where it is; images without alpha.
 [[nodiscard]] inline std::vector<std::string> capture_warnings(const Capture& capture, const BodyModel& body);
+/// The same for another person in it, whose motion covers the same frames.
+[[nodiscard]] inline std::vector<std::string> capture_warnings(const Capture& capture, const BodyModel& body, const Motion& motion);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -379,6 +381,9 @@ Capture load_capture(B& backend, const std::filesystem::path& folder, const Body
 }
 
 inline std::vector<std::string> capture_warnings(const Capture& capture, const BodyModel& body) {
+    return capture_warnings(capture, body, capture.motion);
+}
+inline std::vector<std::string> capture_warnings(const Capture& capture, const BodyModel& body, const Motion& motion) {
     std::vector<std::string> warnings;
     const std::size_t frames = capture.frame_count();
     if (frames == 0) return warnings;
@@ -394,7 +399,7 @@ inline std::vector<std::string> capture_warnings(const Capture& capture, const B
         detail::MaskStatistics mean;
         for (const std::size_t frame : looked_at) {
             auto& on_bones = points[frame];
-            if (on_bones.empty()) on_bones = detail::bone_points(body, capture.motion, frame);
+            if (on_bones.empty()) on_bones = detail::bone_points(body, motion, frame);
             const auto one = detail::mask_statistics(capture.cameras[c].camera, capture.image({c, frame}), on_bones);
             const double weight = 1.0 / static_cast<double>(looked_at.size());
             mean.inside += weight * one.inside, mean.extent += weight * one.extent;

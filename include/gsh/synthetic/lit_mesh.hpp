@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -53,7 +54,8 @@ public:
         for (const auto& normal : vertex_normals(vertices, faces)) normals_.emplace_back(normal);
     }
 
-    /// Follows one ray of sight; `key` and `index` choose the lamp's and the sky's sample.
+    /// Follows one ray of sight; `key` and `index` choose the lamp's and the sky's sample. `color` is called with the
+    /// canonical position, and with the face if it takes one: of several people in one mesh, each has their own colours.
     template <class Color>
     [[nodiscard]] Sight look(const vec3<float>& eye, const vec3<float>& direction, const Color& color,
                              std::uint64_t key, std::uint64_t index) const {
@@ -70,7 +72,11 @@ public:
         vec3<float> normal = normalize(between(normals_));
         const float facing = dot(normal, to_eye);
         if (facing < 0) normal = normalize(normal - to_eye * (facing * 1.01f)); // silhouettes of a faceted mesh
-        const SurfaceColor surface = color(between(canonical_));
+        const vec3<double> canonical = between(canonical_);
+        const SurfaceColor surface = [&] {
+            if constexpr (std::is_invocable_v<const Color&, vec3<double>, unsigned>) return color(canonical, hit.face);
+            else return color(canonical);
+        }();
         const vec3<float> albedo(surface.albedo);
 
         const vec3<float> to_lamp = lamp_direction(position, even_sample(key, index));

@@ -9,10 +9,12 @@
 #include <gsh/synthetic/lit_mesh.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <functional>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -27,6 +29,7 @@ struct StudioParams {
     double distance = 3.0;  ///< metres from the subject's middle
     std::uint64_t seed = 1; ///< of cameras and samples
     StudioLight light;
+    std::vector<NamedCamera> cameras = {}; ///< instead of the ring: the same view of other people
 };
 
 /// Cameras that see all of `points`: focal lengths and principal points differ from one to the next, heights wave up
@@ -47,6 +50,19 @@ template <CpuBackend B>
 [[nodiscard]] Capture film(B& backend, const BodyModel& actor, const Motion& motion, const StudioParams& params = {}) {
     return film(backend, actor, motion, params, actor_color);
 }
+
+/// Somebody in front of the cameras. The caller owns body and motion.
+struct StudioActor {
+    const BodyModel* body = nullptr;
+    const Motion* motion = nullptr;
+    std::function<SurfaceColor(const vec3<double>&)> color = [](const vec3<double>& p) { return actor_color(p); };
+};
+
+/// Films several people at once: they hide each other, and throw shadows on each other. The capture's motion is the first
+/// one's, its alpha everybody's.
+/// Errors  as film; ShapeError unless all motions have the same number of frames.
+template <CpuBackend B>
+[[nodiscard]] Capture film(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -141,8 +157,13 @@ struct PixelBox {
 
 } // namespace detail
 
+namespace detail {
+
+/// Films people whose meshes lie in one; color(p, face) is that of canonical position p on a face of all.
 template <CpuBackend B, class Color>
-Capture film(B& backend, const BodyModel& body, const Motion& motion, const StudioParams& params, const Color& color) {
+Capture film_people(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params, const Color& color) {
+    check_value(!actors.empty(), "film", "there is nobody to film");
+    const Motion& motion = *actors.front().motion;
     check_value(params.train_cameras > 0 && params.test_cameras >= 0, "film", "there must be a training camera");
     check_value(params.test_cameras <= params.train_cameras, "film",
                 "there must not be more test than training cameras");
@@ -151,11 +172,22 @@ Capture film(B& backend, const BodyModel& body, const Motion& motion, const Stud
     check_value(motion.frame_count() > 0, "film", "the motion has no frame");
 
     const std::size_t frames = motion.frame_count();
+    std::vector<vec3<double>> canonical;
+    std::vector<std::array<int, 3>> faces;
+    for (const StudioActor& actor : actors) {
+        check_size("film", "a motion's frames", actor.motion->frame_count(), frames, "all people are filmed at once");
+        const int first = static_cast<int>(canonical.size());
+        for (const auto& f : actor.body->faces) faces.push_back({f[0] + first, f[1] + first, f[2] + first});
+        canonical.insert(canonical.end(), actor.body->v_template.begin(), actor.body->v_template.end());
+    }
     std::vector<std::vector<vec3<double>>> posed(frames);
     backend.for_chunks(frames, 1, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t t = begin; t < end; ++t)
-            posed[t] =
-                pose_body(body, motion.pose_at(t), motion.transl[t], motion.betas, motion.expression_at(t)).vertices;
+            for (const auto& [body, own, unused] : actors) {
+                const auto vertices =
+                    pose_body(*body, own->pose_at(t), own->transl[t], own->betas, own->expression_at(t)).vertices;
+                posed[t].insert(posed[t].end(), vertices.begin(), vertices.end());
+            }
     });
     std::vector<vec3<double>> everywhere;
     for (const auto& vertices : posed) everywhere.insert(everywhere.end(), vertices.begin(), vertices.end());
@@ -163,14 +195,17 @@ Capture film(B& backend, const BodyModel& body, const Motion& motion, const Stud
     Capture result;
     result.name = "studio";
     result.motion = motion;
-    result.cameras = camera_ring(everywhere, params);
+    result.cameras = params.cameras.empty() ? camera_ring(everywhere, params) : params.cameras;
+    for (const NamedCamera& named : result.cameras)
+        check_value(named.camera.width == params.image_size && named.camera.height == params.image_size, "film",
+                    "camera '" + named.name + "' must have square images of image_size pixels");
     result.fps =
         frames > 1 ? static_cast<double>(frames - 1) / (motion.timestamps.back() - motion.timestamps.front()) : 0;
     result.floor_y = ActorOutfit::sole_y;
     const std::size_t cameras = result.cameras.size(), size = static_cast<std::size_t>(params.image_size);
     result.images.assign(cameras * frames, PixelImage(4, params.image_size, params.image_size));
     for (std::size_t t = 0; t < frames; ++t) {
-        const LitMesh mesh(posed[t], body.v_template, body.faces, params.light);
+        const LitMesh mesh(posed[t], canonical, faces, params.light);
         std::vector<detail::PixelBox> boxes;
         for (const auto& named : result.cameras) boxes.emplace_back(posed[t], named.camera);
         backend.for_chunks(cameras * size, 4, [&](std::size_t, std::size_t begin, std::size_t end) {
@@ -192,6 +227,22 @@ Capture film(B& backend, const BodyModel& body, const Motion& motion, const Stud
         });
     }
     return result;
+}
+
+} // namespace detail
+
+template <CpuBackend B, class Color>
+Capture film(B& backend, const BodyModel& body, const Motion& motion, const StudioParams& params, const Color& color) {
+    return detail::film_people(backend, {{&body, &motion}}, params, color);
+}
+
+template <CpuBackend B>
+Capture film(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params) {
+    std::vector<std::size_t> actor_of; // of each face
+    for (std::size_t i = 0; i < actors.size(); ++i) actor_of.insert(actor_of.end(), actors[i].body->faces.size(), i);
+    return detail::film_people(backend, actors, params, [&](const vec3<double>& p, unsigned face) {
+        return actors[actor_of[face]].color(p);
+    });
 }
 
 } // namespace gsh

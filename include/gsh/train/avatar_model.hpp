@@ -66,10 +66,10 @@ struct AvatarConfig {
     Deformation deformation = Deformation::linear;
     double initial_opacity = 0.2;
     /// Standard deviation along the surface's normal, in shares of that along the surface. 1 starts round and unturned, as
-    /// the direct baseline does; a round Gaussian stands half its width off the body's outline.
+    /// the direct baseline does (and samples without a normal); a round Gaussian stands half its width off the outline.
     double initial_thickness = 0.1;
     double bounds_margin = 1.05; ///< the fields' cube, in sizes of the points' bounding cube
-    double sh_dc_scale = 20;     ///< the network's constant-colour outputs are multiplied by this
+    double sh_dc_scale = 60;     ///< the network's constant-colour outputs are multiplied by this
     ColorClamp clamping = ColorClamp::both;
 };
 
@@ -171,6 +171,7 @@ public:
                 const AvatarConfig& config = {}, const CanonicalPriors& priors = {})
         : backend_(&backend), config_(config), rig_(backend, rig), count_(samples.size()) {
         check_size("AvatarModel", "samples", samples.size(), rig.point_count(), "the rig must be made of these samples");
+        check_size("AvatarModel", "samples.normals", samples.normals.size(), count_, "one per sample");
         check_value(count_ > 0, "AvatarModel", "there are no samples, expected at least one");
         check_value(config.initial_opacity > 0 && config.initial_opacity < 1, "AvatarModel",
                     "initial_opacity must lie between 0 and 1");
@@ -196,9 +197,10 @@ public:
         std::vector<T> quats;
         for (std::size_t i = 0; i < count_; ++i) {
             const double scale = samples.scales[i];
-            const bool round = config.initial_thickness == 1;
+            const bool round = config.initial_thickness == 1 || samples.normals[i] == vec3<double>(0);
             const quat<double> q = round ? quat<double>() : quat_from_z_axis(samples.normals[i]);
-            log_scales.insert(log_scales.end(), {T(std::log(scale)), T(std::log(scale)), T(std::log(scale * config.initial_thickness))});
+            const double thickness = round ? scale : scale * config.initial_thickness;
+            log_scales.insert(log_scales.end(), {T(std::log(scale)), T(std::log(scale)), T(std::log(thickness))});
             quats.insert(quats.end(), {T(q.w), T(q.x), T(q.y), T(q.z)});
         }
         set(ParameterGroup::joints, joints);

@@ -10,6 +10,7 @@
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/region_mask.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/body/vertex_samples.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/prior/prior_features.hpp>
 #include <gsh/prior/prior_view.hpp>
@@ -39,7 +40,7 @@ struct EstimatedPriors {
 };
 
 /// `count` Gaussians on the body in the motion's shape, and what goes with them. Estimated views, where there are any,
-/// take the place of the mesh's.
+/// take the place of the mesh's. A body without triangles gets a Gaussian per vertex, and neither region nor features.
 /// Errors  those of the parts: lists that name no vertex, nothing to sample, views that do not fit.
 template <CpuBackend B>
 [[nodiscard]] CanonicalSetup make_canonical_setup(B& backend, const BodyModel& body, const Motion& motion,
@@ -54,6 +55,12 @@ template <CpuBackend B>
     }
     const BodyModel& mover = merged ? *merged : body;
     const std::vector<vec3<double>> vertices = shaped_vertices(body, motion.betas);
+
+    if (body.faces.empty()) {
+        setup.samples = sample_vertices(mover, vertices);
+        setup.rig = make_rig(mover, motion.betas, setup.samples);
+        return setup;
+    }
 
     std::optional<RegionMask> mask; // of the whole body: a merged one has the same mesh, but knows less of its parts
     if (config.region_samples || config.multi_scale) mask = region_mask(body, vertices, regions, config.region);

@@ -192,6 +192,7 @@ void for_each_setting(C& c, const F& f) {
         c.avatar.largest_ao = 1;
         c.avatar.initial_ao = 0.5;
         c.avatar.initial_thickness = 1;
+        c.avatar.sh_dc_scale = 20;
         c.train = baseline_config();
     };
     if (name == "paper") return c;

@@ -15,6 +15,12 @@
 
 namespace gsh {
 
+/// Figures of one of several people: the pixels that show them, and of these face, hands, …
+struct PersonScore {
+    RegionScore whole;
+    std::vector<RegionScore> regions = {};
+};
+
 /// Figures of one image, unquantised, over the training background.
 struct ImageScore {
     std::string name;
@@ -23,6 +29,7 @@ struct ImageScore {
     double psnr_person = 0; ///< decibels over the pixels whose true alpha exceeds 1/2
     std::vector<RegionScore> regions = {}; ///< face, hands, …; as many as were asked for
     std::optional<double> lpips = {};
+    std::vector<PersonScore> people = {}; ///< each apart, where there are several
 };
 
 /// Means over images, as tables print them; NaN if there are none.
@@ -43,6 +50,28 @@ struct ImageScore {
         std::vector<RegionScore> of_images;
         for (const ImageScore& score : scores) of_images.push_back(score.regions[r]);
         means.push_back(mean_over_images(of_images));
+    }
+    return means;
+}
+
+/// One person's means over the images that show enough of them.
+struct PersonMean {
+    RegionMean whole;
+    std::vector<RegionMean> regions = {};
+};
+
+/// Means of each of several people.
+[[nodiscard]] inline std::vector<PersonMean> mean_people(const std::vector<ImageScore>& scores) {
+    std::vector<PersonMean> means;
+    for (std::size_t p = 0; !scores.empty() && p < scores.front().people.size(); ++p) {
+        const auto mean = [&](auto region) {
+            std::vector<RegionScore> of_images;
+            for (const ImageScore& score : scores) of_images.push_back(region(score.people[p]));
+            return mean_over_images(of_images);
+        };
+        means.push_back({.whole = mean([](const PersonScore& person) { return person.whole; })});
+        for (std::size_t r = 0; r < scores.front().people[p].regions.size(); ++r)
+            means.back().regions.push_back(mean([&](const PersonScore& person) { return person.regions[r]; }));
     }
     return means;
 }

@@ -23,8 +23,10 @@ struct MemoryModel {
 };
 
 /// What training AvatarModel in float takes, for images of `pixels` pixels and with `held` bytes (the capture) in memory
-/// already. Counted from the buffers and compared with measured peaks, docs/performance.md.
-[[nodiscard]] inline MemoryModel training_memory(const AvatarConfig& config, std::size_t pixels, std::uint64_t held) {
+/// already. Counted from the buffers and compared with measured peaks, docs/performance.md. Of several people each has
+/// fields of their own, and the number of Gaussians is each one's.
+[[nodiscard]] inline MemoryModel training_memory(const AvatarConfig& config, std::size_t pixels, std::uint64_t held,
+                                                 std::size_t people = 1) {
     constexpr std::uint64_t program = 150'000'000; // code, body model, copies for checkpoints
     constexpr std::uint64_t per_pixel = 100;       // render, photograph, gradients, loss terms
     // A field: a table of at most 16 levels of 4 features with gradient and two moments; per Gaussian 64 features and
@@ -34,9 +36,9 @@ struct MemoryModel {
     const std::uint64_t heads = (config.hash_sh ? 1u : 0u) + (config.hash_displacement ? 1u : 0u);
     const std::uint64_t fields = config.heads == Heads::joint && heads ? 1 : heads;
     const bool ao = config.ao != AmbientOcclusion::none;
-    return {.fixed = program + held + per_pixel * pixels + fields * table(config.hash_table_size) +
-                     (ao ? table(config.ao_table_size) : 0),
-            .per_gaussian = 1000 + field_per_gaussian * (fields + (ao ? 1 : 0))};
+    return {.fixed = program + held + per_pixel * pixels +
+                     people * (fields * table(config.hash_table_size) + (ao ? table(config.ao_table_size) : 0)),
+            .per_gaussian = people * (1000 + field_per_gaussian * (fields + (ao ? 1 : 0)))};
 }
 
 } // namespace gsh

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Which part of a posed body each pixel of a view shows, so that faces and hands can be judged apart.
+/// @file  Which part of which posed body each pixel of a view shows, so that faces, hands and people can be judged apart.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -94,6 +94,76 @@ template <CpuBackend B>
     for (std::size_t i = 0; i < seen.size(); ++i)
         if (seen.covers(i)) result.labels[i] = region_of[static_cast<std::size_t>(seen.triangle[i])];
     return result;
+}
+
+/// Somebody's posed mesh in a scene of several people.
+struct LabelledBody {
+    Span<const vec3<double>> vertices;    // [V]
+    Span<const std::array<int, 3>> faces; // [F]
+    Span<const MeshRegion> regions = {};
+};
+
+/// Labels a view of several people: each one's labels, as region_labels gives them, with `nothing` where somebody else
+/// stands in front. Of surfaces at equal depth the first person's is seen.
+/// Errors  as region_labels.
+template <CpuBackend B>
+[[nodiscard]] std::vector<RegionLabels> people_labels(B& backend, Span<const LabelledBody> people, const Camera<double>& camera) {
+    std::vector<vec3<double>> vertices;
+    std::vector<std::array<int, 3>> faces;
+    std::vector<int> region_of;
+    std::vector<std::size_t> person_of; // of each face
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        const auto& [own_vertices, own_faces, regions] = people[p];
+        const std::vector<int> own = triangle_regions(own_vertices.size(), own_faces, regions);
+        const int first = static_cast<int>(vertices.size());
+        vertices.insert(vertices.end(), own_vertices.begin(), own_vertices.end());
+        for (const auto& f : own_faces) faces.push_back({f[0] + first, f[1] + first, f[2] + first});
+        region_of.insert(region_of.end(), own.begin(), own.end());
+        person_of.insert(person_of.end(), own_faces.size(), p);
+    }
+    const MeshImage seen = rasterize_mesh(backend, vertices, faces, camera);
+    std::vector<RegionLabels> result(
+        people.size(), {seen.height, seen.width, std::vector<int>(seen.size(), RegionLabels::nothing)});
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        if (!seen.covers(i)) continue;
+        const auto f = static_cast<std::size_t>(seen.triangle[i]);
+        result[person_of[f]].labels[i] = region_of[f];
+    }
+    return result;
+}
+
+/// Whose each pixel of a photograph is: a mask for each person, 1 where `everybody`, the photograph's alpha, exceeds 1/2 and
+/// the pixel is theirs. What a body covers is whose body is seen there; with `clothes`, the rest goes to whom the fewest
+/// steps from pixel to pixel within the mask lead, so that hair and skirts have an owner.
+///
+/// Shapes  labels as of people_labels, one per person; everybody [1, height, width].
+template <class T>
+[[nodiscard]] std::vector<Image<std::uint8_t>> people_masks(const std::vector<RegionLabels>& labels,
+                                                            const ImageView<T>& everybody, bool clothes = true) {
+    std::vector<Image<std::uint8_t>> masks;
+    if (labels.empty()) return masks;
+    const int height = labels[0].height, width = labels[0].width;
+    check_image("people_masks", "everybody", everybody, 1, height, width);
+    std::vector<int> owner(labels[0].labels.size(), -1);
+    std::vector<std::size_t> reached; // in order of their distance
+    for (std::size_t i = 0; i < owner.size(); ++i)
+        for (std::size_t p = 0; p < labels.size(); ++p)
+            if (labels[p].labels[i] != RegionLabels::nothing && static_cast<double>(everybody.data[i]) > 0.5)
+                owner[i] = static_cast<int>(p), reached.push_back(i);
+    for (std::size_t next = 0; clothes && next < reached.size(); ++next) {
+        const std::size_t i = reached[next], w = static_cast<std::size_t>(width), x = i % w;
+        const auto visit = [&](bool inside, std::size_t neighbour) {
+            if (!inside || owner[neighbour] >= 0 || !(static_cast<double>(everybody.data[neighbour]) > 0.5)) return;
+            owner[neighbour] = owner[i];
+            reached.push_back(neighbour);
+        };
+        visit(x > 0, i - 1), visit(x + 1 < w, i + 1), visit(i >= w, i - w), visit(i + w < owner.size(), i + w);
+    }
+    for (std::size_t p = 0; p < labels.size(); ++p) {
+        masks.emplace_back(1, height, width);
+        for (std::size_t i = 0; i < owner.size(); ++i) masks[p].data[i] = owner[i] == static_cast<int>(p);
+    }
+    return masks;
 }
 
 } // namespace gsh

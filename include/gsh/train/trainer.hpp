@@ -94,38 +94,72 @@ enum class Stage : std::size_t { photo, field_forward, pose, render, loss, rende
 inline constexpr std::array<std::string_view, 8> stage_names{
     "photo", "field forward", "pose", "render", "loss", "render backward", "model backward", "update"};
 
-/// Trains an avatar on photographs. A step sees one of them; an epoch sees each once, in an order that depends on the
-/// seed and the epoch alone, so that a run may stop and resume anywhere.
+/// One of the people that a Trainer trains: the model that is to become them, and their poses. The caller owns both.
+template <class Model>
+struct CastMember {
+    Model* model = nullptr;
+    const Motion* motion = nullptr;
+};
+
+/// Trains avatars on photographs that show all of them. A step sees one photograph; an epoch sees each once, in an order
+/// that depends on the seed and the epoch alone, so that a run may stop and resume anywhere.
+///
+/// People share the photographs and their frames, nothing else: each has a model, a motion and moments of their own, and
+/// perhaps a refinement. Their splats lie one person after the other in one scene, which is rendered in one pass, so that
+/// whoever stands in front hides whoever stands behind; on the way back each model reads its own part of the gradient.
+/// Functions that speak of one person take their number, 0 where there is only one.
 ///
 /// Source  paper §3.2 (loss) with Liu et al., "Animatable 3D Gaussian", 2024, for what it leaves unsaid.
 template <Backend B, std::floating_point T = float, class Model = AvatarModel<B, T>>
 class Trainer {
 public:
     using Scalar = T;
+    using ModelType = Model;
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
-    /// Errors  ValueError: no photographs, one that names a frame the motion lacks, or a config that cannot be meant.
-    Trainer(B& backend, Model& model, std::vector<Photo> photos, const Motion& motion, std::uint64_t seed,
+    /// Several people. Every motion covers every frame: somebody who is not there yet stands where no camera looks.
+    /// Errors  ValueError: nobody, somebody twice, no photographs, one that names a frame the motions lack, or a config that
+    ///         cannot be meant. ShapeError: motions of different lengths, images of another size than their cameras.
+    Trainer(B& backend, const std::vector<CastMember<Model>>& cast, std::vector<Photo> photos, std::uint64_t seed,
             const TrainConfig& config = {})
-        : backend_(&backend), model_(&model), photos_(std::move(photos)), motion_(&motion), seed_(seed),
-          config_(config), rasterizer_(backend, raster_params<T>(config.filter)),
-          loss_(backend, {.ssim_weight = T(config.ssim_weight)}) {
+        : backend_(&backend), photos_(std::move(photos)), seed_(seed), config_(config),
+          rasterizer_(backend, raster_params<T>(config.filter)), loss_(backend, {.ssim_weight = T(config.ssim_weight)}),
+          people_(cast.size()) {
         check_config();
+        check_value(!cast.empty(), "Trainer", "there is nobody to train");
+        for (std::size_t i = 0; i < cast.size(); ++i) {
+            Person& person = people_[i];
+            person.model = cast[i].model, person.motion = cast[i].motion, person.first_splat = splat_count_;
+            for (std::size_t k = 0; k < i; ++k)
+                check_value(people_[k].model != person.model, "Trainer", "person " + std::to_string(i) + " has the model of person " +
+                                                                             std::to_string(k) + ", expected one of their own");
+            check_size("Trainer", "poses of person " + std::to_string(i), person.motion->frame_count(), frame_count(),
+                       "every motion must cover every frame");
+            splat_count_ += person.model->size();
+        }
         check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
         for (const Photo& photo : photos_) check_photo(photo);
-        make_codes();
-        gradient_.become_zero_like(backend, model.parameters());
-        first_moment_.become_zero_like(backend, model.parameters());
-        second_moment_.become_zero_like(backend, model.parameters());
+        for (Person& person : people_) {
+            make_codes(person);
+            for (Parameters<B, T>* numbers : {&person.gradient, &person.first_moment, &person.second_moment})
+                numbers->become_zero_like(backend, person.model->parameters());
+        }
     }
+
+    /// One person.
+    Trainer(B& backend, Model& model, std::vector<Photo> photos, const Motion& motion, std::uint64_t seed,
+            const TrainConfig& config = {})
+        : Trainer(backend, std::vector<CastMember<Model>>{{&model, &motion}}, std::move(photos), seed, config) {}
 
     /// Steps taken so far.
     [[nodiscard]] std::uint64_t step_count() const { return step_count_; }
     [[nodiscard]] const std::vector<Photo>& photos() const { return photos_; }
     [[nodiscard]] std::uint64_t seed() const { return seed_; }
     [[nodiscard]] const TrainConfig& config() const { return config_; }
-    [[nodiscard]] Model& model() { return *model_; }
+    [[nodiscard]] std::size_t person_count() const { return people_.size(); }
+    [[nodiscard]] std::size_t frame_count() const { return people_.front().motion->frame_count(); }
+    [[nodiscard]] Model& model(std::size_t person = 0) { return *at(person).model; }
     [[nodiscard]] B& backend() { return *backend_; }
     /// Seconds spent per stage since the beginning, in the order of Stage.
     [[nodiscard]] const std::array<double, stage_names.size()>& stage_seconds() const { return stage_seconds_; }
@@ -133,12 +167,18 @@ public:
     /// Steps that stage_seconds() covers: those of this run, not of the one that it resumed.
     [[nodiscard]] std::uint64_t timed_steps() const { return timed_steps_; }
     /// The model's working memory.
-    [[nodiscard]] typename Model::Cache& cache() { return model_cache_; }
+    [[nodiscard]] typename Model::Cache& cache(std::size_t person = 0) { return at(person).cache; }
 
-    /// From here on poses, and cameras if it holds any, are `refinement`'s, and learn with the avatar. It must outlive the
-    /// trainer.
-    void refine(MotionRefinement<B, T>& refinement) { refinement_ = &refinement; }
-    [[nodiscard]] MotionRefinement<B, T>* refinement() const { return refinement_; }
+    /// From here on the person's poses, and the cameras if it holds any, are `refinement`'s, and learn with the avatars. It
+    /// must outlive the trainer.
+    /// Errors  ValueError if another person's refinement holds the cameras already: they are the same for all.
+    void refine(MotionRefinement<B, T>& refinement, std::size_t person = 0) {
+        for (std::size_t i = 0; i < people_.size(); ++i)
+            check_value(i == person || !refinement.camera_count() || !people_[i].refinement || !people_[i].refinement->camera_count(),
+                        "Trainer::refine", "cameras learn with person " + std::to_string(i) + "; give them to one person's refinement");
+        at(person).refinement = &refinement;
+    }
+    [[nodiscard]] MotionRefinement<B, T>* refinement(std::size_t person = 0) const { return at(person).refinement; }
 
     /// The photograph that step `step` sees.
     [[nodiscard]] std::size_t photo_of_step(std::uint64_t step) {
@@ -156,15 +196,10 @@ public:
         const Photo& photo = photos_[photo_of_step(step_count_)];
         progress_ = progress;
         if (config_.random_background) background_ = random_color(step_count_);
-        const FrameCode<T> code = frame_code(photo.frame);
         time(Stage::photo, [&] { upload_photo(photo); });
-        time(Stage::field_forward, [&] { model_->update_canonical(model_cache_, code); });
+        time(Stage::field_forward, [&] { query_fields(photo.frame); });
         const Camera<T> camera = camera_of(photo);
-        time(Stage::pose, [&] {
-            set_pose(photo.frame);
-            splats_.resize(model_->size());
-            model_->pose(pose_, camera.center(), splats_.view(), model_cache_, code);
-        });
+        time(Stage::pose, [&] { pose_people(photo.frame, camera.center()); });
         time(Stage::render, [&] { draw(camera, {}); });
         time(Stage::loss, [&] {
             loss_.forward(render_view(), truth_view(), loss_cache_);
@@ -172,21 +207,17 @@ public:
             loss_.backward(render_view(), truth_view(), T(1), loss_cache_, image(dL_drender_));
         });
         time(Stage::render_backward, [&] {
-            dL_dsplats_.resize(model_->size());
+            dL_dsplats_.resize(splat_count_);
             const SplatView<T> gradient = dL_dsplats_.view();
             fill_zero(*backend_, gradient);
             rasterizer_.backward(camera, std::as_const(splats_).view(), background(), {.color = image(dL_drender_)},
                                  raster_cache_, gradient, camera_gradient(photo));
         });
         time(Stage::model_backward, [&] {
-            const RigPoseGradient<T> dL_dpose = refinement_ && refinement_->learns_motion(photo.frame)
-                                                    ? refinement_->pose_gradient() : RigPoseGradient<T>();
-            model_->backward(pose_, camera.center(), std::as_const(dL_dsplats_).view(), model_cache_, gradient_, dL_dpose,
-                             dL_dcenter_, code);
-            if (!dL_dpose.empty()) refinement_->accumulate(photo.frame, dL_dpose);
+            for (Person& person : people_) model_backward(person, photo.frame, camera.center());
             if (!dL_dcenter_.empty())
-                refinement_->accumulate_camera(photo.camera_index, Span<const CameraGradient<T>>(dL_dcamera_),
-                                               Span<const vec3<T>>(dL_dcenter_));
+                camera_refinement()->accumulate_camera(photo.camera_index, Span<const CameraGradient<T>>(dL_dcamera_),
+                                                       Span<const vec3<T>>(dL_dcenter_));
         });
         time(Stage::update, [&] { update(progress); });
         background_ = config_.background;
@@ -203,15 +234,21 @@ public:
         return psnr(std::as_const(render).view(), std::as_const(truth).view());
     }
 
-    /// What the fields are told of a frame; ambient occlusion joins once the run has come to TrainConfig::ao_start.
-    [[nodiscard]] FrameCode<T> frame_code(std::size_t frame) const {
-        const auto row = [&](const Buffer<T>& codes, std::size_t size) {
-            return Span<const T>(codes).subspan(frame * size, size);
-        };
-        FrameCode<T> code{.head = row(head_codes_, model_->head_code_size())};
-        if (model_->ao_code_size() && progress_ >= config_.ao_start) code.ao = row(ao_codes_, model_->ao_code_size());
-        return code;
+    /// A person's part of a scene's splats, or of their gradient.
+    template <class View>
+    [[nodiscard]] View part(std::size_t person, const View& scene) const { return part_of(at(person), scene); }
+    /// Everybody's splats together.
+    [[nodiscard]] std::size_t splat_count() const { return splat_count_; }
+    /// Writes a person's splats at a frame into their part of a scene's, seen from `center`, fields as they were last queried.
+    void pose_person(std::size_t person, std::size_t frame, const vec3<T>& center, const SplatView<T>& scene) {
+        pose_person(at(person), frame, center, scene);
     }
+
+    /// What a person's fields are told of a frame; ambient occlusion joins once the run has come to TrainConfig::ao_start.
+    [[nodiscard]] FrameCode<T> frame_code(std::size_t frame, std::size_t person = 0) const { return frame_code(at(person), frame); }
+
+    /// Queries everybody's fields at a frame, for pose_person.
+    void query(std::size_t frame) { query_fields(frame); }
 
     /// Renders a photograph's view at its frame, over its plate if it has one.
     void render(const Photo& photo, Image<T>& color, Image<T>* alpha = nullptr) {
@@ -228,17 +265,18 @@ public:
 
     /// Each Gaussian's ambient occlusion, mean over the frames that there are photographs of; empty where there is none.
     /// What a new motion gets from an avatar whose shadows know only the time.
-    [[nodiscard]] std::vector<T> mean_occlusion() {
-        std::vector<T> mean, frame_ao(model_->size());
-        std::vector<bool> seen(motion_->frame_count(), false);
+    [[nodiscard]] std::vector<T> mean_occlusion(std::size_t person = 0) {
+        Person& of = at(person);
+        std::vector<T> mean, frame_ao(of.model->size());
+        std::vector<bool> seen(frame_count(), false);
         std::size_t count = 0;
         for (const Photo& photo : photos_) {
-            const FrameCode<T> code = frame_code(photo.frame);
+            const FrameCode<T> code = frame_code(of, photo.frame);
             if (code.ao.empty() || seen[photo.frame]) continue;
             seen[photo.frame] = true;
             ++count;
-            set_pose(photo.frame);
-            backend_->download(model_->occlusion(pose_, code.ao, model_cache_), Span<T>(frame_ao));
+            set_pose(of, photo.frame);
+            backend_->download(of.model->occlusion(of.pose, code.ao, of.cache), Span<T>(frame_ao));
             mean.resize(frame_ao.size(), T(0));
             for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += frame_ao[i];
         }
@@ -246,15 +284,16 @@ public:
         return mean;
     }
 
-    /// The avatar as it is now, for files: `rig` with the learned joints, fields queried. Shadows that follow the pose come
-    /// as the field that they are, those that know the time as each Gaussian's mean; none before TrainConfig::ao_start.
-    [[nodiscard]] AvatarData avatar(RigData rig)
+    /// A person's avatar as it is now, for files: `rig` with the learned joints, fields queried. Shadows that follow the pose
+    /// come as the field that they are, those that know the time as each Gaussian's mean; none before TrainConfig::ao_start.
+    [[nodiscard]] AvatarData avatar(RigData rig, std::size_t person = 0)
         requires std::same_as<T, float>
     {
-        model_->update_canonical(model_cache_, frame_code(0));
-        AvatarData avatar = model_->avatar(std::move(rig), config_.filter);
-        avatar.ao = mean_occlusion();
-        if (!avatar.ao.empty()) avatar.occlusion = model_->occlusion_field();
+        Person& of = at(person);
+        of.model->update_canonical(of.cache, frame_code(of, 0));
+        AvatarData avatar = of.model->avatar(std::move(rig), config_.filter);
+        avatar.ao = mean_occlusion(person);
+        if (!avatar.ao.empty()) avatar.occlusion = of.model->occlusion_field();
         return avatar;
     }
 
@@ -273,15 +312,38 @@ public:
         backend_->download(Span<const T>(alpha_plane), Span<T>(alpha.data));
     }
 
-    // The whole state of training, for checkpoints: parameters of the model, these moments, and the step count.
-    [[nodiscard]] Parameters<B, T>& first_moment() { return first_moment_; }
-    [[nodiscard]] Parameters<B, T>& second_moment() { return second_moment_; }
+    // The whole state of training, for checkpoints: parameters of the models, these moments, and the step count.
+    [[nodiscard]] Parameters<B, T>& first_moment(std::size_t person = 0) { return at(person).first_moment; }
+    [[nodiscard]] Parameters<B, T>& second_moment(std::size_t person = 0) { return at(person).second_moment; }
     void set_step_count(std::uint64_t steps) { step_count_ = steps; }
     /// Share of the run that was over at the last step.
     [[nodiscard]] double progress() const { return progress_; }
     void set_progress(double progress) { progress_ = progress; }
 
 private:
+    /// One of the people, with all that training keeps of them.
+    struct Person {
+        Model* model = nullptr;
+        const Motion* motion = nullptr;
+        std::size_t first_splat = 0;    // in the scene
+        Buffer<T> head_codes, ao_codes; // [frames, size of a code]
+        RigPose<B, T> pose;
+        MotionRefinement<B, T>* refinement = nullptr;
+        typename Model::Cache cache;
+        Parameters<B, T> gradient, first_moment, second_moment;
+    };
+    void check_person(std::size_t person) const {
+        check_value(person < people_.size(), "Trainer", "there is no person " + std::to_string(person) + " among " +
+                                                            std::to_string(people_.size()));
+    }
+    [[nodiscard]] Person& at(std::size_t person) { return check_person(person), people_[person]; }
+    [[nodiscard]] const Person& at(std::size_t person) const { return check_person(person), people_[person]; }
+    /// A person's part of the scene.
+    template <class View>
+    [[nodiscard]] static View part_of(const Person& person, const View& scene) {
+        return scene.subview(person.first_splat, person.model->size());
+    }
+
     void check_config() const {
         const auto expect = [](bool good, const std::string& what) { check_value(good, "TrainConfig", what); };
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
@@ -294,9 +356,9 @@ private:
         expect(config_.filter.dilation >= 0 && std::isfinite(config_.filter.dilation), "filter.dilation must not be negative");
     }
     void check_photo(const Photo& photo) const {
-        check_value(photo.frame < motion_->frame_count(), "Trainer",
+        check_value(photo.frame < frame_count(), "Trainer",
                     photo.name + " is of frame " + std::to_string(photo.frame) + ", the motion has " +
-                        std::to_string(motion_->frame_count()) + " frames");
+                        std::to_string(frame_count()) + " frames");
         check_size("Trainer", photo.name, photo.rgba.size(),
                    4 * static_cast<std::size_t>(photo.camera.width) * static_cast<std::size_t>(photo.camera.height),
                    "the image must have its camera's size");
@@ -350,22 +412,60 @@ private:
             composite_rgba8(*backend_, bytes, height_, width_, behind.image, image(truth_), alpha);
     }
 
+    /// The one that holds the cameras, or null.
+    [[nodiscard]] MotionRefinement<B, T>* camera_refinement() const {
+        for (const Person& person : people_)
+            if (person.refinement && person.refinement->camera_count()) return person.refinement;
+        return nullptr;
+    }
     /// The camera as it is now; only cameras of training photographs are refined, test views keep theirs.
     [[nodiscard]] Camera<T> camera_of(const Photo& photo) const {
-        return refinement_ && refinement_->camera_count() ? refinement_->template camera<T>(photo.camera_index)
-                                                          : photo.camera.template cast<T>();
+        const auto* refinement = camera_refinement();
+        return refinement ? refinement->template camera<T>(photo.camera_index) : photo.camera.template cast<T>();
     }
     /// Zeros to add to if the photograph's camera learns, else nothing; dL_dcenter_ goes with it.
     [[nodiscard]] Span<CameraGradient<T>> camera_gradient(const Photo& photo) {
-        const bool learns = refinement_ && refinement_->camera_count() && refinement_->learns_camera(photo.camera_index);
+        const auto* refinement = camera_refinement();
+        const bool learns = refinement && refinement->learns_camera(photo.camera_index);
         dL_dcamera_.resize(learns ? 1 : 0);
         dL_dcenter_.resize(learns ? 1 : 0);
         backend_->fill(Span<CameraGradient<T>>(dL_dcamera_), CameraGradient<T>{});
         backend_->fill(Span<vec3<T>>(dL_dcenter_), vec3<T>(T(0)));
         return dL_dcamera_;
     }
-    void set_pose(std::size_t frame) {
-        refinement_ ? refinement_->pose(frame, pose_) : model_->rig().upload_pose(*motion_, frame, pose_);
+
+    [[nodiscard]] FrameCode<T> frame_code(const Person& person, std::size_t frame) const {
+        const auto row = [&](const Buffer<T>& codes, std::size_t size) {
+            return Span<const T>(codes).subspan(frame * size, size);
+        };
+        FrameCode<T> code{.head = row(person.head_codes, person.model->head_code_size())};
+        const std::size_t ao = person.model->ao_code_size();
+        if (ao && progress_ >= config_.ao_start) code.ao = row(person.ao_codes, ao);
+        return code;
+    }
+    void set_pose(Person& person, std::size_t frame) {
+        person.refinement ? person.refinement->pose(frame, person.pose)
+                          : person.model->rig().upload_pose(*person.motion, frame, person.pose);
+    }
+    void query_fields(std::size_t frame) {
+        for (Person& person : people_) person.model->update_canonical(person.cache, frame_code(person, frame));
+    }
+    /// Everybody's splats at a frame, one person after the other.
+    void pose_people(std::size_t frame, const vec3<T>& center) {
+        splats_.resize(splat_count_);
+        for (Person& person : people_) pose_person(person, frame, center, splats_.view());
+    }
+    void pose_person(Person& person, std::size_t frame, const vec3<T>& center, const SplatView<T>& scene) {
+        set_pose(person, frame);
+        person.model->pose(person.pose, center, part_of(person, scene), person.cache, frame_code(person, frame));
+    }
+    void model_backward(Person& person, std::size_t frame, const vec3<T>& center) {
+        MotionRefinement<B, T>* refinement = person.refinement;
+        const RigPoseGradient<T> dL_dpose = refinement && refinement->learns_motion(frame) ? refinement->pose_gradient()
+                                                                                           : RigPoseGradient<T>();
+        person.model->backward(person.pose, center, part_of(person, std::as_const(dL_dsplats_).view()), person.cache,
+                               person.gradient, dL_dpose, dL_dcenter_, frame_code(person, frame));
+        if (!dL_dpose.empty()) refinement->accumulate(frame, dL_dpose);
     }
 
     void upload_photo(const Photo& photo) {
@@ -379,11 +479,8 @@ private:
     void render_view(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha) {
         const Camera<T> view = camera.template cast<T>();
         resize_images(view.height, view.width);
-        const FrameCode<T> code = frame_code(frame);
-        model_->update_canonical(model_cache_, code);
-        set_pose(frame);
-        splats_.resize(model_->size());
-        model_->pose(pose_, view.center(), splats_.view(), model_cache_, code);
+        query_fields(frame);
+        pose_people(frame, view.center());
         Buffer<T> alpha_plane(alpha ? view_size() : 0);
         draw(view, alpha ? ImageView<T>{alpha_plane, 1, height_, width_} : ImageView<T>{});
         color = Image<T>(3, height_, width_);
@@ -399,19 +496,25 @@ private:
                             raster_cache_);
     }
 
-    /// A step of Adam for every group that learns; the gradients are zero afterwards.
     void update(double progress) {
         ++step_count_;
         ++timed_steps_;
-        if (refinement_) refinement_->step(progress);
+        for (Person& person : people_) {
+            if (person.refinement) person.refinement->step(progress);
+            update(person, progress);
+        }
+    }
+    /// A step of Adam for every group that learns; the gradients are zero afterwards.
+    void update(Person& person, double progress) {
+        Model& model = *person.model;
         const auto number = static_cast<std::int64_t>(step_count_);
         const double decay = std::pow(config_.final_rate, std::clamp(progress, 0.0, 1.0));
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
             const auto group = static_cast<ParameterGroup>(g);
             const double rate = config_.rates[group] * decay;
-            const Span<T> parameters = model_->parameters()[group], gradients = gradient_[group],
-                          m = first_moment_[group], v = second_moment_[group];
-            const auto* touched = model_->touched_entries(group);
+            const Span<T> parameters = model.parameters()[group], gradients = person.gradient[group],
+                          m = person.first_moment[group], v = person.second_moment[group];
+            const auto* touched = model.touched_entries(group);
             if (parameters.empty()) continue;
             if (rate == 0) {
                 backend_->fill(gradients, T(0));
@@ -422,7 +525,7 @@ private:
                 adam_.step_columns(*backend_, parameters, gradients, m, v, 3 * Model::basis_count, 3, rate, rate / 20,
                                    number, UsedGradients::zero);
             } else {
-                const std::size_t slow = group == ParameterGroup::joint_network ? model_->displacement_weights() : 0;
+                const std::size_t slow = group == ParameterGroup::joint_network ? model.displacement_weights() : 0;
                 const auto step = [&](std::size_t first, std::size_t count, double part_rate) {
                     const auto part = [&](Span<T> all) { return all.subspan(first, count); };
                     adam_.step(*backend_, part(parameters), part(gradients), part(m), part(v), part_rate, number,
@@ -435,43 +538,43 @@ private:
     }
 
     /// What the fields are told of each frame: γ(t) with t = frame / frames, or the joints' rotations.
-    void make_codes() {
-        const std::size_t frames = motion_->frame_count(), head_size = model_->head_code_size(), ao_size = model_->ao_code_size();
+    void make_codes(Person& person) {
+        const Model& model = *person.model;
+        const std::size_t frames = frame_count(), head_size = model.head_code_size(), ao_size = model.ao_code_size();
         std::vector<T> head, ao;
         for (std::size_t frame = 0; frame < frames; ++frame) {
             std::vector<T> time(TimeEncoding::output_count);
             TimeEncoding::forward(T(frame) / T(frames), time.data());
             if (head_size) head.insert(head.end(), time.begin(), time.end());
-            if (model_->config().ao == AmbientOcclusion::time) ao.insert(ao.end(), time.begin(), time.end());
-            if (model_->config().ao == AmbientOcclusion::pose) {
-                const auto pose = motion_->pose_at(frame);
+            if (model.config().ao == AmbientOcclusion::time) ao.insert(ao.end(), time.begin(), time.end());
+            if (model.config().ao == AmbientOcclusion::pose) {
+                const auto pose = person.motion->pose_at(frame);
                 const std::size_t first = ao.size();
                 ao.resize(first + ao_size);
                 for (std::size_t j = 1; j < pose.size(); ++j)
                     pose_feature<T>(j, rotation_from_axis_angle(vec3<T>(pose[j])), Span<T>(ao).subspan(first, ao_size));
             }
         }
-        head_codes_.resize(head.size());
-        ao_codes_.resize(ao.size());
-        backend_->upload(Span<const T>(head), head_codes_);
-        backend_->upload(Span<const T>(ao), ao_codes_);
+        person.head_codes.resize(head.size());
+        person.ao_codes.resize(ao.size());
+        backend_->upload(Span<const T>(head), person.head_codes);
+        backend_->upload(Span<const T>(ao), person.ao_codes);
         check_size("Trainer", "codes of ambient occlusion", ao.size(), frames * ao_size);
     }
 
     B* backend_;
-    Model* model_;
     std::vector<Photo> photos_;
-    const Motion* motion_;
     std::uint64_t seed_;
     TrainConfig config_;
     std::array<double, 3> background_ = config_.background; // of this step, or of a picture
     Rasterizer<B, T> rasterizer_;
     PhotometricLoss<B, T> loss_;
     Adam adam_;
+    std::vector<Person> people_;
+    std::size_t splat_count_ = 0; // everybody's
 
     std::uint64_t step_count_ = 0;
     double progress_ = 0;
-    Buffer<T> head_codes_, ao_codes_; // [frames, size of a code]
     std::vector<std::uint32_t> order_;
     std::uint64_t order_epoch_ = 0;
     std::array<double, stage_names.size()> stage_seconds_{};
@@ -481,15 +584,11 @@ private:
     Buffer<std::uint8_t> rgba_, plate_bytes_;
     Buffer<T> plate_;                       // [3, height, width] or empty
     Buffer<T> render_, truth_, dL_drender_; // [3, height, width]
-    RigPose<B, T> pose_;
-    MotionRefinement<B, T>* refinement_ = nullptr;
     Buffer<CameraGradient<T>> dL_dcamera_; // [1] or empty
     Buffer<vec3<T>> dL_dcenter_;           // likewise
     Splats<B, T> splats_, dL_dsplats_;
-    typename Model::Cache model_cache_;
     typename Rasterizer<B, T>::Cache raster_cache_;
     typename PhotometricLoss<B, T>::Cache loss_cache_;
-    Parameters<B, T> gradient_, first_moment_, second_moment_;
 };
 
 } // namespace gsh

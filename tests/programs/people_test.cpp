@@ -1,0 +1,418 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Two people in one scene, through the programs as a user runs them: what is written, what is refused, and that each of
+/// them is as good as alone.
+///
+/// The last test takes its size from the environment variable GSH_TWO_PEOPLE, "size=270 frames=24 cameras=6 gaussians=40000
+/// steps=3000 samples=25": docs/quality.md says what came of it.
+#include "io/gala_files.hpp"
+#include "programs/process.hpp"
+#include "programs/small_capture.hpp"
+
+#include <gsh/backend/threads.hpp>
+#include <gsh/body/moved_motion.hpp>
+#include <gsh/io/atomic_file.hpp>
+#include <gsh/io/avatar_file.hpp>
+#include <gsh/io/image_file.hpp>
+#include <gsh/synthetic/actor.hpp>
+#include <gsh/synthetic/actor_motion.hpp>
+#include <gsh/synthetic/studio.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+using test::check_done;
+using test::check_refused;
+using test::run;
+namespace fs = std::filesystem;
+
+namespace {
+
+using Words = std::vector<std::string>;
+
+nlohmann::json json_of(const fs::path& path) { return nlohmann::json::parse(read_file(path)); }
+bool same_file(const fs::path& a, const fs::path& b) { return read_file(a) == read_file(b); }
+
+/// How much is filmed and trained.
+struct Size {
+    int size = 64, frames = 2, cameras = 2, gaussians = 500, steps = 4, samples = 4;
+};
+
+/// Two actors who pass each other: "ann" walks to her left in front, "bob", of another build and in other colours, to his
+/// right behind her. In the first and the last frame they stand side by side.
+struct Actors {
+    BodyModel body = make_actor({.edge_scale = 1.5});
+    Motion ann, bob;
+    cpu::Threads backend;
+    StudioParams studio;
+
+    explicit Actors(const Size& size) {
+        ann = crossing(actor_motion(ActorMotion::talk, size.frames), -1, 0.4);
+        Motion other = actor_motion(ActorMotion::stride, size.frames);
+        for (std::size_t k = 0; k < other.betas.size(); ++k) other.betas[k] = k % 2 ? -0.8 : 0.8;
+        bob = crossing(std::move(other), 1, -0.4);
+        studio.train_cameras = size.cameras, studio.image_size = size.size, studio.samples = size.samples;
+        studio.distance = 4;
+    }
+    /// Walks along x from one side to the other, at a distance of the middle.
+    [[nodiscard]] Motion crossing(Motion motion, double from, double z) const {
+        const std::size_t frames = motion.frame_count();
+        for (std::size_t t = 0; t < frames; ++t)
+            motion.transl[t] += vec3<double>(from * (0.55 - 1.1 * static_cast<double>(t) / static_cast<double>(frames - 1)), 0, z);
+        return motion;
+    }
+    static SurfaceColor other_colors(const vec3<double>& p) {
+        SurfaceColor color = actor_color(p);
+        std::swap(color.albedo.x, color.albedo.z);
+        return color;
+    }
+    [[nodiscard]] StudioActor first() const { return {&body, &ann}; }
+    [[nodiscard]] StudioActor second() const { return {&body, &bob, other_colors}; }
+    [[nodiscard]] Capture together() { return film(backend, {first(), second()}, studio); }
+    /// One of them alone, seen by given cameras.
+    [[nodiscard]] Capture alone(const StudioActor& actor, const std::vector<NamedCamera>& cameras) {
+        StudioParams same = studio;
+        same.cameras = cameras;
+        return film(backend, {actor}, same);
+    }
+    /// Whose each pixel of the test views is, by camera and frame: 0 ann, 1 bob, -1 nobody. Told from pure colours under
+    /// the same light, without a rasterizer.
+    [[nodiscard]] std::map<std::string, std::vector<int>> owners(const std::vector<NamedCamera>& cameras) {
+        StudioParams painted = studio;
+        for (const NamedCamera& camera : cameras)
+            if (camera.role == NamedCamera::Role::test) painted.cameras.push_back(camera);
+        const auto pure = [](double r, double b) {
+            return [=](const vec3<double>&) { return SurfaceColor{.albedo = {r, 0, b}, .gloss = 0}; };
+        };
+        const Capture capture = film(backend, {{&body, &ann, pure(0.9, 0)}, {&body, &bob, pure(0, 0.9)}}, painted);
+        std::map<std::string, std::vector<int>> result;
+        for (std::size_t c = 0; c < capture.cameras.size(); ++c)
+            for (std::size_t f = 0; f < capture.frame_count(); ++f) {
+                char name[64];
+                std::snprintf(name, sizeof name, "%s_%04zu", capture.cameras[c].name.c_str(), f);
+                const PixelImage& image = capture.image({c, f});
+                auto& owner = result[name];
+                for (std::size_t i = 0; i < image.data.size(); i += 4)
+                    owner.push_back(image.data[i + 3] <= 127 ? -1 : image.data[i + 2] > image.data[i] ? 1 : 0);
+            }
+        return result;
+    }
+};
+
+/// A capture's folder with a pose file for each of the people in it.
+void save(const fs::path& folder, const Capture& capture, const std::vector<std::pair<std::string, const Motion*>>& people) {
+    save_capture(folder, capture);
+    fs::remove(folder / "poses.npz");
+    for (const auto& [name, motion] : people) save_motion(folder / (name + ".npz"), *motion);
+}
+
+/// One capture of both, and one reconstruction of it, for all tests here.
+struct Studio {
+    test::Temporary folder;
+    Actors actors{Size{}};
+    Capture capture = actors.together();
+    fs::path path = folder / "capture", body = folder / "body.npz", camera = folder / "camera.json", out = folder / "out";
+    test::Outcome outcome;
+
+    Studio() {
+        save(path, capture, {{"ann", &actors.ann}, {"bob", &actors.bob}});
+        save_body_model(body, actors.body);
+        write_camera(camera, capture.cameras.back());
+        outcome = run(reconstruct(out, {"--poses", "ann.npz,bob.npz", "--threads", "1"}));
+    }
+    [[nodiscard]] Words reconstruct(const fs::path& into, const Words& more, const fs::path& of = {}) const {
+        Words words{"gsh-reconstruct", "--capture", (of.empty() ? path : of).string(), "--body", body.string(),
+                    "--out", into.string(), "--gaussians", "500",
+                    "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"};
+        if (std::find(more.begin(), more.end(), "--steps") == more.end()) words.insert(words.end(), {"--steps", "4"});
+        words.insert(words.end(), more.begin(), more.end());
+        return words;
+    }
+    [[nodiscard]] fs::path avatar(const char* name) const { return out / (std::string("avatar-") + name + ".gsh"); }
+    [[nodiscard]] fs::path poses(const char* name) const { return path / (std::string(name) + ".npz"); }
+};
+Studio& studio() {
+    static Studio instance;
+    return instance;
+}
+
+/// Mean over test pictures (render, truth, error side by side) of the PSNR over one person's pixels.
+double person_psnr(const fs::path& results, const std::map<std::string, std::vector<int>>& owners, int person) {
+    double sum = 0;
+    int images = 0;
+    for (const auto& [name, owner] : owners) {
+        const PixelImage picture = read_image(results / "test" / (name + ".png"));
+        const int width = picture.width / 3;
+        double error = 0;
+        std::size_t pixels = 0;
+        for (std::size_t i = 0; i < owner.size(); ++i) {
+            if (owner[i] != person) continue;
+            ++pixels;
+            const int y = static_cast<int>(i) / width, x = static_cast<int>(i) % width;
+            for (int c = 0; c < 3; ++c) {
+                const double d = (picture.pixel(y, x)[c] - picture.pixel(y, x + width)[c]) / 255.0;
+                error += d * d;
+            }
+        }
+        if (pixels < 50) continue;
+        sum += -10 * std::log10(error / (3.0 * static_cast<double>(pixels)));
+        ++images;
+    }
+    REQUIRE(images > 0);
+    return sum / images;
+}
+
+} // namespace
+
+TEST_CASE("two people are reconstructed together, and each has files and figures of their own") {
+    const Studio& s = studio();
+    check_done(s.outcome);
+    CHECK(s.outcome.out.find("2 people, 1000 Gaussians, 4 training and 2 test images") != std::string::npos);
+    for (const char* file : {"avatar-ann.gsh", "avatar-ann.ply", "avatar-bob.gsh", "avatar-bob.ply", "metrics.json", "report.html",
+                             "checkpoint.gsh", "test/test00_0000.png", "test/test00_0001.png"})
+        CHECK(fs::exists(s.out / file));
+    CHECK(test::files_below(s.out) == 9);
+    CHECK(load_avatar(s.avatar("ann")).gaussians.size() == 500);
+    CHECK(!same_file(s.avatar("ann"), s.avatar("bob")));
+
+    const auto metrics = json_of(s.out / "metrics.json");
+    CHECK(metrics.at("gaussians") == 1000);
+    CHECK(metrics.at("psnr") > 8.0);
+    CHECK(metrics.at("protocol").get<std::string>().find("poses of ann.npz, bob.npz") != std::string::npos);
+    REQUIRE(metrics.at("people").size() == 2);
+    const char* names[] = {"ann", "bob"};
+    for (std::size_t p = 0; p < 2; ++p) {
+        const auto& person = metrics.at("people")[p];
+        CHECK(person.at("name") == names[p]);
+        CHECK(person.at("psnr_person").is_number());
+        CHECK(person.at("psnr_regions").contains("face"));
+        CHECK(person.at("psnr_regions").contains("hands"));
+        CHECK(person.at("gaussians") == 500);
+        CHECK(metrics.at("images")[0].at("people")[p].at("psnr_person").is_number());
+    }
+    const std::string page = read_file(s.out / "report.html");
+    CHECK(page.find("Each person") != std::string::npos);
+    CHECK(page.find("<td>bob</td>") != std::string::npos);
+}
+
+TEST_CASE("pose files may be repeated or listed, on any number of threads") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    check_done(run(s.reconstruct(folder / "out", {"--poses", "ann.npz", "--poses", s.poses("bob").string(), "--threads", "2",
+                                                  "--body", s.body.string()})));
+    for (const char* file : {"avatar-ann.gsh", "avatar-bob.gsh", "test/test00_0001.png"})
+        CHECK(same_file(folder / "out" / fs::path(file), s.out / file));
+}
+
+TEST_CASE("one of several pose files alone is a reconstruction of one person") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    check_done(run(s.reconstruct(folder / "out", {"--poses", "ann.npz", "--steps", "1"})));
+    CHECK(fs::exists(folder / "out" / fs::path("avatar.gsh")));
+    CHECK(!json_of(folder / "out" / fs::path("metrics.json")).contains("people"));
+}
+
+TEST_CASE("two people go on where they were stopped, and refine their poses") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    const Words people{"--poses", "ann.npz,bob.npz", "--steps", "40", "--refine", "--refine-cameras"};
+    const fs::path whole = folder / "whole", parts = folder / "parts";
+    check_done(run(s.reconstruct(whole, people)));
+    for (const char* file : {"poses_refined-ann.npz", "poses_refined-bob.npz"}) CHECK(fs::exists(whole / file));
+    {
+        test::Process process(s.reconstruct(parts, people));
+        REQUIRE(process.wait_until([&] { return process.err().find("step 1 ") != std::string::npos; }));
+        process.send(SIGINT);
+        CHECK(process.wait().code == 130);
+    }
+    Words resumed = people;
+    resumed.push_back("--resume");
+    check_refused(run(s.reconstruct(parts, {"--poses", "ann.npz", "--steps", "40", "--refine", "--refine-cameras", "--resume"})),
+                  "gsh-reconstruct", {"checkpoint.gsh", "other people"});
+    check_done(run(s.reconstruct(parts, resumed)));
+    for (const char* file : {"avatar-ann.gsh", "avatar-bob.gsh", "test/test00_0001.png"}) CHECK(same_file(parts / file, whole / file));
+}
+
+TEST_CASE("people who do not fit together are refused in a line") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    const auto refuse = [&](const Words& more, std::initializer_list<std::string_view> words, const fs::path& of = {}) {
+        check_refused(run(s.reconstruct(folder / "out", more, of)), "gsh-reconstruct", words);
+        CHECK(!fs::exists(folder / "out"));
+    };
+    save_motion(folder / "long.npz", actor_motion(ActorMotion::talk, 3));
+    refuse({"--poses", "ann.npz," + (folder / "long.npz").string()}, {"long.npz", "3", "expected 2", "each of the capture's frames"});
+    refuse({"--poses", "ann.npz,bob.npz,ann.npz"}, {"ann.npz", "named twice"});
+    refuse({"--poses", "ann.npz,"}, {"--poses", "empty"});
+    refuse({"--poses", "ann.npz,cleo.npz"}, {"cleo.npz"});
+    refuse({"--poses", "ann.npz,bob.npz", "--body", s.body.string(), "--body", s.body.string()}, {"3 body models for 2 people"});
+    const fs::path copy = folder / "copy";
+    fs::copy(s.path, copy, fs::copy_options::recursive);
+    fs::create_directories(copy / "person_masks" / "cleo");
+    refuse({"--poses", "ann.npz,bob.npz"}, {"person_masks/cleo", "no such person", "ann, bob"}, copy);
+    fs::remove_all(copy / "person_masks");
+    fs::create_directories(copy / "person_masks" / "bob" / "test00");
+    write_png(copy / "person_masks" / "bob" / "test00" / "0000.png", PixelImage(4, 64, 64));
+    refuse({"--poses", "ann.npz,bob.npz"}, {"person_masks/bob/test00", "holds 1 images, expected 2"}, copy);
+    fs::rename(copy / "person_masks" / "bob" / "test00", copy / "person_masks" / "bob" / "roof");
+    refuse({"--poses", "ann.npz,bob.npz"}, {"person_masks/bob/roof", "no camera 'roof'"}, copy);
+}
+
+TEST_CASE("files of one name in two folders are two people") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    for (const char* place : {"a", "b"}) fs::create_directories(folder / place);
+    fs::copy(s.poses("ann"), folder / "a" / fs::path("poses.npz"));
+    fs::copy(s.poses("bob"), folder / "b" / fs::path("poses.npz"));
+    check_done(run(s.reconstruct(folder / "out", {"--poses", (folder / "a" / fs::path("poses.npz")).string(), "--poses",
+                                                  (folder / "b" / fs::path("poses.npz")).string(), "--steps", "1"})));
+    CHECK(fs::exists(folder / "out" / fs::path("avatar-poses.gsh")));
+    CHECK(fs::exists(folder / "out" / fs::path("avatar-poses-2.gsh")));
+}
+
+TEST_CASE("avatars are shown together, in whatever order") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    const auto render = [&](const Words& people, const char* name) {
+        Words words{"gsh-render"};
+        words.insert(words.end(), people.begin(), people.end());
+        words.insert(words.end(), {"--camera", s.camera.string(), "--out", (folder / name).string(), "--frame", "1"});
+        const test::Outcome outcome = run(words);
+        check_done(outcome);
+        return read_image(folder / name);
+    };
+    const std::string ann = s.avatar("ann").string(), bob = s.avatar("bob").string(), dance = s.poses("ann").string(),
+                      step = s.poses("bob").string();
+    const PixelImage both = render({ann, bob, "--poses", dance, "--poses", step}, "both.png"),
+                     swapped = render({bob, ann, "--poses", step, "--poses", dance}, "swapped.png"),
+                     one = render({ann, "--poses", dance}, "one.png"), other = render({bob, "--poses", step}, "other.png");
+    int largest = 0;
+    std::size_t with_ann = 0, with_bob = 0;
+    for (std::size_t i = 0; i < both.data.size(); ++i) {
+        largest = std::max(largest, std::abs(both.data[i] - swapped.data[i]));
+        with_ann += both.data[i] != other.data[i], with_bob += both.data[i] != one.data[i];
+    }
+    CHECK(largest <= 1);
+    CHECK(with_ann > 300);
+    CHECK(with_bob > 300);
+
+    const test::Outcome frames = run({"gsh-animate", ann, bob, "--poses", dance, "--poses", step, "--size", "48", "--out",
+                                      (folder / "frames").string()});
+    check_done(frames);
+    CHECK(test::files_below(folder / "frames") == 2);
+    save_motion(folder / "long.npz", actor_motion(ActorMotion::talk, 3));
+    const test::Outcome shorter = run({"gsh-animate", ann, bob, "--poses", dance, "--poses", (folder / "long.npz").string(), "--size",
+                                       "48", "--out", (folder / "frames").string()});
+    CHECK(shorter.code == 0);
+    CHECK(shorter.err.find("warning: " + (folder / "long.npz").string() + ": only the first 2 of 3") != std::string::npos);
+    check_refused(run({"gsh-animate", ann, bob, "--poses", dance, "--out", (folder / "none").string()}), "gsh-animate",
+                  {"--poses", "1 motions for 2 avatars"});
+    check_refused(run({"gsh-render", ann, (s.out / "avatar-bob.ply").string(), "--camera", s.camera.string(), "--out",
+                       (folder / "none.png").string()}),
+                  "gsh-render", {"avatar-bob.ply", "only avatars are drawn together"});
+    AvatarData filtered = load_avatar(bob);
+    filtered.filter.dilation = 0.3;
+    save_avatar(folder / "filtered.gsh", filtered);
+    check_refused(run({"gsh-render", ann, (folder / "filtered.gsh").string(), "--camera", s.camera.string(), "--out",
+                       (folder / "none.png").string()}),
+                  "gsh-render", {"different pixel filters"});
+}
+
+TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are all reconstructed, with the data set's own body") {
+    const fs::path out = folder / "out";
+    const test::Outcome outcome = run({"gsh-reconstruct", "--capture", scene.string(), "--steps", "2", "--out", out.string(),
+                                       "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"});
+    INFO(outcome.err);
+    CHECK(outcome.code == 0);
+    CHECK(outcome.err.find("no triangles") != std::string::npos);
+    for (const char* name : {"person-0", "person-1"}) {
+        CHECK(load_avatar(out / (std::string("avatar-") + name + ".gsh")).gaussians.size() == V);
+        CHECK(fs::exists(out / (std::string("avatar-") + name + ".ply")));
+    }
+    const auto metrics = json_of(out / "metrics.json");
+    CHECK(metrics.at("people")[1].at("name") == "person-1");
+    CHECK(metrics.at("people")[1].at("psnr_person").is_null()); // no triangles, no masks
+    CHECK(metrics.at("psnr").is_number());
+    check_refused(run({"gsh-reconstruct", "--capture", scene.string(), "--poses", "a.npz,b.npz", "--out", out.string() + "2"}),
+                  "gsh-reconstruct", {"own layout"});
+}
+
+TEST_CASE("configurations are compared on two people, and gsh-check looks at one of them") {
+    const Studio& s = studio();
+    const test::Temporary folder;
+    const test::Outcome outcome =
+        run({"gsh-evaluate", "--capture", s.path.string(), "--body", s.body.string(), "--poses", "ann.npz,bob.npz", "--configs",
+             "paper", "--steps", "2", "--gaussians", "300", "--views", "1", "--set", "hash.table_size=4096", "--set",
+             "ao.table_size=4096", "--out", (folder / "out").string()});
+    check_done(outcome);
+    const auto tables = json_of(folder / "out" / fs::path("tables.json"));
+    CHECK(tables.at("costs")[0].at("gaussians") == 600);
+    check_refused(run({"gsh-check", s.path.string(), "--body", s.body.string(), "--poses", "ann.npz", "--poses", "bob.npz", "--out",
+                       (folder / "check").string()}),
+                  "gsh-check", {"--poses", "one person at a time"});
+}
+
+TEST_CASE("each of two people who pass each other is as good as alone") {
+    Size size{.size = 96, .frames = 4, .cameras = 4, .gaussians = 2000, .steps = 150, .samples = 4};
+    const char* asked = std::getenv("GSH_TWO_PEOPLE");
+    if (asked) {
+        std::string text = asked;
+        for (const auto& [name, value] : std::initializer_list<std::pair<const char*, int*>>{
+                 {"size=", &size.size}, {"frames=", &size.frames}, {"cameras=", &size.cameras}, {"gaussians=", &size.gaussians},
+                 {"steps=", &size.steps}, {"samples=", &size.samples}})
+            if (const auto at = text.find(name); at != std::string::npos) *value = std::atoi(text.c_str() + at + std::string(name).size());
+    }
+    const test::Temporary folder;
+    Actors actors(size);
+    save_body_model(folder / "body.npz", actors.body);
+    const Capture both = actors.together();
+    const auto owners = actors.owners(both.cameras);
+    save(folder / "both", both, {{"ann", &actors.ann}, {"bob", &actors.bob}});
+    save(folder / "ann", actors.alone(actors.first(), both.cameras), {{"ann", &actors.ann}});
+    save(folder / "bob", actors.alone(actors.second(), both.cameras), {{"bob", &actors.bob}});
+    for (const auto& [name, owner] : owners) { // bob's masks are given, ann's are left to the programs
+        PixelImage mask(3, size.size, size.size);
+        for (std::size_t i = 0; i < owner.size(); ++i) std::fill_n(mask.data.begin() + static_cast<std::ptrdiff_t>(3 * i), 3, owner[i] == 1 ? 255 : 0);
+        const auto cut = name.rfind('_');
+        const fs::path place = folder / "both" / fs::path("person_masks") / "bob" / name.substr(0, cut);
+        fs::create_directories(place);
+        write_png(place / (name.substr(cut + 1) + ".png"), mask);
+    }
+    const auto reconstruct = [&](const std::string& scene, const std::string& poses) {
+        Words words{"gsh-reconstruct", "--capture", (folder / scene).string(), "--body", (folder / "body.npz").string(), "--poses", poses,
+                    "--gaussians", std::to_string(size.gaussians), "--steps", std::to_string(size.steps), "--checkpoint-interval",
+                    "1000", "--out", (folder / (scene + "-out")).string()};
+        if (!asked) words.insert(words.end(), {"--set", "hash.table_size=4096", "--set", "ao.table_size=4096"});
+        check_done(run(words));
+        return folder / (scene + "-out");
+    };
+    const fs::path together = reconstruct("both", "ann.npz,bob.npz"),
+                   apart[] = {reconstruct("ann", "ann.npz"), reconstruct("bob", "bob.npz")};
+    const auto metrics = json_of(together / "metrics.json");
+    const std::string names[] = {"ann", "bob"};
+    for (const int p : {0, 1}) {
+        const double with = person_psnr(together, owners, p), alone = person_psnr(apart[p], owners, p),
+                     said = metrics.at("people")[static_cast<std::size_t>(p)].at("psnr_person");
+        MESSAGE(names[p] << ": " << with << " dB together, " << alone << " dB alone, over the same pixels; metrics.json says "
+                         << said << ": " << metrics.at("people")[static_cast<std::size_t>(p)].dump());
+        CHECK(with >= alone - 0.5);
+        CHECK(with > 15);
+        CHECK(std::abs(said - with) < (p == 0 ? 0.5 : 0.1)); // masks of bodies; masks that were given
+    }
+    if (asked) {
+        MESSAGE("full image: " << metrics.at("psnr") << " dB, " << metrics.at("ssim") << "; alone "
+                               << json_of(apart[0] / "metrics.json").at("psnr") << " and " << json_of(apart[1] / "metrics.json").at("psnr"));
+        if (const char* keep = std::getenv("GSH_TWO_PEOPLE_KEEP")) fs::copy(together, keep, fs::copy_options::recursive);
+    }
+}
