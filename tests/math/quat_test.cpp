@@ -27,6 +27,20 @@ TEST_CASE("rotation_matrix_backward and normalize_backward are gradients") {
     CHECK(dL_dn.y == 2 * once_n.y);
 }
 
+TEST_CASE("quat_from_z_axis turns +z to its argument by the shortest way") {
+    test::Rng rng(5);
+    std::vector<vec3<double>> directions{{0, 0, 1}, {0, 0, -1}, {1, 0, 0}, {0, -1, 0}, {1e-9, 0, -1}, {1e-5, -2e-5, -1}, {0, 1e-17, -1}};
+    for (int i = 0; i < 20; ++i) directions.push_back(rng.vec());
+    for (vec3<double> n : directions) {
+        n = n * (1 / length(n));
+        const quat<double> q = quat_from_z_axis(n);
+        CHECK(std::abs(dot(q, q) - 1) < 1e-14);
+        CHECK(length(rotation_matrix(q) * vec3<double>(0, 0, 1) - n) < 1e-14);
+        CHECK(q.z == 0); // the axis lies across z: no turn beyond the shortest
+        CHECK(q.w >= 0);
+    }
+}
+
 TEST_CASE("a unit quaternion gives a right-handed rotation about its axis") {
     const double half = 0.35;
     const quat<double> q{std::cos(half), 0, std::sin(half), 0}; // 0.7 rad about y

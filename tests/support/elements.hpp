@@ -188,6 +188,10 @@ struct RotationElement {
         quat<T> dL_dq = zero_quat<T>();
         rotation_from_quat_backward(q, dL_dR, dL_dq);
         out.put(rotation_from_quat(q)), out.put(dL_dq);
+        for (const T side : {T(1), T(-1)}) { // both ways of writing 1 + z
+            const vec3<T> w(v.x, v.y, side * T(2));
+            out.put(quat_from_z_axis(w * (T(1) / sqrt(dot(w, w)))));
+        }
     }
 };
 

@@ -231,6 +231,29 @@ TEST_CASE("the canonical body starts whole, whatever the priors say") {
     }
 }
 
+TEST_CASE("Gaussians start flat on the surface, or round") {
+    using Model = Chain<cpu::Serial>::Model;
+    const Chain<cpu::Serial> chain;
+    cpu::Serial backend;
+    const auto start = [&](double thickness) {
+        Model model(backend, chain.rig, chain.samples, 5, Chain<cpu::Serial>::small({.initial_thickness = thickness}));
+        Model::Cache cache;
+        model.update_canonical(cache);
+        return model.canonical_gaussians();
+    };
+    const auto flat = start(0.25), round = start(1);
+    for (std::size_t i = 0; i < flat.size(); ++i) {
+        const double scale = chain.samples.scales[i];
+        const mat3<double> R = rotation_matrix(flat.quats[i]);
+        CHECK(length(R[2] - chain.samples.normals[i]) < 1e-9);
+        for (int axis = 0; axis < 3; ++axis) {
+            CHECK(std::exp(flat.log_scales[i][axis]) == doctest::Approx(axis == 2 ? scale / 4 : scale));
+            CHECK(std::exp(round.log_scales[i][axis]) == doctest::Approx(scale));
+        }
+        CHECK(round.quats[i].w == 1);
+    }
+}
+
 TEST_CASE("fine levels cost nothing where the region is not") {
     using Model = Chain<cpu::Serial>::Model;
     const Chain<cpu::Serial> chain;
@@ -284,6 +307,8 @@ TEST_CASE("the model refuses what does not fit") {
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, fewer, 1), ShapeError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_opacity = 1}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_ao = 0}), ValueError);
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_thickness = 0}), ValueError);
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_thickness = 1.5}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.bounds_margin = 0}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {std::vector<double>(chain.samples.size(), 0.5), {}}), ValueError); // level 12 of 3
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.hash_displacement = false, .hash_sh = false, .head_time = true}), ValueError);

@@ -216,7 +216,7 @@ TEST_CASE("estimated poses come closer to the true ones while the avatar is lear
     CAPTURE(score(plain));
     CAPTURE(score(refined));
     CHECK(after < 0.6 * before);
-    CHECK(score(refined) > score(plain) + 6);
+    CHECK(score(refined) > score(plain) + 3);
 }
 
 TEST_CASE("a camera that stands elsewhere than its file says finds its place, and the first one stays") {
@@ -236,7 +236,7 @@ TEST_CASE("a camera that stands elsewhere than its file says finds its place, an
     const double before = length(seen(cameras[1]) - seen(scene.cameras[1])), after = length(seen(found[1]) - seen(scene.cameras[1]));
     CAPTURE(before);
     CAPTURE(after);
-    CHECK(after < 0.5 * before);
+    CHECK(after < 0.55 * before);
     CHECK(found[0].R == cameras[0].R);
     CHECK(found[0].t == cameras[0].t);
     CHECK(refined.refinement->motion().pose == scene.truth.pose);
@@ -319,6 +319,31 @@ TEST_CASE("over plates the same person is learned as over white, and the room st
         CHECK(std::abs(a.psnr - b.psnr) < 1);
         CHECK(std::abs(a.psnr_person - b.psnr_person) < 1);
     }
+}
+
+TEST_CASE("somebody in the background's colour becomes opaque where the background changes, and only there") {
+    SmallScene scene;
+    for (PixelImage& image : scene.images) // which the photographs refer to
+        for (std::size_t i = 0; i < image.data.size(); ++i)
+            if (i % 4 < 3) image.data[i] = 255; // white before white
+    const auto opacity = [&](bool random) { // mean alpha where the masks are full
+        SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {}, {.rates = {}, .random_background = random});
+        training.steps(60);
+        double sum = 0;
+        std::size_t count = 0;
+        for (const Photo& photo : scene.photos) {
+            Image<float> color, alpha;
+            training.trainer.render(photo, color, &alpha);
+            for (std::size_t i = 0; i < alpha.data.size(); ++i)
+                if (photo.rgba[4 * i + 3] == 255) sum += alpha.data[i], ++count;
+            for (int c = 0; c < 3; ++c) CHECK(color.view().row(c, 0)[0] == 1.0f); // pictures stand before white, after all
+        }
+        return sum / static_cast<double>(count);
+    };
+    const double random = opacity(true), plain = opacity(false);
+    CAPTURE(plain);
+    CHECK(random > 0.9);
+    CHECK(plain < random - 0.1);
 }
 
 TEST_CASE("ambient occlusion waits for its start: until then it neither learns nor shades") {

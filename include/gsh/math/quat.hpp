@@ -39,6 +39,16 @@ GSH_HD void normalize_backward(const quat<T>& q, const quat<T>& dL_dn, quat<T>& 
                      (dL_dn.z - n.z * along) * s};
 }
 
+/// The unit quaternion that turns +z to the unit vector n by the shortest way; half a turn about x where n is -z.
+template <Lane T>
+[[nodiscard]] GSH_HD quat<T> quat_from_z_axis(const vec3<T>& n) {
+    // |(1 + n.z, -n.y, n.x)|² = 2 (1 + n.z). At n.z near -1 that cancels, and the vector part is its own length.
+    const T sine = sqrt(n.x * n.x + n.y * n.y);
+    const T real = select(n.z > T(0), T(1) + n.z, sine * sine / max(T(1) - n.z, T(1)));
+    const MaskOf<T> opposite = real * real + sine * sine < T(1e-30);
+    return normalize(quat<T>{real, select(opposite, T(1), -n.y), n.x, T(0)});
+}
+
 /// The rotation matrix of a unit quaternion.
 template <Lane T>
 [[nodiscard]] GSH_HD mat3<T> rotation_matrix(const quat<T>& q) {

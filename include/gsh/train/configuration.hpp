@@ -161,6 +161,7 @@ void for_each_setting(C& c, const F& f) {
     f("ao.start", c.train.ao_start);
     f("deformation", c.avatar.deformation);
     f("initial_opacity", c.avatar.initial_opacity);
+    f("initial_thickness", c.avatar.initial_thickness);
     f("bounds_margin", c.avatar.bounds_margin);
     f("color_clamp", c.avatar.clamping);
     f("rate.joints", c.train.rates.joints);
@@ -174,6 +175,7 @@ void for_each_setting(C& c, const F& f) {
     f("rate.ao", c.train.rates.ao);
     f("rate.final", c.train.final_rate);
     f("ssim_weight", c.train.ssim_weight);
+    f("background.random", c.train.random_background);
     f("filter.dilation", c.train.filter.dilation);
     f("filter.compensate_opacity", c.train.filter.compensate_opacity);
 }
@@ -189,6 +191,7 @@ void for_each_setting(C& c, const F& f) {
         c.avatar.ao_table_size = 1u << 19;
         c.avatar.largest_ao = 1;
         c.avatar.initial_ao = 0.5;
+        c.avatar.initial_thickness = 1;
         c.train = baseline_config();
     };
     if (name == "paper") return c;

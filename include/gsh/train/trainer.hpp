@@ -72,8 +72,10 @@ struct TrainConfig {
     LearningRates rates;
     double final_rate = 0.1; ///< share of its rate that each group ends with: small last steps average out single photographs
     double ssim_weight = 0.2;
-    double ao_start = 0.4; ///< share of the run after which ambient occlusion is learned; 1 before
+    double ao_start = 0.1; ///< share of the run after which ambient occlusion is learned; 1 before (the paper: 0.4)
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, in training and in test
+    /// In training another colour each step, so that no Gaussian can pass for background; views with plates keep theirs.
+    bool random_background = true;
     PixelFilter filter{.dilation = 0.1, .compensate_opacity = true}; ///< about what photographs have: 0.14 px² less a pixel's own box
 };
 
@@ -82,6 +84,8 @@ struct TrainConfig {
 [[nodiscard]] inline TrainConfig baseline_config() {
     return {.rates = {.joints = 5e-4, .quats = 0, .log_scales = 1e-3, .opacity_logits = 0.05, .displacement = 1e-4, .sh = 5e-4},
             .final_rate = 1,
+            .ao_start = 0.4,
+            .random_background = false,
             .filter = {.dilation = 0.3, .compensate_opacity = false}};
 }
 
@@ -191,6 +195,7 @@ public:
     void step(double progress = 0) {
         const Photo& photo = photos_[photo_of_step(step_count_)];
         progress_ = progress;
+        if (config_.random_background) background_ = random_color(step_count_);
         time(Stage::photo, [&] { upload_photo(photo); });
         time(Stage::field_forward, [&] { query_fields(photo.frame); });
         const Camera<T> camera = camera_of(photo);
@@ -215,6 +220,7 @@ public:
                                                        Span<const vec3<T>>(dL_dcenter_));
         });
         time(Stage::update, [&] { update(progress); });
+        background_ = config_.background;
     }
 
     /// Loss of the last step; waits for it.
@@ -379,8 +385,14 @@ private:
     [[nodiscard]] ImageView<const T> render_view() const { return {render_, 3, height_, width_}; }
     [[nodiscard]] ImageView<const T> truth_view() const { return {truth_, 3, height_, width_}; }
     [[nodiscard]] Background<T> background() const {
-        return {.color = {T(config_.background[0]), T(config_.background[1]), T(config_.background[2])},
+        return {.color = {T(background_[0]), T(background_[1]), T(background_[2])},
                 .image = plate_.size() ? ImageView<const T>{plate_, 3, height_, width_} : ImageView<const T>()};
+    }
+    [[nodiscard]] std::array<double, 3> random_color(std::uint64_t step) const {
+        const std::uint64_t bits = random_bits(mix_bits(seed_ + 2), step);
+        std::array<double, 3> color;
+        for (std::size_t c = 0; c < 3; ++c) color[c] = static_cast<double>(bits >> (21 * c) & 0x1FFFFF) / 0x1FFFFF;
+        return color;
     }
     /// The plate as numbers, or none.
     void upload_plate(const Photo& photo) {
@@ -554,6 +566,7 @@ private:
     std::vector<Photo> photos_;
     std::uint64_t seed_;
     TrainConfig config_;
+    std::array<double, 3> background_ = config_.background; // of this step, or of a picture
     Rasterizer<B, T> rasterizer_;
     PhotometricLoss<B, T> loss_;
     Adam adam_;
