@@ -105,8 +105,8 @@ private:
             if (last) result.cost = cost_of_run(reconstruction, record);
             if (run.options.refine) reconstruction.refine_test_poses(backend_);
             Mark mark{.steps = record.steps, .seconds = record.seconds, .after = after(run, record.steps)};
-            mark.protocol = protocol_of(run.options, source_, judge_, test_photos_.size()) + " " +
-                            training_protocol(run, record.steps);
+            mark.protocol = protocol_of(run.options, source_, run.configuration.train, judge_, test_photos_.size()) +
+                            " " + training_protocol(run, record.steps);
             const bool judged = judge(reconstruction.trainer, test_photos_, mark, last ? &out : nullptr, result);
             if (run.options.refine) reconstruction.end_test_refinement();
             if (!judged) return false;

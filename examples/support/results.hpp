@@ -14,6 +14,7 @@
 #include <gsh/io/ply.hpp>
 #include <gsh/train/checkpoint.hpp>
 #include <gsh/train/evaluation.hpp>
+#include <gsh/train/trainer.hpp>
 
 #include <nlohmann/json.hpp>
 
@@ -153,11 +154,14 @@ inline std::string measures_of(const Judge& judge) {
 }
 
 /// How the figures came about, in words.
-inline std::string protocol_of(const ReconstructOptions& o, const Source& source, const Judge& judge, std::size_t images) {
+inline std::string protocol_of(const ReconstructOptions& o, const Source& source, const TrainConfig& train,
+                               const Judge& judge, std::size_t images) {
+    const std::string background = !source.capture.backgrounds.empty() ? "the capture's backgrounds in training and test"
+                                   : train.random_background           ? "a random background each step in training, white in test"
+                                                                       : "white background in training and test";
     return "Test views of " + source.capture.name + " (" + std::to_string(images) + " images), poses of " + poses_text(o) +
            (o.refine ? ", refined in training and fitted to the test images at test time" : ", as given, not refined") +
-           ", " + (source.capture.backgrounds.empty() ? "white background" : "the capture's backgrounds") +
-           " in training and test, " + measures_of(judge) +
+           ", " + background + ", " + measures_of(judge) +
            (source.people.size() > 1 ? " People are judged apart where person_masks show them, else where their body is in front "
                                        "(clothes and hair go to the nearest)." : "");
 }
@@ -202,7 +206,7 @@ inline std::optional<ImageScore> write_results(OutputFolder& out, const Reconstr
             save_motion(out.file(result_name(reconstruction, "poses_refined", p) + ".npz"), reconstruction.people[p].refinement->motion());
     }
 
-    const std::string protocol = protocol_of(o, source, judge, scores.size());
+    const std::string protocol = protocol_of(o, source, trainer.config(), judge, scores.size());
     nlohmann::ordered_json json;
     json["psnr"] = number_or_null(mean.psnr);
     json["ssim"] = number_or_null(mean.ssim);
