@@ -219,7 +219,7 @@ TEST_CASE("two people, one before the other, are both learned") {
 TEST_CASE("the gradient of one picture reaches both people, and is right") {
     const SmallScene scene;
     test::Rng rng(5);
-    std::vector<std::uint8_t> noise(scene.photos[0].rgba.size(), 255); // no difference near the kink of L1
+    std::vector<std::uint8_t> noise(scene.photos[0].rgba.size(), 255); // few differences near the kink of L1, small steps to miss those
     for (std::size_t i = 0; i < noise.size(); ++i)
         if (i % 4 != 3) noise[i] = static_cast<std::uint8_t>(rng.uniform(0, 255));
     Photo photo = scene.photos[0];
@@ -261,7 +261,7 @@ TEST_CASE("the gradient of one picture reaches both people, and is right") {
             for (const double value : gradient[p][group]) largest = std::max(largest, std::abs(value));
             CHECK(largest > 1e-6);
             test::check_gradient(loss, values, Span<const double>(gradient[p][group]),
-                                 {.step = 1e-6, .tolerance = 2e-6, .stride = values.size() / 12 + 1});
+                                 {.step = 1e-7, .tolerance = 2e-6, .stride = values.size() / 12 + 1});
         }
 }
 
