@@ -312,6 +312,7 @@ TEST_CASE("the model refuses what does not fit") {
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_thickness = 0}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_thickness = 1.5}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.bounds_margin = 0}), ValueError);
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.prior_scale = 0}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {std::vector<double>(chain.samples.size(), 0.5), {}}), ValueError); // level 12 of 3
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.hash_displacement = false, .hash_sh = false, .head_time = true}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {{0.5}, {}}), ShapeError);

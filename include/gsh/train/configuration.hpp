@@ -142,6 +142,7 @@ void for_each_setting(C& c, const F& f) {
     f("prior.normals", c.normal_prior);
     f("prior.depth_feature", c.prior.depth);
     f("prior.depth_unit", c.prior.depth_unit);
+    f("prior.scale", c.avatar.prior_scale);
     f("hash.base", c.avatar.hash_base);
     f("hash.growth", c.avatar.hash_growth);
     f("hash.table_size", c.avatar.hash_table_size);
@@ -191,6 +192,7 @@ void for_each_setting(C& c, const F& f) {
         c.avatar.ao_table_size = 1u << 19;
         c.avatar.largest_ao = 1;
         c.avatar.initial_ao = 0.5;
+        c.avatar.hash_growth = 1.5;
         c.avatar.initial_thickness = 1;
         c.avatar.sh_dc_scale = 20;
         c.train = baseline_config();
