@@ -19,7 +19,6 @@ using namespace gsh;
 
 namespace {
 
-constexpr std::size_t J = 27, V = 60;
 using Matrix = std::array<std::array<double, 4>, 4>;
 
 Matrix times(const Matrix& a, const Matrix& b) {
@@ -64,6 +63,7 @@ struct Gala {
     std::vector<vec3<double>> vertices, local; // local: joints in their parents' frames
     std::vector<Matrix> bind;                  // joint_from_world
     std::vector<double> weights;               // [V, J]
+    static constexpr std::size_t J = 27, V = 60;
     static constexpr int cameras = 3, frames = 4, people = 2;
     std::vector<vec3<double>> degrees, roots; // [frames, people, J], [frames, people]
     vec3<double> eye{0.4, 1.2, -4.5};

@@ -5,6 +5,7 @@
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 
+#include "support/bodies.hpp"
 #include "support/closed_mesh.hpp"
 
 #include <algorithm>
@@ -23,10 +24,6 @@ double weight(std::size_t v, int joint) {
 }
 const vec3<double>& vertex(std::size_t v) {
     return actor().v_template[v];
-}
-
-std::vector<vec3<double>> posed(const Motion& motion, std::size_t t) {
-    return pose_body(actor(), motion.pose_at(t), motion.transl[t], motion.betas, motion.expression_at(t)).vertices;
 }
 
 Motion still() {
@@ -211,7 +208,7 @@ TEST_CASE("expressions move the face and nothing else, each in its own way") {
 TEST_CASE("a blink covers the eye") {
     Motion motion = still();
     motion.expression[6] = 1;
-    const auto closed = posed(motion, 0);
+    const auto closed = test::posed_vertices(actor(), motion, 0);
     const vec3<double> eye = actor_joint(smplx::left_eye);
     double lowest = 1; // of the upper lid's edge, in the middle
     for (std::size_t v = 0; v < closed.size(); ++v) {
@@ -224,13 +221,13 @@ TEST_CASE("a blink covers the eye") {
 
 TEST_CASE("the zero pose is the template; jaw, finger and knee move what they should") {
     Motion motion = still();
-    const auto rest = posed(motion, 0);
+    const auto rest = test::posed_vertices(actor(), motion, 0);
     for (std::size_t v = 0; v < rest.size(); ++v) CHECK(length(rest[v] - vertex(v)) < 1e-9);
 
     motion.pose[smplx::jaw] = {0.3, 0, 0};
     motion.pose[smplx::left_middle1] = {0, 0, -1};
     motion.pose[smplx::left_knee] = {0.8, 0, 0};
-    const auto moved = posed(motion, 0);
+    const auto moved = test::posed_vertices(actor(), motion, 0);
     for (std::size_t v = 0; v < rest.size(); ++v) {
         const vec3<double> move = moved[v] - rest[v], p = vertex(v);
         if (weight(v, smplx::jaw) > 0.9) CHECK(move.y < -0.001);
@@ -264,7 +261,7 @@ TEST_CASE("motions loop, stay on the floor, and move what they promise") {
         CHECK(around <= 1.2 * step); // closing the loop is a step like any other
         for (std::size_t t = 0; t < 12; t += 3) {
             double lowest = 9;
-            for (const auto& p : posed(motion, t)) lowest = std::min(lowest, p.y);
+            for (const auto& p : test::posed_vertices(actor(), motion, t)) lowest = std::min(lowest, p.y);
             CHECK(std::abs(lowest - ActorOutfit::sole_y) < 0.03);
         }
     }
