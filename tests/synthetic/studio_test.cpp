@@ -16,7 +16,7 @@ using namespace gsh;
 
 namespace {
 
-const BodyModel& coarse_actor() {
+const BodyModel& actor() {
     static const BodyModel body = make_actor({.edge_scale = 1.5});
     return body;
 }
@@ -54,16 +54,16 @@ TEST_CASE("alpha is the silhouette of the posed mesh seen by the cameras") {
     const Motion motion = actor_motion(ActorMotion::talk, 2);
     StudioParams params;
     params.train_cameras = 3, params.image_size = 200, params.samples = 4;
-    const Capture shot = film(backend, coarse_actor(), motion, params);
+    const Capture shot = film(backend, actor(), motion, params);
     REQUIRE(shot.cameras.size() == 4);
     for (std::size_t c = 0; c < 4; ++c)
         for (std::size_t t = 0; t < 2; ++t) {
-            const auto vertices = test::posed_vertices(coarse_actor(), motion, t);
+            const auto vertices = test::posed_vertices(actor(), motion, t);
             const auto& camera = shot.cameras[c].camera;
             std::vector<int> count(40000, 0);
             for (const double du : {0.25, 0.75})
                 for (const double dv : {0.25, 0.75}) {
-                    const auto mask = covered(vertices, coarse_actor().faces, camera, du, dv);
+                    const auto mask = covered(vertices, actor().faces, camera, du, dv);
                     for (std::size_t i = 0; i < mask.size(); ++i) count[i] += mask[i];
                 }
             double both = 0, either = 0;
@@ -82,21 +82,21 @@ TEST_CASE("images are the same bytes at any thread count") {
     StudioParams params;
     params.train_cameras = 2, params.image_size = 64, params.samples = 5;
     cpu::Serial serial;
-    const Capture expected = film(serial, coarse_actor(), motion, params);
+    const Capture expected = film(serial, actor(), motion, params);
     for (const std::size_t threads : {1, 2, 3, 7}) {
         cpu::Threads backend(threads);
-        const Capture shot = film(backend, coarse_actor(), motion, params);
+        const Capture shot = film(backend, actor(), motion, params);
         for (std::size_t i = 0; i < expected.images.size(); ++i) CHECK(shot.images[i].data == expected.images[i].data);
     }
     params.seed = 2;
-    CHECK(film(serial, coarse_actor(), motion, params).images[0].data != expected.images[0].data);
+    CHECK(film(serial, actor(), motion, params).images[0].data != expected.images[0].data);
 }
 
 TEST_CASE("pixels: straight alpha, no colour where there is none, nothing cut off at the border") {
     cpu::Threads backend(2);
     StudioParams params;
     params.train_cameras = 4, params.test_cameras = 2, params.image_size = 96, params.samples = 9;
-    const Capture shot = film(backend, coarse_actor(), actor_motion(ActorMotion::talk, 3), params);
+    const Capture shot = film(backend, actor(), actor_motion(ActorMotion::talk, 3), params);
     CHECK(shot.images.size() == 18);
     CHECK(shot.fps == doctest::Approx(10));
     for (const auto& image : shot.images) {
@@ -111,7 +111,7 @@ TEST_CASE("pixels: straight alpha, no colour where there is none, nothing cut of
         CHECK(partial > 50);
         CHECK(opaque > 300);
     }
-    CHECK(capture_warnings(shot, coarse_actor()).empty());
+    CHECK(capture_warnings(shot, actor()).empty());
     std::vector<double> focal, centre;
     for (const auto& named : shot.cameras) {
         CHECK(determinant(named.camera.R) == doctest::Approx(1));
@@ -129,12 +129,12 @@ TEST_CASE("shadows are soft and move over the body") {
     const Motion motion = actor_motion(ActorMotion::talk, 6);
     std::vector<LitMesh> frames;
     for (std::size_t t = 0; t < 6; ++t)
-        frames.emplace_back(test::posed_vertices(coarse_actor(), motion, t), coarse_actor().v_template,
-                            coarse_actor().faces, StudioLight{});
+        frames.emplace_back(test::posed_vertices(actor(), motion, t), actor().v_template, actor().faces,
+                            StudioLight{});
     std::size_t moving = 0, half_lit = 0;
-    for (std::size_t f = 0; f < coarse_actor().faces.size(); ++f) {
-        const auto v = static_cast<std::size_t>(coarse_actor().faces[f][0]);
-        const auto& p = coarse_actor().v_template[v];
+    for (std::size_t f = 0; f < actor().faces.size(); ++f) {
+        const auto v = static_cast<std::size_t>(actor().faces[f][0]);
+        const auto& p = actor().v_template[v];
         if (std::abs(p.x) > 0.15 || p.y < 0 || p.y > 0.45 || p.z < 0.05) continue; // the shirt's front
         float low = 1, high = 0;
         for (const auto& frame : frames) {
@@ -169,15 +169,15 @@ TEST_CASE("parameters out of range are refused") {
         StudioParams params;
         params.image_size = 16, params.samples = 1;
         change(params);
-        CHECK_THROWS_AS((void)film(backend, coarse_actor(), motion, params), ValueError);
+        CHECK_THROWS_AS((void)film(backend, actor(), motion, params), ValueError);
     };
     refused([](StudioParams& p) { p.train_cameras = 0; });
     refused([](StudioParams& p) { p.train_cameras = 1, p.test_cameras = 2; });
     refused([](StudioParams& p) { p.image_size = 0; });
     refused([](StudioParams& p) { p.samples = 0; });
     refused([](StudioParams& p) { p.distance = 0.5; });
-    CHECK_THROWS_AS((void)film(backend, coarse_actor(), Motion{}), ValueError);
+    CHECK_THROWS_AS((void)film(backend, actor(), Motion{}), ValueError);
     Motion other = motion;
     other.joint_count = 24;
-    CHECK_THROWS_AS((void)film(backend, coarse_actor(), other), ShapeError);
+    CHECK_THROWS_AS((void)film(backend, actor(), other), ShapeError);
 }
