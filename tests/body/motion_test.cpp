@@ -8,7 +8,7 @@
 namespace gsh {
 namespace {
 
-constexpr std::size_t T = 3;
+constexpr std::size_t motion_frames = 3;
 
 BodyModel body_of(std::size_t joints) {
     BodyModel model = test::tube(joints, 60, 4);
@@ -16,16 +16,16 @@ BodyModel body_of(std::size_t joints) {
     return model;
 }
 
-/// Row-major [T, width] numbers that tell where they came from.
+/// Row-major [motion_frames, width] numbers that tell where they came from.
 std::vector<double> numbered(std::size_t width, double base) {
-    std::vector<double> numbers(T * width);
+    std::vector<double> numbers(motion_frames * width);
     for (std::size_t n = 0; n < numbers.size(); ++n) numbers[n] = base + 0.001 * static_cast<double>(n);
     return numbers;
 }
 
 bool holds(const Motion& motion, const std::vector<double>& numbers, std::size_t first_joint) {
-    const std::size_t width = numbers.size() / T;
-    for (std::size_t t = 0; t < T; ++t)
+    const std::size_t width = numbers.size() / motion_frames;
+    for (std::size_t t = 0; t < motion_frames; ++t)
         for (std::size_t n = 0; n < width; ++n)
             if (motion.pose_at(t)[first_joint + n / 3][static_cast<int>(n % 3)] != numbers[t * width + n]) return false;
     return true;
@@ -48,7 +48,7 @@ TEST_CASE("SMPL-X parts land on their joints") {
                                                   .transl = shift,
                                                   .timestamps = times,
                                                   .betas = betas});
-    CHECK(motion.frame_count() == T);
+    CHECK(motion.frame_count() == motion_frames);
     CHECK(holds(motion, root, 0));
     CHECK(holds(motion, body, 1));
     CHECK(holds(motion, jaw, 22));
@@ -95,7 +95,7 @@ TEST_CASE("hands: mean added unless flat, principal components unfolded") {
     CHECK(flat.pose_at(2)[40] == vec3<double>(0));
 
     for (const auto& coefficients : {left6, left}) {
-        const std::size_t width = coefficients.size() / T;
+        const std::size_t width = coefficients.size() / motion_frames;
         const Motion motion = assemble_motion(
             model, {.global_orient = root, .left_hand_pose = coefficients, .flat_hand = true, .hand_components = true});
         for (std::size_t n = 0; n < 45; ++n) {

@@ -30,13 +30,15 @@ TEST_CASE("the scalar functions are those of std") {
 
 namespace {
 
+template <Lane T>
+using Run = void (*)(test::Inputs<T>, test::Outputs<T>, const ScalarOf<T>* table);
+
 /// Runs an element on a pack of samples and on each sample alone. The packs' exp, log, sin and cos are polynomials of
 /// their own, so lanes agree to a few units in the last place of numbers near 1, not to the bit.
-template <class Element, class S>
-void compare_lanes(double tolerance) {
+template <class S>
+void compare_lanes(const char* name, Run<Pack<S>> on_packs, Run<S> on_scalars, double tolerance) {
     using P = Pack<S>;
     constexpr std::size_t width = P::size;
-    const Element element;
     test::Rng rng(11);
     std::vector<S> table(test::element_table_size);
     for (S& number : table) number = static_cast<S>(rng.uniform(-1, 1));
@@ -50,21 +52,28 @@ void compare_lanes(double tolerance) {
             for (std::size_t lane = 0; lane < width; ++lane) lanes[lane] = in[lane * test::element_inputs + k];
             packed[k] = P::load_aligned(lanes);
         }
-        element.run(test::Inputs<P>(packed.data()), test::Outputs<P>(packed_out.data()), table.data());
+        on_packs(test::Inputs<P>(packed.data()), test::Outputs<P>(packed_out.data()), table.data());
 
         for (std::size_t lane = 0; lane < width; ++lane) {
             std::vector<S> out(test::element_outputs, S(0));
-            element.run(test::Inputs<S>(in.data() + lane * test::element_inputs), test::Outputs<S>(out.data()), table.data());
+            on_scalars(test::Inputs<S>(in.data() + lane * test::element_inputs), test::Outputs<S>(out.data()), table.data());
             for (std::size_t k = 0; k < out.size(); ++k) {
                 alignas(64) S lanes[width];
                 packed_out[k].store_aligned(lanes);
                 const double expected = static_cast<double>(out[k]);
-                INFO(Element::name << ", round " << round << ", lane " << lane << ", output " << k << ": pack "
-                                   << lanes[lane] << ", scalar " << out[k]);
+                INFO(name << ", round " << round << ", lane " << lane << ", output " << k << ": pack " << lanes[lane]
+                          << ", scalar " << out[k]);
                 REQUIRE(std::abs(static_cast<double>(lanes[lane]) - expected) <= tolerance * std::max(1.0, std::abs(expected)));
             }
         }
     }
+}
+
+template <class Element, class S>
+void compare_lanes(double tolerance) {
+    compare_lanes<S>(
+        Element::name, [](auto in, auto out, const S* table) { Element().run(in, out, table); },
+        [](auto in, auto out, const S* table) { Element().run(in, out, table); }, tolerance);
 }
 
 } // namespace

@@ -56,12 +56,12 @@ std::vector<vec3<T>> cast(const std::vector<vec3<double>>& points) {
 }
 
 template <class T, class B>
-struct Run {
+struct GridRun {
     std::vector<T> features, dL_dtable;
     std::vector<vec3<T>> dL_dpoints;
     std::vector<std::uint32_t> touched;
 
-    Run(B& backend, const Grid& grid, const std::vector<T>& table, const std::vector<vec3<T>>& points,
+    GridRun(B& backend, const Grid& grid, const std::vector<T>& table, const std::vector<vec3<T>>& points,
         const std::vector<T>& dL_dfeatures, std::size_t block, int backwards = 1)
         : features(dL_dfeatures.size()), dL_dtable(table.size(), T(0)), dL_dpoints(points.size(), vec3<T>(0)) {
         Grid::Query<B, T> query;
@@ -105,7 +105,7 @@ TEST_CASE("HashGrid evaluates its definition, one point at a time and many") {
     auto points = rng.vecs(131, 0, 1);
     points[0] = vec3<double>(0), points[1] = vec3<double>(1), points[2] = {1, 0, 0.5};
     cpu::Serial backend;
-    const Run<double, cpu::Serial> run(backend, grid, table, points, std::vector(points.size() * 20, 0.0), 20);
+    const GridRun<double, cpu::Serial> run(backend, grid, table, points, std::vector(points.size() * 20, 0.0), 20);
     for (std::size_t i = 0; i < points.size(); ++i) {
         double one[Grid::output_count];
         grid.encode(table.data(), points[i], one);
@@ -147,7 +147,7 @@ TEST_CASE("HashGrid's adjoints are the gradients to the table and to the points"
         for (std::size_t i = 0; i < features.size(); ++i) sum += features[i] * dL_dfeatures[i];
         return sum;
     };
-    const Run<double, cpu::Serial> run(backend, grid, table, points, dL_dfeatures, 20);
+    const GridRun<double, cpu::Serial> run(backend, grid, table, points, dL_dfeatures, 20);
     test::check_gradient(loss, table, run.dL_dtable, {.stride = 7});
     auto dL_dpoints = run.dL_dpoints;
     test::check_gradient(loss, test::scalars(points), test::scalars(dL_dpoints), {.tolerance = 1e-5});
@@ -158,7 +158,7 @@ TEST_CASE("HashGrid's adjoints are the gradients to the table and to the points"
     for (std::size_t i = 0; i < table.size(); ++i) CHECK(run.dL_dtable[i] == doctest::Approx(one_by_one[i]).epsilon(1e-12));
 
     // A second backward doubles everything, up to the order of the sums.
-    const Run<double, cpu::Serial> twice(backend, grid, table, points, dL_dfeatures, 20, 2);
+    const GridRun<double, cpu::Serial> twice(backend, grid, table, points, dL_dfeatures, 20, 2);
     for (std::size_t i = 0; i < table.size(); ++i)
         CHECK(twice.dL_dtable[i] == doctest::Approx(2 * run.dL_dtable[i]).epsilon(1e-12));
     for (std::size_t i = 0; i < points.size(); ++i) CHECK(twice.dL_dpoints[i] == 2.0 * run.dL_dpoints[i]);
@@ -169,7 +169,7 @@ TEST_CASE("touched entries are those with a gradient, in order") {
     test::Rng rng(6);
     const auto points = rng.vecs(15, 0, 1);
     cpu::Serial backend;
-    const Run<double, cpu::Serial> run(backend, grid, big_table<double>(grid), points,
+    const GridRun<double, cpu::Serial> run(backend, grid, big_table<double>(grid), points,
                                        std::vector(points.size() * 20, 1.0), 4);
     std::set<std::uint32_t> expected;
     for (std::size_t e = 0; e < grid.entry_count(); ++e)
@@ -186,10 +186,10 @@ TEST_CASE_TEMPLATE("HashGrid on Threads equals Serial bit for bit, in any blocks
     for (T& x : dL_dfeatures) x = static_cast<T>(rng.uniform(-1, 1));
     cpu::Serial serial;
     for (const std::size_t block : {4, 20}) {
-        const Run<T, cpu::Serial> expected(serial, grid, table, points, dL_dfeatures, block);
+        const GridRun<T, cpu::Serial> expected(serial, grid, table, points, dL_dfeatures, block);
         for (const std::size_t threads : {1, 2, 3, 7}) {
             cpu::Threads backend(threads);
-            const Run<T, cpu::Threads> run(backend, grid, table, points, dL_dfeatures, block);
+            const GridRun<T, cpu::Threads> run(backend, grid, table, points, dL_dfeatures, block);
             CHECK(run.features == expected.features);
             CHECK(run.dL_dtable == expected.dL_dtable);
             CHECK(run.dL_dpoints == expected.dL_dpoints);
@@ -197,7 +197,8 @@ TEST_CASE_TEMPLATE("HashGrid on Threads equals Serial bit for bit, in any blocks
         }
     }
     // Regrouped columns hold the same numbers.
-    const Run<T, cpu::Serial> levels(serial, grid, table, points, dL_dfeatures, 4), rows(serial, grid, table, points, dL_dfeatures, 20);
+    const GridRun<T, cpu::Serial> levels(serial, grid, table, points, dL_dfeatures, 4),
+        rows(serial, grid, table, points, dL_dfeatures, 20);
     const auto by_level = blocked(Span<const T>(levels.features), 20, 4), by_row = row_major(Span<const T>(rows.features), 20);
     bool same = true;
     for (std::size_t i = 0; i < points.size(); ++i)
@@ -244,7 +245,7 @@ TEST_CASE("points outside the cube, and NaN, stay inside the table") {
     constexpr float inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
     const std::vector<vec3<float>> points{{-5, 2, 0.5f}, {inf, -inf, nan}, {1e30f, 0, 1}};
     cpu::Serial backend;
-    const Run<float, cpu::Serial> run(backend, grid, table, points, std::vector<float>(60, 1.0f), 4);
+    const GridRun<float, cpu::Serial> run(backend, grid, table, points, std::vector<float>(60, 1.0f), 4);
     for (const float f : run.features) CHECK(std::isfinite(f));
     float at_face[Grid::output_count];
     grid.encode(table.data(), vec3<float>(0, 1, 0.5f), at_face);

@@ -34,10 +34,10 @@ std::vector<double> plain(const Mlp& mlp, const std::vector<double>& weights, st
 }
 
 template <class T, class B>
-struct Run {
+struct MlpRun {
     std::vector<T> outputs, dL_dweights, dL_dinputs;
 
-    Run(B backend, const Mlp& mlp, const std::vector<T>& weights, FeatureView<const T> inputs,
+    MlpRun(B backend, const Mlp& mlp, const std::vector<T>& weights, FeatureView<const T> inputs,
         const std::vector<T>& dL_doutputs, int backwards = 1)
         : outputs(dL_doutputs.size()), dL_dweights(weights.size(), T(0)), dL_dinputs(inputs.values.size(), T(0)) {
         Mlp::Cache<B, T> cache;
@@ -57,7 +57,8 @@ TEST_CASE("Mlp::forward evaluates the network row by row") {
         const auto weights = mlp.initial_weights<double>(5);
         const auto inputs = rng.numbers(s.rows * mlp.inputs());
         const auto view = row_major(Span<const double>(inputs), mlp.inputs());
-        const Run<double, cpu::Serial> run(cpu::Serial(), mlp, weights, view, std::vector(s.rows * mlp.outputs(), 0.0));
+        const MlpRun<double, cpu::Serial> run(cpu::Serial(), mlp, weights, view,
+                                               std::vector(s.rows * mlp.outputs(), 0.0));
         for (std::size_t r = 0; r < s.rows; ++r) {
             const double* row = inputs.data() + r * mlp.inputs();
             const auto expected = plain(mlp, weights, {row, row + mlp.inputs()});
@@ -84,7 +85,7 @@ TEST_CASE("Mlp::backward is the gradient of forward") {
             for (std::size_t i = 0; i < outputs.size(); ++i) sum += outputs[i] * dL_doutputs[i];
             return sum;
         };
-        const Run<double, cpu::Serial> run(backend, mlp, weights, view, dL_doutputs);
+        const MlpRun<double, cpu::Serial> run(backend, mlp, weights, view, dL_doutputs);
         INFO("hidden layers " << s.hidden_layers << ", width " << s.width);
         // A kink between the two differences is rare at this step; these seeds have none.
         const std::size_t stride = std::max<std::size_t>(1, weights.size() * s.rows / 20000);
@@ -98,7 +99,8 @@ TEST_CASE("Mlp::backward adds, and Write::assign overwrites the inputs' gradient
     test::Rng rng(4);
     const auto weights = mlp.initial_weights<double>(1), inputs = rng.numbers(40 * 6), dL_doutputs = rng.numbers(40 * 5);
     const auto view = row_major(Span<const double>(inputs), 6);
-    const Run<double, cpu::Serial> once({}, mlp, weights, view, dL_doutputs), twice({}, mlp, weights, view, dL_doutputs, 2);
+    const MlpRun<double, cpu::Serial> once({}, mlp, weights, view, dL_doutputs),
+        twice({}, mlp, weights, view, dL_doutputs, 2);
     for (std::size_t i = 0; i < weights.size(); ++i) CHECK(twice.dL_dweights[i] == 2 * once.dL_dweights[i]);
     for (std::size_t i = 0; i < inputs.size(); ++i) CHECK(twice.dL_dinputs[i] == 2 * once.dL_dinputs[i]);
 
@@ -120,13 +122,13 @@ TEST_CASE("Mlp takes its inputs in blocks of columns") {
     constexpr std::size_t rows = 131;
     const auto weights = mlp.initial_weights<double>(1), inputs = rng.numbers(rows * 12), dL_doutputs = rng.numbers(rows * 5);
     const auto view = row_major(Span<const double>(inputs), 12);
-    const Run<double, cpu::Serial> expected({}, mlp, weights, view, dL_doutputs);
+    const MlpRun<double, cpu::Serial> expected({}, mlp, weights, view, dL_doutputs);
     for (const std::size_t block : {1, 2, 3, 4, 6}) {
         std::vector<double> regrouped(inputs.size());
         const auto groups = blocked(Span<double>(regrouped), 12, block);
         for (std::size_t r = 0; r < rows; ++r)
             for (std::size_t c = 0; c < 12; ++c) groups(r, c) = view(r, c);
-        Run<double, cpu::Serial> run({}, mlp, weights, groups, dL_doutputs);
+        MlpRun<double, cpu::Serial> run({}, mlp, weights, groups, dL_doutputs);
         CHECK(run.outputs == expected.outputs);
         CHECK(run.dL_dweights == expected.dL_dweights);
         const auto dL_dgroups = blocked(Span<double>(run.dL_dinputs), 12, block);
@@ -144,7 +146,7 @@ TEST_CASE_TEMPLATE("Mlp on Threads equals Serial bit for bit", T, float, double)
     for (T& x : inputs) x = static_cast<T>(rng.uniform(-1, 1));
     for (T& x : dL_doutputs) x = static_cast<T>(rng.uniform(-1, 1));
     const auto view = row_major(Span<const T>(inputs), 10);
-    const Run<T, cpu::Serial> expected({}, mlp, weights, view, dL_doutputs);
+    const MlpRun<T, cpu::Serial> expected({}, mlp, weights, view, dL_doutputs);
     for (const std::size_t threads : {1, 2, 3, 7}) {
         cpu::Threads backend(threads);
         Mlp::Cache<cpu::Threads, T> cache;

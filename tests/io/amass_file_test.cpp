@@ -14,13 +14,12 @@ using namespace gsh;
 
 namespace {
 
-constexpr std::size_t T = 4;
-
 /// Members of the SMPL-X release's ..._stageii.npz.
-struct Sample {
+struct AmassSample {
+    static constexpr std::size_t T = 4; // frames
     std::map<std::string, std::pair<std::vector<double>, Shape>> arrays;
 
-    Sample() {
+    AmassSample() {
         test::Rng rng(2);
         for (const auto& [key, width] : std::map<std::string, std::size_t>{{"trans", 3},
                                                                            {"root_orient", 3},
@@ -52,10 +51,11 @@ struct Sample {
 } // namespace
 
 TEST_CASE("AMASS for SMPL-X: whole poses and split poses are the same motion") {
+    constexpr auto T = AmassSample::T;
     const test::Temporary folder;
     const auto path = folder / "walk_stageii.npz";
     const BodyModel body = test::small_body(55, 16, 2, true);
-    Sample sample;
+    AmassSample sample;
     sample.write(path);
     std::vector<std::string> warnings;
     const Motion whole = load_amass_motion(path, body, {}, &warnings);
@@ -87,6 +87,7 @@ TEST_CASE("AMASS for SMPL-X: whole poses and split poses are the same motion") {
 }
 
 TEST_CASE("other members of the family: SMPL+H, SMPL without a shape") {
+    constexpr auto T = AmassSample::T;
     const test::Temporary folder;
     const auto path = folder / "a.npz";
     test::Rng rng(1);
@@ -105,9 +106,10 @@ TEST_CASE("other members of the family: SMPL+H, SMPL without a shape") {
 }
 
 TEST_CASE("z up becomes y up where that is asked for") {
+    constexpr auto T = AmassSample::T;
     const test::Temporary folder;
     const BodyModel body = test::small_body(55, 16, 2);
-    Sample sample;
+    AmassSample sample;
     auto& poses = sample.arrays["poses"].first;
     for (std::size_t t = 0; t < T; ++t)
         poses[165 * t] = 1.5, poses[165 * t + 1] = 0.1, poses[165 * t + 2] = 0; // y to z
@@ -124,34 +126,36 @@ TEST_CASE("z up becomes y up where that is asked for") {
 }
 
 TEST_CASE("bad AMASS files name the file and the member") {
+    constexpr auto T = AmassSample::T;
     const test::Temporary folder;
     const auto path = folder / "a.npz";
     const BodyModel body = test::small_body(55, 16, 2);
-    const auto expect = [&](const std::function<void(Sample&)>& change, std::initializer_list<std::string_view> words) {
-        Sample sample;
+    const auto expect = [&](const std::function<void(AmassSample&)>& change,
+                            std::initializer_list<std::string_view> words) {
+        AmassSample sample;
         sample.arrays.erase("poses");
         change(sample);
         sample.write(path);
         test::check_throws<Error>([&] { (void)load_amass_motion(path, body); }, {path.string()});
         test::check_throws<Error>([&] { (void)load_amass_motion(path, body); }, words);
     };
-    expect([](Sample& s) { s.arrays.erase("root_orient"); }, {"poses is missing", "root_orient"});
-    expect([](Sample& s) { s.arrays.erase("pose_body"); }, {"pose_body is missing"});
-    expect([](Sample& s) { s.arrays.erase("trans"); }, {"trans is missing"});
+    expect([](AmassSample& s) { s.arrays.erase("root_orient"); }, {"poses is missing", "root_orient"});
+    expect([](AmassSample& s) { s.arrays.erase("pose_body"); }, {"pose_body is missing"});
+    expect([](AmassSample& s) { s.arrays.erase("trans"); }, {"trans is missing"});
     expect(
-        [](Sample& s) {
+        [](AmassSample& s) {
             s.arrays["pose_hand"] = {std::vector<double>(T * 45), {T, 45}};
         },
         {"pose_hand", "(4, 45)", "(4, 90)"});
-    expect([](Sample& s) { s.arrays["trans"] = {std::vector<double>(9), {3, 3}}; }, {"trans", "(3, 3)", "(4, 3)"});
+    expect([](AmassSample& s) { s.arrays["trans"] = {std::vector<double>(9), {3, 3}}; }, {"trans", "(3, 3)", "(4, 3)"});
     expect(
-        [](Sample& s) {
+        [](AmassSample& s) {
             s.arrays["pose_body"] = {std::vector<double>(T * 60), {T, 60}};
         },
         {"pose_body has 60", "63"});
-    expect([](Sample& s) { s.arrays["root_orient"] = {{}, {0, 3}}; }, {"root_orient", "(0, 3)"});
+    expect([](AmassSample& s) { s.arrays["root_orient"] = {{}, {0, 3}}; }, {"root_orient", "(0, 3)"});
     expect(
-        [](Sample& s) {
+        [](AmassSample& s) {
             s.arrays["fps"] = {{-1}, {}};
             s.arrays["mocap_framerate"] = {{0}, {}};
         },

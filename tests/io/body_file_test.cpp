@@ -17,8 +17,9 @@ using namespace gsh;
 namespace {
 
 /// A body file in which a test may leave out or replace members.
-class Parts {
+class BodyParts {
 public:
+    static constexpr std::size_t V = 6, J = 3, C = 4;
     using Add = std::function<void(NpzWriter&, const std::string&)>;
 
     template <class T>
@@ -39,10 +40,9 @@ private:
     std::map<std::string, Add> members_;
 };
 
-constexpr std::size_t V = 6, J = 3, C = 4;
-
-Parts valid_parts() {
-    Parts parts;
+BodyParts valid_parts() {
+    constexpr auto V = BodyParts::V, J = BodyParts::J, C = BodyParts::C;
+    BodyParts parts;
     std::vector<double> vertices(3 * V), weights(V * J, 0), regressor(J * V, 0), dirs(V * 3 * C);
     for (std::size_t i = 0; i < vertices.size(); ++i) vertices[i] = 0.1 * static_cast<double>(i);
     for (std::size_t i = 0; i < dirs.size(); ++i) dirs[i] = 0.01 * static_cast<double>(i);
@@ -114,7 +114,7 @@ TEST_CASE("a body comes back as it was saved") {
 TEST_CASE("directions are cut into shape and expression") {
     const test::Temporary folder;
     const auto path = folder / "a.npz";
-    Parts parts = valid_parts();
+    BodyParts parts = valid_parts();
     const auto counts = [&] {
         parts.write(path);
         const BodyModel model = load_body_model(path);
@@ -161,6 +161,7 @@ TEST_CASE("the rule of SMPL-X where the file does not say") {
 }
 
 TEST_CASE("pickled members are skipped unless they are needed") {
+    constexpr auto V = BodyParts::V;
     const test::Temporary folder;
     valid_parts().write(folder / "a.npz");
     const NpzReader good(folder / "a.npz");
@@ -191,11 +192,12 @@ TEST_CASE("pickled members are skipped unless they are needed") {
 }
 
 TEST_CASE("every missing or misshapen member is named") {
+    constexpr auto V = BodyParts::V;
     const test::Temporary folder;
     const auto path = folder / "a.npz";
     const auto load = [&] { (void)load_body_model(path); };
     for (const char* key : {"v_template", "f", "weights", "J_regressor", "shapedirs", "kintree_table"}) {
-        Parts parts = valid_parts();
+        BodyParts parts = valid_parts();
         parts.remove(key);
         parts.write(path);
         test::check_throws<IoError>(load, {path.string(), std::string(key) + " is missing"});
@@ -210,12 +212,12 @@ TEST_CASE("every missing or misshapen member is named") {
     }
     const std::map<std::string, Shape> wrong{{"posedirs", {V, 3, 5}}, {"hands_meanl", {44}}, {"hands_componentsr", {45, 44}}};
     for (const auto& [key, shape] : wrong) {
-        Parts parts = valid_parts();
+        BodyParts parts = valid_parts();
         parts.set(key, std::vector<double>(detail::element_count(shape)), shape);
         parts.write(path);
         test::check_throws<ShapeError>(load, {path.string(), key, detail::shape_text(shape)});
     }
-    Parts parts = valid_parts();
+    BodyParts parts = valid_parts();
     parts.set<double>("face_vertices", {1, 2}, {2});
     parts.write(path);
     test::check_throws<IoError>(load, {path.string(), "face_vertices", "<f8"});
@@ -230,10 +232,11 @@ TEST_CASE("every missing or misshapen member is named") {
 }
 
 TEST_CASE("arrays that are no body") {
+    constexpr auto V = BodyParts::V, J = BodyParts::J, C = BodyParts::C;
     const test::Temporary folder;
     const auto path = folder / "a.npz";
     const auto expect = [&](const auto& change, std::initializer_list<std::string_view> words) {
-        Parts parts = valid_parts();
+        BodyParts parts = valid_parts();
         change(parts);
         parts.write(path);
         test::check_throws<ValueError>([&] { (void)load_body_model(path); }, {path.string()});
@@ -241,19 +244,24 @@ TEST_CASE("arrays that are no body") {
     };
     std::vector<double> weights(V * J, 1.0 / 3);
     weights[4] = 0.5;
-    expect([&](Parts& parts) { parts.set("weights", weights, {V, J}); }, {"weights of vertex 1", "sum to 1.16", "expected 1"});
-    expect([&](Parts& parts) { parts.set("J_regressor", std::vector<double>(J * V, 0.5), {J, V}); }, {"J_regressor row 0", "expected 1"});
-    expect([&](Parts& parts) { parts.set<std::int64_t>("kintree_table", {-1, 2, 1, 0, 1, 2}, {2, J}); }, {"joint 1", "cycle"});
-    expect([&](Parts& parts) { parts.set<std::int64_t>("kintree_table", {-1, 2, 0, 0, 1, 2}, {2, J}); }, {"joint 1", "before its parent"});
-    expect([&](Parts& parts) { parts.set<std::int64_t>("kintree_table", {-1, -1, 0, 0, 1, 2}, {2, J}); }, {"joint 1", "second root"});
-    expect([&](Parts& parts) { parts.set<std::int64_t>("kintree_table", {-1, 0, 7, 0, 1, 2}, {2, J}); }, {"kintree_table", "[0, 2] is 7"});
-    expect([&](Parts& parts) { parts.set<std::int64_t>("kintree_table", {-1, 0, 1, 0, 2, 1}, {2, J}); }, {"kintree_table", "[1, 1] is 2"});
-    expect([&](Parts& parts) { parts.set<int>("f", {0, 1, 6}, {1, 3}); }, {"f[2] is 6"});
-    expect([&](Parts& parts) { parts.set<int>("f", {0, -1, 2}, {1, 3}); }, {"f[1] is -1"});
+    expect([&](BodyParts& parts) { parts.set("weights", weights, {V, J}); },
+           {"weights of vertex 1", "sum to 1.16", "expected 1"});
+    expect([&](BodyParts& parts) { parts.set("J_regressor", std::vector<double>(J * V, 0.5), {J, V}); },
+           {"J_regressor row 0", "expected 1"});
+    const auto tree = [&](const std::vector<std::int64_t>& rows, std::initializer_list<std::string_view> words) {
+        expect([&](BodyParts& parts) { parts.set("kintree_table", rows, {2, J}); }, words);
+    };
+    tree({-1, 2, 1, 0, 1, 2}, {"joint 1", "cycle"});
+    tree({-1, 2, 0, 0, 1, 2}, {"joint 1", "before its parent"});
+    tree({-1, -1, 0, 0, 1, 2}, {"joint 1", "second root"});
+    tree({-1, 0, 7, 0, 1, 2}, {"kintree_table", "[0, 2] is 7"});
+    tree({-1, 0, 1, 0, 2, 1}, {"kintree_table", "[1, 1] is 2"});
+    expect([&](BodyParts& parts) { parts.set<int>("f", {0, 1, 6}, {1, 3}); }, {"f[2] is 6"});
+    expect([&](BodyParts& parts) { parts.set<int>("f", {0, -1, 2}, {1, 3}); }, {"f[1] is -1"});
     for (const auto& [key, shape] : std::map<std::string, Shape>{{"v_template", {V, 3}}, {"weights", {V, J}}, {"J_regressor", {J, V}},
                                                                 {"shapedirs", {V, 3, C}}, {"hands_meanl", {45}}}) {
         std::vector<float> data(detail::element_count(shape));
         data.back() = std::numeric_limits<float>::quiet_NaN();
-        expect([&, &k = key, &s = shape](Parts& parts) { parts.set(k, data, s); }, {key, "NaN"});
+        expect([&, &k = key, &s = shape](BodyParts& parts) { parts.set(k, data, s); }, {key, "NaN"});
     }
 }

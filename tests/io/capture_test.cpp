@@ -14,7 +14,7 @@ using namespace gsh;
 
 namespace {
 
-constexpr std::size_t frames = 3;
+constexpr std::size_t capture_frames = 3;
 
 Camera<double> front_camera(double turn) {
     const double c = std::cos(turn), s = std::sin(turn);
@@ -42,14 +42,14 @@ Capture make_capture(const BodyModel& body) {
     Motion& motion = capture.motion;
     motion.joint_count = body.joint_count(), motion.expression_count = static_cast<std::size_t>(body.expression_count);
     motion.betas.assign(static_cast<std::size_t>(body.shape_count), 0.1);
-    motion.pose = rng.vecs(frames * body.joint_count(), -0.01, 0.01);
-    motion.expression.assign(frames * motion.expression_count, 0.0);
-    for (std::size_t f = 0; f < frames; ++f) {
+    motion.pose = rng.vecs(capture_frames * body.joint_count(), -0.01, 0.01);
+    motion.expression.assign(capture_frames * motion.expression_count, 0.0);
+    for (std::size_t f = 0; f < capture_frames; ++f) {
         motion.transl.emplace_back(0.05 * static_cast<double>(f), 0, 0);
         motion.timestamps.push_back(0.1 * static_cast<double>(f));
     }
     for (const NamedCamera& camera : capture.cameras)
-        for (std::size_t f = 0; f < frames; ++f) {
+        for (std::size_t f = 0; f < capture_frames; ++f) {
             PixelImage image(4, camera.camera.height, camera.camera.width);
             for (const auto& point : detail::bone_points(body, motion, f)) {
                 const vec2<double> p = to_pixel(camera.camera, to_camera(camera.camera, point));
@@ -64,14 +64,14 @@ Capture make_capture(const BodyModel& body) {
     return capture;
 }
 
-struct Fixture {
+struct StoredCapture {
     test::Temporary folder;
     BodyModel body = test::small_body(55, 3, 2);
     Capture capture = make_capture(body);
     std::filesystem::path path = folder / "person";
     cpu::Serial serial;
 
-    Fixture() { save_capture(path, capture); }
+    StoredCapture() { save_capture(path, capture); }
     [[nodiscard]] Capture load(std::vector<std::string>* warnings = nullptr) { return load_capture(serial, path, body, {}, warnings); }
     [[nodiscard]] std::string only_warning() {
         std::vector<std::string> warnings;
@@ -87,7 +87,7 @@ struct Fixture {
 
 } // namespace
 
-TEST_CASE_FIXTURE(Fixture, "a capture comes back as it was saved, on any number of threads") {
+TEST_CASE_FIXTURE(StoredCapture, "a capture comes back as it was saved, on any number of threads") {
     std::vector<std::string> warnings;
     const Capture read = load(&warnings);
     CHECK(warnings.empty());
@@ -110,7 +110,7 @@ TEST_CASE_FIXTURE(Fixture, "a capture comes back as it was saved, on any number 
     }
 }
 
-TEST_CASE_FIXTURE(Fixture, "test frames leave training in every camera") {
+TEST_CASE_FIXTURE(StoredCapture, "test frames leave training in every camera") {
     capture.test_frames = {1};
     capture.cameras[2].role = NamedCamera::Role::train;
     write_cameras(path / "cameras.json", {capture.cameras, 10, {}, capture.test_frames});
@@ -125,7 +125,7 @@ TEST_CASE_FIXTURE(Fixture, "test frames leave training in every camera") {
     test::check_throws<ValueError>([&] { (void)load(); }, {"cameras.json", "no view", "training"});
 }
 
-TEST_CASE_FIXTURE(Fixture, "poses of another name, in the folder or elsewhere") {
+TEST_CASE_FIXTURE(StoredCapture, "poses of another name, in the folder or elsewhere") {
     Motion noisy = capture.motion;
     noisy.transl[0].x += 0.125;
     save_motion(path / "poses_noisy.npz", noisy);
@@ -134,7 +134,7 @@ TEST_CASE_FIXTURE(Fixture, "poses of another name, in the folder or elsewhere") 
     CHECK(load_capture(serial, path, body, {(folder / "else.npz").string(), {}}).motion.transl[0].x == 0.125);
 }
 
-TEST_CASE_FIXTURE(Fixture, "masks from a folder of their own replace alpha") {
+TEST_CASE_FIXTURE(StoredCapture, "masks from a folder of their own replace alpha") {
     for (int c = 0; c < 3; ++c) {
         std::filesystem::create_directories(path / "masks" / ("cam" + std::to_string(c)));
         for (int f = 0; f < 3; ++f) {
@@ -150,7 +150,7 @@ TEST_CASE_FIXTURE(Fixture, "masks from a folder of their own replace alpha") {
     test::check_throws<ShapeError>([&] { (void)load(); }, {"masks/cam1", "2 images"});
 }
 
-TEST_CASE_FIXTURE(Fixture, "backgrounds are opaque, one per camera, and make a whole photograph no mistake") {
+TEST_CASE_FIXTURE(StoredCapture, "backgrounds are opaque, one per camera, and make a whole photograph no mistake") {
     for (PixelImage& image : capture.images)
         for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 255;
     save_capture(path, capture);
@@ -189,7 +189,7 @@ TEST_CASE_FIXTURE(Fixture, "backgrounds are opaque, one per camera, and make a w
     CHECK_THROWS_AS(save_capture(folder / "b", capture), ShapeError);
 }
 
-TEST_CASE_FIXTURE(Fixture, "an image that was not taken is in no view") {
+TEST_CASE_FIXTURE(StoredCapture, "an image that was not taken is in no view") {
     capture.images[0] = PixelImage();
     capture.images[4] = PixelImage();
     CHECK(capture.views(false).size() == 4);
@@ -201,7 +201,7 @@ TEST_CASE_FIXTURE(Fixture, "an image that was not taken is in no view") {
     test::check_throws<ValueError>([&] { save_capture(folder / "c", capture); }, {"cam0", "frame 0"});
 }
 
-TEST_CASE_FIXTURE(Fixture, "distorted images are straightened when they are loaded") {
+TEST_CASE_FIXTURE(StoredCapture, "distorted images are straightened when they are loaded") {
     // A point that the lens moves comes back to where a pinhole would have put it.
     const Distortion<double> lens{-0.8, 0.05, 0.002, -0.001, 0};
     const Camera<double>& camera = capture.cameras[0].camera;
@@ -222,7 +222,7 @@ TEST_CASE_FIXTURE(Fixture, "distorted images are straightened when they are load
     CHECK(read.images[3].data == capture.images[3].data);
 }
 
-TEST_CASE_FIXTURE(Fixture, "files that do not belong together") {
+TEST_CASE_FIXTURE(StoredCapture, "files that do not belong together") {
     SUBCASE("no folder") {
         test::check_throws<IoError>([&] { (void)load_capture(serial, folder / "none", body); }, {"none", "not a folder"});
     }
@@ -268,7 +268,7 @@ TEST_CASE_FIXTURE(Fixture, "files that do not belong together") {
     }
 }
 
-TEST_CASE_FIXTURE(Fixture, "what is probably wrong is warned of with its likely cause") {
+TEST_CASE_FIXTURE(StoredCapture, "what is probably wrong is warned of with its likely cause") {
     SUBCASE("a camera that looks away") {
         capture.cameras[1].camera.t = {20, 1.3, 5};
         write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
@@ -315,7 +315,7 @@ TEST_CASE_FIXTURE(Fixture, "what is probably wrong is warned of with its likely 
     }
 }
 
-TEST_CASE_FIXTURE(Fixture, "a capture that cannot be saved") {
+TEST_CASE_FIXTURE(StoredCapture, "a capture that cannot be saved") {
     capture.images.pop_back();
     CHECK_THROWS_AS(save_capture(folder / "b", capture), ShapeError);
     capture.images.push_back(PixelImage(4, 3, 3));

@@ -15,10 +15,9 @@ using namespace gsh;
 
 namespace {
 
-constexpr std::size_t T = 3;
-
 /// Members of a motion file as real arrays, of which a test may change some.
-struct Parts {
+struct MotionArrays {
+    static constexpr std::size_t T = 3; // frames
     struct Array {
         std::vector<double> data;
         Shape shape;
@@ -41,8 +40,9 @@ struct Parts {
     }
 };
 
-Parts split_parts() {
-    Parts parts;
+MotionArrays split_parts() {
+    constexpr auto T = MotionArrays::T;
+    MotionArrays parts;
     for (const char* key : {"global_orient", "jaw_pose", "leye_pose", "reye_pose", "transl"}) parts.set(key, {T, 3}, std::size_t(key[0]));
     parts.set("body_pose", {T, 63});
     parts.set("left_hand_pose", {T, 45});
@@ -56,9 +56,10 @@ Parts split_parts() {
 } // namespace
 
 TEST_CASE("a split file fills the joints of SMPL-X") {
+    constexpr auto T = MotionArrays::T;
     const test::Temporary folder;
     const BodyModel model = test::small_body(55, 3, 2);
-    const Parts parts = split_parts();
+    const MotionArrays parts = split_parts();
     parts.write(folder / "poses.npz");
     std::vector<std::string> warnings;
     const Motion motion = load_motion(folder / "poses.npz", model, {}, &warnings);
@@ -83,9 +84,11 @@ TEST_CASE("a split file fills the joints of SMPL-X") {
 }
 
 TEST_CASE("a body of trunk and limbs takes its 22 joints from files of its relatives") {
+    constexpr auto T = MotionArrays::T;
     const test::Temporary folder;
     const BodyModel model = test::small_body(22, 3, 0);
-    const auto check = [&](const char* what, const Parts& parts, const char* body_key, std::size_t first, const char* warning) {
+    const auto check = [&](const char* what, const MotionArrays& parts, const char* body_key, std::size_t first,
+                           const char* warning) {
         CAPTURE(what);
         parts.write(folder / what);
         std::vector<std::string> warnings;
@@ -97,11 +100,11 @@ TEST_CASE("a body of trunk and limbs takes its 22 joints from files of its relat
         for (const std::string& text : warnings) warned = warned || text.find(warning) != std::string::npos;
         CHECK(warned);
     };
-    Parts split = split_parts();
+    MotionArrays split = split_parts();
     check("smplx.npz", split, "body_pose", 1, "expression holds 2 coefficients");
     split.set("body_pose", {T, 69});
     check("smpl.npz", split, "body_pose", 1, "last two joints (hands) are left out");
-    Parts whole;
+    MotionArrays whole;
     whole.set("poses", {T, 165}), whole.set("trans", {T, 3}), whole.set("betas", {3});
     check("amass.npz", whole, "poses", 0, "the common ones are taken");
     split.set("body_pose", {T, 60});
@@ -135,9 +138,10 @@ TEST_CASE("motions come back as they were saved") {
 }
 
 TEST_CASE("whole files of AMASS, for the same body and for its relatives") {
+    constexpr auto T = MotionArrays::T;
     const test::Temporary folder;
     const auto path = folder / "amass.npz";
-    Parts parts;
+    MotionArrays parts;
     parts.set("trans", {T, 3});
     parts.set("betas", {16});
     parts.arrays["mocap_framerate"] = {{120}, {}};
@@ -167,7 +171,7 @@ TEST_CASE("the mean hand is added as the file, the layout or the caller says") {
     const test::Temporary folder;
     const auto path = folder / "poses.npz";
     const BodyModel model = test::small_body(55, 3, 2, true);
-    Parts parts = split_parts();
+    MotionArrays parts = split_parts();
     const auto added = [&](MotionFileOptions::Hands hands) {
         parts.write(path);
         MotionFileOptions options;
@@ -194,9 +198,10 @@ TEST_CASE("the mean hand is added as the file, the layout or the caller says") {
 }
 
 TEST_CASE("PCA coefficients become hand poses") {
+    constexpr auto T = MotionArrays::T;
     const test::Temporary folder;
     const BodyModel model = test::small_body(55, 3, 2, true);
-    Parts parts = split_parts();
+    MotionArrays parts = split_parts();
     parts.set("left_hand_pose", {T, 2});
     parts.write(folder / "a.npz");
     MotionFileOptions options;
@@ -210,11 +215,12 @@ TEST_CASE("PCA coefficients become hand poses") {
 }
 
 TEST_CASE("parts that are missing, left over or odd are warned of") {
+    constexpr auto T = MotionArrays::T;
     const test::Temporary folder;
     const auto path = folder / "poses.npz";
     const BodyModel model = test::small_body(55, 3, 2);
-    const auto expect = [&](const std::function<void(Parts&)>& change, std::string_view word) {
-        Parts parts = split_parts();
+    const auto expect = [&](const std::function<void(MotionArrays&)>& change, std::string_view word) {
+        MotionArrays parts = split_parts();
         change(parts);
         parts.write(path);
         std::vector<std::string> warnings;
@@ -225,21 +231,22 @@ TEST_CASE("parts that are missing, left over or odd are warned of") {
         CHECK(warnings[0].find(word) != std::string::npos);
         (void)load_motion(path, model);
     };
-    expect([](Parts& p) { p.arrays.erase("jaw_pose"); }, "jaw_pose is missing");
-    expect([](Parts& p) { p.arrays.erase("left_hand_pose"); }, "left_hand_pose is missing");
-    expect([](Parts& p) { p.set("betas", {10}); }, "betas hold 10");
-    expect([](Parts& p) { p.set("betas", {T, 3}); }, "betas change");
-    expect([](Parts& p) { p.set("expression", {T, 10}); }, "expression holds 10");
-    expect([](Parts& p) { p.set("body_pose", {T, 69}); }, "body_pose is SMPL's");
-    expect([](Parts& p) { p.arrays["body_pose"].data[70] = 90; }, "degrees");
+    expect([](MotionArrays& p) { p.arrays.erase("jaw_pose"); }, "jaw_pose is missing");
+    expect([](MotionArrays& p) { p.arrays.erase("left_hand_pose"); }, "left_hand_pose is missing");
+    expect([](MotionArrays& p) { p.set("betas", {10}); }, "betas hold 10");
+    expect([](MotionArrays& p) { p.set("betas", {T, 3}); }, "betas change");
+    expect([](MotionArrays& p) { p.set("expression", {T, 10}); }, "expression holds 10");
+    expect([](MotionArrays& p) { p.set("body_pose", {T, 69}); }, "body_pose is SMPL's");
+    expect([](MotionArrays& p) { p.arrays["body_pose"].data[70] = 90; }, "degrees");
 }
 
 TEST_CASE("a mean hand forgotten or added twice is warned of") {
+    constexpr auto T = MotionArrays::T;
     const test::Temporary folder;
     const auto path = folder / "poses.npz";
     const BodyModel model = test::small_body(55, 3, 2, true);
     const auto warnings_with = [&](double mean_hands, MotionFileOptions::Hands hands) {
-        Parts parts = split_parts();
+        MotionArrays parts = split_parts();
         for (std::size_t t = 0; t < T; ++t)
             for (std::size_t k = 0; k < 45; ++k)
                 for (const bool left : {true, false}) {
@@ -262,32 +269,35 @@ TEST_CASE("a mean hand forgotten or added twice is warned of") {
 }
 
 TEST_CASE("bad motion files name the file and the key") {
+    constexpr auto T = MotionArrays::T;
     const test::Temporary folder;
     const auto path = folder / "poses.npz";
     const BodyModel model = test::small_body(55, 3, 2);
-    const auto expect = [&](const std::function<void(Parts&)>& change, std::initializer_list<std::string_view> words) {
-        Parts parts = split_parts();
+    const auto expect = [&](const std::function<void(MotionArrays&)>& change,
+                            std::initializer_list<std::string_view> words) {
+        MotionArrays parts = split_parts();
         change(parts);
         parts.write(path);
         test::check_throws<Error>([&] { (void)load_motion(path, model); }, {path.string()});
         test::check_throws<Error>([&] { (void)load_motion(path, model); }, words);
     };
     for (const char* key : {"global_orient", "body_pose", "transl", "betas"})
-        expect([&](Parts& p) { p.arrays.erase(key); },
+        expect([&](MotionArrays& p) { p.arrays.erase(key); },
                {key == std::string("global_orient") ? "global_orient is missing" : std::string_view(key), "missing"});
     for (const char* key : {"body_pose", "transl", "jaw_pose", "left_hand_pose", "expression"}) {
-        expect([&](Parts& p) { p.set(key, {T + 1, p.arrays[key].shape[1]}); }, {key, "(4, ", "expected (3, "});
-        expect([&](Parts& p) { p.arrays[key].data[1] = std::numeric_limits<double>::quiet_NaN(); }, {std::string(key) + "[0, 1]", "NaN"});
+        expect([&](MotionArrays& p) { p.set(key, {T + 1, p.arrays[key].shape[1]}); }, {key, "(4, ", "expected (3, "});
+        expect([&](MotionArrays& p) { p.arrays[key].data[1] = std::numeric_limits<double>::quiet_NaN(); },
+               {std::string(key) + "[0, 1]", "NaN"});
     }
-    expect([](Parts& p) { p.set("global_orient", {T, 4}); }, {"global_orient", "(3, 4)", "expected (*, 3)"});
-    expect([](Parts& p) { p.set("global_orient", {}); }, {"global_orient", "()"});
-    expect([](Parts& p) { p.set("body_pose", {T, 60}); }, {"body_pose has 60", "63"});
-    expect([](Parts& p) { p.set("body_pose", {T, 64}); }, {"body_pose has 64", "63"});
-    expect([](Parts& p) { p.set("transl", {T, 2}); }, {"transl", "(3, 2)", "expected (3, 3)"});
-    expect([](Parts& p) { p.set("betas", {}); }, {"betas", "()"});
-    expect([](Parts& p) { p.set("timestamps", {T + 1}); }, {"timestamps", "(4,)", "(3,)"});
-    expect([](Parts& p) { p.arrays["timestamps"].data = {0, 2, 1}; }, {"timestamps", "frame 2"});
-    expect([](Parts& p) {
+    expect([](MotionArrays& p) { p.set("global_orient", {T, 4}); }, {"global_orient", "(3, 4)", "expected (*, 3)"});
+    expect([](MotionArrays& p) { p.set("global_orient", {}); }, {"global_orient", "()"});
+    expect([](MotionArrays& p) { p.set("body_pose", {T, 60}); }, {"body_pose has 60", "63"});
+    expect([](MotionArrays& p) { p.set("body_pose", {T, 64}); }, {"body_pose has 64", "63"});
+    expect([](MotionArrays& p) { p.set("transl", {T, 2}); }, {"transl", "(3, 2)", "expected (3, 3)"});
+    expect([](MotionArrays& p) { p.set("betas", {}); }, {"betas", "()"});
+    expect([](MotionArrays& p) { p.set("timestamps", {T + 1}); }, {"timestamps", "(4,)", "(3,)"});
+    expect([](MotionArrays& p) { p.arrays["timestamps"].data = {0, 2, 1}; }, {"timestamps", "frame 2"});
+    expect([](MotionArrays& p) {
         for (auto& [key, array] : p.arrays)
             if (key != "betas") array = {{}, {0, array.shape.size() > 1 ? array.shape[1] : 1}};
     }, {"global_orient", "no frames"});

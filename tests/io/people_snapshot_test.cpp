@@ -15,7 +15,8 @@ using namespace gsh;
 
 namespace {
 
-constexpr int width = 64, height = 48, image_count = 10;
+constexpr int photo_width = 64, photo_height = 48, photo_count = 10;
+constexpr std::size_t photo_pixels = photo_width * photo_height;
 
 /// A subject as InstantAvatar's preprocessing leaves it: a video of ten frames, the poses of all of them, and refined
 /// poses of the split {0, 2, 4} and {6, 9}.
@@ -29,18 +30,18 @@ struct Subject {
     Subject() {
         test::Rng rng(12);
         for (const char* name : {"images", "masks", "poses"}) std::filesystem::create_directories(path / name);
-        thetas = rng.numbers(image_count * 72, -0.1, 0.1);
-        for (int f = 0; f < image_count; ++f) {
+        thetas = rng.numbers(photo_count * 72, -0.1, 0.1);
+        for (int f = 0; f < photo_count; ++f) {
             thetas[static_cast<std::size_t>(72 * f)] += 3.14159; // upright in a camera whose y is down
             for (const double v : {0.0, 0.6, 5.0}) transl.push_back(v + 0.01 * f);
         }
         write_cameras(1);
-        for (int f = 0; f < image_count; ++f) {
-            write_png(image(f), test::numbered_image(width, height, 0, f));
-            std::vector<std::uint8_t> mask(static_cast<std::size_t>(width * height), 0);
-            for (int y = 1; y < height - 2; ++y)
-                for (int x = 5; x < width - 5; ++x) mask[static_cast<std::size_t>(y * width + x)] = 1;
-            test::write_array<std::uint8_t>(mask_file(f), mask, {height, width});
+        for (int f = 0; f < photo_count; ++f) {
+            write_png(image(f), test::numbered_image(photo_width, photo_height, 0, f));
+            std::vector<std::uint8_t> mask(photo_pixels, 0);
+            for (int y = 1; y < photo_height - 2; ++y)
+                for (int x = 5; x < photo_width - 5; ++x) mask[static_cast<std::size_t>(y * photo_width + x)] = 1;
+            test::write_array<std::uint8_t>(mask_file(f), mask, {photo_height, photo_width});
         }
         write_all();
         write_split("anim_nerf_train.npz", {0, 2, 4});
@@ -51,15 +52,15 @@ struct Subject {
         NpzWriter file(path / "cameras.npz");
         file.add("intrinsic", std::vector<double>{120 * scale, 0, 33, 0, 121, 26, 0, 0, 1}, {3, 3});
         file.add("extrinsic", std::vector<double>{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, {4, 4});
-        file.add("height", std::int64_t(height));
-        file.add("width", std::int64_t(width));
+        file.add("height", std::int64_t(photo_height));
+        file.add("width", std::int64_t(photo_width));
         file.commit();
     }
     void write_all() const {
         NpzWriter file(path / "poses.npz");
         test::add_floats(file, "betas", std::vector<double>(10, 0.5), {10});
-        test::add_floats(file, "thetas", thetas, {image_count, 72});
-        test::add_floats(file, "transl", transl, {image_count, 3});
+        test::add_floats(file, "thetas", thetas, {photo_count, 72});
+        test::add_floats(file, "transl", transl, {photo_count, 3});
         file.commit();
     }
     /// Refined: a little off those of all frames.
@@ -173,9 +174,9 @@ TEST_CASE_FIXTURE(Subject, "poses of all frames, a split by options, by the read
     std::filesystem::rename(path / "poses.npz", path / "poses_optimized.npz"); // own videos
     std::filesystem::remove_all(path / "masks");
     std::filesystem::create_directories(path / "masks");
-    for (int f = 0; f < image_count; ++f) {
-        PixelImage mask(1, height, width);
-        std::fill(mask.data.begin() + width * 4, mask.data.end(), std::uint8_t(255));
+    for (int f = 0; f < photo_count; ++f) {
+        PixelImage mask(1, photo_height, photo_width);
+        std::fill(mask.data.begin() + photo_width * 4, mask.data.end(), std::uint8_t(255));
         write_png(path / "masks" / (test::padded(f) + ".png"), mask);
     }
     std::vector<std::string> warnings;
@@ -197,7 +198,7 @@ TEST_CASE_FIXTURE(Subject, "a body of 55 joints takes SMPL-X fits where they are
     CHECK(warnings[0].find("fitted to SMPL") != std::string::npos);
 
     test::Rng rng(1);
-    const std::vector<double> root = rng.numbers(image_count * 3), hands = rng.numbers(image_count * 45);
+    const std::vector<double> root = rng.numbers(photo_count * 3), hands = rng.numbers(photo_count * 45);
     const auto write = [&](std::size_t rows, const std::vector<int>& ids, bool camera) {
         NpzWriter file(path / "smplx.npz");
         test::add_floats(file, "global_orient", {root.begin(), root.begin() + static_cast<std::ptrdiff_t>(3 * rows)},
@@ -211,7 +212,7 @@ TEST_CASE_FIXTURE(Subject, "a body of 55 joints takes SMPL-X fits where they are
         if (camera) file.add("focal_length", 5000.0);
         file.commit();
     };
-    write(image_count, {}, false); // of all images
+    write(photo_count, {}, false); // of all images
     const Capture all = load_people_snapshot(serial, path, smplx);
     CHECK(all.motion.betas[0] == 0.75);
     CHECK(all.cameras[0].camera.fx == 120);
@@ -265,21 +266,21 @@ TEST_CASE_FIXTURE(Subject, "files that do not belong together") {
     }
     SUBCASE("a mask of another size") {
         test::write_array<std::uint8_t>(
-            mask_file(2), std::vector<std::uint8_t>(static_cast<std::size_t>(width * height), 1), {width, height});
+            mask_file(2), std::vector<std::uint8_t>(photo_pixels, 1), {photo_width, photo_height});
         fails({mask_file(2).string(), "(64, 48)", "64 x 48"});
     }
     SUBCASE("an empty mask") {
         test::write_array<std::uint8_t>(
-            mask_file(2), std::vector<std::uint8_t>(static_cast<std::size_t>(width * height), 0), {height, width});
+            mask_file(2), std::vector<std::uint8_t>(photo_pixels, 0), {photo_height, photo_width});
         fails({mask_file(2).string(), "empty"});
     }
     SUBCASE("a mask of odd numbers") {
-        test::write_array<float>(mask_file(2), std::vector<float>(static_cast<std::size_t>(width * height), -1),
-                                 {height, width});
+        test::write_array<float>(mask_file(2), std::vector<float>(photo_pixels, -1),
+                                 {photo_height, photo_width});
         fails({mask_file(2).string(), "0 to 255"});
     }
     SUBCASE("an image of another size") {
-        write_png(image(4), PixelImage(3, width, height));
+        write_png(image(4), PixelImage(3, photo_width, photo_height));
         fails({image(4).string(), "48 x 64"});
     }
     SUBCASE("poses of another split") {

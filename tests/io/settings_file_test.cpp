@@ -14,7 +14,7 @@ namespace {
 
 using Settings = std::vector<std::pair<std::string, std::string>>;
 
-Settings read(const std::string& text) {
+Settings parsed(const std::string& text) {
     const test::Temporary folder;
     write_file(folder / "settings.json", text);
     return read_settings(folder / "settings.json");
@@ -23,21 +23,21 @@ Settings read(const std::string& text) {
 } // namespace
 
 TEST_CASE("settings come in the file's order, as text") {
-    CHECK(read(R"({"z": 0.5, "a": true, "m": "text", "count": 64, "tiny": 1e-3, "off": false, "minus": -2})") ==
+    CHECK(parsed(R"({"z": 0.5, "a": true, "m": "text", "count": 64, "tiny": 1e-3, "off": false, "minus": -2})") ==
           Settings{{"z", "0.5"}, {"a", "true"}, {"m", "text"}, {"count", "64"}, {"tiny", "0.001"}, {"off", "false"}, {"minus", "-2"}});
-    CHECK(read("{}").empty());
-    CHECK(read(R"({"empty": "", "quoted": "say \"no\""})") == Settings{{"empty", ""}, {"quoted", "say \"no\""}});
-    const auto digits = read(R"({"sum": 0.30000000000000004})"); // a double's last digit matters to its reader
+    CHECK(parsed("{}").empty());
+    CHECK(parsed(R"({"empty": "", "quoted": "say \"no\""})") == Settings{{"empty", ""}, {"quoted", "say \"no\""}});
+    const auto digits = parsed(R"({"sum": 0.30000000000000004})"); // a double's last digit matters to its reader
     CHECK(std::stod(digits[0].second) == 0.1 + 0.2);
 }
 
 TEST_CASE("what is no flat object is refused by name") {
     for (const char* text : {"[1, 2]", "3", "\"text\"", "null"})
-        check_throws<IoError>([&] { (void)read(text); }, {"settings.json", "one JSON object"});
+        check_throws<IoError>([&] { (void)parsed(text); }, {"settings.json", "one JSON object"});
     for (const char* value : {"[1]", "{\"b\": 1}", "null"})
-        check_throws<IoError>([&] { (void)read(std::string("{\"fine\": 1, \"a\": ") + value + "}"); },
+        check_throws<IoError>([&] { (void)parsed(std::string("{\"fine\": 1, \"a\": ") + value + "}"); },
                               {"settings.json", "a must be a number, true, false, or text in quotes"});
     for (const char* text : {"", "{", R"({"a": 1,})", R"({"a": nan})", R"({"a" 1})"})
-        check_throws<IoError>([&] { (void)read(text); }, {"settings.json"});
+        check_throws<IoError>([&] { (void)parsed(text); }, {"settings.json"});
     check_throws<IoError>([] { (void)read_settings("/nowhere/settings.json"); }, {"/nowhere/settings.json"});
 }

@@ -14,13 +14,12 @@ using namespace gsh;
 
 namespace {
 
-constexpr std::size_t T = 3;
-
 /// results/ID/000.pkl of three images, stacked.
-struct Sample {
+struct SmplifyxSample {
+    static constexpr std::size_t T = 3; // frames
     std::map<std::string, std::pair<std::vector<double>, Shape>> arrays;
 
-    Sample() {
+    SmplifyxSample() {
         test::Rng rng(9);
         for (const auto& [key, width] : std::map<std::string, std::size_t>{{"global_orient", 3},
                                                                            {"body_pose", 63},
@@ -60,10 +59,11 @@ struct Sample {
 } // namespace
 
 TEST_CASE("SMPLify-X: the body in its camera's frame, the mean hand added, one shape") {
+    constexpr auto T = SmplifyxSample::T;
     const test::Temporary folder;
     const auto path = folder / "smplx.npz";
     const BodyModel body = test::small_body(55, 3, 2, true);
-    Sample sample;
+    SmplifyxSample sample;
     sample.write(path);
     const SmplifyxFits fits = load_smplifyx_fits(path, body);
     REQUIRE(fits.motion.frame_count() == T);
@@ -79,7 +79,7 @@ TEST_CASE("SMPLify-X: the body in its camera's frame, the mean hand added, one s
     CHECK(camera.cy == 280);
 
     // The same without a camera's place, looked at from there.
-    Sample bare = sample;
+    SmplifyxSample bare = sample;
     bare.arrays.erase("camera_rotation"), bare.arrays.erase("camera_translation"), bare.arrays.erase("camera_center");
     bare.write(path);
     const SmplifyxFits in_world = load_smplifyx_fits(path, body);
@@ -92,10 +92,11 @@ TEST_CASE("SMPLify-X: the body in its camera's frame, the mean hand added, one s
 }
 
 TEST_CASE("HAHA: transl, camera_transform, a normalised camera_matrix, and the images' numbers") {
+    constexpr auto T = SmplifyxSample::T;
     const test::Temporary folder;
     const auto path = folder / "smplx.npz";
     const BodyModel body = test::small_body(55, 3, 2, true);
-    Sample sample, plain;
+    SmplifyxSample sample, plain;
     std::vector<double> transform, matrix;
     for (std::size_t t = 0; t < T; ++t) {
         for (std::size_t row = 0; row < 3; ++row) {
@@ -108,7 +109,7 @@ TEST_CASE("HAHA: transl, camera_transform, a normalised camera_matrix, and the i
              {4.93, 0.0, -0.05, 0.0, 0.0, 4.94, 0.05, 0.0, 0.0, 0.0, 1.0001, -0.0101, 0.0, 0.0, 1.0, 0.0})
             matrix.push_back(v);
     }
-    for (Sample* s : {&sample, &plain}) s->arrays["transl"] = {{0, 1, 2, 3, 4, 5, 6, 7, 8}, {T, 1, 3}};
+    for (SmplifyxSample* s : {&sample, &plain}) s->arrays["transl"] = {{0, 1, 2, 3, 4, 5, 6, 7, 8}, {T, 1, 3}};
     sample.arrays.erase("camera_rotation"), sample.arrays.erase("camera_translation");
     sample.arrays["camera_transform"] = {transform, {T, 4, 4}};
     sample.arrays["camera_matrix"] = {matrix, {T, 4, 4}};
@@ -140,31 +141,35 @@ TEST_CASE("HAHA: transl, camera_transform, a normalised camera_matrix, and the i
 }
 
 TEST_CASE("bad fits name the file and the member") {
+    constexpr auto T = SmplifyxSample::T;
     const test::Temporary folder;
     const auto path = folder / "smplx.npz";
     const BodyModel body = test::small_body(55, 3, 2, true);
-    const auto expect = [&](const std::function<void(Sample&)>& change, std::initializer_list<std::string_view> words) {
-        Sample sample;
+    const auto expect = [&](const std::function<void(SmplifyxSample&)>& change,
+                            std::initializer_list<std::string_view> words) {
+        SmplifyxSample sample;
         change(sample);
         sample.write(path);
         test::check_throws<Error>([&] { (void)load_smplifyx_fits(path, body); }, {path.string()});
         test::check_throws<Error>([&] { (void)load_smplifyx_fits(path, body); }, words);
     };
-    expect([](Sample& s) { s.arrays.erase("global_orient"); }, {"global_orient is missing"});
-    expect([](Sample& s) { s.arrays.erase("body_pose"); }, {"body_pose is missing"});
+    expect([](SmplifyxSample& s) { s.arrays.erase("global_orient"); }, {"global_orient is missing"});
+    expect([](SmplifyxSample& s) { s.arrays.erase("body_pose"); }, {"body_pose is missing"});
     expect(
-        [](Sample& s) {
+        [](SmplifyxSample& s) {
             s.arrays["body_pose"] = {std::vector<double>(T * 32), {T, 32}};
         },
         {"body_pose", "VPoser", "decode"});
-    expect([](Sample& s) { s.arrays["camera_rotation"].first[0] += 0.1; }, {"camera_rotation[0]", "rotation"});
+    expect([](SmplifyxSample& s) { s.arrays["camera_rotation"].first[0] += 0.1; }, {"camera_rotation[0]", "rotation"});
     expect(
-        [](Sample& s) {
+        [](SmplifyxSample& s) {
             s.arrays["camera_translation"] = {std::vector<double>(6), {2, 3}};
         },
         {"camera_translation", "(2, 3)"});
-    expect([](Sample& s) { s.arrays["focal_length"] = {{5000, 5000, 4000}, {T}}; }, {"focal_length", "changes"});
-    expect([](Sample& s) { s.arrays["focal_length"] = {{-1}, {1}}; }, {"focal_length", "above 0"});
-    expect([](Sample& s) { s.arrays["camera_center"] = {{1, 2, 3}, {3}}; }, {"camera_center", "(3,)"});
-    expect([](Sample& s) { s.arrays["jaw_pose"] = {std::vector<double>(T * 9), {T, 9}}; }, {"jaw_pose", "(3, 9)"});
+    expect([](SmplifyxSample& s) { s.arrays["focal_length"] = {{5000, 5000, 4000}, {T}}; },
+           {"focal_length", "changes"});
+    expect([](SmplifyxSample& s) { s.arrays["focal_length"] = {{-1}, {1}}; }, {"focal_length", "above 0"});
+    expect([](SmplifyxSample& s) { s.arrays["camera_center"] = {{1, 2, 3}, {3}}; }, {"camera_center", "(3,)"});
+    expect([](SmplifyxSample& s) { s.arrays["jaw_pose"] = {std::vector<double>(T * 9), {T, 9}}; },
+           {"jaw_pose", "(3, 9)"});
 }

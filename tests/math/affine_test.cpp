@@ -1,22 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/math/affine.hpp>
 
-#include "support/gradient.hpp"
+#include "support/linear.hpp"
 
 using namespace gsh;
 
-namespace {
-Affine<double> random_affine(test::Rng& rng) { return {mat3<double>(rng.vec(), rng.vec(), rng.vec()), rng.vec()}; }
-
-double inner(const Affine<double>& a, const Affine<double>& b) {
-    return dot(a.linear[0], b.linear[0]) + dot(a.linear[1], b.linear[1]) + dot(a.linear[2], b.linear[2]) +
-           dot(a.translation, b.translation);
-}
-} // namespace
-
 TEST_CASE("a product applies its right factor first") {
     test::Rng rng(1);
-    const Affine<double> a = random_affine(rng), b = random_affine(rng);
+    const Affine<double> a = test::random_affine(rng), b = test::random_affine(rng);
     const vec3<double> p = rng.vec();
     CHECK(length((a * b)(p) - a(b(p))) < 1e-14);
     CHECK(Affine<double>{}(p) == p);
@@ -25,11 +16,11 @@ TEST_CASE("a product applies its right factor first") {
 
 TEST_CASE("product_backward is the gradient of the product, and adds") {
     test::Rng rng(2);
-    Affine<double> a = random_affine(rng), b = random_affine(rng);
-    const Affine<double> weight = random_affine(rng);
+    Affine<double> a = test::random_affine(rng), b = test::random_affine(rng);
+    const Affine<double> weight = test::random_affine(rng);
     Affine<double> dL_da = Affine<double>::zero(), dL_db = Affine<double>::zero();
     product_backward(a, b, weight, dL_da, dL_db);
-    const auto loss = [&] { return inner(a * b, weight); };
+    const auto loss = [&] { return test::inner(a * b, weight); };
     test::check_gradient(loss, test::scalars(a), test::scalars(dL_da));
     test::check_gradient(loss, test::scalars(b), test::scalars(dL_db));
 
@@ -44,7 +35,7 @@ TEST_CASE("product_backward is the gradient of the product, and adds") {
 
 TEST_CASE("apply_backward is the gradient of the map's value") {
     test::Rng rng(3);
-    Affine<double> map = random_affine(rng), dL_dmap = Affine<double>::zero();
+    Affine<double> map = test::random_affine(rng), dL_dmap = Affine<double>::zero();
     vec3<double> p = rng.vec(), dL_dp(0.0);
     const vec3<double> weight = rng.vec();
     apply_backward(map, p, weight, dL_dmap, dL_dp);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/math/dual_quat.hpp>
 
-#include "support/gradient.hpp"
+#include "support/linear.hpp"
 
 #include <gsh/math/polar.hpp>
 
@@ -13,24 +13,8 @@ using namespace gsh;
 
 namespace {
 
-double distance(const Affine<double>& a, const Affine<double>& b) {
-    double largest = length(a.translation - b.translation);
-    for (int c = 0; c < 3; ++c) largest = std::max(largest, length(a.linear[c] - b.linear[c]));
-    return largest;
-}
-
-double inner(const Affine<double>& a, const Affine<double>& b) {
-    return dot(a.linear[0], b.linear[0]) + dot(a.linear[1], b.linear[1]) + dot(a.linear[2], b.linear[2]) +
-           dot(a.translation, b.translation);
-}
-
 double inner(const dual_quat<double>& a, const dual_quat<double>& b) {
     return dot(a.real, b.real) + dot(a.dual, b.dual);
-}
-
-Affine<double> random_affine(test::Rng& rng) {
-    const auto a = rng.vec(), b = rng.vec(), c = rng.vec(), d = rng.vec();
-    return {mat3<double>(a, b, c), d};
 }
 
 dual_quat<double> random_dual_quat(test::Rng& rng) {
@@ -39,13 +23,13 @@ dual_quat<double> random_dual_quat(test::Rng& rng) {
 }
 
 constexpr double pi = std::numbers::pi;
-constexpr double angles[] = {0, 1e-9, 1e-4, 0.3, 1.5, pi / 2, 2, 3, pi - 1e-3, pi + 1e-3, 4, 2 * pi, 7};
+constexpr double screw_angles[] = {0, 1e-9, 1e-4, 0.3, 1.5, pi / 2, 2, 3, pi - 1e-3, pi + 1e-3, 4, 2 * pi, 7};
 
 } // namespace
 
 TEST_CASE("a rigid map survives the way to a dual quaternion of any length or sign and back") {
     test::Rng rng(1);
-    for (const double angle : angles) {
+    for (const double angle : screw_angles) {
         const Affine<double> rigid{rotation_from_axis_angle(normalize(rng.vec()) * angle), rng.vec(-3, 3)};
         const auto unit = dual_quat_from_rigid(rigid);
         CHECK(dot(unit.real, unit.real) == doctest::Approx(1).epsilon(1e-14));
@@ -53,7 +37,7 @@ TEST_CASE("a rigid map survives the way to a dual quaternion of any length or si
         for (const double scale : {1.0, -1.0, 0.01, 30.0}) {
             auto scaled = dual_quat<double>::zero();
             scaled.add_scaled(unit, scale);
-            CHECK(distance(rigid_from_dual_quat(scaled), rigid) < 1e-14);
+            CHECK(test::distance(rigid_from_dual_quat(scaled), rigid) < 1e-14);
         }
     }
 }
@@ -70,10 +54,10 @@ TEST_CASE("the even blend of two motions is the screw halfway; a part of the dua
         auto blended = dual_quat<double>::zero();
         blended.add_scaled(dual_quat_from_rigid(screw(0)), 0.5);
         blended.add_scaled(dual_quat_from_rigid(screw(1)), 0.5);
-        CHECK(distance(rigid_from_dual_quat(blended), screw(0.5)) < 1e-13);
+        CHECK(test::distance(rigid_from_dual_quat(blended), screw(0.5)) < 1e-13);
         const auto& r = blended.real;
         blended.dual += quat<double>{0.3 * r.w, 0.3 * r.x, 0.3 * r.y, 0.3 * r.z};
-        CHECK(distance(rigid_from_dual_quat(blended), screw(0.5)) < 1e-13);
+        CHECK(test::distance(rigid_from_dual_quat(blended), screw(0.5)) < 1e-13);
     }
 }
 
@@ -81,8 +65,8 @@ TEST_CASE("rigid_from_dual_quat_backward is the gradient with respect to all eig
     test::Rng rng(3);
     for (int n = 0; n < 20; ++n) {
         auto b = random_dual_quat(rng), dL_db = dual_quat<double>::zero();
-        const auto dL_dmap = random_affine(rng);
-        const auto loss = [&] { return inner(rigid_from_dual_quat(b), dL_dmap); };
+        const auto dL_dmap = test::random_affine(rng);
+        const auto loss = [&] { return test::inner(rigid_from_dual_quat(b), dL_dmap); };
         rigid_from_dual_quat_backward(b, dL_dmap, dL_db);
         test::check_gradient(loss, test::scalars(b), test::scalars(dL_db), {.tolerance = 1e-5});
         CHECK(std::abs(inner(dL_db, b)) < 1e-12 * (1 + inner(dL_db, dL_db))); // length is forgotten
@@ -109,7 +93,7 @@ TEST_CASE_TEMPLATE("nothing to normalise gives the identity and no gradient", T,
 
 TEST_CASE("dual_quat_from_rigid_backward carries the right gradient to an axis-angle vector and a translation") {
     test::Rng rng(4);
-    for (const double angle : angles) {
+    for (const double angle : screw_angles) {
         if (std::abs(angle - pi) < 1e-2) continue; // there q and -q change places: a sign, see the next case
         INFO("angle " << angle);
         vec3<double> v = normalize(rng.vec()) * angle, t = rng.vec(), dL_dv(0);
@@ -126,12 +110,12 @@ TEST_CASE("dual_quat_from_rigid_backward carries the right gradient to an axis-a
 
 TEST_CASE("at half a turn, where the sign is a matter of taste, the motion's gradient goes through") {
     test::Rng rng(5);
-    for (const double angle : angles) {
+    for (const double angle : screw_angles) {
         INFO("angle " << angle);
         vec3<double> v = normalize(rng.vec()) * angle, t = rng.vec(), dL_dv(0);
-        const auto weight = random_affine(rng);
+        const auto weight = test::random_affine(rng);
         const auto rigid = [&] { return Affine<double>{rotation_from_axis_angle(v), t}; };
-        const auto loss = [&] { return inner(rigid_from_dual_quat(dual_quat_from_rigid(rigid())), weight); };
+        const auto loss = [&] { return test::inner(rigid_from_dual_quat(dual_quat_from_rigid(rigid())), weight); };
         const auto value = dual_quat_from_rigid(rigid());
         auto dL_dvalue = dual_quat<double>::zero();
         Affine<double> dL_drigid = Affine<double>::zero();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/math/polar.hpp>
 
-#include "support/gradient.hpp"
+#include "support/linear.hpp"
 
 #include <gsh/math/linalg.hpp>
 
@@ -15,23 +15,6 @@
 using namespace gsh;
 
 namespace {
-
-template <class T>
-T distance(const mat3<T>& a, const mat3<T>& b) {
-    T largest = 0;
-    for (int c = 0; c < 3; ++c)
-        for (int r = 0; r < 3; ++r) largest = std::max(largest, std::abs(a[c][r] - b[c][r]));
-    return largest;
-}
-
-double inner(const mat3<double>& a, const mat3<double>& b) {
-    return dot(a[0], b[0]) + dot(a[1], b[1]) + dot(a[2], b[2]);
-}
-
-mat3<double> random_matrix(test::Rng& rng) {
-    const auto a = rng.vec(), b = rng.vec(), c = rng.vec();
-    return mat3<double>(a, b, c);
-}
 
 /// U diag(1, 1, ±1) Vᵀ, and the smallest sum of two eigenvalues of S as a share of the largest: how certain R is.
 struct Reference {
@@ -57,7 +40,7 @@ TEST_CASE("it is the nearest rotation, as found by singular values, mirrored and
     test::Rng rng(1);
     int mirrored = 0;
     for (int n = 0; n < 2000; ++n) {
-        mat3<double> M = random_matrix(rng);
+        mat3<double> M = test::random_matrix(rng);
         if (n % 5 == 1) M[2] = M[0] * 0.3 + M[1] * 0.4; // a plane
         if (n % 5 == 2) M[2] = M[0] * 0.3 + M[1] * 0.4 + M[2] * 1e-6;
         if (n % 5 == 3) M = M * std::exp(rng.uniform(-20, 20));
@@ -65,8 +48,8 @@ TEST_CASE("it is the nearest rotation, as found by singular values, mirrored and
         if (reference.certainty < 0.02) continue;
         mirrored += determinant(M) < 0;
         INFO("matrix " << n << ", certainty " << reference.certainty);
-        CHECK(distance(polar_rotation(M), reference.R) < 1e-13 / reference.certainty);
-        CHECK(distance(polar_rotation(mat3<float>(M)), mat3<float>(reference.R)) <
+        CHECK(test::distance(polar_rotation(M), reference.R) < 1e-13 / reference.certainty);
+        CHECK(test::distance(polar_rotation(mat3<float>(M)), mat3<float>(reference.R)) <
               2e-6f / static_cast<float>(reference.certainty));
     }
     CHECK(mirrored > 500);
@@ -77,7 +60,7 @@ TEST_CASE("between two bones it is the rotation between, to a half turn's edge")
         const double angle = degrees * std::numbers::pi / 180;
         const vec3<double> axis = normalize(vec3<double>(1, 2, -3));
         const mat3<double> M = (mat3<double>(1.0) + rotation_from_axis_angle(axis * angle)) * 0.5;
-        CHECK(distance(polar_rotation(M), rotation_from_axis_angle(axis * (angle / 2))) < 1e-12);
+        CHECK(test::distance(polar_rotation(M), rotation_from_axis_angle(axis * (angle / 2))) < 1e-12);
     }
 }
 
@@ -97,7 +80,7 @@ TEST_CASE_TEMPLATE("whatever is finite gives a rotation and a bounded adjoint", 
     for (std::size_t n = 0; n < cases.size(); ++n) {
         INFO("case " << n);
         const mat3<T> R = polar_rotation(cases[n]);
-        CHECK(distance(transpose(R) * R, mat3<T>(T(1))) < (sizeof(T) == 4 ? T(1e-6) : T(1e-14)));
+        CHECK(test::distance(transpose(R) * R, mat3<T>(T(1))) < (sizeof(T) == 4 ? T(1e-6) : T(1e-14)));
         CHECK(determinant(R) > T(0.99));
         mat3<T> dL_dM(T(0));
         polar_rotation_backward(cases[n], mat3<T>(vec3<T>(1, -1, 1), vec3<T>(1, 1, -1), vec3<T>(-1, 1, 1)), dL_dM);
@@ -113,7 +96,7 @@ TEST_CASE("the adjoint is the gradient, mirrored and nearly singular matrices in
     test::Rng rng(3);
     int checked = 0;
     for (int n = 0; n < 100; ++n) {
-        mat3<double> M = random_matrix(rng), dL_dM(0.0);
+        mat3<double> M = test::random_matrix(rng), dL_dM(0.0);
         if (n % 4 == 1) M[2] = M[0] * 0.3 + M[1] * 0.4;
         if (n % 4 == 2) {
             M = mat3<double>(0.0);
@@ -122,22 +105,22 @@ TEST_CASE("the adjoint is the gradient, mirrored and nearly singular matrices in
         const Reference reference(M);
         if (reference.certainty < 0.1) continue;
         ++checked;
-        const mat3<double> weight = random_matrix(rng);
-        const auto loss = [&] { return inner(polar_rotation(M), weight); };
+        const mat3<double> weight = test::random_matrix(rng);
+        const auto loss = [&] { return test::inner(polar_rotation(M), weight); };
         polar_rotation_backward(M, weight, dL_dM);
         test::check_gradient(loss, test::scalars(M), test::scalars(dL_dM), {.tolerance = 1e-6});
-        CHECK(std::abs(inner(dL_dM, M)) < 1e-12 * (1 + inner(dL_dM, dL_dM))); // scale is forgotten
+        CHECK(std::abs(test::inner(dL_dM, M)) < 1e-12 * (1 + test::inner(dL_dM, dL_dM))); // scale is forgotten
         const mat3<double> once = dL_dM;
         polar_rotation_backward(M, weight, dL_dM);
-        CHECK(distance(dL_dM, once * 2.0) < 1e-12);
+        CHECK(test::distance(dL_dM, once * 2.0) < 1e-12);
     }
     CHECK(checked > 60);
 }
 
 TEST_CASE("at a rotation the adjoint keeps what lies along turns") {
     test::Rng rng(4);
-    const mat3<double> R = rotation_from_axis_angle(rng.vec()), G = random_matrix(rng);
+    const mat3<double> R = rotation_from_axis_angle(rng.vec()), G = test::random_matrix(rng);
     mat3<double> dL_dM(0.0);
     polar_rotation_backward(R, G, dL_dM);
-    CHECK(distance(dL_dM, (G - R * transpose(G) * R) * 0.5) < 1e-14);
+    CHECK(test::distance(dL_dM, (G - R * transpose(G) * R) * 0.5) < 1e-14);
 }

@@ -1,19 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/math/rotation_increment.hpp>
 
-#include "support/gradient.hpp"
+#include "support/linear.hpp"
 
 #include <numbers>
 
 using namespace gsh;
-
-namespace {
-double distance(const mat3<double>& a, const mat3<double>& b) {
-    double sum = 0;
-    for (int c = 0; c < 3; ++c) sum += dot(a[c] - b[c], a[c] - b[c]);
-    return std::sqrt(sum);
-}
-} // namespace
 
 TEST_CASE("the exponential's Jacobian agrees with small differences, and its inverse with it") {
     test::Rng rng(4);
@@ -40,7 +32,8 @@ TEST_CASE("turned composes rotations and keeps an untouched vector's bits") {
     for (int n = 0; n < 20; ++n) {
         const vec3<double> v = rng.vec(-3, 3), w = rng.vec();
         const vec3<double> r = turned(v, w);
-        CHECK(distance(rotation_from_axis_angle(r), rotation_from_axis_angle(v) * rotation_from_axis_angle(w)) < 1e-12);
+        const mat3<double> expected = rotation_from_axis_angle(v) * rotation_from_axis_angle(w);
+        CHECK(test::distance(rotation_from_axis_angle(r), expected) < 1e-12);
         CHECK(length(r) <= std::numbers::pi + 1e-12);
         CHECK(turned(v, vec3<double>(0.0)) == v);
     }
@@ -66,7 +59,7 @@ TEST_CASE("nearest_axis_angle keeps the rotation and stays beside the reference"
         const vec3<double> reference = normalize(rng.vec()) * rng.uniform(0, 9);
         const vec3<double> principal = axis_angle_from_rotation(rotation_from_axis_angle(reference + rng.vec() * 0.01));
         const vec3<double> v = nearest_axis_angle(principal, reference);
-        CHECK(distance(rotation_from_axis_angle(v), rotation_from_axis_angle(principal)) < 1e-12);
+        CHECK(test::distance(rotation_from_axis_angle(v), rotation_from_axis_angle(principal)) < 1e-12);
         const double angle = length(reference);
         if (std::abs(std::remainder(angle, 2 * std::numbers::pi)) > 0.3) CHECK(length(v - reference) < 1);
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/math/rotation.hpp>
 
-#include "support/gradient.hpp"
+#include "support/linear.hpp"
 
 #include <numbers>
 
@@ -9,19 +9,8 @@ using namespace gsh;
 
 namespace {
 
-double inner(const mat3<double>& a, const mat3<double>& b) {
-    return dot(a[0], b[0]) + dot(a[1], b[1]) + dot(a[2], b[2]);
-}
-
-double distance(const mat3<double>& a, const mat3<double>& b) {
-    double largest = 0;
-    for (int c = 0; c < 3; ++c)
-        for (int r = 0; r < 3; ++r) largest = std::max(largest, std::abs(a[c][r] - b[c][r]));
-    return largest;
-}
-
 /// Angles at which a formula divided by the angle would go wrong, and both sides of the change of formula at 1.
-constexpr double angles[] = {0,   1e-300, 1e-9, 1e-4, 0.3, 1 - 1e-9, 1 + 1e-9, 2,
+constexpr double delicate_angles[] = {0,   1e-300, 1e-9, 1e-4, 0.3, 1 - 1e-9, 1 + 1e-9, 2,
                              std::numbers::pi - 1e-6, std::numbers::pi, std::numbers::pi + 0.1, 7};
 
 } // namespace
@@ -29,13 +18,13 @@ constexpr double angles[] = {0,   1e-300, 1e-9, 1e-4, 0.3, 1 - 1e-9, 1 + 1e-9, 2
 TEST_CASE("rotation_from_axis_angle agrees with the half-angle quaternion") {
     test::Rng rng(1);
     const vec3<double> axis = normalize(rng.vec());
-    for (const double angle : angles) {
+    for (const double angle : delicate_angles) {
         INFO("angle " << angle);
         const double s = std::sin(angle / 2);
         const mat3<double> expected = rotation_matrix(quat<double>{std::cos(angle / 2), axis.x * s, axis.y * s, axis.z * s});
         const mat3<double> R = rotation_from_axis_angle(axis * angle);
-        CHECK(distance(R, expected) < 4e-16 * std::max(1.0, angle));
-        CHECK(distance(transpose(R) * R, mat3<double>(1.0)) < 2e-15);
+        CHECK(test::distance(R, expected) < 4e-16 * std::max(1.0, angle));
+        CHECK(test::distance(transpose(R) * R, mat3<double>(1.0)) < 2e-15);
         CHECK(determinant(R) == doctest::Approx(1).epsilon(1e-14));
     }
 }
@@ -50,11 +39,11 @@ TEST_CASE("the skew part keeps its relative accuracy at tiny angles") {
 
 TEST_CASE("rotation_from_axis_angle_backward is the gradient at every angle") {
     test::Rng rng(2);
-    for (const double angle : angles) {
+    for (const double angle : delicate_angles) {
         INFO("angle " << angle);
         vec3<double> v = normalize(rng.vec()) * angle, dL_dv(0.0);
         const mat3<double> weight(rng.vec(), rng.vec(), rng.vec());
-        const auto loss = [&] { return inner(rotation_from_axis_angle(v), weight); };
+        const auto loss = [&] { return test::inner(rotation_from_axis_angle(v), weight); };
         rotation_from_axis_angle_backward(v, weight, dL_dv);
         test::check_gradient(loss, test::scalars(v), test::scalars(dL_dv), {.tolerance = 1e-9});
 
@@ -73,7 +62,7 @@ TEST_CASE("at rest the adjoint is exactly the skew part") {
 
 TEST_CASE("the adjoint in float stays close to double, tiny angles included") {
     test::Rng rng(3);
-    for (const double angle : angles) {
+    for (const double angle : delicate_angles) {
         const vec3<double> v = normalize(rng.vec()) * angle;
         const mat3<double> weight(rng.vec(), rng.vec(), rng.vec());
         vec3<double> dL_dv(0.0);
@@ -90,16 +79,16 @@ TEST_CASE("Euler angles multiply in the order of their name") {
     const auto product = [&](int i, int j, int k) {
         return axis_rotation(i, a.x) * axis_rotation(j, a.y) * axis_rotation(k, a.z);
     };
-    CHECK(distance(rotation_from_euler(a, EulerOrder::xyz), product(0, 1, 2)) == 0);
-    CHECK(distance(rotation_from_euler(a, EulerOrder::xzy), product(0, 2, 1)) == 0);
-    CHECK(distance(rotation_from_euler(a, EulerOrder::yxz), product(1, 0, 2)) == 0);
-    CHECK(distance(rotation_from_euler(a, EulerOrder::yzx), product(1, 2, 0)) == 0);
-    CHECK(distance(rotation_from_euler(a, EulerOrder::zxy), product(2, 0, 1)) == 0);
-    CHECK(distance(rotation_from_euler(a, EulerOrder::zyx), product(2, 1, 0)) == 0);
+    CHECK(test::distance(rotation_from_euler(a, EulerOrder::xyz), product(0, 1, 2)) == 0);
+    CHECK(test::distance(rotation_from_euler(a, EulerOrder::xzy), product(0, 2, 1)) == 0);
+    CHECK(test::distance(rotation_from_euler(a, EulerOrder::yxz), product(1, 0, 2)) == 0);
+    CHECK(test::distance(rotation_from_euler(a, EulerOrder::yzx), product(1, 2, 0)) == 0);
+    CHECK(test::distance(rotation_from_euler(a, EulerOrder::zxy), product(2, 0, 1)) == 0);
+    CHECK(test::distance(rotation_from_euler(a, EulerOrder::zyx), product(2, 1, 0)) == 0);
     for (int axis = 0; axis < 3; ++axis) {
         vec3<double> v(0.0);
         v[axis] = 0.9;
-        CHECK(distance(axis_rotation(axis, 0.9), rotation_from_axis_angle(v)) < 1e-15);
+        CHECK(test::distance(axis_rotation(axis, 0.9), rotation_from_axis_angle(v)) < 1e-15);
     }
 }
 
@@ -111,7 +100,7 @@ TEST_CASE("rotation_from_euler_backward is the gradient in every order") {
         vec3<double> a = rng.vec(-3, 3), dL_da(0.0);
         const mat3<double> weight(rng.vec(), rng.vec(), rng.vec());
         rotation_from_euler_backward(a, order, weight, dL_da);
-        test::check_gradient([&] { return inner(rotation_from_euler(a, order), weight); }, test::scalars(a),
+        test::check_gradient([&] { return test::inner(rotation_from_euler(a, order), weight); }, test::scalars(a),
                              test::scalars(dL_da));
         const vec3<double> once = dL_da;
         rotation_from_euler_backward(a, order, weight, dL_da);
@@ -123,10 +112,11 @@ TEST_CASE("rotation_from_quat ignores the length and has a gradient") {
     test::Rng rng(5);
     quat<double> q = rng.quat(), dL_dq{0, 0, 0, 0};
     const quat<double> longer{3 * q.w, 3 * q.x, 3 * q.y, 3 * q.z};
-    CHECK(distance(rotation_from_quat(q), rotation_from_quat(longer)) < 1e-15);
+    CHECK(test::distance(rotation_from_quat(q), rotation_from_quat(longer)) < 1e-15);
     const mat3<double> weight(rng.vec(), rng.vec(), rng.vec());
     rotation_from_quat_backward(q, weight, dL_dq);
-    test::check_gradient([&] { return inner(rotation_from_quat(q), weight); }, test::scalars(q), test::scalars(dL_dq));
+    const auto loss = [&] { return test::inner(rotation_from_quat(q), weight); };
+    test::check_gradient(loss, test::scalars(q), test::scalars(dL_dq));
     CHECK(std::abs(dot(q, dL_dq)) < 1e-12); // nothing along the length
 }
 
@@ -142,7 +132,7 @@ TEST_CASE("axis_angle_from_rotation undoes rotation_from_axis_angle up to pi") {
     // At pi either sign will do.
     const vec3<double> v = normalize(vec3<double>(-1, 2, -0.5)) * std::numbers::pi;
     const mat3<double> R = rotation_from_axis_angle(v);
-    CHECK(distance(rotation_from_axis_angle(axis_angle_from_rotation(R)), R) < 1e-14);
+    CHECK(test::distance(rotation_from_axis_angle(axis_angle_from_rotation(R)), R) < 1e-14);
     for (int axis = 0; axis < 3; ++axis) {
         mat3<double> half_turn(-1.0);
         half_turn[axis][axis] = 1;

@@ -3,7 +3,6 @@
 #include "prior/shapes.hpp"
 #include "support/gradient.hpp"
 
-#include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/prior/mesh_rasterizer.hpp>
 
@@ -12,8 +11,8 @@
 namespace gsh {
 namespace {
 
+using test::serial;
 using Faces = std::vector<std::array<int, 3>>;
-cpu::Serial serial;
 
 Camera<double> pinhole(int size, double focal) {
     Camera<double> camera;

@@ -3,14 +3,13 @@
 #include "prior/shapes.hpp"
 #include "support/gradient.hpp"
 
-#include <gsh/backend/serial.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/prior/prior_features.hpp>
 
 namespace gsh {
 namespace {
 
-cpu::Serial serial;
+using test::serial;
 
 SkinWeightTable<double> two_bones(Span<const vec3<double>> points) {
     SkinWeightBuilder builder;

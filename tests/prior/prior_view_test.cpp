@@ -2,7 +2,6 @@
 #include "io/temporary.hpp"
 #include "prior/shapes.hpp"
 
-#include <gsh/backend/serial.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/prior/prior_view.hpp>
 
@@ -11,7 +10,7 @@
 namespace gsh {
 namespace {
 
-cpu::Serial serial;
+using test::serial;
 
 vec3<double> normal_at(const PriorView& view, int y, int x) {
     return {view.map.values.at(0, y, x), view.map.values.at(1, y, x), view.map.values.at(2, y, x)};

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Meshes with known depth and normals, and views of analytic surfaces.
+/// @file  Meshes with known depth and normals, views of analytic surfaces, the backend of tests that need no other.
 #pragma once
 
+#include <gsh/backend/serial.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/prior/prior_view.hpp>
 
@@ -12,6 +13,8 @@
 #include <vector>
 
 namespace gsh::test {
+
+inline cpu::Serial serial;
 
 struct Mesh {
     std::vector<vec3<double>> vertices;

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/body/posed_body.hpp>
 
 #include "support/gradient.hpp"
 
@@ -60,6 +62,12 @@ inline BodyModel tube(std::size_t joints = 4, std::size_t rings = 20, std::size_
     model.exprdirs = rng.vecs(V * 2, -0.01, 0.01);
     model.posedirs = rng.vecs(V * 9 * (joints - 1), -0.01, 0.01);
     return model;
+}
+
+/// A frame of a motion in the world.
+inline std::vector<vec3<double>> posed_vertices(const BodyModel& body, const Motion& motion, std::size_t frame) {
+    return pose_body(body, motion.pose_at(frame), motion.transl[frame], motion.betas, motion.expression_at(frame))
+        .vertices;
 }
 
 } // namespace gsh::test

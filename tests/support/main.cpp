@@ -1,3 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
+/// @file  The test programs' main: doctest's own, but a run in which no test case took part fails. A filter that
+///        matches nothing, such as the name of a file that has moved, would pass otherwise.
+#define DOCTEST_CONFIG_IMPLEMENT
 #include <doctest/doctest.h>
+
+#include <iostream>
+
+namespace {
+
+unsigned cases_run = 0;
+
+/// Stands beside the reporter that prints, and counts.
+struct CaseCounter : doctest::IReporter {
+    explicit CaseCounter(const doctest::ContextOptions&) {}
+    void report_query(const doctest::QueryData&) override {}
+    void test_run_start() override {}
+    void test_run_end(const doctest::TestRunStats& run) override { cases_run = run.numTestCasesPassingFilters; }
+    void test_case_start(const doctest::TestCaseData&) override {}
+    void test_case_reenter(const doctest::TestCaseData&) override {}
+    void test_case_end(const doctest::CurrentTestCaseStats&) override {}
+    void test_case_exception(const doctest::TestCaseException&) override {}
+    void subcase_start(const doctest::SubcaseSignature&) override {}
+    void subcase_end() override {}
+    void log_assert(const doctest::AssertData&) override {}
+    void log_message(const doctest::MessageData&) override {}
+    void test_case_skipped(const doctest::TestCaseData&) override {}
+};
+REGISTER_LISTENER("case_counter", 0, CaseCounter);
+
+} // namespace
+
+int main(int argc, char** argv) {
+    doctest::Context context(argc, argv);
+    const int status = context.run();
+    if (status != 0 || context.shouldExit()) return status; // shouldExit: it only listed test cases, or showed its help
+    if (cases_run == 0) std::cerr << "no test case matches the filters\n";
+    return cases_run == 0 ? 1 : 0;
+}

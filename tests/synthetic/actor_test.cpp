@@ -5,6 +5,7 @@
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 
+#include "support/bodies.hpp"
 #include "support/closed_mesh.hpp"
 
 #include <algorithm>
@@ -14,19 +15,15 @@ using namespace gsh;
 
 namespace {
 
-const BodyModel& actor() {
+const BodyModel& default_actor() {
     static const BodyModel body = make_actor();
     return body;
 }
 double weight(std::size_t v, int joint) {
-    return actor().weights[v * actor_joint_count + static_cast<std::size_t>(joint)];
+    return default_actor().weights[v * actor_joint_count + static_cast<std::size_t>(joint)];
 }
 const vec3<double>& vertex(std::size_t v) {
-    return actor().v_template[v];
-}
-
-std::vector<vec3<double>> posed(const Motion& motion, std::size_t t) {
-    return pose_body(actor(), motion.pose_at(t), motion.transl[t], motion.betas, motion.expression_at(t)).vertices;
+    return default_actor().v_template[v];
 }
 
 Motion still() {
@@ -40,21 +37,22 @@ Motion still() {
 } // namespace
 
 TEST_CASE("the actor is a valid body model with SMPL-X's tree") {
-    CHECK_NOTHROW(validate(actor(), "actor"));
-    CHECK(actor().joint_count() == 55);
-    CHECK(actor().vertex_count() >= 8000);
-    CHECK(actor().vertex_count() <= 25000);
+    CHECK_NOTHROW(validate(default_actor(), "actor"));
+    CHECK(default_actor().joint_count() == 55);
+    CHECK(default_actor().vertex_count() >= 8000);
+    CHECK(default_actor().vertex_count() <= 25000);
     const int parents[] = {-1, 0,  0,  0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  9,  9,  12, 13, 14, 16,
                            17, 18, 19, 15, 15, 15, 20, 25, 26, 20, 28, 29, 20, 31, 32, 20, 34, 35, 20,
                            37, 38, 21, 40, 41, 21, 43, 44, 21, 46, 47, 21, 49, 50, 21, 52, 53};
-    CHECK(std::equal(actor().parents.begin(), actor().parents.end(), std::begin(parents), std::end(parents)));
-    CHECK(actor().shape_count == 10);
-    CHECK(actor().expression_count == 10);
+    CHECK(std::equal(default_actor().parents.begin(), default_actor().parents.end(), std::begin(parents),
+                     std::end(parents)));
+    CHECK(default_actor().shape_count == 10);
+    CHECK(default_actor().expression_count == 10);
     CHECK_THROWS_AS((void)make_actor({.edge_scale = 0.1}), ValueError);
 }
 
 TEST_CASE("its skin is one closed connected surface facing outward") {
-    const auto& body = actor();
+    const auto& body = default_actor();
     CHECK(test::open_edges(body.faces) == 0);
     CHECK(test::euler_characteristic(body.vertex_count(), body.faces) == 2);
     CHECK(test::pieces(body.vertex_count(), body.faces, [](std::size_t) { return true; }) == 1);
@@ -79,23 +77,23 @@ TEST_CASE("a coarser mesh is closed, too") {
 
 TEST_CASE("it stands 1.7 m tall in T-pose, facing +z, its left at +x") {
     vec3<double> low(9), high(-9);
-    for (const auto& p : actor().v_template) low = glm::min(low, p), high = glm::max(high, p);
+    for (const auto& p : default_actor().v_template) low = glm::min(low, p), high = glm::max(high, p);
     CHECK(high.y - low.y == doctest::Approx(1.71).epsilon(0.02));
     CHECK(low.y == doctest::Approx(ActorOutfit::sole_y).epsilon(0.01));
     CHECK(high.x - low.x == doctest::Approx(1.71).epsilon(0.02));
-    const auto joints = regress_joints(actor(), actor().v_template);
+    const auto joints = regress_joints(default_actor(), default_actor().v_template);
     CHECK(length(joints[smplx::pelvis]) < 1e-9);
     CHECK(joints[smplx::left_wrist].x > 0.5);
     CHECK(joints[smplx::left_foot].z > joints[smplx::left_ankle].z);
 }
 
 TEST_CASE("the regressor gives the joints, from positive weights near each") {
-    const auto joints = regress_joints(actor(), actor().v_template);
+    const auto joints = regress_joints(default_actor(), default_actor().v_template);
     for (int j = 0; j < actor_joint_count; ++j) {
         INFO(actor_joints[static_cast<std::size_t>(j)].name);
         CHECK(length(joints[static_cast<std::size_t>(j)] - actor_joint(j)) < 1e-9);
         double sum = 0;
-        for (const auto& entry : actor().J_regressor[static_cast<std::size_t>(j)]) {
+        for (const auto& entry : default_actor().J_regressor[static_cast<std::size_t>(j)]) {
             CHECK(entry.weight > 0);
             CHECK(length(vertex(static_cast<std::size_t>(entry.vertex)) - actor_joint(j)) < 0.35);
             sum += entry.weight;
@@ -117,7 +115,7 @@ TEST_CASE("left and right joints mirror each other") {
 }
 
 TEST_CASE("skinning weights are few, sum to one, and never join distant limbs") {
-    for (std::size_t v = 0; v < actor().vertex_count(); ++v) {
+    for (std::size_t v = 0; v < default_actor().vertex_count(); ++v) {
         std::vector<int> joints;
         double sum = 0;
         for (int j = 0; j < actor_joint_count; ++j)
@@ -144,7 +142,7 @@ TEST_CASE("skinning weights are few, sum to one, and never join distant limbs") 
 
 TEST_CASE("weights are smooth: neighbours differ little, but for lips and lids") {
     double roughest = 0;
-    for (const auto& f : actor().faces)
+    for (const auto& f : default_actor().faces)
         for (std::size_t k = 0; k < 3; ++k) {
             const auto a = static_cast<std::size_t>(f[k]), b = static_cast<std::size_t>(f[(k + 1) % 3]);
             const vec3<double> p = (vertex(a) + vertex(b)) * 0.5;
@@ -166,7 +164,7 @@ TEST_CASE("each hand has five separate fingers") {
             }
             return false;
         };
-        CHECK(test::pieces(actor().vertex_count(), actor().faces, beyond_cut) == 5);
+        CHECK(test::pieces(default_actor().vertex_count(), default_actor().faces, beyond_cut) == 5);
         // Between neighbouring fingers the surface leaves air.
         for (int finger = 0; finger < 3; ++finger) {
             const int neighbours[] = {0, 1, 3, 2}; // from the index to the pinky
@@ -179,19 +177,19 @@ TEST_CASE("each hand has five separate fingers") {
 }
 
 TEST_CASE("region lists name the hands and the face") {
-    for (const int v : actor().left_hand_vertices) CHECK(vertex(static_cast<std::size_t>(v)).x > 0.64);
-    for (const int v : actor().right_hand_vertices) CHECK(vertex(static_cast<std::size_t>(v)).x < -0.64);
-    for (const int v : actor().face_vertices) CHECK(vertex(static_cast<std::size_t>(v)).z > 0.02);
-    CHECK(actor().left_hand_vertices.size() > 1000);
-    CHECK(actor().face_vertices.size() > 1500);
+    for (const int v : default_actor().left_hand_vertices) CHECK(vertex(static_cast<std::size_t>(v)).x > 0.64);
+    for (const int v : default_actor().right_hand_vertices) CHECK(vertex(static_cast<std::size_t>(v)).x < -0.64);
+    for (const int v : default_actor().face_vertices) CHECK(vertex(static_cast<std::size_t>(v)).z > 0.02);
+    CHECK(default_actor().left_hand_vertices.size() > 1000);
+    CHECK(default_actor().face_vertices.size() > 1500);
 }
 
 TEST_CASE("expressions move the face and nothing else, each in its own way") {
-    const std::set<int> face(actor().face_vertices.begin(), actor().face_vertices.end());
+    const std::set<int> face(default_actor().face_vertices.begin(), default_actor().face_vertices.end());
     std::vector<double> largest(10, 0);
-    for (std::size_t v = 0; v < actor().vertex_count(); ++v)
+    for (std::size_t v = 0; v < default_actor().vertex_count(); ++v)
         for (std::size_t k = 0; k < 10; ++k) {
-            const double moved = length(actor().exprdirs[v * 10 + k]);
+            const double moved = length(default_actor().exprdirs[v * 10 + k]);
             if (moved > 0) CHECK(face.count(static_cast<int>(v)) == 1);
             largest[k] = std::max(largest[k], moved);
         }
@@ -211,7 +209,7 @@ TEST_CASE("expressions move the face and nothing else, each in its own way") {
 TEST_CASE("a blink covers the eye") {
     Motion motion = still();
     motion.expression[6] = 1;
-    const auto closed = posed(motion, 0);
+    const auto closed = test::posed_vertices(default_actor(), motion, 0);
     const vec3<double> eye = actor_joint(smplx::left_eye);
     double lowest = 1; // of the upper lid's edge, in the middle
     for (std::size_t v = 0; v < closed.size(); ++v) {
@@ -224,13 +222,13 @@ TEST_CASE("a blink covers the eye") {
 
 TEST_CASE("the zero pose is the template; jaw, finger and knee move what they should") {
     Motion motion = still();
-    const auto rest = posed(motion, 0);
+    const auto rest = test::posed_vertices(default_actor(), motion, 0);
     for (std::size_t v = 0; v < rest.size(); ++v) CHECK(length(rest[v] - vertex(v)) < 1e-9);
 
     motion.pose[smplx::jaw] = {0.3, 0, 0};
     motion.pose[smplx::left_middle1] = {0, 0, -1};
     motion.pose[smplx::left_knee] = {0.8, 0, 0};
-    const auto moved = posed(motion, 0);
+    const auto moved = test::posed_vertices(default_actor(), motion, 0);
     for (std::size_t v = 0; v < rest.size(); ++v) {
         const vec3<double> move = moved[v] - rest[v], p = vertex(v);
         if (weight(v, smplx::jaw) > 0.9) CHECK(move.y < -0.001);
@@ -264,7 +262,7 @@ TEST_CASE("motions loop, stay on the floor, and move what they promise") {
         CHECK(around <= 1.2 * step); // closing the loop is a step like any other
         for (std::size_t t = 0; t < 12; t += 3) {
             double lowest = 9;
-            for (const auto& p : posed(motion, t)) lowest = std::min(lowest, p.y);
+            for (const auto& p : test::posed_vertices(default_actor(), motion, t)) lowest = std::min(lowest, p.y);
             CHECK(std::abs(lowest - ActorOutfit::sole_y) < 0.03);
         }
     }

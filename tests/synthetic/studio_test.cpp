@@ -7,6 +7,8 @@
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
 
+#include "support/bodies.hpp"
+
 #include <algorithm>
 #include <vector>
 
@@ -17,10 +19,6 @@ namespace {
 const BodyModel& actor() {
     static const BodyModel body = make_actor({.edge_scale = 1.5});
     return body;
-}
-
-std::vector<vec3<double>> posed(const Motion& motion, std::size_t t) {
-    return pose_body(actor(), motion.pose_at(t), motion.transl[t], motion.betas, motion.expression_at(t)).vertices;
 }
 
 /// Which of size x size points at pixel offsets (du, dv) a mesh covers, by walking its triangles: no rays involved.
@@ -60,7 +58,7 @@ TEST_CASE("alpha is the silhouette of the posed mesh seen by the cameras") {
     REQUIRE(shot.cameras.size() == 4);
     for (std::size_t c = 0; c < 4; ++c)
         for (std::size_t t = 0; t < 2; ++t) {
-            const auto vertices = posed(motion, t);
+            const auto vertices = test::posed_vertices(actor(), motion, t);
             const auto& camera = shot.cameras[c].camera;
             std::vector<int> count(40000, 0);
             for (const double du : {0.25, 0.75})
@@ -131,7 +129,8 @@ TEST_CASE("shadows are soft and move over the body") {
     const Motion motion = actor_motion(ActorMotion::talk, 6);
     std::vector<LitMesh> frames;
     for (std::size_t t = 0; t < 6; ++t)
-        frames.emplace_back(posed(motion, t), actor().v_template, actor().faces, StudioLight{});
+        frames.emplace_back(test::posed_vertices(actor(), motion, t), actor().v_template, actor().faces,
+                            StudioLight{});
     std::size_t moving = 0, half_lit = 0;
     for (std::size_t f = 0; f < actor().faces.size(); ++f) {
         const auto v = static_cast<std::size_t>(actor().faces[f][0]);

@@ -18,7 +18,7 @@ using namespace gsh;
 
 namespace {
 
-constexpr std::size_t count = 3000;
+constexpr std::size_t tube_count = 3000;
 
 /// A tube with more joints than trunk and limbs have; its upper end is what deserves more.
 struct Tube {
@@ -42,25 +42,26 @@ struct Tube {
     static bool upper(const vec3<double>& point) { return point.y > 1.2; }
 
     [[nodiscard]] CanonicalSetup setup(std::string_view name, std::uint64_t seed = 7, const EstimatedPriors& estimated = {}) {
-        return make_canonical_setup(backend, body, motion, named_configuration(name), count, seed, regions, estimated);
+        return make_canonical_setup(backend, body, motion, named_configuration(name), tube_count, seed, regions,
+                                    estimated);
     }
 };
 
 /// What a setup holds fits together, and an AvatarModel takes it.
 void check_consistent(Tube& tube, const CanonicalSetup& setup, const Configuration& config) {
-    CHECK(setup.samples.size() == count);
-    CHECK(setup.rig.point_count() == count);
+    CHECK(setup.samples.size() == tube_count);
+    CHECK(setup.rig.point_count() == tube_count);
     CHECK(setup.rig.joint_count() == setup.motion.joint_count);
     validate(setup.motion, setup.rig.body, "test");
     AvatarConfig avatar = config.avatar;
     avatar.hash_base = 3, avatar.hash_growth = 1.5, avatar.hash_table_size = 256, avatar.ao_table_size = 256;
     const AvatarModel<cpu::Serial> model(tube.backend, setup.rig, setup.samples, 1, avatar, setup.priors);
-    CHECK(model.size() == count);
+    CHECK(model.size() == tube_count);
 }
 
 double share_above(const CanonicalSetup& setup) {
     return static_cast<double>(std::count_if(setup.samples.positions.begin(), setup.samples.positions.end(), Tube::upper)) /
-           static_cast<double>(count);
+           static_cast<double>(tube_count);
 }
 
 /// Depth `value` everywhere in front of the body.
@@ -82,8 +83,9 @@ TEST_CASE("every configuration's setup is of the size asked for, and a model tak
         const Configuration config = named_configuration(name);
         const CanonicalSetup setup = tube.setup(name);
         check_consistent(tube, setup, config);
-        CHECK(setup.priors.region.size() == (config.multi_scale ? count : 0));
-        CHECK(setup.priors.features.size() == count * ((config.depth_prior ? 4u : 0u) + (config.normal_prior ? 6u : 0u)));
+        CHECK(setup.priors.region.size() == (config.multi_scale ? tube_count : 0));
+        const std::size_t features = (config.depth_prior ? 4u : 0u) + (config.normal_prior ? 6u : 0u);
+        CHECK(setup.priors.features.size() == tube_count * features);
     }
 }
 
@@ -111,7 +113,7 @@ TEST_CASE("regions get more Gaussians, fine levels, and a smooth edge") {
     CHECK(share_above(merged) == doctest::Approx(share).epsilon(0.03)); // fine levels, yet no more samples
     for (const CanonicalSetup* setup : {&paper, &merged}) {
         std::size_t between = 0;
-        for (std::size_t i = 0; i < count; ++i) {
+        for (std::size_t i = 0; i < tube_count; ++i) {
             const double tau = setup->priors.region[i], y = setup->samples.positions[i].y;
             CHECK((tau >= 0 && tau <= 1));
             if (y > 1.25) CHECK(tau == doctest::Approx(1));
@@ -124,7 +126,8 @@ TEST_CASE("regions get more Gaussians, fine levels, and a smooth edge") {
     RegionLists painted;
     painted.importance.assign(tube.body.vertex_count(), 0.5);
     const CanonicalSetup half =
-        make_canonical_setup(tube.backend, tube.body, tube.motion, named_configuration("paper"), count, 7, painted);
+        make_canonical_setup(tube.backend, tube.body, tube.motion, named_configuration("paper"), tube_count, 7,
+                             painted);
     for (const double tau : half.priors.region) CHECK(tau == doctest::Approx(0.5).epsilon(2e-3));
 }
 
@@ -133,14 +136,14 @@ TEST_CASE("features are the mesh's depths, then its normals, row by row") {
     const CanonicalSetup both = tube.setup("paper"), depths = tube.setup("no-normals"), normals = tube.setup("no-depth");
     CHECK(both.samples.positions == depths.samples.positions);
     bool equal = true;
-    for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t i = 0; i < tube_count; ++i) {
         for (std::size_t k = 0; k < 4; ++k) equal = equal && both.priors.features[10 * i + k] == depths.priors.features[4 * i + k];
         for (std::size_t k = 0; k < 6; ++k) equal = equal && both.priors.features[10 * i + 4 + k] == normals.priors.features[6 * i + k];
     }
     CHECK(equal);
     // What the front sees of its own surface lies at depth difference 0 and faces the viewer.
     std::size_t front = 0;
-    for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t i = 0; i < tube_count; ++i) {
         const vec3<double> &p = both.samples.positions[i], &n = both.samples.normals[i];
         if (n.z < 0.8 || p.y < 0.1 || p.y > 1.5) continue;
         ++front;
@@ -158,10 +161,11 @@ TEST_CASE("an estimator's views take the place of the mesh's") {
     estimated.depths = {flat_depth(vertices, 2.0)};
     Configuration config = named_configuration("paper");
     config.prior = {.depth = DepthFeature::raw, .depth_unit = 0.5};
-    const CanonicalSetup setup = make_canonical_setup(tube.backend, tube.body, tube.motion, config, count, 7, tube.regions, estimated);
-    REQUIRE(setup.priors.features.size() == 7 * count); // one depth, and the two normals of the mesh
+    const CanonicalSetup setup =
+        make_canonical_setup(tube.backend, tube.body, tube.motion, config, tube_count, 7, tube.regions, estimated);
+    REQUIRE(setup.priors.features.size() == 7 * tube_count); // one depth, and the two normals of the mesh
     const CanonicalSetup own = tube.setup("no-depth");
-    for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t i = 0; i < tube_count; ++i) {
         CHECK(setup.priors.features[7 * i] == doctest::Approx(4));
         CHECK(setup.priors.features[7 * i + 1] == own.priors.features[6 * i]);
     }
@@ -170,8 +174,8 @@ TEST_CASE("an estimator's views take the place of the mesh's") {
     estimated.depths.clear();
     estimated.normals = {two_normal_views(tube.backend, vertices, tube.body.faces)[1]}; // the back alone
     const CanonicalSetup back = tube.setup("no-depth", 7, estimated);
-    REQUIRE(back.priors.features.size() == 3 * count);
-    for (std::size_t i = 0; i < count; ++i) CHECK(back.priors.features[3 * i] == own.priors.features[6 * i + 3]);
+    REQUIRE(back.priors.features.size() == 3 * tube_count);
+    for (std::size_t i = 0; i < tube_count; ++i) CHECK(back.priors.features[3 * i] == own.priors.features[6 * i + 3]);
 
     estimated.normals = {flat_depth(vertices, 2.0)}; // a depth where normals are asked for
     CHECK_THROWS_AS((void)tube.setup("paper", 7, estimated), ShapeError);
@@ -184,7 +188,8 @@ TEST_CASE("a setup is its seed's, whatever the number of threads") {
     CHECK(one.samples.positions != other.samples.positions);
     cpu::Threads threads(3);
     const CanonicalSetup again =
-        make_canonical_setup(threads, tube.body, tube.motion, named_configuration("paper"), count, 7, tube.regions);
+        make_canonical_setup(threads, tube.body, tube.motion, named_configuration("paper"), tube_count, 7,
+                             tube.regions);
     CHECK(again.samples.positions == one.samples.positions);
     CHECK(again.priors.region == one.priors.region);
     CHECK(again.priors.features == one.priors.features);
@@ -192,7 +197,7 @@ TEST_CASE("a setup is its seed's, whatever the number of threads") {
 
 TEST_CASE("what does not fit is refused") {
     Tube tube;
-    const auto make = [&](const RegionLists& lists, std::size_t wanted = count) {
+    const auto make = [&](const RegionLists& lists, std::size_t wanted = tube_count) {
         return make_canonical_setup(tube.backend, tube.body, tube.motion, named_configuration("paper"), wanted, 7, lists);
     };
     RegionLists lists;
@@ -203,8 +208,12 @@ TEST_CASE("what does not fit is refused") {
     CHECK_THROWS_AS((void)make(lists), Error);
     Configuration config = named_configuration("paper");
     config.region.sigma = 0;
-    CHECK_THROWS_AS((void)make_canonical_setup(tube.backend, tube.body, tube.motion, config, count, 7, tube.regions), ValueError);
+    CHECK_THROWS_AS(
+        (void)make_canonical_setup(tube.backend, tube.body, tube.motion, config, tube_count, 7, tube.regions),
+        ValueError);
     config = named_configuration("paper");
     config.prior.depth_unit = 0;
-    CHECK_THROWS_AS((void)make_canonical_setup(tube.backend, tube.body, tube.motion, config, count, 7, tube.regions), ValueError);
+    CHECK_THROWS_AS(
+        (void)make_canonical_setup(tube.backend, tube.body, tube.motion, config, tube_count, 7, tube.regions),
+        ValueError);
 }

@@ -23,7 +23,7 @@ using namespace gsh;
 
 namespace {
 
-constexpr int size = 96; // pixels, images are square
+constexpr int photo_size = 96; // pixels, images are square
 
 /// A person of 55 boxes, one from each joint to its child, as stiff as boxes are. The pelvis is not at the origin,
 /// there is a mean hand, and beta makes all of it larger.
@@ -119,7 +119,7 @@ Capture film_boxes(const BodyModel& filmed, const Motion& motion, std::size_t ca
     for (std::size_t c = 0; c < cameras; ++c) {
         const double angle = 0.3 + 2.2 * static_cast<double>(c);
         Camera<double> camera = look_at<double>({3.3 * std::sin(angle), 0.5 - 0.3 * double(c), 3.3 * std::cos(angle)},
-                                                {0, -0.1, 0}, {0, 1, 0}, 0.75, size, size);
+                                                {0, -0.1, 0}, {0, 1, 0}, 0.75, photo_size, photo_size);
         camera.cx += 5 - 3.0 * double(c), camera.cy -= 4;
         capture.cameras.push_back({"cam0" + std::to_string(c), NamedCamera::Role::train, camera, {}});
     }
@@ -127,7 +127,7 @@ Capture film_boxes(const BodyModel& filmed, const Motion& motion, std::size_t ca
         for (std::size_t t = 0; t < motion.frame_count(); ++t) {
             const PosedBody posed = pose_body(filmed, motion.pose_at(t), motion.transl[t], motion.betas);
             const Silhouette seen = mesh_silhouette(posed.vertices, filmed.faces, named.camera);
-            PixelImage image(4, size, size);
+            PixelImage image(4, photo_size, photo_size);
             for (std::size_t i = 0; i < seen.inside.size(); ++i)
                 image.data[4 * i + 3] = static_cast<std::uint8_t>(255 * seen.inside[i]);
             capture.images.push_back(std::move(image));
@@ -240,7 +240,7 @@ TEST_CASE("silhouettes: areas, middles, overlaps of moved ones") {
     const Camera<double> camera = scene().capture.cameras[0].camera, half = reduced_camera(camera, 2);
     const vec2<double> a = to_pixel(camera, vec3<double>(0.2, 0.1, 2)), b = to_pixel(half, vec3<double>(0.2, 0.1, 2));
     CHECK(length(vec3<double>(a - 2.0 * b, 0)) < 1e-12);
-    CHECK(half.width == size / 2);
+    CHECK(half.width == photo_size / 2);
 }
 
 TEST_CASE("orders of frames") {
@@ -378,7 +378,7 @@ TEST_CASE("faults of images and masks") {
 
     const CaptureFinding empty = only(check(spoiled([](Capture& c) {
                                           for (const std::size_t i : {std::size_t(3), std::size_t(20)})
-                                              c.images[i] = PixelImage(4, size, size);
+                                              c.images[i] = PixelImage(4, photo_size, photo_size);
                                       })),
                                       "empty-masks");
     CHECK(empty.views.size() == 2);
@@ -439,7 +439,7 @@ TEST_CASE("faults of cameras") {
 
     // The middle was taken for the principal point, in all cameras.
     CHECK(mended(check(with_cameras(
-                     [](Camera<double>& c, std::size_t k) { c.cx = c.cy = size / 2 + 12.0 * double(k) - 12; })),
+                     [](Camera<double>& c, std::size_t k) { c.cx = c.cy = photo_size / 2 + 12.0 * double(k) - 12; })),
                  "principal-point")
               .cameras.size() >= 2);
 
@@ -568,9 +568,9 @@ TEST_CASE("faults that come together, and what nobody can explain") {
 
     Capture other = scene().capture; // somebody else's masks: a square in a corner
     for (auto& image : other.images) {
-        image = PixelImage(4, size, size);
+        image = PixelImage(4, photo_size, photo_size);
         for (int y = 45; y < 52; ++y)
-            for (int x = 0; x < size; ++x) image.pixel(y, x)[3] = 255;
+            for (int x = 0; x < photo_size; ++x) image.pixel(y, x)[3] = 255;
     }
     const CaptureFinding apart = only(check(other), "no-overlap");
     CHECK(apart.given < 0.6);

@@ -84,7 +84,7 @@ StaticTrainer<B> make_trainer(B& backend, const BallScene& scene, std::size_t po
                             photos, seed, config);
 }
 
-std::vector<float> numbers(const GaussianCloud<float>& cloud) {
+std::vector<float> cloud_numbers(const GaussianCloud<float>& cloud) {
     std::vector<float> all = cloud.opacity_logits;
     for (const auto& v : cloud.means) all.insert(all.end(), {v.x, v.y, v.z});
     for (const auto& v : cloud.log_scales) all.insert(all.end(), {v.x, v.y, v.z});
@@ -129,7 +129,7 @@ TEST_CASE("the same seed gives the same scene bit for bit, whatever the thread c
         auto trainer = make_trainer(backend, scene, 300, config, seed);
         for (int step = 0; step < 45; ++step) trainer.step();
         CHECK(trainer.size() != 300);
-        return numbers(trainer.cloud());
+        return cloud_numbers(trainer.cloud());
     };
     const auto expected = train(cpu::Serial(), 1);
     for (const std::size_t threads : {2, 5}) {

@@ -8,20 +8,19 @@
 #include <gsh/io/npy.hpp>
 #include <gsh/io/number_lines.hpp>
 #include <gsh/io/smplx_json_file.hpp>
-#include <gsh/math/linalg.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
-#include <Eigen/QR>
-
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -69,6 +68,34 @@ inline mat3<double> mirrored(const mat3<double>& m) {
     return M * m * M;
 }
 
+inline double inner(const std::vector<double>& a, const std::vector<double>& b) {
+    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+}
+
+/// The shortest w with rows[r] · w = sums[r]; equations that depend on earlier ones are left out, and may not hold.
+/// Gram-Schmidt: the part of a row that is orthogonal to the rows before it settles its own equation and leaves theirs
+/// as they are. Two passes, because one loses digits where rows are almost parallel.
+template <std::size_t R>
+std::vector<double> smallest_solution(const std::array<std::vector<double>, R>& rows,
+                                      const std::array<double, R>& sums) {
+    std::vector<double> w(rows[0].size(), 0.0);
+    std::vector<std::vector<double>> directions;
+    const auto add = [](std::vector<double>& to, const std::vector<double>& v, double factor) {
+        for (std::size_t i = 0; i < to.size(); ++i) to[i] += factor * v[i];
+    };
+    for (std::size_t r = 0; r < R; ++r) {
+        std::vector<double> own = rows[r];
+        for (int pass = 0; pass < 2; ++pass)
+            for (const auto& q : directions) add(own, q, -inner(own, q));
+        const double norm = std::sqrt(inner(own, own));
+        if (!(norm > 1e-12 * std::sqrt(inner(rows[r], rows[r])))) continue;
+        for (double& x : own) x /= norm;
+        add(w, own, (sums[r] - inner(rows[r], w)) / norm);
+        directions.push_back(std::move(own));
+    }
+    return w;
+}
+
 /// The smallest weights, adding up to 1, with which near vertices give a point exactly.
 /// Errors  ValueError where the vertices all lie in a plane that misses it.
 inline std::vector<RegressorEntry> affine_weights(const std::vector<vec3<double>>& vertices, const vec3<double>& point,
@@ -81,16 +108,19 @@ inline std::vector<RegressorEntry> affine_weights(const std::vector<vec3<double>
     std::sort(by_distance.begin(), by_distance.end());
     for (std::size_t k = std::min<std::size_t>(32, by_distance.size());; k = std::min(4 * k, by_distance.size())) {
         const double scale = std::sqrt(std::max(by_distance[k - 1].first, 1e-12));
-        Eigen::MatrixXd A(4, static_cast<Eigen::Index>(k));
+        std::array<std::vector<double>, 4> rows; // ones, and the vertices' coordinates around the point
         for (std::size_t i = 0; i < k; ++i) {
             const vec3<double> d = (vertices[static_cast<std::size_t>(by_distance[i].second)] - point) * (1 / scale);
-            A.col(static_cast<Eigen::Index>(i)) << 1, d.x, d.y, d.z;
+            rows[0].push_back(1);
+            for (int c = 0; c < 3; ++c) rows[static_cast<std::size_t>(c) + 1].push_back(d[c]);
         }
-        const Eigen::Vector4d b(1, 0, 0, 0);
-        const Eigen::VectorXd w = A.completeOrthogonalDecomposition().solve(b);
-        if ((A * w - b).norm() < 1e-9) {
+        const std::array<double, 4> sums{1, 0, 0, 0};
+        const std::vector<double> w = smallest_solution(rows, sums);
+        double error = 0;
+        for (std::size_t r = 0; r < 4; ++r) error = std::max(error, std::abs(inner(rows[r], w) - sums[r]));
+        if (error < 1e-9) {
             std::vector<RegressorEntry> row;
-            for (std::size_t i = 0; i < k; ++i) row.push_back({by_distance[i].second, w[static_cast<Eigen::Index>(i)]});
+            for (std::size_t i = 0; i < k; ++i) row.push_back({by_distance[i].second, w[i]});
             return row;
         }
         check_value(k < by_distance.size(), where,
