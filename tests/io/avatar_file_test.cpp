@@ -178,11 +178,11 @@ TEST_CASE("shadows that know only the time are a mean in the file, and none befo
     CHECK(data.ao.size() == training.model.size());
     const auto [least, most] = std::minmax_element(data.ao.begin(), data.ao.end());
     CHECK(*least < *most);
-    training.trainer.set_progress(0.1);
+    training.trainer.set_progress(0); // before ao_start
     CHECK(training.trainer.avatar(training.rig).ao.empty());
 
     ShadedTraining bent(AmbientOcclusion::pose);
-    bent.trainer.set_progress(0.1);
+    bent.trainer.set_progress(0); // before ao_start
     CHECK(!bent.trainer.avatar(bent.rig).occlusion);
     ShadedTraining flat(AmbientOcclusion::pose, 0); // a single matrix has no first layer to bake
     CHECK(!flat.trainer.avatar(flat.rig).occlusion);
