@@ -218,7 +218,8 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
                     {"Training", std::to_string(record.steps) + " steps in " + fixed(record.seconds, 1) + " s on " +
                                      std::to_string(trainer.backend().thread_count()) + " threads"},
                     {"Peak memory", fixed(static_cast<double>(peak_memory_bytes()) / (1 << 20), 0) + " MiB"}};
-    report.curves = {{"Loss of the step's training view", "0.8 L1 + 0.2 (1 - SSIM)", record.loss},
+    report.curves = {{"Loss of the step's training view", fixed(1 - trainer.config().ssim_weight, 2) + " L1 + " +
+                          fixed(trainer.config().ssim_weight, 2) + " (1 - SSIM)", record.loss},
                      {"PSNR of the step's training view", "dB", record.psnr}};
     write_report(out.file("report.html"), report);
     write_json(out.file("metrics.json"), json);

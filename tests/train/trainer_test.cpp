@@ -173,6 +173,17 @@ TEST_CASE("the trainer refuses photographs that do not fit") {
     CHECK_THROWS_AS(TrainerType(training.backend, training.model, {photo}, scene.motion, 1), ShapeError);
 }
 
+TEST_CASE("rates stay as they are, then fall geometrically to their last value") {
+    const TrainConfig config{.rates = {}, .decay_start = 0.6, .final_rate = 0.04};
+    for (const double progress : {-1.0, 0.0, 0.3, 0.6}) CHECK(config.rate_factor(progress) == 1);
+    CHECK(config.rate_factor(0.8) == doctest::Approx(0.2));
+    CHECK(config.rate_factor(0.9) == doctest::Approx(0.2 * std::sqrt(0.2)));
+    for (const double progress : {1.0, 2.0}) CHECK(config.rate_factor(progress) == doctest::Approx(0.04));
+    CHECK(TrainConfig{.rates = {}, .decay_start = 1, .final_rate = 0.04}.rate_factor(1) == 1); // never
+    CHECK(TrainConfig{.rates = {}, .decay_start = 0, .final_rate = 0.04}.rate_factor(0.5) == doctest::Approx(0.2));
+    CHECK(baseline_config().rate_factor(1) == 1);
+}
+
 TEST_CASE("the trainer refuses a configuration that would end in NaN") {
     const SmallScene scene;
     SmallTraining<cpu::Serial> training(scene);
@@ -184,6 +195,8 @@ TEST_CASE("the trainer refuses a configuration that would end in NaN") {
     };
     refuse([](TrainConfig& c) { c.rates.sh = -1e-3; });
     refuse([](TrainConfig& c) { c.rates.ao = NAN; });
+    refuse([](TrainConfig& c) { c.decay_start = 1.5; });
+    refuse([](TrainConfig& c) { c.decay_start = NAN; });
     refuse([](TrainConfig& c) { c.final_rate = 0; });
     refuse([](TrainConfig& c) { c.final_rate = -0.1; }); // its powers are no numbers
     refuse([](TrainConfig& c) { c.ssim_weight = 1.5; });

@@ -174,6 +174,7 @@ void for_each_setting(C& c, const F& f) {
     f("rate.stored_displacements", c.train.rates.stored_displacements);
     f("rate.stored_sh", c.train.rates.stored_sh);
     f("rate.ao", c.train.rates.ao);
+    f("rate.decay_start", c.train.decay_start);
     f("rate.final", c.train.final_rate);
     f("ssim_weight", c.train.ssim_weight);
     f("background.random", c.train.random_background);

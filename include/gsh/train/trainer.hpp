@@ -70,20 +70,30 @@ struct LearningRates {
 
 struct TrainConfig {
     LearningRates rates;
-    double final_rate = 0.1; ///< share of its rate that each group ends with: small last steps average out single photographs
-    double ssim_weight = 0.2;
+    double decay_start = 0.75; ///< share of the run over which rates stay as they are: an avatar is rarely done learning
+    double final_rate = 0.03; ///< share of its rate that each group ends with: small last steps average out single photographs
+    double ssim_weight = 0.4;  ///< λ of (1 - λ) L1 + λ (1 - SSIM); the direct baseline: 0.2
     double ao_start = 0.1; ///< share of the run after which ambient occlusion is learned; 1 before (the paper: 0.4)
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, in training and in test
     /// In training another colour each step, so that no Gaussian can pass for background; views with plates keep theirs.
     bool random_background = true;
     PixelFilter filter{.dilation = 0.1, .compensate_opacity = true}; ///< about what photographs have: 0.14 px² less a pixel's own box
+
+    /// Factor on every rate when a share of the run is over: 1 until decay_start, then falling geometrically to final_rate.
+    [[nodiscard]] double rate_factor(double progress) const {
+        const double last = 1 - decay_start;
+        const double fallen = last > 0 ? std::clamp((progress - decay_start) / last, 0.0, 1.0) : 0;
+        return std::pow(final_rate, fallen);
+    }
 };
 
 /// Rates and filter of the direct baseline (Liu et al., "Animatable 3D Gaussian", 2024, its code): slow fields, frozen
 /// rotations, no decay. What TrainConfig has instead is measured against these in docs/quality.md.
 [[nodiscard]] inline TrainConfig baseline_config() {
     return {.rates = {.joints = 5e-4, .quats = 0, .log_scales = 1e-3, .opacity_logits = 0.05, .displacement = 1e-4, .sh = 5e-4},
+            .decay_start = 0,
             .final_rate = 1,
+            .ssim_weight = 0.2,
             .ao_start = 0.4,
             .random_background = false,
             .filter = {.dilation = 0.3, .compensate_opacity = false}};
@@ -190,8 +200,8 @@ public:
         return order_[step % photos_.size()];
     }
 
-    /// Takes one step. progress in [0, 1] is the share of the whole run that is over: learning rates fall geometrically
-    /// with it, to TrainConfig::final_rate. A run that is to be repeatable counts steps for it, not seconds.
+    /// Takes one step. progress in [0, 1] is the share of the whole run that is over: learning rates fall with it, see
+    /// TrainConfig::rate_factor. A run that is to be repeatable counts steps for it, not seconds.
     void step(double progress = 0) {
         const Photo& photo = photos_[photo_of_step(step_count_)];
         progress_ = progress;
@@ -350,6 +360,7 @@ private:
             const double rate = config_.rates[static_cast<ParameterGroup>(g)];
             expect(rate >= 0 && std::isfinite(rate), "the rate of " + std::string(parameter_group_names[g]) + " must not be negative");
         }
+        expect(config_.decay_start >= 0 && config_.decay_start <= 1, "decay_start must lie in [0, 1]");
         expect(config_.final_rate > 0 && config_.final_rate <= 1, "final_rate must lie in (0, 1]");
         expect(config_.ssim_weight >= 0 && config_.ssim_weight <= 1, "ssim_weight must lie in [0, 1]");
         expect(config_.ao_start >= 0, "ao_start must not be negative");
@@ -508,7 +519,7 @@ private:
     void update(Person& person, double progress) {
         Model& model = *person.model;
         const auto number = static_cast<std::int64_t>(step_count_);
-        const double decay = std::pow(config_.final_rate, std::clamp(progress, 0.0, 1.0));
+        const double decay = config_.rate_factor(progress);
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
             const auto group = static_cast<ParameterGroup>(g);
             const double rate = config_.rates[group] * decay;
