@@ -2,6 +2,9 @@
 /// @file  gsh-animate: avatars in motions that they were not trained on, together in one scene, frame by frame.
 
 #include "support/framing.hpp"
+#include "support/input_files.hpp"
+#include "support/interrupts.hpp"
+#include "support/messages.hpp"
 #include "support/output_folder.hpp"
 #include "support/program.hpp"
 #include "support/progress.hpp"
@@ -66,7 +69,7 @@ int animate(const AnimateOptions& options) {
             warn(options.poses[p].string() + ": only the first " + std::to_string(frames) + " of " +
                  std::to_string(people.motions[p].frame_count()) + " frames are shown, as many as the shortest motion has");
     const Camera<double> camera = options.camera.empty() ? frame_people(people, options.size)
-                                                         : read_camera(options.camera, options.camera_name).camera;
+                                                         : camera_of_file(options.camera, options.camera_name).camera;
     cpu::Threads backend(options.threads);
     const Ensemble ensemble(backend, people);
     Renderer renderer(backend, people.filter());

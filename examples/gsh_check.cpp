@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-check: whether a capture's images, cameras, poses and body belong together; pictures and likely faults.
 
+#include "support/figures.hpp"
+#include "support/input_files.hpp"
 #include "support/output_folder.hpp"
 #include "support/overlay.hpp"
 #include "support/program.hpp"
 
 #include <gsh/backend/threads.hpp>
 #include <gsh/io/any_capture.hpp>
-#include <gsh/io/body_file.hpp>
 #include <gsh/io/image_file.hpp>
 #include <gsh/train/capture_check.hpp>
-
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -45,17 +44,17 @@ struct Input {
 
     Input(cpu::Threads& backend, const CheckOptions& options) {
         std::optional<BodyModel> given;
-        if (!options.body.empty()) given = load_body_model(options.body);
+        if (!options.body.empty()) given = body_of_file(options.body);
         CaptureOptions how;
         how.empty_masks = true; // they are findings
         how.person = options.person;
         check_value(options.poses.size() <= 1, "--poses",
                     "was given more than once; gsh-check looks at one person at a time: call it once for each pose file");
         if (!options.poses.empty()) how.poses = options.poses[0];
-        any = load_any_capture(backend, options.capture, given ? &*given : nullptr, how, &warnings);
+        any = capture_of_folder(backend, options.capture, given ? &*given : nullptr, how, warnings);
         body = any.rig ? any.rig->body : std::move(*given);
         // The check says with figures what a glance at three frames suspects.
-        for (const std::string& text : capture_warnings(any.capture, body))
+        for (const std::string& text : warnings_of(any.capture, body))
             std::erase(warnings, options.capture.string() + ": " + text);
     }
 };
@@ -109,7 +108,6 @@ const char* mask_text(ViewCheck::Mask mask) {
 }
 
 void write_json(const std::filesystem::path& path, const Input& input, const CaptureCheck& check) {
-    using Json = nlohmann::ordered_json;
     const Capture& capture = input.any.capture;
     const auto image = [&](CaptureView view) {
         return Json{{"camera", capture.cameras[view.camera].name}, {"frame", view.frame}};
@@ -140,8 +138,7 @@ void write_json(const std::filesystem::path& path, const Input& input, const Cap
         one["overlay"] = overlay_name(capture, v.view);
         json["images"].push_back(one);
     }
-    // A folder's name may be anything, JSON is UTF-8.
-    write_file(path, json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+    examples::write_json(path, json);
 }
 
 /// One screen: the cameras' means, the worst images, the findings.

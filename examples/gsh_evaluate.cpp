@@ -8,9 +8,13 @@
 
 #include "support/evaluation_report.hpp"
 #include "support/evaluation_runs.hpp"
+#include "support/evaluation_tables.hpp"
 #include "support/evaluator.hpp"
+#include "support/figures.hpp"
 #include "support/program.hpp"
-#include "support/reconstruction.hpp"
+#include "support/reconstruct_command.hpp"
+#include "support/reconstruct_options.hpp"
+#include "support/source.hpp"
 
 #include <gsh/backend/threads.hpp>
 

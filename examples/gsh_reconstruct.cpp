@@ -6,10 +6,15 @@
 /// 3. Train, with a checkpoint every few seconds.
 /// 4. Judge on the test views, and write what was found.
 
+#include "support/figures.hpp"
+#include "support/judgement.hpp"
 #include "support/output_folder.hpp"
 #include "support/program.hpp"
+#include "support/reconstruct_command.hpp"
+#include "support/reconstruct_options.hpp"
 #include "support/reconstruction.hpp"
 #include "support/results.hpp"
+#include "support/source.hpp"
 #include "support/static_reconstruction.hpp"
 #include "support/training.hpp"
 
@@ -44,7 +49,7 @@ int reconstruct(const ReconstructOptions& options) {
     cpu::Threads backend(options.threads);
     if (options.config == "static") return reconstruct_scene(backend, options);
     const Source source = load_source(backend, options);
-    if (!options.lpips.empty()) (void)read_lpips(options.lpips); // weights that cannot be read are better known now
+    if (!options.lpips.empty()) check_lpips(options.lpips);
     Reconstruction reconstruction(backend, source, configuration_of(options), options);
     TrainingRecord record;
     if (options.resume) load_checkpoint(options, reconstruction, record);

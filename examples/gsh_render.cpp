@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-render: one picture of a 3DGS scene (.ply), or of avatars (.gsh) in a frame of their motions.
 
+#include "support/input_files.hpp"
 #include "support/program.hpp"
 #include "support/renderer.hpp"
 #include "support/shown_people.hpp"
@@ -63,7 +64,7 @@ int render(const RenderOptions& options) {
                     "is no avatar (.gsh); only avatars are drawn together");
     check_value(avatars || (options.poses.empty() && options.frame == 0), options.scenes[0].string(),
                 "--poses and --frame are for avatars (.gsh)");
-    const Camera<double> camera = read_camera(options.camera, options.camera_name).camera;
+    const Camera<double> camera = camera_of_file(options.camera, options.camera_name).camera;
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
     cpu::Threads backend(options.threads);
     Image<float> picture;

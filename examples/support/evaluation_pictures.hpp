@@ -2,24 +2,17 @@
 /// @file  Picture grids of gsh-evaluate: a row per configuration with render, error, and crops of face and hands.
 #pragma once
 
-#include "support/reconstruction.hpp"
-
-#include <gsh/body/posed_body.hpp>
-#include <gsh/body/region_mask.hpp>
-#include <gsh/camera/pinhole.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/image_file.hpp>
+#include <gsh/train/photo.hpp>
 
-#include <algorithm>
-#include <cmath>
 #include <cstddef>
-#include <cstdint>
-#include <limits>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace gsh::examples {
+
+struct Source;
 
 /// A square of an image that a row shows enlarged, each pixel as zoom x zoom.
 struct Crop {
@@ -34,123 +27,18 @@ struct ShownView {
     std::vector<Crop> crops; ///< face, left hand, right hand, as many as the body has; hidden ones, too
 };
 
-namespace detail {
-
-/// The square about a region of a posed body as a camera sees it.
-inline Crop crop_of(const std::vector<vec3<double>>& vertices, const std::vector<int>& region,
-                    const Camera<double>& camera) {
-    constexpr double near = 1e-3, margin = 1.15;
-    constexpr int least = 12, largest_zoom = 4; // pixels; times
-    double low[2] = {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()},
-           high[2] = {-low[0], -low[1]};
-    for (const int v : region) {
-        const vec3<double> p = to_camera(camera, vertices[static_cast<std::size_t>(v)]);
-        if (!(p.z > near)) continue;
-        const vec2<double> pixel = to_pixel(camera, p);
-        for (int axis = 0; axis < 2; ++axis)
-            low[axis] = std::min(low[axis], pixel[axis]), high[axis] = std::max(high[axis], pixel[axis]);
-    }
-    const int sizes[2] = {camera.width, camera.height}, most = std::min(camera.width, camera.height);
-    if (!(low[0] <= high[0])) low[0] = high[0] = 0.5 * sizes[0], low[1] = high[1] = 0.5 * sizes[1]; // behind the camera
-    const double wished = margin * std::max(high[0] - low[0], high[1] - low[1]);
-    Crop crop;
-    crop.side =
-        std::min(most, std::max(least, static_cast<int>(std::ceil(std::min(wished, static_cast<double>(most))))));
-    crop.zoom = std::clamp(camera.height / crop.side, 1, largest_zoom);
-    int* corner[2] = {&crop.x, &crop.y};
-    for (int axis = 0; axis < 2; ++axis) {
-        const double middle = std::clamp(0.5 * (low[axis] + high[axis]), 0.0, static_cast<double>(sizes[axis]));
-        *corner[axis] = std::clamp(static_cast<int>(std::lround(middle - 0.5 * crop.side)), 0, sizes[axis] - crop.side);
-    }
-    return crop;
-}
-
-/// Copies a square or the whole of an image into a picture, enlarged.
-inline void paste(const PixelImage& from, const Crop& part, PixelImage& to, int x0, int y0) {
-    for (int y = 0; y < part.side * part.zoom; ++y)
-        for (int x = 0; x < part.side * part.zoom; ++x)
-            std::copy_n(from.pixel(part.y + y / part.zoom, part.x + x / part.zoom), 3, to.pixel(y0 + y, x0 + x));
-}
-inline void paste(const PixelImage& from, PixelImage& to, int x0, int y0) {
-    for (int y = 0; y < from.height; ++y)
-        for (int x = 0; x < from.width; ++x) std::copy_n(from.pixel(y, x), 3, to.pixel(y0 + y, x0 + x));
-}
-
-inline constexpr int picture_gap = 4; // pixels between parts of a picture
-
-} // namespace detail
-
 /// `most` of the test views, evenly over all of them. Crops are of the first person.
-[[nodiscard]] inline std::vector<ShownView> shown_views(const Source& source, const std::vector<Photo>& photos,
-                                                        std::size_t most) {
-    const BodyRegions regions = source.body_regions_of(0);
-    std::vector<ShownView> views;
-    const std::size_t count = std::min(most, photos.size());
-    for (std::size_t i = 0; i < count; ++i) {
-        const Photo& photo = photos[i * photos.size() / count];
-        const PosedBody posed = source.posed(0, photo.frame);
-        ShownView view{photo.name, i * photos.size() / count, photo.camera.width, photo.camera.height, {}};
-        for (const auto* region : {&regions.face, &regions.left_hand, &regions.right_hand})
-            if (!region->empty()) view.crops.push_back(detail::crop_of(posed.vertices, *region, photo.camera));
-        views.push_back(std::move(view));
-    }
-    return views;
-}
+[[nodiscard]] std::vector<ShownView> shown_views(const Source& source, const std::vector<Photo>& photos,
+                                                 std::size_t most);
 
 /// A row: the image, five times its error (white where no truth is given), crops of face and hands.
-[[nodiscard]] inline PixelImage row_picture(const ShownView& view, const Image<float>& image,
-                                            const Image<float>* truth) {
-    constexpr float gain = 5;
-    constexpr int gap = detail::picture_gap;
-    int width = 2 * view.width + gap, height = view.height;
-    for (const Crop& crop : view.crops) width += gap + crop.side * crop.zoom;
-    PixelImage row(3, height, width);
-    std::fill(row.data.begin(), row.data.end(), std::uint8_t(255));
-    const PixelImage pixels = quantise(image.view());
-    detail::paste(pixels, row, 0, 0);
-    if (truth) {
-        Image<float> error(3, image.height, image.width);
-        for (std::size_t i = 0; i < error.data.size(); ++i)
-            error.data[i] = std::min(1.0f, gain * std::abs(image.data[i] - truth->data[i]));
-        detail::paste(quantise(std::as_const(error).view()), row, view.width + gap, 0);
-    }
-    int x = 2 * view.width + gap;
-    for (const Crop& crop : view.crops) {
-        detail::paste(pixels, crop, row, x + gap, 0);
-        x += gap + crop.side * crop.zoom;
-    }
-    return row;
-}
+[[nodiscard]] PixelImage row_picture(const ShownView& view, const Image<float>& image,
+                                     const Image<float>* truth);
 
 /// A photograph over what is behind it: white, or the camera's plate.
-[[nodiscard]] inline Image<float> truth_image(const Photo& photo) {
-    Image<float> image(3, photo.camera.height, photo.camera.width);
-    for (int y = 0; y < image.height; ++y)
-        for (int x = 0; x < image.width; ++x) {
-            const std::size_t at =
-                4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x));
-            const float alpha = static_cast<float>(photo.rgba[at + 3]) / 255;
-            for (std::size_t c = 0; c < 3; ++c) {
-                const float behind = photo.plate.empty() ? 1.0f : static_cast<float>(photo.plate[at + c]) / 255;
-                image.at(static_cast<int>(c), y, x) =
-                    alpha * static_cast<float>(photo.rgba[at + c]) / 255 + (1 - alpha) * behind;
-            }
-        }
-    return image;
-}
+[[nodiscard]] Image<float> truth_image(const Photo& photo);
 
 /// Rows below each other; those of another size than the first are left out.
-[[nodiscard]] inline PixelImage stacked(const std::vector<PixelImage>& rows) {
-    constexpr int gap = detail::picture_gap;
-    const int height = rows.front().height, width = rows.front().width;
-    std::vector<const PixelImage*> fitting;
-    for (const PixelImage& row : rows)
-        if (row.height == height && row.width == width) fitting.push_back(&row);
-    PixelImage grid(3, static_cast<int>(fitting.size()) * (height + gap) - gap, width);
-    std::fill(grid.data.begin(), grid.data.end(), std::uint8_t(255));
-    for (std::size_t r = 0; r < fitting.size(); ++r)
-        detail::paste(*fitting[r], grid, 0, static_cast<int>(r) * (height + gap));
-    return grid;
-}
+[[nodiscard]] PixelImage stacked(const std::vector<PixelImage>& rows);
 
 } // namespace gsh::examples

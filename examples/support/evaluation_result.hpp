@@ -2,17 +2,14 @@
 /// @file  What gsh-evaluate keeps of a run: its figures at one or more marks, and what they cost. Structs, and JSON.
 #pragma once
 
-#include "support/judgement.hpp"
-#include "support/results.hpp"
+#include "support/figures.hpp"
+#include "support/input_files.hpp"
 
 #include <gsh/core/error.hpp>
-#include <gsh/io/atomic_file.hpp>
-#include <gsh/io/camera_file.hpp>
 #include <gsh/train/evaluation.hpp>
 
 #include <nlohmann/json.hpp>
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -21,8 +18,6 @@
 #include <vector>
 
 namespace gsh::examples {
-
-using Json = nlohmann::ordered_json;
 
 /// Figures at one point of a run.
 struct Mark {
@@ -59,111 +54,25 @@ struct RunResult {
 
 // -------------------------------------------------------------------------------------------------------------
 
-namespace detail {
+Json mark_json(const Mark& mark);
+Mark mark_of(const Json& json);
 
-/// JSON has no NaN and no infinity; number_or_null writes null for either.
-inline double number_of(const Json& json) {
-    return json.is_null() ? std::nan("") : json.get<double>();
-}
+Json cost_json(const RunCost& cost);
 
-} // namespace detail
-
-inline Json mark_json(const Mark& mark) {
-    Json json{{"after", mark.after},
-              {"steps", mark.steps},
-              {"seconds", mark.seconds},
-              {"psnr", number_or_null(mark.mean.psnr)},
-              {"ssim", number_or_null(mark.mean.ssim)},
-              {"psnr_person", number_or_null(mark.mean.psnr_person)}};
-    for (std::size_t r = 0; r < mark.regions.size(); ++r)
-        json["psnr_regions"][region_names()[r]] = number_or_null(mark.regions[r]);
-    if (mark.mean.lpips) json["lpips"] = number_or_null(*mark.mean.lpips);
-    json["protocol"] = mark.protocol;
-    json["images"] = mark.images;
-    return json;
-}
-
-inline Mark mark_of(const Json& json) {
-    Mark mark{.steps = json.at("steps"),
-              .seconds = json.at("seconds"),
-              .after = json.at("after"),
-              .protocol = json.at("protocol"),
-              .mean = {.name = "mean"},
-              .images = json.at("images")};
-    mark.mean.psnr = detail::number_of(json.at("psnr"));
-    mark.mean.ssim = detail::number_of(json.at("ssim"));
-    mark.mean.psnr_person = detail::number_of(json.at("psnr_person"));
-    for (const std::string& region : region_names())
-        mark.regions.push_back(detail::number_of(json.at("psnr_regions").at(region)));
-    if (json.contains("lpips")) mark.mean.lpips = detail::number_of(json.at("lpips"));
-    return mark;
-}
-
-inline Json cost_json(const RunCost& cost) {
-    Json json{{"gaussians", cost.gaussians},
-              {"memory_bytes", cost.memory},
-              {"lookups", cost.lookups},
-              {"entries", cost.entries},
-              {"touched_entries", cost.touched},
-              {"ao_entries", cost.ao_entries},
-              {"ao_touched_entries", cost.ao_touched},
-              {"ms_per_step", number_or_null(cost.ms_per_step)},
-              {"threads", cost.threads}};
-    json["ms_per_stage"] = Json::object();
-    for (const auto& [stage, ms] : cost.ms_per_stage) json["ms_per_stage"][stage] = number_or_null(ms);
-    return json;
-}
-
-inline RunCost cost_of(const Json& json) {
-    RunCost cost{.gaussians = json.at("gaussians"),
-                 .memory = json.at("memory_bytes"),
-                 .lookups = json.at("lookups"),
-                 .entries = json.at("entries"),
-                 .touched = json.at("touched_entries"),
-                 .ao_entries = json.at("ao_entries"),
-                 .ao_touched = json.at("ao_touched_entries"),
-                 .ms_per_step = detail::number_of(json.at("ms_per_step")),
-                 .threads = json.at("threads")};
-    for (const auto& [stage, ms] : json.at("ms_per_stage").items())
-        cost.ms_per_stage.emplace_back(stage, detail::number_of(ms));
-    return cost;
-}
-
-inline Json result_json(const RunResult& result) {
-    Json json{{"name", result.name}, {"configuration", result.config}, {"cost", cost_json(result.cost)}};
-    json["marks"] = Json::array();
-    for (const Mark& mark : result.marks) json["marks"].push_back(mark_json(mark));
-    json["shown"] = result.shown;
-    json["settings"] = result.settings;
-    return json;
-}
-
-inline RunResult result_of(const Json& json) {
-    RunResult result{.name = json.at("name"),
-                     .config = json.at("configuration"),
-                     .settings = json.at("settings"),
-                     .cost = cost_of(json.at("cost")),
-                     .shown = json.at("shown")};
-    for (const Json& mark : json.at("marks")) result.marks.push_back(mark_of(mark));
-    return result;
-}
+Json result_json(const RunResult& result);
+RunResult result_of(const Json& json);
 
 /// Reads a file of ours with `parse`.
 /// Errors  IoError naming the file, if it is not what gsh-evaluate wrote.
 template <class Parse>
 auto read_own_json(const std::filesystem::path& path, const Parse& parse) {
-    const Json json = gsh::detail::read_json(path);
+    const Json json = json_of_file(path);
     try {
         return parse(json);
     } catch (const nlohmann::json::exception& error) {
         throw IoError(path.string() + ": is not as gsh-evaluate writes it: " + error.what() +
                       "; delete its folder to run that again");
     }
-}
-
-/// Names may come from files and folders, which may be called anything; JSON is UTF-8.
-inline void write_json(const std::filesystem::path& path, const Json& json) {
-    write_file(path, json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
 }
 
 } // namespace gsh::examples

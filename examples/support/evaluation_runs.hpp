@@ -3,27 +3,22 @@
 #pragma once
 
 #include "support/evaluation_result.hpp"
-#include "support/reconstruction.hpp"
-#include "support/static_reconstruction.hpp"
+#include "support/figures.hpp"
+#include "support/reconstruct_options.hpp"
 
-#include <gsh/core/error.hpp>
 #include <gsh/train/configuration.hpp>
-#include <gsh/train/configuration_file.hpp>
 
-#include <algorithm>
-#include <cctype>
-#include <charconv>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <vector>
 
 namespace gsh::examples {
+
+struct StaticOptions;
 
 struct EvaluateOptions {
     ReconstructOptions common; ///< of every run; steps and seconds are the run's own
@@ -47,176 +42,40 @@ struct Run {
     [[nodiscard]] std::filesystem::path file(const std::string& file_name) const { return options.out / file_name; }
 };
 
-// -------------------------------------------------------------------------------------------------------------
-
 namespace detail {
 
-/// Seconds of "5s", "5", "0.5min" or "2m".
-inline double seconds_of(const std::string& budget) {
-    double number = 0;
-    const auto end = std::from_chars(budget.data(), budget.data() + budget.size(), number);
-    const std::string unit(static_cast<const char*>(end.ptr), budget.data() + budget.size());
-    const bool minutes = unit == "m" || unit == "min";
-    if (end.ec != std::errc() || !(number > 0) || !std::isfinite(number) || !(minutes || unit.empty() || unit == "s"))
-        throw ValueError("--budgets: '" + budget + "' is no time, expected one like 5s, 30s or 2min");
-    return minutes ? 60 * number : number;
-}
-
-/// A name as part of a file's.
-inline std::string file_word(const std::string& name) {
-    std::string word;
-    for (const char c : name) {
-        const bool kept = std::isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '-' || c == '_' || c == '=';
-        if (kept)
-            word += c;
-        else if (!word.empty() && word.back() != '+')
-            word += '+';
-    }
-    return word;
-}
-
-inline StaticOptions static_options(const ReconstructOptions& o) {
-    return {.steps = o.steps,
-            .points = std::min<std::size_t>(StaticOptions().points, o.gaussians),
-            .max_gaussians = o.gaussians,
-            .seed = o.seed};
-}
-
-inline Json settings_json(const Run& run) {
-    Json json = Json::object();
-    if (run.scene) {
-        const StaticOptions scene = static_options(run.options);
-        json["frame"] = std::to_string(run.options.frame);
-        json["points"] = std::to_string(scene.points);
-        json["sh_degree"] = std::to_string(scene.sh_degree);
-    } else {
-        for (const auto& [key, value] : settings_of(run.configuration)) json[key] = value;
-    }
-    return json;
-}
+/// What `static` makes of them.
+StaticOptions static_options(const ReconstructOptions& o);
 
 } // namespace detail
 
 /// The runs that the options ask for, in their order; the same one is asked for once.
 /// Errors  ValueError for a configuration, a setting or a budget that there is not, or options that exclude each other.
-[[nodiscard]] inline std::vector<Run> planned_runs(const EvaluateOptions& o) {
-    std::vector<std::uint64_t> marks = o.steps.empty() ? std::vector<std::uint64_t>{3000} : o.steps;
-    std::sort(marks.begin(), marks.end());
-    marks.erase(std::unique(marks.begin(), marks.end()), marks.end());
-    std::vector<double> budgets;
-    for (const std::string& budget : o.budgets) budgets.push_back(detail::seconds_of(budget));
-    if (budgets.empty()) budgets.push_back(0); // count steps
-
-    std::vector<Run> runs;
-    for (const std::string& config : o.configs)
-        for (const double seconds : budgets) {
-            Run run;
-            run.name = run.config = config;
-            run.scene = config == "static";
-            run.options = o.common;
-            run.options.config = config;
-            run.options.seconds = seconds;
-            if (seconds == 0) run.marks = marks, run.options.steps = marks.back();
-            if (run.scene) {
-                check_value(seconds == 0, "static", "counts steps; use --steps in place of --budgets");
-                check_value(o.common.set.empty(), "static",
-                            "has none of the settings of --set; evaluate it in a call of its own");
-                run.options.refine = run.options.refine_cameras = false; // it has no poses
-            } else {
-                run.config = find_configuration(config).name;
-                run.configuration = configuration_of(run.options);
-                run.name = run.configuration.name;
-                if (run.options.refine) run.name += run.options.refine_cameras ? ", refined with cameras" : ", refined";
-            }
-            run.settings = detail::settings_json(run);
-            run.key = detail::file_word(run.name) + "-" +
-                      (seconds > 0 ? gsh::detail::setting_text(seconds) + "-s"
-                                   : std::to_string(run.options.steps) + "-steps");
-            run.options.out = o.common.out / "runs" / run.key;
-            const auto same =
-                std::find_if(runs.begin(), runs.end(), [&](const Run& other) { return other.key == run.key; });
-            if (same == runs.end()) {
-                runs.push_back(std::move(run));
-                continue;
-            }
-            check_value(same->settings == run.settings, "--configs",
-                        "two configurations are called '" + run.name + "'; rename one of the files");
-        }
-    return runs;
-}
+[[nodiscard]] std::vector<Run> planned_runs(const EvaluateOptions& o);
 
 /// The folder of an evaluation: evaluation.json says of what input it is and which runs there were, in their order;
 /// runs/KEY/ keeps each, a finished one as result.json with a row picture per shown view.
 class EvaluationFolder {
 public:
     /// Errors  ValueError if the folder is of another input.
-    explicit EvaluationFolder(const EvaluateOptions& o) : folder_(o.common.out) {
-        const auto path = [](const std::filesystem::path& p) {
-            return p.empty() ? "" : std::filesystem::weakly_canonical(p).string();
-        };
-        std::string bodies;
-        for (const auto& body : o.common.bodies) bodies += (bodies.empty() ? "" : ", ") + path(body);
-        input_ = {{"--capture", path(o.common.capture)},
-                  {"--body", bodies},
-                  {"--poses", poses_text(o.common)},
-                  {"--gaussians", std::to_string(o.common.gaussians)},
-                  {"--seed", std::to_string(o.common.seed)},
-                  {"--regions", path(o.common.regions)},
-                  {"--lpips", path(o.common.lpips)}};
-        std::error_code ignored;
-        if (!std::filesystem::exists(index(), ignored)) return;
-        const auto said = read_own_json(index(), [](const Json& json) {
-            return std::pair(json.at("input").get<std::vector<std::pair<std::string, std::string>>>(),
-                             json.at("runs").get<std::vector<std::string>>());
-        });
-        for (std::size_t i = 0; i < input_.size() && i < said.first.size(); ++i)
-            check_value(said.first[i] == input_[i], index().string(),
-                        "was begun with " + said.first[i].first + " '" + said.first[i].second + "', not '" +
-                            input_[i].second + "'; give another input another --out");
-        keys_ = said.second;
-    }
+    explicit EvaluationFolder(const EvaluateOptions& o);
 
     /// Puts a run on the list.
-    void add(const Run& run) {
-        if (std::find(keys_.begin(), keys_.end(), run.key) != keys_.end()) return;
-        keys_.push_back(run.key);
-        std::error_code ignored; // writing says what is wrong
-        std::filesystem::create_directories(folder_, ignored);
-        write_json(index(), {{"input", input_}, {"runs", keys_}});
-    }
+    void add(const Run& run);
 
     /// Whether a run is finished, with its present settings and all its marks.
-    [[nodiscard]] bool has(const Run& run) const {
-        const std::optional<RunResult> result = read(run.key);
-        if (!result || result->settings != run.settings) return false;
-        return std::all_of(run.marks.begin(), run.marks.end(), [&](std::uint64_t steps) {
-            return std::any_of(result->marks.begin(), result->marks.end(),
-                               [&](const Mark& mark) { return mark.steps == steps; });
-        });
-    }
+    [[nodiscard]] bool has(const Run& run) const;
 
     /// Whether there is a result of a run, with whatever settings and marks.
     [[nodiscard]] bool has_outdated(const Run& run) const { return !has(run) && read(run.key); }
 
     /// What is finished, of this call and of earlier ones, in the order in which it was first asked for.
-    [[nodiscard]] std::vector<RunResult> results() const {
-        std::vector<RunResult> all;
-        for (const std::string& key : keys_)
-            if (auto result = read(key)) all.push_back(std::move(*result));
-        return all;
-    }
+    [[nodiscard]] std::vector<RunResult> results() const;
     [[nodiscard]] std::filesystem::path path(const std::string& name) const { return folder_ / name; }
 
 private:
     [[nodiscard]] std::filesystem::path index() const { return folder_ / "evaluation.json"; }
-    [[nodiscard]] std::optional<RunResult> read(const std::string& key) const {
-        const auto file = folder_ / "runs" / key / "result.json";
-        std::error_code ignored;
-        if (!std::filesystem::exists(file, ignored)) return std::nullopt;
-        RunResult result = read_own_json(file, [](const Json& json) { return result_of(json); });
-        result.folder = file.parent_path();
-        return result;
-    }
+    [[nodiscard]] std::optional<RunResult> read(const std::string& key) const;
 
     std::filesystem::path folder_;
     std::vector<std::pair<std::string, std::string>> input_;

@@ -2,13 +2,12 @@
 /// @file  What every program does the same: options, one clear message for what went wrong, exit codes.
 #pragma once
 
-#include <gsh/core/error.hpp>
+#include "support/interrupts.hpp"
+#include "support/messages.hpp"
 
 #include <CLI/CLI.hpp>
 
 #include <array>
-#include <atomic>
-#include <cctype>
 #include <csignal>
 #include <cstddef>
 #include <cstdio>
@@ -21,26 +20,6 @@ namespace gsh::examples {
 
 /// Exit codes. Bad input and a full disk are the user's to mend, so they share one.
 enum Exit { exit_done = 0, exit_bad_input = 2, exit_interrupted = 130 };
-
-/// Set by Ctrl-C (SIGINT) and SIGTERM once `watch_interrupts` was called.
-inline std::atomic<bool> interrupted{false};
-
-/// From here on the first Ctrl-C asks the program to end in good order; a second one ends it at once.
-inline void watch_interrupts() {
-    const auto note = [](int signal) {
-        interrupted = true;
-        std::signal(signal, SIG_DFL);
-    };
-    std::signal(SIGINT, note);
-    std::signal(SIGTERM, note);
-}
-
-/// A message that stays on its line, whatever file names and libraries put into it.
-inline std::string one_line(std::string text) {
-    for (char& c : text)
-        if (std::iscntrl(static_cast<unsigned char>(c))) c = ' ';
-    return text;
-}
 
 /// Parses the command line, runs the work, and turns every failure into one line on standard error.
 template <class Work>
@@ -62,8 +41,6 @@ int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
         return refuse(error.what());
     }
 }
-
-inline void warn(const std::string& message) { std::fprintf(stderr, "warning: %s\n", one_line(message).c_str()); }
 
 /// Numbers that an option takes: those for which `fits` holds, "expected" says which.
 template <class Condition>

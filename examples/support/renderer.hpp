@@ -6,15 +6,12 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/camera/pinhole.hpp>
-#include <gsh/core/error.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
-#include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/render/rasterizer.hpp>
 
 #include <cstddef>
-#include <utility>
 #include <vector>
 
 namespace gsh::examples {
@@ -28,14 +25,7 @@ struct Pose {
 
 /// The filter that avatars are drawn with together: all of them must have learned with the same.
 /// Errors  ValueError if they did not.
-inline PixelFilter common_filter(const std::vector<AvatarData>& avatars) {
-    for (const AvatarData& avatar : avatars)
-        check_value(avatar.filter.dilation == avatars[0].filter.dilation &&
-                        avatar.filter.compensate_opacity == avatars[0].filter.compensate_opacity,
-                    "avatars", "were trained with different pixel filters (filter.dilation, filter.compensate), so that one picture "
-                               "cannot be right for all of them; train them alike");
-    return avatars[0].filter;
-}
+PixelFilter common_filter(const std::vector<AvatarData>& avatars);
 
 /// Keeps its buffers from picture to picture.
 class Renderer {
@@ -43,47 +33,17 @@ public:
     using Backend = cpu::Threads;
 
     /// The filter is the scene's: an avatar's file says it, a plain PLY was made for the usual one.
-    explicit Renderer(Backend& backend, const PixelFilter& filter = {})
-        : backend_(&backend), rasterizer_(backend, raster_params<float>(filter)) {}
+    explicit Renderer(Backend& backend, const PixelFilter& filter = {});
+    ~Renderer();
 
     /// Avatars in one scene: whoever stands in front hides the others.
-    Image<float> render(const std::vector<Pose>& people, const Camera<double>& camera, const vec3<float>& background) {
-        const Camera<float> view = camera.cast<float>();
-        std::size_t count = 0;
-        for (const Pose& person : people) count += person.avatar->size();
-        splats_.resize(count);
-        avatar_caches_.resize(people.size());
-        std::size_t first = 0;
-        for (std::size_t p = 0; p < people.size(); ++p) {
-            const auto& [avatar, motion, frame] = people[p];
-            avatar->rig().upload_pose(*motion, frame, pose_);
-            avatar->pose(pose_, view.center(), splats_.view().subview(first, avatar->size()), avatar_caches_[p]);
-            first += avatar->size();
-        }
-        return draw(view, background);
-    }
+    Image<float> render(const std::vector<Pose>& people, const Camera<double>& camera, const vec3<float>& background);
 
     /// A static 3DGS scene.
-    Image<float> render(const GaussianCloud<float>& scene, const Camera<double>& camera, const vec3<float>& background) {
-        const Camera<float> view = camera.cast<float>();
-        Gaussians<Backend, float> gaussians;
-        upload(*backend_, scene, gaussians);
-        splats_.resize(scene.size());
-        with_sh_degree(scene.sh_degree, [&](auto degree) {
-            static_splats_forward<decltype(degree)::value>(*backend_, std::as_const(gaussians).view(), view.center(), splats_.view());
-        });
-        return draw(view, background);
-    }
+    Image<float> render(const GaussianCloud<float>& scene, const Camera<double>& camera, const vec3<float>& background);
 
 private:
-    Image<float> draw(const Camera<float>& camera, const vec3<float>& background) {
-        Image<float> picture(3, camera.height, camera.width);
-        Backend::Buffer<float> pixels(picture.data.size());
-        rasterizer_.forward(camera, std::as_const(splats_).view(), {.color = background},
-                            {.color = ImageView<float>{pixels, 3, camera.height, camera.width}}, raster_cache_);
-        backend_->download(Span<const float>(pixels), Span<float>(picture.data));
-        return picture;
-    }
+    Image<float> draw(const Camera<float>& camera, const vec3<float>& background);
 
     Backend* backend_;
     Rasterizer<Backend> rasterizer_;

@@ -26,10 +26,10 @@ namespace fs = std::filesystem;
 namespace {
 
 /// One capture, one avatar and one scene for all tests here.
-struct Studio : test::SmallCapture {
+struct Unspoilt : test::SmallCapture {
     fs::path avatar = folder / "avatar.gsh", scene = folder / "scene.ply";
 
-    Studio() {
+    Unspoilt() {
         const test::Temporary out;
         const test::Outcome outcome = run(reconstruct(out / "out", {"--steps", "1"}));
         REQUIRE(outcome.code == 0);
@@ -37,8 +37,8 @@ struct Studio : test::SmallCapture {
         fs::rename(out / "out" / fs::path("avatar.ply"), scene);
     }
 };
-Studio& studio() {
-    static Studio instance;
+Unspoilt& unspoilt() {
+    static Unspoilt instance;
     return instance;
 }
 
@@ -47,7 +47,7 @@ using Edit = std::function<void(const fs::path&)>;
 
 /// Spoils a copy of the capture's folder; the reconstruction of it must be refused and must leave nothing.
 void refuse_capture(Words words, const Edit& spoil) {
-    const Studio& s = studio();
+    const Unspoilt& s = unspoilt();
     const test::Temporary folder;
     fs::copy(s.path, folder / "capture", fs::copy_options::recursive);
     spoil(folder / "capture");
@@ -57,7 +57,7 @@ void refuse_capture(Words words, const Edit& spoil) {
 
 /// The same with a copy of the body file.
 void refuse_body(Words words, const Edit& spoil) {
-    const Studio& s = studio();
+    const Unspoilt& s = unspoilt();
     const test::Temporary folder;
     fs::copy(s.body_file, folder / "body.npz");
     spoil(folder / "body.npz");
@@ -67,7 +67,7 @@ void refuse_body(Words words, const Edit& spoil) {
 
 /// The same with a copy of one of gsh-render's inputs.
 void refuse_render(const fs::path& input, Words words, const Edit& spoil, std::vector<std::string> more = {}) {
-    const Studio& s = studio();
+    const Unspoilt& s = unspoilt();
     const test::Temporary folder;
     const fs::path copy = folder / input.filename().string();
     fs::copy(input, copy);
@@ -82,7 +82,7 @@ void refuse_render(const fs::path& input, Words words, const Edit& spoil, std::v
 
 /// The same with a copy of gsh-animate's motion.
 void refuse_animate(Words words, const Edit& spoil) {
-    const Studio& s = studio();
+    const Unspoilt& s = unspoilt();
     const test::Temporary folder;
     fs::copy(s.dance, folder / "dance.npz");
     spoil(folder / "dance.npz");
@@ -130,7 +130,7 @@ std::string doubles(const std::string& shape, const std::vector<double>& numbers
 } // namespace
 
 TEST_CASE("options that make no sense") {
-    const Studio& s = studio();
+    const Unspoilt& s = unspoilt();
     const test::Temporary folder;
     const fs::path out = folder / "out";
     const auto refuse = [&](std::vector<std::string> words, Words said) {
@@ -177,7 +177,7 @@ TEST_CASE("options that make no sense") {
 }
 
 TEST_CASE("bodies that are none") {
-    const Studio& s = studio();
+    const Unspoilt& s = unspoilt();
     const std::size_t V = s.body.vertex_count(), J = s.body.joint_count();
     const std::string rows = std::to_string(V), joints = std::to_string(J);
     refuse_body({"body.npz", "No such file"}, missing);
@@ -208,7 +208,7 @@ TEST_CASE("bodies that are none") {
 }
 
 TEST_CASE("captures whose parts do not belong together") {
-    const Studio& s = studio();
+    const Unspoilt& s = unspoilt();
     refuse_capture({"capture", "not a folder"}, [](const fs::path& path) { fs::remove_all(path); });
     refuse_capture({"cameras.json", "is missing"}, [](const fs::path& path) { fs::remove(path / "cameras.json"); });
     refuse_capture({"cameras.json", "truncated"}, [](const fs::path& path) { test::truncate_file(path / "cameras.json", 300); });
@@ -243,7 +243,7 @@ TEST_CASE("captures whose parts do not belong together") {
 }
 
 TEST_CASE("cameras and scenes that cannot be rendered") {
-    const Studio& s = studio();
+    const Unspoilt& s = unspoilt();
     refuse_render(s.camera, {"camera.json", "No such file"}, missing);
     refuse_render(s.camera, {"camera.json", "truncated"}, truncate(30));
     refuse_render(s.camera, {"camera.json", "K", "singular"}, json([](auto& camera) { camera["K"][0][0] = 0; }));
@@ -281,7 +281,7 @@ TEST_CASE("cameras and scenes that cannot be rendered") {
 }
 
 TEST_CASE("motions that do not fit the avatar") {
-    const Studio& s = studio();
+    const Unspoilt& s = unspoilt();
     refuse_animate({"dance.npz", "No such file"}, missing);
     refuse_animate({"dance.npz"}, truncate(50));
     refuse_animate({"dance.npz", "global_orient", "missing"}, [](const fs::path& path) { NpzEdit(path).remove("global_orient"); });
@@ -293,7 +293,7 @@ TEST_CASE("motions that do not fit the avatar") {
 }
 
 TEST_CASE("a PLY is read by name") {
-    const Studio& s = studio();
+    const Unspoilt& s = unspoilt();
     const test::Temporary folder;
     const GaussianCloud<float> cloud = read_gaussian_ply(s.scene);
     const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
@@ -324,7 +324,7 @@ TEST_CASE("a PLY is read by name") {
 }
 
 TEST_CASE("a disk that fills up leaves what was there, and nothing else") {
-    const Studio& s = studio();
+    const Unspoilt& s = unspoilt();
     const test::Temporary folder;
     const fs::path out = folder / "out";
     const auto last_line = [](const std::string& text) {

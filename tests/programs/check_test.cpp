@@ -16,24 +16,18 @@
 
 using namespace gsh;
 using test::check_refused;
+using test::json_of;
 using test::run;
+using test::studio;
 namespace fs = std::filesystem;
 
 namespace {
-
-test::SmallCapture& studio() {
-    static test::SmallCapture instance;
-    return instance;
-}
 
 std::vector<std::string> words(const fs::path& capture, const fs::path& out, std::vector<std::string> more = {}) {
     std::vector<std::string> result{"gsh-check", capture.string(), "--body", studio().body_file.string(),
                                     "--out",     out.string()};
     result.insert(result.end(), more.begin(), more.end());
     return result;
-}
-nlohmann::json json_of(const fs::path& path) {
-    return nlohmann::json::parse(read_file(path));
 }
 
 /// Whether a picture shows a colour somewhere.

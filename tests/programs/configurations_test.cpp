@@ -27,14 +27,10 @@ using namespace gsh;
 using test::check_done;
 using test::check_refused;
 using test::run;
+using test::studio;
 namespace fs = std::filesystem;
 
 namespace {
-
-test::SmallCapture& studio() {
-    static test::SmallCapture instance;
-    return instance;
-}
 
 /// A folder for results, and files beside it.
 struct Out {

@@ -23,8 +23,8 @@ namespace fs = std::filesystem;
 namespace {
 
 /// One capture for all tests here, and configurations with tables small enough for tests, in files.
-struct Studio : test::SmallCapture {
-    Studio() {
+struct SmallTables : test::SmallCapture {
+    SmallTables() {
         const auto write = [&](const char* name) {
             const Json json{{"configuration", name}, {"hash.table_size", 1024}, {"ao.table_size", 1024}};
             write_file(folder / (std::string(name) + ".json"), json.dump());
@@ -47,12 +47,12 @@ struct Studio : test::SmallCapture {
         return words;
     }
 };
-Studio& studio() {
-    static Studio instance;
+SmallTables& small_tables() {
+    static SmallTables instance;
     return instance;
 }
 
-Json json_of(const fs::path& path) {
+Json ordered_json_of(const fs::path& path) {
     return Json::parse(read_file(path));
 }
 
@@ -73,7 +73,7 @@ Json timeless(Json figures) {
 } // namespace
 
 TEST_CASE("tables, pictures and a page hold every configuration") {
-    const Studio& s = studio();
+    const SmallTables& s = small_tables();
     const test::Temporary folder;
     const fs::path out = folder / "out";
     const test::Outcome outcome =
@@ -82,7 +82,7 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
     for (const char* words : {"| paper ", "| no-ao ", "| static ", "## What each part is worth", "3 of 6 steps"})
         CHECK(outcome.out.find(words) != std::string::npos);
 
-    const Json tables = json_of(out / "tables.json");
+    const Json tables = ordered_json_of(out / "tables.json");
     CHECK(tables.at("reference") == "paper");
     CHECK(rows_of(tables.at("figures")) == Rows{{"paper", "3 of 6 steps"},
                                                 {"paper", "6 steps"},
@@ -143,7 +143,7 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
 }
 
 TEST_CASE("an interrupted evaluation goes on, and ends with the figures of one that was left alone") {
-    const Studio& s = studio();
+    const SmallTables& s = small_tables();
     const test::Temporary folder;
     const auto words = [&](const fs::path& out) {
         return s.evaluate(out, s.configs({"baseline", "paper"}), {"--steps", "20,60"});
@@ -158,37 +158,37 @@ TEST_CASE("an interrupted evaluation goes on, and ends with the figures of one t
         CHECK(outcome.err.find("stopped; the same command goes on from there") != std::string::npos);
         CHECK(fs::exists(folder / "parts/runs/paper-60-steps/checkpoint.gsh"));
         CHECK(!fs::exists(folder / "parts/runs/paper-60-steps/result.json"));
-        CHECK(json_of(folder / "parts/tables.json").at("figures").size() == 2); // of what was finished
+        CHECK(ordered_json_of(folder / "parts/tables.json").at("figures").size() == 2); // of what was finished
     }
     const test::Outcome rest = run(words(folder / "parts"));
     check_done(rest);
     CHECK(rest.out.find("baseline: is finished already") == 0);
-    CHECK(timeless(json_of(folder / "parts/tables.json").at("figures")) ==
-          timeless(json_of(folder / "whole/tables.json").at("figures")));
-    CHECK(json_of(folder / "parts/tables.json").at("differences") ==
-          json_of(folder / "whole/tables.json").at("differences"));
+    CHECK(timeless(ordered_json_of(folder / "parts/tables.json").at("figures")) ==
+          timeless(ordered_json_of(folder / "whole/tables.json").at("figures")));
+    CHECK(ordered_json_of(folder / "parts/tables.json").at("differences") ==
+          ordered_json_of(folder / "whole/tables.json").at("differences"));
     CHECK(read_file(folder / "parts/grids/test00_0001.png") == read_file(folder / "whole/grids/test00_0001.png"));
     CHECK(!fs::exists(folder / "parts/runs/paper-60-steps/checkpoint.gsh"));
 }
 
 TEST_CASE("a second call adds what is new, and runs again what has changed") {
-    const Studio& s = studio();
+    const SmallTables& s = small_tables();
     const test::Temporary folder;
     const fs::path out = folder / "out";
     check_done(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "2"})));
     const std::string before = read_file(out / "runs/paper-2-steps/result.json");
-    const Json first = json_of(out / "tables.json").at("figures");
+    const Json first = ordered_json_of(out / "tables.json").at("figures");
     CHECK(rows_of(first) == Rows{{"paper", "2 steps"}});
 
     check_done(run(s.evaluate(out, s.configs({"no-ao"}), {"--steps", "2"})));
-    Json tables = json_of(out / "tables.json");
+    Json tables = ordered_json_of(out / "tables.json");
     CHECK(rows_of(tables.at("figures")) == Rows{{"paper", "2 steps"}, {"no-ao", "2 steps"}});
     CHECK(tables.at("figures")[0] == first[0]);
     CHECK(read_file(out / "runs/paper-2-steps/result.json") == before);
 
     // A budget of time, a setting: rows of their own. Settings that changed under the same name: anew.
     check_done(run(s.evaluate(out, s.configs({"paper"}), {"--budgets", "0.1s", "--set", "rate.sh=0.001"})));
-    tables = json_of(out / "tables.json");
+    tables = ordered_json_of(out / "tables.json");
     REQUIRE(tables.at("figures").size() == 3);
     CHECK(tables.at("figures")[2].at("name") == "paper rate.sh=0.001");
     CHECK(tables.at("figures")[2].at("configuration") == "paper");
@@ -202,11 +202,11 @@ TEST_CASE("a second call adds what is new, and runs again what has changed") {
     check_done(again);
     CHECK(again.out.find("paper: is finished already\nno-ao: was judged with other settings or after other steps; it "
                          "runs again\nno-ao, 2 steps: PSNR ") == 0);
-    CHECK(json_of(out / "tables.json").at("costs")[1].at("settings").at("hash.table_size") == "2048");
+    CHECK(ordered_json_of(out / "tables.json").at("costs")[1].at("settings").at("hash.table_size") == "2048");
 }
 
 TEST_CASE("refined poses are reported as such, and so is LPIPS") {
-    const Studio& s = studio();
+    const SmallTables& s = small_tables();
     const test::Temporary folder;
     {
         const LpipsNetwork network = test::with_noise(lpips_alexnet());
@@ -229,7 +229,7 @@ TEST_CASE("refined poses are reported as such, and so is LPIPS") {
     }
     check_done(run(s.evaluate(folder / "out", s.configs({"paper", "no-ao"}),
                               {"--steps", "1,2", "--refine", "--lpips", (folder / "lpips.npz").string()})));
-    const Json tables = json_of(folder / "out/tables.json"), &figures = tables.at("figures");
+    const Json tables = ordered_json_of(folder / "out/tables.json"), &figures = tables.at("figures");
     CHECK(rows_of(figures) == Rows{{"paper, refined", "1 of 2 steps"},
                                    {"paper, refined", "2 steps"},
                                    {"no-ao, refined", "1 of 2 steps"},
@@ -245,7 +245,7 @@ TEST_CASE("refined poses are reported as such, and so is LPIPS") {
 }
 
 TEST_CASE("what cannot be evaluated is refused in a line, and leaves nothing") {
-    const Studio& s = studio();
+    const SmallTables& s = small_tables();
     const test::Temporary folder;
     const fs::path out = folder / "out";
     const auto refuse = [&](const std::string& configs, std::vector<std::string> more,

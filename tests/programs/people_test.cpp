@@ -34,15 +34,14 @@
 using namespace gsh;
 using test::check_done;
 using test::check_refused;
+using test::json_of;
 using test::run;
+using test::same_file;
 namespace fs = std::filesystem;
 
 namespace {
 
-using Words = std::vector<std::string>;
-
-nlohmann::json json_of(const fs::path& path) { return nlohmann::json::parse(read_file(path)); }
-bool same_file(const fs::path& a, const fs::path& b) { return read_file(a) == read_file(b); }
+using Command = std::vector<std::string>;
 
 /// How much is filmed and trained.
 struct Size {
@@ -118,23 +117,23 @@ void save(const fs::path& folder, const Capture& capture, const std::vector<std:
 }
 
 /// One capture of both, and one reconstruction of it, for all tests here.
-struct Studio {
+struct TwoPeople {
     test::Temporary folder;
     Actors actors{Size{}};
     Capture capture = actors.together();
     fs::path path = folder / "capture", body = folder / "body.npz", camera = folder / "camera.json", out = folder / "out";
     test::Outcome outcome;
 
-    Studio() {
+    TwoPeople() {
         save(path, capture, {{"ann", &actors.ann}, {"bob", &actors.bob}});
         save_body_model(body, actors.body);
         write_camera(camera, capture.cameras.back());
         outcome = run(reconstruct(out, {"--poses", "ann.npz,bob.npz", "--threads", "1"}));
     }
-    [[nodiscard]] Words reconstruct(const fs::path& into, const Words& more, const fs::path& of = {}) const {
-        Words words{"gsh-reconstruct", "--capture", (of.empty() ? path : of).string(), "--body", body.string(),
-                    "--out", into.string(), "--gaussians", "500",
-                    "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"};
+    [[nodiscard]] Command reconstruct(const fs::path& into, const Command& more, const fs::path& of = {}) const {
+        Command words{"gsh-reconstruct", "--capture", (of.empty() ? path : of).string(), "--body", body.string(),
+                      "--out", into.string(), "--gaussians", "500",
+                      "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"};
         if (std::find(more.begin(), more.end(), "--steps") == more.end()) words.insert(words.end(), {"--steps", "4"});
         words.insert(words.end(), more.begin(), more.end());
         return words;
@@ -142,8 +141,8 @@ struct Studio {
     [[nodiscard]] fs::path avatar(const char* name) const { return out / (std::string("avatar-") + name + ".gsh"); }
     [[nodiscard]] fs::path poses(const char* name) const { return path / (std::string(name) + ".npz"); }
 };
-Studio& studio() {
-    static Studio instance;
+TwoPeople& two_people() {
+    static TwoPeople instance;
     return instance;
 }
 
@@ -176,7 +175,7 @@ double person_psnr(const fs::path& results, const std::map<std::string, std::vec
 } // namespace
 
 TEST_CASE("two people are reconstructed together, and each has files and figures of their own") {
-    const Studio& s = studio();
+    const TwoPeople& s = two_people();
     check_done(s.outcome);
     CHECK(s.outcome.out.find("2 people, 1000 Gaussians, 4 training and 2 test images") != std::string::npos);
     for (const char* file : {"avatar-ann.gsh", "avatar-ann.ply", "avatar-bob.gsh", "avatar-bob.ply", "metrics.json", "report.html",
@@ -207,7 +206,7 @@ TEST_CASE("two people are reconstructed together, and each has files and figures
 }
 
 TEST_CASE("pose files may be repeated or listed, on any number of threads") {
-    const Studio& s = studio();
+    const TwoPeople& s = two_people();
     const test::Temporary folder;
     check_done(run(s.reconstruct(folder / "out", {"--poses", "ann.npz", "--poses", s.poses("bob").string(), "--threads", "2",
                                                   "--body", s.body.string()})));
@@ -216,7 +215,7 @@ TEST_CASE("pose files may be repeated or listed, on any number of threads") {
 }
 
 TEST_CASE("one of several pose files alone is a reconstruction of one person") {
-    const Studio& s = studio();
+    const TwoPeople& s = two_people();
     const test::Temporary folder;
     check_done(run(s.reconstruct(folder / "out", {"--poses", "ann.npz", "--steps", "1"})));
     CHECK(fs::exists(folder / "out" / fs::path("avatar.gsh")));
@@ -224,9 +223,9 @@ TEST_CASE("one of several pose files alone is a reconstruction of one person") {
 }
 
 TEST_CASE("two people go on where they were stopped, and refine their poses") {
-    const Studio& s = studio();
+    const TwoPeople& s = two_people();
     const test::Temporary folder;
-    const Words people{"--poses", "ann.npz,bob.npz", "--steps", "40", "--refine", "--refine-cameras"};
+    const Command people{"--poses", "ann.npz,bob.npz", "--steps", "40", "--refine", "--refine-cameras"};
     const fs::path whole = folder / "whole", parts = folder / "parts";
     check_done(run(s.reconstruct(whole, people)));
     for (const char* file : {"poses_refined-ann.npz", "poses_refined-bob.npz"}) CHECK(fs::exists(whole / file));
@@ -236,7 +235,7 @@ TEST_CASE("two people go on where they were stopped, and refine their poses") {
         process.send(SIGINT);
         CHECK(process.wait().code == 130);
     }
-    Words resumed = people;
+    Command resumed = people;
     resumed.push_back("--resume");
     check_refused(run(s.reconstruct(parts, {"--poses", "ann.npz", "--steps", "40", "--refine", "--refine-cameras", "--resume"})),
                   "gsh-reconstruct", {"checkpoint.gsh", "other people"});
@@ -245,9 +244,9 @@ TEST_CASE("two people go on where they were stopped, and refine their poses") {
 }
 
 TEST_CASE("people who do not fit together are refused in a line") {
-    const Studio& s = studio();
+    const TwoPeople& s = two_people();
     const test::Temporary folder;
-    const auto refuse = [&](const Words& more, std::initializer_list<std::string_view> words, const fs::path& of = {}) {
+    const auto refuse = [&](const Command& more, std::initializer_list<std::string_view> words, const fs::path& of = {}) {
         check_refused(run(s.reconstruct(folder / "out", more, of)), "gsh-reconstruct", words);
         CHECK(!fs::exists(folder / "out"));
     };
@@ -270,7 +269,7 @@ TEST_CASE("people who do not fit together are refused in a line") {
 }
 
 TEST_CASE("files of one name in two folders are two people") {
-    const Studio& s = studio();
+    const TwoPeople& s = two_people();
     const test::Temporary folder;
     for (const char* place : {"a", "b"}) fs::create_directories(folder / place);
     fs::copy(s.poses("ann"), folder / "a" / fs::path("poses.npz"));
@@ -282,10 +281,10 @@ TEST_CASE("files of one name in two folders are two people") {
 }
 
 TEST_CASE("avatars are shown together, in whatever order") {
-    const Studio& s = studio();
+    const TwoPeople& s = two_people();
     const test::Temporary folder;
-    const auto render = [&](const Words& people, const char* name) {
-        Words words{"gsh-render"};
+    const auto render = [&](const Command& people, const char* name) {
+        Command words{"gsh-render"};
         words.insert(words.end(), people.begin(), people.end());
         words.insert(words.end(), {"--camera", s.camera.string(), "--out", (folder / name).string(), "--frame", "1"});
         const test::Outcome outcome = run(words);
@@ -349,7 +348,7 @@ TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are all reconstructed, wi
 }
 
 TEST_CASE("configurations are compared on two people, and gsh-check looks at one of them") {
-    const Studio& s = studio();
+    const TwoPeople& s = two_people();
     const test::Temporary folder;
     const test::Outcome outcome =
         run({"gsh-evaluate", "--capture", s.path.string(), "--body", s.body.string(), "--poses", "ann.npz,bob.npz", "--configs",
@@ -390,9 +389,9 @@ TEST_CASE("each of two people who pass each other is as good as alone") {
         write_png(place / (name.substr(cut + 1) + ".png"), mask);
     }
     const auto reconstruct = [&](const std::string& scene, const std::string& poses) {
-        Words words{"gsh-reconstruct", "--capture", (folder / scene).string(), "--body", (folder / "body.npz").string(), "--poses", poses,
-                    "--gaussians", std::to_string(size.gaussians), "--steps", std::to_string(size.steps), "--checkpoint-interval",
-                    "1000", "--out", (folder / (scene + "-out")).string()};
+        Command words{"gsh-reconstruct", "--capture", (folder / scene).string(), "--body", (folder / "body.npz").string(), "--poses", poses,
+                      "--gaussians", std::to_string(size.gaussians), "--steps", std::to_string(size.steps), "--checkpoint-interval",
+                      "1000", "--out", (folder / (scene + "-out")).string()};
         if (!asked) words.insert(words.end(), {"--set", "hash.table_size=4096", "--set", "ao.table_size=4096"});
         check_done(run(words));
         return folder / (scene + "-out");

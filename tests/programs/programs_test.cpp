@@ -20,26 +20,25 @@
 using namespace gsh;
 using test::check_done;
 using test::check_refused;
+using test::json_of;
 using test::run;
+using test::same_file;
 namespace fs = std::filesystem;
 
 namespace {
 
 /// One capture and one reconstruction of it for all tests here.
-struct Studio : test::SmallCapture {
+struct Reconstructed : test::SmallCapture {
     fs::path out = folder / "out";
     test::Outcome reconstruction = run(reconstruct(out, {"--steps", "4", "--threads", "1"}));
 };
-Studio& studio() {
-    static Studio instance;
+Reconstructed& reconstructed() {
+    static Reconstructed instance;
     return instance;
 }
 
-nlohmann::json json_of(const fs::path& path) { return nlohmann::json::parse(read_file(path)); }
-bool same_file(const fs::path& a, const fs::path& b) { return read_file(a) == read_file(b); }
-
 /// A folder for one run's results; what it holds goes with it, for checkpoints are large.
-struct Out {
+struct OutFolder {
     test::Temporary folder;
     fs::path path = folder / "out";
     [[nodiscard]] bool has(const char* name) const { return fs::exists(path / name); }
@@ -48,7 +47,7 @@ struct Out {
 } // namespace
 
 TEST_CASE("a reconstruction leaves all that was promised") {
-    const Studio& s = studio();
+    const Reconstructed& s = reconstructed();
     check_done(s.reconstruction);
     CHECK(s.reconstruction.out.find("1500 Gaussians, 4 training and 2 test images, 1 threads") != std::string::npos);
 
@@ -93,8 +92,8 @@ TEST_CASE("a reconstruction leaves all that was promised") {
 }
 
 TEST_CASE("who asks for nothing gets the paper's configuration") {
-    const Studio& s = studio();
-    const Out out;
+    const Reconstructed& s = reconstructed();
+    const OutFolder out;
     check_done(run({"gsh-reconstruct", "--capture", s.path.string(), "--body", s.body_file.string(), "--out", out.path.string(),
                     "--gaussians", "1500", "--steps", "1"}));
     const auto metrics = json_of(out.path / "metrics.json");
@@ -105,8 +104,8 @@ TEST_CASE("who asks for nothing gets the paper's configuration") {
 }
 
 TEST_CASE("the same seed gives the same avatar on any number of threads, another seed another") {
-    const Studio& s = studio();
-    const Out two, other;
+    const Reconstructed& s = reconstructed();
+    const OutFolder two, other;
     check_done(run(s.reconstruct(two.path, {"--steps", "4", "--threads", "2"})));
     CHECK(same_file(two.path / "avatar.gsh", s.out / "avatar.gsh"));
     CHECK(same_file(two.path / "avatar.ply", s.out / "avatar.ply"));
@@ -116,8 +115,8 @@ TEST_CASE("the same seed gives the same avatar on any number of threads, another
 }
 
 TEST_CASE("a signal in the middle loses nothing that a checkpoint keeps") {
-    const Studio& s = studio();
-    const auto interrupt = [&](const Out& out, const char* steps, int signal) {
+    const Reconstructed& s = reconstructed();
+    const auto interrupt = [&](const OutFolder& out, const char* steps, int signal) {
         test::Process process(s.reconstruct(out.path, {"--steps", steps}));
         REQUIRE(process.wait_until([&] { return process.err().find("step 1 ") != std::string::npos; }));
         process.send(signal);
@@ -127,7 +126,7 @@ TEST_CASE("a signal in the middle loses nothing that a checkpoint keeps") {
         CHECK(out.has("checkpoint.gsh"));
         CHECK(test::files_below(out.path) == 1);
     };
-    const Out whole, parts, terminated, killed;
+    const OutFolder whole, parts, terminated, killed;
     check_done(run(s.reconstruct(whole.path, {"--steps", "60"})));
     interrupt(parts, "60", SIGINT);
     check_done(run(s.reconstruct(parts.path, {"--steps", "60", "--resume"})));
@@ -147,8 +146,8 @@ TEST_CASE("a signal in the middle loses nothing that a checkpoint keeps") {
 }
 
 TEST_CASE("a checkpoint belongs to one training alone") {
-    const Studio& s = studio();
-    const Out out;
+    const Reconstructed& s = reconstructed();
+    const OutFolder out;
     check_done(run(s.reconstruct(out.path, {"--steps", "2"})));
     const std::string avatar = read_file(out.path / "avatar.gsh");
     const auto resume = [&](std::vector<std::string> more) {
@@ -167,8 +166,8 @@ TEST_CASE("a checkpoint belongs to one training alone") {
 }
 
 TEST_CASE("a reconstruction keeps to time and memory") {
-    const Studio& s = studio();
-    const Out timed, small, none;
+    const Reconstructed& s = reconstructed();
+    const OutFolder timed, small, none;
     check_done(run(s.reconstruct(timed.path, {"--seconds", "1"})));
     const auto metrics = json_of(timed.path / "metrics.json");
     CHECK(metrics.at("seconds") >= 1.0);
@@ -193,8 +192,8 @@ TEST_CASE("a reconstruction keeps to time and memory") {
 }
 
 TEST_CASE("without test views there is an avatar, and no figures") {
-    const Studio& s = studio();
-    const Out out;
+    const Reconstructed& s = reconstructed();
+    const OutFolder out;
     const test::Temporary folder;
     const fs::path path = folder / "a <b> & \xC3\xBC";
     Capture capture = s.capture;
@@ -210,8 +209,8 @@ TEST_CASE("without test views there is an avatar, and no figures") {
 }
 
 TEST_CASE("what is probably wrong is said, and done all the same") {
-    const Studio& s = studio();
-    const Out out;
+    const Reconstructed& s = reconstructed();
+    const OutFolder out;
     const test::Temporary folder;
     const fs::path path = folder / "capture";
     Capture capture = s.capture;
@@ -236,7 +235,7 @@ TEST_CASE("what is probably wrong is said, and done all the same") {
 }
 
 TEST_CASE("pictures of an avatar and of its canonical Gaussians") {
-    const Studio& s = studio();
+    const Reconstructed& s = reconstructed();
     const test::Temporary folder;
     const auto render = [&](const fs::path& scene, std::vector<std::string> more) {
         std::vector<std::string> words{"gsh-render", scene.string(), "--camera", s.camera.string(), "--out",
@@ -274,7 +273,7 @@ TEST_CASE("pictures of an avatar and of its canonical Gaussians") {
 }
 
 TEST_CASE("frames of a new motion, through a camera that finds its place or that is given") {
-    const Studio& s = studio();
+    const Reconstructed& s = reconstructed();
     const test::Temporary folder;
     const std::vector<std::string> words{"gsh-animate", (s.out / "avatar.gsh").string(), "--poses", s.dance.string()};
     const auto animate = [&](const char* name, std::vector<std::string> more) {

@@ -15,8 +15,10 @@
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
 
+#include <nlohmann/json.hpp>
 #include <zip.h>
 
+#include <cstddef>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -58,6 +60,12 @@ struct SmallCapture {
     }
 };
 
+/// One for all tests of a program that only read it.
+inline const SmallCapture& studio() {
+    static const SmallCapture instance;
+    return instance;
+}
+
 /// Replaces a member of an .npz, or takes it out.
 class NpzEdit {
 public:
@@ -93,6 +101,9 @@ template <class T>
 std::string bytes_of(const std::vector<T>& numbers) {
     return {reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(T)};
 }
+
+[[nodiscard]] inline nlohmann::json json_of(const fs::path& path) { return nlohmann::json::parse(read_file(path)); }
+[[nodiscard]] inline bool same_file(const fs::path& a, const fs::path& b) { return read_file(a) == read_file(b); }
 
 /// Regular files in a folder and below it; 0 if it is not there.
 inline std::size_t files_below(const fs::path& folder) {

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/evaluation_result.hpp"
+
+#include <cmath>
+
+namespace gsh::examples {
+
+namespace {
+
+/// JSON has no NaN and no infinity; number_or_null writes null for either.
+double number_of(const Json& json) {
+    return json.is_null() ? std::nan("") : json.get<double>();
+}
+
+RunCost cost_of(const Json& json) {
+    RunCost cost{.gaussians = json.at("gaussians"),
+                 .memory = json.at("memory_bytes"),
+                 .lookups = json.at("lookups"),
+                 .entries = json.at("entries"),
+                 .touched = json.at("touched_entries"),
+                 .ao_entries = json.at("ao_entries"),
+                 .ao_touched = json.at("ao_touched_entries"),
+                 .ms_per_step = number_of(json.at("ms_per_step")),
+                 .threads = json.at("threads")};
+    for (const auto& [stage, ms] : json.at("ms_per_stage").items())
+        cost.ms_per_stage.emplace_back(stage, number_of(ms));
+    return cost;
+}
+
+} // namespace
+
+Json mark_json(const Mark& mark) {
+    Json json{{"after", mark.after},
+              {"steps", mark.steps},
+              {"seconds", mark.seconds},
+              {"psnr", number_or_null(mark.mean.psnr)},
+              {"ssim", number_or_null(mark.mean.ssim)},
+              {"psnr_person", number_or_null(mark.mean.psnr_person)}};
+    for (std::size_t r = 0; r < mark.regions.size(); ++r)
+        json["psnr_regions"][region_names()[r]] = number_or_null(mark.regions[r]);
+    if (mark.mean.lpips) json["lpips"] = number_or_null(*mark.mean.lpips);
+    json["protocol"] = mark.protocol;
+    json["images"] = mark.images;
+    return json;
+}
+
+Mark mark_of(const Json& json) {
+    Mark mark{.steps = json.at("steps"),
+              .seconds = json.at("seconds"),
+              .after = json.at("after"),
+              .protocol = json.at("protocol"),
+              .mean = {.name = "mean"},
+              .images = json.at("images")};
+    mark.mean.psnr = number_of(json.at("psnr"));
+    mark.mean.ssim = number_of(json.at("ssim"));
+    mark.mean.psnr_person = number_of(json.at("psnr_person"));
+    for (const std::string& region : region_names())
+        mark.regions.push_back(number_of(json.at("psnr_regions").at(region)));
+    if (json.contains("lpips")) mark.mean.lpips = number_of(json.at("lpips"));
+    return mark;
+}
+
+Json cost_json(const RunCost& cost) {
+    Json json{{"gaussians", cost.gaussians},
+              {"memory_bytes", cost.memory},
+              {"lookups", cost.lookups},
+              {"entries", cost.entries},
+              {"touched_entries", cost.touched},
+              {"ao_entries", cost.ao_entries},
+              {"ao_touched_entries", cost.ao_touched},
+              {"ms_per_step", number_or_null(cost.ms_per_step)},
+              {"threads", cost.threads}};
+    json["ms_per_stage"] = Json::object();
+    for (const auto& [stage, ms] : cost.ms_per_stage) json["ms_per_stage"][stage] = number_or_null(ms);
+    return json;
+}
+
+Json result_json(const RunResult& result) {
+    Json json{{"name", result.name}, {"configuration", result.config}, {"cost", cost_json(result.cost)}};
+    json["marks"] = Json::array();
+    for (const Mark& mark : result.marks) json["marks"].push_back(mark_json(mark));
+    json["shown"] = result.shown;
+    json["settings"] = result.settings;
+    return json;
+}
+
+RunResult result_of(const Json& json) {
+    RunResult result{.name = json.at("name"),
+                     .config = json.at("configuration"),
+                     .settings = json.at("settings"),
+                     .cost = cost_of(json.at("cost")),
+                     .shown = json.at("shown")};
+    for (const Json& mark : json.at("marks")) result.marks.push_back(mark_of(mark));
+    return result;
+}
+
+} // namespace gsh::examples

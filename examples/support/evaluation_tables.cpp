@@ -1,0 +1,325 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/evaluation_tables.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+namespace gsh::examples {
+
+namespace detail {
+
+std::string grouped(std::uint64_t number) {
+    std::string text = std::to_string(number);
+    for (std::size_t at = text.size(); at > 3; at -= 3) text.insert(at - 3, 1, ',');
+    return text;
+}
+
+std::string reference(std::size_t protocol) {
+    return std::string("[").append(std::to_string(protocol + 1)).append("]");
+}
+
+} // namespace detail
+
+namespace {
+
+/// A row of the paper's tables: means over the subjects of a data set.
+struct PublishedScore {
+    std::string_view configuration, data;
+    double psnr, ssim, lpips;
+};
+
+/// PeopleSnapshot after 30 s, once from the paper's ablation and once as the mean of its comparison; GalaBasketball
+/// after 70 s with ambient occlusion, 50 s without.
+constexpr std::array<PublishedScore, 11> published_scores{{
+    {"paper", "PeopleSnapshot, ablation", 28.14, 0.9653, 0.0291},
+    {"no-hash-sh", "PeopleSnapshot, ablation", 26.53, 0.9322, 0.0720},
+    {"no-hash-vd", "PeopleSnapshot, ablation", 25.40, 0.9075, 0.1523},
+    {"no-depth", "PeopleSnapshot, ablation", 24.09, 0.9365, 0.0594},
+    {"no-normals", "PeopleSnapshot, ablation", 23.18, 0.9248, 0.0771},
+    {"no-multiscale", "PeopleSnapshot, ablation", 25.46, 0.9462, 0.0563},
+    {"paper", "PeopleSnapshot", 28.1600, 0.96525, 0.029125},
+    {"baseline", "PeopleSnapshot", 26.7675, 0.960675, 0.035875},
+    {"paper", "GalaBasketball", 40.9600, 0.996375, 0.003550},
+    {"baseline", "GalaBasketball", 39.1825, 0.994375, 0.004175},
+    {"no-ao", "GalaBasketball", 38.8250, 0.993250, 0.004675},
+}};
+
+std::string signed_number(double value, int digits) {
+    if (std::isnan(value)) return "none";
+    char text[32];
+    std::snprintf(text, sizeof text, "%+.*f", digits, value);
+    return text;
+}
+
+std::string mebibytes(std::uint64_t bytes) {
+    return fixed(static_cast<double>(bytes) / (1 << 20), 0) + " MiB";
+}
+
+/// "12,000 of 1,000,000", or a dash where there is no table.
+std::string share(std::size_t part, std::size_t all) {
+    return all ? detail::grouped(part) + " of " + detail::grouped(all) : "–";
+}
+
+bool has_lpips(const std::vector<RunResult>& results) {
+    return std::any_of(results.begin(), results.end(), [](const RunResult& result) {
+        return std::any_of(result.marks.begin(), result.marks.end(),
+                           [](const Mark& mark) { return mark.mean.lpips.has_value(); });
+    });
+}
+
+/// Headings of figures, with a unit in front of none: all but SSIM and LPIPS are dB.
+void add_figure_headings(std::vector<std::string>& heading, bool lpips) {
+    heading.insert(heading.end(), {"PSNR", "SSIM"});
+    if (lpips) heading.push_back("LPIPS");
+    heading.push_back("person");
+    for (const std::string& region : region_names()) heading.push_back(region);
+}
+
+} // namespace
+
+std::vector<PublishedDifference> published_differences(std::string_view configuration, std::string_view reference) {
+    std::vector<PublishedDifference> result;
+    for (const PublishedScore& a : published_scores)
+        for (const PublishedScore& b : published_scores)
+            if (a.configuration == configuration && b.configuration == reference && a.data == b.data &&
+                configuration != reference)
+                result.push_back({a.data, a.psnr - b.psnr, a.ssim - b.ssim, a.lpips - b.lpips});
+    return result;
+}
+
+std::vector<MarkDifference> mark_differences(const std::vector<RunResult>& results) {
+    const auto names = [](const Mark& mark) {
+        std::vector<std::string> all;
+        for (const Json& image : mark.images) all.push_back(image.value("name", ""));
+        return all;
+    };
+    std::vector<MarkDifference> differences;
+    // Runs by seconds are a result for each budget: the first configuration may have several.
+    for (const RunResult& result : results) {
+        if (result.name == results.front().name) continue;
+        for (const Mark& mark : result.marks)
+            for (const RunResult& first : results) {
+                if (first.name != results.front().name) continue;
+                for (const Mark& other : first.marks) {
+                    if (other.after != mark.after || names(other) != names(mark)) continue;
+                    MarkDifference d{result.name,
+                                     result.config,
+                                     mark.after,
+                                     mark.mean.psnr - other.mean.psnr,
+                                     mark.mean.ssim - other.mean.ssim,
+                                     mark.mean.psnr_person - other.mean.psnr_person,
+                                     {},
+                                     {}};
+                    for (std::size_t r = 0; r < mark.regions.size(); ++r)
+                        d.regions.push_back(mark.regions[r] - other.regions[r]);
+                    if (mark.mean.lpips && other.mean.lpips) d.lpips = *mark.mean.lpips - *other.mean.lpips;
+                    differences.push_back(std::move(d));
+                }
+            }
+    }
+    return differences;
+}
+
+std::vector<std::string> protocols_of(const std::vector<RunResult>& results) {
+    std::vector<std::string> all;
+    for (const RunResult& result : results)
+        for (const Mark& mark : result.marks)
+            if (std::find(all.begin(), all.end(), mark.protocol) == all.end()) all.push_back(mark.protocol);
+    return all;
+}
+
+Table quality_table(const std::vector<RunResult>& results) {
+    const bool lpips = has_lpips(results);
+    const std::vector<std::string> protocols = protocols_of(results);
+    Table table{{"configuration", "after"}};
+    add_figure_headings(table[0], lpips);
+    table[0].insert(table[0].end(), {"images", "protocol"});
+    for (const RunResult& result : results)
+        for (const Mark& mark : result.marks) {
+            std::vector<std::string> row{result.name, mark.after, fixed(mark.mean.psnr, 2), fixed(mark.mean.ssim, 4)};
+            if (lpips) row.push_back(fixed(mark.mean.lpips.value_or(std::nan("")), 4));
+            row.push_back(fixed(mark.mean.psnr_person, 2));
+            for (const double psnr : mark.regions) row.push_back(fixed(psnr, 2));
+            const auto protocol = std::find(protocols.begin(), protocols.end(), mark.protocol) - protocols.begin();
+            row.insert(row.end(),
+                       {std::to_string(mark.images.size()), detail::reference(static_cast<std::size_t>(protocol))});
+            table.push_back(std::move(row));
+        }
+    return table;
+}
+
+Table worth_table(const std::vector<RunResult>& results) {
+    const auto differences = mark_differences(results);
+    if (differences.empty()) return {};
+    const bool lpips = has_lpips(results);
+    Table table{{"configuration", "after"}};
+    add_figure_headings(table[0], lpips);
+    table[0].push_back("in the paper");
+    for (const MarkDifference& d : differences) {
+        std::vector<std::string> row{d.name, d.after, signed_number(d.psnr, 2),
+                                     signed_number(d.ssim, 4)};
+        if (lpips) row.push_back(signed_number(d.lpips.value_or(std::nan("")), 4));
+        row.push_back(signed_number(d.psnr_person, 2));
+        for (const double psnr : d.regions) row.push_back(signed_number(psnr, 2));
+        std::string published;
+        for (const auto& p : published_differences(d.config, results.front().config))
+            published += (published.empty() ? "" : "; ") + signed_number(p.psnr, 2) + " dB, SSIM " +
+                         signed_number(p.ssim, 4) + ", LPIPS " + signed_number(p.lpips, 4) + " (" +
+                         std::string(p.data) + ")";
+        row.push_back(published.empty() ? "–" : published);
+        table.push_back(std::move(row));
+    }
+    return table;
+}
+
+Table cost_table(const std::vector<RunResult>& results) {
+    Table table{{"configuration", "after", "training", "ms per step", "threads", "Gaussians", "memory", "lookups",
+                 "touched entries", "touched by shadows"}};
+    for (const RunResult& result : results) {
+        if (result.marks.empty()) continue;
+        const RunCost& cost = result.cost;
+        const Mark& last = result.marks.back();
+        table.push_back({result.name, detail::grouped(last.steps) + " steps", fixed(last.seconds, 1) + " s",
+                         fixed(cost.ms_per_step, 2), std::to_string(cost.threads), detail::grouped(cost.gaussians),
+                         mebibytes(cost.memory), cost.entries ? detail::grouped(cost.lookups) : "–",
+                         share(cost.touched, cost.entries), share(cost.ao_touched, cost.ao_entries)});
+    }
+    return table;
+}
+
+Table stage_table(const std::vector<RunResult>& results) {
+    Table table{{"configuration"}};
+    for (const RunResult& result : results) {
+        const auto& stages = result.cost.ms_per_stage;
+        if (stages.empty()) continue;
+        if (table[0].size() == 1)
+            for (const auto& [stage, ms] : stages) table[0].push_back(stage);
+        std::vector<std::string> row{result.name};
+        for (const auto& [stage, ms] : stages) row.push_back(fixed(ms, 2));
+        table.push_back(std::move(row));
+    }
+    return table.size() > 1 ? table : Table();
+}
+
+Table settings_table(const std::vector<RunResult>& results) {
+    Table table{{"configuration", "settings that differ from " + results.front().name}};
+    for (const RunResult& result : results) {
+        if (std::any_of(table.begin() + 1, table.end(), [&](const auto& row) { return row[0] == result.name; }))
+            continue;
+        std::string text;
+        for (const auto& [key, value] : result.settings.items())
+            if (results.front().settings.value(key, "") != value.get<std::string>())
+                text += (text.empty() ? "" : ", ") + key + " = " + value.get<std::string>();
+        if (result.name != results.front().name) table.push_back({result.name, text.empty() ? "none" : text});
+    }
+    return table.size() > 1 ? table : Table();
+}
+
+std::vector<Section> table_sections(const std::vector<RunResult>& results) {
+    const std::string& first = results.front().name;
+    std::vector<Section> sections;
+    const auto add = [&](std::string title, std::string text, Table table) {
+        if (table.size() > 1) sections.push_back({std::move(title), std::move(text), std::move(table)});
+    };
+    add("How good",
+        "Means over the test images. PSNR in dB: of the full image, of the person, and of the parts of it that an "
+        "image shows. "
+        "Full images hide faces and hands: these are few pixels.",
+        quality_table(results));
+    add("What each part is worth",
+        "Figures less those of " + first +
+            " after the same training, on the same images; PSNR in dB. A part that helps has a row below zero when it "
+            "is "
+            "left out. The paper's own differences are from other data, other hardware and other budgets: signs "
+            "compare, sizes hardly.",
+        worth_table(results));
+    add("What it costs",
+        "Training alone, without loading, sampling, checkpoints and judging. Memory is what the program holds at the "
+        "end of training, the "
+        "capture among it. Lookups are table rows that the fields of colour and displacement read in one pass; touched "
+        "entries are the rows "
+        "of their tables that some Gaussian refers to, and so the only ones that learn.",
+        cost_table(results));
+    add("Where the time goes", "Milliseconds per step.", stage_table(results));
+    add("What differs", "", settings_table(results));
+    return sections;
+}
+
+std::string markdown_table(const Table& table) {
+    const auto width_of = [](const std::string& text) { // characters, not bytes
+        return static_cast<std::size_t>(
+            std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
+    };
+    std::vector<std::size_t> widths(table[0].size(), 3);
+    for (const auto& row : table)
+        for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], width_of(row[c]));
+    std::string text;
+    for (std::size_t r = 0; r < table.size(); ++r) {
+        text += "|";
+        for (std::size_t c = 0; c < table[r].size(); ++c) {
+            std::string cell = table[r][c];
+            std::replace(cell.begin(), cell.end(), '|', '/');
+            text += " " + cell + std::string(widths[c] - width_of(table[r][c]), ' ') + " |";
+        }
+        text += "\n";
+        if (r > 0) continue;
+        text += "|";
+        for (const std::size_t width : widths) text += std::string(width + 2, '-') + "|";
+        text += "\n";
+    }
+    return text;
+}
+
+std::string markdown_tables(const std::vector<RunResult>& results) {
+    std::string text;
+    for (const Section& section : table_sections(results)) {
+        const bool first = text.empty();
+        text += "## " + section.title + "\n" + (section.text.empty() ? "" : section.text + "\n\n") +
+                markdown_table(section.table) + "\n";
+        const auto protocols = first ? protocols_of(results) : std::vector<std::string>();
+        for (std::size_t p = 0; p < protocols.size(); ++p) text += detail::reference(p) + " " + protocols[p] + "\n\n";
+    }
+    return text;
+}
+
+Json json_tables(const std::vector<RunResult>& results) {
+    Json json{{"reference", results.front().name},
+              {"figures", Json::array()},
+              {"differences", Json::array()},
+              {"costs", Json::array()}};
+    for (const RunResult& result : results) {
+        for (const Mark& mark : result.marks) {
+            Json row{{"name", result.name}, {"configuration", result.config}};
+            row.update(mark_json(mark));
+            json["figures"].push_back(std::move(row));
+        }
+        Json row{{"name", result.name},
+                 {"configuration", result.config},
+                 {"steps", result.marks.empty() ? 0 : result.marks.back().steps},
+                 {"seconds", result.marks.empty() ? 0.0 : result.marks.back().seconds}};
+        row.update(cost_json(result.cost));
+        row["settings"] = result.settings;
+        json["costs"].push_back(std::move(row));
+    }
+    for (const MarkDifference& d : mark_differences(results)) {
+        Json row{{"name", d.name},
+                 {"configuration", d.config},
+                 {"after", d.after},
+                 {"psnr", number_or_null(d.psnr)},
+                 {"ssim", number_or_null(d.ssim)},
+                 {"psnr_person", number_or_null(d.psnr_person)}};
+        for (std::size_t r = 0; r < d.regions.size(); ++r)
+            row["psnr_regions"][region_names()[r]] = number_or_null(d.regions[r]);
+        if (d.lpips) row["lpips"] = number_or_null(*d.lpips);
+        row["paper"] = Json::array();
+        for (const auto& p : published_differences(d.config, results.front().config))
+            row["paper"].push_back({{"data", p.data}, {"psnr", p.psnr}, {"ssim", p.ssim}, {"lpips", p.lpips}});
+        json["differences"].push_back(std::move(row));
+    }
+    return json;
+}
+
+} // namespace gsh::examples

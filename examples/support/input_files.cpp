@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/input_files.hpp"
+
+#include <gsh/io/any_capture.hpp>
+#include <gsh/io/avatar_file.hpp>
+#include <gsh/io/body_file.hpp>
+#include <gsh/io/camera_file.hpp>
+#include <gsh/io/lpips_file.hpp>
+#include <gsh/io/motion_file.hpp>
+#include <gsh/io/people_capture.hpp>
+#include <gsh/io/region_file.hpp>
+#include <gsh/train/configuration_file.hpp>
+
+#include <nlohmann/json.hpp>
+
+namespace gsh::examples {
+
+AnyCapture capture_of_folder(cpu::Threads& backend, const std::filesystem::path& folder, const BodyModel* body,
+                             const CaptureOptions& options, std::vector<std::string>& warnings) {
+    return load_any_capture(backend, folder, body, options, &warnings);
+}
+PeopleCapture people_of_folder(cpu::Threads& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
+                               const std::vector<std::filesystem::path>& poses, std::vector<std::string>& warnings) {
+    return load_people_capture(backend, folder, bodies, poses, {}, &warnings);
+}
+bool brings_own_body(const std::filesystem::path& folder) { return recognise_capture(folder) == CaptureLayout::gala; }
+std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& body) {
+    return capture_warnings(capture, body);
+}
+
+BodyModel body_of_file(const std::filesystem::path& path) { return load_body_model(path); }
+RegionLists regions_of_file(const std::filesystem::path& path, std::size_t vertex_count) {
+    return read_regions(path, vertex_count);
+}
+Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings) {
+    return load_motion(path, body, {}, &warnings);
+}
+AvatarData avatar_of_file(const std::filesystem::path& path) { return load_avatar(path); }
+CameraList cameras_of_file(const std::filesystem::path& path) { return read_cameras(path); }
+NamedCamera camera_of_file(const std::filesystem::path& path, const std::string& name) {
+    return read_camera(path, name);
+}
+LpipsNetwork lpips_of_file(const std::filesystem::path& path) { return read_lpips(path); }
+Configuration configuration_called(const std::string& name_or_path) { return find_configuration(name_or_path); }
+nlohmann::ordered_json json_of_file(const std::filesystem::path& path) { return gsh::detail::read_json(path); }
+
+} // namespace gsh::examples

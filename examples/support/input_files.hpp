@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The library's readers of input files for the programs: compiled once, in input_files.cpp, with the JSON and the
+/// archives that nearly all of them stand on.
+#pragma once
+
+#include <gsh/backend/threads.hpp>
+#include <gsh/core/span.hpp>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace gsh {
+struct AnyCapture;
+struct AvatarData;
+struct BodyModel;
+struct CameraList;
+struct Capture;
+struct CaptureOptions;
+struct Configuration;
+struct LpipsNetwork;
+struct Motion;
+struct NamedCamera;
+struct PeopleCapture;
+struct RegionLists;
+} // namespace gsh
+
+namespace gsh::examples {
+
+/// load_any_capture.
+AnyCapture capture_of_folder(cpu::Threads& backend, const std::filesystem::path& folder, const BodyModel* body,
+                             const CaptureOptions& options, std::vector<std::string>& warnings);
+/// load_people_capture.
+PeopleCapture people_of_folder(cpu::Threads& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
+                               const std::vector<std::filesystem::path>& poses, std::vector<std::string>& warnings);
+/// Whether a folder is a capture whose layout brings its own body.
+bool brings_own_body(const std::filesystem::path& folder);
+/// capture_warnings.
+std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& body);
+
+/// load_body_model.
+BodyModel body_of_file(const std::filesystem::path& path);
+/// read_regions.
+RegionLists regions_of_file(const std::filesystem::path& path, std::size_t vertex_count);
+/// load_motion.
+Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings);
+/// load_avatar.
+AvatarData avatar_of_file(const std::filesystem::path& path);
+/// read_cameras.
+CameraList cameras_of_file(const std::filesystem::path& path);
+/// read_camera.
+NamedCamera camera_of_file(const std::filesystem::path& path, const std::string& name);
+/// read_lpips.
+LpipsNetwork lpips_of_file(const std::filesystem::path& path);
+/// find_configuration.
+Configuration configuration_called(const std::string& name_or_path);
+/// Any JSON.
+/// Errors  IoError naming the file.
+nlohmann::ordered_json json_of_file(const std::filesystem::path& path);
+
+} // namespace gsh::examples

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The rasterizer of the programs: its passes on cpu::Threads are compiled once, in rasterizer.cpp.
+#pragma once
+
+#include <gsh/backend/threads.hpp>
+#include <gsh/render/rasterizer.hpp>
+
+namespace gsh::cpu {
+
+extern template void composite_forward(Threads&, const Camera<float>&, const SplatView<const float>&,
+                                       const Background<float>&, const RasterParams<float>&,
+                                       const RenderTarget<float>&, RasterCache<Threads, float>&);
+extern template void composite_backward(Threads&, const Camera<float>&, const SplatView<const float>&,
+                                        const Background<float>&, const RasterParams<float>&,
+                                        const RenderGradient<float>&, RasterCache<Threads, float>&,
+                                        const SplatView<float>&, Span<CameraGradient<float>>,
+                                        const BackgroundGradient<float>&);
+
+} // namespace gsh::cpu

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The command line of a reconstruction.
+#pragma once
+
+#include "support/program.hpp"
+#include "support/reconstruct_options.hpp"
+
+#include <CLI/CLI.hpp>
+
+namespace gsh::examples {
+
+/// The options --body and --poses.
+inline void add_people(CLI::App& app, ReconstructOptions& o) {
+    app.add_option("--body", o.bodies, "body model (.npz, SMPL / SMPL-H / SMPL-X layout); of several people one for all, or one each")
+        ->allow_extra_args(false);
+    app.add_option("--poses", o.poses,
+                   "pose file in the capture's folder (default poses.npz), or a path; of several people one each, repeated or "
+                   "separated by commas")
+        ->allow_extra_args(false);
+}
+
+inline void add_options(CLI::App& app, ReconstructOptions& o) {
+    app.add_option("--capture", o.capture, "folder with images/, cameras.json and poses");
+    add_people(app, o);
+    app.add_flag("--synthetic", o.synthetic, "film the built-in actor and reconstruct that, instead of a capture");
+    app.add_option("--out", o.out, "folder for the results")->required();
+    app.add_option("--steps", o.steps, "training steps (default 3000; 1200 with --synthetic)")->check(above_zero());
+    app.add_option("--seconds", o.seconds, "train for so long instead of counting steps")->check(above_zero());
+    app.add_option("--gaussians", o.gaussians, "number of Gaussians, of each person (default 170000; 60000 with --synthetic)")
+        ->check(CLI::Range(1, 100'000'000));
+    app.add_option("--seed", o.seed, "of all random choices (default 0)")->check(not_negative());
+    add_threads(app, o.threads);
+    app.add_option("--max-memory", o.max_memory, "bytes that training may take; fewer Gaussians if need be")
+        ->check(above_zero());
+    app.add_option("--checkpoint-interval", o.checkpoint_interval, "seconds between checkpoints (default 5)")
+        ->check(above_zero());
+    app.add_option("--config", o.config, "configuration by name, or a JSON file of settings (default paper); static: one frame, no body");
+    app.add_option("--set", o.set, "a setting of the configuration, key=value; may be repeated");
+    app.add_flag("--refine", o.refine, "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
+    app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: all cameras but the first learn too");
+    app.add_option("--regions", o.regions, "JSON lists of face and hand vertices, or importance per vertex");
+    app.add_option("--lpips", o.lpips, "LPIPS weights (.safetensors or .npz): judge by LPIPS, too");
+    app.add_option("--frame", o.frame, "with --config static: the frame (default 0)");
+    app.add_flag("--resume", o.resume, "go on from the checkpoint in --out");
+}
+
+} // namespace gsh::examples

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/reconstruct_options.hpp"
+
+#include "support/input_files.hpp"
+
+#include <gsh/core/error.hpp>
+#include <gsh/train/configuration.hpp>
+
+#include <system_error>
+
+namespace gsh::examples {
+
+namespace {
+
+/// Words between commas, one after the other; a word that names a file of `folder` is left whole.
+std::vector<std::string> listed(const std::vector<std::string>& words, const std::filesystem::path& folder) {
+    std::vector<std::string> result;
+    for (const std::string& word : words) {
+        std::error_code ignored;
+        const bool whole = std::filesystem::exists(folder / word, ignored);
+        for (std::size_t begin = 0, end = 0; end != std::string::npos; begin = end + 1) {
+            end = whole ? std::string::npos : word.find(',', begin);
+            result.push_back(word.substr(begin, end - begin));
+            check_value(!result.back().empty(), "--poses " + word, "names an empty file between its commas");
+        }
+    }
+    return result;
+}
+
+} // namespace
+
+void complete_poses(ReconstructOptions& o) {
+    o.poses = o.poses.empty() ? std::vector<std::string>{"poses.npz"} : listed(o.poses, o.capture);
+}
+
+std::string poses_text(const ReconstructOptions& o) {
+    std::string text;
+    for (const std::string& poses : o.poses) text += (text.empty() ? "" : ", ") + poses;
+    return text;
+}
+
+void check_options(ReconstructOptions& o) {
+    const auto expect = [](bool condition, const char* message) {
+        if (!condition) throw ValueError(message);
+    };
+    const bool scene = o.config == "static"; // needs no body, and no poses
+    const bool own_body = !o.capture.empty() && brings_own_body(o.capture);
+    expect(o.synthetic || (!o.capture.empty() && (scene || own_body || !o.bodies.empty())),
+           "--capture and --body are needed, or --synthetic alone");
+    expect(!scene || !(o.synthetic || o.refine || o.resume || o.seconds > 0 || !o.set.empty()),
+           "--config static takes a capture and --steps; it cannot resume, refine or change settings");
+    expect(!o.synthetic || (o.capture.empty() && o.bodies.empty() && o.poses.empty()),
+           "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");
+    expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
+    expect(o.refine || !o.refine_cameras, "--refine-cameras needs --refine");
+    if (o.steps == 0) o.steps = o.synthetic ? 1200 : 3000;
+    if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
+    complete_poses(o);
+}
+
+Configuration configuration_of(const ReconstructOptions& o) {
+    Configuration configuration = configuration_called(o.config);
+    for (const std::string& setting : o.set) {
+        const auto equals = setting.find('=');
+        check_value(equals != std::string::npos, "--set " + setting, "must be key=value");
+        set_setting(configuration, setting.substr(0, equals), setting.substr(equals + 1), "--set");
+        configuration.name += " " + setting;
+    }
+    return configuration;
+}
+
+} // namespace gsh::examples

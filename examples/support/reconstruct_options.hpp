@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  What gsh-reconstruct is asked for, and gsh-evaluate in each of its runs.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace gsh {
+struct Configuration;
+}
+
+namespace gsh::examples {
+
+struct ReconstructOptions {
+    std::filesystem::path capture, out;
+    std::vector<std::filesystem::path> bodies; ///< one for all, or one per person
+    bool synthetic = false;
+    bool resume = false;
+    std::string config = "paper";   ///< name or JSON file
+    std::vector<std::string> set;   ///< key=value on top of it
+    bool refine = false;            ///< poses learn too, and test poses are fitted
+    bool refine_cameras = false;    ///< cameras as well
+    std::filesystem::path regions;  ///< JSON lists of vertices
+    std::filesystem::path lpips;    ///< weights
+    std::size_t frame = 0;          ///< of the configuration `static`
+    std::uint64_t steps = 0;        ///< 0: the default of the kind of input
+    double seconds = 0;             ///< of training; 0: count steps
+    std::size_t gaussians = 0;      ///< 0: the default of the kind of input
+    std::uint64_t seed = 0;
+    std::size_t threads = 0;        ///< 0: all of the machine's
+    std::vector<std::string> poses; ///< one per person; empty: poses.npz
+    std::uint64_t max_memory = 0;   ///< bytes; 0: no limit
+    double checkpoint_interval = 5; ///< seconds
+};
+
+/// One pose file per person; poses.npz where none is named.
+void complete_poses(ReconstructOptions& o);
+
+/// The pose files as a user would name them.
+std::string poses_text(const ReconstructOptions& o);
+
+/// Fills in defaults; refuses combinations that make no sense.
+void check_options(ReconstructOptions& o);
+
+/// The configuration that was asked for, single settings and all.
+Configuration configuration_of(const ReconstructOptions& o);
+
+} // namespace gsh::examples

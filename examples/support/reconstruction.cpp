@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/reconstruction.hpp"
+
+#include "support/messages.hpp"
+#include "support/rasterizer.hpp"
+
+#include <gsh/core/error.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/train/frozen_scene.hpp>
+#include <gsh/train/memory.hpp>
+#include <gsh/train/pose_fit.hpp>
+
+#include <algorithm>
+#include <set>
+
+namespace gsh::examples {
+
+namespace {
+
+/// How many Gaussians each person gets: as many as were asked for, or as fit where memory is limited.
+/// Errors  ValueError if not even a tenth of them fit.
+std::size_t gaussian_count(const Source& source, const Configuration& configuration, const ReconstructOptions& o) {
+    if (o.max_memory == 0) return o.gaussians;
+    std::size_t pixels = 0;
+    for (const auto& camera : source.capture.cameras)
+        pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) * static_cast<std::size_t>(camera.camera.height));
+    std::size_t held = 0; // what is in memory already
+    for (const auto& image : source.capture.images) held += image.data.size();
+    const MemoryModel memory = training_memory(configuration.avatar, pixels, held, source.people.size());
+    const std::size_t count = std::min(o.gaussians, memory.gaussians_within(o.max_memory));
+    if (count < o.gaussians / 10)
+        throw ValueError("--max-memory " + std::to_string(o.max_memory) + " is too little: training " +
+                         std::to_string(o.gaussians) + " Gaussians takes about " +
+                         std::to_string(memory.bytes(o.gaussians)) + " bytes, a tenth of them " +
+                         std::to_string(memory.bytes(o.gaussians / 10)));
+    if (count < o.gaussians)
+        warn(std::to_string(count) + " instead of " + std::to_string(o.gaussians) + " Gaussians, to stay within " +
+             std::to_string(o.max_memory) + " bytes");
+    return count;
+}
+
+} // namespace
+
+Reconstruction::Person::Person(Backend& backend, std::string called, CanonicalSetup made, std::uint64_t seed,
+                               const AvatarConfig& config)
+    : name(std::move(called)), setup(std::move(made)),
+      model(backend, setup.rig, setup.samples, seed, config, setup.priors) {}
+
+Reconstruction::Reconstruction(Backend& backend, const Source& source, const Configuration& chosen,
+                               const ReconstructOptions& o)
+    : configuration(chosen), test_photos(test_photos_of(source.capture)),
+      trainer(backend, cast_of(backend, source, o), photos_of(source.capture, false), o.seed, configuration.train) {
+    if (!o.refine) return;
+    RefinementConfig config;
+    if (o.refine_cameras) config.camera_rotation.rate = 2e-4, config.camera_translation.rate = 2e-4;
+    std::set<std::size_t> seen;
+    for (const Photo& photo : trainer.photos()) seen.insert(photo.frame);
+    for (std::size_t frame = 0; frame < trainer.frame_count(); ++frame)
+        if (!seen.contains(frame)) config.left_out.push_back(frame);
+    std::vector<Camera<double>> cameras; // the same for all, so that one person's refinement holds them
+    if (o.refine_cameras)
+        for (const auto& camera : source.capture.cameras) cameras.push_back(camera.camera);
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        Person& person = people[p];
+        person.refinement.emplace(backend, person.setup.rig, person.setup.motion,
+                                  p == 0 ? cameras : std::vector<Camera<double>>(), config);
+        trainer.refine(*person.refinement, p);
+    }
+}
+
+Reconstruction::~Reconstruction() = default;
+
+void Reconstruction::step(double progress) { trainer.step(progress); }
+double Reconstruction::last_loss() const { return trainer.last_loss().loss; }
+double Reconstruction::last_psnr() const { return trainer.last_psnr(); }
+
+Comparison<float> Reconstruction::compare(const Photo& photo) { return gsh::compare(trainer, photo); }
+
+std::vector<AvatarData> Reconstruction::avatars() {
+    std::vector<AvatarData> result;
+    for (std::size_t p = 0; p < people.size(); ++p) result.push_back(trainer.avatar(people[p].setup.rig, p));
+    return result;
+}
+
+void Reconstruction::refine_test_poses(Backend& backend) {
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        Person& person = people[p];
+        person.refinement->carry_to_left_out();
+        person.test_refinement.emplace(backend, person.setup.rig, person.refinement->motion(),
+                                       std::vector<Camera<double>>(), test_time_config());
+        trainer.refine(*person.test_refinement, p);
+    }
+    std::set<std::size_t> frames;
+    for (const Photo& photo : test_photos) frames.insert(photo.frame);
+    const std::size_t rounds = people.size() > 1 ? 2 : 1, steps = 60 / rounds;
+    for (const std::size_t frame : frames) {
+        trainer.query(frame);
+        std::vector<Observation> observations;
+        for (const Photo& photo : test_photos)
+            if (photo.frame == frame) observations.push_back({photo.camera, photo.rgba});
+        for (std::size_t turn = 0; turn < rounds * people.size(); ++turn) {
+            FrozenScene<TrainerType> frozen{&trainer, frame, turn % people.size()};
+            PoseFit<Backend, float, FrozenScene<TrainerType>> fit(
+                backend, frozen, configuration.train.filter,
+                {.steps = steps, .ssim_weight = configuration.train.ssim_weight, .background = configuration.train.background});
+            fit.fit(*people[frozen.person].test_refinement, frame, observations);
+        }
+    }
+}
+
+void Reconstruction::end_test_refinement() {
+    for (std::size_t p = 0; p < people.size(); ++p) trainer.refine(*people[p].refinement, p);
+}
+
+std::vector<CastMember<Reconstruction::Model>> Reconstruction::cast_of(Backend& backend, const Source& source,
+                                                                        const ReconstructOptions& o) {
+    std::vector<CastMember<Model>> cast;
+    const std::size_t count = examples::gaussian_count(source, configuration, o);
+    for (std::size_t p = 0; p < source.people.size(); ++p) {
+        const CapturePerson& from = source.people[p];
+        const std::uint64_t seed = p == 0 ? o.seed : random_bits(o.seed, p);
+        CanonicalSetup setup = make_canonical_setup(backend, source.body(p), from.motion, configuration, count, seed,
+                                                    source.regions[from.body]);
+        Person& person = people.emplace_back(backend, from.name, std::move(setup), seed, configuration.avatar);
+        cast.push_back({&person.model, &person.setup.motion});
+    }
+    return cast;
+}
+
+void TrainingRecord::add_sample(double loss_value, double psnr_value) {
+    loss.emplace_back(static_cast<double>(steps), loss_value);
+    psnr.emplace_back(static_cast<double>(steps), psnr_value);
+    constexpr std::size_t most = 600;
+    if (loss.size() < most) return;
+    interval *= 2;
+    for (auto* curve : {&loss, &psnr})
+        std::erase_if(*curve, [&](const auto& point) {
+            return point.first != 1 && static_cast<std::uint64_t>(point.first) % interval != 0;
+        });
+}
+
+} // namespace gsh::examples

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/source.hpp"
+
+#include "support/input_files.hpp"
+
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/loss/metrics.hpp>
+#include <gsh/synthetic/actor.hpp>
+#include <gsh/synthetic/actor_motion.hpp>
+#include <gsh/synthetic/studio.hpp>
+
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <utility>
+
+namespace gsh::examples {
+
+PosedBody Source::posed(std::size_t person, std::size_t frame) const {
+    const Motion& motion = people[person].motion;
+    return pose_body(body(person), motion.pose_at(frame), motion.transl[frame], motion.betas, motion.expression_at(frame));
+}
+
+BodyRegions Source::body_regions_of(std::size_t person) const {
+    return body_regions(body(person), regions[people[person].body]);
+}
+
+Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
+    Source source;
+    if (o.synthetic) {
+        std::printf("filming the built-in actor\n");
+        std::fflush(stdout);
+        source.bodies.push_back(make_actor());
+        source.capture = film(backend, source.bodies[0], actor_motion(ActorMotion::talk, 12));
+        source.capture.name = "the built-in actor";
+        source.people.push_back({"actor", 0, source.capture.motion});
+    } else {
+        for (const auto& file : o.bodies) source.bodies.push_back(body_of_file(file));
+        const std::vector<std::filesystem::path> poses(o.poses.begin(), o.poses.end());
+        PeopleCapture loaded = people_of_folder(backend, o.capture, source.bodies, poses, source.warnings);
+        source.capture = std::move(loaded.any.capture);
+        source.people = std::move(loaded.people);
+        if (loaded.any.rig) source.bodies.assign(1, std::move(loaded.any.rig->body));
+        if (source.bodies[0].faces.empty())
+            source.warnings.push_back(o.capture.string() + ": its body has no triangles, so each person gets a Gaussian per vertex; "
+                                      "region mask, priors and --gaussians have no effect, and regions are not judged");
+    }
+    for (const BodyModel& body : source.bodies)
+        source.regions.push_back(o.regions.empty() ? RegionLists() : regions_of_file(o.regions, body.vertex_count()));
+    return source;
+}
+
+std::vector<Photo> photos_of(const Capture& capture, bool test) {
+    std::vector<Photo> photos;
+    for (const CaptureView& view : capture.views(test)) {
+        const NamedCamera& camera = capture.cameras[view.camera];
+        char frame[16];
+        std::snprintf(frame, sizeof frame, "%04zu", view.frame);
+        const PixelImage* plate = capture.background(view.camera);
+        photos.push_back({camera.name + "_" + frame, camera.camera, view.frame, capture.image(view).data, view.camera,
+                          plate ? Span<const std::uint8_t>(plate->data) : Span<const std::uint8_t>()});
+    }
+    return photos;
+}
+
+std::vector<Photo> test_photos_of(const Capture& capture) {
+    std::vector<Photo> photos = photos_of(capture, true);
+    for (const Photo& photo : photos) {
+        constexpr int least = SsimWindow<double>::size;
+        check_value(photo.camera.width >= least && photo.camera.height >= least, "test image " + photo.name,
+                    "is " + std::to_string(photo.camera.width) + " x " + std::to_string(photo.camera.height) +
+                        " pixels, expected at least " + std::to_string(least) + " x " + std::to_string(least) + " for SSIM");
+        bool person = false;
+        for (std::size_t i = 3; i < photo.rgba.size() && !person; i += 4) person = photo.rgba[i] > 127;
+        check_value(person, "test image " + photo.name, "has a mask (alpha) that nowhere exceeds 1/2, expected a person to judge");
+    }
+    return photos;
+}
+
+} // namespace gsh::examples

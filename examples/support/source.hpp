@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  What is reconstructed: the capture, who is in it, their bodies, and its photographs.
+#pragma once
+
+#include "support/reconstruct_options.hpp"
+
+#include <gsh/backend/threads.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/posed_body.hpp>
+#include <gsh/body/region_mask.hpp>
+#include <gsh/io/capture.hpp>
+#include <gsh/io/people_capture.hpp>
+#include <gsh/train/photo.hpp>
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace gsh::examples {
+
+/// What is reconstructed: body models, the capture and who is in it, wherever they come from.
+struct Source {
+    std::vector<BodyModel> bodies;
+    std::vector<RegionLists> regions; ///< of each body
+    Capture capture;
+    std::vector<CapturePerson> people;
+    std::vector<std::string> warnings;
+
+    [[nodiscard]] const BodyModel& body(std::size_t person = 0) const { return bodies[people[person].body]; }
+    /// A person's mesh at a frame, as the capture has it.
+    [[nodiscard]] PosedBody posed(std::size_t person, std::size_t frame) const;
+    [[nodiscard]] BodyRegions body_regions_of(std::size_t person) const;
+};
+
+/// Loads what the options name, or films the built-in actor.
+/// Errors  those of the files.
+Source load_source(cpu::Threads& backend, const ReconstructOptions& o);
+
+/// Photographs of a capture's training or test views; they point into the capture.
+std::vector<Photo> photos_of(const Capture& capture, bool test);
+
+/// Photographs to judge by. What cannot be judged had better be known before training than after it.
+/// Errors  ValueError for a photograph that is smaller than the SSIM window, or whose mask nowhere exceeds 1/2.
+std::vector<Photo> test_photos_of(const Capture& capture);
+
+} // namespace gsh::examples

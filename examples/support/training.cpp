@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/training.hpp"
+
+#include "support/interrupts.hpp"
+#include "support/progress.hpp"
+#include "support/reconstruction.hpp"
+#include "support/results.hpp"
+
+#include <chrono>
+#include <cstddef>
+#include <cstdio>
+
+namespace gsh::examples {
+
+void train(Reconstruction& reconstruction, const ReconstructOptions& options, TrainingRecord& record,
+           const std::string& title, std::uint64_t until) {
+    using Clock = std::chrono::steady_clock;
+    const auto& trainer = reconstruction.trainer;
+    const double seconds_before = record.seconds;
+    const std::uint64_t steps_before = trainer.step_count(), timed_before = record.timed_steps - trainer.timed_steps();
+    auto stages_before = record.stage_seconds;
+    for (std::size_t s = 0; s < stages_before.size(); ++s) stages_before[s] -= trainer.stage_seconds()[s];
+    const auto checkpoint = [&] {
+        record.timed_steps = timed_before + trainer.timed_steps();
+        for (std::size_t s = 0; s < stages_before.size(); ++s)
+            record.stage_seconds[s] = stages_before[s] + trainer.stage_seconds()[s];
+        save_checkpoint(options, reconstruction, record);
+    };
+    auto last_checkpoint = Clock::now();
+    double paused = 0; // evaluation and checkpoints do not count as training
+    const auto start = Clock::now();
+    const auto since = [](Clock::time_point t) { return std::chrono::duration<double>(Clock::now() - t).count(); };
+
+    Progress progress(title);
+    const auto fraction = [&] {
+        return options.seconds > 0 ? record.seconds / options.seconds
+                                   : static_cast<double>(trainer.step_count()) / static_cast<double>(options.steps);
+    };
+    const auto status = [&] {
+        char text[96];
+        std::snprintf(text, sizeof text, "step %llu  loss %.4f  PSNR %.2f dB  %.1f steps/s",
+                      static_cast<unsigned long long>(record.steps),
+                      record.loss.empty() ? 0 : record.loss.back().second,
+                      record.psnr.empty() ? 0 : record.psnr.back().second,
+                      static_cast<double>(record.steps - steps_before) / (record.seconds - seconds_before));
+        return std::string(text);
+    };
+    while (fraction() < 1 && (until == 0 || trainer.step_count() < until) && !interrupted) {
+        reconstruction.step(fraction());
+        record.steps = trainer.step_count();
+        record.seconds = seconds_before + since(start) - paused;
+        const auto pause = Clock::now();
+        if (record.wants_sample()) record.add_sample(reconstruction.last_loss(), reconstruction.last_psnr());
+        progress.show(fraction(), status());
+        if (since(last_checkpoint) > options.checkpoint_interval) {
+            checkpoint();
+            last_checkpoint = Clock::now();
+        }
+        paused += since(pause);
+    }
+    checkpoint();
+}
+
+} // namespace gsh::examples
