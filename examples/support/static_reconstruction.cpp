@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/static_reconstruction.hpp"
 
+#include "support/figures.hpp"
 #include "support/input_files.hpp"
 #include "support/interrupts.hpp"
 #include "support/pictures.hpp"
@@ -9,12 +10,9 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
-#include <gsh/io/atomic_file.hpp>
 #include <gsh/io/camera_file.hpp>
 #include <gsh/io/colmap.hpp>
 #include <gsh/io/ply.hpp>
-
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -153,16 +151,13 @@ StaticResult reconstruct_static(cpu::Threads& backend, const StaticSource& sourc
 
 void write_static_result(OutputFolder& out, const StaticSource& source, const StaticOptions& options,
                          const StaticResult& result) {
-    const auto number = [](double value) {
-        return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
-    };
     write_gaussian_ply(out.file("scene.ply"), result.scene);
     for (std::size_t i = 0; i < result.scores.size(); ++i)
         write_png(out.file("test/" + result.scores[i].name + ".png"), result.pictures[i]);
-    nlohmann::ordered_json json;
-    json["psnr"] = number(result.mean.psnr);
-    json["ssim"] = number(result.mean.ssim);
-    json["psnr_person"] = number(result.mean.psnr_person);
+    Json json;
+    json["psnr"] = number_or_null(result.mean.psnr);
+    json["ssim"] = number_or_null(result.mean.ssim);
+    json["psnr_person"] = number_or_null(result.mean.psnr_person);
     json["steps"] = result.steps;
     json["seconds"] = result.seconds;
     json["gaussians"] = result.scene.size();
@@ -177,11 +172,10 @@ void write_static_result(OutputFolder& out, const StaticSource& source, const St
         " in training), white background in training and test, full "
         "image, range 1, unquantised; SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person is where the "
         "true alpha exceeds 1/2.";
-    json["images"] = nlohmann::ordered_json::array();
+    json["images"] = Json::array();
     for (const ImageScore& score : result.scores)
-        json["images"].push_back({{"name", score.name}, {"psnr", number(score.psnr)}, {"ssim", number(score.ssim)},
-                                  {"psnr_person", number(score.psnr_person)}});
-    write_file(out.file("metrics.json"), json.dump(2) + "\n");
+        json["images"].push_back(score_json(score));
+    write_json(out.file("metrics.json"), json);
     out.commit();
 }
 
