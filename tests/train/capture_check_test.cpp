@@ -256,7 +256,7 @@ void add_mean_hands(Motion& m, double times) {
 /// Two people side by side, each with a motion of their own.
 struct Two {
     Motion ann = placed(5, {-0.6, 0, -0.3}), bob = placed(9, {0.6, 0.05, 0.3});
-    Capture capture = film_boxes(people(), 3, 4.4);
+    Capture capture = film_boxes(people(), 2, 4.4);
 
     [[nodiscard]] static Motion placed(std::uint64_t seed, const vec3<double>& place) {
         Motion motion = dance(scene().body, 6, seed);
@@ -681,6 +681,23 @@ TEST_CASE("two people: a fault in the poses of one of them is found there") {
     }
 }
 
+TEST_CASE("two people: loose clothes and an estimator's errors are no faults, and hide none") {
+    const BodyModel clothes = box_person(1.25);
+    Two clothed = two();
+    clothed.capture = film_boxes({{"", &clothes, &clothed.ann}, {"", &clothes, &clothed.bob}}, 2, 4.4);
+    test::Rng rng(3);
+    for (Motion* motion : {&clothed.ann, &clothed.bob}) {
+        for (vec3<double>& v : motion->pose) v += rng.vecs(1, -0.03, 0.03)[0];
+        for (vec3<double>& v : motion->transl) v += rng.vecs(1, -0.005, 0.005)[0];
+    }
+    const CaptureCheck result = clothed.check();
+    CHECK(texts(result) == "");
+    CHECK(result.mean_iou() < 0.85);
+    displace(clothed.bob, {0.15, 0.2, -0.1});
+    const CaptureFinding moved = mended(clothed.check(), "displaced-body", 0.7);
+    CHECK(moved.people == std::vector<std::string>{"bob"});
+}
+
 TEST_CASE("two people: what both have in common, and faults that come together") {
     Two both = two();
     write_degrees(both.ann), write_degrees(both.bob);
@@ -705,7 +722,7 @@ TEST_CASE("two people: faults of cameras concern everybody") {
     for (NamedCamera& named : inverse.capture.cameras)
         named.camera.t = named.camera.center(), named.camera.R = transpose(named.camera.R);
     const CaptureFinding finding = mended(inverse.check(), "camera-to-world");
-    CHECK(finding.cameras.size() == 3);
+    CHECK(finding.cameras.size() == 2);
     CHECK(finding.people.empty());
 
     Two moved = two();
