@@ -6,9 +6,11 @@
 #include "support/output_folder.hpp"
 #include "support/overlay.hpp"
 #include "support/program.hpp"
+#include "support/reconstruct_command.hpp"
+#include "support/source.hpp"
 
 #include <gsh/backend/threads.hpp>
-#include <gsh/io/any_capture.hpp>
+#include <gsh/core/error.hpp>
 #include <gsh/io/image_file.hpp>
 #include <gsh/train/capture_check.hpp>
 
@@ -29,35 +31,31 @@ namespace {
 
 constexpr int exit_findings = 1;
 
-struct CheckOptions {
-    std::filesystem::path capture, body, out = "check";
-    std::vector<std::string> poses;
+struct CheckOptions : PeopleOptions {
+    std::filesystem::path out = "check";
     std::size_t frames = 30, threads = 0;
-    int person = 0;
+    std::optional<std::size_t> person;
 };
 
-/// The files' word: the capture, its body, and what their readers found suspicious.
-struct Input {
-    AnyCapture any;
-    BodyModel body;
-    std::vector<std::string> warnings;
-
-    Input(cpu::Threads& backend, const CheckOptions& options) {
-        std::optional<BodyModel> given;
-        if (!options.body.empty()) given = body_of_file(options.body);
-        CaptureOptions how;
-        how.empty_masks = true; // they are findings
-        how.person = options.person;
-        check_value(options.poses.size() <= 1, "--poses",
-                    "was given more than once; gsh-check looks at one person at a time: call it once for each pose file");
-        if (!options.poses.empty()) how.poses = options.poses[0];
-        any = capture_of_folder(backend, options.capture, given ? &*given : nullptr, how, warnings);
-        body = any.rig ? any.rig->body : std::move(*given);
-        // The check says with figures what a glance at three frames suspects.
-        for (const std::string& text : warnings_of(any.capture, body))
-            std::erase(warnings, options.capture.string() + ": " + text);
+/// The files' word: the capture, who is in it, and what its readers found suspicious.
+Source load(cpu::Threads& backend, const CheckOptions& options) {
+    CaptureOptions how;
+    how.empty_masks = true; // they are findings
+    how.person = static_cast<int>(options.person.value_or(0));
+    Source source = load_people(backend, options, how);
+    auto& people = source.people;
+    // The check says with figures what a glance at three frames suspects.
+    for (std::size_t p = 0; p < people.size(); ++p)
+        for (const std::string& text : warnings_of(source.capture, source.body(p), people[p].motion))
+            std::erase(source.warnings,
+                       (people.size() > 1 ? people[p].name + ": " : "") + options.capture.string() + ": " + text);
+    if (options.person && people.size() > 1) {
+        check_value(*options.person < people.size(), "--person " + std::to_string(*options.person),
+                    "there are " + std::to_string(people.size()) + " people, who count from 0");
+        people = {people[*options.person]};
     }
-};
+    return source;
+}
 
 std::string overlay_name(const Capture& capture, CaptureView view) {
     char frame[16];
@@ -77,28 +75,30 @@ std::vector<int> joint_sides(const BodyModel& body) {
     return sides;
 }
 
-PixelImage overlay(const PixelImage& image, const Camera<double>& camera, const BodyModel& body, const PosedBody& posed,
-                   const std::vector<int>& sides) {
+/// The mask's outline, and everybody's body and skeleton in a frame. `sides` are those of each body's joints.
+PixelImage overlay(const Source& source, CaptureView view, const std::vector<std::vector<int>>& sides) {
     const OverlayColors colors;
+    const PixelImage& image = source.capture.image(view);
+    const Camera<double>& camera = source.capture.cameras[view.camera].camera;
+    std::vector<PosedBody> posed;
+    for (std::size_t p = 0; p < source.people.size(); ++p) posed.push_back(source.posed(p, view.frame));
     PixelImage canvas = overlay_canvas(image);
     draw_outline(canvas, mask_silhouette(image), colors.mask);
-    draw_outline(canvas, mesh_silhouette(posed.vertices, body.faces, camera), colors.body);
-    draw_skeleton(canvas, camera, posed.joints, body.parents, sides, colors);
+    for (std::size_t p = 0; p < posed.size(); ++p)
+        draw_outline(canvas, mesh_silhouette(posed[p].vertices, source.body(p).faces, camera), colors.body);
+    for (std::size_t p = 0; p < posed.size(); ++p)
+        draw_skeleton(canvas, camera, posed[p].joints, source.body(p).parents, sides[source.people[p].body], colors);
     return canvas;
 }
 
 /// False if somebody interrupts.
-bool write_overlays(cpu::Threads& backend, OutputFolder& out, const Input& input, const CaptureCheck& check) {
-    const Capture& capture = input.any.capture;
-    const std::vector<int> sides = joint_sides(input.body), counterparts = joint_counterparts(input.body);
+bool write_overlays(cpu::Threads& backend, OutputFolder& out, const Source& source, const CaptureCheck& check) {
+    std::vector<std::vector<int>> sides;
+    for (const BodyModel& body : source.bodies) sides.push_back(joint_sides(body));
     std::vector<std::filesystem::path> paths;
-    for (const ViewCheck& v : check.views) paths.push_back(out.file(overlay_name(capture, v.view)));
+    for (const ViewCheck& v : check.views) paths.push_back(out.file(overlay_name(source.capture, v.view)));
     gsh::detail::load_all(backend, check.views.size(), [&](std::size_t i) {
-        if (interrupted) return;
-        const CaptureView view = check.views[i].view;
-        const PosedBody posed = pose_as(input.body, capture.motion, view.frame, {}, counterparts);
-        write_png(paths[i],
-                  overlay(capture.image(view), capture.cameras[view.camera].camera, input.body, posed, sides));
+        if (!interrupted) write_png(paths[i], overlay(source, check.views[i].view, sides));
     });
     return !interrupted;
 }
@@ -107,18 +107,19 @@ const char* mask_text(ViewCheck::Mask mask) {
     return mask == ViewCheck::Mask::usable ? "usable" : mask == ViewCheck::Mask::empty ? "empty" : "opaque";
 }
 
-void write_json(const std::filesystem::path& path, const Input& input, const CaptureCheck& check) {
-    const Capture& capture = input.any.capture;
+void write_json(const std::filesystem::path& path, const Source& source, const CaptureCheck& check) {
+    const Capture& capture = source.capture;
     const auto image = [&](CaptureView view) {
         return Json{{"camera", capture.cameras[view.camera].name}, {"frame", view.frame}};
     };
     Json json{{"capture", capture.name},
               {"protocol",
                "intersection over union of the mask (alpha at least 1/2) with the pixels whose centres the posed "
-               "body covers, poses as given; images of more than 1080 pixels reduced"},
+               "body covers (with several people: any of their bodies), poses as given; images of more than 1080 "
+               "pixels reduced"},
               {"mean_iou", check.mean_iou()},
               {"findings", Json::array()},
-              {"warnings", input.warnings},
+              {"warnings", source.warnings},
               {"images", Json::array()}};
     for (const CaptureFinding& finding : check.findings) {
         Json one{{"fault", finding.fault},
@@ -127,6 +128,7 @@ void write_json(const std::filesystem::path& path, const Input& input, const Cap
                  {"mended", finding.mended},
                  {"text", finding.text}};
         for (const std::size_t c : finding.cameras) one["cameras"].push_back(capture.cameras[c].name);
+        for (const std::string& name : finding.people) one["people"].push_back(name);
         for (const CaptureView& view : finding.views) one["images"].push_back(image(view));
         json["findings"].push_back(one);
     }
@@ -135,15 +137,38 @@ void write_json(const std::filesystem::path& path, const Input& input, const Cap
         one["iou"] = v.mask == ViewCheck::Mask::usable ? Json(v.iou) : Json(nullptr);
         one["mask"] = mask_text(v.mask);
         one["inside"] = v.inside;
+        for (std::size_t p = 0; source.people.size() > 1 && p < v.people.size(); ++p) {
+            const auto& [inside, covered] = v.people[p];
+            one["people"].push_back({{"name", source.people[p].name},
+                                     {"inside", inside},
+                                     {"covered", covered ? Json(*covered) : Json(nullptr)}});
+        }
         one["overlay"] = overlay_name(capture, v.view);
         json["images"].push_back(one);
     }
     examples::write_json(path, json);
 }
 
-/// One screen: the cameras' means, the worst images, the findings.
-void print(const Input& input, const CaptureCheck& check, const std::filesystem::path& out) {
-    const Capture& capture = input.any.capture;
+/// Means of each of several people over the images, where they are seen.
+void print_people(const Source& source, const CaptureCheck& check) {
+    std::printf("\n%-20s %8s %8s\n", "person", "covered", "inside");
+    for (std::size_t p = 0; p < source.people.size(); ++p) {
+        double inside = 0, covered = 0, count = 0;
+        for (const ViewCheck& v : check.views) {
+            if (!v.people[p].covered) continue;
+            inside += v.people[p].inside, covered += *v.people[p].covered, count += 1;
+        }
+        std::printf("%-20s", source.people[p].name.c_str());
+        if (count > 0)
+            std::printf(" %7.0f%% %7.0f%%\n", 100 * covered / count, 100 * inside / count);
+        else
+            std::printf(" %8s\n", "none");
+    }
+}
+
+/// One screen: the cameras' means, the worst images, the people, the findings.
+void print(const Source& source, const CaptureCheck& check, const std::filesystem::path& out) {
+    const Capture& capture = source.capture;
     constexpr std::size_t most_cameras = 8, most_images = 8;
     std::printf("%zu images of %zu cameras, mean IoU of mask and posed body %.3f\n", check.views.size(),
                 capture.cameras.size(), check.mean_iou());
@@ -176,6 +201,7 @@ void print(const Input& input, const CaptureCheck& check, const std::filesystem:
     for (std::size_t i = 0; i < std::min(most_images, worst.size()); ++i)
         std::printf("%-20s %8zu %8.3f %7.0f%%\n", capture.cameras[worst[i].view.camera].name.c_str(),
                     worst[i].view.frame, worst[i].iou, 100 * worst[i].inside);
+    if (source.people.size() > 1 && !check.views.empty()) print_people(source, check);
     std::printf("\n");
     for (const CaptureFinding& finding : check.findings) std::printf("%s\n", one_line(finding.text).c_str());
     if (check.findings.empty()) std::printf("nothing suspicious\n");
@@ -185,16 +211,19 @@ void print(const Input& input, const CaptureCheck& check, const std::filesystem:
 int check(const CheckOptions& options) {
     watch_interrupts();
     cpu::Threads backend(options.threads);
-    const Input input(backend, options);
-    for (const std::string& warning : input.warnings) warn(warning);
+    const Source source = load(backend, options);
+    for (const std::string& warning : source.warnings) warn(warning);
     OutputFolder out(options.out);
     CaptureCheckParams params;
     params.frames = options.frames;
-    const CaptureCheck result = check_capture(backend, input.any.capture, input.body, params);
-    if (interrupted || !write_overlays(backend, out, input, result)) return exit_interrupted;
-    write_json(out.file("check.json"), input, result); // last: who finds it finds all
+    std::vector<CheckedPerson> people;
+    for (std::size_t p = 0; p < source.people.size(); ++p)
+        people.push_back({source.people[p].name, &source.body(p), &source.people[p].motion});
+    const CaptureCheck result = check_capture(backend, source.capture, people, params);
+    if (interrupted || !write_overlays(backend, out, source, result)) return exit_interrupted;
+    write_json(out.file("check.json"), source, result); // last: who finds it finds all
     out.commit();
-    print(input, result, options.out);
+    print(source, result, options.out);
     return result.findings.empty() ? int(exit_done) : exit_findings;
 }
 
@@ -204,14 +233,15 @@ int main(int argc, char** argv) {
     CheckOptions options;
     CLI::App app("Checks whether images, cameras, poses and body of a capture belong together.", "gsh-check");
     app.add_option("capture", options.capture, "folder, in any layout that we read")->required();
-    app.add_option("--body", options.body, "body model (.npz), unless the capture brings its own");
-    app.add_option("--poses", options.poses, "another pose file in the capture's folder, or a path; of several people one at a time")
-        ->allow_extra_args(false);
-    app.add_option("--person", options.person, "whose poses, where there are several people (default 0)")
+    add_people(app, options);
+    app.add_option("--person", options.person, "one of several people alone, counted from 0 (default: everybody)")
         ->check(not_negative());
     app.add_option("--out", options.out, "folder for pictures and check.json (default ./check)");
     app.add_option("--frames", options.frames, "how many frames to look at, evenly spaced (default 30; 0: all)")
         ->check(not_negative());
     add_threads(app, options.threads);
-    return run_program(app, argc, argv, [&] { return check(options); });
+    return run_program(app, argc, argv, [&] {
+        complete_poses(options);
+        return check(options);
+    });
 }

@@ -15,17 +15,14 @@
 
 namespace gsh::examples {
 
-AnyCapture capture_of_folder(cpu::Threads& backend, const std::filesystem::path& folder, const BodyModel* body,
-                             const CaptureOptions& options, std::vector<std::string>& warnings) {
-    return load_any_capture(backend, folder, body, options, &warnings);
-}
 PeopleCapture people_of_folder(cpu::Threads& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
-                               const std::vector<std::filesystem::path>& poses, std::vector<std::string>& warnings) {
-    return load_people_capture(backend, folder, bodies, poses, {}, &warnings);
+                               const std::vector<std::filesystem::path>& poses, const CaptureOptions& options,
+                               std::vector<std::string>& warnings) {
+    return load_people_capture(backend, folder, bodies, poses, options, &warnings);
 }
 bool brings_own_body(const std::filesystem::path& folder) { return recognise_capture(folder) == CaptureLayout::gala; }
-std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& body) {
-    return capture_warnings(capture, body);
+std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& body, const Motion& motion) {
+    return capture_warnings(capture, body, motion);
 }
 
 BodyModel body_of_file(const std::filesystem::path& path) { return load_body_model(path); }

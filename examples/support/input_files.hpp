@@ -14,7 +14,6 @@
 #include <vector>
 
 namespace gsh {
-struct AnyCapture;
 struct AvatarData;
 struct BodyModel;
 struct CameraList;
@@ -30,16 +29,14 @@ struct RegionLists;
 
 namespace gsh::examples {
 
-/// load_any_capture.
-AnyCapture capture_of_folder(cpu::Threads& backend, const std::filesystem::path& folder, const BodyModel* body,
-                             const CaptureOptions& options, std::vector<std::string>& warnings);
 /// load_people_capture.
 PeopleCapture people_of_folder(cpu::Threads& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
-                               const std::vector<std::filesystem::path>& poses, std::vector<std::string>& warnings);
+                               const std::vector<std::filesystem::path>& poses, const CaptureOptions& options,
+                               std::vector<std::string>& warnings);
 /// Whether a folder is a capture whose layout brings its own body.
 bool brings_own_body(const std::filesystem::path& folder);
 /// capture_warnings.
-std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& body);
+std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& body, const Motion& motion);
 
 /// load_body_model.
 BodyModel body_of_file(const std::filesystem::path& path);

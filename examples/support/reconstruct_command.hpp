@@ -10,7 +10,7 @@
 namespace gsh::examples {
 
 /// The options --body and --poses.
-inline void add_people(CLI::App& app, ReconstructOptions& o) {
+inline void add_people(CLI::App& app, PeopleOptions& o) {
     app.add_option("--body", o.bodies, "body model (.npz, SMPL / SMPL-H / SMPL-X layout); of several people one for all, or one each")
         ->allow_extra_args(false);
     app.add_option("--poses", o.poses,

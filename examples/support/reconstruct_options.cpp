@@ -29,11 +29,11 @@ std::vector<std::string> listed(const std::vector<std::string>& words, const std
 
 } // namespace
 
-void complete_poses(ReconstructOptions& o) {
+void complete_poses(PeopleOptions& o) {
     o.poses = o.poses.empty() ? std::vector<std::string>{"poses.npz"} : listed(o.poses, o.capture);
 }
 
-std::string poses_text(const ReconstructOptions& o) {
+std::string poses_text(const PeopleOptions& o) {
     std::string text;
     for (const std::string& poses : o.poses) text += (text.empty() ? "" : ", ") + poses;
     return text;

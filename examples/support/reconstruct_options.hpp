@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What gsh-reconstruct is asked for, and gsh-evaluate in each of its runs.
+/// @file  What gsh-reconstruct is asked for, and gsh-evaluate in each of its runs; who is in a capture, for gsh-check, too.
 #pragma once
 
 #include <cstddef>
@@ -14,9 +14,15 @@ struct Configuration;
 
 namespace gsh::examples {
 
-struct ReconstructOptions {
-    std::filesystem::path capture, out;
+/// A capture and the files that tell who is in it.
+struct PeopleOptions {
+    std::filesystem::path capture;
     std::vector<std::filesystem::path> bodies; ///< one for all, or one per person
+    std::vector<std::string> poses;            ///< one per person; empty: poses.npz
+};
+
+struct ReconstructOptions : PeopleOptions {
+    std::filesystem::path out;
     bool synthetic = false;
     bool resume = false;
     std::string config = "paper";   ///< name or JSON file
@@ -31,16 +37,15 @@ struct ReconstructOptions {
     std::size_t gaussians = 0;      ///< 0: the default of the kind of input
     std::uint64_t seed = 0;
     std::size_t threads = 0;        ///< 0: all of the machine's
-    std::vector<std::string> poses; ///< one per person; empty: poses.npz
     std::uint64_t max_memory = 0;   ///< bytes; 0: no limit
     double checkpoint_interval = 5; ///< seconds
 };
 
 /// One pose file per person; poses.npz where none is named.
-void complete_poses(ReconstructOptions& o);
+void complete_poses(PeopleOptions& o);
 
 /// The pose files as a user would name them.
-std::string poses_text(const ReconstructOptions& o);
+std::string poses_text(const PeopleOptions& o);
 
 /// Fills in defaults; refuses combinations that make no sense.
 void check_options(ReconstructOptions& o);

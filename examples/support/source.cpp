@@ -26,6 +26,17 @@ BodyRegions Source::body_regions_of(std::size_t person) const {
     return body_regions(body(person), regions[people[person].body]);
 }
 
+Source load_people(cpu::Threads& backend, const PeopleOptions& o, const CaptureOptions& how) {
+    Source source;
+    for (const auto& file : o.bodies) source.bodies.push_back(body_of_file(file));
+    const std::vector<std::filesystem::path> poses(o.poses.begin(), o.poses.end());
+    PeopleCapture loaded = people_of_folder(backend, o.capture, source.bodies, poses, how, source.warnings);
+    source.capture = std::move(loaded.any.capture);
+    source.people = std::move(loaded.people);
+    if (loaded.any.rig) source.bodies.assign(1, std::move(loaded.any.rig->body));
+    return source;
+}
+
 Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
     Source source;
     if (o.synthetic) {
@@ -36,12 +47,7 @@ Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
         source.capture.name = "the built-in actor";
         source.people.push_back({"actor", 0, source.capture.motion});
     } else {
-        for (const auto& file : o.bodies) source.bodies.push_back(body_of_file(file));
-        const std::vector<std::filesystem::path> poses(o.poses.begin(), o.poses.end());
-        PeopleCapture loaded = people_of_folder(backend, o.capture, source.bodies, poses, source.warnings);
-        source.capture = std::move(loaded.any.capture);
-        source.people = std::move(loaded.people);
-        if (loaded.any.rig) source.bodies.assign(1, std::move(loaded.any.rig->body));
+        source = load_people(backend, o);
         if (source.bodies[0].faces.empty())
             source.warnings.push_back(o.capture.string() + ": its body has no triangles, so each person gets a Gaussian per vertex; "
                                       "region mask, priors and --gaussians have no effect, and regions are not judged");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What is reconstructed: the capture, who is in it, their bodies, and its photographs.
+/// @file  What is reconstructed, or checked: the capture, who is in it, their bodies, and its photographs.
 #pragma once
 
 #include "support/reconstruct_options.hpp"
@@ -18,10 +18,10 @@
 
 namespace gsh::examples {
 
-/// What is reconstructed: body models, the capture and who is in it, wherever they come from.
+/// What is reconstructed, or checked: body models, the capture and who is in it, wherever they come from.
 struct Source {
     std::vector<BodyModel> bodies;
-    std::vector<RegionLists> regions; ///< of each body
+    std::vector<RegionLists> regions; ///< of each body, where they are asked for
     Capture capture;
     std::vector<CapturePerson> people;
     std::vector<std::string> warnings;
@@ -32,8 +32,11 @@ struct Source {
     [[nodiscard]] BodyRegions body_regions_of(std::size_t person) const;
 };
 
-/// Loads what the options name, or films the built-in actor.
+/// Loads what the options name.
 /// Errors  those of the files.
+Source load_people(cpu::Threads& backend, const PeopleOptions& o, const CaptureOptions& how = {});
+
+/// The same with regions, or the built-in actor, filmed.
 Source load_source(cpu::Threads& backend, const ReconstructOptions& o);
 
 /// Photographs of a capture's training or test views; they point into the capture.

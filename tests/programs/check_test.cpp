@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-check as a user runs it: pictures, figures, findings and exit codes.
+#include "io/gala_files.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 
@@ -109,6 +110,76 @@ TEST_CASE("faults are named, and the exit code says that there are some") {
     CHECK(empty[0].at("images")[0].at("frame") == 1);
 }
 
+TEST_CASE("several people are checked together, one of them alone if so wished") {
+    const test::Temporary folder;
+    const fs::path path = folder / "capture", out = folder / "out";
+    Motion ann = actor_motion(ActorMotion::talk, 2), bob = actor_motion(ActorMotion::stride, 2);
+    for (auto& v : ann.transl) v.x -= 0.6;
+    for (auto& v : bob.transl) v.x += 0.6;
+    cpu::Threads backend;
+    StudioParams params;
+    params.train_cameras = 2, params.image_size = 64, params.samples = 4, params.distance = 4;
+    save_capture(path, film(backend, {{&studio().body, &ann}, {&studio().body, &bob}}, params));
+    fs::remove(path / "poses.npz");
+    save_motion(path / "ann.npz", ann);
+    save_motion(path / "bob.npz", bob);
+    test::check_done(run(words(path, out, {"--poses", "ann.npz,bob.npz"})));
+    auto json = json_of(out / "check.json");
+    CHECK(json.at("findings").empty());
+    CHECK(json.at("warnings").empty());
+    CHECK(json.at("mean_iou") > 0.9);
+    REQUIRE(json.at("images").size() == 6);
+    for (const auto& image : json.at("images")) {
+        REQUIRE(image.at("people").size() == 2);
+        CHECK(image.at("people")[1].at("name") == "bob");
+        CHECK(image.at("people")[1].at("inside") > 0.95);
+        CHECK(image.at("people")[1].at("covered") > 0.9);
+    }
+
+    for (auto& v : bob.transl) v *= 100.0; // centimetres
+    save_motion(path / "bob.npz", bob);
+    const test::Outcome outcome = run(words(path, out, {"--poses", "ann.npz", "--poses", "bob.npz"}));
+    CHECK(outcome.code == 1);
+    CHECK(outcome.err.empty());
+    CHECK(outcome.out.find("translation-units (poses of bob)") != std::string::npos);
+    CHECK(outcome.out.find("\nperson ") != std::string::npos);
+    json = json_of(out / "check.json");
+    REQUIRE(json.at("findings").size() == 1);
+    CHECK(json.at("findings")[0].at("people") == nlohmann::json{"bob"});
+    CHECK(!json.at("findings")[0].contains("cameras"));
+
+    // Of two people one alone is not what the masks show.
+    CHECK(run(words(path, out, {"--poses", "ann.npz,bob.npz", "--person", "0"})).code == 1);
+    CHECK(!json_of(out / "check.json").at("images")[0].contains("people"));
+    const auto refuse = [&](const std::vector<std::string>& more, std::initializer_list<std::string_view> said) {
+        check_refused(run(words(path, folder / "none", more)), "gsh-check", said);
+        CHECK(!fs::exists(folder / "none"));
+    };
+    refuse({"--poses", "ann.npz,bob.npz", "--person", "2"}, {"--person 2", "2 people"});
+    refuse({"--poses", "ann.npz,bob.npz,ann.npz"}, {"ann.npz", "named twice"});
+    refuse({"--poses", "ann.npz,,bob.npz"}, {"--poses", "empty"});
+    refuse({"--poses", "ann.npz,cleo.npz"}, {"cleo.npz"});
+    refuse({"--poses", "ann.npz," + studio().dance.string()}, {"dance.npz", "3", "expected 2"});
+}
+
+TEST_CASE_FIXTURE(test::Gala, "a layout that holds several people shows all of them, or the one that is asked for") {
+    const fs::path out = folder / "out";
+    const auto people_seen = [&](std::vector<std::string> more) {
+        std::vector<std::string> line{"gsh-check", scene.string(), "--out", out.string()};
+        line.insert(line.end(), more.begin(), more.end());
+        const test::Outcome outcome = run(line);
+        INFO(outcome.err);
+        CHECK(outcome.code <= 1);
+        CHECK(outcome.err.empty());
+        const auto image = json_of(out / "check.json").at("images")[0];
+        return image.contains("people") ? image.at("people").size() : 1;
+    };
+    CHECK(people_seen({}) == 2);
+    CHECK(people_seen({"--person", "1"}) == 1);
+    check_refused(run({"gsh-check", scene.string(), "--out", out.string(), "--person", "2"}), "gsh-check",
+                  {"no person 2"});
+}
+
 TEST_CASE("input that cannot be checked is refused") {
     const test::Temporary folder;
     const fs::path out = folder / "out";
@@ -122,7 +193,7 @@ TEST_CASE("input that cannot be checked is refused") {
     refuse(words(studio().path, out, {"--poses", "other.npz"}), {"other.npz", "No such file"});
     refuse(words(studio().path, out, {"--poses", studio().dance}), {"2 images", "expected 3"});
     refuse(words(studio().path, out, {"--frames", "-1"}), {"--frames"});
-    refuse(words(studio().path, out, {"--body", studio().camera}), {"--body"});
+    refuse(words(studio().path, out, {"--body", studio().body_file}), {"2 body models for 1 people"});
     const test::Outcome help = run({"gsh-check", "--help"});
     CHECK(help.code == 0);
     CHECK(help.out.find("--frames") != std::string::npos);

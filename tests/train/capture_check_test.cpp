@@ -15,8 +15,10 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <numbers>
 #include <string>
+#include <utility>
 #include <vector>
 
 using namespace gsh;
@@ -84,11 +86,11 @@ BodyModel box_person(double thickness = 1) {
 }
 
 /// A dance that is never the same on both sides, nor forwards and backwards.
-Motion dance(const BodyModel& body, std::size_t frames) {
+Motion dance(const BodyModel& body, std::size_t frames, std::uint64_t seed = 5) {
     Motion motion;
     motion.joint_count = body.joint_count();
     motion.betas = {0.8};
-    test::Rng rng(5);
+    test::Rng rng(seed);
     std::vector<vec3<double>> swing, phase;
     for (std::size_t j = 0; j < motion.joint_count; ++j) {
         const double most = j >= 25 ? 0.15 : j == 0 ? 0.1 : 0.45;
@@ -111,28 +113,37 @@ Motion dance(const BodyModel& body, std::size_t frames) {
     return motion;
 }
 
-/// A good capture: masks are what the posed body covers.
-Capture film_boxes(const BodyModel& filmed, const Motion& motion, std::size_t cameras = 3) {
+/// A good capture: masks are what the posed bodies cover.
+Capture film_boxes(const std::vector<CheckedPerson>& people, std::size_t cameras = 3, double distance = 3.3) {
     Capture capture;
     capture.name = "boxes";
-    capture.motion = motion;
+    capture.motion = *people[0].motion;
     for (std::size_t c = 0; c < cameras; ++c) {
         const double angle = 0.3 + 2.2 * static_cast<double>(c);
-        Camera<double> camera = look_at<double>({3.3 * std::sin(angle), 0.5 - 0.3 * double(c), 3.3 * std::cos(angle)},
-                                                {0, -0.1, 0}, {0, 1, 0}, 0.75, photo_size, photo_size);
+        Camera<double> camera =
+            look_at<double>({distance * std::sin(angle), 0.5 - 0.3 * double(c), distance * std::cos(angle)},
+                            {0, -0.1, 0}, {0, 1, 0}, 0.75, photo_size, photo_size);
         camera.cx += 5 - 3.0 * double(c), camera.cy -= 4;
         capture.cameras.push_back({"cam0" + std::to_string(c), NamedCamera::Role::train, camera, {}});
     }
     for (const NamedCamera& named : capture.cameras)
-        for (std::size_t t = 0; t < motion.frame_count(); ++t) {
-            const PosedBody posed = pose_body(filmed, motion.pose_at(t), motion.transl[t], motion.betas);
-            const Silhouette seen = mesh_silhouette(posed.vertices, filmed.faces, named.camera);
+        for (std::size_t t = 0; t < capture.frame_count(); ++t) {
+            std::vector<Silhouette> bodies;
+            for (const auto& [name, body, motion] : people) {
+                const PosedBody posed = pose_body(*body, motion->pose_at(t), motion->transl[t], motion->betas);
+                bodies.push_back(mesh_silhouette(posed.vertices, body->faces, named.camera));
+            }
+            const Silhouette seen = united(bodies);
             PixelImage image(4, photo_size, photo_size);
             for (std::size_t i = 0; i < seen.inside.size(); ++i)
                 image.data[4 * i + 3] = static_cast<std::uint8_t>(255 * seen.inside[i]);
             capture.images.push_back(std::move(image));
         }
     return capture;
+}
+
+Capture film_boxes(const BodyModel& filmed, const Motion& motion, std::size_t cameras = 3) {
+    return film_boxes({{"", &filmed, &motion}}, cameras);
 }
 
 struct Scene {
@@ -144,11 +155,15 @@ const Scene& scene() {
     return instance;
 }
 
-CaptureCheck check(const Capture& capture, const BodyModel& body = scene().body) {
+template <class Who> // a body, or people
+CaptureCheck check(const Capture& capture, const Who& who) {
     cpu::Serial backend;
     CaptureCheckParams params;
     params.search.views = 9; // enough here
-    return check_capture(backend, capture, body, params);
+    return check_capture(backend, capture, who, params);
+}
+CaptureCheck check(const Capture& capture) {
+    return check(capture, scene().body);
 }
 
 std::string texts(const CaptureCheck& result) {
@@ -197,6 +212,65 @@ void mirror(PixelImage& image) {
     for (int y = 0; y < image.height; ++y)
         for (int x = 0; x < image.width / 2; ++x)
             std::swap_ranges(image.pixel(y, x), image.pixel(y, x) + 4, image.pixel(y, image.width - 1 - x));
+}
+
+// What authors of pose files do; all motions here have the same skeleton at rest.
+void exchange_sides(Motion& m, bool reflect) {
+    const auto counterparts = joint_counterparts(scene().body);
+    const auto given = m.pose;
+    for (std::size_t t = 0; t < m.frame_count(); ++t)
+        for (std::size_t j = 1; j < m.joint_count; ++j) {
+            const vec3<double> v = given[t * m.joint_count + static_cast<std::size_t>(counterparts[j])];
+            m.pose[t * m.joint_count + j] = reflect ? vec3<double>(v.x, -v.y, -v.z) : v;
+        }
+}
+void write_degrees(Motion& m) {
+    for (auto& v : m.pose) v *= 180 / std::numbers::pi;
+}
+void write_units(Motion& m, double per_metre) {
+    for (auto& v : m.transl) v *= per_metre;
+}
+void displace(Motion& m, const vec3<double>& by) {
+    for (auto& v : m.transl) v += by;
+}
+vec3<double> resting_root(const Motion& m) {
+    return regress_joints(scene().body, shaped_vertices(scene().body, m.betas))[0];
+}
+void turn_z_up(Motion& m) {
+    const mat3<double> turn(vec3<double>(1, 0, 0), vec3<double>(0, 0, 1), vec3<double>(0, -1, 0));
+    const vec3<double> rest = resting_root(m);
+    for (std::size_t t = 0; t < m.frame_count(); ++t) {
+        vec3<double>& root = m.pose[t * m.joint_count];
+        root = axis_angle_from_rotation(turn * rotation_from_axis_angle(root));
+        m.transl[t] = turn * (m.transl[t] + rest) - rest;
+    }
+}
+void add_mean_hands(Motion& m, double times) {
+    for (std::size_t t = 0; t < m.frame_count(); ++t)
+        for (std::size_t k = 0; k < 15; ++k) {
+            m.pose[t * 55 + 25 + k] += scene().body.hands_mean_left[k] * times;
+            m.pose[t * 55 + 40 + k] += scene().body.hands_mean_right[k] * times;
+        }
+}
+
+/// Two people side by side, each with a motion of their own.
+struct Two {
+    Motion ann = placed(5, {-0.6, 0, -0.3}), bob = placed(9, {0.6, 0.05, 0.3});
+    Capture capture = film_boxes(people(), 2, 4.4);
+
+    [[nodiscard]] static Motion placed(std::uint64_t seed, const vec3<double>& place) {
+        Motion motion = dance(scene().body, 6, seed);
+        displace(motion, place);
+        return motion;
+    }
+    [[nodiscard]] std::vector<CheckedPerson> people() const {
+        return {{"ann", &scene().body, &ann}, {"bob", &scene().body, &bob}};
+    }
+    [[nodiscard]] CaptureCheck check() const { return ::check(capture, people()); }
+};
+const Two& two() {
+    static const Two instance;
+    return instance;
 }
 
 } // namespace
@@ -453,43 +527,15 @@ TEST_CASE("faults of cameras") {
 
 TEST_CASE("faults of poses") {
     const auto with_motion = [](const auto& change) { return spoiled([&](Capture& c) { change(c.motion); }); };
-    const auto counterparts = joint_counterparts(scene().body);
-    const auto exchange = [&](bool reflect) {
-        return with_motion([&](Motion& m) {
-            const auto given = m.pose;
-            for (std::size_t t = 0; t < m.frame_count(); ++t)
-                for (std::size_t j = 1; j < m.joint_count; ++j) {
-                    const vec3<double> v = given[t * m.joint_count + static_cast<std::size_t>(counterparts[j])];
-                    m.pose[t * m.joint_count + j] = reflect ? vec3<double>(v.x, -v.y, -v.z) : v;
-                }
-        });
-    };
-    CHECK(mended(check(exchange(true)), "mirrored-poses").cameras.empty());
-    CHECK(mended(check(exchange(false)), "mirrored-poses").text.find("exchanged") != std::string::npos);
-    mended(check(with_motion([](Motion& m) {
-               for (auto& v : m.pose) v *= 180 / std::numbers::pi;
-           })),
-           "degrees");
-    mended(check(with_motion([](Motion& m) {
-               for (auto& v : m.transl) v *= 1000.0;
-           })),
-           "translation-units");
-    const auto joints = regress_joints(scene().body, shaped_vertices(scene().body, scene().capture.motion.betas));
-    mended(check(with_motion([&](Motion& m) {
-               for (auto& v : m.transl) v += joints[0];
-           })),
-           "translation-origin");
-    mended(check(with_motion([&](Motion& m) { // z upwards
-               const mat3<double> turn(vec3<double>(1, 0, 0), vec3<double>(0, 0, 1), vec3<double>(0, -1, 0));
-               for (std::size_t t = 0; t < m.frame_count(); ++t) {
-                   vec3<double>& root = m.pose[t * m.joint_count];
-                   root = axis_angle_from_rotation(turn * rotation_from_axis_angle(root));
-                   m.transl[t] = turn * (m.transl[t] + joints[0]) - joints[0];
-               }
-           })),
-           "world-axes");
+    CHECK(mended(check(with_motion([](Motion& m) { exchange_sides(m, true); })), "mirrored-poses").cameras.empty());
+    CHECK(mended(check(with_motion([](Motion& m) { exchange_sides(m, false); })), "mirrored-poses")
+              .text.find("exchanged") != std::string::npos);
+    mended(check(with_motion(write_degrees)), "degrees");
+    mended(check(with_motion([](Motion& m) { write_units(m, 1000); })), "translation-units");
+    mended(check(with_motion([](Motion& m) { displace(m, resting_root(m)); })), "translation-origin");
+    mended(check(with_motion(turn_z_up)), "world-axes");
     const CaptureFinding moved = mended(check(with_motion([](Motion& m) {
-                                            for (auto& v : m.transl) v += vec3<double>(0.05, 0.1, -0.06);
+                                            displace(m, {0.05, 0.1, -0.06});
                                         })),
                                         "displaced-body");
     CHECK(moved.text.find("(-0.05") != std::string::npos);
@@ -539,16 +585,7 @@ TEST_CASE("frames in another order") {
 }
 
 TEST_CASE("mean hands that were forgotten, or added twice") {
-    const BodyModel& body = scene().body;
-    const auto add = [&](double times) {
-        return spoiled([&](Capture& c) {
-            for (std::size_t t = 0; t < 12; ++t)
-                for (std::size_t k = 0; k < 15; ++k) {
-                    c.motion.pose[t * 55 + 25 + k] += body.hands_mean_left[k] * times;
-                    c.motion.pose[t * 55 + 40 + k] += body.hands_mean_right[k] * times;
-                }
-        });
-    };
+    const auto add = [](double times) { return spoiled([&](Capture& c) { add_mean_hands(c.motion, times); }); };
     CHECK(mended(check(add(-1)), "mean-hand-missing").text.find("flat_hand = 0") != std::string::npos);
     CHECK(mended(check(add(1)), "mean-hand-twice").text.find("flat_hand = 1") != std::string::npos);
     CHECK(only(check(add(-1)), "mean-hand-missing").measure == "IoU around the hands");
@@ -599,4 +636,137 @@ TEST_CASE("another body, and captures that are none") {
     const CaptureCheck result = check(capture);
     CHECK(texts(result) == "");
     CHECK(result.views.size() == 35);
+}
+
+TEST_CASE("two people: good poses have no fault, and each of them is seen") {
+    const CaptureCheck result = two().check();
+    CHECK(texts(result) == "");
+    CHECK(result.mean_iou() == 1);
+    CHECK(result.reading.motions.size() == 2);
+    for (const ViewCheck& v : result.views) {
+        REQUIRE(v.people.size() == 2);
+        for (const ViewCheck::Person& person : v.people) {
+            CHECK(person.inside > 0.9);
+            CHECK(person.covered == 1);
+        }
+    }
+    // Alone, each of them has a mask that shows somebody else, too: nothing to be believed.
+    CHECK(texts(check(two().capture, scene().body)).find("no-overlap") != std::string::npos);
+}
+
+TEST_CASE("two people: a fault in the poses of one of them is found there") {
+    const std::vector<std::pair<std::string, std::function<void(Motion&)>>> faults{
+        {"mirrored-poses", [](Motion& m) { exchange_sides(m, true); }},
+        {"mirrored-poses", [](Motion& m) { exchange_sides(m, false); }},
+        {"degrees", write_degrees},
+        {"translation-units", [](Motion& m) { write_units(m, 1000); }},
+        {"translation-origin", [](Motion& m) { displace(m, resting_root(m)); }},
+        {"world-axes", turn_z_up},
+        {"body-size", [](Motion& m) { m.betas = {-1.2}; }},
+        {"displaced-body",
+         [](Motion& m) {
+             displace(m, {0.1, 0.15, -0.1});
+         }},
+        {"mean-hand-missing", [](Motion& m) { add_mean_hands(m, -1); }},
+        {"mean-hand-twice", [](Motion& m) { add_mean_hands(m, 1); }},
+    };
+    for (std::size_t k = 0; k < faults.size(); ++k) {
+        Two spoiled = two();
+        faults[k].second(k % 2 ? spoiled.ann : spoiled.bob);
+        const std::string name = k % 2 ? "ann" : "bob";
+        const CaptureFinding finding = mended(spoiled.check(), faults[k].first, 0.9);
+        CHECK(finding.people == std::vector<std::string>{name});
+        CHECK(finding.cameras.empty());
+        CHECK(finding.text.find("(poses of " + name + ")") != std::string::npos);
+    }
+}
+
+TEST_CASE("two people: loose clothes and an estimator's errors are no faults, and hide none") {
+    const BodyModel clothes = box_person(1.25);
+    Two clothed = two();
+    clothed.capture = film_boxes({{"", &clothes, &clothed.ann}, {"", &clothes, &clothed.bob}}, 2, 4.4);
+    test::Rng rng(3);
+    for (Motion* motion : {&clothed.ann, &clothed.bob}) {
+        for (vec3<double>& v : motion->pose) v += rng.vecs(1, -0.03, 0.03)[0];
+        for (vec3<double>& v : motion->transl) v += rng.vecs(1, -0.005, 0.005)[0];
+    }
+    const CaptureCheck result = clothed.check();
+    CHECK(texts(result) == "");
+    CHECK(result.mean_iou() < 0.85);
+    displace(clothed.bob, {0.15, 0.2, -0.1});
+    const CaptureFinding moved = mended(clothed.check(), "displaced-body", 0.7);
+    CHECK(moved.people == std::vector<std::string>{"bob"});
+}
+
+TEST_CASE("two people: what both have in common, and faults that come together") {
+    Two both = two();
+    write_degrees(both.ann), write_degrees(both.bob);
+    const CaptureFinding degrees = mended(both.check(), "degrees");
+    CHECK(degrees.people.empty());
+    CHECK(degrees.text.find("(poses)") != std::string::npos);
+
+    Two each = two();
+    write_degrees(each.ann), write_units(each.bob, 100);
+    const CaptureCheck result = each.check();
+    INFO(texts(result));
+    REQUIRE(result.findings.size() == 2);
+    CHECK(result.findings[0].fault == "degrees");
+    CHECK(result.findings[0].people == std::vector<std::string>{"ann"});
+    CHECK(result.findings[1].fault == "translation-units");
+    CHECK(result.findings[1].people == std::vector<std::string>{"bob"});
+    CHECK(result.findings[1].mended == 1);
+}
+
+TEST_CASE("two people: faults of cameras concern everybody") {
+    Two inverse = two();
+    for (NamedCamera& named : inverse.capture.cameras)
+        named.camera.t = named.camera.center(), named.camera.R = transpose(named.camera.R);
+    const CaptureFinding finding = mended(inverse.check(), "camera-to-world");
+    CHECK(finding.cameras.size() == 2);
+    CHECK(finding.people.empty());
+
+    Two moved = two();
+    moved.capture.cameras[1].camera.cx += 6;
+    CHECK(mended(moved.check(), "principal-point").cameras == std::vector<std::size_t>{1});
+}
+
+TEST_CASE("poses of somebody who is not in the images") {
+    const Motion nobody = Two::placed(3, {-0.2, 0, 1.1});
+    std::vector<CheckedPerson> people = two().people();
+    people.push_back({"cleo", &scene().body, &nobody});
+    const auto absent = [&](const Capture& capture) {
+        const CaptureCheck result = check(capture, people);
+        const CaptureFinding finding = only(result, "absent-person");
+        CHECK(finding.people == std::vector<std::string>{"cleo"});
+        CHECK(finding.text.find("(poses of cleo)") != std::string::npos);
+        CHECK(finding.mended == 1);
+        for (const ViewCheck& v : result.views) CHECK(v.people[0].covered == 1);
+        return finding;
+    };
+    CHECK(absent(two().capture).measure == "IoU");
+
+    BodyModel doll = scene().body; // so small that it hardly changes the overlap
+    for (auto& v : doll.v_template) v *= 0.15;
+    for (auto& v : doll.shapedirs) v *= 0.15;
+    people[2].body = &doll;
+    CHECK(absent(two().capture).given < 0.5);
+    Motion away = nobody; // in no image at all
+    displace(away, {100, 0, 0});
+    people[2].motion = &away;
+    CHECK(absent(two().capture).given == 0);
+    CHECK(absent(two().capture).measure.find("in the masks") != std::string::npos);
+}
+
+TEST_CASE("people who do not fit the capture or their bodies") {
+    Two other = two();
+    other.bob.joint_count = 24;
+    other.bob.pose.resize(6 * 24);
+    const CaptureFinding finding = only(other.check(), "another-body");
+    CHECK(finding.people == std::vector<std::string>{"bob"});
+    CHECK(finding.text.find("(poses of bob)") != std::string::npos);
+
+    other.bob = dance(scene().body, 5);
+    test::check_throws<ShapeError>([&] { (void)other.check(); }, {"check_capture", "5", "6"});
+    test::check_throws<ValueError>([&] { (void)check(two().capture, std::vector<CheckedPerson>{}); },
+                                   {"check_capture", "nobody"});
 }

@@ -44,7 +44,7 @@ struct CapturePerson {
 
 /// A capture with everybody in it.
 struct PeopleCapture {
-    AnyCapture any; ///< its motion is the first person's
+    AnyCapture any; ///< its motion is the first person's, or CaptureOptions::person's
     std::vector<CapturePerson> people;
 };
 
@@ -154,8 +154,10 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
     }
     const bool several = result.people.size() > 1;
     if (warnings) {
-        for (const std::string& text : of_first) warnings->push_back((several ? result.people[0].name + ": " : "") + text);
-        for (std::size_t p = 1; p < result.people.size(); ++p) {
+        const std::size_t first = result.any.people.size() > 1 ? static_cast<std::size_t>(options.person) : 0;
+        for (const std::string& text : of_first) warnings->push_back((several ? result.people[first].name + ": " : "") + text);
+        for (std::size_t p = 0; p < result.people.size(); ++p) {
+            if (p == first) continue;
             const CapturePerson& person = result.people[p];
             const BodyModel& body = result.any.rig ? result.any.rig->body : bodies[person.body];
             for (const std::string& text : capture_warnings(capture, body, person.motion))

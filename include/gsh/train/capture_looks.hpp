@@ -3,8 +3,8 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
-#include <gsh/body/body_model.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/io/capture.hpp>
 #include <gsh/train/capture_reading.hpp>
 #include <gsh/train/silhouette.hpp>
@@ -18,14 +18,21 @@
 
 namespace gsh {
 
-/// What a posed body and a mask have to do with each other in one image.
+/// What one of the posed bodies has to do with a mask that may show others, too.
+struct PersonLook {
+    double inside = 0;                 ///< of the vertices, how many project into the image
+    std::size_t area = 0, covered = 0; ///< pixels of the body, and how many of them the mask covers
+    double own = 0;                    ///< pixels, one of several people counted in equal parts
+};
+
+/// What the posed bodies and a mask have to do with each other in one image.
 struct ViewLook {
     bool valid = false; ///< the image has a pose
     Overlap overlap;
     double mask_share = 0, border_share = 0; ///< of the image's pixels, of those at its border
-    double inside = 0;                       ///< of the body's vertices, how many project into the image
     vec2<double> mask_center = vec2<double>(0.0), body_center = vec2<double>(0.0); ///< pixels of the reduced image
-    std::size_t mask_area = 0, body_area = 0;
+    std::size_t mask_area = 0, body_area = 0;                                      ///< of everybody
+    std::vector<PersonLook> people;
 };
 
 /// Evaluates readings. Sizes are pixels along the longer side, to which images are reduced.
@@ -33,19 +40,25 @@ template <CpuBackend B>
 class CaptureLooks {
 public:
     using Views = std::vector<CaptureView>;
+    using Vertices = Span<const vec3<double>>; ///< of one body; none of somebody who is absent
 
-    CaptureLooks(B& backend, const Capture& capture, const BodyModel& body)
-        : backend_(backend), capture_(capture), body_(body),
-          counterparts_(joint_counterparts(body, capture.motion.betas)) {}
+    CaptureLooks(B& backend, const Capture& capture, const std::vector<CheckedPerson>& people)
+        : backend_(backend), capture_(capture), people_(people), posed_(people.size()) {
+        for (const CheckedPerson& person : people)
+            counterparts_.push_back(joint_counterparts(*person.body, person.motion->betas));
+    }
 
     [[nodiscard]] B& backend() const { return backend_; }
     [[nodiscard]] const Capture& capture() const { return capture_; }
-    [[nodiscard]] const BodyModel& body() const { return body_; }
+    [[nodiscard]] const std::vector<CheckedPerson>& people() const { return people_; }
 
-    /// Poses under this reading of the motion are kept until another is started from.
-    void start_from(const MotionReading& reading) {
-        if (posed_[1].reading == reading) std::swap(posed_[0], posed_[1]);
-        if (!(posed_[0].reading == reading)) posed_[0] = {reading, {}};
+    /// Poses under this reading of the motions are kept until another is started from.
+    void start_from(const std::vector<MotionReading>& readings) {
+        for (std::size_t p = 0; p < people_.size(); ++p) {
+            auto& [start, tried] = posed_[p];
+            if (tried.reading == readings[p]) std::swap(start, tried);
+            if (!(start.reading == readings[p])) start = {readings[p], {}};
+        }
     }
 
     /// Means of both over the views of some cameras that are valid in both.
@@ -80,7 +93,8 @@ public:
         return reduced_camera(read_as(capture_.cameras[c].camera, reading.cameras[c]), reduction(c, size));
     }
 
-    /// Calls see(index, vertices) for every view that has a pose, in parallel, not too many poses at a time.
+    /// Calls see(index, vertices of each person) for every view that has a pose, in parallel, not too many poses at a
+    /// time.
     template <class See>
     void for_views(const Views& views, const CaptureReading& reading, const See& see) {
         constexpr std::size_t batch = 32; // poses
@@ -95,44 +109,58 @@ public:
                 poses.push_back(first->first);
                 for (const std::size_t i : first->second) work.emplace_back(i, first->first);
             }
-            const auto& vertices = pose(poses, reading.motion);
+            std::vector<const Poses*> posed; // of each person
+            for (std::size_t p = 0; p < people_.size(); ++p) posed.push_back(&pose(p, poses, reading.motions[p]));
             backend_.for_chunks(work.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
-                for (std::size_t k = begin; k < end; ++k) see(work[k].first, vertices.at(work[k].second));
+                for (std::size_t k = begin; k < end; ++k) {
+                    std::vector<Vertices> everybody;
+                    for (const Poses* own : posed) everybody.push_back(own->at(work[k].second));
+                    see(work[k].first, everybody);
+                }
             });
         }
     }
 
-    /// What vertices cover, and the share of them in the image.
-    [[nodiscard]] Silhouette silhouette(const std::vector<vec3<double>>& vertices, const Camera<double>& seen_by,
-                                        double& inside) const {
-        std::size_t count = 0;
-        for (const auto& v : vertices) {
-            const vec3<double> p = to_camera(seen_by, v);
-            if (!(p.z > 1e-6)) continue;
-            const vec2<double> pixel = to_pixel(seen_by, p);
-            count += pixel.x >= 0 && pixel.y >= 0 && pixel.x < seen_by.width && pixel.y < seen_by.height;
+    /// What each person covers.
+    [[nodiscard]] std::vector<Silhouette> silhouettes(const std::vector<Vertices>& everybody,
+                                                      const Camera<double>& seen_by) const {
+        std::vector<Silhouette> result;
+        for (std::size_t p = 0; p < people_.size(); ++p) {
+            if (share_inside(everybody[p], seen_by) > 0) {
+                result.push_back(mesh_silhouette(everybody[p], people_[p].body->faces, seen_by));
+                continue;
+            }
+            result.push_back({seen_by.height, seen_by.width, {}});
+            result.back().inside.assign(
+                static_cast<std::size_t>(seen_by.height) * static_cast<std::size_t>(seen_by.width), 0);
         }
-        inside = static_cast<double>(count) / static_cast<double>(std::max<std::size_t>(1, vertices.size()));
-        if (count == 0) {
-            Silhouette nothing{seen_by.height, seen_by.width, {}};
-            nothing.inside.assign(static_cast<std::size_t>(seen_by.height) * static_cast<std::size_t>(seen_by.width),
-                                  0);
-            return nothing;
-        }
-        return mesh_silhouette(vertices, body_.faces, seen_by);
+        return result;
     }
 
     [[nodiscard]] std::vector<ViewLook> look(const Views& views, const CaptureReading& reading, int size) {
         std::vector<ViewLook> looks(views.size());
-        for_views(views, reading, [&](std::size_t i, const std::vector<vec3<double>>& vertices) {
+        for (ViewLook& result : looks) result.people.resize(people_.size());
+        for_views(views, reading, [&](std::size_t i, const std::vector<Vertices>& everybody) {
             ViewLook& result = looks[i];
+            const Camera<double> seen_by = camera(views[i].camera, reading, size);
+            const std::vector<Silhouette> bodies = silhouettes(everybody, seen_by);
+            const Silhouette body = united(bodies), person = mask(views[i], reading, size);
             result.valid = true;
-            const Silhouette body = silhouette(vertices, camera(views[i].camera, reading, size), result.inside);
-            const Silhouette person = mask(views[i], reading, size);
             result.overlap = overlap(body, person);
             result.mask_share = person.share(), result.border_share = person.border_share();
             result.mask_center = person.centroid(), result.body_center = body.centroid();
             result.mask_area = person.area(), result.body_area = body.area();
+            for (std::size_t p = 0; p < bodies.size(); ++p) {
+                PersonLook& one = result.people[p];
+                one.inside = share_inside(everybody[p], seen_by);
+                one.area = bodies[p].area(), one.covered = overlap(bodies[p], person).both;
+            }
+            for (std::size_t pixel = 0; pixel < body.inside.size(); ++pixel) {
+                if (!body.inside[pixel]) continue;
+                double count = 0;
+                for (const Silhouette& one : bodies) count += one.inside[pixel];
+                for (std::size_t p = 0; p < bodies.size(); ++p) result.people[p].own += bodies[p].inside[pixel] / count;
+            }
         });
         return looks;
     }
@@ -140,30 +168,46 @@ public:
 private:
     B& backend_;
     const Capture& capture_;
-    const BodyModel& body_;
-    std::vector<int> counterparts_;
+    std::vector<CheckedPerson> people_;
+    std::vector<std::vector<int>> counterparts_; // of each person
 
+    using Poses = std::map<std::size_t, std::vector<vec3<double>>>; ///< vertices by pose
     struct Posed {
         MotionReading reading;
-        std::map<std::size_t, std::vector<vec3<double>>> vertices; ///< by pose
+        Poses vertices;
     };
-    std::array<Posed, 2> posed_; ///< of the reading that others start from, and of the one that is tried
+    /// Of each person: under the reading that others start from, and under the one that is tried.
+    std::vector<std::array<Posed, 2>> posed_;
 
-    /// Vertices of poses under a reading; what was posed before is kept.
-    const std::map<std::size_t, std::vector<vec3<double>>>& pose(const std::vector<std::size_t>& poses,
-                                                                 const MotionReading& reading) {
-        constexpr std::size_t most = 96; // poses that are kept
-        Posed& slot = posed_[posed_[0].reading == reading ? 0 : 1];
-        if (!(slot.reading == reading) || slot.vertices.size() > most) slot.vertices.clear();
+    /// Vertices of a person's poses under a reading; what was posed before is kept.
+    const Poses& pose(std::size_t p, const std::vector<std::size_t>& poses, const MotionReading& reading) {
+        constexpr std::size_t most = 96; // poses that are kept, of everybody together
+        Posed& slot = posed_[p][posed_[p][0].reading == reading ? 0 : 1];
+        if (!(slot.reading == reading) || slot.vertices.size() * people_.size() > most) slot.vertices.clear();
         slot.reading = reading;
         std::vector<std::pair<std::size_t, std::vector<vec3<double>>*>> missing;
-        for (const std::size_t p : poses)
-            if (!slot.vertices.contains(p)) missing.emplace_back(p, &slot.vertices[p]);
+        for (const std::size_t pose : poses)
+            if (const auto [place, is_new] = slot.vertices.try_emplace(pose); is_new && !reading.absent)
+                missing.emplace_back(pose, &place->second);
+        const CheckedPerson& person = people_[p];
         backend_.for_chunks(missing.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i)
-                *missing[i].second = pose_as(body_, capture_.motion, missing[i].first, reading, counterparts_).vertices;
+                *missing[i].second =
+                    pose_as(*person.body, *person.motion, missing[i].first, reading, counterparts_[p]).vertices;
         });
         return slot.vertices;
+    }
+
+    /// Of all vertices, how many project into the image.
+    [[nodiscard]] static double share_inside(Vertices vertices, const Camera<double>& seen_by) {
+        std::size_t count = 0;
+        for (const auto& v : vertices) {
+            const vec3<double> p = to_camera(seen_by, v);
+            if (!(p.z > 1e-6)) continue;
+            const vec2<double> pixel = to_pixel(seen_by, p);
+            count += pixel.x >= 0 && pixel.y >= 0 && pixel.x < seen_by.width && pixel.y < seen_by.height;
+        }
+        return static_cast<double>(count) / static_cast<double>(std::max<std::size_t>(1, vertices.size()));
     }
 };
 

@@ -23,6 +23,13 @@
 
 namespace gsh {
 
+/// Somebody who is said to be in a capture. The motion has a pose for each of its frames.
+struct CheckedPerson {
+    std::string name; ///< in findings, where there are several people
+    const BodyModel* body = nullptr;
+    const Motion* motion = nullptr;
+};
+
 /// What R and t of a camera file may be.
 enum class Extrinsics {
     world_to_camera,        ///< ours: x_cam = R x_world + t, x right, y down, z forward
@@ -63,7 +70,7 @@ struct CameraReading {
     friend bool operator==(const CameraReading&, const CameraReading&) = default;
 };
 
-/// How poses are to be read. The default is as our files say.
+/// How a person's poses are to be read. The default is as our files say.
 struct MotionReading {
     enum class Sides {
         as_given,
@@ -81,6 +88,7 @@ struct MotionReading {
         minus_z_up, ///< along -z
         y_down,     ///< y and z point the other way
     };
+    bool absent = false; ///< nobody in the images has these poses
     Sides sides = Sides::as_given;
     Translation translation = Translation::of_canonical_origin;
     World world = World::as_given;
@@ -94,7 +102,7 @@ struct MotionReading {
 };
 
 struct CaptureReading {
-    MotionReading motion;
+    std::vector<MotionReading> motions; ///< of each person
     std::vector<CameraReading> cameras;
 };
 

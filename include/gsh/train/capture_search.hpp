@@ -3,7 +3,6 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
-#include <gsh/body/body_model.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/io/capture.hpp>
 #include <gsh/math/linalg.hpp>
@@ -34,18 +33,21 @@ struct CaptureSearchParams {
 };
 
 /// Every hypothesis is rendered: conventions of cameras, of poses and of images each on their own, and sizes and shifts
-/// that a few steps of a line search find. The one that gains most is taken, for the cameras where its gain is clear,
-/// and the search goes on from there.
+/// that a few steps of a line search find. What concerns poses is tried for everybody's, and for each person's alone.
+/// The one that gains most is taken, for the cameras where its gain is clear, and the search goes on from there.
 template <CpuBackend B>
 class CaptureSearch {
 public:
     using Views = std::vector<CaptureView>;
 
-    CaptureSearch(B& backend, const Capture& capture, const BodyModel& body, const CaptureSearchParams& params)
-        : looks_(backend, capture, body), capture_(capture), body_(body), params_(params),
-          border_(capture.cameras.size(), 0) {}
+    CaptureSearch(B& backend, const Capture& capture, const std::vector<CheckedPerson>& people,
+                  const CaptureSearchParams& params)
+        : looks_(backend, capture, people), capture_(capture), params_(params), border_(capture.cameras.size(), 0) {}
 
-    [[nodiscard]] CaptureReading as_given() const { return {{}, std::vector<CameraReading>(capture_.cameras.size())}; }
+    [[nodiscard]] CaptureReading as_given() const {
+        return {std::vector<MotionReading>(looks_.people().size()),
+                std::vector<CameraReading>(capture_.cameras.size())};
+    }
 
     [[nodiscard]] CaptureLooks<B>& looks() { return looks_; }
 
@@ -99,7 +101,6 @@ public:
 private:
     CaptureLooks<B> looks_;
     const Capture& capture_;
-    const BodyModel& body_;
     CaptureSearchParams params_;
     std::vector<double> border_;
 
@@ -107,6 +108,17 @@ private:
         CaptureReading reading;
         bool of_motion;
     };
+    using People = std::vector<std::size_t>;
+
+    /// Whose poses may have a fault in common: everybody's, or one person's. Somebody who is absent has none.
+    [[nodiscard]] static std::vector<People> suspects(const CaptureReading& reading) {
+        std::vector<People> result(1);
+        for (std::size_t p = 0; p < reading.motions.size(); ++p)
+            if (!reading.motions[p].absent) result[0].push_back(p);
+        if (result[0].size() > 1)
+            for (const std::size_t p : People(result[0])) result.push_back({p});
+        return result;
+    }
 
     /// Takes the candidate that gains most. False if none is clearly better.
     bool improve(const Views& views, CaptureReading& reading);
@@ -118,11 +130,11 @@ private:
     void add_measured(const Views& views, const CaptureReading& reading, const std::vector<ViewLook>& looks,
                       std::vector<Candidate>& candidates);
     [[nodiscard]] CaptureReading resized(const Views& views, const CaptureReading& reading,
-                                         const std::vector<ViewLook>& looks);
+                                         const std::vector<ViewLook>& looks, const People& people);
     [[nodiscard]] CaptureReading zoomed(const Views& views, const CaptureReading& reading,
                                         const std::vector<ViewLook>& looks);
     [[nodiscard]] CaptureReading displaced(const Views& views, const CaptureReading& reading,
-                                           std::vector<ViewLook> looks);
+                                           std::vector<ViewLook> looks, const People& people);
     [[nodiscard]] CaptureReading shifted(const Views& views, const CaptureReading& reading, int size, int first_step);
     void refine_shifts(const Views& views, CaptureReading& reading);
 
@@ -143,7 +155,7 @@ private:
 template <CpuBackend B>
 bool CaptureSearch<B>::improve(const Views& views, CaptureReading& reading) {
     constexpr double tie = 0.01; // IoU
-    looks_.start_from(reading.motion);
+    looks_.start_from(reading.motions);
     const auto looks = looks_.look(views, reading, params_.coarse_size);
     const std::vector<double> base = looks_.overlaps(looks);
     std::vector<bool> open(capture_.cameras.size(), false);
@@ -204,10 +216,13 @@ auto CaptureSearch<B>::conventions(const CaptureReading& reading) const -> std::
         for (std::size_t c = 0; c < capture_.cameras.size(); ++c) change(candidate.reading.cameras[c], c);
         result.push_back(candidate);
     };
-    const auto of_motion = [&](const auto& change) {
-        Candidate candidate{reading, true};
-        change(candidate.reading.motion);
-        if (!(candidate.reading.motion == reading.motion)) result.push_back(candidate);
+    const std::vector<People> suspected = suspects(reading);
+    const auto of_motion = [&](const auto& change, std::size_t first = 0) {
+        for (std::size_t k = first; k < suspected.size(); ++k) {
+            Candidate candidate{reading, true};
+            for (const std::size_t p : suspected[k]) change(candidate.reading.motions[p]);
+            if (!(candidate.reading.motions == reading.motions)) result.push_back(candidate);
+        }
     };
     of_cameras([](CameraReading& r, std::size_t) { r.inverted_mask = !r.inverted_mask; });
     of_cameras([](CameraReading& r, std::size_t) { r.mirrored_image = !r.mirrored_image; });
@@ -220,6 +235,7 @@ auto CaptureSearch<B>::conventions(const CaptureReading& reading) const -> std::
     using Sides = MotionReading::Sides;
     using World = MotionReading::World;
     using Translation = MotionReading::Translation;
+    of_motion([](MotionReading& r) { r.absent = true; }, 1); // not everybody is
     of_motion([](MotionReading& r) { r.degrees = true; });
     for (const Sides sides : {Sides::mirrored, Sides::swapped}) of_motion([&](MotionReading& r) { r.sides = sides; });
     for (const double unit : {0.01, 0.001}) {
@@ -249,32 +265,39 @@ void CaptureSearch<B>::add_measured(const Views& views, const CaptureReading& re
         return; // nothing to compare
     std::set<std::size_t> cameras;
     for (const CaptureView& v : views) cameras.insert(v.camera);
-    candidates.push_back({resized(views, reading, looks), true});
-    if (cameras.size() > 1) candidates.push_back({displaced(views, reading, looks), true});
+    const std::vector<People> suspected = suspects(reading);
+    for (const People& people : suspected) candidates.push_back({resized(views, reading, looks, people), true});
+    if (cameras.size() > 1)
+        for (const People& people : suspected) candidates.push_back({displaced(views, reading, looks, people), true});
     candidates.push_back({shifted(views, reading, params_.coarse_size, 8), false});
     candidates.push_back({zoomed(views, reading, looks), false});
 }
 
+/// The first guess leaves to others what they cover, and what their masks lack or have too much to the suspects.
 template <CpuBackend B>
 CaptureReading CaptureSearch<B>::resized(const Views& views, const CaptureReading& reading,
-                                         const std::vector<ViewLook>& looks) {
+                                         const std::vector<ViewLook>& looks, const People& people) {
     std::vector<double> ratios;
-    for (const ViewLook& l : looks)
-        if (l.body_area > 0 && l.mask_area > 0)
-            ratios.push_back(std::sqrt(static_cast<double>(l.mask_area) / static_cast<double>(l.body_area)));
+    for (const ViewLook& l : looks) {
+        double own = 0;
+        for (const std::size_t p : people) own += l.people[p].own;
+        const double missing = static_cast<double>(l.mask_area) - static_cast<double>(l.body_area);
+        if (own > 0 && l.mask_area > 0) ratios.push_back(std::sqrt(std::max(0.0, own + missing) / own));
+    }
+    if (ratios.empty()) return reading;
     CaptureReading best = reading, tried = reading;
     double best_iou = -1;
-    const auto attempt = [&](double size) {
-        tried.motion.size = size;
+    const auto attempt = [&](const CaptureReading& from, double factor, double divisor = 1) {
+        for (const std::size_t p : people) tried.motions[p].size = from.motions[p].size * factor / divisor;
         const auto iou = looks_.overlaps(looks_.look(views, tried, params_.coarse_size));
         const double mean = looks_.means(views, iou, iou, all_cameras()).first;
         if (mean > best_iou) best_iou = mean, best = tried;
     };
-    attempt(reading.motion.size * std::clamp(median(ratios), 0.1, 10.0));
+    attempt(reading, std::clamp(median(ratios), 0.1, 10.0));
     for (const double step : {0.04, 0.02, 0.01}) {
-        const double middle = best.motion.size;
-        attempt(middle * (1 + step));
-        attempt(middle / (1 + step));
+        const CaptureReading middle = best;
+        attempt(middle, 1 + step);
+        attempt(middle, 1, 1 + step);
     }
     return best;
 }
@@ -305,37 +328,45 @@ CaptureReading CaptureSearch<B>::zoomed(const Views& views, const CaptureReading
     return best;
 }
 
-/// The displacement d of the body that brings the silhouettes' middles onto the masks': with J the projection's
-/// derivative at the body, sum Jᵀ J d = sum Jᵀ (mask - body).
+/// The displacement d of some people that brings the middles of everybody's silhouettes onto the masks': with J the
+/// derivative of such a middle, which is that of the projection at each body times the body's share of the silhouette,
+/// sum Jᵀ J d = sum Jᵀ (mask - silhouette).
 template <CpuBackend B>
 CaptureReading CaptureSearch<B>::displaced(const Views& views, const CaptureReading& reading,
-                                           std::vector<ViewLook> looks) {
+                                           std::vector<ViewLook> looks, const People& people) {
     CaptureReading result = reading;
     for (int step = 0; step < 3; ++step) {
         if (step > 0) looks = looks_.look(views, result, params_.coarse_size);
-        std::vector<vec3<double>> middles(views.size(), vec3<double>(0.0));
-        looks_.for_views(views, result, [&](std::size_t i, const std::vector<vec3<double>>& vertices) {
-            for (const auto& v : vertices) middles[i] += v / static_cast<double>(vertices.size());
+        std::vector<std::array<vec3<double>, 2>> rows(views.size(), {vec3<double>(0.0), vec3<double>(0.0)}); // of J
+        looks_.for_views(views, result, [&](std::size_t i, const auto& everybody) {
+            const Camera<double> seen_by = looks_.camera(views[i].camera, result, params_.coarse_size);
+            for (const std::size_t p : people) {
+                vec3<double> middle(0.0);
+                for (const auto& v : everybody[p]) middle += v / static_cast<double>(everybody[p].size());
+                const vec3<double> m = to_camera(seen_by, middle);
+                if (!(m.z > 1e-3)) continue;
+                const double share = looks[i].people[p].own / static_cast<double>(looks[i].body_area);
+                const vec3<double> dx(seen_by.fx / m.z, 0, -seen_by.fx * m.x / (m.z * m.z)),
+                    dy(0, seen_by.fy / m.z, -seen_by.fy * m.y / (m.z * m.z));
+                rows[i][0] += transposed_times(seen_by.R, dx) * share;
+                rows[i][1] += transposed_times(seen_by.R, dy) * share;
+            }
         });
         mat3<double> normal(0.0);
         vec3<double> right(0.0);
         for (std::size_t i = 0; i < views.size(); ++i) {
             if (!looks[i].valid || looks[i].body_area == 0 || looks[i].mask_area == 0) continue;
-            const Camera<double> seen_by = looks_.camera(views[i].camera, result, params_.coarse_size);
-            const vec3<double> p = to_camera(seen_by, middles[i]);
-            if (!(p.z > 1e-3)) continue;
             const vec2<double> error = looks[i].mask_center - looks[i].body_center;
-            const std::array<vec3<double>, 2> rows{
-                transposed_times(seen_by.R, vec3<double>(seen_by.fx / p.z, 0, -seen_by.fx * p.x / (p.z * p.z))),
-                transposed_times(seen_by.R, vec3<double>(0, seen_by.fy / p.z, -seen_by.fy * p.y / (p.z * p.z)))};
             for (int k = 0; k < 2; ++k) {
-                normal += outer(rows[static_cast<std::size_t>(k)], rows[static_cast<std::size_t>(k)]);
-                right += rows[static_cast<std::size_t>(k)] * error[k];
+                const vec3<double>& row = rows[i][static_cast<std::size_t>(k)];
+                normal += outer(row, row);
+                right += row * error[k];
             }
         }
         const double ridge = 1e-6 * (normal[0].x + normal[1].y + normal[2].z);
         if (!(ridge > 0)) return reading;
-        result.motion.offset += inverse(normal + mat3<double>(ridge)) * right;
+        const vec3<double> moved = inverse(normal + mat3<double>(ridge)) * right;
+        for (const std::size_t p : people) result.motions[p].offset += moved;
     }
     return result;
 }
@@ -345,9 +376,8 @@ CaptureReading CaptureSearch<B>::displaced(const Views& views, const CaptureRead
 template <CpuBackend B>
 CaptureReading CaptureSearch<B>::shifted(const Views& views, const CaptureReading& reading, int size, int first_step) {
     std::vector<std::pair<Silhouette, Silhouette>> pairs(views.size());
-    looks_.for_views(views, reading, [&](std::size_t i, const std::vector<vec3<double>>& vertices) {
-        double inside = 0;
-        pairs[i] = {looks_.silhouette(vertices, looks_.camera(views[i].camera, reading, size), inside),
+    looks_.for_views(views, reading, [&](std::size_t i, const auto& everybody) {
+        pairs[i] = {united(looks_.silhouettes(everybody, looks_.camera(views[i].camera, reading, size))),
                     looks_.mask(views[i], reading, size)};
     });
     CaptureReading result = reading;

@@ -15,7 +15,7 @@
 
 namespace gsh {
 
-/// One respect in which a reading is not what the files say, and the cameras that it concerns.
+/// One respect in which a reading is not what the files say, and the cameras or people that it concerns.
 struct Aspect {
     enum class Kind {
         inverted_mask,
@@ -25,7 +25,8 @@ struct Aspect {
         order,
         shift,
         zoom,
-        // from here on of the motion
+        // from here on of motions
+        absent,
         sides,
         degrees,
         translation_unit,
@@ -35,12 +36,14 @@ struct Aspect {
         offset,
     };
     Kind kind;
-    std::vector<std::size_t> cameras;
+    std::vector<std::size_t> cameras;     ///< all of them, if it concerns motions
+    std::vector<std::size_t> people = {}; ///< none, if it does not
 
-    [[nodiscard]] bool of_motion() const { return kind >= Kind::sides; }
+    [[nodiscard]] bool of_motion() const { return kind >= Kind::absent; }
 };
 
-/// All respects in which a reading differs; cameras that differ alike stand together. Mean hands are not among them.
+/// All respects in which a reading differs; cameras and people that differ alike stand together. Mean hands are not
+/// among them.
 [[nodiscard]] inline std::vector<Aspect> aspects_of(const CaptureReading& reading);
 
 /// Takes one respect back.
@@ -50,7 +53,7 @@ inline void reset(CaptureReading& reading, const Aspect& aspect);
 [[nodiscard]] inline std::string fault_name(const Aspect& aspect, const CaptureReading& reading);
 [[nodiscard]] inline std::string hypothesis_text(const Aspect& aspect, const CaptureReading& reading);
 [[nodiscard]] inline std::string remedy_text(const Aspect& aspect, const CaptureReading& reading,
-                                             const Capture& capture);
+                                             const Capture& capture, const std::vector<CheckedPerson>& people);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -62,33 +65,54 @@ inline std::string digits(double value, int count) {
     return text;
 }
 
-/// "cam00, cam01 and 4 more", or "all cameras".
-inline std::string camera_names(const Capture& capture, const std::vector<std::size_t>& cameras) {
-    constexpr std::size_t most = 4;
-    if (cameras.size() == capture.cameras.size()) return cameras.size() == 1 ? capture.cameras[0].name : "all cameras";
+/// "a, b and 4 more".
+template <class Name>
+std::string listing(std::size_t count, std::size_t most, const Name& name) {
     std::string text;
-    for (std::size_t i = 0; i < std::min(most, cameras.size()); ++i)
-        text += (i ? ", " : "") + capture.cameras[cameras[i]].name;
-    return text + (cameras.size() > most ? " and " + std::to_string(cameras.size() - most) + " more" : "");
+    for (std::size_t i = 0; i < std::min(most, count); ++i) text += (i ? ", " : "") + name(i);
+    return text + (count > most ? " and " + std::to_string(count - most) + " more" : "");
 }
 
-inline std::string view_names(const Capture& capture, const std::vector<CaptureView>& views) {
-    constexpr std::size_t most = 6;
-    std::string text;
-    for (std::size_t i = 0; i < std::min(most, views.size()); ++i)
-        text += (i ? ", " : "") + capture.cameras[views[i].camera].name + "/" + std::to_string(views[i].frame);
-    return text + (views.size() > most ? " and " + std::to_string(views.size() - most) + " more" : "");
+/// What a finding concerns: images, cameras, or poses.
+template <class Finding>
+std::string place_text(const Capture& capture, const Finding& finding) {
+    const auto camera = [&](std::size_t c) { return capture.cameras[c].name; };
+    if (!finding.views.empty())
+        return listing(finding.views.size(), 6, [&](std::size_t i) {
+            return camera(finding.views[i].camera) + "/" + std::to_string(finding.views[i].frame);
+        });
+    if (finding.cameras.size() > 1 && finding.cameras.size() == capture.cameras.size()) return "all cameras";
+    if (!finding.cameras.empty())
+        return listing(finding.cameras.size(), 4, [&](std::size_t i) { return camera(finding.cameras[i]); });
+    const auto& people = finding.people;
+    return people.empty() ? "poses" : "poses of " + listing(people.size(), 4, [&](std::size_t i) { return people[i]; });
 }
 
 /// "fault (where): measure 0.12 as given, 0.99 hypothesis; remedy".
 template <class Finding>
 std::string finding_text(const Capture& capture, const Finding& finding, const std::string& hypothesis,
                          const std::string& remedy, int decimals) {
-    const std::string where = !finding.views.empty()     ? view_names(capture, finding.views)
-                              : !finding.cameras.empty() ? camera_names(capture, finding.cameras)
-                                                         : "poses";
-    return finding.fault + " (" + where + "): " + finding.measure + " " + digits(finding.given, decimals) +
-           " as given, " + digits(finding.mended, decimals) + " " + hypothesis + "; " + remedy;
+    return finding.fault + " (" + place_text(capture, finding) + "): " + finding.measure + " " +
+           digits(finding.given, decimals) + " as given, " + digits(finding.mended, decimals) + " " + hypothesis +
+           "; " + remedy;
+}
+
+inline constexpr auto absence_remedy = "nobody in the images moves so: leave these poses out, look for a fault of "
+                                       "theirs that we do not know, or for masks "
+                                       "that leave somebody out";
+
+/// Calls visit(kind, member) for each respect in which motions are read otherwise.
+template <class Visit>
+void for_motion_aspects(const Visit& visit) {
+    using Kind = Aspect::Kind;
+    visit(Kind::absent, &MotionReading::absent);
+    visit(Kind::sides, &MotionReading::sides);
+    visit(Kind::degrees, &MotionReading::degrees);
+    visit(Kind::translation_unit, &MotionReading::translation_unit);
+    visit(Kind::translation, &MotionReading::translation);
+    visit(Kind::world, &MotionReading::world);
+    visit(Kind::size, &MotionReading::size);
+    visit(Kind::offset, &MotionReading::offset);
 }
 
 } // namespace detail
@@ -97,6 +121,9 @@ inline std::vector<Aspect> aspects_of(const CaptureReading& reading) {
     using Kind = Aspect::Kind;
     std::vector<Aspect> result;
     const CameraReading usual;
+    const MotionReading as_given;
+    std::vector<std::size_t> all;
+    for (std::size_t c = 0; c < reading.cameras.size(); ++c) all.push_back(c);
     const auto of_cameras = [&](Kind kind, const auto& differs, const auto& alike) {
         const std::size_t begin = result.size();
         for (std::size_t c = 0; c < reading.cameras.size(); ++c) {
@@ -132,27 +159,26 @@ inline std::vector<Aspect> aspects_of(const CaptureReading& reading) {
     of_cameras(
         Kind::zoom, [&](const CameraReading& r) { return r.zoom != usual.zoom; }, any);
 
-    const MotionReading& motion = reading.motion;
-    const MotionReading as_given;
-    std::vector<std::size_t> all;
-    for (std::size_t c = 0; c < reading.cameras.size(); ++c) all.push_back(c);
-    const auto of_motion = [&](Kind kind, bool differs) {
-        if (differs) result.push_back({kind, all});
-    };
-    of_motion(Kind::sides, motion.sides != as_given.sides);
-    of_motion(Kind::degrees, motion.degrees);
-    of_motion(Kind::translation_unit, motion.translation_unit != as_given.translation_unit);
-    of_motion(Kind::translation, motion.translation != as_given.translation);
-    of_motion(Kind::world, motion.world != as_given.world);
-    of_motion(Kind::size, motion.size != as_given.size);
-    of_motion(Kind::offset, motion.offset != as_given.offset);
+    detail::for_motion_aspects([&](Kind kind, const auto member) {
+        const std::size_t begin = result.size();
+        for (std::size_t p = 0; p < reading.motions.size(); ++p) {
+            const auto& value = reading.motions[p].*member;
+            if (value == as_given.*member) continue;
+            const auto same =
+                std::find_if(result.begin() + static_cast<std::ptrdiff_t>(begin), result.end(),
+                             [&](const Aspect& a) { return reading.motions[a.people.front()].*member == value; });
+            if (same == result.end())
+                result.push_back({kind, all, {p}});
+            else
+                same->people.push_back(p);
+        }
+    });
     return result;
 }
 
 inline void reset(CaptureReading& reading, const Aspect& aspect) {
     using Kind = Aspect::Kind;
     const CameraReading usual;
-    const MotionReading as_given;
     for (const std::size_t c : aspect.cameras) {
         CameraReading& camera = reading.cameras[c];
         if (aspect.kind == Kind::inverted_mask) camera.inverted_mask = usual.inverted_mask;
@@ -163,14 +189,10 @@ inline void reset(CaptureReading& reading, const Aspect& aspect) {
         if (aspect.kind == Kind::shift) camera.shift = usual.shift;
         if (aspect.kind == Kind::zoom) camera.zoom = usual.zoom;
     }
-    MotionReading& motion = reading.motion;
-    if (aspect.kind == Kind::sides) motion.sides = as_given.sides;
-    if (aspect.kind == Kind::degrees) motion.degrees = as_given.degrees;
-    if (aspect.kind == Kind::translation_unit) motion.translation_unit = as_given.translation_unit;
-    if (aspect.kind == Kind::translation) motion.translation = as_given.translation;
-    if (aspect.kind == Kind::world) motion.world = as_given.world;
-    if (aspect.kind == Kind::size) motion.size = as_given.size;
-    if (aspect.kind == Kind::offset) motion.offset = as_given.offset;
+    detail::for_motion_aspects([&](Kind kind, const auto member) {
+        if (aspect.kind != kind) return;
+        for (const std::size_t p : aspect.people) reading.motions[p].*member = MotionReading().*member;
+    });
 }
 
 inline std::string fault_name(const Aspect& aspect, const CaptureReading& reading) {
@@ -195,6 +217,8 @@ inline std::string fault_name(const Aspect& aspect, const CaptureReading& readin
         return "principal-point";
     case Aspect::Kind::zoom:
         return "focal-length";
+    case Aspect::Kind::absent:
+        return "absent-person";
     case Aspect::Kind::sides:
         return "mirrored-poses";
     case Aspect::Kind::degrees:
@@ -216,7 +240,7 @@ inline std::string fault_name(const Aspect& aspect, const CaptureReading& readin
 inline std::string hypothesis_text(const Aspect& aspect, const CaptureReading& reading) {
     using Kind = Aspect::Kind;
     const CameraReading& camera = reading.cameras[aspect.cameras.front()];
-    const MotionReading& motion = reading.motion;
+    const MotionReading motion = aspect.of_motion() ? reading.motions[aspect.people.front()] : MotionReading();
     const auto unit = [](double metres) { return metres == 0.001 ? "millimetres" : "centimetres"; };
     switch (aspect.kind) {
     case Kind::inverted_mask:
@@ -259,6 +283,8 @@ inline std::string hypothesis_text(const Aspect& aspect, const CaptureReading& r
         return "with a moved principal point";
     case Kind::zoom:
         return "with another focal length";
+    case Kind::absent:
+        return "without these poses";
     case Kind::sides:
         return motion.sides == MotionReading::Sides::mirrored ? "with left and right of the pose mirrored"
                                                               : "with left and right joints exchanged";
@@ -283,9 +309,11 @@ inline std::string hypothesis_text(const Aspect& aspect, const CaptureReading& r
     return {};
 }
 
-inline std::string remedy_text(const Aspect& aspect, const CaptureReading& reading, const Capture& capture) {
+inline std::string remedy_text(const Aspect& aspect, const CaptureReading& reading, const Capture& capture,
+                               const std::vector<CheckedPerson>& people) {
     using Kind = Aspect::Kind;
     const CameraReading& camera = reading.cameras[aspect.cameras.front()];
+    const MotionReading motion = aspect.of_motion() ? reading.motions[aspect.people.front()] : MotionReading();
     /// One short phrase a camera, for those that fit on a line.
     const auto each = [&](const auto& phrase) {
         constexpr std::size_t most = 8;
@@ -346,8 +374,10 @@ inline std::string remedy_text(const Aspect& aspect, const CaptureReading& readi
             return "store fx " + detail::digits(moved.fx, 1) + ", fy " + detail::digits(moved.fy, 1) + " (were " +
                    detail::digits(c.fx, 1) + ", " + detail::digits(c.fy, 1) + ")";
         });
+    case Kind::absent:
+        return detail::absence_remedy;
     case Kind::sides:
-        return reading.motion.sides == MotionReading::Sides::mirrored
+        return motion.sides == MotionReading::Sides::mirrored
                    ? "the poses were estimated on mirrored images: exchange left and right and negate y and z of each "
                      "rotation"
                    : "list the joints in the body's order, left before right";
@@ -356,15 +386,17 @@ inline std::string remedy_text(const Aspect& aspect, const CaptureReading& readi
     case Kind::translation_unit:
         return "store transl in metres";
     case Kind::translation:
-        return reading.motion.translation == MotionReading::Translation::of_root_joint
+        return motion.translation == MotionReading::Translation::of_root_joint
                    ? "store transl' = transl - J0, J0 being the root joint at rest"
                    : "store transl' = transl + R J0 - J0, J0 being the root joint at rest, R global_orient";
     case Kind::world:
         return "turn the poses' world into the cameras': global_orient and transl";
     case Kind::size: {
-        if (reading.motion.size < 0.1) return "the body file is not in metres";
-        const auto& betas = capture.motion.betas;
-        const bool none = std::all_of(betas.begin(), betas.end(), [](double b) { return b == 0; });
+        if (motion.size < 0.1) return "the body file is not in metres";
+        const bool none = std::all_of(aspect.people.begin(), aspect.people.end(), [&](std::size_t p) {
+            const auto& betas = people[p].motion->betas;
+            return std::all_of(betas.begin(), betas.end(), [](double b) { return b == 0; });
+        });
         return none ? "betas are all zero: store the person's"
                     : "betas are probably of another body model, or K, t and the poses differ in scale";
     }

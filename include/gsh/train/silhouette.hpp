@@ -100,6 +100,14 @@ struct Silhouette {
     return {mask.height, mask.width, std::move(mask.data)};
 }
 
+/// What at least one of several silhouettes of one size covers.
+[[nodiscard]] inline Silhouette united(const std::vector<Silhouette>& silhouettes) {
+    Silhouette result = silhouettes.front();
+    for (const Silhouette& other : silhouettes)
+        for (std::size_t i = 0; i < result.inside.size(); ++i) result.inside[i] |= other.inside[i];
+    return result;
+}
+
 /// Intersection over union, kept as its two counts, so that several can be summed.
 struct Overlap {
     std::size_t both = 0, either = 0;
