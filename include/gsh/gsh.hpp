@@ -130,4 +130,5 @@
 #include <gsh/train/region_labels.hpp>
 #include <gsh/train/static_start.hpp>
 #include <gsh/train/static_trainer.hpp>
+#include <gsh/train/step_images.hpp>
 #include <gsh/train/trainer.hpp>

@@ -10,13 +10,13 @@
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
-#include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
 #include <gsh/optim/schedule.hpp>
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/train/density_control.hpp>
 #include <gsh/train/photo.hpp>
+#include <gsh/train/step_images.hpp>
 
 #include <algorithm>
 #include <array>
@@ -171,7 +171,7 @@ public:
         const Camera<T> camera = photo.camera.template cast<T>();
         upload_photo(photo);
         draw(camera, {});
-        loss_.forward(render_view(), truth_view(), loss_cache_);
+        loss_.forward(images_.render(), images_.truth(), loss_cache_);
         backward(camera);
         update();
         adapt();
@@ -181,39 +181,30 @@ public:
     [[nodiscard]] PhotometricValues last_loss() const { return loss_.values(loss_cache_); }
 
     /// PSNR of the last step's render against its photograph, before the step's update.
-    [[nodiscard]] double last_psnr() const {
-        Image<T> render(3, height_, width_), truth(3, height_, width_);
-        backend_->download(Span<const T>(render_), Span<T>(render.data));
-        backend_->download(Span<const T>(truth_), Span<T>(truth.data));
-        return psnr(std::as_const(render).view(), std::as_const(truth).view());
-    }
+    [[nodiscard]] double last_psnr() const { return images_.psnr(*backend_); }
 
     /// Renders a photograph's view.
     void render(const Photo& photo, Image<T>& color) { render(photo.camera, photo.frame, color); }
 
     /// Renders the scene: colour [3, height, width] over the background, and alpha if asked. There is but one frame.
     void render(const Camera<double>& camera, std::size_t /*frame*/, Image<T>& color, Image<T>* alpha = nullptr) {
-        resize_images(camera.height, camera.width);
-        Buffer<T> alpha_plane(alpha ? view_size() : 0);
-        draw(camera.template cast<T>(), alpha ? ImageView<T>{alpha_plane, 1, height_, width_} : ImageView<T>{});
-        color = Image<T>(3, height_, width_);
-        backend_->download(Span<const T>(render_), Span<T>(color.data));
-        if (alpha) {
-            *alpha = Image<T>(1, height_, width_);
-            backend_->download(Span<const T>(alpha_plane), Span<T>(alpha->data));
-        }
+        images_.resize(camera.height, camera.width);
+        Buffer<T> plane;
+        const ImageView<T> covered = alpha ? images_.in(plane, 1) : ImageView<T>{};
+        draw(camera.template cast<T>(), covered);
+        color = images_.download(*backend_, images_.render());
+        if (alpha) *alpha = images_.download(*backend_, covered);
     }
 
     /// A photograph as training sees it, on the host: over the background, with its mask's alpha.
     void photo_pixels(const Photo& photo, Image<T>& color, Image<T>& alpha) {
         check_photo(photo);
-        Buffer<T> alpha_plane(static_cast<std::size_t>(photo.camera.width) *
-                              static_cast<std::size_t>(photo.camera.height));
-        upload_photo(photo, ImageView<T>{alpha_plane, 1, photo.camera.height, photo.camera.width});
-        color = Image<T>(3, height_, width_);
-        alpha = Image<T>(1, height_, width_);
-        backend_->download(Span<const T>(truth_), Span<T>(color.data));
-        backend_->download(Span<const T>(alpha_plane), Span<T>(alpha.data));
+        upload_photo(photo);
+        Buffer<T> plane;
+        const ImageView<T> mask = images_.in(plane, 1);
+        composite(mask);
+        color = images_.download(*backend_, images_.truth());
+        alpha = images_.download(*backend_, mask);
     }
 
 private:
@@ -224,26 +215,20 @@ private:
                    "the image must have its camera's size");
     }
 
-    [[nodiscard]] std::size_t view_size() const {
-        return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
-    }
-    void resize_images(int height, int width) {
-        height_ = height, width_ = width;
-        for (Buffer<T>* buffer : {&render_, &truth_, &dL_drender_}) buffer->resize(3 * view_size());
-    }
-    [[nodiscard]] ImageView<T> image(Buffer<T>& buffer) const { return {buffer, 3, height_, width_}; }
-    [[nodiscard]] ImageView<const T> render_view() const { return {render_, 3, height_, width_}; }
-    [[nodiscard]] ImageView<const T> truth_view() const { return {truth_, 3, height_, width_}; }
     [[nodiscard]] Background<T> background() const {
         return {.color = {T(config_.background[0]), T(config_.background[1]), T(config_.background[2])}};
     }
 
-    void upload_photo(const Photo& photo, const ImageView<T>& alpha = {}) {
-        resize_images(photo.camera.height, photo.camera.width);
+    void upload_photo(const Photo& photo) {
+        images_.resize(photo.camera.height, photo.camera.width);
         rgba_.resize(photo.rgba.size());
         backend_->upload(photo.rgba, rgba_);
-        composite_rgba8(*backend_, Span<const std::uint8_t>(rgba_), height_, width_, background().color, image(truth_),
-                        alpha);
+        composite();
+    }
+    /// truth = rgba_ over the background.
+    void composite(const ImageView<T>& alpha = {}) {
+        composite_rgba8(*backend_, Span<const std::uint8_t>(rgba_), images_.height(), images_.width(), background().color,
+                        images_.truth(), alpha);
     }
 
     void draw(const Camera<T>& camera, const ImageView<T>& alpha) {
@@ -253,16 +238,16 @@ private:
                                                            splats_.view());
         });
         rasterizer_.forward(camera, std::as_const(splats_).view(), background(),
-                            {.color = image(render_), .alpha = alpha}, raster_cache_);
+                            {.color = images_.render(), .alpha = alpha}, raster_cache_);
     }
 
     void backward(const Camera<T>& camera) {
-        backend_->fill(Span<T>(dL_drender_), T(0));
-        loss_.backward(render_view(), truth_view(), T(1), loss_cache_, image(dL_drender_));
+        backend_->fill(images_.dL_drender().data, T(0));
+        loss_.backward(images_.render(), images_.truth(), T(1), loss_cache_, images_.dL_drender());
         dL_dsplats_.resize(size());
         const SplatView<T> gradient = dL_dsplats_.view();
         fill_zero(*backend_, gradient);
-        rasterizer_.backward(camera, std::as_const(splats_).view(), background(), {.color = image(dL_drender_)},
+        rasterizer_.backward(camera, std::as_const(splats_).view(), background(), {.color = images_.dL_drender()},
                              raster_cache_, gradient);
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
             static_splats_backward<decltype(degree)::value>(*backend_, std::as_const(gaussians_).view(),
@@ -337,9 +322,8 @@ private:
     std::vector<std::uint32_t> order_;
     std::uint64_t order_epoch_ = 0;
 
-    int height_ = 0, width_ = 0;
+    StepImages<B, T> images_;
     Buffer<std::uint8_t> rgba_;
-    Buffer<T> render_, truth_, dL_drender_; // [3, height, width]
     Gaussians<B, T> gaussians_, gradient_, first_moment_, second_moment_;
     Splats<B, T> splats_, dL_dsplats_;
     StaticSplatsWorkspace<B, T> workspace_;

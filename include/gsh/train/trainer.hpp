@@ -11,7 +11,6 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
-#include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/optim/adam.hpp>
@@ -20,6 +19,7 @@
 #include <gsh/train/parameters.hpp>
 #include <gsh/train/photo.hpp>
 #include <gsh/train/refinement.hpp>
+#include <gsh/train/step_images.hpp>
 
 #include <algorithm>
 #include <array>
@@ -212,15 +212,15 @@ public:
         time(Stage::pose, [&] { pose_people(photo.frame, camera.center()); });
         time(Stage::render, [&] { draw(camera, {}); });
         time(Stage::loss, [&] {
-            loss_.forward(render_view(), truth_view(), loss_cache_);
-            backend_->fill(Span<T>(dL_drender_), T(0));
-            loss_.backward(render_view(), truth_view(), T(1), loss_cache_, image(dL_drender_));
+            loss_.forward(images_.render(), images_.truth(), loss_cache_);
+            backend_->fill(images_.dL_drender().data, T(0));
+            loss_.backward(images_.render(), images_.truth(), T(1), loss_cache_, images_.dL_drender());
         });
         time(Stage::render_backward, [&] {
             dL_dsplats_.resize(splat_count_);
             const SplatView<T> gradient = dL_dsplats_.view();
             fill_zero(*backend_, gradient);
-            rasterizer_.backward(camera, std::as_const(splats_).view(), background(), {.color = image(dL_drender_)},
+            rasterizer_.backward(camera, std::as_const(splats_).view(), background(), {.color = images_.dL_drender()},
                                  raster_cache_, gradient, camera_gradient(photo));
         });
         time(Stage::model_backward, [&] {
@@ -237,12 +237,7 @@ public:
     [[nodiscard]] PhotometricValues last_loss() const { return loss_.values(loss_cache_); }
 
     /// PSNR of the last step's render against its photograph, before the step's update.
-    [[nodiscard]] double last_psnr() const {
-        Image<T> render(3, height_, width_), truth(3, height_, width_);
-        backend_->download(Span<const T>(render_), Span<T>(render.data));
-        backend_->download(Span<const T>(truth_), Span<T>(truth.data));
-        return psnr(std::as_const(render).view(), std::as_const(truth).view());
-    }
+    [[nodiscard]] double last_psnr() const { return images_.psnr(*backend_); }
 
     /// A person's part of a scene's splats, or of their gradient.
     template <class View>
@@ -262,7 +257,7 @@ public:
 
     /// Renders a photograph's view at its frame, over its plate if it has one.
     void render(const Photo& photo, Image<T>& color, Image<T>* alpha = nullptr) {
-        resize_images(photo.camera.height, photo.camera.width);
+        images_.resize(photo.camera.height, photo.camera.width);
         upload_plate(photo);
         render_view(photo.camera, photo.frame, color, alpha);
     }
@@ -310,16 +305,12 @@ public:
     /// A photograph as training sees it, on the host: over the background, with its mask's alpha.
     void photo_pixels(const Photo& photo, Image<T>& color, Image<T>& alpha) {
         check_photo(photo);
-        resize_images(photo.camera.height, photo.camera.width);
-        rgba_.resize(photo.rgba.size());
-        backend_->upload(photo.rgba, rgba_);
-        Buffer<T> alpha_plane(view_size());
-        upload_plate(photo);
-        composite(ImageView<T>{alpha_plane, 1, height_, width_});
-        color = Image<T>(3, height_, width_);
-        alpha = Image<T>(1, height_, width_);
-        backend_->download(Span<const T>(truth_), Span<T>(color.data));
-        backend_->download(Span<const T>(alpha_plane), Span<T>(alpha.data));
+        upload_photo(photo);
+        Buffer<T> plane;
+        const ImageView<T> mask = images_.in(plane, 1);
+        composite(mask);
+        color = images_.download(*backend_, images_.truth());
+        alpha = images_.download(*backend_, mask);
     }
 
     // The whole state of training, for checkpoints: parameters of the models, these moments, and the step count.
@@ -385,19 +376,9 @@ private:
             std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     }
 
-    [[nodiscard]] std::size_t view_size() const {
-        return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
-    }
-    void resize_images(int height, int width) {
-        height_ = height, width_ = width;
-        for (Buffer<T>* buffer : {&render_, &truth_, &dL_drender_}) buffer->resize(3 * view_size());
-    }
-    [[nodiscard]] ImageView<T> image(Buffer<T>& buffer) const { return {buffer, 3, height_, width_}; }
-    [[nodiscard]] ImageView<const T> render_view() const { return {render_, 3, height_, width_}; }
-    [[nodiscard]] ImageView<const T> truth_view() const { return {truth_, 3, height_, width_}; }
     [[nodiscard]] Background<T> background() const {
         return {.color = {T(background_[0]), T(background_[1]), T(background_[2])},
-                .image = plate_.size() ? ImageView<const T>{plate_, 3, height_, width_} : ImageView<const T>()};
+                .image = plate_.size() ? ImageView<const T>{plate_, 3, images_.height(), images_.width()} : ImageView<const T>()};
     }
     [[nodiscard]] std::array<double, 3> random_color(std::uint64_t step) const {
         const std::uint64_t bits = random_bits(mix_bits(seed_ + 2), step);
@@ -407,20 +388,20 @@ private:
     }
     /// The plate as numbers, or none.
     void upload_plate(const Photo& photo) {
-        plate_.resize(photo.plate.empty() ? 0 : 3 * view_size());
-        if (photo.plate.empty()) return;
+        if (photo.plate.empty()) return plate_.resize(0);
         plate_bytes_.resize(photo.plate.size());
         backend_->upload(photo.plate, plate_bytes_);
-        composite_rgba8(*backend_, Span<const std::uint8_t>(plate_bytes_), height_, width_, vec3<T>(T(0)), image(plate_));
+        composite_rgba8(*backend_, Span<const std::uint8_t>(plate_bytes_), images_.height(), images_.width(), vec3<T>(T(0)),
+                        images_.in(plate_, 3));
     }
-    /// truth_ = rgba_ over the background.
+    /// truth = rgba_ over the background.
     void composite(const ImageView<T>& alpha = {}) {
         const Background<T> behind = background();
         const Span<const std::uint8_t> bytes(rgba_);
         if (behind.image.data.empty())
-            composite_rgba8(*backend_, bytes, height_, width_, behind.color, image(truth_), alpha);
+            composite_rgba8(*backend_, bytes, images_.height(), images_.width(), behind.color, images_.truth(), alpha);
         else
-            composite_rgba8(*backend_, bytes, height_, width_, behind.image, image(truth_), alpha);
+            composite_rgba8(*backend_, bytes, images_.height(), images_.width(), behind.image, images_.truth(), alpha);
     }
 
     /// The one that holds the cameras, or null.
@@ -480,7 +461,7 @@ private:
     }
 
     void upload_photo(const Photo& photo) {
-        resize_images(photo.camera.height, photo.camera.width);
+        images_.resize(photo.camera.height, photo.camera.width);
         rgba_.resize(photo.rgba.size());
         backend_->upload(photo.rgba, rgba_);
         upload_plate(photo);
@@ -489,21 +470,18 @@ private:
 
     void render_view(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha) {
         const Camera<T> view = camera.template cast<T>();
-        resize_images(view.height, view.width);
+        images_.resize(view.height, view.width);
         query_fields(frame);
         pose_people(frame, view.center());
-        Buffer<T> alpha_plane(alpha ? view_size() : 0);
-        draw(view, alpha ? ImageView<T>{alpha_plane, 1, height_, width_} : ImageView<T>{});
-        color = Image<T>(3, height_, width_);
-        backend_->download(Span<const T>(render_), Span<T>(color.data));
-        if (alpha) {
-            *alpha = Image<T>(1, height_, width_);
-            backend_->download(Span<const T>(alpha_plane), Span<T>(alpha->data));
-        }
+        Buffer<T> plane;
+        const ImageView<T> covered = alpha ? images_.in(plane, 1) : ImageView<T>{};
+        draw(view, covered);
+        color = images_.download(*backend_, images_.render());
+        if (alpha) *alpha = images_.download(*backend_, covered);
     }
 
     void draw(const Camera<T>& camera, const ImageView<T>& alpha) {
-        rasterizer_.forward(camera, std::as_const(splats_).view(), background(), {.color = image(render_), .alpha = alpha},
+        rasterizer_.forward(camera, std::as_const(splats_).view(), background(), {.color = images_.render(), .alpha = alpha},
                             raster_cache_);
     }
 
@@ -591,10 +569,9 @@ private:
     std::array<double, stage_names.size()> stage_seconds_{};
     std::uint64_t timed_steps_ = 0;
 
-    int height_ = 0, width_ = 0;
+    StepImages<B, T> images_;
     Buffer<std::uint8_t> rgba_, plate_bytes_;
-    Buffer<T> plate_;                       // [3, height, width] or empty
-    Buffer<T> render_, truth_, dL_drender_; // [3, height, width]
+    Buffer<T> plate_;                      // [3, height, width] or empty
     Buffer<CameraGradient<T>> dL_dcamera_; // [1] or empty
     Buffer<vec3<T>> dL_dcenter_;           // likewise
     Splats<B, T> splats_, dL_dsplats_;
