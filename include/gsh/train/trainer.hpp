@@ -41,11 +41,11 @@ struct LearningRates {
     double quats = 1e-3;
     double log_scales = 5e-3;
     double opacity_logits = 0.05;
-    double displacement = 5e-4;        ///< table and network of the displacement field; its rows in a joint network
-    double sh = 2e-3;                  ///< table and network of the colour field, or of the joint one
-    double stored_displacements = 1e-2; ///< δx of each Gaussian, where no field gives it
-    double stored_sh = 2.5e-3;         ///< constant colour of each Gaussian, where no field gives it; the bands a 20th of it
-    double ao = 5e-3;                  ///< table and network of ambient occlusion
+    double displacement = 5e-4;           ///< table and network of the displacement field; its rows in a joint network
+    double sh = 2e-3;                     ///< table and network of the colour field, or of the joint one
+    double stored_displacements = 1.6e-4; ///< δx of each Gaussian, where no field gives it; metres, as 3DGS moves means
+    double stored_sh = 2.5e-3;            ///< constant colour of each Gaussian, where no field gives it; the bands a 20th of it
+    double ao = 5e-3;                     ///< table and network of ambient occlusion
 
     [[nodiscard]] double operator[](ParameterGroup group) const {
         switch (group) {
