@@ -35,9 +35,8 @@ struct ViewCheck {
         opaque, ///< all pixels are: there is no mask
     };
     struct Person {
-        double inside = 0; ///< of the body's vertices, how many project into the image
-        std::optional<double> covered =
-            {}; ///< of the body's pixels, how many the mask covers; only where there are both
+        double inside = 0;                  ///< of the body's vertices, how many project into the image
+        std::optional<double> covered = {}; ///< of the body's pixels, how many the mask covers; where there are both
     };
     CaptureView view;
     Mask mask = Mask::usable;

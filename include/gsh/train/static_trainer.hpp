@@ -189,22 +189,16 @@ public:
     /// Renders the scene: colour [3, height, width] over the background, and alpha if asked. There is but one frame.
     void render(const Camera<double>& camera, std::size_t /*frame*/, Image<T>& color, Image<T>* alpha = nullptr) {
         images_.resize(camera.height, camera.width);
-        Buffer<T> plane;
-        const ImageView<T> covered = alpha ? images_.in(plane, 1) : ImageView<T>{};
-        draw(camera.template cast<T>(), covered);
-        color = images_.download(*backend_, images_.render());
-        if (alpha) *alpha = images_.download(*backend_, covered);
+        images_.take(*backend_, images_.render(), color, alpha,
+                     [&](const ImageView<T>& plane) { draw(camera.template cast<T>(), plane); });
     }
 
     /// A photograph as training sees it, on the host: over the background, with its mask's alpha.
     void photo_pixels(const Photo& photo, Image<T>& color, Image<T>& alpha) {
         check_photo(photo);
-        upload_photo(photo);
-        Buffer<T> plane;
-        const ImageView<T> mask = images_.in(plane, 1);
-        composite(mask);
-        color = images_.download(*backend_, images_.truth());
-        alpha = images_.download(*backend_, mask);
+        images_.resize(photo.camera.height, photo.camera.width);
+        images_.take(*backend_, images_.truth(), color, &alpha,
+                     [&](const ImageView<T>& mask) { upload_photo(photo, mask); });
     }
 
 private:
@@ -219,16 +213,13 @@ private:
         return {.color = {T(config_.background[0]), T(config_.background[1]), T(config_.background[2])}};
     }
 
-    void upload_photo(const Photo& photo) {
+    /// truth = the photograph over the background.
+    void upload_photo(const Photo& photo, const ImageView<T>& alpha = {}) {
         images_.resize(photo.camera.height, photo.camera.width);
         rgba_.resize(photo.rgba.size());
         backend_->upload(photo.rgba, rgba_);
-        composite();
-    }
-    /// truth = rgba_ over the background.
-    void composite(const ImageView<T>& alpha = {}) {
-        composite_rgba8(*backend_, Span<const std::uint8_t>(rgba_), images_.height(), images_.width(), background().color,
-                        images_.truth(), alpha);
+        composite_rgba8(*backend_, Span<const std::uint8_t>(rgba_), images_.height(), images_.width(),
+                        background().color, images_.truth(), alpha);
     }
 
     void draw(const Camera<T>& camera, const ImageView<T>& alpha) {

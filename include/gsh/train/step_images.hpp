@@ -49,17 +49,26 @@ public:
         return gsh::psnr(seen.view(), wanted.view());
     }
 
-    /// A copy in host memory.
-    [[nodiscard]] static Image<T> download(B& backend, const ImageView<const T>& image) {
-        Image<T> host(image.channels, image.height, image.width);
-        backend.download(image.data, Span<T>(host.data));
-        return host;
+    /// Copies one of the images to the host, and the plane of alpha [1, height, width] that came with it, if asked.
+    /// write(plane) makes both; nobody wants alpha where the plane is empty.
+    template <class Write>
+    void take(B& backend, const ImageView<const T>& image, Image<T>& color, Image<T>* alpha, const Write& write) const {
+        Buffer buffer;
+        const ImageView<T> plane = alpha ? in(buffer, 1) : ImageView<T>{};
+        write(plane);
+        color = download(backend, image);
+        if (alpha) *alpha = download(backend, plane);
     }
 
 private:
     int height_ = 0, width_ = 0;
     Buffer render_, truth_, dL_drender_;
 
+    [[nodiscard]] static Image<T> download(B& backend, const ImageView<const T>& image) {
+        Image<T> host(image.channels, image.height, image.width);
+        backend.download(image.data, Span<T>(host.data));
+        return host;
+    }
     [[nodiscard]] ImageView<T> view(Buffer& buffer, int channels) const { return {buffer, channels, height_, width_}; }
 };
 

@@ -305,12 +305,9 @@ public:
     /// A photograph as training sees it, on the host: over the background, with its mask's alpha.
     void photo_pixels(const Photo& photo, Image<T>& color, Image<T>& alpha) {
         check_photo(photo);
-        upload_photo(photo);
-        Buffer<T> plane;
-        const ImageView<T> mask = images_.in(plane, 1);
-        composite(mask);
-        color = images_.download(*backend_, images_.truth());
-        alpha = images_.download(*backend_, mask);
+        images_.resize(photo.camera.height, photo.camera.width);
+        images_.take(*backend_, images_.truth(), color, &alpha,
+                     [&](const ImageView<T>& mask) { upload_photo(photo, mask); });
     }
 
     // The whole state of training, for checkpoints: parameters of the models, these moments, and the step count.
@@ -395,7 +392,7 @@ private:
                         images_.in(plate_, 3));
     }
     /// truth = rgba_ over the background.
-    void composite(const ImageView<T>& alpha = {}) {
+    void composite(const ImageView<T>& alpha) {
         const Background<T> behind = background();
         const Span<const std::uint8_t> bytes(rgba_);
         if (behind.image.data.empty())
@@ -460,12 +457,12 @@ private:
         if (!dL_dpose.empty()) refinement->accumulate(frame, dL_dpose);
     }
 
-    void upload_photo(const Photo& photo) {
+    void upload_photo(const Photo& photo, const ImageView<T>& alpha = {}) {
         images_.resize(photo.camera.height, photo.camera.width);
         rgba_.resize(photo.rgba.size());
         backend_->upload(photo.rgba, rgba_);
         upload_plate(photo);
-        composite();
+        composite(alpha);
     }
 
     void render_view(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha) {
@@ -473,11 +470,7 @@ private:
         images_.resize(view.height, view.width);
         query_fields(frame);
         pose_people(frame, view.center());
-        Buffer<T> plane;
-        const ImageView<T> covered = alpha ? images_.in(plane, 1) : ImageView<T>{};
-        draw(view, covered);
-        color = images_.download(*backend_, images_.render());
-        if (alpha) *alpha = images_.download(*backend_, covered);
+        images_.take(*backend_, images_.render(), color, alpha, [&](const ImageView<T>& plane) { draw(view, plane); });
     }
 
     void draw(const Camera<T>& camera, const ImageView<T>& alpha) {
