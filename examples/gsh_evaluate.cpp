@@ -33,7 +33,6 @@ void add_options(CLI::App& app, EvaluateOptions& o) {
     common.gaussians = 170000, common.checkpoint_interval = 60;
     app.add_option("--capture", common.capture, "folder with images/, cameras.json and poses")->required();
     add_people(app, common);
-    app.get_option("--body")->required();
     app.add_option("--configs", o.configs,
                    "configurations by name, or JSON files, separated by commas; static: one frame, no body")
         ->required()
@@ -53,7 +52,7 @@ void add_options(CLI::App& app, EvaluateOptions& o) {
     app.add_flag("--refine", common.refine,
                  "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
     app.add_flag("--refine-cameras", common.refine_cameras, "with --refine: all cameras but the first learn too");
-    app.add_option("--lpips", common.lpips, "LPIPS weights (.safetensors or .npz): judge by LPIPS, too");
+    add_lpips(app, common);
     app.add_option("--regions", common.regions, "JSON lists of face and hand vertices, or importance per vertex");
     app.add_option("--set", common.set, "a setting of all these configurations, key=value; may be repeated");
     app.add_option("--frame", common.frame, "of the configuration static (default 0)");
@@ -74,6 +73,8 @@ std::string summary(const RunResult& result) {
 
 int evaluate(const EvaluateOptions& o) {
     if (o.common.refine_cameras && !o.common.refine) throw ValueError("--refine-cameras needs --refine");
+    if (o.common.lpips_table && o.common.lpips.empty()) throw ValueError("--lpips-table needs --lpips");
+    check_bodies(o.common);
     const std::vector<Run> runs = planned_runs(o);
     EvaluationFolder folder(o);
     cpu::Threads backend(o.common.threads);

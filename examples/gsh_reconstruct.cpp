@@ -7,6 +7,7 @@
 /// 4. Judge on the test views, and write what was found.
 
 #include "support/figures.hpp"
+#include "support/input_files.hpp"
 #include "support/judgement.hpp"
 #include "support/output_folder.hpp"
 #include "support/program.hpp"
@@ -20,7 +21,6 @@
 
 #include <gsh/backend/threads.hpp>
 
-#include <algorithm>
 #include <cstdio>
 
 using namespace gsh;
@@ -31,9 +31,7 @@ namespace {
 /// The configuration `static`: one moment as a 3DGS scene, without a body.
 int reconstruct_scene(cpu::Threads& backend, const ReconstructOptions& options) {
     const StaticSource source = load_static_source(options.capture, options.frame);
-    const StaticOptions chosen{.steps = options.steps,
-                               .points = std::min(StaticOptions().points, options.gaussians),
-                               .max_gaussians = options.gaussians, .seed = options.seed};
+    const StaticOptions chosen = static_options(options);
     OutputFolder out(options.out);
     watch_interrupts();
     const StaticResult result = reconstruct_static(backend, source, chosen);
@@ -47,7 +45,7 @@ int reconstruct_scene(cpu::Threads& backend, const ReconstructOptions& options) 
 
 int reconstruct(const ReconstructOptions& options) {
     cpu::Threads backend(options.threads);
-    if (options.config == "static") return reconstruct_scene(backend, options);
+    if (is_scene_configuration(options.config)) return reconstruct_scene(backend, options);
     const Source source = load_source(backend, options);
     if (!options.lpips.empty()) check_lpips(options.lpips);
     Reconstruction reconstruction(backend, source, configuration_of(options), options);

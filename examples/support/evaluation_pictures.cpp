@@ -62,15 +62,18 @@ constexpr int picture_gap = 4; // pixels between parts of a picture
 } // namespace
 
 std::vector<ShownView> shown_views(const Source& source, const std::vector<Photo>& photos, std::size_t most) {
-    const BodyRegions regions = source.body_regions_of(0);
+    std::vector<BodyRegions> regions;
+    for (std::size_t p = 0; p < source.people.size(); ++p) regions.push_back(source.body_regions_of(p));
     std::vector<ShownView> views;
     const std::size_t count = std::min(most, photos.size());
     for (std::size_t i = 0; i < count; ++i) {
         const Photo& photo = photos[i * photos.size() / count];
-        const PosedBody posed = source.posed(0, photo.frame);
         ShownView view{photo.name, i * photos.size() / count, photo.camera.width, photo.camera.height, {}};
-        for (const auto* region : {&regions.face, &regions.left_hand, &regions.right_hand})
-            if (!region->empty()) view.crops.push_back(crop_of(posed.vertices, *region, photo.camera));
+        for (std::size_t p = 0; p < regions.size(); ++p) {
+            const PosedBody posed = source.posed(p, photo.frame);
+            for (const auto* region : {&regions[p].face, &regions[p].left_hand, &regions[p].right_hand})
+                if (!region->empty()) view.crops.push_back(crop_of(posed.vertices, *region, photo.camera));
+        }
         views.push_back(std::move(view));
     }
     return views;

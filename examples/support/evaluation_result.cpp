@@ -12,6 +12,18 @@ double number_of(const Json& json) {
     return json.is_null() ? std::nan("") : json.get<double>();
 }
 
+Json regions_json(const std::vector<double>& regions) {
+    Json json = Json::object();
+    for (std::size_t r = 0; r < regions.size(); ++r) json[region_names()[r]] = number_or_null(regions[r]);
+    return json;
+}
+
+std::vector<double> regions_of(const Json& json) {
+    std::vector<double> regions;
+    for (const std::string& region : region_names()) regions.push_back(number_of(json.at(region)));
+    return regions;
+}
+
 RunCost cost_of(const Json& json) {
     RunCost cost{.gaussians = json.at("gaussians"),
                  .memory = json.at("memory_bytes"),
@@ -36,9 +48,13 @@ Json mark_json(const Mark& mark) {
               {"psnr", number_or_null(mark.mean.psnr)},
               {"ssim", number_or_null(mark.mean.ssim)},
               {"psnr_person", number_or_null(mark.mean.psnr_person)}};
-    for (std::size_t r = 0; r < mark.regions.size(); ++r)
-        json["psnr_regions"][region_names()[r]] = number_or_null(mark.regions[r]);
+    json["psnr_regions"] = regions_json(mark.regions);
     if (mark.mean.lpips) json["lpips"] = number_or_null(*mark.mean.lpips);
+    for (const PersonFigures& person : mark.people) {
+        Json one{{"name", person.name}, {"psnr_person", number_or_null(person.psnr)}, {"ssim_person", number_or_null(person.ssim)}};
+        one["psnr_regions"] = regions_json(person.regions);
+        json["people"].push_back(std::move(one));
+    }
     json["protocol"] = mark.protocol;
     json["images"] = mark.images;
     return json;
@@ -54,8 +70,10 @@ Mark mark_of(const Json& json) {
     mark.mean.psnr = number_of(json.at("psnr"));
     mark.mean.ssim = number_of(json.at("ssim"));
     mark.mean.psnr_person = number_of(json.at("psnr_person"));
-    for (const std::string& region : region_names())
-        mark.regions.push_back(number_of(json.at("psnr_regions").at(region)));
+    mark.regions = regions_of(json.at("psnr_regions"));
+    for (const Json& person : json.value("people", Json::array()))
+        mark.people.push_back({person.at("name"), number_of(person.at("psnr_person")), number_of(person.at("ssim_person")),
+                               regions_of(person.at("psnr_regions"))});
     if (json.contains("lpips")) mark.mean.lpips = number_of(json.at("lpips"));
     return mark;
 }

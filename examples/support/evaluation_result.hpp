@@ -19,6 +19,13 @@
 
 namespace gsh::examples {
 
+/// Means of one of several people, over the images that show enough of them.
+struct PersonFigures {
+    std::string name;
+    double psnr = 0, ssim = 0;        ///< over their pixels
+    std::vector<double> regions = {}; ///< as Mark::regions
+};
+
 /// Figures at one point of a run.
 struct Mark {
     std::uint64_t steps = 0;
@@ -27,6 +34,7 @@ struct Mark {
     std::string protocol = {};        ///< how the figures came about
     ImageScore mean = {};             ///< over the test images
     std::vector<double> regions = {}; ///< mean PSNR in the order of region_names(), dB; NaN where no image shows one
+    std::vector<PersonFigures> people = {}; ///< each apart, where there are several
     Json images = Json::array();      ///< figures of each image
 };
 

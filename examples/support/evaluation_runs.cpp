@@ -5,6 +5,7 @@
 #include "support/static_reconstruction.hpp"
 
 #include <gsh/core/error.hpp>
+#include <gsh/train/static_configuration.hpp>
 
 #include <algorithm>
 #include <cctype>
@@ -13,17 +14,6 @@
 #include <system_error>
 
 namespace gsh::examples {
-
-namespace detail {
-
-StaticOptions static_options(const ReconstructOptions& o) {
-    return {.steps = o.steps,
-            .points = std::min<std::size_t>(StaticOptions().points, o.gaussians),
-            .max_gaussians = o.gaussians,
-            .seed = o.seed};
-}
-
-} // namespace detail
 
 namespace {
 
@@ -54,14 +44,26 @@ std::string file_word(const std::string& name) {
 Json settings_json(const Run& run) {
     Json json = Json::object();
     if (run.scene) {
-        const StaticOptions scene = detail::static_options(run.options);
+        const StaticOptions scene = static_options(run.options);
         json["frame"] = std::to_string(run.options.frame);
         json["points"] = std::to_string(scene.points);
-        json["sh_degree"] = std::to_string(scene.sh_degree);
+        for (const auto& [key, value] : settings_of(scene.config)) json[key] = value;
     } else {
         for (const auto& [key, value] : settings_of(run.configuration)) json[key] = value;
     }
     return json;
+}
+
+/// Whether all configurations are static scenes, which share settings.
+bool is_scene_only(const EvaluateOptions& o) {
+    return std::all_of(o.configs.begin(), o.configs.end(), [](const std::string& config) { return is_scene_configuration(config); });
+}
+
+/// "static", a file's name, and what --set changes.
+std::string scene_name(const ReconstructOptions& o) {
+    std::string name = std::filesystem::path(o.config).stem().string();
+    for (const std::string& setting : o.set) name += " " + setting;
+    return name;
 }
 
 } // namespace
@@ -79,16 +81,18 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
         for (const double seconds : budgets) {
             Run run;
             run.name = run.config = config;
-            run.scene = config == "static";
+            run.scene = is_scene_configuration(config);
             run.options = o.common;
             run.options.config = config;
             run.options.seconds = seconds;
             if (seconds == 0) run.marks = marks, run.options.steps = marks.back();
             if (run.scene) {
                 check_value(seconds == 0, "static", "counts steps; use --steps in place of --budgets");
-                check_value(o.common.set.empty(), "static",
-                            "has none of the settings of --set; evaluate it in a call of its own");
+                check_value(o.common.set.empty() || is_scene_only(o), "static",
+                            "has other settings than what --set changes; evaluate it in a call of its own");
                 run.options.refine = run.options.refine_cameras = false; // it has no poses
+                run.config = "static";
+                run.name = scene_name(run.options);
             } else {
                 run.config = configuration_called(config).name;
                 run.configuration = configuration_of(run.options);
@@ -124,7 +128,7 @@ EvaluationFolder::EvaluationFolder(const EvaluateOptions& o) : folder_(o.common.
               {"--gaussians", std::to_string(o.common.gaussians)},
               {"--seed", std::to_string(o.common.seed)},
               {"--regions", path(o.common.regions)},
-              {"--lpips", path(o.common.lpips)}};
+              {"--lpips", path(o.common.lpips) + (o.common.lpips_table ? ", as in tables" : "")}};
     std::error_code ignored;
     if (!std::filesystem::exists(index(), ignored)) return;
     const auto said = read_own_json(index(), [](const Json& json) {

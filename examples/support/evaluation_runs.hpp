@@ -18,8 +18,6 @@
 
 namespace gsh::examples {
 
-struct StaticOptions;
-
 struct EvaluateOptions {
     ReconstructOptions common; ///< of every run; steps and seconds are the run's own
     std::vector<std::string> configs;
@@ -41,13 +39,6 @@ struct Run {
 
     [[nodiscard]] std::filesystem::path file(const std::string& file_name) const { return options.out / file_name; }
 };
-
-namespace detail {
-
-/// What `static` makes of them.
-StaticOptions static_options(const ReconstructOptions& o);
-
-} // namespace detail
 
 /// The runs that the options ask for, in their order; the same one is asked for once.
 /// Errors  ValueError for a configuration, a setting or a budget that there is not, or options that exclude each other.

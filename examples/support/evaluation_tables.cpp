@@ -151,6 +151,18 @@ Table quality_table(const std::vector<RunResult>& results) {
     return table;
 }
 
+Table people_table(const std::vector<RunResult>& results) {
+    Table table{{"configuration", "after", "person", "PSNR", "SSIM"}};
+    for (const std::string& region : region_names()) table[0].push_back(region);
+    for (const RunResult& result : results)
+        for (const Mark& mark : result.marks)
+            for (const PersonFigures& person : mark.people) {
+                table.push_back({result.name, mark.after, person.name, fixed(person.psnr, 2), fixed(person.ssim, 4)});
+                for (const double psnr : person.regions) table.back().push_back(fixed(psnr, 2));
+            }
+    return table.size() > 1 ? table : Table();
+}
+
 Table worth_table(const std::vector<RunResult>& results) {
     const auto differences = mark_differences(results);
     if (differences.empty()) return {};
@@ -229,12 +241,17 @@ std::vector<Section> table_sections(const std::vector<RunResult>& results) {
         "image shows. "
         "Full images hide faces and hands: these are few pixels.",
         quality_table(results));
+    add("Each of them", "Means over the test images that show enough of a person, over the pixels that do.",
+        people_table(results));
     add("What each part is worth",
         "Figures less those of " + first +
             " after the same training, on the same images; PSNR in dB. A part that helps has a row below zero when it "
             "is "
             "left out. The paper's own differences are from other data, other hardware and other budgets: signs "
-            "compare, sizes hardly.",
+            "compare, sizes hardly." +
+            (has_lpips(results) ? " So it is with LPIPS, all the more as published tables mostly feed it images in [0, 1]: "
+                                  "--lpips-table does."
+                                : ""),
         worth_table(results));
     add("What it costs",
         "Training alone, without loading, sampling, checkpoints and judging. Memory is what the program holds at the "

@@ -56,6 +56,9 @@ std::string reference(std::size_t protocol);
 /// Figures of every mark.
 [[nodiscard]] Table quality_table(const std::vector<RunResult>& results);
 
+/// Figures of each of several people; empty where there is but one.
+[[nodiscard]] Table people_table(const std::vector<RunResult>& results);
+
 /// Differences to the first configuration, beside the paper's; empty if there are none.
 [[nodiscard]] Table worth_table(const std::vector<RunResult>& results);
 

@@ -5,6 +5,7 @@
 #include "support/evaluation_tables.hpp"
 #include "support/figures.hpp"
 #include "support/interrupts.hpp"
+#include "support/machine.hpp"
 #include "support/reconstruction.hpp"
 #include "support/results.hpp"
 #include "support/static_reconstruction.hpp"
@@ -16,36 +17,17 @@
 #include <gsh/train/parameters.hpp>
 
 #include <malloc.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <system_error>
 #include <utility>
 
 namespace gsh::examples {
 
 namespace {
-
-/// Bytes of this process that are in memory now.
-std::uint64_t resident_bytes() {
-    std::ifstream file("/proc/self/statm");
-    std::uint64_t total = 0, resident = 0;
-    file >> total >> resident;
-    return resident * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
-}
-
-/// What the machine calls its processor.
-std::string processor_name() {
-    std::ifstream file("/proc/cpuinfo");
-    for (std::string line; std::getline(file, line);)
-        if (const auto colon = line.find(": "); line.starts_with("model name") && colon != std::string::npos)
-            return line.substr(colon + 2);
-    return "an unknown processor";
-}
 
 void write_progress(const Run& run, const std::vector<Mark>& marks) {
     Json json{{"settings", run.settings}, {"marks", Json::array()}};
@@ -157,7 +139,7 @@ std::string training_protocol(const Run& run, std::uint64_t steps, std::size_t t
 } // namespace
 
 Evaluator::Evaluator(cpu::Threads& backend, const Source& source, const EvaluateOptions& o)
-    : backend_(backend), source_(source), judge_(backend, source, o.common.lpips),
+    : backend_(backend), source_(source), judge_(backend, source, o.common),
       test_photos_(test_photos_of(source.capture)), views_(shown_views(source, test_photos_, o.views)) {
     check_value(!test_photos_.empty(), source.capture.name,
                 "has no test views to judge by; give a camera the role test, or name test_frames");
@@ -197,6 +179,11 @@ bool Evaluator::judge(Trained& trained, const std::vector<Photo>& photos, Mark& 
     }
     mark.mean = mean_score(scores);
     for (const RegionMean& region : mean_regions(scores)) mark.regions.push_back(region.psnr);
+    const std::vector<PersonMean> people = mean_people(scores);
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        mark.people.push_back({source_.people[p].name, people[p].whole.psnr, people[p].whole.ssim});
+        for (const RegionMean& region : people[p].regions) mark.people.back().regions.push_back(region.psnr);
+    }
     return !interrupted;
 }
 
@@ -233,7 +220,7 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
 
 bool Evaluator::evaluate_scene(const Run& run, EvaluationFolder& folder, const std::string& title) {
     const StaticSource scene = scene_of(run);
-    StaticReconstruction reconstruction(backend_, scene, detail::static_options(run.options));
+    StaticReconstruction reconstruction(backend_, scene, static_options(run.options));
     folder.add(run);
     RunResult result{.name = run.name, .config = run.config, .settings = run.settings};
     OutputFolder out(run.options.out);

@@ -25,6 +25,7 @@ struct Motion;
 struct NamedCamera;
 struct PeopleCapture;
 struct RegionLists;
+struct StaticConfig;
 } // namespace gsh
 
 namespace gsh::examples {
@@ -54,6 +55,10 @@ NamedCamera camera_of_file(const std::filesystem::path& path, const std::string&
 LpipsNetwork lpips_of_file(const std::filesystem::path& path);
 /// find_configuration.
 Configuration configuration_called(const std::string& name_or_path);
+/// is_static_configuration.
+bool is_scene_configuration(const std::string& name_or_path);
+/// find_static_configuration.
+StaticConfig scene_configuration_called(const std::string& name_or_path, std::int64_t steps);
 /// Any JSON.
 /// Errors  IoError naming the file.
 nlohmann::ordered_json json_of_file(const std::filesystem::path& path);

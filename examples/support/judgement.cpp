@@ -15,7 +15,7 @@ namespace gsh::examples {
 
 void check_lpips(const std::filesystem::path& weights) { (void)lpips_of_file(weights); }
 
-Judge::Judge(cpu::Threads& backend, const Source& source, const std::filesystem::path& lpips_weights)
+Judge::Judge(cpu::Threads& backend, const Source& source, const ReconstructOptions& o)
     : backend_(backend), source_(source) {
     for (std::size_t p = 0; p < source.people.size(); ++p) {
         const BodyRegions regions = source.body_regions_of(p);
@@ -23,7 +23,8 @@ Judge::Judge(cpu::Threads& backend, const Source& source, const std::filesystem:
         auto& hands = regions_.back()[1].vertices;
         hands.insert(hands.end(), regions.right_hand.begin(), regions.right_hand.end());
     }
-    if (!lpips_weights.empty()) lpips_.emplace(backend, lpips_of_file(lpips_weights), LpipsScaling::correct);
+    if (!o.lpips.empty())
+        lpips_.emplace(backend, lpips_of_file(o.lpips), o.lpips_table ? LpipsScaling::table : LpipsScaling::correct);
 }
 
 Judge::~Judge() = default;

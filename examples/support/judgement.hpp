@@ -2,6 +2,7 @@
 /// @file  Judging an avatar on test photographs: full image, person, regions, and LPIPS where there are weights.
 #pragma once
 
+#include "support/reconstruct_options.hpp"
 #include "support/source.hpp"
 
 #include <gsh/backend/threads.hpp>
@@ -26,7 +27,7 @@ void check_lpips(const std::filesystem::path& weights);
 /// has one, else where they are the one in front.
 class Judge {
 public:
-    Judge(cpu::Threads& backend, const Source& source, const std::filesystem::path& lpips_weights = {});
+    Judge(cpu::Threads& backend, const Source& source, const ReconstructOptions& o);
     ~Judge();
 
     /// Adds to a photograph's comparison the figures of regions and people, and LPIPS.

@@ -19,6 +19,13 @@ inline void add_people(CLI::App& app, PeopleOptions& o) {
         ->allow_extra_args(false);
 }
 
+/// The options --lpips and --lpips-table.
+inline void add_lpips(CLI::App& app, ReconstructOptions& o) {
+    app.add_option("--lpips", o.lpips, "LPIPS weights (.safetensors or .npz): judge by LPIPS, too");
+    app.add_flag("--lpips-table", o.lpips_table,
+                 "with --lpips: images in [0, 1] as they are, as most published avatar tables have it, not in the network's [-1, 1]");
+}
+
 inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--capture", o.capture, "folder with images/, cameras.json and poses");
     add_people(app, o);
@@ -39,7 +46,7 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_flag("--refine", o.refine, "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
     app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: all cameras but the first learn too");
     app.add_option("--regions", o.regions, "JSON lists of face and hand vertices, or importance per vertex");
-    app.add_option("--lpips", o.lpips, "LPIPS weights (.safetensors or .npz): judge by LPIPS, too");
+    add_lpips(app, o);
     app.add_option("--frame", o.frame, "with --config static: the frame (default 0)");
     app.add_flag("--resume", o.resume, "go on from the checkpoint in --out");
 }

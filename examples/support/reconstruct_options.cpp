@@ -4,7 +4,7 @@
 #include "support/input_files.hpp"
 
 #include <gsh/core/error.hpp>
-#include <gsh/train/configuration.hpp>
+#include <gsh/train/static_configuration.hpp>
 
 #include <system_error>
 
@@ -27,6 +27,19 @@ std::vector<std::string> listed(const std::vector<std::string>& words, const std
     return result;
 }
 
+/// Sets what --set says on top of a configuration; returns it as words after the configuration's name.
+template <class C>
+std::string set_all(C& configuration, const std::vector<std::string>& settings) {
+    std::string words;
+    for (const std::string& setting : settings) {
+        const auto equals = setting.find('=');
+        check_value(equals != std::string::npos, "--set " + setting, "must be key=value");
+        set_setting(configuration, setting.substr(0, equals), setting.substr(equals + 1), "--set");
+        words += " " + setting;
+    }
+    return words;
+}
+
 } // namespace
 
 void complete_poses(PeopleOptions& o) {
@@ -43,16 +56,19 @@ void check_options(ReconstructOptions& o) {
     const auto expect = [](bool condition, const char* message) {
         if (!condition) throw ValueError(message);
     };
-    const bool scene = o.config == "static"; // needs no body, and no poses
+    const bool scene = is_scene_configuration(o.config); // needs no body, and no poses
     const bool own_body = !o.capture.empty() && brings_own_body(o.capture);
     expect(o.synthetic || (!o.capture.empty() && (scene || own_body || !o.bodies.empty())),
            "--capture and --body are needed, or --synthetic alone");
-    expect(!scene || !(o.synthetic || o.refine || o.resume || o.seconds > 0 || !o.set.empty()),
-           "--config static takes a capture and --steps; it cannot resume, refine or change settings");
+    expect(!scene || !(o.synthetic || o.refine || o.resume || o.seconds > 0 || o.max_memory > 0 || !o.poses.empty() ||
+                       !o.regions.empty() || !o.lpips.empty()),
+           "--config static takes a capture and --steps; it cannot resume, refine, or do without --steps and --gaussians, and knows "
+           "no --poses, --regions and --lpips (gsh-evaluate judges it by LPIPS)");
     expect(!o.synthetic || (o.capture.empty() && o.bodies.empty() && o.poses.empty()),
            "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
     expect(o.refine || !o.refine_cameras, "--refine-cameras needs --refine");
+    expect(!o.lpips.empty() || !o.lpips_table, "--lpips-table needs --lpips");
     if (o.steps == 0) o.steps = o.synthetic ? 1200 : 3000;
     if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
     complete_poses(o);
@@ -60,13 +76,20 @@ void check_options(ReconstructOptions& o) {
 
 Configuration configuration_of(const ReconstructOptions& o) {
     Configuration configuration = configuration_called(o.config);
-    for (const std::string& setting : o.set) {
-        const auto equals = setting.find('=');
-        check_value(equals != std::string::npos, "--set " + setting, "must be key=value");
-        set_setting(configuration, setting.substr(0, equals), setting.substr(equals + 1), "--set");
-        configuration.name += " " + setting;
-    }
+    configuration.name += set_all(configuration, o.set);
     return configuration;
+}
+
+StaticConfig scene_configuration_of(const ReconstructOptions& o) {
+    StaticConfig config = scene_configuration_called(o.config, static_cast<std::int64_t>(o.steps));
+    set_all(config, o.set);
+    config.density.max_gaussians = o.gaussians;
+    return config;
+}
+
+void check_bodies(const PeopleOptions& o) {
+    check_value(!o.bodies.empty() || brings_own_body(o.capture), "--body",
+                "is needed: only GalaBasketball's captures bring their own");
 }
 
 } // namespace gsh::examples

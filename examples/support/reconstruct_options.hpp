@@ -10,6 +10,7 @@
 
 namespace gsh {
 struct Configuration;
+struct StaticConfig;
 }
 
 namespace gsh::examples {
@@ -31,6 +32,7 @@ struct ReconstructOptions : PeopleOptions {
     bool refine_cameras = false;    ///< cameras as well
     std::filesystem::path regions;  ///< JSON lists of vertices
     std::filesystem::path lpips;    ///< weights
+    bool lpips_table = false;       ///< judge as published tables do, see LpipsScaling
     std::size_t frame = 0;          ///< of the configuration `static`
     std::uint64_t steps = 0;        ///< 0: the default of the kind of input
     double seconds = 0;             ///< of training; 0: count steps
@@ -52,5 +54,11 @@ void check_options(ReconstructOptions& o);
 
 /// The configuration that was asked for, single settings and all.
 Configuration configuration_of(const ReconstructOptions& o);
+
+/// The same where it is a static scene's.
+StaticConfig scene_configuration_of(const ReconstructOptions& o);
+
+/// Refuses a missing --body, but for captures that bring their own.
+void check_bodies(const PeopleOptions& o);
 
 } // namespace gsh::examples

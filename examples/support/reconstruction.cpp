@@ -51,8 +51,8 @@ Reconstruction::Reconstruction(Backend& backend, const Source& source, const Con
     : configuration(chosen), test_photos(test_photos_of(source.capture)),
       trainer(backend, cast_of(backend, source, o), photos_of(source.capture, false), o.seed, configuration.train) {
     if (!o.refine) return;
-    RefinementConfig config;
-    if (o.refine_cameras) config.camera_rotation.rate = 2e-4, config.camera_translation.rate = 2e-4;
+    check_value(configuration.test_mask_weight >= 0, "refine.test_mask_weight", "must not be negative"); // before training, not after
+    RefinementConfig config = configuration.refinement;
     std::set<std::size_t> seen;
     for (const Photo& photo : trainer.photos()) seen.insert(photo.frame);
     for (std::size_t frame = 0; frame < trainer.frame_count(); ++frame)
@@ -62,6 +62,7 @@ Reconstruction::Reconstruction(Backend& backend, const Source& source, const Con
         for (const auto& camera : source.capture.cameras) cameras.push_back(camera.camera);
     for (std::size_t p = 0; p < people.size(); ++p) {
         Person& person = people[p];
+        config.joint_rates = joint_rates(person.setup.rig.joint_count(), configuration.finger_rate, configuration.face_rate);
         person.refinement.emplace(backend, person.setup.rig, person.setup.motion,
                                   p == 0 ? cameras : std::vector<Camera<double>>(), config);
         trainer.refine(*person.refinement, p);
@@ -87,22 +88,23 @@ void Reconstruction::refine_test_poses(Backend& backend) {
         Person& person = people[p];
         person.refinement->carry_to_left_out();
         person.test_refinement.emplace(backend, person.setup.rig, person.refinement->motion(),
-                                       std::vector<Camera<double>>(), test_time_config());
+                                       std::vector<Camera<double>>(), test_time_config(person.refinement->config()));
         trainer.refine(*person.test_refinement, p);
     }
     std::set<std::size_t> frames;
     for (const Photo& photo : test_photos) frames.insert(photo.frame);
-    const std::size_t rounds = people.size() > 1 ? 2 : 1, steps = 60 / rounds;
+    const std::size_t rounds = people.size() > 1 ? 2 : 1, steps = configuration.test_steps / rounds;
     for (const std::size_t frame : frames) {
         trainer.query(frame);
         std::vector<Observation> observations;
         for (const Photo& photo : test_photos)
-            if (photo.frame == frame) observations.push_back({photo.camera, photo.rgba});
+            if (photo.frame == frame) observations.push_back({photo.camera, photo.rgba, photo.plate});
         for (std::size_t turn = 0; turn < rounds * people.size(); ++turn) {
             FrozenScene<TrainerType> frozen{&trainer, frame, turn % people.size()};
             PoseFit<Backend, float, FrozenScene<TrainerType>> fit(
                 backend, frozen, configuration.train.filter,
-                {.steps = steps, .ssim_weight = configuration.train.ssim_weight, .background = configuration.train.background});
+                {.steps = steps, .ssim_weight = configuration.train.ssim_weight, .mask_weight = configuration.test_mask_weight,
+                 .background = configuration.train.background});
             fit.fit(*people[frozen.person].test_refinement, frame, observations);
         }
     }

@@ -4,6 +4,7 @@
 #include "support/figures.hpp"
 #include "support/interrupts.hpp"
 #include "support/judgement.hpp"
+#include "support/machine.hpp"
 #include "support/pictures.hpp"
 #include "support/reconstruction.hpp"
 #include "support/report.hpp"
@@ -17,7 +18,6 @@
 #include <gsh/io/ply.hpp>
 #include <gsh/train/checkpoint.hpp>
 
-#include <sys/resource.h>
 
 #include <algorithm>
 #include <cmath>
@@ -44,12 +44,6 @@ std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& r
     if (reconstruction.people.size() > 1)
         for (const auto& person : reconstruction.people) text += "person " + person.name + "\n";
     return text;
-}
-
-std::uint64_t peak_memory_bytes() {
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
-    return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024; // Linux counts in KiB
 }
 
 /// "avatar" for one person alone; of several, each one's name goes with it.
@@ -125,7 +119,7 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
 std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
                                         Reconstruction& reconstruction, const TrainingRecord& record) {
     auto& trainer = reconstruction.trainer;
-    Judge judge(trainer.backend(), source, o.lpips);
+    Judge judge(trainer.backend(), source, o);
     const std::vector<AvatarData> avatars = reconstruction.avatars(); // before test images have a say
     const std::size_t people = reconstruction.people.size();
     if (o.refine) reconstruction.refine_test_poses(trainer.backend());

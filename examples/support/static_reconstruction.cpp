@@ -4,6 +4,7 @@
 #include "support/figures.hpp"
 #include "support/input_files.hpp"
 #include "support/interrupts.hpp"
+#include "support/machine.hpp"
 #include "support/pictures.hpp"
 #include "support/progress.hpp"
 #include "support/rasterizer.hpp"
@@ -13,6 +14,7 @@
 #include <gsh/io/camera_file.hpp>
 #include <gsh/io/colmap.hpp>
 #include <gsh/io/ply.hpp>
+#include <gsh/train/static_configuration.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -69,13 +71,6 @@ StaticSource load_colmap_source(const std::filesystem::path& folder, std::size_t
     return source;
 }
 
-StaticConfig config_of(const StaticOptions& options) {
-    StaticConfig result = static_config(static_cast<std::int64_t>(options.steps));
-    result.sh_degree = options.sh_degree;
-    result.density.max_gaussians = options.max_gaussians;
-    return result;
-}
-
 GaussianCloud<float> start_of(const StaticSource& source, const StaticOptions& options) {
     return initial_gaussians<float>(source.points ? *source.points
                                                   : visual_hull_points(source.training, hull_box(source.training),
@@ -83,6 +78,11 @@ GaussianCloud<float> start_of(const StaticSource& source, const StaticOptions& o
 }
 
 } // namespace
+
+StaticOptions static_options(const ReconstructOptions& o) {
+    constexpr std::size_t points = 20'000;
+    return {.config = scene_configuration_of(o), .points = std::min(points, o.gaussians), .seed = o.seed};
+}
 
 StaticSource static_source(const Capture& capture, std::size_t frame) {
     check_value(frame < capture.frame_count(), capture.name,
@@ -106,8 +106,8 @@ StaticSource load_static_source(const std::filesystem::path& folder, std::size_t
 
 StaticReconstruction::StaticReconstruction(cpu::Threads& backend, const StaticSource& source,
                                            const StaticOptions& options)
-    : trainer(backend, start_of(source, options), source.training, options.seed, config_of(options)),
-      steps_(options.steps) {}
+    : trainer(backend, start_of(source, options), source.training, options.seed, options.config),
+      steps_(static_cast<std::uint64_t>(options.config.steps)) {}
 StaticReconstruction::~StaticReconstruction() = default;
 
 void StaticReconstruction::train(std::uint64_t until, const std::string& title) {
@@ -132,11 +132,12 @@ Comparison<float> StaticReconstruction::compare(const Photo& photo) { return gsh
 
 StaticResult reconstruct_static(cpu::Threads& backend, const StaticSource& source, const StaticOptions& options) {
     StaticReconstruction reconstruction(backend, source, options);
-    reconstruction.train(options.steps);
+    reconstruction.train(static_cast<std::uint64_t>(options.config.steps));
     auto& trainer = reconstruction.trainer;
     StaticResult result;
     result.seconds = reconstruction.seconds;
     result.steps = trainer.step_count();
+    result.threads = backend.thread_count();
     result.change = trainer.total_change();
     for (const Photo& photo : source.test) {
         const auto comparison = reconstruction.compare(photo);
@@ -163,8 +164,12 @@ void write_static_result(OutputFolder& out, const StaticSource& source, const St
     json["cloned"] = result.change.cloned;
     json["split"] = result.change.split;
     json["pruned"] = result.change.pruned;
+    json["peak_memory_bytes"] = peak_memory_bytes();
     json["seed"] = options.seed;
+    json["threads"] = result.threads;
     json["configuration"] = "static";
+    for (const auto& [key, value] : settings_of(options.config)) json["settings"][key] = value;
+    json["ms_per_stage"]["all"] = 1e3 * result.seconds / static_cast<double>(std::max<std::uint64_t>(1, result.steps));
     json["protocol"] =
         "Test views of " + source.name + " (" + std::to_string(result.scores.size()) + " images, " +
         std::to_string(source.training.size()) +

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "support/output_folder.hpp"
+#include "support/reconstruct_options.hpp"
 
 #include <gsh/backend/threads.hpp>
 #include <gsh/gaussian/gaussians.hpp>
@@ -37,12 +38,13 @@ struct StaticSource {
 };
 
 struct StaticOptions {
-    std::uint64_t steps = 3000;
-    std::size_t points = 20'000;           ///< to start from, where the source brings none
-    std::size_t max_gaussians = 500'000;
-    int sh_degree = 3;
+    StaticConfig config;
+    std::size_t points = 0; ///< to start from, where the source brings none
     std::uint64_t seed = 0;
 };
+
+/// What a reconstruction's options mean for a static scene.
+StaticOptions static_options(const ReconstructOptions& o);
 
 /// What was made, and how good it is.
 struct StaticResult {
@@ -52,6 +54,7 @@ struct StaticResult {
     std::vector<Image<float>> pictures;    ///< render, truth and error of each
     std::uint64_t steps = 0;               ///< fewer than asked for if somebody interrupted
     double seconds = 0;                    ///< of training alone
+    std::size_t threads = 0;
     DensityChange change;
 };
 

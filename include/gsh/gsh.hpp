@@ -114,6 +114,7 @@
 #include <gsh/loss/ssim.hpp>
 
 #include <gsh/train/avatar_model.hpp>
+#include <gsh/train/backdrop.hpp>
 #include <gsh/train/canonical_setup.hpp>
 #include <gsh/train/capture_reading.hpp>
 #include <gsh/train/configuration.hpp>
@@ -128,6 +129,7 @@
 #include <gsh/train/refinement_config.hpp>
 #include <gsh/train/refinement_tables.hpp>
 #include <gsh/train/region_labels.hpp>
+#include <gsh/train/static_configuration.hpp>
 #include <gsh/train/static_start.hpp>
 #include <gsh/train/static_trainer.hpp>
 #include <gsh/train/step_images.hpp>

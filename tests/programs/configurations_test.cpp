@@ -122,8 +122,9 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
         more.insert(more.begin(), words.begin(), words.end());
         return more;
     };
-    check_done(reconstruct(out, with({"--steps", "3"}), capture));
-    // Poses wait for the 300th step: so far they are what they were.
+    check_done(reconstruct(out, with({"--steps", "3", "--set", "refine.pose.start=1", "--set", "refine.transl.start=1", "--set",
+                                      "refine.expression.start=1"}), capture));
+    // Poses that start to learn at the end of a run are what they were.
     CHECK(load_motion(out / "poses_refined.npz", studio().body).pose == noisy.pose);
     CHECK(out.metrics().at("protocol").get<std::string>().find("poses_noisy.npz, refined in training") != std::string::npos);
     check_done(reconstruct(plain, {"--poses", "poses_noisy.npz", "--steps", "3"}, capture));
@@ -132,12 +133,17 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
     CHECK(out.avatar_bytes() == plain.avatar_bytes()); // test images have no say in the avatar
     CHECK(out.metrics().at("psnr") != plain.metrics().at("psnr")); // but in the poses that it is judged in
 
-    check_done(reconstruct(out, with({"--steps", "320", "--resume"}), capture));
-    CHECK(out.metrics().at("steps") == 320);
-    const Motion refined = load_motion(out / "poses_refined.npz", studio().body);
+    const Out moved;
+    check_done(reconstruct(moved, with({"--steps", "20"}), capture));
+    check_done(reconstruct(moved, with({"--steps", "40", "--resume"}), capture));
+    CHECK(moved.metrics().at("steps") == 40);
+    const Motion refined = load_motion(moved / "poses_refined.npz", studio().body);
     CHECK(refined.pose != noisy.pose);
+    CHECK(refined.betas == noisy.betas); // off
     CHECK(refined.frame_count() == 2);
-    check_refused(reconstruct(out, with({"--steps", "330", "--refine-cameras", "--resume"}), capture), "gsh-reconstruct", {"checkpoint.gsh"});
+    check_refused(reconstruct(moved, with({"--steps", "50", "--refine-cameras", "--resume"}), capture), "gsh-reconstruct", {"checkpoint.gsh"});
+    check_refused(reconstruct(moved, with({"--steps", "50", "--set", "refine.betas.rate=1e-3", "--resume"}), capture), "gsh-reconstruct",
+                  {"checkpoint.gsh"});
     check_done(reconstruct(plain, with({"--steps", "3", "--refine-cameras"}), capture));
 }
 
@@ -212,6 +218,13 @@ TEST_CASE("with weights there is LPIPS, and it says which") {
     CHECK(out.metrics().at("lpips") > 0.0);
     CHECK(out.metrics().at("images")[1].at("lpips") > 0.0);
     CHECK(out.metrics().at("protocol").get<std::string>().find("LPIPS") != std::string::npos);
+    const Out table;
+    auto as_in_tables = words("lpips.safetensors");
+    as_in_tables.push_back("--lpips-table");
+    check_done(reconstruct(table, as_in_tables));
+    CHECK(table.metrics().at("psnr") == out.metrics().at("psnr"));
+    CHECK(table.metrics().at("lpips") != out.metrics().at("lpips"));
+    CHECK(table.metrics().at("protocol") != out.metrics().at("protocol"));
 
     const Out none;
     write_file(out.folder / "broken.safetensors", "no weights");
@@ -245,13 +258,30 @@ TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
     check_done(run({"gsh-render", (out / "scene.ply").string(), "--camera", s.camera.string(), "--out", (out.folder / "a.png").string()}));
     check_done(run(words(again, {"--steps", "40", "--frame", "1", "--threads", "1"})));
     CHECK(read_file(again / "scene.ply") == read_file(out / "scene.ply"));
+    for (const char* key : {"peak_memory_bytes", "threads", "seconds"}) CHECK(metrics.at(key) > 0);
+    CHECK(metrics.at("ms_per_stage").at("all") > 0);
+    CHECK(metrics.at("settings").at("sh_degree") == "3");
+
+    // Single settings, on the command line and in a file.
+    const Out set, file;
+    check_done(run(words(set, {"--steps", "40", "--frame", "1", "--set", "density.stop=0", "--set", "sh_degree=1"})));
+    CHECK(set.metrics().at("cloned") == 0);
+    CHECK(set.metrics().at("split") == 0);
+    CHECK(read_file(set / "scene.ply") != read_file(out / "scene.ply"));
+    write_file(file.folder / "sparse.json", R"({"configuration": "static", "density.stop": 0, "sh_degree": 1})");
+    std::vector<std::string> by_file = words(file, {"--steps", "40", "--frame", "1"});
+    *std::find(by_file.begin(), by_file.end(), "static") = (file.folder / "sparse.json").string();
+    check_done(run(by_file));
+    CHECK(read_file(file / "scene.ply") == read_file(set / "scene.ply"));
 
     const Out none;
     check_refused(run(words(none, {"--frame", "2"})), "gsh-reconstruct", {"2 images", "frame 2"});
     check_refused(run(words(none, {"--resume"})), "gsh-reconstruct", {"static", "resume"});
     check_refused(run(words(none, {"--refine"})), "gsh-reconstruct", {"static", "refine"});
     check_refused(run(words(none, {"--seconds", "3"})), "gsh-reconstruct", {"static", "--steps"});
-    check_refused(run(words(none, {"--set", "ao=none"})), "gsh-reconstruct", {"static", "settings"});
+    check_refused(run(words(none, {"--set", "ao=none"})), "gsh-reconstruct", {"no setting 'ao'"});
+    for (const char* option : {"--lpips", "--regions", "--poses"})
+        check_refused(run(words(none, {option, "file"})), "gsh-reconstruct", {"static", option});
     check_refused(run({"gsh-reconstruct", "--synthetic", "--config", "static", "--out", none.path.string()}), "gsh-reconstruct", {"static"});
     fs::remove(capture / "cameras.json");
     check_refused(run(words(none, {})), "gsh-reconstruct", {"sparse"}); // then it should be COLMAP's
@@ -292,6 +322,8 @@ TEST_CASE("configurations, settings and lists that cannot be are refused before 
                                 "ao.largest=0.5", "ao.start=-1", "initial_opacity=1", "bounds_margin=0", "rate.sh=-1", "rate.final=-1",
                                 "ssim_weight=2", "filter.dilation=-1", "region.sigma=0", "region.samples_base=-1", "prior.depth_unit=0"})
         refuse({"--set", setting}, {});
+    for (const char* setting : {"refine.pose.rate=-1", "refine.betas.start=-1", "refine.test_mask_weight=-1", "refine.final=0"})
+        refuse({"--refine", "--set", setting}, {});
     refuse({"--refine-cameras"}, {"--refine-cameras needs --refine"});
     refuse({"--regions", (none.folder / "regions.json").string()}, {"regions.json", "No such file"});
     write_file(none.folder / "regions.json", R"({"high": [99999999]})");

@@ -260,7 +260,9 @@ TEST_CASE("what cannot be evaluated is refused in a line, and leaves nothing") {
     refuse("paper", {"--budgets", "5h"}, {"--budgets", "'5h'", "expected one like 5s"});
     refuse("paper", {"--refine-cameras"}, {"--refine-cameras needs --refine"});
     refuse("static", {"--budgets", "5s"}, {"static", "--steps"});
-    refuse("static", {"--set", "rate.sh=1"}, {"static", "--set"});
+    refuse("static,paper", {"--set", "rate.sh=1"}, {"static", "--set"});
+    refuse("static", {"--set", "ao=none"}, {"no setting 'ao'"});
+    refuse("paper", {"--lpips-table"}, {"--lpips-table needs --lpips"});
     refuse("static", {"--frame", "7"}, {"2 frames", "expected frame 7"});
     refuse("paper", {"--poses", "none.npz"}, {"none.npz"});
     {

@@ -132,9 +132,9 @@ struct TwoPeople {
     }
     [[nodiscard]] Command reconstruct(const fs::path& into, const Command& more, const fs::path& of = {}) const {
         Command words{"gsh-reconstruct", "--capture", (of.empty() ? path : of).string(), "--body", body.string(),
-                      "--out", into.string(), "--gaussians", "500",
-                      "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"};
-        if (std::find(more.begin(), more.end(), "--steps") == more.end()) words.insert(words.end(), {"--steps", "4"});
+                      "--out", into.string(), "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"};
+        for (const auto& [option, value] : {std::pair("--steps", "4"), std::pair("--gaussians", "500")})
+            if (std::find(more.begin(), more.end(), option) == more.end()) words.insert(words.end(), {option, value});
         words.insert(words.end(), more.begin(), more.end());
         return words;
     }
@@ -347,6 +347,16 @@ TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are all reconstructed, wi
                   "gsh-reconstruct", {"own layout"});
 }
 
+TEST_CASE_FIXTURE(test::Gala, "configurations are compared on GalaBasketball, which needs no body file") {
+    const fs::path out = folder / "out";
+    const test::Outcome outcome =
+        run({"gsh-evaluate", "--capture", scene.string(), "--configs", "paper", "--steps", "2", "--views", "0", "--set",
+             "hash.table_size=4096", "--set", "ao.table_size=4096", "--out", out.string()});
+    INFO(outcome.err);
+    CHECK(outcome.code == 0);
+    CHECK(json_of(out / "tables.json").at("figures")[0].at("psnr").is_number());
+}
+
 TEST_CASE("configurations are compared on two people") {
     const TwoPeople& s = two_people();
     const test::Temporary folder;
@@ -357,6 +367,20 @@ TEST_CASE("configurations are compared on two people") {
     check_done(outcome);
     const auto tables = json_of(folder / "out" / fs::path("tables.json"));
     CHECK(tables.at("costs")[0].at("gaussians") == 600);
+    // Each one's figures are what gsh-reconstruct finds in the same training.
+    const fs::path same = folder / "same";
+    check_done(run(s.reconstruct(same, {"--poses", "ann.npz,bob.npz", "--steps", "2", "--gaussians", "300"})));
+    const auto alone = json_of(same / "metrics.json");
+    const auto& figures = tables.at("figures")[0].at("people");
+    REQUIRE(figures.size() == 2);
+    for (const std::size_t p : {0, 1}) {
+        CHECK(figures[p].at("name") == alone.at("people")[p].at("name"));
+        CHECK(figures[p].at("psnr_person") == alone.at("people")[p].at("psnr_person"));
+        CHECK(figures[p].at("psnr_regions") == alone.at("people")[p].at("psnr_regions"));
+    }
+    CHECK(figures[0].at("psnr_person") != figures[1].at("psnr_person"));
+    const std::string page = read_file(folder / "out" / fs::path("tables.md"));
+    CHECK(page.find("## Each of them") != std::string::npos);
 }
 
 TEST_CASE("each of two people who pass each other is as good as alone") {

@@ -35,11 +35,10 @@ struct Everything {
 
     static RefinementConfig config() {
         RefinementConfig config;
-        config.pose = {.rate = 2e-3, .start = 2, .terms = {.pull = 1e-3, .acceleration = 1e-2}};
-        config.transl = {.rate = 5e-4, .start = 2, .terms = {.pull = 1e-3}};
-        config.expression = {.rate = 5e-3, .start = 4, .terms = {.pull = 1e-3}};
+        config.pose = {.rate = 2e-3, .start = 0.1, .terms = {.pull = 1e-3, .acceleration = 1e-2}};
+        config.transl = {.rate = 5e-4, .start = 0.1, .terms = {.pull = 1e-3}};
+        config.expression = {.rate = 5e-3, .start = 0.2, .terms = {.pull = 1e-3}};
         config.betas = {.rate = 1e-3, .start = 0, .terms = {.pull = 1e-3}};
-        config.camera_rotation.rate = config.camera_translation.rate = 2e-4;
         config.camera_focal.rate = 1e-4, config.camera_center.rate = 1e-2;
         return config;
     }

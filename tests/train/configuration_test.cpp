@@ -67,18 +67,26 @@ TEST_CASE("docs/configurations.md lists every configuration, and every setting w
         CAPTURE(row);
         CHECK(page.find(row) != std::string::npos);
     }
-    const std::string table = page.substr(page.find("| setting |")); // and no other
-    const auto rows = [&](std::string_view begin) {
+    const auto rows = [](std::string_view table) { // and no other
         std::size_t count = 0;
-        for (std::size_t at = table.find(begin); at != std::string::npos; at = table.find(begin, at + 1)) ++count;
+        for (std::size_t at = table.find("\n| `"); at != std::string::npos; at = table.find("\n| `", at + 1)) ++count;
         return count;
     };
-    CHECK(rows("\n| `") == settings.size());
+    const std::size_t begin = page.find("| setting |"), end = page.find("## A static scene");
+    REQUIRE(end != std::string::npos);
+    CHECK(rows(std::string_view(page).substr(begin, end - begin)) == settings.size());
+    const auto scene = settings_of(static_config(3000));
+    for (const auto& [key, text] : scene) {
+        const std::string row = std::string("\n| `").append(key).append("` | ").append(text).append(" | ");
+        CAPTURE(row);
+        CHECK(page.find(row, end) != std::string::npos);
+    }
+    CHECK(rows(std::string_view(page).substr(end)) == scene.size());
 }
 
 TEST_CASE("settings have names of their own") {
     std::set<std::string> names;
-    const auto settings = settings_of({});
+    const auto settings = settings_of(Configuration());
     for (const auto& [key, text] : settings) names.insert(key);
     CHECK(names.size() == settings.size());
 }

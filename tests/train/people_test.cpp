@@ -270,14 +270,13 @@ TEST_CASE("two people go on from a checkpoint bit for bit, refinement and all") 
     const AvatarConfig shaded{.ao = AmbientOcclusion::time};
     const TrainConfig config{.rates = {.quats = 0, .sh = 5e-3}, .ao_start = 0.3};
     RefinementConfig moving;
-    for (RefinedGroup* group : {&moving.pose, &moving.transl, &moving.expression}) group->start = 2;
+    for (RefinedGroup* group : {&moving.pose, &moving.transl, &moving.expression}) group->start = 2 / 16.0;
     struct Everything {
         Cast<cpu::Serial> cast;
         std::deque<MotionRefinement<cpu::Serial>> refinements;
 
         Everything(const TwoPeople& of, const AvatarConfig& avatar, const TrainConfig& train, RefinementConfig refine)
             : cast(of.scene, of.motions, of.photos, {}, avatar, train) {
-            refine.camera_translation.rate = 2e-4;
             for (const std::size_t p : {0, 1}) {
                 refinements.emplace_back(cast.backend, cast.rigs[p], of.motions[p],
                                          p == 1 ? of.scene.cameras : std::vector<Camera<double>>(), refine);

@@ -51,6 +51,7 @@ struct Training {
     }
 
     void step(MotionRefinement<B>& refinement, std::size_t frame, std::size_t c, double progress) {
+        refinement.come_to(progress);
         const Background<float> white{.color = vec3<float>(1.0f)};
         const Camera<float> camera = refinement.camera(c);
         composite_rgba8(*backend, scene->observe(frame, c).rgba, PosedScene::size, PosedScene::size, white.color,
@@ -79,7 +80,7 @@ struct Training {
                 refinement.accumulate_camera(c, Span<const CameraGradient<float>>(&dL_dcamera, 1),
                                              Span<const vec3<float>>(&dL_dcenter, 1));
         }
-        refinement.step(progress);
+        refinement.step();
     }
 
     void steps(MotionRefinement<B>& refinement, std::size_t count, std::size_t whole) {
@@ -345,7 +346,8 @@ TEST_CASE("groups wait for their start, joints move at their rates, rows at thei
     const PosedScene scene;
     cpu::Serial backend;
     RefinementConfig config;
-    config.pose = {.rate = 1e-2, .start = 2};
+    config.pose = {.rate = 1e-2, .start = 0.5};
+    config.final_rate = 1;
     config.transl = {.rate = 1e-3, .start = 0};
     config.expression = {};
     config.joint_rates = {1, 0.5, 0, 1};
@@ -361,6 +363,7 @@ TEST_CASE("groups wait for their start, joints move at their rates, rows at thei
     CHECK(refinement.pose_gradient().transl.size() == 1);
     CHECK(refinement.pose_gradient().coefficients.empty());
     step(0), step(0);
+    refinement.come_to(0.5);
     CHECK(refinement.increments(RefinementGroup::pose, 0)[0] == 0);
     CHECK(refinement.increments(RefinementGroup::transl, 0)[0] == doctest::Approx(-2e-3));
     step(0);

@@ -207,8 +207,8 @@ TEST_CASE("the trainer refuses a configuration that would end in NaN") {
 TEST_CASE("estimated poses come closer to the true ones while the avatar is learned") {
     const PosedScene scene;
     RefinementConfig config;
-    config.pose = {.rate = 4e-3, .start = 100, .terms = {.pull = 1e-3}};
-    config.transl = {.rate = 1e-3, .start = 100, .terms = {.pull = 1e-3}};
+    config.pose = {.rate = 4e-3, .start = 0.25, .terms = {.pull = 1e-3}};
+    config.transl = {.rate = 1e-3, .start = 0.25, .terms = {.pull = 1e-3}};
     config.expression = {};
     Estimated refined(scene.estimate(), scene.cameras), plain(scene.estimate(), scene.cameras);
     refined.refine(config);
@@ -238,8 +238,8 @@ TEST_CASE("a camera that stands elsewhere than its file says finds its place, an
     cameras[1].t += vec3<double>(0.03, -0.02, 0);
     RefinementConfig config;
     for (RefinedGroup* group : {&config.pose, &config.transl, &config.expression}) *group = {};
-    config.camera_rotation = {.rate = 1e-3, .start = 50, .terms = {.pull = 1e-3}};
-    config.camera_translation = {.rate = 1e-3, .start = 50, .terms = {.pull = 1e-3}};
+    config.camera_rotation = {.rate = 1e-3, .start = 0.15, .terms = {.pull = 1e-3}};
+    config.camera_translation = {.rate = 1e-3, .start = 0.15, .terms = {.pull = 1e-3}};
     Estimated refined(scene.truth, cameras);
     refined.refine(config, true);
     refined.train(300);
@@ -257,14 +257,18 @@ TEST_CASE("a camera that stands elsewhere than its file says finds its place, an
 
 TEST_CASE("a refinement that waits for its start changes nothing, and one that has started does") {
     const PosedScene scene;
-    RefinementConfig config; // cameras from the first step on would move at once
-    for (RefinedGroup* group : {&config.pose, &config.transl, &config.expression}) group->start = 4;
+    RefinementConfig config;
+    for (RefinedGroup* group : {&config.pose, &config.transl, &config.expression}) group->start = 0.2;
+    for (RefinedGroup* group : {&config.camera_rotation, &config.camera_translation}) group->rate = 0;
     Estimated refined(scene.estimate(), scene.cameras), plain(scene.estimate(), scene.cameras);
     refined.refine(config, true);
-    for (int i = 0; i < 5; ++i) refined.trainer.step(), plain.trainer.step(); // the fifth moves a pose after all else
+    const auto run = [&](int first, int last) {
+        for (int i = first; i < last; ++i) refined.trainer.step(i / 20.0), plain.trainer.step(i / 20.0);
+    };
+    run(0, 5); // the fifth moves a pose after all else
     CHECK(trained(refined) == trained(plain));
     CHECK(refined.refinement->motion().pose != scene.estimate().pose);
-    for (int i = 0; i < 15; ++i) refined.trainer.step(), plain.trainer.step();
+    run(5, 20);
     CHECK(trained(refined) != trained(plain));
 }
 

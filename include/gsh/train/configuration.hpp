@@ -8,11 +8,13 @@
 #include <gsh/core/error.hpp>
 #include <gsh/prior/prior_features.hpp>
 #include <gsh/train/avatar_model.hpp>
+#include <gsh/train/refinement_config.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <string>
 #include <string_view>
@@ -43,6 +45,11 @@ struct Configuration {
     PriorFeatureParams prior;
     AvatarConfig avatar{.ao = AmbientOcclusion::time};
     TrainConfig train;
+    RefinementConfig refinement; ///< of a run that refines
+    double finger_rate = 1;      ///< factor on the rate of refined poses at fingers
+    double face_rate = 1;        ///< and at jaw and eyes
+    std::size_t test_steps = 60; ///< steps in which a test frame's pose is fitted
+    double test_mask_weight = 0; ///< PoseFitParams::mask_weight of that fit
 };
 
 /// Names that named_configuration knows: the paper's method, its direct baseline with a body's 22 joints and with all of
@@ -130,6 +137,7 @@ void set_from_text(std::string_view where, const std::string& text, V& value) {
 
 /// Calls f(name, value) for every setting of a configuration but its own name.
 template <class C, class F>
+    requires std::same_as<std::remove_const_t<C>, Configuration>
 void for_each_setting(C& c, const F& f) {
     f("joints", c.joints);
     f("region.samples", c.region_samples);
@@ -180,6 +188,27 @@ void for_each_setting(C& c, const F& f) {
     f("background.random", c.train.random_background);
     f("filter.dilation", c.train.filter.dilation);
     f("filter.compensate_opacity", c.train.filter.compensate_opacity);
+    const auto refined = [&](const std::string& group, auto& how, bool in_time) {
+        f(group + ".rate", how.rate);
+        f(group + ".start", how.start);
+        f(group + ".pull", how.terms.pull);
+        if (!in_time) return;
+        f(group + ".drift", how.terms.drift);
+        f(group + ".acceleration", how.terms.acceleration);
+    };
+    refined("refine.pose", c.refinement.pose, true);
+    refined("refine.transl", c.refinement.transl, true);
+    refined("refine.expression", c.refinement.expression, true);
+    refined("refine.betas", c.refinement.betas, false);
+    refined("refine.camera_rotation", c.refinement.camera_rotation, false);
+    refined("refine.camera_translation", c.refinement.camera_translation, false);
+    refined("refine.camera_focal", c.refinement.camera_focal, false);
+    refined("refine.camera_center", c.refinement.camera_center, false);
+    f("refine.fingers", c.finger_rate);
+    f("refine.face", c.face_rate);
+    f("refine.final", c.refinement.final_rate);
+    f("refine.test_steps", c.test_steps);
+    f("refine.test_mask_weight", c.test_mask_weight);
 }
 
 /// A configuration by its name.
@@ -217,9 +246,11 @@ void for_each_setting(C& c, const F& f) {
     return c;
 }
 
-/// Sets one setting from text. `where` says who asks, for messages.
+/// Sets one setting from text, of a configuration or whatever else for_each_setting knows. `where` says who asks, for
+/// messages.
 /// Errors  ValueError for a setting that does not exist or text that it cannot be.
-inline void set_setting(Configuration& c, std::string_view key, const std::string& text, const std::string& where) {
+template <class C>
+void set_setting(C& c, std::string_view key, const std::string& text, const std::string& where) {
     bool found = false;
     for_each_setting(c, [&](std::string_view name, auto& value) {
         if (name != key) return;
@@ -230,7 +261,8 @@ inline void set_setting(Configuration& c, std::string_view key, const std::strin
 }
 
 /// Text of each setting, in order: what a report prints.
-[[nodiscard]] inline std::vector<std::pair<std::string, std::string>> settings_of(const Configuration& c) {
+template <class C>
+[[nodiscard]] std::vector<std::pair<std::string, std::string>> settings_of(const C& c) {
     std::vector<std::pair<std::string, std::string>> result;
     for_each_setting(c, [&](std::string_view name, const auto& value) {
         result.emplace_back(std::string(name), detail::setting_text(value));

@@ -9,10 +9,10 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
-#include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/render/rasterizer.hpp>
+#include <gsh/train/backdrop.hpp>
 #include <gsh/train/refinement.hpp>
 
 #include <array>
@@ -28,10 +28,11 @@ namespace gsh {
 
 /// One photograph of a frame: its camera and its pixels.
 ///
-/// Shapes  rgba [height, width, 4] straight alpha, owned by the caller; alpha is the person's mask.
+/// Shapes  rgba [height, width, 4] straight alpha; alpha is the person's mask. plate likewise, opaque: what the camera
+///         sees without the person, or empty for a plain background. The caller owns both.
 struct Observation {
     Camera<double> camera;
-    Span<const std::uint8_t> rgba;
+    Span<const std::uint8_t> rgba, plate = {};
 };
 
 /// An avatar, or a model in training, whose splats can be asked for and whose pose has a gradient.
@@ -73,7 +74,7 @@ public:
 
     /// filter: what the avatar was trained with (AvatarData::filter).
     PoseFit(B& backend, Model& model, const PixelFilter& filter, const Params& params = {})
-        : backend_(&backend), model_(&model), params_(params), rasterizer_(backend, raster_params<T>(filter)),
+        : backend_(&backend), model_(&model), params_(params), backdrop_(params.background), rasterizer_(backend, raster_params<T>(filter)),
           loss_(backend, {.ssim_weight = T(params.ssim_weight)}), mask_loss_(backend) {
         check_value(params.mask_weight >= 0, "PoseFit", "mask_weight must not be negative");
     }
@@ -82,17 +83,19 @@ public:
     /// end that is worse than the beginning is taken back.
     PoseFitReport fit(MotionRefinement<B, T>& motion, std::size_t frame, const std::vector<Observation>& photos) {
         check(photos, "PoseFit::fit");
+        motion.come_to(0);
         check_value(motion.learns_motion(frame), "PoseFit::fit",
                     "frame " + std::to_string(frame) +
-                        " does not learn; is it left out, or a start step ahead? see test_time_config");
+                        " does not learn; is it left out, or does it start later? see test_time_config");
         PoseFitReport report;
         report.loss_before = mean_loss(motion, frame, photos);
         remember(motion, frame);
         for (std::size_t step = 0; step < params_.steps; ++step) {
+            motion.come_to(static_cast<double>(step) / static_cast<double>(params_.steps));
             const Observation& photo = photos[step % photos.size()];
             render(motion, frame, photo);
             backward(photo, motion.pose_gradient(), motion, frame);
-            motion.step(static_cast<double>(step) / static_cast<double>(params_.steps));
+            motion.step();
         }
         report.loss_after = mean_loss(motion, frame, photos);
         report.kept = report.loss_after < report.loss_before;
@@ -120,33 +123,30 @@ private:
         check_value(!photos.empty(), where, "there are no photographs to fit to");
         for (const Observation& photo : photos) {
             check_camera(where, "an observation's camera", photo.camera);
-            check_size(where, "rgba", photo.rgba.size(),
-                       4 * static_cast<std::size_t>(photo.camera.width) * static_cast<std::size_t>(photo.camera.height),
-                       "the image must have its camera's size");
+            const std::size_t bytes =
+                4 * static_cast<std::size_t>(photo.camera.width) * static_cast<std::size_t>(photo.camera.height);
+            check_size(where, "rgba", photo.rgba.size(), bytes, "the image must have its camera's size");
+            if (!photo.plate.empty())
+                check_size(where, "plate", photo.plate.size(), bytes, "a plate is as large as its photograph");
         }
     }
     [[nodiscard]] bool with_mask() const { return params_.mask_weight > 0; }
     [[nodiscard]] static ImageView<T> image(Buffer<T>& buffer, int channels, const Camera<double>& camera) {
         return {buffer, channels, camera.height, camera.width};
     }
-    [[nodiscard]] Background<T> background() const {
-        return {.color = {T(params_.background[0]), T(params_.background[1]), T(params_.background[2])}};
-    }
 
     /// Splats, picture and loss at the frame's present pose.
     double render(const MotionRefinement<B, T>& motion, std::size_t frame, const Observation& photo) {
         const Camera<T> camera = photo.camera.template cast<T>();
         const std::size_t plane = photo.rgba.size() / 4;
-        rgba_.resize(photo.rgba.size());
         for (Buffer<T>* buffer : {&render_, &truth_, &dL_drender_}) buffer->resize(3 * plane);
         for (Buffer<T>* buffer : {&alpha_, &mask_, &dL_dalpha_}) buffer->resize(plane);
-        backend_->upload(photo.rgba, rgba_);
-        composite_rgba8(*backend_, Span<const std::uint8_t>(rgba_), camera.height, camera.width, background().color,
-                        image(truth_, 3, photo.camera), image(mask_, 1, photo.camera));
+        backdrop_.photograph(*backend_, photo.rgba, photo.plate, image(truth_, 3, photo.camera),
+                             image(mask_, 1, photo.camera));
         motion.pose(frame, pose_);
         splats_.resize(model_->size());
         model_->pose(pose_, camera.center(), splats_.view(), model_cache_);
-        rasterizer_.forward(camera, std::as_const(splats_).view(), background(),
+        rasterizer_.forward(camera, std::as_const(splats_).view(), backdrop_.background(),
                             {.color = image(render_, 3, photo.camera), .alpha = image(alpha_, 1, photo.camera)},
                             raster_cache_);
         loss_.forward(image(render_, 3, photo.camera), image(truth_, 3, photo.camera), loss_cache_);
@@ -173,7 +173,7 @@ private:
         }
         dL_dsplats_.resize(model_->size());
         fill_zero(*backend_, dL_dsplats_.view());
-        rasterizer_.backward(camera, std::as_const(splats_).view(), background(), dL_dtarget, raster_cache_,
+        rasterizer_.backward(camera, std::as_const(splats_).view(), backdrop_.background(), dL_dtarget, raster_cache_,
                              dL_dsplats_.view());
         model_->pose_backward(pose_, camera.center(), std::as_const(dL_dsplats_).view(), model_cache_, dL_dpose);
         motion.accumulate(frame, dL_dpose);
@@ -197,11 +197,11 @@ private:
     B* backend_;
     Model* model_;
     Params params_;
+    Backdrop<B, T> backdrop_;
     Rasterizer<B, T> rasterizer_;
     PhotometricLoss<B, T> loss_;
     L1Loss<B, T> mask_loss_;
 
-    Buffer<std::uint8_t> rgba_;
     Buffer<T> render_, truth_, dL_drender_; // [3, height, width]
     Buffer<T> alpha_, mask_, dL_dalpha_;    // [height, width]
     RigPose<B, T> pose_;

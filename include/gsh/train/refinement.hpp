@@ -93,10 +93,9 @@ struct MovedCameraBackward {
 /// that bind frames (loss/motion_terms.hpp) are gathered for those rows, so that all of it descends Σ photometric +
 /// terms, the terms counted once a visit.
 ///
-/// Gauges  All cameras and the body may move as one, unseen: cameras are off by default, and the first stays where it
-/// is
-///         when they are on. Betas do what learned joints and displacements do, too, and are off. A shift of all of
-///         transl and the opposite one of joints and displacements cancel; the pull to the estimate chooses.
+/// Gauges  All cameras and the body may move as one, unseen: the first camera stays where it is. Betas do what learned
+///         joints and displacements do, too, and are off. A shift of all of transl and the opposite one of joints and
+///         displacements cancel; the pull to the estimate chooses.
 /// Shapes  T frames, J joints, S betas and E expression coefficients of the rig, C cameras.
 /// Errors  ShapeError, ValueError before any work starts.
 template <Backend B, std::floating_point T = float>
@@ -133,9 +132,12 @@ public:
     [[nodiscard]] std::size_t camera_count() const { return cameras_.size(); }
     [[nodiscard]] std::uint64_t step_count() const { return steps_; }
 
+    /// progress in [0, 1] is the share of the run that is over: groups begin with it, and rates fall to final_rate.
+    void come_to(double progress) { progress_ = std::clamp(progress, 0.0, 1.0); }
+
     /// Whether the next step moves the group; a gradient is worth computing then.
     [[nodiscard]] bool learns(RefinementGroup group) const {
-        return config_[group].rate > 0 && steps_ >= config_[group].start;
+        return config_[group].rate > 0 && progress_ >= config_[group].start;
     }
     [[nodiscard]] bool learns_motion(std::size_t frame) const {
         check_frame("learns_motion", frame);
@@ -240,9 +242,9 @@ public:
     }
 
     /// Adds the terms' gradients to what was accumulated, takes a step of Adam in the rows that were seen, and forgets
-    /// the gradients. progress in [0, 1] is the share of the run that is over: rates fall with it to final_rate.
-    void step(double progress = 0) {
-        const double decay = std::pow(config_.final_rate, std::clamp(progress, 0.0, 1.0));
+    /// the gradients.
+    void step() {
+        const double decay = std::pow(config_.final_rate, progress_);
         each_touched_row([&](RefinementGroup group, std::size_t row) {
             if (learns(group)) add_terms(group, row); // all rows first: neighbours see each other as they were
         });
@@ -378,9 +380,9 @@ private:
             const RefinedGroup& group = config_[static_cast<RefinementGroup>(g)];
             const std::string name(refinement_group_names[g]);
             const SequenceWeights& w = group.terms;
-            for (const double number : {group.rate, w.pull, w.drift, w.acceleration})
+            for (const double number : {group.rate, group.start, w.pull, w.drift, w.acceleration})
                 check_value(number >= 0 && std::isfinite(number), where,
-                            name + " has a rate or weight that is negative or not finite");
+                            name + " has a rate, start or weight that is negative or not finite");
             check_value(g < static_cast<std::size_t>(RefinementGroup::betas) || (w.drift == 0 && w.acceleration == 0),
                         where,
                         name + " has a weight on drift or acceleration, but only frames follow each other in time; "
@@ -494,6 +496,7 @@ private:
     Buffer<T> dL_dcoefficients_, scratch_;
     std::vector<std::size_t> frames_touched_, cameras_touched_;
     std::uint64_t steps_ = 0;
+    double progress_ = 0;
 };
 
 } // namespace gsh

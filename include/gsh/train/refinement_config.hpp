@@ -31,17 +31,17 @@ inline constexpr std::size_t refinement_group_count = refinement_group_names.siz
 /// How a group learns.
 struct RefinedGroup {
     double rate = 0;         ///< about the distance that one step of Adam goes, in the group's unit; 0: it stays
-    std::uint64_t start = 0; ///< before this step nothing moves: first the avatar must look like someone
+    double start = 0;        ///< share of the run before which it stays: first the avatar must look like someone
     SequenceWeights terms{}; ///< beside the photometric loss, a mean over the image; two of them for frames only
 };
 
 struct RefinementConfig {
-    RefinedGroup pose{.rate = 2e-3, .start = 300, .terms = {.pull = 1e-3}};
-    RefinedGroup transl{.rate = 5e-4, .start = 300, .terms = {.pull = 1e-3}};
-    RefinedGroup expression{.rate = 5e-3, .start = 300, .terms = {.pull = 1e-5}};
-    RefinedGroup betas{.start = 300, .terms = {.pull = 1e-4}}; ///< off: learned joints and displacements do the same
-    RefinedGroup camera_rotation{.terms = {.pull = 1e-3}};     ///< cameras are off: see MotionRefinement on gauges
-    RefinedGroup camera_translation{.terms = {.pull = 1e-3}};
+    RefinedGroup pose{.rate = 2e-3, .start = 0.1, .terms = {.pull = 1e-3}};
+    RefinedGroup transl{.rate = 5e-4, .start = 0.1, .terms = {.pull = 1e-3}};
+    RefinedGroup expression{.rate = 5e-3, .start = 0.1, .terms = {.pull = 1e-5}};
+    RefinedGroup betas{.start = 0.1, .terms = {.pull = 1e-4}}; ///< off: learned joints and displacements do the same
+    RefinedGroup camera_rotation{.rate = 2e-4, .terms = {.pull = 1e-3}}; ///< where there are cameras to refine
+    RefinedGroup camera_translation{.rate = 2e-4, .terms = {.pull = 1e-3}};
     RefinedGroup camera_focal{.terms = {.pull = 1e-3}};
     RefinedGroup camera_center{.terms = {.pull = 1e-9}};
     double final_rate = 0.1;                   ///< share of its rate that each group ends with
@@ -66,10 +66,11 @@ struct RefinementConfig {
     }
 };
 
-/// For frames that training has not seen, refined one by one while the avatar stays as it is: the frame's own numbers,
-/// from the first step on, and twice as fast, since nothing else moves.
-[[nodiscard]] inline RefinementConfig test_time_config() {
-    RefinementConfig config;
+/// The same for frames that training has not seen, refined one by one while the avatar stays as it is: the frame's own
+/// numbers, from the first step on, and twice as fast, since nothing else moves.
+[[nodiscard]] inline RefinementConfig test_time_config(RefinementConfig config = {}) {
+    config.left_out.clear();
+    config.betas.rate = 0;
     for (RefinedGroup* group : {&config.pose, &config.transl, &config.expression}) group->start = 0, group->rate *= 2;
     return config;
 }

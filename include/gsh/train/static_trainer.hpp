@@ -8,12 +8,12 @@
 #include <gsh/core/rng.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
-#include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
 #include <gsh/optim/schedule.hpp>
 #include <gsh/render/rasterizer.hpp>
+#include <gsh/train/backdrop.hpp>
 #include <gsh/train/density_control.hpp>
 #include <gsh/train/photo.hpp>
 #include <gsh/train/step_images.hpp>
@@ -209,17 +209,10 @@ private:
                    "the image must have its camera's size");
     }
 
-    [[nodiscard]] Background<T> background() const {
-        return {.color = {T(config_.background[0]), T(config_.background[1]), T(config_.background[2])}};
-    }
-
     /// truth = the photograph over the background.
     void upload_photo(const Photo& photo, const ImageView<T>& alpha = {}) {
         images_.resize(photo.camera.height, photo.camera.width);
-        rgba_.resize(photo.rgba.size());
-        backend_->upload(photo.rgba, rgba_);
-        composite_rgba8(*backend_, Span<const std::uint8_t>(rgba_), images_.height(), images_.width(),
-                        background().color, images_.truth(), alpha);
+        backdrop_.photograph(*backend_, photo.rgba, {}, images_.truth(), alpha); // a room is part of a static scene
     }
 
     void draw(const Camera<T>& camera, const ImageView<T>& alpha) {
@@ -228,7 +221,7 @@ private:
             static_splats_forward<decltype(degree)::value>(*backend_, std::as_const(gaussians_).view(), camera.center(),
                                                            splats_.view());
         });
-        rasterizer_.forward(camera, std::as_const(splats_).view(), background(),
+        rasterizer_.forward(camera, std::as_const(splats_).view(), backdrop_.background(),
                             {.color = images_.render(), .alpha = alpha}, raster_cache_);
     }
 
@@ -238,7 +231,7 @@ private:
         dL_dsplats_.resize(size());
         const SplatView<T> gradient = dL_dsplats_.view();
         fill_zero(*backend_, gradient);
-        rasterizer_.backward(camera, std::as_const(splats_).view(), background(), {.color = images_.dL_drender()},
+        rasterizer_.backward(camera, std::as_const(splats_).view(), backdrop_.background(), {.color = images_.dL_drender()},
                              raster_cache_, gradient);
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
             static_splats_backward<decltype(degree)::value>(*backend_, std::as_const(gaussians_).view(),
@@ -314,7 +307,7 @@ private:
     std::uint64_t order_epoch_ = 0;
 
     StepImages<B, T> images_;
-    Buffer<std::uint8_t> rgba_;
+    Backdrop<B, T> backdrop_{config_.background};
     Gaussians<B, T> gaussians_, gradient_, first_moment_, second_moment_;
     Splats<B, T> splats_, dL_dsplats_;
     StaticSplatsWorkspace<B, T> workspace_;

@@ -9,13 +9,13 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/gaussian/splats.hpp>
-#include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/optim/adam.hpp>
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/train/avatar_model.hpp>
+#include <gsh/train/backdrop.hpp>
 #include <gsh/train/parameters.hpp>
 #include <gsh/train/photo.hpp>
 #include <gsh/train/refinement.hpp>
@@ -205,7 +205,9 @@ public:
     void step(double progress = 0) {
         const Photo& photo = photos_[photo_of_step(step_count_)];
         progress_ = progress;
-        if (config_.random_background) background_ = random_color(step_count_);
+        for (Person& person : people_)
+            if (person.refinement) person.refinement->come_to(progress);
+        if (config_.random_background) backdrop_.set_color(random_color(step_count_));
         time(Stage::photo, [&] { upload_photo(photo); });
         time(Stage::field_forward, [&] { query_fields(photo.frame); });
         const Camera<T> camera = camera_of(photo);
@@ -220,8 +222,8 @@ public:
             dL_dsplats_.resize(splat_count_);
             const SplatView<T> gradient = dL_dsplats_.view();
             fill_zero(*backend_, gradient);
-            rasterizer_.backward(camera, std::as_const(splats_).view(), background(), {.color = images_.dL_drender()},
-                                 raster_cache_, gradient, camera_gradient(photo));
+            rasterizer_.backward(camera, std::as_const(splats_).view(), backdrop_.background(),
+                                 {.color = images_.dL_drender()}, raster_cache_, gradient, camera_gradient(photo));
         });
         time(Stage::model_backward, [&] {
             for (Person& person : people_) model_backward(person, photo.frame, camera.center());
@@ -230,7 +232,7 @@ public:
                                                        Span<const vec3<T>>(dL_dcenter_));
         });
         time(Stage::update, [&] { update(progress); });
-        background_ = config_.background;
+        backdrop_.set_color(config_.background);
     }
 
     /// Loss of the last step; waits for it.
@@ -257,14 +259,13 @@ public:
 
     /// Renders a photograph's view at its frame, over its plate if it has one.
     void render(const Photo& photo, Image<T>& color, Image<T>* alpha = nullptr) {
-        images_.resize(photo.camera.height, photo.camera.width);
-        upload_plate(photo);
+        backdrop_.set_plate(*backend_, photo.plate, photo.camera.height, photo.camera.width);
         render_view(photo.camera, photo.frame, color, alpha);
     }
 
     /// Renders a frame at the present parameters: colour [3, height, width] over the plain background, and alpha if asked.
     void render(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha = nullptr) {
-        plate_.resize(0);
+        backdrop_.clear_plate();
         render_view(camera, frame, color, alpha);
     }
 
@@ -373,32 +374,11 @@ private:
             std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     }
 
-    [[nodiscard]] Background<T> background() const {
-        return {.color = {T(background_[0]), T(background_[1]), T(background_[2])},
-                .image = plate_.size() ? ImageView<const T>{plate_, 3, images_.height(), images_.width()} : ImageView<const T>()};
-    }
     [[nodiscard]] std::array<double, 3> random_color(std::uint64_t step) const {
         const std::uint64_t bits = random_bits(mix_bits(seed_ + 2), step);
         std::array<double, 3> color;
         for (std::size_t c = 0; c < 3; ++c) color[c] = static_cast<double>(bits >> (21 * c) & 0x1FFFFF) / 0x1FFFFF;
         return color;
-    }
-    /// The plate as numbers, or none.
-    void upload_plate(const Photo& photo) {
-        if (photo.plate.empty()) return plate_.resize(0);
-        plate_bytes_.resize(photo.plate.size());
-        backend_->upload(photo.plate, plate_bytes_);
-        composite_rgba8(*backend_, Span<const std::uint8_t>(plate_bytes_), images_.height(), images_.width(), vec3<T>(T(0)),
-                        images_.in(plate_, 3));
-    }
-    /// truth = rgba_ over the background.
-    void composite(const ImageView<T>& alpha) {
-        const Background<T> behind = background();
-        const Span<const std::uint8_t> bytes(rgba_);
-        if (behind.image.data.empty())
-            composite_rgba8(*backend_, bytes, images_.height(), images_.width(), behind.color, images_.truth(), alpha);
-        else
-            composite_rgba8(*backend_, bytes, images_.height(), images_.width(), behind.image, images_.truth(), alpha);
     }
 
     /// The one that holds the cameras, or null.
@@ -459,10 +439,7 @@ private:
 
     void upload_photo(const Photo& photo, const ImageView<T>& alpha = {}) {
         images_.resize(photo.camera.height, photo.camera.width);
-        rgba_.resize(photo.rgba.size());
-        backend_->upload(photo.rgba, rgba_);
-        upload_plate(photo);
-        composite(alpha);
+        backdrop_.photograph(*backend_, photo.rgba, photo.plate, images_.truth(), alpha);
     }
 
     void render_view(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha) {
@@ -474,15 +451,15 @@ private:
     }
 
     void draw(const Camera<T>& camera, const ImageView<T>& alpha) {
-        rasterizer_.forward(camera, std::as_const(splats_).view(), background(), {.color = images_.render(), .alpha = alpha},
-                            raster_cache_);
+        rasterizer_.forward(camera, std::as_const(splats_).view(), backdrop_.background(),
+                            {.color = images_.render(), .alpha = alpha}, raster_cache_);
     }
 
     void update(double progress) {
         ++step_count_;
         ++timed_steps_;
         for (Person& person : people_) {
-            if (person.refinement) person.refinement->step(progress);
+            if (person.refinement) person.refinement->step();
             update(person, progress);
         }
     }
@@ -548,7 +525,7 @@ private:
     std::vector<Photo> photos_;
     std::uint64_t seed_;
     TrainConfig config_;
-    std::array<double, 3> background_ = config_.background; // of this step, or of a picture
+    Backdrop<B, T> backdrop_{config_.background}; // of this step, or of a picture
     Rasterizer<B, T> rasterizer_;
     PhotometricLoss<B, T> loss_;
     Adam adam_;
@@ -563,8 +540,6 @@ private:
     std::uint64_t timed_steps_ = 0;
 
     StepImages<B, T> images_;
-    Buffer<std::uint8_t> rgba_, plate_bytes_;
-    Buffer<T> plate_;                      // [3, height, width] or empty
     Buffer<CameraGradient<T>> dL_dcamera_; // [1] or empty
     Buffer<vec3<T>> dL_dcenter_;           // likewise
     Splats<B, T> splats_, dL_dsplats_;

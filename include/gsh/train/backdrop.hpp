@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  What stands behind a person, a plain colour or a photographed plate, and photographs over it.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/image/color.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/render/target.hpp>
+
+#include <array>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+
+namespace gsh {
+
+/// The background of a rendering and of the photograph that it is compared with: both must have the same one.
+///
+/// Units   display-referred sRGB.
+template <Backend B, std::floating_point T>
+class Backdrop {
+public:
+    template <class U>
+    using Buffer = typename B::template Buffer<U>;
+
+    explicit Backdrop(const std::array<double, 3>& color) { set_color(color); }
+
+    void set_color(const std::array<double, 3>& color) { color_ = {T(color[0]), T(color[1]), T(color[2])}; }
+
+    /// From here on `plate` [height, width, 4] stands there instead of the colour; an empty one is none.
+    /// Errors  ShapeError.
+    void set_plate(B& backend, Span<const std::uint8_t> plate, int height, int width) {
+        height_ = height, width_ = width;
+        if (plate.empty()) return plate_.resize(0);
+        upload(backend, plate, "a plate is as large as its photograph");
+        plate_.resize(3 * plane_size());
+        composite_rgba8(backend, Span<const std::uint8_t>(bytes_), height, width, vec3<T>(T(0)),
+                        ImageView<T>{plate_, 3, height, width});
+    }
+    void clear_plate() { plate_.resize(0); }
+
+    [[nodiscard]] Background<T> background() const {
+        if (plate_.size() == 0) return {.color = color_};
+        return {.color = color_, .image = {plate_, 3, height_, width_}};
+    }
+
+    /// A photograph [height, width, 4] over its plate or the colour, as color [3, height, width] and, if asked, its mask.
+    /// Errors  ShapeError.
+    void photograph(B& backend, Span<const std::uint8_t> rgba, Span<const std::uint8_t> plate,
+                    const ImageView<T>& color, const ImageView<T>& alpha = {}) {
+        set_plate(backend, plate, color.height, color.width);
+        upload(backend, rgba, "the image must have its camera's size");
+        const Span<const std::uint8_t> bytes(bytes_);
+        if (plate.empty())
+            composite_rgba8(backend, bytes, height_, width_, color_, color, alpha);
+        else
+            composite_rgba8(backend, bytes, height_, width_, background().image, color, alpha);
+    }
+
+private:
+    vec3<T> color_ = vec3<T>(T(1));
+    int height_ = 0, width_ = 0;
+    Buffer<std::uint8_t> bytes_;
+    Buffer<T> plate_; // [3, height, width] or empty
+
+    [[nodiscard]] std::size_t plane_size() const {
+        return static_cast<std::size_t>(height_) * static_cast<std::size_t>(width_);
+    }
+    void upload(B& backend, Span<const std::uint8_t> rgba, const char* expected) {
+        check_size("Backdrop", "rgba", rgba.size(), 4 * plane_size(), expected);
+        bytes_.resize(rgba.size());
+        backend.upload(rgba, bytes_);
+    }
+};
+
+} // namespace gsh
