@@ -93,8 +93,7 @@ struct MovedCameraBackward {
 /// that bind frames (loss/motion_terms.hpp) are gathered for those rows, so that all of it descends Σ photometric +
 /// terms, the terms counted once a visit.
 ///
-/// Gauges  All cameras and the body may move as one, unseen: cameras are off by default, and the first stays where it
-/// is
+/// Gauges  All cameras and the body may move as one, unseen: cameras are off by default, and the first stays where it is
 ///         when they are on. Betas do what learned joints and displacements do, too, and are off. A shift of all of
 ///         transl and the opposite one of joints and displacements cancel; the pull to the estimate chooses.
 /// Shapes  T frames, J joints, S betas and E expression coefficients of the rig, C cameras.
