@@ -35,6 +35,7 @@ struct AnimateOptions {
     std::filesystem::path camera, out;
     std::string camera_name;
     int size = 540;
+    bool upright = false, as_stored = false; ///< of two that exclude each other
     std::array<double, 3> background{1, 1, 1};
     std::size_t threads = 0;
 };
@@ -62,7 +63,9 @@ Camera<double> frame_people(const ShownPeople& people, int size) {
 }
 
 int animate(const AnimateOptions& options) {
-    const ShownPeople people(options.avatars, options.poses);
+    // Poses that were estimated before a camera belong to it as they are; before one of our own, people stand.
+    const bool upright = options.upright || (options.camera.empty() && !options.as_stored);
+    const ShownPeople people(options.avatars, options.poses, upright);
     const std::size_t frames = people.frame_count();
     for (std::size_t p = 0; p < people.motions.size(); ++p)
         if (people.motions[p].frame_count() > frames)
@@ -96,12 +99,17 @@ int main(int argc, char** argv) {
     AnimateOptions options;
     CLI::App app("Renders avatars in motions.", "gsh-animate");
     app.add_option("avatars", options.avatars, "AVATAR.gsh, one or several in one scene")->required();
-    app.add_option("--poses", options.poses, "motion (.npz), one for each avatar in their order: --poses A.npz --poses B.npz")
+    app.add_option("--poses", options.poses,
+                   "motion in any layout that we read (.npz, folder), one for each avatar in their order: --poses A --poses B")
         ->required()
         ->allow_extra_args(false);
     app.add_option("--camera", options.camera, "CAMERA.json; without it a camera frames the whole motion");
     app.add_option("--camera-name", options.camera_name, "which entry, if the file holds several cameras");
     app.add_option("--size", options.size, "pixels of the square image without --camera (default 540)")->check(CLI::Range(16, 8192));
+    auto* upright = app.add_flag("--upright", options.upright,
+                                 "turn each motion's world so that the body stands along +y (default without --camera)");
+    app.add_flag("--as-stored", options.as_stored, "leave the world as it is (default with --camera)")
+        ->excludes(upright);
     app.add_option("--out", options.out, "folder for the frames")->required();
     add_background(app, options.background, "white");
     add_threads(app, options.threads);

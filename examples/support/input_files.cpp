@@ -2,6 +2,7 @@
 #include "support/input_files.hpp"
 
 #include <gsh/io/any_capture.hpp>
+#include <gsh/io/any_motion.hpp>
 #include <gsh/io/avatar_file.hpp>
 #include <gsh/io/body_file.hpp>
 #include <gsh/io/camera_file.hpp>
@@ -29,8 +30,11 @@ BodyModel body_of_file(const std::filesystem::path& path) { return load_body_mod
 RegionLists regions_of_file(const std::filesystem::path& path, std::size_t vertex_count) {
     return read_regions(path, vertex_count);
 }
-Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings) {
-    return load_motion(path, body, {}, &warnings);
+Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
+                      bool upright) {
+    MotionFileOptions options;
+    if (upright) options.world = MotionFileOptions::World::upright;
+    return load_any_motion(path, body, options, &warnings);
 }
 AvatarData avatar_of_file(const std::filesystem::path& path) { return load_avatar(path); }
 CameraList cameras_of_file(const std::filesystem::path& path) { return read_cameras(path); }

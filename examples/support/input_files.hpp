@@ -43,8 +43,9 @@ std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& bo
 BodyModel body_of_file(const std::filesystem::path& path);
 /// read_regions.
 RegionLists regions_of_file(const std::filesystem::path& path, std::size_t vertex_count);
-/// load_motion.
-Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings);
+/// load_any_motion, turned upright if so wished.
+Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
+                      bool upright = false);
 /// load_avatar.
 AvatarData avatar_of_file(const std::filesystem::path& path);
 /// read_cameras.

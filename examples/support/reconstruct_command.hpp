@@ -14,8 +14,8 @@ inline void add_people(CLI::App& app, PeopleOptions& o) {
     app.add_option("--body", o.bodies, "body model (.npz, SMPL / SMPL-H / SMPL-X layout); of several people one for all, or one each")
         ->allow_extra_args(false);
     app.add_option("--poses", o.poses,
-                   "pose file in the capture's folder (default poses.npz), or a path; of several people one each, repeated or "
-                   "separated by commas")
+                   "poses in any layout that we read: a file or folder in the capture's (default poses.npz), or a path; of several "
+                   "people one each, repeated or separated by commas")
         ->allow_extra_args(false);
 }
 

@@ -13,14 +13,15 @@
 namespace gsh::examples {
 
 ShownPeople::ShownPeople(const std::vector<std::filesystem::path>& avatars,
-                         const std::vector<std::filesystem::path>& poses) {
+                         const std::vector<std::filesystem::path>& poses, bool upright) {
     check_value(poses.empty() || poses.size() == avatars.size(), "--poses",
                 "names " + std::to_string(poses.size()) + " motions for " + std::to_string(avatars.size()) +
                     " avatars; give one for each, in their order");
     std::vector<std::string> warnings;
     for (std::size_t p = 0; p < avatars.size(); ++p) {
         data.push_back(avatar_of_file(avatars[p]));
-        motions.push_back(poses.empty() ? rest_motion(data[p].rig) : motion_of_file(poses[p], data[p].rig.body, warnings));
+        const RigData& rig = data[p].rig;
+        motions.push_back(poses.empty() ? rest_motion(rig) : motion_of_file(poses[p], rig.body, warnings, upright));
     }
     for (const std::string& warning : warnings) warn(warning);
 }

@@ -20,9 +20,11 @@ struct ShownPeople {
     std::vector<AvatarData> data;
     std::vector<Motion> motions;
 
-    /// One pose file per avatar, in their order; none at all leaves everybody in the canonical pose.
+    /// A file or folder of poses per avatar, in their order; none at all leaves everybody in the canonical pose. `upright`
+    /// turns each motion's world so that the body stands along +y.
     /// Errors  ValueError for numbers that do not match; else those of the files.
-    ShownPeople(const std::vector<std::filesystem::path>& avatars, const std::vector<std::filesystem::path>& poses);
+    ShownPeople(const std::vector<std::filesystem::path>& avatars, const std::vector<std::filesystem::path>& poses,
+                bool upright = false);
 
     /// Frames that every motion has.
     [[nodiscard]] std::size_t frame_count() const;

@@ -334,7 +334,10 @@ TEST_CASE("sizes and errors") {
 
 TEST_CASE("a real body: within 2 % of a finely subdivided graph from face and hands") {
     const auto path = std::filesystem::path(GSH_SOURCE_DIR) / "../shared/data/body/cc0_body_x.npz";
-    if (!std::filesystem::exists(path)) return;
+    if (!std::filesystem::exists(path)) {
+        MESSAGE("skipped: " << path.string() << " is not there");
+        return;
+    }
     const BodyModel body = load_body_model(path);
     const Mesh mesh{body.v_template, body.faces};
     std::vector<int> sources = body.face_vertices;

@@ -93,7 +93,11 @@ TEST_CASE("the noisy poses of a capture are as far from the true ones as its rea
     const std::filesystem::path data = std::filesystem::path(GSH_SOURCE_DIR) / "../shared/data";
     const auto body_file = data / "body/cc0_body_x.npz";
     const auto capture = data / "captures/A_multi";
-    if (!std::filesystem::exists(body_file) || !std::filesystem::exists(capture / "poses_noisy.npz")) return;
+    for (const auto& file : {body_file, capture / "poses.npz", capture / "poses_noisy.npz"})
+        if (!std::filesystem::exists(file)) {
+            MESSAGE("skipped: " << file.string() << " is not there");
+            return;
+        }
     const BodyModel body = load_body_model(body_file);
     const Motion truth = load_motion(capture / "poses.npz", body),
                  noisy = load_motion(capture / "poses_noisy.npz", body);

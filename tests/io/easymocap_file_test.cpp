@@ -311,6 +311,16 @@ TEST_CASE_FIXTURE(Scene, "a capture in EasyMocap's folders") {
     CHECK(other.images[0].width == 32);
     options.test_cameras = {"x"};
     test::check_throws<IoError>([&] { (void)load(options); }, {"no camera 'x'"});
+    CaptureOptions ours; // poses that have no numbers go with the images in order
+    ours.poses = "ours.npz";
+    save_motion(path / "ours.npz", capture.motion);
+    CHECK(load(ours).motion.pose == capture.motion.pose);
+    CHECK(load(ours).images[2].data == capture.images[2].data);
+    Motion shorter = capture.motion;
+    shorter.transl.pop_back(), shorter.timestamps.pop_back();
+    shorter.pose.resize(2 * shorter.joint_count, vec3<double>(0)), shorter.expression.resize(2 * shorter.expression_count);
+    save_motion(path / "ours.npz", shorter);
+    test::check_throws<ShapeError>([&] { (void)load(ours); }, {"ours.npz", "2", "3"});
     std::filesystem::remove(image("02", 4));
     test::check_throws<IoError>([&] { (void)load(); }, {"images/02", "frame 4 is missing"});
     std::filesystem::remove_all(path / "output");

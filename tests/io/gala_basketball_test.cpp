@@ -97,6 +97,14 @@ TEST_CASE_FIXTURE(Gala, "a scene: plates, photographs used whole, the test camer
     CHECK(block.capture.backgrounds[0].width == 16);
     CHECK(block.capture.motion.transl == block.people[1].transl);
     CHECK_THROWS_AS(save_capture(folder / "copy", block.capture), ValueError);
+    CaptureOptions other = options; // another motion of person 1
+    other.poses = "other.npz";
+    save_motion(scene / "other.npz", block.people[0]);
+    const GalaScene moved = load_gala_scene(serial, scene, other);
+    CHECK(moved.capture.motion.pose == block.people[0].pose);
+    CHECK(moved.people[1].transl == block.people[0].transl);
+    other.train_frames = other.test_frames = FrameRange{0, 2, 2};
+    test::check_throws<ShapeError>([&] { (void)load_gala_scene(serial, scene, other); }, {"other.npz", "4", "2"});
     options.test_cameras = {"1"};
     options.train_frames = FrameRange{0, 2, 2}, options.test_frames = FrameRange{2, 3, 1};
     CHECK(load_gala_scene(serial, scene, options).capture.cameras[1].role == NamedCamera::Role::test);

@@ -238,6 +238,19 @@ TEST_CASE_FIXTURE(Subject, "a body of 55 joints takes SMPL-X fits where they are
     CaptureOptions named;
     named.poses = "none.npz";
     test::check_throws<IoError>([&] { (void)load_people_snapshot(serial, path, smplx, named); }, {"none.npz"});
+    named.poses = "lhm"; // any other layout; files of some frames count by their numbers
+    std::filesystem::create_directories(path / "lhm");
+    const detail::Json none = detail::Json::array({0, 0, 0});
+    for (const int number : {9, 6, 4, 2, 1, 0}) {
+        const detail::Json frame = {{"root_pose", {0.01 * number, 0, 0}},
+                                    {"body_pose", std::vector<double>(63, 0.0)},
+                                    {"trans", none},
+                                    {"betas", std::vector<double>(10, 0.5)}};
+        test::write_text(path / "lhm" / (std::to_string(number) + ".json"), frame.dump());
+    }
+    const Motion numbered = load_people_snapshot(serial, path, smplx, named).motion;
+    for (std::size_t i = 0; i < 5; ++i) CHECK(numbered.pose_at(i)[0].x == doctest::Approx(0.01 * source[i]));
+    CHECK(numbered.betas[0] == 0.5);
 }
 
 TEST_CASE_FIXTURE(Subject, "files that do not belong together") {

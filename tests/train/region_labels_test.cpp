@@ -142,7 +142,11 @@ TEST_CASE("of several people the one in front is seen, and clothes belong to the
 TEST_CASE("regions of a captured body lie on its silhouette") {
     const std::filesystem::path data = std::filesystem::path(GSH_SOURCE_DIR) / "../shared/data";
     const auto body_file = data / "body/cc0_body_x.npz", capture = data / "captures/A_multi";
-    if (!std::filesystem::exists(body_file) || !std::filesystem::exists(capture / "poses.npz")) return;
+    for (const auto& file : {body_file, capture / "poses.npz"})
+        if (!std::filesystem::exists(file)) {
+            MESSAGE("skipped: " << file.string() << " is not there");
+            return;
+        }
     const BodyModel body = load_body_model(body_file);
     const Motion motion = load_motion(capture / "poses.npz", body);
     const CameraList cameras = read_cameras(capture / "cameras.json");

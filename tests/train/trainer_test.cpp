@@ -422,6 +422,43 @@ TEST_CASE("mean occlusion is the mean over the frames that were photographed, ea
     CHECK(second->trainer.mean_occlusion() == expected);
 }
 
+TEST_CASE("an avatar whose fields know the time is saved as the mean over the frames that were photographed") {
+    SmallScene scene;
+    const std::vector<Photo> photos = scene.photos;
+    const auto check = [&](const AvatarConfig& config, std::vector<std::size_t> frames) {
+        SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, config, from_the_start);
+        training.steps(25);
+        std::vector<GaussianCloud<float>> clouds;
+        for (const std::size_t frame : frames) {
+            training.trainer.query(frame);
+            clouds.push_back(training.model.canonical_gaussians());
+        }
+        const auto mean = [&](const auto& member, std::size_t i) {
+            vec3<double> sum(0);
+            for (const auto& cloud : clouds) sum += vec3<double>(member(cloud)[i]);
+            return vec3<float>(sum / static_cast<double>(clouds.size()));
+        };
+        const auto means = [](const GaussianCloud<float>& cloud) -> const auto& { return cloud.means; };
+        const auto sh = [](const GaussianCloud<float>& cloud) -> const auto& { return cloud.sh; };
+        const GaussianCloud<float> saved = training.trainer.avatar(training.rig).gaussians;
+        REQUIRE(saved.size() == training.model.size());
+        for (std::size_t i = 0; i < saved.means.size(); ++i) CHECK(saved.means[i] == mean(means, i));
+        for (std::size_t i = 0; i < saved.sh.size(); ++i) CHECK(saved.sh[i] == mean(sh, i));
+        CHECK(saved.log_scales == clouds[0].log_scales);
+        CHECK(saved.opacity_logits == clouds[0].opacity_logits);
+        return std::pair(clouds.front().means != clouds.back().means, clouds.front().sh != clouds.back().sh);
+    };
+    CHECK(check({.head_time = true}, {0, 1}) == std::pair(true, true));
+    CHECK(check({.heads = Heads::separate, .head_time = true}, {0, 1}) == std::pair(true, true));
+    CHECK(check({.hash_displacement = false, .head_time = true}, {0, 1}) == std::pair(false, true));
+    CHECK(check({.hash_sh = false, .head_time = true}, {0, 1}) == std::pair(true, false));
+    CHECK(check({}, {0, 1}) == std::pair(false, false)); // fields that know no time
+    scene.photos = {photos[0], photos[1], photos[2]};    // frame 0 by both cameras, frame 1 by one: each counts once
+    check({.head_time = true}, {0, 1});
+    scene.photos = {photos[1], photos[3]}; // frame 1 alone
+    check({.head_time = true}, {1});
+}
+
 TEST_CASE("shadows that know the pose are told the joints' rotations") {
     const SmallScene scene;
     SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {.ao = AmbientOcclusion::pose}, from_the_start);

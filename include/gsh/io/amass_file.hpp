@@ -23,7 +23,8 @@ namespace gsh {
 /// betas, expression(s) and mocap_framerate or mocap_frame_rate may be missing. Everything else (gender, dmpls,
 /// markers and their pickled names) is left alone.
 ///
-/// Frame   z is up in AMASS: with options.world = upright the body stands along +y. Hands hold their mean already.
+/// Frame   z is up in AMASS: with options.world = upright the body stands along +y. Hands hold their mean already,
+///         unless the file's flat_hand (or flat_hand_mean) is 0.
 /// Errors  as load_motion.
 [[nodiscard]] inline Motion load_amass_motion(const std::filesystem::path& path, const BodyModel& model,
                                               const MotionFileOptions& options = {},
@@ -122,7 +123,10 @@ inline Motion load_amass_motion(const std::filesystem::path& path, const BodyMod
         }
     if (file.has_array("timestamps"))
         table.add("timestamps", "timestamps", file.read<double>("timestamps", Numbers::any));
-    table.add("flat_hand", "flat_hand", std::vector<double>{1.0}, {});
+    double flat_hand = 1;
+    for (const char* key : {"flat_hand_mean", "flat_hand"})
+        if (file.has_array(key)) flat_hand = file.read_number<int>(key);
+    table.add("flat_hand", "flat_hand", std::vector<double>{flat_hand}, {});
     return detail::MotionReader<MotionTable>(std::move(table), model, options, warnings).read();
 }
 

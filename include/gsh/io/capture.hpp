@@ -9,6 +9,7 @@
 #include <gsh/body/skeleton.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/image/resample.hpp>
+#include <gsh/io/any_motion.hpp>
 #include <gsh/io/camera_file.hpp>
 #include <gsh/io/image_file.hpp>
 #include <gsh/io/motion_file.hpp>
@@ -84,7 +85,7 @@ struct FrameRange {
 };
 
 struct CaptureOptions {
-    std::string poses = "poses.npz"; ///< file in the capture's folder, or a path
+    std::string poses = "poses.npz"; ///< file or folder in the capture's, or a path: whatever load_any_motion reads
     MotionFileOptions::Hands hands = MotionFileOptions::Hands::automatic;
     bool empty_masks = false; ///< images whose mask is empty everywhere are taken, not refused
 
@@ -92,11 +93,11 @@ struct CaptureOptions {
     std::optional<FrameRange> train_frames = {}, test_frames = {}; ///< instead of the data set's own split
     std::vector<std::string> test_cameras = {};                    ///< names; empty: the data set's own
     int downscale = 0;                                             ///< whole factor; 0: as its other readers do
-    int person = 0;                                                ///< whose motion, where there are several people
+    int person = 0;                                                ///< whose motion, where poses hold several people
     std::filesystem::path model = {};                              ///< folder of the rig that a data set brings; empty: its usual place
 };
 
-/// Loads DIR/cameras.json, DIR/poses.npz and the images DIR/images/CAMERA/FRAME.png (or .jpg), in order of their
+/// Loads DIR/cameras.json, DIR/poses.npz (or other poses) and the images DIR/images/CAMERA/FRAME.png (or .jpg), in order of their
 /// names. The mask is the images' alpha, or DIR/masks/CAMERA/FRAME.png, where white is the person. DIR/backgrounds/CAMERA.png
 /// (or .jpg), for all cameras or none, shows what is there without the person. Images of cameras with distortion are
 /// straightened. `body` says what the poses mean.
@@ -330,7 +331,9 @@ Capture load_capture(B& backend, const std::filesystem::path& folder, const Body
     capture.floor_y = list.floor_y;
 
     const std::filesystem::path poses = folder / options.poses; // an absolute path replaces the folder
-    capture.motion = load_motion(poses, body, {options.hands, list.fps}, warnings);
+    MotionFileOptions motion_options{options.hands, list.fps};
+    motion_options.person = options.person;
+    capture.motion = load_any_motion(poses, body, motion_options, warnings);
     const std::size_t frames = capture.frame_count(), count = capture.cameras.size() * frames;
     for (const int frame : capture.test_frames)
         check_value(static_cast<std::size_t>(frame) < frames, (folder / "cameras.json").string(),

@@ -7,10 +7,12 @@
 #include <gsh/camera/distortion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/any_motion.hpp>
 #include <gsh/io/camera_file.hpp>
 #include <gsh/io/capture.hpp>
 #include <gsh/io/easymocap_file.hpp>
 #include <gsh/io/image_file.hpp>
+#include <gsh/io/motion_file.hpp>
 #include <gsh/io/people_snapshot.hpp>
 #include <gsh/io/smplx_json_file.hpp>
 
@@ -27,7 +29,8 @@ namespace gsh {
 
 /// Loads intri.yml and extri.yml, images/CAMERA/NUMBER.jpg (or .png), masks/CAMERA/NUMBER.png (or mask/…, where the
 /// person is white), and a person's poses, NUMBER.json. Frames are those of the poses: options.poses names their
-/// folder, else output/smplx/smplx, output/smplx, output/smpl, smplx or smpl, the first that is there.
+/// folder, else output/smplx/smplx, output/smplx, output/smpl, smplx or smpl, the first that is there. It may also name
+/// what else load_any_motion reads; poses that have no numbers are those of the first camera's images, in order.
 ///
 /// options.test_cameras and test_frames (counted from the first pose file) are for judging; where nobody says, the last
 /// camera is, if there are at least three. Images are straightened as ours are.
@@ -60,6 +63,19 @@ inline std::map<long, std::filesystem::path> images_by_number(const std::filesys
     return files;
 }
 
+/// Which image belongs to each of `count` poses: its number is the pose file's, or else its place in a row of images.
+inline std::vector<long> pose_numbers(const std::filesystem::path& poses, const std::filesystem::path& images,
+                                      std::size_t count) {
+    std::vector<long> numbers;
+    if (std::error_code ignored; std::filesystem::is_directory(poses, ignored))
+        if (const auto place = smplx_json_folder(poses); !place.empty())
+            for (const NumberedFile& file : list_numbered(place, ".json")) numbers.push_back(file.number);
+    if (numbers.empty())
+        for (const auto& [number, path] : images_by_number(images)) numbers.push_back(number);
+    check_size(poses.string(), "poses", count, numbers.size(), "one per image of " + images.string());
+    return numbers;
+}
+
 } // namespace detail
 
 template <CpuBackend B>
@@ -72,9 +88,9 @@ Capture load_easymocap_capture(B& backend, const std::filesystem::path& folder, 
     const auto poses = detail::easymocap_poses(folder, options.poses);
     MotionFileOptions motion_options{options.hands, 30};
     motion_options.person = options.person;
-    capture.motion = load_easymocap_motion(poses, body, motion_options, warnings);
-    const auto pose_files = detail::list_numbered(poses, ".json");
-    const std::size_t C = capture.cameras.size(), F = pose_files.size();
+    capture.motion = load_any_motion(poses, body, motion_options, warnings);
+    const std::size_t C = capture.cameras.size(), F = capture.frame_count();
+    const std::vector<long> numbers = detail::pose_numbers(poses, folder / "images" / capture.cameras[0].name, F);
 
     std::vector<std::string> test = options.test_cameras;
     if (test.empty() && !options.test_frames && C > 2) test.push_back(capture.cameras.back().name);
@@ -97,13 +113,13 @@ Capture load_easymocap_capture(B& backend, const std::filesystem::path& folder, 
     for (NamedCamera& camera : capture.cameras) {
         const auto photos = detail::images_by_number(folder / "images" / camera.name);
         const auto covers = masked ? detail::images_by_number(mask_folder / camera.name) : photos;
-        for (const auto& pose : pose_files) {
-            const auto photo = photos.find(pose.number), cover = covers.find(pose.number);
+        for (const long number : numbers) {
+            const auto photo = photos.find(number), cover = covers.find(number);
             for (const auto& [found, place] :
                  {std::pair(photo != photos.end(), folder / "images"), std::pair(cover != covers.end(), mask_folder)})
                 if (!found)
                     throw IoError((place / camera.name).string() + ": the image of frame " +
-                                  std::to_string(pose.number) + " is missing");
+                                  std::to_string(number) + " is missing");
             images.push_back(photo->second);
             masks.push_back(cover->second);
         }

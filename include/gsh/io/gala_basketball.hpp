@@ -7,6 +7,7 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/any_motion.hpp>
 #include <gsh/io/camera_file.hpp>
 #include <gsh/io/capture.hpp>
 #include <gsh/io/gala_rig.hpp>
@@ -41,13 +42,16 @@ struct GalaScene {
 
 /// Loads a scene. Its layout, beside options.model (empty: FOLDER/../model) with the rig:
 ///
-///     FOLDER/camera/ID.txt      vertical field of view in degrees, width, height; position; quaternion x, y, z, w;
-///     scale FOLDER/bg/ID.png          what the camera sees without people: Capture::backgrounds FOLDER/ID/NUMBER.png
-///     photographs (four digits), used whole; NUMBER_mask.png is not read FOLDER/pose/NUMBER.txt    load_gala_motions
+///     FOLDER/camera/ID.txt      vertical field of view in degrees, width, height; position;
+///                               quaternion x, y, z, w; scale
+///     FOLDER/bg/ID.png          what the camera sees without people: Capture::backgrounds
+///     FOLDER/ID/NUMBER.png      photographs (four digits), used whole; NUMBER_mask.png is not read
+///     FOLDER/pose/NUMBER.txt    load_gala_motions
 ///
 /// Frames and their split are those in use for the published scenes (idle, dribble, …), known by the folder's name;
 /// elsewhere all frames, unless options say otherwise. Camera 6 (or the last one) is for judging. Images that a camera
-/// need not have, because the split does not use them, are not taken.
+/// need not have, because the split does not use them, are not taken. options.poses may name another motion of
+/// options.person, with a pose for each of these frames.
 ///
 /// Errors  as load_capture. A scene without frames to train on (gymnastics) has only motions: load_gala_motions.
 template <CpuBackend B>
@@ -170,7 +174,13 @@ GalaScene load_gala_scene(B& backend, const std::filesystem::path& folder, const
     check_value(options.person >= 0 && static_cast<std::size_t>(options.person) < scene.people.size(), folder.string(),
                 "there is no person " + std::to_string(options.person) + ", the poses hold " +
                     std::to_string(scene.people.size()));
-    capture.motion = scene.people[static_cast<std::size_t>(options.person)];
+    Motion& motion = scene.people[static_cast<std::size_t>(options.person)];
+    if (options.poses != CaptureOptions().poses) {
+        const auto named = folder / options.poses;
+        motion = load_any_motion(named, scene.rig.body, {options.hands, 30}, warnings);
+        check_size(named.string(), "poses", motion.frame_count(), frames.size(), "one for each frame of the split");
+    }
+    capture.motion = motion;
 
     // Images.
     const int factor = std::max(1, options.downscale);

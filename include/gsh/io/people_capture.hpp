@@ -9,10 +9,10 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/any_capture.hpp>
+#include <gsh/io/any_motion.hpp>
 #include <gsh/io/camera_file.hpp>
 #include <gsh/io/capture.hpp>
 #include <gsh/io/image_file.hpp>
-#include <gsh/io/motion_file.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -48,13 +48,13 @@ struct PeopleCapture {
     std::vector<CapturePerson> people;
 };
 
-/// What to call the people of some pose files: the files' names without extension; where two are called alike, the later
-/// one gets a number, "poses-2".
+/// What to call the people of some pose files: the files' names without extension, or those of folders; where two are
+/// called alike, the later one gets a number, "poses-2".
 /// Errors  ValueError for a file that is named twice.
 [[nodiscard]] inline std::vector<std::string> person_names(const std::vector<std::filesystem::path>& poses);
 
-/// Loads a capture with one or several people: in our own layout one per pose file (in the capture's folder, or a path), in
-/// a layout that holds several people all of them. `bodies` is one model for all, or one per pose file; none where the layout
+/// Loads a capture with one or several people: in our own layout one per pose file or folder (in the capture's, or a path;
+/// any that load_any_motion reads), in a layout that holds several people all of them. `bodies` is one model for all, or one per pose file; none where the layout
 /// brings its own. With several people, FOLDER/person_masks/NAME/CAMERA/FRAME.png says which pixels are whose: optional for
 /// each person and camera, white (or opaque) where the person is seen, as many as the camera has images.
 ///
@@ -113,7 +113,10 @@ inline std::vector<std::string> person_names(const std::vector<std::filesystem::
         for (std::size_t k = 0; k < i; ++k)
             check_value(std::filesystem::weakly_canonical(poses[k]) != std::filesystem::weakly_canonical(poses[i]),
                         poses[i].string(), "is named twice; each person needs a pose file of their own");
-        const std::string stem = poses[i].stem().string();
+        const auto path = poses[i].has_filename() ? poses[i] : poses[i].parent_path(); // "folder/"
+        std::error_code ignored;
+        const bool folder = std::filesystem::is_directory(path, ignored);
+        const std::string stem = (folder ? path.filename() : path.stem()).string();
         std::string name = stem;
         for (int number = 2; std::find(names.begin(), names.end(), name) != names.end(); ++number)
             name = stem + "-" + std::to_string(number);
@@ -134,6 +137,7 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
     for (const auto& file : poses) files.push_back(folder / file); // an absolute path replaces the folder
     const std::vector<std::string> names = person_names(files);
     if (!poses.empty()) options.poses = poses.front().string();
+    if (poses.size() > 1) options.person = 0; // of each file, not of the row of files
     std::vector<std::string> of_first;
     result.any = load_any_capture(backend, folder, bodies.empty() ? nullptr : &bodies[0], options, &of_first);
     const Capture& capture = result.any.capture;
@@ -146,7 +150,7 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
         result.people.push_back({names.empty() ? "person" : names.front(), 0, capture.motion});
         for (std::size_t p = 1; p < poses.size(); ++p) {
             const std::size_t body = bodies.size() > 1 ? p : 0;
-            Motion motion = load_motion(files[p], bodies[body], {options.hands, capture.fps}, warnings);
+            Motion motion = load_any_motion(files[p], bodies[body], {options.hands, capture.fps}, warnings);
             check_size(files[p].string(), "poses", motion.frame_count(), capture.frame_count(),
                        "every person needs a pose for each of the capture's frames, as in " + files[0].string());
             result.people.push_back({names[p], body, std::move(motion)});

@@ -4,14 +4,18 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/any_motion.hpp>
 #include <gsh/io/camera_file.hpp>
 #include <gsh/io/capture.hpp>
 #include <gsh/io/image_file.hpp>
+#include <gsh/io/motion_file.hpp>
 #include <gsh/io/npy.hpp>
 #include <gsh/io/npz.hpp>
 #include <gsh/io/people_snapshot_poses.hpp>
+#include <gsh/io/smplifyx_file.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -31,16 +35,16 @@ namespace gsh {
 ///     FOLDER/cameras.npz               intrinsic [3, 3], extrinsic [4, 4] (world to camera), height, width
 ///     FOLDER/images/*.png              frame n is the n-th in order of the names (image_0000.png, …)
 ///     FOLDER/masks/*.npy or *.png      [height, width], 0 or 1 (or 0 to 255), one per image
-///     FOLDER/poses/anim_nerf_train.npz, …_test.npz   betas, global_orient, body_pose [n, 69], transl: frames of the
-///     split only;
-///                                      or poses/train.npz, poses/test.npz;
+///     FOLDER/poses/anim_nerf_train.npz, …_test.npz
+///                                      betas, global_orient, body_pose [n, 69], transl: frames of the split only;
+///                                      or poses/train.npz, poses/test.npz
 ///     FOLDER/poses.npz                 or, for all frames, betas, thetas [F, 72], transl; or poses_optimized.npz
 ///     FOLDER/smplx.npz                 SMPL-X fits (io/smplifyx_file.hpp), read instead for a body of 55 joints
 ///
 /// The capture holds the frames of the split, and no others, in order of their numbers. The split is
 /// options.train_frames and test_frames, or FOLDER/split.json, {"train": [first, last, step], "test": […]}, or the one
 /// in use for the four subjects (male-3-casual, …), known by the folder's name; where nobody says, the last fifth of
-/// the video is left for testing. options.poses names other fits, for all frames or for those of the split.
+/// the video is left for testing. options.poses names other poses, for all frames or for those of the split.
 ///
 /// Frame   the camera's; the principal point is kept. options.downscale 0 halves images above 800 pixels (1080 to 540).
 /// Units   this layout's pixels count from the first one's centre, at the size in use, as its poses were fitted: half a
@@ -143,6 +147,51 @@ inline Camera<double> read_snapshot_camera(const std::filesystem::path& path) {
                          vec3<double>(E[2], E[6], E[10]));
     return camera_from_K<double>(K.data, R, vec3<double>(E[3], E[7], E[11]), size("width"), size("height"),
                                  path.string());
+}
+
+/// Motion of fits (io/smplifyx_file.hpp, or whatever load_any_motion reads) for these frames of a video of `images` frames;
+/// the camera becomes theirs, where they tell it.
+inline Motion snapshot_fits(const std::filesystem::path& path, const BodyModel& body,
+                            const std::vector<SnapshotFrame>& frames, std::size_t images,
+                            MotionFileOptions::Hands hands, Camera<double>& camera,
+                            std::vector<std::string>* warnings) {
+    const MotionFileOptions options{hands, 30};
+    SmplifyxFits fits;
+    const auto layout = recognise_motion(path);
+    const auto file = motion_file_of(path);
+    if (layout == MotionLayout::smplifyx || (layout == MotionLayout::gsh && !NpzReader(file).has_array("poses")))
+        fits = load_smplifyx_fits(file, body, options, warnings);
+    else
+        fits.motion = load_any_motion(path, body, options, warnings);
+    const std::size_t T = fits.motion.frame_count();
+    if (layout == MotionLayout::smplx_json && T != images && T != frames.size()) // then the files' numbers count
+        for (const double time : fits.motion.timestamps)
+            fits.frame_ids.push_back(static_cast<int>(std::lround(time * options.fps)));
+    if (fits.frame_ids.empty() && T != images && T != frames.size())
+        throw ShapeError(path.string() + ": holds " + std::to_string(T) + " poses, expected " + std::to_string(images) +
+                         ", one per image, or " + std::to_string(frames.size()) +
+                         ", one per frame of the split; else store frame_ids");
+    Motion motion;
+    motion.joint_count = fits.motion.joint_count, motion.expression_count = fits.motion.expression_count;
+    motion.betas = fits.motion.betas;
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+        std::size_t row = T == images ? static_cast<std::size_t>(frames[i].number) : i;
+        if (!fits.frame_ids.empty()) {
+            const auto found = std::find(fits.frame_ids.begin(), fits.frame_ids.end(), frames[i].number);
+            if (found == fits.frame_ids.end())
+                throw IoError(path.string() + ": frame_ids lacks frame " + std::to_string(frames[i].number));
+            row = static_cast<std::size_t>(found - fits.frame_ids.begin());
+        }
+        const auto pose = fits.motion.pose_at(row);
+        const auto expression = fits.motion.expression_at(row);
+        motion.pose.insert(motion.pose.end(), pose.begin(), pose.end());
+        motion.expression.insert(motion.expression.end(), expression.begin(), expression.end());
+        motion.transl.push_back(fits.motion.transl[row]);
+        motion.timestamps.push_back(frames[i].number / 30.0);
+    }
+    if (fits.has_camera()) camera = fits.camera(camera.width, camera.height);
+    camera.R = mat3<double>(1.0), camera.t = vec3<double>(0); // fits are made in the camera's frame
+    return motion;
 }
 
 } // namespace detail

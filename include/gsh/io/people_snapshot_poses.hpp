@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The poses of PeopleSnapshot: SMPL's, of all frames or of a split's, or fits of SMPL-X.
+/// @file  The poses of PeopleSnapshot: SMPL's, of all frames or of a split's.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -82,46 +82,6 @@ inline Motion load_snapshot_motion(const std::filesystem::path& path, const Body
     add_snapshot_poses(table, read_snapshot_poses(path));
     if (!(options.fps > 0)) options.fps = 30;
     return MotionReader<MotionTable>(std::move(table), body, options, warnings).read();
-}
-
-/// Motion of fits (io/smplifyx_file.hpp, or a motion with poses) for these frames of a video of `images` frames; the
-/// camera becomes theirs, where they tell it.
-inline Motion snapshot_fits(const std::filesystem::path& path, const BodyModel& body,
-                            const std::vector<SnapshotFrame>& frames, std::size_t images,
-                            MotionFileOptions::Hands hands, Camera<double>& camera,
-                            std::vector<std::string>* warnings) {
-    const MotionFileOptions options{hands, 30};
-    SmplifyxFits fits;
-    if (NpzReader(path).has_array("poses"))
-        fits.motion = load_motion(path, body, options, warnings);
-    else
-        fits = load_smplifyx_fits(path, body, options, warnings);
-    const std::size_t T = fits.motion.frame_count();
-    if (fits.frame_ids.empty() && T != images && T != frames.size())
-        throw ShapeError(path.string() + ": holds " + std::to_string(T) + " poses, expected " + std::to_string(images) +
-                         ", one per image, or " + std::to_string(frames.size()) +
-                         ", one per frame of the split; else store frame_ids");
-    Motion motion;
-    motion.joint_count = fits.motion.joint_count, motion.expression_count = fits.motion.expression_count;
-    motion.betas = fits.motion.betas;
-    for (std::size_t i = 0; i < frames.size(); ++i) {
-        std::size_t row = T == images ? static_cast<std::size_t>(frames[i].number) : i;
-        if (!fits.frame_ids.empty()) {
-            const auto found = std::find(fits.frame_ids.begin(), fits.frame_ids.end(), frames[i].number);
-            if (found == fits.frame_ids.end())
-                throw IoError(path.string() + ": frame_ids lacks frame " + std::to_string(frames[i].number));
-            row = static_cast<std::size_t>(found - fits.frame_ids.begin());
-        }
-        const auto pose = fits.motion.pose_at(row);
-        const auto expression = fits.motion.expression_at(row);
-        motion.pose.insert(motion.pose.end(), pose.begin(), pose.end());
-        motion.expression.insert(motion.expression.end(), expression.begin(), expression.end());
-        motion.transl.push_back(fits.motion.transl[row]);
-        motion.timestamps.push_back(frames[i].number / 30.0);
-    }
-    if (fits.has_camera()) camera = fits.camera(camera.width, camera.height);
-    camera.R = mat3<double>(1.0), camera.t = vec3<double>(0); // fits are made in the camera's frame
-    return motion;
 }
 
 /// Motion of SMPL poses for these frames: from the files of the split, else from that of all frames.

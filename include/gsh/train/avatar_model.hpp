@@ -55,7 +55,8 @@ struct AvatarConfig {
     Heads heads = Heads::joint;
     bool hash_displacement = true; ///< δx from a field; else stored with each Gaussian
     bool hash_sh = true;           ///< SH from a field; else stored with each Gaussian
-    bool head_time = false;        ///< the heads read γ(t) too: colours and displacements that change with the frame
+    /// The heads read γ(t) too: colours and displacements that change with the frame; a new motion gets their mean.
+    bool head_time = false;
     /// Fine levels, which only points with a share in the region have (if the avatar is given one).
     int fine_level = 12; ///< what lies below must still resolve a training pixel on the torso: 2.7 mm of a body of 1.8 m
     bool separate_tables = false; ///< coarse and fine features from a table each
@@ -345,7 +346,7 @@ public:
         return cache.occlusion;
     }
 
-    /// The canonical Gaussians of the last update_canonical, on the host: what an avatar file keeps.
+    /// The canonical Gaussians of the last update_canonical, on the host.
     [[nodiscard]] GaussianCloud<T> canonical_gaussians() const {
         GaussianCloud<T> cloud(count_, Degree);
         Buffer<vec3<T>> means(count_);
@@ -362,16 +363,16 @@ public:
         return cloud;
     }
 
-    /// The avatar as it is now, for files and for Avatar: `rig` with the learned joints, and the canonical Gaussians of
-    /// the last update_canonical. `filter` is what they were trained with.
-    [[nodiscard]] AvatarData avatar(RigData rig, const PixelFilter& filter) const
+    /// The avatar as it is now, for files and for Avatar: `rig` with the learned joints, and canonical Gaussians (those of
+    /// the last update_canonical, or a mean over frames). `filter` is what they were trained with.
+    [[nodiscard]] AvatarData avatar(RigData rig, GaussianCloud<T> gaussians, const PixelFilter& filter) const
         requires std::same_as<T, float>
     {
         std::vector<vec3<T>> learned(rig.joint_count());
         backend_->download(joints(), Span<vec3<T>>(learned));
         for (std::size_t j = 0; j < learned.size(); ++j) rig.joints[j] = vec3<double>(learned[j]);
         return {.rig = std::move(rig),
-                .gaussians = canonical_gaussians(),
+                .gaussians = std::move(gaussians),
                 .clamping = config_.clamping,
                 .filter = filter,
                 .deformation = config_.deformation};

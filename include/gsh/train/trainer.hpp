@@ -8,6 +8,7 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/photometric.hpp>
@@ -274,30 +275,50 @@ public:
     [[nodiscard]] std::vector<T> mean_occlusion(std::size_t person = 0) {
         Person& of = at(person);
         std::vector<T> mean, frame_ao(of.model->size());
-        std::vector<bool> seen(frame_count(), false);
-        std::size_t count = 0;
-        for (const Photo& photo : photos_) {
-            const FrameCode<T> code = frame_code(of, photo.frame);
-            if (code.ao.empty() || seen[photo.frame]) continue;
-            seen[photo.frame] = true;
-            ++count;
-            set_pose(of, photo.frame);
+        const std::vector<std::size_t> frames = photographed_frames();
+        for (const std::size_t frame : frames) {
+            const FrameCode<T> code = frame_code(of, frame);
+            if (code.ao.empty()) return {};
+            set_pose(of, frame);
             backend_->download(of.model->occlusion(of.pose, code.ao, of.cache), Span<T>(frame_ao));
             mean.resize(frame_ao.size(), T(0));
             for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += frame_ao[i];
         }
-        for (T& ao : mean) ao /= static_cast<T>(count);
+        for (T& ao : mean) ao /= static_cast<T>(frames.size());
         return mean;
     }
 
-    /// A person's avatar as it is now, for files: `rig` with the learned joints, fields queried. Shadows that follow the pose
-    /// come as the field that they are, those that know the time as each Gaussian's mean; none before TrainConfig::ao_start.
+    /// A person's canonical Gaussians, fields queried. Where colours and displacements know the time, each Gaussian has its
+    /// mean of them over the frames that there are photographs of: what a new motion gets.
+    [[nodiscard]] GaussianCloud<T> mean_gaussians(std::size_t person = 0) {
+        Person& of = at(person);
+        std::vector<std::size_t> frames = photographed_frames();
+        if (of.model->head_code_size() == 0) frames.resize(1); // they are all alike
+        GaussianCloud<T> cloud;
+        std::vector<vec3<double>> means, sh;
+        const auto add = [](const std::vector<vec3<T>>& values, std::vector<vec3<double>>& sums) {
+            sums.resize(values.size(), vec3<double>(0));
+            for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += vec3<double>(values[i]);
+        };
+        for (const std::size_t frame : frames) {
+            of.model->update_canonical(of.cache, frame_code(of, frame));
+            cloud = of.model->canonical_gaussians();
+            add(cloud.means, means), add(cloud.sh, sh);
+        }
+        const auto count = static_cast<double>(frames.size());
+        for (std::size_t i = 0; i < means.size(); ++i) cloud.means[i] = vec3<T>(means[i] / count);
+        for (std::size_t i = 0; i < sh.size(); ++i) cloud.sh[i] = vec3<T>(sh[i] / count);
+        return cloud;
+    }
+
+    /// A person's avatar as it is now, for files: `rig` with the learned joints, fields queried. Colours and displacements
+    /// that know the time are each Gaussian's mean. Shadows that follow the pose come as the field that they are, those that
+    /// know the time as a mean, too; none before TrainConfig::ao_start.
     [[nodiscard]] AvatarData avatar(RigData rig, std::size_t person = 0)
         requires std::same_as<T, float>
     {
         Person& of = at(person);
-        of.model->update_canonical(of.cache, frame_code(of, 0));
-        AvatarData avatar = of.model->avatar(std::move(rig), config_.filter);
+        AvatarData avatar = of.model->avatar(std::move(rig), mean_gaussians(person), config_.filter);
         avatar.ao = mean_occlusion(person);
         if (!avatar.ao.empty()) avatar.occlusion = of.model->occlusion_field();
         return avatar;
@@ -401,6 +422,17 @@ private:
         backend_->fill(Span<CameraGradient<T>>(dL_dcamera_), CameraGradient<T>{});
         backend_->fill(Span<vec3<T>>(dL_dcenter_), vec3<T>(T(0)));
         return dL_dcamera_;
+    }
+
+    /// Frames that there are photographs of, each once.
+    [[nodiscard]] std::vector<std::size_t> photographed_frames() const {
+        std::vector<std::size_t> frames;
+        std::vector<bool> seen(frame_count(), false);
+        for (const Photo& photo : photos_) {
+            if (!seen[photo.frame]) frames.push_back(photo.frame);
+            seen[photo.frame] = true;
+        }
+        return frames;
     }
 
     [[nodiscard]] FrameCode<T> frame_code(const Person& person, std::size_t frame) const {
