@@ -53,6 +53,12 @@ void check_options(ReconstructOptions& o) {
            "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
     expect(o.refine || !o.refine_cameras, "--refine-cameras needs --refine");
+    if (!o.priors.empty()) {
+        expect(!scene, "--priors is of a body; --config static has none");
+        const Configuration configuration = configuration_of(o);
+        expect(configuration.depth_prior || configuration.normal_prior,
+               "--priors has no effect: the configuration has neither prior.depth nor prior.normals");
+    }
     if (o.steps == 0) o.steps = o.synthetic ? 1200 : 3000;
     if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
     complete_poses(o);

@@ -30,6 +30,7 @@ struct ReconstructOptions : PeopleOptions {
     bool refine = false;            ///< poses learn too, and test poses are fitted
     bool refine_cameras = false;    ///< cameras as well
     std::filesystem::path regions;  ///< JSON lists of vertices
+    std::filesystem::path priors;   ///< JSON list of an estimator's maps
     std::filesystem::path lpips;    ///< weights
     std::size_t frame = 0;          ///< of the configuration `static`
     std::uint64_t steps = 0;        ///< 0: the default of the kind of input
