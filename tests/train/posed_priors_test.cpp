@@ -79,8 +79,8 @@ void check_features(const CanonicalSetup& setup, const std::vector<std::size_t>&
         depth += std::abs(row[0]) * 0.1; // metres
         normal += 1 - dot(vec3<double>(row[1], row[2], row[3]), setup.samples.normals[i]);
     }
-    CHECK(depth / static_cast<double>(chosen.size()) < 0.004);
-    CHECK(normal / static_cast<double>(chosen.size()) < 0.005);
+    CHECK(depth / static_cast<double>(chosen.size()) < 0.002);
+    CHECK(normal / static_cast<double>(chosen.size()) < 1e-4);
 }
 
 } // namespace
