@@ -1,7 +1,7 @@
 # What a program links. gsh::gsh is the core: all headers but those below, with Eigen, GLM and oneTBB. The rest is
 # opt-in, each target with the dependencies of its headers:
 #   gsh::simd       math/pack.hpp        xsimd
-#   gsh::io         io/                  libzip, stb, nlohmann-json
+#   gsh::io         io/, and those of train/ that read or write files      libzip, stb, nlohmann-json
 #   gsh::synthetic  synthetic/           Embree (and gsh::io)
 set(gsh_components simd io synthetic)
 
@@ -19,6 +19,22 @@ list(FILTER gsh_simd_headers INCLUDE REGEX "/gsh/math/pack\\.hpp$")
 list(FILTER gsh_io_headers INCLUDE REGEX "/gsh/io/")
 list(FILTER gsh_synthetic_headers INCLUDE REGEX "/gsh/synthetic/")
 list(REMOVE_ITEM gsh_headers ${gsh_simd_headers} ${gsh_io_headers} ${gsh_synthetic_headers})
+# What includes a header of gsh::io needs its libraries, too.
+set(gsh_found ${gsh_io_headers})
+while(gsh_found)
+  list(TRANSFORM gsh_found REPLACE "^${gsh_include_dir}/(.*)$" "#include <\\1>" OUTPUT_VARIABLE gsh_lines)
+  set(gsh_found)
+  foreach(header IN LISTS gsh_headers)
+    file(STRINGS ${header} gsh_includes REGEX "^#include <gsh/")
+    set(gsh_hits ${gsh_lines})
+    list(REMOVE_ITEM gsh_hits ${gsh_includes} "")
+    if(NOT "${gsh_hits}" STREQUAL "${gsh_lines}")
+      list(APPEND gsh_found ${header})
+    endif()
+  endforeach()
+  list(APPEND gsh_io_headers ${gsh_found})
+  list(REMOVE_ITEM gsh_headers ${gsh_found} "")
+endwhile()
 
 add_library(gsh INTERFACE)
 add_library(gsh::gsh ALIAS gsh)

@@ -54,6 +54,8 @@ void add_options(CLI::App& app, EvaluateOptions& o) {
     app.add_flag("--refine-cameras", common.refine_cameras, "with --refine: all cameras but the first learn too");
     add_lpips(app, common);
     app.add_option("--regions", common.regions, "JSON lists of face and hand vertices, or importance per vertex");
+    app.add_option("--priors", common.priors,
+                   "JSON list of an estimator's normal and depth maps, for configurations with priors");
     app.add_option("--set", common.set, "a setting of all these configurations, key=value; may be repeated");
     app.add_option("--frame", common.frame, "of the configuration static (default 0)");
     app.add_option("--views", o.views, "test views to make pictures of (default 4)")->check(CLI::Range(0, 1000));

@@ -50,6 +50,8 @@ Json settings_json(const Run& run) {
         for (const auto& [key, value] : settings_of(scene.config)) json[key] = value;
     } else {
         for (const auto& [key, value] : settings_of(run.configuration)) json[key] = value;
+        if (!run.options.priors.empty())
+            json["priors"] = run.options.priors.filename().string() + " " + priors_checksum(run.options.priors);
     }
     return json;
 }
@@ -93,10 +95,13 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                 run.options.refine = run.options.refine_cameras = false; // it has no poses
                 run.config = "static";
                 run.name = scene_name(run.options);
+                run.options.priors.clear();
             } else {
                 run.config = configuration_called(config).name;
                 run.configuration = configuration_of(run.options);
                 run.name = run.configuration.name;
+                if (!run.configuration.depth_prior && !run.configuration.normal_prior) run.options.priors.clear();
+                if (!run.options.priors.empty()) run.name += ", priors of " + run.options.priors.stem().string();
                 if (run.options.refine) run.name += run.options.refine_cameras ? ", refined with cameras" : ", refined";
             }
             run.settings = settings_json(run);
@@ -113,6 +118,8 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
             check_value(same->settings == run.settings, "--configs",
                         "two configurations are called '" + run.name + "'; rename one of the files");
         }
+    check_value(o.common.priors.empty() || std::any_of(runs.begin(), runs.end(), [](const Run& run) { return !run.options.priors.empty(); }),
+                "--priors", "has no effect: none of --configs has prior.depth or prior.normals");
     return runs;
 }
 

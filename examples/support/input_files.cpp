@@ -9,10 +9,13 @@
 #include <gsh/io/lpips_file.hpp>
 #include <gsh/io/motion_file.hpp>
 #include <gsh/io/people_capture.hpp>
+#include <gsh/io/prior_views_file.hpp>
 #include <gsh/io/region_file.hpp>
 #include <gsh/train/configuration_file.hpp>
 
 #include <nlohmann/json.hpp>
+
+#include <cstdio>
 
 namespace gsh::examples {
 
@@ -29,6 +32,15 @@ std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& bo
 BodyModel body_of_file(const std::filesystem::path& path) { return load_body_model(path); }
 RegionLists regions_of_file(const std::filesystem::path& path, std::size_t vertex_count) {
     return read_regions(path, vertex_count);
+}
+std::vector<EstimatedPriors> priors_of_file(const std::filesystem::path& path, const Capture& capture,
+                                            const std::vector<std::string>& people) {
+    return read_prior_views(path, capture.cameras, capture.frame_count(), people);
+}
+std::string priors_checksum(const std::filesystem::path& path) {
+    char text[9];
+    std::snprintf(text, sizeof text, "%08x", static_cast<unsigned>(prior_views_checksum(path)));
+    return text;
 }
 Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
                       bool upright) {

@@ -20,6 +20,7 @@ struct CameraList;
 struct Capture;
 struct CaptureOptions;
 struct Configuration;
+struct EstimatedPriors;
 struct LpipsNetwork;
 struct Motion;
 struct NamedCamera;
@@ -43,6 +44,11 @@ std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& bo
 BodyModel body_of_file(const std::filesystem::path& path);
 /// read_regions.
 RegionLists regions_of_file(const std::filesystem::path& path, std::size_t vertex_count);
+/// read_prior_views: for each of the people.
+std::vector<EstimatedPriors> priors_of_file(const std::filesystem::path& path, const Capture& capture,
+                                            const std::vector<std::string>& people);
+/// prior_views_checksum, as text.
+std::string priors_checksum(const std::filesystem::path& path);
 /// load_any_motion, turned upright if so wished.
 Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
                       bool upright = false);

@@ -46,6 +46,7 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_flag("--refine", o.refine, "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
     app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: all cameras but the first learn too");
     app.add_option("--regions", o.regions, "JSON lists of face and hand vertices, or importance per vertex");
+    app.add_option("--priors", o.priors, "JSON list of an estimator's normal and depth maps, in place of the mesh's own");
     add_lpips(app, o);
     app.add_option("--frame", o.frame, "with --config static: the frame (default 0)");
     app.add_flag("--resume", o.resume, "go on from the checkpoint in --out");

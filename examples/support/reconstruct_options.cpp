@@ -69,6 +69,12 @@ void check_options(ReconstructOptions& o) {
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
     expect(o.refine || !o.refine_cameras, "--refine-cameras needs --refine");
     expect(!o.lpips.empty() || !o.lpips_table, "--lpips-table needs --lpips");
+    if (!o.priors.empty()) {
+        expect(!scene, "--priors is of a body; --config static has none");
+        const Configuration configuration = configuration_of(o);
+        expect(configuration.depth_prior || configuration.normal_prior,
+               "--priors has no effect: the configuration has neither prior.depth nor prior.normals");
+    }
     if (o.steps == 0) o.steps = o.synthetic ? 1200 : 3000;
     if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
     complete_poses(o);

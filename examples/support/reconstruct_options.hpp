@@ -31,6 +31,7 @@ struct ReconstructOptions : PeopleOptions {
     bool refine = false;            ///< poses learn too, and test poses are fitted
     bool refine_cameras = false;    ///< cameras as well
     std::filesystem::path regions;  ///< JSON lists of vertices
+    std::filesystem::path priors;   ///< JSON list of an estimator's maps
     std::filesystem::path lpips;    ///< weights
     bool lpips_table = false;       ///< judge as published tables do, see LpipsScaling
     std::size_t frame = 0;          ///< of the configuration `static`

@@ -48,7 +48,8 @@ Reconstruction::Person::Person(Backend& backend, std::string called, CanonicalSe
 
 Reconstruction::Reconstruction(Backend& backend, const Source& source, const Configuration& chosen,
                                const ReconstructOptions& o)
-    : configuration(chosen), test_photos(test_photos_of(source.capture)),
+    : configuration(chosen), priors_checksum(chosen.depth_prior || chosen.normal_prior ? source.priors_checksum : std::string()),
+      test_photos(test_photos_of(source.capture)),
       trainer(backend, cast_of(backend, source, o), photos_of(source.capture, false), o.seed, configuration.train) {
     if (!o.refine) return;
     check_value(configuration.test_mask_weight >= 0, "refine.test_mask_weight", "must not be negative"); // before training, not after
@@ -122,7 +123,7 @@ std::vector<CastMember<Reconstruction::Model>> Reconstruction::cast_of(Backend& 
         const CapturePerson& from = source.people[p];
         const std::uint64_t seed = p == 0 ? o.seed : random_bits(o.seed, p);
         CanonicalSetup setup = make_canonical_setup(backend, source.body(p), from.motion, configuration, count, seed,
-                                                    source.regions[from.body]);
+                                                    source.regions[from.body], source.priors[p]);
         Person& person = people.emplace_back(backend, from.name, std::move(setup), seed, configuration.avatar);
         cast.push_back({&person.model, &person.setup.motion});
     }

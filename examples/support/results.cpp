@@ -37,10 +37,11 @@ std::string settings_text(const Configuration& configuration) {
     return text;
 }
 
-/// What a checkpoint was made for, in words: settings, refinement, and people where there are several.
+/// What a checkpoint was made for, in words: settings, refinement, estimated priors, and people where there are several.
 std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& reconstruction) {
     std::string text = settings_text(reconstruction.configuration);
     if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
+    if (!reconstruction.priors_checksum.empty()) text += "priors " + reconstruction.priors_checksum + "\n";
     if (reconstruction.people.size() > 1)
         for (const auto& person : reconstruction.people) text += "person " + person.name + "\n";
     return text;
@@ -78,7 +79,8 @@ void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
 void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record) {
     const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
     check_value(file.read_text("configuration") == checkpoint_text(o, reconstruction), checkpoint_path(o).string(),
-                "was made with another configuration or for other people; resume with the same --config, --set, --refine and --poses");
+                "was made with another configuration, other priors or for other people; resume with the same --config, --set, "
+                "--refine, --priors and --poses");
     load_trainer(file, reconstruction.trainer);
     for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
         if (auto& refinement = reconstruction.people[p].refinement) load_refinement(file, *refinement, p);
@@ -111,6 +113,7 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
                                                                        : "white background in training and test";
     return "Test views of " + source.capture.name + " (" + std::to_string(images) + " images), poses of " + poses_text(o) +
            (o.refine ? ", refined in training and fitted to the test images at test time" : ", as given, not refined") +
+           (o.priors.empty() ? "" : ", geometric priors of " + o.priors.filename().string()) +
            ", " + background + ", " + measures_of(judge) +
            (source.people.size() > 1 ? " People are judged apart where person_masks show them, else where their body is in front "
                                        "(clothes and hair go to the nearest)." : "");

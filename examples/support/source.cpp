@@ -54,6 +54,13 @@ Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
     }
     for (const BodyModel& body : source.bodies)
         source.regions.push_back(o.regions.empty() ? RegionLists() : regions_of_file(o.regions, body.vertex_count()));
+    source.priors.resize(source.people.size());
+    if (!o.priors.empty()) {
+        std::vector<std::string> names;
+        for (const CapturePerson& person : source.people) names.push_back(person.name);
+        source.priors = priors_of_file(o.priors, source.capture, names);
+        source.priors_checksum = priors_checksum(o.priors);
+    }
     return source;
 }
 

@@ -10,6 +10,7 @@
 #include <gsh/body/region_mask.hpp>
 #include <gsh/io/capture.hpp>
 #include <gsh/io/people_capture.hpp>
+#include <gsh/prior/estimated_view.hpp>
 #include <gsh/train/photo.hpp>
 
 #include <cstddef>
@@ -24,6 +25,8 @@ struct Source {
     std::vector<RegionLists> regions; ///< of each body, where they are asked for
     Capture capture;
     std::vector<CapturePerson> people;
+    std::vector<EstimatedPriors> priors; ///< of each person
+    std::string priors_checksum;         ///< empty where no priors are asked for
     std::vector<std::string> warnings;
 
     [[nodiscard]] const BodyModel& body(std::size_t person = 0) const { return bodies[people[person].body]; }
@@ -36,7 +39,7 @@ struct Source {
 /// Errors  those of the files.
 Source load_people(cpu::Threads& backend, const PeopleOptions& o, const CaptureOptions& how = {});
 
-/// The same with regions, or the built-in actor, filmed.
+/// The same with regions and estimated priors, or the built-in actor, filmed.
 Source load_source(cpu::Threads& backend, const ReconstructOptions& o);
 
 /// Photographs of a capture's training or test views; they point into the capture.

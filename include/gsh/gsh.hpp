@@ -97,6 +97,7 @@
 #include <gsh/render/tiles.hpp>
 
 #include <gsh/prior/bilateral_solver.hpp>
+#include <gsh/prior/estimated_view.hpp>
 #include <gsh/prior/mesh_rasterizer.hpp>
 #include <gsh/prior/normal_integration.hpp>
 #include <gsh/prior/orthographic_camera.hpp>
@@ -125,6 +126,7 @@
 #include <gsh/train/parameters.hpp>
 #include <gsh/train/photo.hpp>
 #include <gsh/train/pose_fit.hpp>
+#include <gsh/train/posed_priors.hpp>
 #include <gsh/train/refinement.hpp>
 #include <gsh/train/refinement_config.hpp>
 #include <gsh/train/refinement_tables.hpp>

@@ -187,17 +187,30 @@ TEST_CASE("a pack of skeletons equals its lanes") {
 }
 
 TEST_CASE("Threads equals Serial bit for bit") {
-    const Case c(11, 55);
-    std::vector<int> parents(55);
-    for (int j = 0; j < 55; ++j) parents[static_cast<std::size_t>(j)] = j == 0 ? -1 : (j - 1) / 2;
+    constexpr std::size_t J = 1300; // more than a chunk of Threads::for_each, so that several threads have some
+    const Case c(11, J);
+    std::vector<int> parents(J);
+    for (std::size_t j = 0; j < J; ++j) parents[j] = j == 0 ? -1 : (static_cast<int>(j) - 1) / 2;
+    std::vector<Affine<double>> dL_dbones(J);
+    test::Rng rng(12);
+    for (double& x : test::scalars(dL_dbones)) x = rng.uniform(-1, 1);
     const auto run = [&](auto&& backend) {
         using B = std::remove_reference_t<decltype(backend)>;
         Skeleton<B, double> skeleton(backend, parents);
-        std::vector<mat3<double>> R(55);
-        std::vector<Affine<double>> bones(55);
+        std::vector<mat3<double>> R(J), dL_drotations(J, mat3<double>(0.0));
+        std::vector<Affine<double>> bones(J);
+        std::vector<vec3<double>> dL_djoints(J, vec3<double>(0.0)), dL_dpose = dL_djoints, dL_dtransl(1, vec3<double>(0.0));
         skeleton.rotations(c.pose, R);
         skeleton.bones(R, c.joints, c.transl, bones);
-        return bones;
+        skeleton.bones_backward(R, c.joints, bones, dL_dbones, dL_drotations, dL_djoints, dL_dtransl);
+        skeleton.rotations_backward(c.pose, dL_drotations, dL_dpose);
+        std::vector<double> all;
+        const auto append = [&](const auto& values) {
+            const auto* first = reinterpret_cast<const double*>(values.data());
+            all.insert(all.end(), first, first + values.size() * sizeof(values[0]) / sizeof(double));
+        };
+        append(bones), append(dL_drotations), append(dL_djoints), append(dL_dpose), append(dL_dtransl);
+        return all;
     };
     const auto expected = run(cpu::Serial());
     for (std::size_t threads : {1, 2, 3, 7}) {

@@ -3,6 +3,7 @@
 ///        device answers, its results are compared with the host's.
 #include "support/elements.hpp"
 
+#include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/body/skeleton.hpp>
@@ -13,9 +14,12 @@
 #include <gsh/image/color.hpp>
 #include <gsh/image/resample.hpp>
 #include <gsh/optim/adam.hpp>
+#include <gsh/render/tiles.hpp>
+#include <gsh/train/avatar_model.hpp>
 #include <gsh/train/density_control.hpp>
 #include <gsh/train/parameters.hpp>
 #include <gsh/train/refinement.hpp>
+#include <gsh/train/static_trainer.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -88,10 +92,32 @@ struct HashTableBackward {
     }
 };
 
+/// How many tiles an ellipse touches, row by row; pixels and tiles are integers, which no lane has.
+template <class T>
+struct TilesTouched {
+    Span<const vec3<T>> covariances; // xx, xy, yy
+    Span<const vec3<T>> centers;
+    TileGrid grid;
+    Span<int> counts;
+
+    GSH_HD void operator()(std::size_t i) const {
+        const sym2<double> covariance{covariances[i].x, covariances[i].y, covariances[i].z};
+        const double x = centers[i].x, y = centers[i].y, reach = 4;
+        const Ellipse<double> ellipse{x, y, whiten(covariance), reach};
+        const TileRect rect = tile_rect(x, y, sqrt(squared_extent(reach, covariance.xx)),
+                                        sqrt(squared_extent(reach, covariance.yy)), grid);
+        for (int row = rect.y0; row < rect.y1; ++row) {
+            int first, end;
+            tile_columns(ellipse, row, grid, first, end);
+            counts[i] += end - first;
+        }
+    }
+};
+
 template <class... T>
 struct Types {};
 
-/// The function objects that backend.for_each is given. A new one is one more name here.
+/// The function objects that backend.for_each is given; tests/house sees that none is missing.
 template <class T>
 using Bodies = Types<
     gsh::detail::StaticSplatForward<0, T>, gsh::detail::StaticSplatForward<2, T>, gsh::detail::StaticSplatForward<4, T>,
@@ -109,6 +135,9 @@ using Bodies = Types<
     gsh::detail::Difference<T>, gsh::detail::Accumulate<T>, gsh::detail::Accumulate<vec3<T>>,
     gsh::detail::ObserveSplats<T>, gsh::detail::DecideFates<T>, gsh::detail::DescendGaussian<T>,
     gsh::detail::DescendMoments<T>, gsh::detail::LimitFromAbove<T>,
+    gsh::detail::OcclusionFromLogit<T>, gsh::detail::OcclusionFromLogitBackward<T>, gsh::detail::PoseOfNeurons<T>,
+    gsh::detail::PoseOfNeuronsBackward<T>, gsh::detail::DisplacedMeans<T>, gsh::detail::DisplacementGradient<T>,
+    gsh::detail::ScaleConstant<T>, gsh::detail::WidenSh<T>, TilesTouched<T>,
     gsh::detail::AdamStep<T>, Skin<T, Affine<T>>, Skin<T, dual_quat<T>>, HashTableBackward<T>,
     gsh::detail::TurnedPose<T>, gsh::detail::TurnedPoseBackward<T>, gsh::detail::Incremented<T>,
     gsh::detail::PullGradient<T>, gsh::detail::MovedCameraBackward<T>, gsh::detail::RowStep<T>,

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <map>
 #include <set>
 #include <string>
@@ -176,6 +177,28 @@ TEST_CASE("gsh.hpp lists every header that gsh::gsh can serve, and no other") {
     }
     for (const auto& path : expected)
         CHECK_MESSAGE(listed.contains(path), "include/gsh/gsh.hpp: <gsh/", path, "> is missing; run scripts/house");
+}
+
+TEST_CASE("every function object that backends run is among those that nvcc compiles") {
+    std::ifstream file(fs::path(GSH_SOURCE_DIR) / "tests" / "device" / "kernels_test.cu");
+    const std::string kernels{std::istreambuf_iterator<char>(file), {}};
+    REQUIRE(kernels.size() > 1000);
+    const std::set<std::string> exempt{"NoOp"}; // what the concept Backend asks about
+    std::size_t found = 0;
+    for (const auto& header : headers()) {
+        std::string name;
+        for (std::size_t i = 0; i < header.lines.size(); ++i) {
+            const std::string& line = header.lines[i];
+            const auto begin = line.find_first_not_of(' ');
+            if (begin != std::string::npos && line.compare(begin, 7, "struct ") == 0)
+                name = line.substr(begin + 7, line.find_first_of(" ;{:", begin + 7) - begin - 7);
+            if (line.find("GSH_HD void operator()(std::size_t") == std::string::npos || exempt.contains(name)) continue;
+            ++found;
+            const bool there = kernels.find("::" + name + "<") != std::string::npos;
+            CHECK_MESSAGE(there, header.at(static_cast<int>(i) + 1), name, " is missing in tests/device/kernels_test.cu");
+        }
+    }
+    CHECK(found > 30);
 }
 
 TEST_CASE("docs/architecture.md lists every header with its sentence") {

@@ -104,12 +104,14 @@ struct Chain {
         return params;
     }
 
+    static constexpr double scale = 3 * 40 * 36; // a sum over the image, not a mean: a tolerance of 1e-6 must bite
+
     double loss() {
         model.update_canonical(cache, code());
         model.pose(pose, camera.center(), splats.view(), cache, code());
         rasterizer.forward(camera, std::as_const(splats).view(), {.color = {0.9, 0.8, 0.7}}, {.color = render.view()}, raster_cache);
         loss_function.forward(std::as_const(render).view(), std::as_const(truth).view(), loss_cache);
-        return loss_function.values(loss_cache).loss;
+        return scale * loss_function.values(loss_cache).loss;
     }
 
     struct Gradient {
@@ -122,7 +124,7 @@ struct Chain {
     Gradient gradient() {
         loss();
         Image<double> dL_drender(3, 40, 36);
-        loss_function.backward(std::as_const(render).view(), std::as_const(truth).view(), 1.0, loss_cache, dL_drender.view());
+        loss_function.backward(std::as_const(render).view(), std::as_const(truth).view(), scale, loss_cache, dL_drender.view());
         Splats<B, double> dL_dsplats;
         dL_dsplats.resize(model.size());
         fill_zero(backend, dL_dsplats.view());
@@ -166,7 +168,7 @@ void check_chain(const AvatarConfig& config, bool with_priors, std::initializer_
         if (std::find(expected.begin(), expected.end(), group) != expected.end()) ++found;
         double largest = 0;
         for (const double value : gradient.parameters[group]) largest = std::max(largest, std::abs(value));
-        CHECK(largest > 1e-7); // the check below must have something to see
+        CHECK(largest > 1e-3); // the check below must have something to see
         auto options = check;
         options.stride = values.size() / 30 + 1;
         test::check_gradient(loss, values, Span<const double>(gradient.parameters[group]), options);
@@ -279,7 +281,7 @@ TEST_CASE("the chain's gradient of a Gaussian's mean") {
         chain.rasterizer.forward(chain.camera, std::as_const(chain.splats).view(), {.color = {0.9, 0.8, 0.7}},
                                  {.color = chain.render.view()}, chain.raster_cache);
         chain.loss_function.forward(std::as_const(chain.render).view(), std::as_const(chain.truth).view(), chain.loss_cache);
-        return chain.loss_function.values(chain.loss_cache).loss;
+        return Chain<cpu::Serial>::scale * chain.loss_function.values(chain.loss_cache).loss;
     };
     CHECK(loss() == chain.loss());
     auto expected = gradient.means;

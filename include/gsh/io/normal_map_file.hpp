@@ -108,18 +108,24 @@ inline RawNormals read_normal_png(const std::filesystem::path& path) {
     return raw;
 }
 
-inline RawNormals read_normal_npy(const std::filesystem::path& path) {
+/// What an .npy file holds.
+inline NpyHeader npy_header_of(const std::filesystem::path& path) {
     const std::string name = path.string();
     std::ifstream file(path, std::ios::binary);
     std::error_code error;
     const std::size_t size = std::filesystem::file_size(path, error);
     if (!file || error) throw IoError(name + ": cannot be opened; is the path right?");
-    const NpyHeader header = read_npy_header(
+    return read_npy_header(
         [&](void* data, std::size_t count) {
             file.read(static_cast<char*>(data), static_cast<std::streamsize>(count));
             return static_cast<std::size_t>(file.gcount());
         },
         size, name);
+}
+
+inline RawNormals read_normal_npy(const std::filesystem::path& path) {
+    const std::string name = path.string();
+    const NpyHeader header = npy_header_of(path);
     const auto& shape = header.shape;
     const bool last = shape.size() == 3 && (shape[2] == 3 || shape[2] == 4), first = shape.size() == 3 && shape[0] == 3;
     if (!last && !first)

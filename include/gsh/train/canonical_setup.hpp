@@ -12,10 +12,12 @@
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/body/vertex_samples.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/prior/estimated_view.hpp>
 #include <gsh/prior/prior_features.hpp>
 #include <gsh/prior/prior_view.hpp>
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/configuration.hpp>
+#include <gsh/train/posed_priors.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -34,13 +36,8 @@ struct CanonicalSetup {
     CanonicalPriors priors;
 };
 
-/// Views of an estimator, beside those of the body's mesh or in their place.
-struct EstimatedPriors {
-    std::vector<PriorView> depths, normals;
-};
-
 /// `count` Gaussians on the body in the motion's shape, and what goes with them. Estimated views, where there are any,
-/// take the place of the mesh's. A body without triangles gets a Gaussian per vertex, and neither region nor features.
+/// take the place of the mesh's; their frames are those of `motion`. A body without triangles gets a Gaussian per vertex, and neither region nor features.
 /// Errors  those of the parts: lists that name no vertex, nothing to sample, views that do not fit.
 template <CpuBackend B>
 [[nodiscard]] CanonicalSetup make_canonical_setup(B& backend, const BodyModel& body, const Motion& motion,
@@ -77,12 +74,15 @@ template <CpuBackend B>
     }
     std::vector<std::pair<std::size_t, std::vector<double>>> columns;
     const auto& skin = setup.samples.weights.view();
+    const SeenPerson seen{body, motion, mover, setup.motion};
     if (config.depth_prior) {
-        const auto views = estimated.depths.empty() ? four_depth_views(backend, vertices, body.faces) : estimated.depths;
+        auto views = posed_depths(backend, seen, estimated, config.prior.depth);
+        if (views.empty()) views = four_depth_views(backend, vertices, body.faces);
         columns.emplace_back(views.size(), depth_features(setup.samples.positions, views, skin, config.prior));
     }
     if (config.normal_prior) {
-        const auto views = estimated.normals.empty() ? two_normal_views(backend, vertices, body.faces) : estimated.normals;
+        auto views = posed_normals(backend, seen, estimated);
+        if (views.empty()) views = two_normal_views(backend, vertices, body.faces);
         columns.emplace_back(3 * views.size(), normal_features(setup.samples.positions, views, skin));
     }
     for (std::size_t i = 0; i < N; ++i)
