@@ -136,13 +136,13 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
     std::vector<std::filesystem::path> files;
     for (const auto& file : poses) files.push_back(folder / file); // an absolute path replaces the folder
     const std::vector<std::string> names = person_names(files);
+    check_value(poses.size() <= 1 || recognise_capture(folder).value_or(CaptureLayout::gsh) == CaptureLayout::gsh,
+                folder.string(), "only a capture in our own layout takes several pose files; see docs/captures.md");
     if (!poses.empty()) options.poses = poses.front().string();
     if (poses.size() > 1) options.person = 0; // of each file, not of the row of files
     std::vector<std::string> of_first;
     result.any = load_any_capture(backend, folder, bodies.empty() ? nullptr : &bodies[0], options, &of_first);
     const Capture& capture = result.any.capture;
-    check_value(poses.size() <= 1 || result.any.layout == CaptureLayout::gsh, folder.string(),
-                "only a capture in our own layout takes several pose files; see docs/captures.md");
     if (result.any.people.size() > 1) { // the layout says who is there
         for (std::size_t p = 0; p < result.any.people.size(); ++p)
             result.people.push_back({"person-" + std::to_string(p), 0, result.any.people[p]});
