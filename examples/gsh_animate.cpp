@@ -50,7 +50,9 @@ void add_motion(Framing& framing, const RigData& rig, const Motion& motion, std:
     for (std::size_t j = 0; j < joints.size(); ++j) joints[j] += to[j] - from[j];
 
     for (std::size_t f = 0; f < frames; ++f)
-        framing.add(pose_body(rig.body, motion.pose_at(f), motion.transl[f], motion.betas, motion.expression_at(f), joints).vertices);
+        framing.add(
+            pose_body(rig.body, motion.pose_at(f), motion.transl[f], motion.betas, motion.expression_at(f), joints)
+                .vertices);
 }
 
 /// A camera in front of everybody that sees all of them in every frame, and as large as that allows.
@@ -70,7 +72,8 @@ int animate(const AnimateOptions& options) {
     for (std::size_t p = 0; p < people.motions.size(); ++p)
         if (people.motions[p].frame_count() > frames)
             warn(options.poses[p].string() + ": only the first " + std::to_string(frames) + " of " +
-                 std::to_string(people.motions[p].frame_count()) + " frames are shown, as many as the shortest motion has");
+                 std::to_string(people.motions[p].frame_count()) +
+                 " frames are shown, as many as the shortest motion has");
     const Camera<double> camera = options.camera.empty() ? frame_people(people, options.size)
                                                          : camera_of_file(options.camera, options.camera_name).camera;
     cpu::Threads backend(options.threads);
@@ -99,15 +102,18 @@ int main(int argc, char** argv) {
     AnimateOptions options;
     CLI::App app("Renders avatars in motions.", "gsh-animate");
     app.add_option("avatars", options.avatars, "AVATAR.gsh, one or several in one scene")->required();
-    app.add_option("--poses", options.poses,
-                   "motion in any layout that we read (.npz, folder), one for each avatar in their order: --poses A --poses B")
+    app.add_option(
+           "--poses", options.poses,
+           "motion in any layout that we read (.npz, folder), one for each avatar in their order: --poses A --poses B")
         ->required()
         ->allow_extra_args(false);
     app.add_option("--camera", options.camera, "CAMERA.json; without it a camera frames the whole motion");
     app.add_option("--camera-name", options.camera_name, "which entry, if the file holds several cameras");
-    app.add_option("--size", options.size, "pixels of the square image without --camera (default 540)")->check(CLI::Range(16, 8192));
-    auto* upright = app.add_flag("--upright", options.upright,
-                                 "turn each motion's world so that the body stands along +y (default without --camera)");
+    app.add_option("--size", options.size, "pixels of the square image without --camera (default 540)")
+        ->check(CLI::Range(16, 8192));
+    auto* upright =
+        app.add_flag("--upright", options.upright,
+                     "turn each motion's world so that the body stands along +y (default without --camera)");
     app.add_flag("--as-stored", options.as_stored, "leave the world as it is (default with --camera)")
         ->excludes(upright);
     app.add_option("--out", options.out, "folder for the frames")->required();

@@ -38,8 +38,9 @@ int reconstruct_scene(cpu::Threads& backend, const ReconstructOptions& options) 
     if (interrupted) return exit_interrupted;
     write_static_result(out, source, chosen, result);
     const ImageScore mean = mean_score(result.scores);
-    std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s\nresults in %s\n", static_cast<unsigned long long>(result.steps),
-                result.seconds, fixed(mean.psnr, 2).c_str(), fixed(mean.ssim, 4).c_str(), options.out.c_str());
+    std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s\nresults in %s\n",
+                static_cast<unsigned long long>(result.steps), result.seconds, fixed(mean.psnr, 2).c_str(),
+                fixed(mean.ssim, 4).c_str(), options.out.c_str());
     return exit_done;
 }
 

@@ -87,10 +87,13 @@ int render(const RenderOptions& options) {
 int main(int argc, char** argv) {
     RenderOptions options;
     CLI::App app("Renders a 3DGS scene or avatars.", "gsh-render");
-    app.add_option("scene", options.scenes, "SCENE.ply (standard 3DGS) or AVATAR.gsh, of these also several in one scene")->required();
-    app.add_option("--poses", options.poses,
-                   "motion in any layout that we read (.npz, folder), one for each avatar in their order; without it, the "
-                   "canonical pose")
+    app.add_option("scene", options.scenes,
+                   "SCENE.ply (standard 3DGS) or AVATAR.gsh, of these also several in one scene")
+        ->required();
+    app.add_option(
+           "--poses", options.poses,
+           "motion in any layout that we read (.npz, folder), one for each avatar in their order; without it, the "
+           "canonical pose")
         ->allow_extra_args(false);
     app.add_option("--frame", options.frame, "frame of the motions (default 0)")->check(not_negative());
     app.add_option("--camera", options.camera, "CAMERA.json: width, height, K, R, t")->required();

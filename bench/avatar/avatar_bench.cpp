@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A frame of an avatar of 170,000 Gaussians, from pose to splats, with shadows that follow the pose and without.
+/// @file  A frame of an avatar of 170,000 Gaussians, from pose to splats, without and with shadows by pose.
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
@@ -23,8 +23,9 @@ const AvatarData& avatar(bool shaded) {
     static const auto make = [](bool with_field) {
         const BodyModel body = make_actor();
         const std::vector<double> betas(static_cast<std::size_t>(body.shape_count), 0.0);
-        const auto samples = sample_surface(body, shaped_vertices(body, betas),
-                                            std::vector<double>(body.vertex_count(), double(N) / double(body.vertex_count())), 1);
+        const auto samples =
+            sample_surface(body, shaped_vertices(body, betas),
+                           std::vector<double>(body.vertex_count(), double(N) / double(body.vertex_count())), 1);
         AvatarData data{make_rig(body, betas, samples), GaussianCloud<float>(samples.size(), 2)};
         for (std::size_t i = 0; i < samples.size(); ++i) {
             data.gaussians.means[i] = vec3<float>(samples.positions[i]);
@@ -78,7 +79,8 @@ void backward(benchmark::State& state) {
     frame.forward();
     std::vector<vec3<float>> dL_dpose(avatar(false).rig.joint_count());
     for (auto _ : state)
-        frame.shown.pose_backward(frame.pose, {0, 1, 4}, std::as_const(frame.splats).view(), frame.cache, {dL_dpose, {}, {}});
+        frame.shown.pose_backward(frame.pose, {0, 1, 4}, std::as_const(frame.splats).view(), frame.cache,
+                                  {dL_dpose, {}, {}});
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(frame.shown.size()));
 }
 

@@ -16,7 +16,8 @@ namespace {
 using Field = HashField<16, 4>;
 constexpr std::size_t points = 170'000;
 
-/// A field of the avatar's size. Arguments: outputs; shared inputs; per cent of the points that ask for levels 12 to 15.
+/// A field of the avatar's size. Arguments: outputs; shared inputs; per cent of the points that ask for levels 12 to
+/// 15.
 template <class B>
 struct Setup {
     B backend;
@@ -42,8 +43,9 @@ struct Setup {
 template <class B>
 void count(benchmark::State& state, const Setup<B>& s, double products) {
     const double times = static_cast<double>(state.iterations());
-    state.counters["GFLOP/s"] = benchmark::Counter(
-        times * products * 2 * static_cast<double>(points * s.field.mlp().parameter_count()) * 1e-9, benchmark::Counter::kIsRate);
+    state.counters["GFLOP/s"] =
+        benchmark::Counter(times * products * 2 * static_cast<double>(points * s.field.mlp().parameter_count()) * 1e-9,
+                           benchmark::Counter::kIsRate);
     state.counters["lookups"] = static_cast<double>(s.query.lookups());
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(points));
 }
@@ -65,7 +67,19 @@ void backward(benchmark::State& state) {
 
 BENCHMARK(forward<cpu::Serial>)->Args({27, 0, 100})->Unit(benchmark::kMillisecond);
 BENCHMARK(backward<cpu::Serial>)->Args({27, 0, 100})->Unit(benchmark::kMillisecond);
-BENCHMARK(forward<cpu::Threads>)->Args({27, 0, 100})->Args({30, 0, 25})->Args({3, 0, 100})->Args({1, 9, 100})->Unit(benchmark::kMillisecond)->UseRealTime();
-BENCHMARK(backward<cpu::Threads>)->Args({27, 0, 100})->Args({30, 0, 25})->Args({3, 0, 100})->Args({1, 9, 100})->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(forward<cpu::Threads>)
+    ->Args({27, 0, 100})
+    ->Args({30, 0, 25})
+    ->Args({3, 0, 100})
+    ->Args({1, 9, 100})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+BENCHMARK(backward<cpu::Threads>)
+    ->Args({27, 0, 100})
+    ->Args({30, 0, 25})
+    ->Args({3, 0, 100})
+    ->Args({1, 9, 100})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 
 } // namespace

@@ -13,7 +13,8 @@ constexpr std::size_t points = 170'000;
 void count(benchmark::State& state, const Mlp& mlp, double passes) {
     const double times = static_cast<double>(state.iterations()) * points;
     state.SetItemsProcessed(static_cast<std::int64_t>(times));
-    state.SetBytesProcessed(static_cast<std::int64_t>(times * sizeof(float) * static_cast<double>(mlp.inputs() + mlp.outputs())));
+    state.SetBytesProcessed(
+        static_cast<std::int64_t>(times * sizeof(float) * static_cast<double>(mlp.inputs() + mlp.outputs())));
     state.counters["flop/s"] = benchmark::Counter(times * passes * 2 * static_cast<double>(mlp.parameter_count()),
                                                   benchmark::Counter::kIsRate);
 }

@@ -35,7 +35,8 @@ void forward(benchmark::State& state) {
         benchmark::DoNotOptimize(splats.colors.data());
     }
     state.SetItemsProcessed(state.iterations() * std::int64_t(count));
-    state.SetBytesProcessed(state.iterations() * std::int64_t(count * (11 + 3 * sh_basis_count(Degree) + 13) * sizeof(float)));
+    state.SetBytesProcessed(state.iterations() *
+                            std::int64_t(count * (11 + 3 * sh_basis_count(Degree) + 13) * sizeof(float)));
 }
 
 template <class B, int Degree>
@@ -54,7 +55,8 @@ void backward(benchmark::State& state) {
         benchmark::DoNotOptimize(dL_dgaussians.sh.data());
     }
     state.SetItemsProcessed(state.iterations() * std::int64_t(count));
-    state.SetBytesProcessed(state.iterations() * std::int64_t(count * (3 * (11 + 3 * sh_basis_count(Degree)) + 13) * sizeof(float)));
+    state.SetBytesProcessed(state.iterations() *
+                            std::int64_t(count * (3 * (11 + 3 * sh_basis_count(Degree)) + 13) * sizeof(float)));
 }
 
 BENCHMARK_TEMPLATE(forward, cpu::Serial, 2)->Unit(benchmark::kMillisecond);

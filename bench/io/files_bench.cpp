@@ -29,7 +29,8 @@ PixelImage picture() {
     Rng rng(1);
     for (int y = 60; y < 480; ++y)
         for (int x = 235; x < 305; ++x) {
-            for (int c = 0; c < 3; ++c) image.pixel(y, x)[c] = static_cast<std::uint8_t>(120 + (x + y) / 10 + rng.below(12));
+            for (int c = 0; c < 3; ++c)
+                image.pixel(y, x)[c] = static_cast<std::uint8_t>(120 + (x + y) / 10 + rng.below(12));
             image.pixel(y, x)[3] = 255;
         }
     return image;

@@ -49,7 +49,8 @@ void axis_angle(benchmark::State& state, bool backward) {
         benchmark::DoNotOptimize(dL_dv.data());
     }
     state.SetItemsProcessed(state.iterations() * std::int64_t(n * LaneTraits<T>::width));
-    state.SetBytesProcessed(state.iterations() * std::int64_t(n * (sizeof(vec3<T>) * (backward ? 3 : 1) + sizeof(mat3<T>))));
+    state.SetBytesProcessed(state.iterations() *
+                            std::int64_t(n * (sizeof(vec3<T>) * (backward ? 3 : 1) + sizeof(mat3<T>))));
 }
 
 template <class B, class T>

@@ -18,7 +18,8 @@ struct Data {
     std::vector<vec3<float>> sh, dirs, colors, dL_dsh, dL_ddirs;
 
     explicit Data(int basis_count)
-        : sh(count * static_cast<std::size_t>(basis_count)), dirs(count), colors(count), dL_dsh(sh.size()), dL_ddirs(count) {
+        : sh(count * static_cast<std::size_t>(basis_count)), dirs(count), colors(count), dL_dsh(sh.size()),
+          dL_ddirs(count) {
         Rng rng(1);
         const auto number = [&] { return static_cast<float>(rng.uniform(-1, 1)); };
         for (auto& v : sh) v = {number(), number(), number()};
@@ -69,11 +70,17 @@ void sh_backward(benchmark::State& state) {
     state.SetBytesProcessed(state.iterations() * std::int64_t((3 * data.sh.size() + 4 * count) * sizeof(vec3<float>)));
 }
 
+BENCHMARK_TEMPLATE(sh_forward, cpu::Serial, 0)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(sh_forward, cpu::Serial, 1)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(sh_forward, cpu::Serial, 2)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(sh_forward, cpu::Serial, 3)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(sh_forward, cpu::Serial, 4)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(sh_forward, cpu::Threads, 2)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_TEMPLATE(sh_backward, cpu::Serial, 0)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(sh_backward, cpu::Serial, 1)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(sh_backward, cpu::Serial, 2)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(sh_backward, cpu::Serial, 3)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(sh_backward, cpu::Serial, 4)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(sh_backward, cpu::Threads, 2)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 } // namespace

@@ -19,7 +19,8 @@ struct State {
     std::vector<std::uint32_t> rows;
 
     State() : parameters(entries * width), gradients(entries * width), m(entries * width), v(entries * width) {
-        for (std::size_t i = 0; i < gradients.size(); ++i) gradients[i] = static_cast<float>(random_uniform(1, i) - 0.5);
+        for (std::size_t i = 0; i < gradients.size(); ++i)
+            gradients[i] = static_cast<float>(random_uniform(1, i) - 0.5);
         // Runs of touched entries with gaps, half the table.
         for (std::uint32_t r = 0; r < entries; ++r)
             if (random_bits(2, r / 16) & 1) rows.push_back(r);

@@ -51,7 +51,9 @@ Json mark_json(const Mark& mark) {
     json["psnr_regions"] = regions_json(mark.regions);
     if (mark.mean.lpips) json["lpips"] = number_or_null(*mark.mean.lpips);
     for (const PersonFigures& person : mark.people) {
-        Json one{{"name", person.name}, {"psnr_person", number_or_null(person.psnr)}, {"ssim_person", number_or_null(person.ssim)}};
+        Json one{{"name", person.name},
+                 {"psnr_person", number_or_null(person.psnr)},
+                 {"ssim_person", number_or_null(person.ssim)}};
         one["psnr_regions"] = regions_json(person.regions);
         json["people"].push_back(std::move(one));
     }
@@ -72,8 +74,8 @@ Mark mark_of(const Json& json) {
     mark.mean.psnr_person = number_of(json.at("psnr_person"));
     mark.regions = regions_of(json.at("psnr_regions"));
     for (const Json& person : json.value("people", Json::array()))
-        mark.people.push_back({person.at("name"), number_of(person.at("psnr_person")), number_of(person.at("ssim_person")),
-                               regions_of(person.at("psnr_regions"))});
+        mark.people.push_back({person.at("name"), number_of(person.at("psnr_person")),
+                               number_of(person.at("ssim_person")), regions_of(person.at("psnr_regions"))});
     if (json.contains("lpips")) mark.mean.lpips = number_of(json.at("lpips"));
     return mark;
 }

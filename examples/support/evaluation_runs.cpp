@@ -58,7 +58,8 @@ Json settings_json(const Run& run) {
 
 /// Whether all configurations are static scenes, which share settings.
 bool is_scene_only(const EvaluateOptions& o) {
-    return std::all_of(o.configs.begin(), o.configs.end(), [](const std::string& config) { return is_scene_configuration(config); });
+    return std::all_of(o.configs.begin(), o.configs.end(),
+                       [](const std::string& config) { return is_scene_configuration(config); });
 }
 
 /// "static", a file's name, and what --set changes.
@@ -118,7 +119,8 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
             check_value(same->settings == run.settings, "--configs",
                         "two configurations are called '" + run.name + "'; rename one of the files");
         }
-    check_value(o.common.priors.empty() || std::any_of(runs.begin(), runs.end(), [](const Run& run) { return !run.options.priors.empty(); }),
+    check_value(o.common.priors.empty() ||
+                    std::any_of(runs.begin(), runs.end(), [](const Run& run) { return !run.options.priors.empty(); }),
                 "--priors", "has no effect: none of --configs has prior.depth or prior.normals");
     return runs;
 }

@@ -249,9 +249,10 @@ std::vector<Section> table_sections(const std::vector<RunResult>& results) {
             "is "
             "left out. The paper's own differences are from other data, other hardware and other budgets: signs "
             "compare, sizes hardly." +
-            (has_lpips(results) ? " So it is with LPIPS, all the more as published tables mostly feed it images in [0, 1]: "
-                                  "--lpips-table does."
-                                : ""),
+            (has_lpips(results)
+                 ? " So it is with LPIPS, all the more as published tables mostly feed it images in [0, 1]: "
+                   "--lpips-table does."
+                 : ""),
         worth_table(results));
     add("What it costs",
         "Training alone, without loading, sampling, checkpoints and judging. Memory is what the program holds at the "

@@ -28,7 +28,8 @@ std::string fixed(double value, int digits);
 template <class Score>
 Json person_json(const Score& whole, const std::vector<Score>& regions) {
     Json json{{"psnr_person", number_or_null(whole.psnr)}, {"ssim_person", number_or_null(whole.ssim)}};
-    for (std::size_t r = 0; r < regions.size(); ++r) json["psnr_regions"][region_names()[r]] = number_or_null(regions[r].psnr);
+    for (std::size_t r = 0; r < regions.size(); ++r)
+        json["psnr_regions"][region_names()[r]] = number_or_null(regions[r].psnr);
     return json;
 }
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The library's readers of input files for the programs: compiled once, in input_files.cpp, with the JSON and the
-/// archives that nearly all of them stand on.
+/// @file  The library's readers of input files, compiled once, with the JSON and archives that nearly all stand on.
 #pragma once
 
 #include <gsh/backend/threads.hpp>

@@ -61,7 +61,8 @@ std::vector<RegionLabels> Judge::labels_of(const Photo& photo) {
     std::vector<std::vector<vec3<double>>> vertices;
     std::vector<LabelledBody> people;
     for (std::size_t p = 0; p < source_.people.size(); ++p) vertices.push_back(source_.posed(p, photo.frame).vertices);
-    for (std::size_t p = 0; p < vertices.size(); ++p) people.push_back({vertices[p], source_.body(p).faces, regions_[p]});
+    for (std::size_t p = 0; p < vertices.size(); ++p)
+        people.push_back({vertices[p], source_.body(p).faces, regions_[p]});
     return people_labels(backend_, Span<const LabelledBody>(people), photo.camera);
 }
 

@@ -22,9 +22,9 @@ namespace gsh::examples {
 /// Errors  those of read_lpips.
 void check_lpips(const std::filesystem::path& weights);
 
-/// Judges photographs of one source. Regions are where the posed body's face and hands are seen; the body is the rest of
-/// the photograph's person. Several people are judged together and each apart: over the pixels of their mask if the capture
-/// has one, else where they are the one in front.
+/// Judges photographs of one source. Regions are where the posed body's face and hands are seen; the body is the rest
+/// of the photograph's person. Several people are judged together and each apart: over the pixels of their mask if the
+/// capture has one, else where they are the one in front.
 class Judge {
 public:
     Judge(cpu::Threads& backend, const Source& source, const ReconstructOptions& o);

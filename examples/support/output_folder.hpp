@@ -17,7 +17,8 @@ namespace gsh::examples {
 /// Errors  IoError naming what cannot be created or moved.
 class OutputFolder {
 public:
-    explicit OutputFolder(std::filesystem::path folder) : folder_(std::move(folder)), staging_(folder_ / "results.partial") {
+    explicit OutputFolder(std::filesystem::path folder)
+        : folder_(std::move(folder)), staging_(folder_ / "results.partial") {
         std::error_code ignored;
         existed_ = std::filesystem::exists(folder_, ignored);
         std::filesystem::remove_all(staging_, ignored); // of a run that was killed
@@ -53,7 +54,8 @@ private:
         std::error_code error;
         std::filesystem::create_directories(folder, error);
         if (error || !std::filesystem::is_directory(folder))
-            throw IoError(folder.string() + ": cannot be created: " + (error ? error.message() : "a file is in the way"));
+            throw IoError(folder.string() +
+                          ": cannot be created: " + (error ? error.message() : "a file is in the way"));
     }
 
     std::filesystem::path folder_, staging_;

@@ -30,7 +30,8 @@ public:
         shown_ = true;
         const double seconds = std::chrono::duration<double>(now - start_).count(), covered = fraction - first_;
         char left[32] = "";
-        if (covered > 0) std::snprintf(left, sizeof left, "  %.0f s left", std::max(0.0, seconds * (1 - fraction) / covered));
+        if (covered > 0)
+            std::snprintf(left, sizeof left, "  %.0f s left", std::max(0.0, seconds * (1 - fraction) / covered));
         const int filled = static_cast<int>(std::min(fraction, 1.0) * bar_width);
         const std::string bar = std::string(static_cast<std::size_t>(filled), '#') +
                                 std::string(static_cast<std::size_t>(bar_width - filled), '.');

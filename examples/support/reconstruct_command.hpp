@@ -11,10 +11,12 @@ namespace gsh::examples {
 
 /// The options --body and --poses.
 inline void add_people(CLI::App& app, PeopleOptions& o) {
-    app.add_option("--body", o.bodies, "body model (.npz, SMPL / SMPL-H / SMPL-X layout); of several people one for all, or one each")
+    app.add_option("--body", o.bodies,
+                   "body model (.npz, SMPL / SMPL-H / SMPL-X layout); of several people one for all, or one each")
         ->allow_extra_args(false);
     app.add_option("--poses", o.poses,
-                   "poses in any layout that we read: a file or folder in the capture's (default poses.npz), or a path; of several "
+                   "poses in any layout that we read: a file or folder in the capture's (default poses.npz), or a "
+                   "path; of several "
                    "people one each, repeated or separated by commas")
         ->allow_extra_args(false);
 }
@@ -23,7 +25,8 @@ inline void add_people(CLI::App& app, PeopleOptions& o) {
 inline void add_lpips(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--lpips", o.lpips, "LPIPS weights (.safetensors or .npz): judge by LPIPS, too");
     app.add_flag("--lpips-table", o.lpips_table,
-                 "with --lpips: images in [0, 1] as they are, as most published avatar tables have it, not in the network's [-1, 1]");
+                 "with --lpips: images in [0, 1] as they are, as most published avatar tables have it, not in the "
+                 "network's [-1, 1]");
 }
 
 inline void add_options(CLI::App& app, ReconstructOptions& o) {
@@ -33,7 +36,8 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--out", o.out, "folder for the results")->required();
     app.add_option("--steps", o.steps, "training steps (default 3000; 1200 with --synthetic)")->check(above_zero());
     app.add_option("--seconds", o.seconds, "train for so long instead of counting steps")->check(above_zero());
-    app.add_option("--gaussians", o.gaussians, "number of Gaussians, of each person (default 170000; 60000 with --synthetic)")
+    app.add_option("--gaussians", o.gaussians,
+                   "number of Gaussians, of each person (default 170000; 60000 with --synthetic)")
         ->check(CLI::Range(1, 100'000'000));
     app.add_option("--seed", o.seed, "of all random choices (default 0)")->check(not_negative());
     add_threads(app, o.threads);
@@ -41,12 +45,15 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
         ->check(above_zero());
     app.add_option("--checkpoint-interval", o.checkpoint_interval, "seconds between checkpoints (default 5)")
         ->check(above_zero());
-    app.add_option("--config", o.config, "configuration by name, or a JSON file of settings (default paper); static: one frame, no body");
+    app.add_option("--config", o.config,
+                   "configuration by name, or a JSON file of settings (default paper); static: one frame, no body");
     app.add_option("--set", o.set, "a setting of the configuration, key=value; may be repeated");
-    app.add_flag("--refine", o.refine, "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
+    app.add_flag("--refine", o.refine,
+                 "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
     app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: all cameras but the first learn too");
     app.add_option("--regions", o.regions, "JSON lists of face and hand vertices, or importance per vertex");
-    app.add_option("--priors", o.priors, "JSON list of an estimator's normal and depth maps, in place of the mesh's own");
+    app.add_option("--priors", o.priors,
+                   "JSON list of an estimator's normal and depth maps, in place of the mesh's own");
     add_lpips(app, o);
     app.add_option("--frame", o.frame, "with --config static: the frame (default 0)");
     app.add_flag("--resume", o.resume, "go on from the checkpoint in --out");

@@ -62,7 +62,8 @@ void check_options(ReconstructOptions& o) {
            "--capture and --body are needed, or --synthetic alone");
     expect(!scene || !(o.synthetic || o.refine || o.resume || o.seconds > 0 || o.max_memory > 0 || !o.poses.empty() ||
                        !o.regions.empty() || !o.lpips.empty()),
-           "--config static takes a capture and --steps; it cannot resume, refine, or do without --steps and --gaussians, and knows "
+           "--config static takes a capture and --steps; it cannot resume, refine, or do without --steps and "
+           "--gaussians, and knows "
            "no --poses, --regions and --lpips (gsh-evaluate judges it by LPIPS)");
     expect(!o.synthetic || (o.capture.empty() && o.bodies.empty() && o.poses.empty()),
            "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");

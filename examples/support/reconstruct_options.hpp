@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What gsh-reconstruct is asked for, and gsh-evaluate in each of its runs; who is in a capture, for gsh-check, too.
+/// @file  What gsh-reconstruct, and gsh-evaluate in each of its runs, is asked for; who is in a capture.
 #pragma once
 
 #include <cstddef>

@@ -23,7 +23,8 @@ std::size_t gaussian_count(const Source& source, const Configuration& configurat
     if (o.max_memory == 0) return o.gaussians;
     std::size_t pixels = 0;
     for (const auto& camera : source.capture.cameras)
-        pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) * static_cast<std::size_t>(camera.camera.height));
+        pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) *
+                                      static_cast<std::size_t>(camera.camera.height));
     std::size_t held = 0; // what is in memory already
     for (const auto& image : source.capture.images) held += image.data.size();
     const MemoryModel memory = training_memory(configuration.avatar, pixels, held, source.people.size());
@@ -48,11 +49,13 @@ Reconstruction::Person::Person(Backend& backend, std::string called, CanonicalSe
 
 Reconstruction::Reconstruction(Backend& backend, const Source& source, const Configuration& chosen,
                                const ReconstructOptions& o)
-    : configuration(chosen), priors_checksum(chosen.depth_prior || chosen.normal_prior ? source.priors_checksum : std::string()),
+    : configuration(chosen),
+      priors_checksum(chosen.depth_prior || chosen.normal_prior ? source.priors_checksum : std::string()),
       test_photos(test_photos_of(source.capture)),
       trainer(backend, cast_of(backend, source, o), photos_of(source.capture, false), o.seed, configuration.train) {
     if (!o.refine) return;
-    check_value(configuration.test_mask_weight >= 0, "refine.test_mask_weight", "must not be negative"); // before training, not after
+    check_value(configuration.test_mask_weight >= 0, "refine.test_mask_weight",
+                "must not be negative"); // before training, not after
     RefinementConfig config = configuration.refinement;
     std::set<std::size_t> seen;
     for (const Photo& photo : trainer.photos()) seen.insert(photo.frame);
@@ -63,7 +66,8 @@ Reconstruction::Reconstruction(Backend& backend, const Source& source, const Con
         for (const auto& camera : source.capture.cameras) cameras.push_back(camera.camera);
     for (std::size_t p = 0; p < people.size(); ++p) {
         Person& person = people[p];
-        config.joint_rates = joint_rates(person.setup.rig.joint_count(), configuration.finger_rate, configuration.face_rate);
+        config.joint_rates =
+            joint_rates(person.setup.rig.joint_count(), configuration.finger_rate, configuration.face_rate);
         person.refinement.emplace(backend, person.setup.rig, person.setup.motion,
                                   p == 0 ? cameras : std::vector<Camera<double>>(), config);
         trainer.refine(*person.refinement, p);
@@ -102,10 +106,11 @@ void Reconstruction::refine_test_poses(Backend& backend) {
             if (photo.frame == frame) observations.push_back({photo.camera, photo.rgba, photo.plate});
         for (std::size_t turn = 0; turn < rounds * people.size(); ++turn) {
             FrozenScene<TrainerType> frozen{&trainer, frame, turn % people.size()};
-            PoseFit<Backend, float, FrozenScene<TrainerType>> fit(
-                backend, frozen, configuration.train.filter,
-                {.steps = steps, .ssim_weight = configuration.train.ssim_weight, .mask_weight = configuration.test_mask_weight,
-                 .background = configuration.train.background});
+            PoseFit<Backend, float, FrozenScene<TrainerType>> fit(backend, frozen, configuration.train.filter,
+                                                                  {.steps = steps,
+                                                                   .ssim_weight = configuration.train.ssim_weight,
+                                                                   .mask_weight = configuration.test_mask_weight,
+                                                                   .background = configuration.train.background});
             fit.fit(*people[frozen.person].test_refinement, frame, observations);
         }
     }

@@ -69,8 +69,8 @@ struct Reconstruction {
     /// The avatars as they are now, for files. A body with fewer joints than the capture's is what moves them.
     [[nodiscard]] std::vector<AvatarData> avatars();
 
-    /// Fits the poses of the frames to judge by to their own photographs, the avatars staying as they are; several people
-    /// take turns. Figures after this are figures of test-time refinement.
+    /// Fits the poses of the frames to judge by to their own photographs, the avatars staying as they are; several
+    /// people take turns. Figures after this are figures of test-time refinement.
     void refine_test_poses(Backend& backend);
     /// Back to the poses of training.
     void end_test_refinement();

@@ -12,10 +12,12 @@ namespace gsh::examples {
 
 PixelFilter common_filter(const std::vector<AvatarData>& avatars) {
     for (const AvatarData& avatar : avatars)
-        check_value(avatar.filter.dilation == avatars[0].filter.dilation &&
-                        avatar.filter.compensate_opacity == avatars[0].filter.compensate_opacity,
-                    "avatars", "were trained with different pixel filters (filter.dilation, filter.compensate), so that one picture "
-                               "cannot be right for all of them; train them alike");
+        check_value(
+            avatar.filter.dilation == avatars[0].filter.dilation &&
+                avatar.filter.compensate_opacity == avatars[0].filter.compensate_opacity,
+            "avatars",
+            "were trained with different pixel filters (filter.dilation, filter.compensate), so that one picture "
+            "cannot be right for all of them; train them alike");
     return avatars[0].filter;
 }
 
@@ -47,7 +49,8 @@ Image<float> Renderer::render(const GaussianCloud<float>& scene, const Camera<do
     upload(*backend_, scene, gaussians);
     splats_.resize(scene.size());
     with_sh_degree(scene.sh_degree, [&](auto degree) {
-        static_splats_forward<decltype(degree)::value>(*backend_, std::as_const(gaussians).view(), view.center(), splats_.view());
+        static_splats_forward<decltype(degree)::value>(*backend_, std::as_const(gaussians).view(), view.center(),
+                                                       splats_.view());
     });
     return draw(view, background);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Self-contained HTML pages: figures, curves and pictures of a reconstruction in one file, and what pages are made of.
+/// @file  Self-contained HTML pages: figures, curves and pictures in one file, and what pages are made of.
 #pragma once
 
 #include <cstdint>

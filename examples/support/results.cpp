@@ -37,7 +37,8 @@ std::string settings_text(const Configuration& configuration) {
     return text;
 }
 
-/// What a checkpoint was made for, in words: settings, refinement, estimated priors, and people where there are several.
+/// What a checkpoint was made for, in words: settings, refinement, estimated priors, and people where there are
+/// several.
 std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& reconstruction) {
     std::string text = settings_text(reconstruction.configuration);
     if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
@@ -78,9 +79,10 @@ void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
 
 void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record) {
     const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
-    check_value(file.read_text("configuration") == checkpoint_text(o, reconstruction), checkpoint_path(o).string(),
-                "was made with another configuration, other priors or for other people; resume with the same --config, --set, "
-                "--refine, --priors and --poses");
+    check_value(
+        file.read_text("configuration") == checkpoint_text(o, reconstruction), checkpoint_path(o).string(),
+        "was made with another configuration, other priors or for other people; resume with the same --config, --set, "
+        "--refine, --priors and --poses");
     load_trainer(file, reconstruction.trainer);
     for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
         if (auto& refinement = reconstruction.people[p].refinement) load_refinement(file, *refinement, p);
@@ -102,21 +104,26 @@ void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
 
 std::string measures_of(const Judge& judge) {
     return "full image, range 1, unquantised; SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person "
-           "is where the true alpha exceeds 1/2; regions are where the posed body shows them, images with 50 pixels or more." +
+           "is where the true alpha exceeds 1/2; regions are where the posed body shows them, images with 50 pixels or "
+           "more." +
            judge.lpips_protocol();
 }
 
 std::string protocol_of(const ReconstructOptions& o, const Source& source, const TrainConfig& train,
                         const Judge& judge, std::size_t images) {
-    const std::string background = !source.capture.backgrounds.empty() ? "the capture's backgrounds in training and test"
-                                   : train.random_background           ? "a random background each step in training, white in test"
-                                                                       : "white background in training and test";
-    return "Test views of " + source.capture.name + " (" + std::to_string(images) + " images), poses of " + poses_text(o) +
+    const std::string background =
+        !source.capture.backgrounds.empty() ? "the capture's backgrounds in training and test"
+        : train.random_background           ? "a random background each step in training, white in test"
+                                            : "white background in training and test";
+    return "Test views of " + source.capture.name + " (" + std::to_string(images) + " images), poses of " +
+           poses_text(o) +
            (o.refine ? ", refined in training and fitted to the test images at test time" : ", as given, not refined") +
-           (o.priors.empty() ? "" : ", geometric priors of " + o.priors.filename().string()) +
-           ", " + background + ", " + measures_of(judge) +
-           (source.people.size() > 1 ? " People are judged apart where person_masks show them, else where their body is in front "
-                                       "(clothes and hair go to the nearest)." : "");
+           (o.priors.empty() ? "" : ", geometric priors of " + o.priors.filename().string()) + ", " + background +
+           ", " + measures_of(judge) +
+           (source.people.size() > 1
+                ? " People are judged apart where person_masks show them, else where their body is in front "
+                  "(clothes and hair go to the nearest)."
+                : "");
 }
 
 std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
@@ -141,7 +148,8 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
         const std::string png = encode_png(quantise(comparison_picture(comparison.render, comparison.truth).view()));
         write_file(out.file("test/" + photo.name + ".png"), png, Sync::none);
         if (scores.size() % every == 0 && report.pictures.size() < shown)
-            report.pictures.push_back({photo.name + ": PSNR " + fixed(score.psnr, 2) + " dB; error times 5", {png.begin(), png.end()}});
+            report.pictures.push_back(
+                {photo.name + ": PSNR " + fixed(score.psnr, 2) + " dB; error times 5", {png.begin(), png.end()}});
         report.images.push_back({score.name, fixed(score.psnr, 2), fixed(score.ssim, 4), fixed(score.psnr_person, 2)});
         for (const RegionScore& region : score.regions) report.images.back().push_back(fixed(region.psnr, 2));
         for (const PersonScore& person : score.people) report.images.back().push_back(fixed(person.whole.psnr, 2));
@@ -154,7 +162,8 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
         save_avatar(out.file(result_name(reconstruction, "avatar", p) + ".gsh"), avatars[p]);
         write_gaussian_ply(out.file(result_name(reconstruction, "avatar", p) + ".ply"), shaded_cloud(avatars[p]));
         if (o.refine)
-            save_motion(out.file(result_name(reconstruction, "poses_refined", p) + ".npz"), reconstruction.people[p].refinement->motion());
+            save_motion(out.file(result_name(reconstruction, "poses_refined", p) + ".npz"),
+                        reconstruction.people[p].refinement->motion());
     }
 
     const std::string protocol = protocol_of(o, source, trainer.config(), judge, scores.size());
@@ -162,7 +171,8 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
     json["psnr"] = number_or_null(mean.psnr);
     json["ssim"] = number_or_null(mean.ssim);
     json["psnr_person"] = number_or_null(mean.psnr_person);
-    for (std::size_t r = 0; r < regions.size(); ++r) json["psnr_regions"][region_names()[r]] = number_or_null(regions[r].psnr);
+    for (std::size_t r = 0; r < regions.size(); ++r)
+        json["psnr_regions"][region_names()[r]] = number_or_null(regions[r].psnr);
     if (mean.lpips) json["lpips"] = number_or_null(*mean.lpips);
     json["steps"] = record.steps;
     json["seconds"] = record.seconds;

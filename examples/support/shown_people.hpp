@@ -20,8 +20,8 @@ struct ShownPeople {
     std::vector<AvatarData> data;
     std::vector<Motion> motions;
 
-    /// A file or folder of poses per avatar, in their order; none at all leaves everybody in the canonical pose. `upright`
-    /// turns each motion's world so that the body stands along +y.
+    /// A file or folder of poses per avatar, in their order; none at all leaves everybody in the canonical pose.
+    /// `upright` turns each motion's world so that the body stands along +y.
     /// Errors  ValueError for numbers that do not match; else those of the files.
     ShownPeople(const std::vector<std::filesystem::path>& avatars, const std::vector<std::filesystem::path>& poses,
                 bool upright = false);

@@ -19,7 +19,8 @@ namespace gsh::examples {
 
 PosedBody Source::posed(std::size_t person, std::size_t frame) const {
     const Motion& motion = people[person].motion;
-    return pose_body(body(person), motion.pose_at(frame), motion.transl[frame], motion.betas, motion.expression_at(frame));
+    return pose_body(body(person), motion.pose_at(frame), motion.transl[frame], motion.betas,
+                     motion.expression_at(frame));
 }
 
 BodyRegions Source::body_regions_of(std::size_t person) const {
@@ -49,7 +50,8 @@ Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
     } else {
         source = load_people(backend, o);
         if (source.bodies[0].faces.empty())
-            source.warnings.push_back(o.capture.string() + ": its body has no triangles, so each person gets a Gaussian per vertex; "
+            source.warnings.push_back(o.capture.string() +
+                                      ": its body has no triangles, so each person gets a Gaussian per vertex; "
                                       "region mask, priors and --gaussians have no effect, and regions are not judged");
     }
     for (const BodyModel& body : source.bodies)
@@ -83,10 +85,12 @@ std::vector<Photo> test_photos_of(const Capture& capture) {
         constexpr int least = SsimWindow<double>::size;
         check_value(photo.camera.width >= least && photo.camera.height >= least, "test image " + photo.name,
                     "is " + std::to_string(photo.camera.width) + " x " + std::to_string(photo.camera.height) +
-                        " pixels, expected at least " + std::to_string(least) + " x " + std::to_string(least) + " for SSIM");
+                        " pixels, expected at least " + std::to_string(least) + " x " + std::to_string(least) +
+                        " for SSIM");
         bool person = false;
         for (std::size_t i = 3; i < photo.rgba.size() && !person; i += 4) person = photo.rgba[i] > 127;
-        check_value(person, "test image " + photo.name, "has a mask (alpha) that nowhere exceeds 1/2, expected a person to judge");
+        check_value(person, "test image " + photo.name,
+                    "has a mask (alpha) that nowhere exceeds 1/2, expected a person to judge");
     }
     return photos;
 }

@@ -22,7 +22,8 @@ namespace {
 AvatarData shaded_avatar(int degree = 2) {
     const BodyModel body = test::tube(4, 6, 6);
     const std::vector<double> betas{0.3, -0.1};
-    const auto samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 3.0), 3);
+    const auto samples =
+        sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 3.0), 3);
     AvatarData avatar{make_rig(body, betas, samples), GaussianCloud<float>(samples.size(), degree), ColorClamp::both};
     const auto basis = static_cast<std::size_t>(sh_basis_count(degree));
     test::Rng rng(6);
@@ -30,7 +31,8 @@ AvatarData shaded_avatar(int degree = 2) {
         avatar.gaussians.means[i] = vec3<float>(samples.positions[i]);
         avatar.gaussians.log_scales[i] = vec3<float>(rng.vec(-4, -3));
         for (std::size_t k = 0; k < basis; ++k)
-            avatar.gaussians.sh[i * basis + k] = k ? vec3<float>(rng.vec(-0.04, 0.04)) : sh_of_color(vec3<float>(rng.vec(0.3, 0.7)));
+            avatar.gaussians.sh[i * basis + k] =
+                k ? vec3<float>(rng.vec(-0.04, 0.04)) : sh_of_color(vec3<float>(rng.vec(0.3, 0.7)));
         avatar.ao.push_back(static_cast<float>(rng.uniform(0, 1)));
     }
     return avatar;

@@ -38,9 +38,10 @@ struct Trained {
     }
     template <class B>
     OcclusionFieldData bake(B& backend) const {
-        return bake_occlusion_field(backend, mlp, Span<const float>(weights),
-                                    FeatureView<const float>(Span<const float>(features), features.size() / encoded, encoded, encoded),
-                                    1.2, 1.5);
+        return bake_occlusion_field(
+            backend, mlp, Span<const float>(weights),
+            FeatureView<const float>(Span<const float>(features), features.size() / encoded, encoded, encoded), 1.2,
+            1.5);
     }
     template <class T>
     std::vector<mat3<T>> rotations_as() const {
@@ -89,7 +90,8 @@ TEST_CASE("a baked field is the trained network bit for bit") {
             skeleton.feature(Span<const mat3<float>>(rotations), Span<float>(feature));
             Mlp::Cache<cpu::Serial, float> cache;
             const FeatureView<const float> features(Span<const float>(trained.features), count, 6, 6);
-            trained.mlp.forward(backend, Span<const float>(trained.weights), MlpInputs<float>{features, {}, feature}, Span<float>(expected), cache);
+            trained.mlp.forward(backend, Span<const float>(trained.weights), MlpInputs<float>{features, {}, feature},
+                                Span<float>(expected), cache);
             for (float& value : expected) value = 1.5f * sigmoid(value + 1.2f);
             CHECK(occlusion<float>(backend, trained.bake(backend), trained) == expected);
         }
@@ -115,7 +117,8 @@ TEST_CASE("a field's adjoint is its gradient, and adds") {
     loss();
     std::vector<mat3<double>> dL_drotations(J, mat3<double>(0.0));
     const auto backward = [&] {
-        field.backward(skeleton, Span<const double>(ao), Span<const double>(dL_dao), cache, Span<mat3<double>>(dL_drotations));
+        field.backward(skeleton, Span<const double>(ao), Span<const double>(dL_dao), cache,
+                       Span<mat3<double>>(dL_drotations));
     };
     backward();
     const auto once = dL_drotations;
@@ -141,7 +144,8 @@ TEST_CASE("threads shade as one thread does") {
             std::vector<mat3<float>> gradient(J, mat3<float>(0.0f));
             typename OcclusionField<B, float>::Cache cache;
             field.forward(skeleton, Span<const mat3<float>>(rotations), Span<float>(ao), cache);
-            field.backward(skeleton, Span<const float>(ao), Span<const float>(dL_dao), cache, Span<mat3<float>>(gradient));
+            field.backward(skeleton, Span<const float>(ao), Span<const float>(dL_dao), cache,
+                           Span<mat3<float>>(gradient));
             return std::pair(ao, gradient);
         };
         const auto expected = run(serial);
@@ -158,7 +162,8 @@ TEST_CASE("threads shade as one thread does") {
 TEST_CASE("an avatar's shadows follow its pose, and its pose learns from them") {
     const BodyModel body = test::tube(4, 6, 6);
     const std::vector<double> betas{0.3, -0.1};
-    const auto samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 2.0), 3);
+    const auto samples =
+        sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 2.0), 3);
     AvatarData data{make_rig(body, betas, samples), GaussianCloud<float>(samples.size(), 1), ColorClamp::below};
     test::Rng rng(6);
     for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -259,7 +264,8 @@ TEST_CASE("a field that does not fit is refused by name") {
     std::vector<mat3<float>> rotations(J, mat3<float>(1.0f));
     std::vector<float> ao(10), fewer(9);
     const Span<const mat3<float>> turned(rotations);
-    CHECK_THROWS_AS(field.backward(skeleton, ao, ao, cache, Span<mat3<float>>(rotations)), ShapeError); // nothing came before
+    CHECK_THROWS_AS(field.backward(skeleton, ao, ao, cache, Span<mat3<float>>(rotations)),
+                    ShapeError); // nothing came before
     CHECK_THROWS_AS(field.forward(skeleton, turned, fewer, cache), ShapeError);
     CHECK_THROWS_AS(field.forward(shorter, turned.subspan(0, 2), ao, cache), ShapeError);
     field.forward(skeleton, turned, ao, cache);

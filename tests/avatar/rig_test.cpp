@@ -74,7 +74,8 @@ TEST_CASE("a rig carries surface points as the body model carries its vertices")
     rig.forward(pose, data.joints, cache);
     auto points = at_vertices.positions;
     rig.add_offsets(cache, points);
-    const auto expected = pose_body(f.body, f.motion.pose_at(0), f.motion.transl[0], f.motion.betas, f.motion.expression_at(0)).vertices;
+    const auto expected =
+        pose_body(f.body, f.motion.pose_at(0), f.motion.transl[0], f.motion.betas, f.motion.expression_at(0)).vertices;
     for (std::size_t v = 0; v < points.size(); ++v) {
         const auto moved = blend(rig.skin(), v, Span<const Affine<double>>(cache.bones))(points[v]);
         CHECK(length(moved - expected[v]) < 1e-12);
@@ -107,12 +108,14 @@ TEST_CASE_TEMPLATE("Rig::backward is the gradient of forward", B, cpu::Serial, c
         return sum;
     };
     loss();
-    std::vector<vec3<double>> dL_djoints(J, vec3<double>(0.0)), dL_dangles = dL_djoints, dL_dtransl(1, vec3<double>(0.0));
+    std::vector<vec3<double>> dL_djoints(J, vec3<double>(0.0)), dL_dangles = dL_djoints,
+                                                                dL_dtransl(1, vec3<double>(0.0));
     std::vector<double> dL_dcoefficients(rig.coefficient_count(), 0);
     const RigPoseGradient<double> dL_dpose{dL_dangles, dL_dcoefficients, dL_dtransl};
     rig.backward(pose, cache, bone_weights, point_weights, dL_djoints, dL_dpose);
     const auto numbers = [](auto& buffer) {
-        return Span<double>(reinterpret_cast<double*>(buffer.data()), buffer.size() * sizeof(buffer[0]) / sizeof(double));
+        return Span<double>(reinterpret_cast<double*>(buffer.data()),
+                            buffer.size() * sizeof(buffer[0]) / sizeof(double));
     };
     test::check_gradient(loss, test::scalars(joints), test::scalars(dL_djoints));
     test::check_gradient(loss, numbers(pose.pose), test::scalars(dL_dangles));

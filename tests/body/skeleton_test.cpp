@@ -199,7 +199,8 @@ TEST_CASE("Threads equals Serial bit for bit") {
         Skeleton<B, double> skeleton(backend, parents);
         std::vector<mat3<double>> R(J), dL_drotations(J, mat3<double>(0.0));
         std::vector<Affine<double>> bones(J);
-        std::vector<vec3<double>> dL_djoints(J, vec3<double>(0.0)), dL_dpose = dL_djoints, dL_dtransl(1, vec3<double>(0.0));
+        std::vector<vec3<double>> dL_djoints(J, vec3<double>(0.0)), dL_dpose = dL_djoints,
+                                                                    dL_dtransl(1, vec3<double>(0.0));
         skeleton.rotations(c.pose, R);
         skeleton.bones(R, c.joints, c.transl, bones);
         skeleton.bones_backward(R, c.joints, bones, dL_dbones, dL_drotations, dL_djoints, dL_dtransl);

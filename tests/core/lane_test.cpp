@@ -56,14 +56,16 @@ void compare_lanes(const char* name, Run<Pack<S>> on_packs, Run<S> on_scalars, d
 
         for (std::size_t lane = 0; lane < width; ++lane) {
             std::vector<S> out(test::element_outputs, S(0));
-            on_scalars(test::Inputs<S>(in.data() + lane * test::element_inputs), test::Outputs<S>(out.data()), table.data());
+            on_scalars(test::Inputs<S>(in.data() + lane * test::element_inputs), test::Outputs<S>(out.data()),
+                       table.data());
             for (std::size_t k = 0; k < out.size(); ++k) {
                 alignas(64) S lanes[width];
                 packed_out[k].store_aligned(lanes);
                 const double expected = static_cast<double>(out[k]);
                 INFO(name << ", round " << round << ", lane " << lane << ", output " << k << ": pack " << lanes[lane]
                           << ", scalar " << out[k]);
-                REQUIRE(std::abs(static_cast<double>(lanes[lane]) - expected) <= tolerance * std::max(1.0, std::abs(expected)));
+                REQUIRE(std::abs(static_cast<double>(lanes[lane]) - expected) <=
+                        tolerance * std::max(1.0, std::abs(expected)));
             }
         }
     }

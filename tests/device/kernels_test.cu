@@ -158,7 +158,8 @@ void emit_kernel(bool device) {
     static_assert(std::is_trivially_copyable_v<Body>, "a function object travels to the device as its bytes");
     cudaFuncAttributes attributes;
     const auto kernel = &for_each_kernel<Body>;
-    if (device) check(cudaFuncGetAttributes(&attributes, reinterpret_cast<const void*>(kernel)), "cudaFuncGetAttributes");
+    if (device)
+        check(cudaFuncGetAttributes(&attributes, reinterpret_cast<const void*>(kernel)), "cudaFuncGetAttributes");
 }
 
 template <class Element, class T>

@@ -63,9 +63,12 @@ struct Passes {
           dL_dweights(p.weights.size(), T(0)), dL_dshared(p.shared.size(), T(0)) {
         p.field.prepare(backend, p.points, query, p.scales());
     }
-    void forward(const Problem<T>& p) { p.field.forward(backend, p.table, p.weights, query, result, cache, p.inputs()); }
+    void forward(const Problem<T>& p) {
+        p.field.forward(backend, p.table, p.weights, query, result, cache, p.inputs());
+    }
     void backward(const Problem<T>& p) {
-        p.field.backward(backend, p.weights, query, p.loss_weights, cache, dL_dtable, dL_dweights, p.inputs(), dL_dshared);
+        p.field.backward(backend, p.weights, query, p.loss_weights, cache, dL_dtable, dL_dweights, p.inputs(),
+                         dL_dshared);
     }
 };
 
@@ -109,8 +112,10 @@ TEST_CASE("a field is its network at its grid's features and the inputs beside t
         }
         Mlp::Cache<cpu::Serial, double> cache;
         std::vector<double> expected(passes.result.size());
-        p.field.mlp().forward(backend, p.weights, {row_major(Span<const double>(rows), p.field.mlp().inputs())}, expected, cache);
-        for (std::size_t i = 0; i < expected.size(); ++i) CHECK(passes.result[i] == doctest::Approx(expected[i]).epsilon(1e-12));
+        p.field.mlp().forward(backend, p.weights, {row_major(Span<const double>(rows), p.field.mlp().inputs())},
+                              expected, cache);
+        for (std::size_t i = 0; i < expected.size(); ++i)
+            CHECK(passes.result[i] == doctest::Approx(expected[i]).epsilon(1e-12));
     });
 }
 
@@ -133,9 +138,11 @@ TEST_CASE("HashField::backward is the gradient of forward") {
         const auto table = passes.dL_dtable, weights = passes.dL_dweights, to_shared = passes.dL_dshared;
         loss();
         passes.backward(p);
-        for (std::size_t i = 0; i < table.size(); ++i) CHECK(passes.dL_dtable[i] == doctest::Approx(2 * table[i]).epsilon(1e-14));
+        for (std::size_t i = 0; i < table.size(); ++i)
+            CHECK(passes.dL_dtable[i] == doctest::Approx(2 * table[i]).epsilon(1e-14));
         for (std::size_t i = 0; i < weights.size(); ++i) CHECK(passes.dL_dweights[i] == 2 * weights[i]);
-        for (std::size_t i = 0; i < to_shared.size(); ++i) CHECK(passes.dL_dshared[i] == doctest::Approx(2 * to_shared[i]));
+        for (std::size_t i = 0; i < to_shared.size(); ++i)
+            CHECK(passes.dL_dshared[i] == doctest::Approx(2 * to_shared[i]));
     });
 }
 
@@ -206,7 +213,8 @@ TEST_CASE("HashField says what is wrong with its arguments, and takes no points 
     std::vector<double> short_result(3);
     CHECK_THROWS_AS(p.field.forward(backend, p.table, p.weights, q, short_result, c, p.inputs()), ShapeError);
     CHECK_THROWS_AS(p.field.forward(backend, p.table, p.weights, q, passes.result, c, {few, p.shared}), ShapeError);
-    CHECK_THROWS_AS(p.field.forward(backend, p.table, p.weights, q, passes.result, c, {p.point_inputs, {}}), ShapeError);
+    CHECK_THROWS_AS(p.field.forward(backend, p.table, p.weights, q, passes.result, c, {p.point_inputs, {}}),
+                    ShapeError);
     passes.forward(p);
     std::vector<double> short_shared(1);
     CHECK_THROWS_AS(p.field.backward(backend, p.weights, q, p.loss_weights, c, passes.dL_dtable, passes.dL_dweights,

@@ -91,7 +91,8 @@ TEST_CASE("levels have the published geometry") {
     for (int l = 0; l < 16; ++l) {
         CHECK(grid.level(l).offset == offset);
         CHECK(grid.level(l).offset % 16 == 0);
-        CHECK(grid.level(l).size >= std::min(1u << 17, grid.level(l).stride() * grid.level(l).stride() * grid.level(l).stride()));
+        CHECK(grid.level(l).size >=
+              std::min(1u << 17, grid.level(l).stride() * grid.level(l).stride() * grid.level(l).stride()));
         offset += grid.level(l).size;
     }
     CHECK(grid.entry_count() == offset);
@@ -155,7 +156,8 @@ TEST_CASE("HashGrid's adjoints are the gradients to the table and to the points"
     std::vector<double> one_by_one(table.size(), 0.0);
     for (std::size_t i = 0; i < points.size(); ++i)
         grid.encode_backward_table(points[i], &dL_dfeatures[i * 20], one_by_one.data());
-    for (std::size_t i = 0; i < table.size(); ++i) CHECK(run.dL_dtable[i] == doctest::Approx(one_by_one[i]).epsilon(1e-12));
+    for (std::size_t i = 0; i < table.size(); ++i)
+        CHECK(run.dL_dtable[i] == doctest::Approx(one_by_one[i]).epsilon(1e-12));
 
     // A second backward doubles everything, up to the order of the sums.
     const GridRun<double, cpu::Serial> twice(backend, grid, table, points, dL_dfeatures, 20, 2);
@@ -199,7 +201,8 @@ TEST_CASE_TEMPLATE("HashGrid on Threads equals Serial bit for bit, in any blocks
     // Regrouped columns hold the same numbers.
     const GridRun<T, cpu::Serial> levels(serial, grid, table, points, dL_dfeatures, 4),
         rows(serial, grid, table, points, dL_dfeatures, 20);
-    const auto by_level = blocked(Span<const T>(levels.features), 20, 4), by_row = row_major(Span<const T>(rows.features), 20);
+    const auto by_level = blocked(Span<const T>(levels.features), 20, 4),
+               by_row = row_major(Span<const T>(rows.features), 20);
     bool same = true;
     for (std::size_t i = 0; i < points.size(); ++i)
         for (std::size_t c = 0; c < 20; ++c) same = same && by_level(i, c) == by_row(i, c);
@@ -275,7 +278,8 @@ TEST_CASE("HashGrid says what is wrong with its arguments, and takes no points a
     CHECK_THROWS_AS(grid.backward(backend, {features, 3, 20, 2}, query, table), ValueError);
     CHECK_THROWS_AS(grid.backward_points(backend, few, query, view, points), ShapeError);
     CHECK_THROWS_AS(grid.backward_points(backend, table, query, view, one), ShapeError);
-    CHECK_THROWS_AS(grid.backward_points(backend, table, query, row_major(Span<float>(features), 10), points), ShapeError);
+    CHECK_THROWS_AS(grid.backward_points(backend, table, query, row_major(Span<float>(features), 10), points),
+                    ShapeError);
 
     grid.prepare(backend, Span<const vec3<float>>(), query);
     CHECK(query.touched.size() == 0);
@@ -333,7 +337,8 @@ TEST_CASE("levels count at a point as much as their weights say, in every pass")
         lookups += (coarse[i] != 0 ? 16u : 0u) + (fine[i] != 0 ? 24u : 0u);
     }
     CHECK(query.lookups == lookups);
-    for (std::size_t i = 0; i < table.size(); ++i) CHECK(dL_dtable[i] == doctest::Approx(expected_gradient[i]).epsilon(1e-12));
+    for (std::size_t i = 0; i < table.size(); ++i)
+        CHECK(dL_dtable[i] == doctest::Approx(expected_gradient[i]).epsilon(1e-12));
     std::set<std::uint32_t> learned;
     for (std::size_t e = 0; e < grid.entry_count(); ++e)
         if (dL_dtable[e * 4] != 0) learned.insert(static_cast<std::uint32_t>(e));

@@ -97,7 +97,8 @@ TEST_CASE("Mlp::backward is the gradient of forward") {
 TEST_CASE("Mlp::backward adds, and Write::assign overwrites the inputs' gradient alone") {
     const Mlp mlp({6, 5, 12, 2});
     test::Rng rng(4);
-    const auto weights = mlp.initial_weights<double>(1), inputs = rng.numbers(40 * 6), dL_doutputs = rng.numbers(40 * 5);
+    const auto weights = mlp.initial_weights<double>(1), inputs = rng.numbers(40 * 6),
+               dL_doutputs = rng.numbers(40 * 5);
     const auto view = row_major(Span<const double>(inputs), 6);
     const MlpRun<double, cpu::Serial> once({}, mlp, weights, view, dL_doutputs),
         twice({}, mlp, weights, view, dL_doutputs, 2);
@@ -120,7 +121,8 @@ TEST_CASE("Mlp takes its inputs in blocks of columns") {
     const Mlp mlp({12, 5, 20, 2});
     test::Rng rng(5);
     constexpr std::size_t rows = 131;
-    const auto weights = mlp.initial_weights<double>(1), inputs = rng.numbers(rows * 12), dL_doutputs = rng.numbers(rows * 5);
+    const auto weights = mlp.initial_weights<double>(1), inputs = rng.numbers(rows * 12),
+               dL_doutputs = rng.numbers(rows * 5);
     const auto view = row_major(Span<const double>(inputs), 12);
     const MlpRun<double, cpu::Serial> expected({}, mlp, weights, view, dL_doutputs);
     for (const std::size_t block : {1, 2, 3, 4, 6}) {
@@ -186,7 +188,8 @@ TEST_CASE("Mlp says what is wrong with its arguments, and takes an empty batch")
     std::vector<float> inputs(12), outputs(6), dL_dinputs(12), few(5);
     const auto view = row_major(Span<const float>(inputs), 4);
     CHECK_THROWS_AS(mlp.forward(backend, few, {view}, outputs, cache), ShapeError);
-    CHECK_THROWS_AS(mlp.forward(backend, weights, {row_major(Span<const float>(inputs), 3)}, outputs, cache), ShapeError);
+    CHECK_THROWS_AS(mlp.forward(backend, weights, {row_major(Span<const float>(inputs), 3)}, outputs, cache),
+                    ShapeError);
     CHECK_THROWS_AS(mlp.forward(backend, weights, {view}, few, cache), ShapeError);
     CHECK_THROWS_AS(mlp.forward(backend, weights, {{inputs, 3, 4, 3}}, outputs, cache), ValueError);
     CHECK_THROWS_AS(mlp.forward(backend, weights, {{few, 3, 4, 4}}, outputs, cache), ShapeError);
@@ -200,8 +203,9 @@ TEST_CASE("Mlp says what is wrong with its arguments, and takes an empty batch")
     CHECK_THROWS_AS(mlp.backward(backend, few, {view}, outputs, cache, dL_dweights, dL_dview), ShapeError);
     CHECK_THROWS_AS(mlp.backward(backend, weights, {view}, few, cache, dL_dweights, dL_dview), ShapeError);
     CHECK_THROWS_AS(mlp.backward(backend, weights, {view}, outputs, cache, few, dL_dview), ShapeError);
-    CHECK_THROWS_AS(mlp.backward(backend, weights, {view}, outputs, cache, dL_dweights, row_major(Span<float>(inputs), 3)),
-                    ShapeError);
+    CHECK_THROWS_AS(
+        mlp.backward(backend, weights, {view}, outputs, cache, dL_dweights, row_major(Span<float>(inputs), 3)),
+        ShapeError);
     cache.rows = 2; // another batch's cache
     CHECK_THROWS_AS(mlp.backward(backend, weights, {view}, outputs, cache, dL_dweights, dL_dview), ShapeError);
 

@@ -87,7 +87,8 @@ TEST_CASE("static_splats_backward is the gradient of static_splats_forward, and 
     auto gradient = zero_cloud<double>(count, degree);
     std::vector<vec3<double>> dL_dcenter(1, vec3<double>(0.0));
     StaticSplatsWorkspace<cpu::Serial, double> workspace;
-    static_splats_backward<degree>(backend, cloud.view(), center, weight.view(), workspace, gradient.view(), dL_dcenter);
+    static_splats_backward<degree>(backend, cloud.view(), center, weight.view(), workspace, gradient.view(),
+                                   dL_dcenter);
     test::check_gradient(loss, test::scalars(cloud.means), test::scalars(gradient.means));
     test::check_gradient(loss, test::scalars(cloud.quats), test::scalars(gradient.quats));
     test::check_gradient(loss, test::scalars(cloud.log_scales), test::scalars(gradient.log_scales));

@@ -152,6 +152,15 @@ TEST_CASE("each header begins with licence, sentence and guard") {
     }
 }
 
+TEST_CASE("no line of a header is longer than 120 characters") {
+    for (const auto& header : headers())
+        for (std::size_t i = 0; i < header.lines.size(); ++i) {
+            const auto bytes_of_characters = [](char c) { return (c & 0xC0) != 0x80; }; // UTF-8
+            const auto length = std::ranges::count_if(header.lines[i], bytes_of_characters);
+            CHECK_MESSAGE(length <= 120, header.at(static_cast<int>(i) + 1), length, " characters");
+        }
+}
+
 TEST_CASE("opt-in libraries stay in their folders") {
     for (const auto& header : headers())
         for (const auto& include : header.includes)
@@ -195,7 +204,8 @@ TEST_CASE("every function object that backends run is among those that nvcc comp
             if (line.find("GSH_HD void operator()(std::size_t") == std::string::npos || exempt.contains(name)) continue;
             ++found;
             const bool there = kernels.find("::" + name + "<") != std::string::npos;
-            CHECK_MESSAGE(there, header.at(static_cast<int>(i) + 1), name, " is missing in tests/device/kernels_test.cu");
+            CHECK_MESSAGE(there, header.at(static_cast<int>(i) + 1), name,
+                          " is missing in tests/device/kernels_test.cu");
         }
     }
     CHECK(found > 30);

@@ -31,7 +31,8 @@ TEST_CASE("numbers come back bit for bit, whatever they are") {
         const auto bits = static_cast<std::uint32_t>(rng.bits()); // NaN, infinities and denormals among them
         std::memcpy(&value, &bits, 4);
     }
-    floats[0] = std::numeric_limits<float>::quiet_NaN(), floats[1] = -0.0f, floats[2] = std::numeric_limits<float>::denorm_min();
+    floats[0] = std::numeric_limits<float>::quiet_NaN(), floats[1] = -0.0f,
+    floats[2] = std::numeric_limits<float>::denorm_min();
     std::vector<double> doubles(100);
     for (auto& value : doubles) value = rng.normal();
     const std::vector<std::uint64_t> wide{0, ~std::uint64_t(0), 1ull << 63};
@@ -69,7 +70,8 @@ TEST_CASE("numbers come back bit for bit, whatever they are") {
     test::check_throws<IoError>([&] { (void)file.read<double>("floats"); }, {"a.gsh", "floats", "<f4", "<f8"});
     test::check_throws<IoError>([&] { (void)file.read<std::int64_t>("wide"); }, {"a.gsh", "wide", "<u8", "<i8"});
     test::check_throws<IoError>([&] { (void)file.read<float>("nothing"); }, {"a.gsh", "nothing is missing"});
-    test::check_throws<ShapeError>([&] { (void)file.read_rows<double, vec3<double>>("quats"); }, {"a.gsh", "quats", "(1, 4)", "(*, 3)"});
+    test::check_throws<ShapeError>([&] { (void)file.read_rows<double, vec3<double>>("quats"); },
+                                   {"a.gsh", "quats", "(1, 4)", "(*, 3)"});
 }
 
 TEST_CASE("other kinds, other versions and other files are told apart") {
@@ -79,9 +81,11 @@ TEST_CASE("other kinds, other versions and other files are told apart") {
         ArchiveWriter file(path, "avatar", 3);
         file.commit();
     }
-    test::check_throws<IoError>([&] { ArchiveReader(path, "avatar", 2); }, {path.string(), "avatar 3", "avatar 2", "version"});
+    test::check_throws<IoError>([&] { ArchiveReader(path, "avatar", 2); },
+                                {path.string(), "avatar 3", "avatar 2", "version"});
     test::check_throws<IoError>([&] { ArchiveReader(path, "avatar", 33); }, {path.string(), "avatar 3", "avatar 33"});
-    test::check_throws<IoError>([&] { ArchiveReader(path, "checkpoint", 3); }, {path.string(), "avatar 3", "checkpoint"});
+    test::check_throws<IoError>([&] { ArchiveReader(path, "checkpoint", 3); },
+                                {path.string(), "avatar 3", "checkpoint"});
     {
         NpzWriter file(path);
         file.add("x", 1);
@@ -115,5 +119,6 @@ TEST_CASE("a body model travels inside an archive") {
     CHECK(read.weights == model.weights);
     CHECK(read.exprdirs == model.exprdirs);
     CHECK(read.hands_mean_right == model.hands_mean_right);
-    test::check_throws<IoError>([&] { (void)read_body_model(file.file(), "other_"); }, {"a.gsh", "other_v_template is missing"});
+    test::check_throws<IoError>([&] { (void)read_body_model(file.file(), "other_"); },
+                                {"a.gsh", "other_v_template is missing"});
 }

@@ -78,7 +78,8 @@ TEST_CASE("a disk that fills up names the file and leaves no partial output") {
     const std::vector<char> block(300000, 'x');
     {
         const FileSizeLimit limit(100000);
-        test::check_throws<IoError>([&] { AtomicFile(path).write(block.data(), block.size()); }, {path.string(), "too large"});
+        test::check_throws<IoError>([&] { AtomicFile(path).write(block.data(), block.size()); },
+                                    {path.string(), "too large"});
         test::check_throws<IoError>(
             [&] {
                 AtomicFile file(path);

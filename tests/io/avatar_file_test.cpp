@@ -27,7 +27,8 @@ namespace {
 AvatarData small_avatar() {
     const BodyModel body = test::tube(4, 6, 6);
     const std::vector<double> betas{0.3, -0.1};
-    const auto samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 2.0), 3);
+    const auto samples =
+        sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 2.0), 3);
     AvatarData avatar{make_rig(body, betas, samples), GaussianCloud<float>(samples.size(), 2), ColorClamp::below};
     test::Rng rng(6);
     for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -63,7 +64,8 @@ void replace_member(const std::filesystem::path& path, const std::string& member
     if (bytes.empty())
         CHECK(zip_delete(archive, static_cast<zip_uint64_t>(index)) == 0);
     else
-        CHECK(zip_file_replace(archive, static_cast<zip_uint64_t>(index), zip_source_buffer(archive, bytes.data(), bytes.size(), 0), 0) == 0);
+        CHECK(zip_file_replace(archive, static_cast<zip_uint64_t>(index),
+                               zip_source_buffer(archive, bytes.data(), bytes.size(), 0), 0) == 0);
     CHECK(zip_close(archive) == 0);
 }
 
@@ -73,15 +75,22 @@ using Model = AvatarModel<cpu::Serial, float, 4, 2, 1>;
 struct ShadedTraining {
     test::SmallScene scene;
     cpu::Serial backend;
-    SurfaceSamples samples = sample_surface(scene.body, shaped_vertices(scene.body, scene.betas), std::vector<double>(scene.body.vertex_count(), 4.0), 3);
+    SurfaceSamples samples = sample_surface(scene.body, shaped_vertices(scene.body, scene.betas),
+                                            std::vector<double>(scene.body.vertex_count(), 4.0), 3);
     RigData rig = make_rig(scene.body, scene.betas, samples);
     Model model;
     Trainer<cpu::Serial, float, Model> trainer;
 
     explicit ShadedTraining(AmbientOcclusion ao, int hidden_layers = 2)
         : model(backend, rig, samples, 3,
-                {.hash_base = 4, .hash_growth = 2, .hash_table_size = 1024, .mlp_width = 16, .mlp_hidden_layers = hidden_layers,
-                 .ao = ao, .ao_table_size = 1024, .largest_ao = 1.2}),
+                {.hash_base = 4,
+                 .hash_growth = 2,
+                 .hash_table_size = 1024,
+                 .mlp_width = 16,
+                 .mlp_hidden_layers = hidden_layers,
+                 .ao = ao,
+                 .ao_table_size = 1024,
+                 .largest_ao = 1.2}),
           trainer(backend, model, scene.photos, scene.motion, 3) {
         for (int i = 0; i < 12; ++i) trainer.step(0.9);
     }
@@ -211,7 +220,9 @@ TEST_CASE("a field of shadows that does not fit its avatar is refused by name") 
         return message;
     };
     const std::string zeros(1 << 16, '\0'), N = std::to_string(training.model.size());
-    const auto floats = [&](const std::string& shape, std::size_t count) { return test::npy_bytes("<f4", shape, zeros.substr(0, 4 * count)); };
+    const auto floats = [&](const std::string& shape, std::size_t count) {
+        return test::npy_bytes("<f4", shape, zeros.substr(0, 4 * count));
+    };
     const auto names = [&](const std::string& message, const char* word) {
         CAPTURE(message);
         CHECK(message.find(word) != std::string::npos);
@@ -223,7 +234,8 @@ TEST_CASE("a field of shadows that does not fit its avatar is refused by name") 
     names(load_error("occlusion_pose_weights", floats("(16, 18)", 288)), "pose_weights has 288 elements");
     names(load_error("occlusion_weights", floats("(5,)", 5)), "weights has 5 elements");
     names(load_error("occlusion_weights", ""), "occlusion_weights");
-    names(load_error("occlusion_weights", test::npy_bytes("<f4", "(272,)", zeros.substr(0, 1084) + "\xff\xff\xff\xff")), "weights[271]");
+    names(load_error("occlusion_weights", test::npy_bytes("<f4", "(272,)", zeros.substr(0, 1084) + "\xff\xff\xff\xff")),
+          "weights[271]");
     names(load_error("occlusion_hidden_layers", test::npy_bytes("<i4", "()", "\xff\xff\xff\x7f")), "hidden_layers");
     names(load_error("occlusion_largest", test::npy_bytes("<f8", "()", zeros.substr(0, 8))), "largest");
     std::filesystem::remove(path);
@@ -237,7 +249,8 @@ TEST_CASE("occlusion that holds in every pose, deformation and filter come back 
         avatar.filter = {.dilation = 0.17, .compensate_opacity = deformation != Deformation::polar};
         test::Rng rng(9);
         if (deformation != Deformation::linear)
-            for (std::size_t i = 0; i < avatar.gaussians.size(); ++i) avatar.ao.push_back(static_cast<float>(rng.uniform(0, 1.5)));
+            for (std::size_t i = 0; i < avatar.gaussians.size(); ++i)
+                avatar.ao.push_back(static_cast<float>(rng.uniform(0, 1.5)));
         save_avatar(path, avatar);
         const AvatarData back = load_avatar(path);
         CHECK(back.deformation == deformation);

@@ -24,7 +24,9 @@ public:
 
     template <class T>
     void set(const std::string& key, std::vector<T> data, Shape shape) {
-        members_[key] = [data = std::move(data), shape](NpzWriter& file, const std::string& name) { file.add(name, data, shape); };
+        members_[key] = [data = std::move(data), shape](NpzWriter& file, const std::string& name) {
+            file.add(name, data, shape);
+        };
     }
     void set_text(const std::string& key, const std::string& text) {
         members_[key] = [text](NpzWriter& file, const std::string& name) { file.add_text(name, text); };
@@ -168,7 +170,8 @@ TEST_CASE("pickled members are skipped unless they are needed") {
     const auto write = [&](const std::string& pickled) {
         test::ZipFile zip(folder / "b.npz");
         const auto raw = [](const auto& array) {
-            return std::string(reinterpret_cast<const char*>(array.data.data()), array.data.size() * sizeof(array.data[0]));
+            return std::string(reinterpret_cast<const char*>(array.data.data()),
+                               array.data.size() * sizeof(array.data[0]));
         };
         for (const auto& key : good.keys())
             if (key != pickled) {
@@ -210,7 +213,8 @@ TEST_CASE("every missing or misshapen member is named") {
         parts.write(path);
         test::check_throws<ShapeError>(load, {path.string(), key, "(2, 2, 2, 2)"});
     }
-    const std::map<std::string, Shape> wrong{{"posedirs", {V, 3, 5}}, {"hands_meanl", {44}}, {"hands_componentsr", {45, 44}}};
+    const std::map<std::string, Shape> wrong{
+        {"posedirs", {V, 3, 5}}, {"hands_meanl", {44}}, {"hands_componentsr", {45, 44}}};
     for (const auto& [key, shape] : wrong) {
         BodyParts parts = valid_parts();
         parts.set(key, std::vector<double>(detail::element_count(shape)), shape);
@@ -258,8 +262,11 @@ TEST_CASE("arrays that are no body") {
     tree({-1, 0, 1, 0, 2, 1}, {"kintree_table", "[1, 1] is 2"});
     expect([&](BodyParts& parts) { parts.set<int>("f", {0, 1, 6}, {1, 3}); }, {"f[2] is 6"});
     expect([&](BodyParts& parts) { parts.set<int>("f", {0, -1, 2}, {1, 3}); }, {"f[1] is -1"});
-    for (const auto& [key, shape] : std::map<std::string, Shape>{{"v_template", {V, 3}}, {"weights", {V, J}}, {"J_regressor", {J, V}},
-                                                                {"shapedirs", {V, 3, C}}, {"hands_meanl", {45}}}) {
+    for (const auto& [key, shape] : std::map<std::string, Shape>{{"v_template", {V, 3}},
+                                                                 {"weights", {V, J}},
+                                                                 {"J_regressor", {J, V}},
+                                                                 {"shapedirs", {V, 3, C}},
+                                                                 {"hands_meanl", {45}}}) {
         std::vector<float> data(detail::element_count(shape));
         data.back() = std::numeric_limits<float>::quiet_NaN();
         expect([&, &k = key, &s = shape](BodyParts& parts) { parts.set(k, data, s); }, {key, "NaN"});

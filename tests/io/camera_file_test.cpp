@@ -41,8 +41,9 @@ TEST_CASE("a camera entry is read as it stands") {
     CHECK(turned.x == 0);
     CHECK(turned.y == 1);
     CHECK(!read.distortion);
-    write_file(folder / "flat.json", entry("[[770.0, 0, 266.5], [0, 771.0, 273.75], [0, 0, 1]]",
-                                           "[770, 0, 266.5, 0, 771, 273.75, 0, 0, 1], \"distortion\": [0.1, 0, 0, 0, 0]"));
+    write_file(folder / "flat.json",
+               entry("[[770.0, 0, 266.5], [0, 771.0, 273.75], [0, 0, 1]]",
+                     "[770, 0, 266.5, 0, 771, 273.75, 0, 0, 1], \"distortion\": [0.1, 0, 0, 0, 0]"));
     CHECK(read_camera(folder / "flat.json").camera.fy == 771.0);
     CHECK(read_camera(folder / "flat.json").distortion->k1 == 0.1);
     write_file(folder / "zero.json", entry("\"t\"", "\"distortion\": [0, 0, 0, 0, 0], \"t\""));
@@ -57,7 +58,14 @@ TEST_CASE("lists come back as they were written") {
         camera.name = "cam" + std::to_string(i);
         camera.role = i == 2 ? NamedCamera::Role::test : NamedCamera::Role::train;
         const double c = std::cos(0.3 * i), s = std::sin(0.3 * i);
-        camera.camera = {mat3<double>(c, s, 0, -s, c, 0, 0, 0, 1), {0.1 * i, 1.0 / 3, 3}, 700.0 + i, 710.0, 320.25, 240.125, 640, 480};
+        camera.camera = {mat3<double>(c, s, 0, -s, c, 0, 0, 0, 1),
+                         {0.1 * i, 1.0 / 3, 3},
+                         700.0 + i,
+                         710.0,
+                         320.25,
+                         240.125,
+                         640,
+                         480};
         if (i == 1) camera.distortion = Distortion<double>{-0.1, 0.02, 0.001, -0.002, 0.003};
         list.cameras.push_back(camera);
     }
@@ -95,7 +103,8 @@ TEST_CASE("lists come back as they were written") {
 TEST_CASE("bad entries name the file, the camera and the field") {
     const test::Temporary folder;
     const auto path = folder / "cameras.json";
-    const auto expect = [&](const std::string& from, const std::string& to, std::initializer_list<std::string_view> words) {
+    const auto expect = [&](const std::string& from, const std::string& to,
+                            std::initializer_list<std::string_view> words) {
         write_file(path, "{\"cameras\": [" + entry(from, to) + "]}");
         INFO(from << " -> " << to);
         test::check_throws<Error>([&] { (void)read_cameras(path); }, {path.string(), "cameras[0]"});
@@ -134,7 +143,8 @@ TEST_CASE("bad files") {
     const auto path = folder / "cameras.json";
     const auto read = [&] { (void)read_cameras(path); };
     test::check_throws<IoError>(read, {path.string(), "No such file"});
-    for (const std::string& text : {std::string(), std::string("{\"cameras\": ["), entry().substr(0, 100), entry("770.0", "NaN"), entry("770.0", "1e400")}) {
+    for (const std::string& text : {std::string(), std::string("{\"cameras\": ["), entry().substr(0, 100),
+                                    entry("770.0", "NaN"), entry("770.0", "1e400")}) {
         write_file(path, text);
         test::check_throws<IoError>(read, {path.string(), "not JSON"});
     }

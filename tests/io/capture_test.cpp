@@ -72,7 +72,9 @@ struct StoredCapture {
     cpu::Serial serial;
 
     StoredCapture() { save_capture(path, capture); }
-    [[nodiscard]] Capture load(std::vector<std::string>* warnings = nullptr) { return load_capture(serial, path, body, {}, warnings); }
+    [[nodiscard]] Capture load(std::vector<std::string>* warnings = nullptr) {
+        return load_capture(serial, path, body, {}, warnings);
+    }
     [[nodiscard]] std::string only_warning() {
         std::vector<std::string> warnings;
         (void)load(&warnings);
@@ -157,7 +159,8 @@ TEST_CASE_FIXTURE(StoredCapture, "backgrounds are opaque, one per camera, and ma
     CHECK(only_warning().find("without a mask") != std::string::npos);
     for (int c = 0; c < 3; ++c) {
         PixelImage plate(4, 60, 64);
-        for (std::size_t i = 0; i < plate.data.size(); ++i) plate.data[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(40 * c + 1);
+        for (std::size_t i = 0; i < plate.data.size(); ++i)
+            plate.data[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(40 * c + 1);
         capture.backgrounds.push_back(plate);
     }
     save_capture(path, capture);
@@ -206,7 +209,8 @@ TEST_CASE_FIXTURE(StoredCapture, "distorted images are straightened when they ar
     const Distortion<double> lens{-0.8, 0.05, 0.002, -0.001, 0};
     const Camera<double>& camera = capture.cameras[0].camera;
     const vec2<double> straight(8.5, 10.5);
-    const vec2<double> bent = distort(lens, vec2<double>((straight.x - camera.cx) / camera.fx, (straight.y - camera.cy) / camera.fy));
+    const vec2<double> bent =
+        distort(lens, vec2<double>((straight.x - camera.cx) / camera.fx, (straight.y - camera.cy) / camera.fy));
     const int x = int(camera.fx * bent.x + camera.cx), y = int(camera.fy * bent.y + camera.cy);
     CHECK(std::abs(x - 8) + std::abs(y - 10) >= 2);
     PixelImage photo(4, 60, 64);
@@ -224,7 +228,8 @@ TEST_CASE_FIXTURE(StoredCapture, "distorted images are straightened when they ar
 
 TEST_CASE_FIXTURE(StoredCapture, "files that do not belong together") {
     SUBCASE("no folder") {
-        test::check_throws<IoError>([&] { (void)load_capture(serial, folder / "none", body); }, {"none", "not a folder"});
+        test::check_throws<IoError>([&] { (void)load_capture(serial, folder / "none", body); },
+                                    {"none", "not a folder"});
     }
     SUBCASE("no cameras") {
         std::filesystem::remove(path / "cameras.json");
@@ -260,7 +265,8 @@ TEST_CASE_FIXTURE(StoredCapture, "files that do not belong together") {
         for (const int frame : {1, 2}) write_png(image(0, frame), PixelImage(4, 60, 64));
         test::check_throws<ValueError>([&] { (void)load(); }, {image(0, 1), "mask", "empty"});
         cpu::Threads threads(3);
-        test::check_throws<ValueError>([&] { (void)load_capture(threads, path, body); }, {image(0, 1), "mask", "empty"});
+        test::check_throws<ValueError>([&] { (void)load_capture(threads, path, body); },
+                                       {image(0, 1), "mask", "empty"});
     }
     SUBCASE("a truncated image") {
         test::truncate_file(image(2, 0), 30);
@@ -290,7 +296,8 @@ TEST_CASE_FIXTURE(StoredCapture, "what is probably wrong is warned of with its l
     SUBCASE("an inverted mask") {
         for (int f = 0; f < 3; ++f) {
             PixelImage inverted = capture.images[static_cast<std::size_t>(3 + f)];
-            for (std::size_t i = 3; i < inverted.data.size(); i += 4) inverted.data[i] = static_cast<std::uint8_t>(255 - inverted.data[i]);
+            for (std::size_t i = 3; i < inverted.data.size(); i += 4)
+                inverted.data[i] = static_cast<std::uint8_t>(255 - inverted.data[i]);
             write_png(image(1, f), inverted);
         }
         const std::string text = only_warning();
@@ -321,5 +328,6 @@ TEST_CASE_FIXTURE(StoredCapture, "a capture that cannot be saved") {
     capture.images.push_back(PixelImage(4, 3, 3));
     CHECK_THROWS_AS(save_capture(folder / "b", capture), ShapeError);
     write_file(folder / "file", "");
-    test::check_throws<IoError>([&] { save_capture(folder / "file", make_capture(body)); }, {"file", "cannot be created"});
+    test::check_throws<IoError>([&] { save_capture(folder / "file", make_capture(body)); },
+                                {"file", "cannot be created"});
 }

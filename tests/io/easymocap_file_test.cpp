@@ -318,7 +318,8 @@ TEST_CASE_FIXTURE(Scene, "a capture in EasyMocap's folders") {
     CHECK(load(ours).images[2].data == capture.images[2].data);
     Motion shorter = capture.motion;
     shorter.transl.pop_back(), shorter.timestamps.pop_back();
-    shorter.pose.resize(2 * shorter.joint_count, vec3<double>(0)), shorter.expression.resize(2 * shorter.expression_count);
+    shorter.pose.resize(2 * shorter.joint_count, vec3<double>(0)),
+        shorter.expression.resize(2 * shorter.expression_count);
     save_motion(path / "ours.npz", shorter);
     test::check_throws<ShapeError>([&] { (void)load(ours); }, {"ours.npz", "2", "3"});
     std::filesystem::remove(image("02", 4));

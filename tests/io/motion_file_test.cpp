@@ -43,7 +43,8 @@ struct MotionArrays {
 MotionArrays split_parts() {
     constexpr auto T = MotionArrays::T;
     MotionArrays parts;
-    for (const char* key : {"global_orient", "jaw_pose", "leye_pose", "reye_pose", "transl"}) parts.set(key, {T, 3}, std::size_t(key[0]));
+    for (const char* key : {"global_orient", "jaw_pose", "leye_pose", "reye_pose", "transl"})
+        parts.set(key, {T, 3}, std::size_t(key[0]));
     parts.set("body_pose", {T, 63});
     parts.set("left_hand_pose", {T, 45});
     parts.set("right_hand_pose", {T, 45});
@@ -109,7 +110,8 @@ TEST_CASE("a body of trunk and limbs takes its 22 joints from files of its relat
     check("amass.npz", whole, "poses", 0, "the common ones are taken");
     split.set("body_pose", {T, 60});
     split.write(folder / "bad.npz");
-    test::check_throws<ShapeError>([&] { (void)load_motion(folder / "bad.npz", model); }, {"body_pose has 60 numbers", "expected 63"});
+    test::check_throws<ShapeError>([&] { (void)load_motion(folder / "bad.npz", model); },
+                                   {"body_pose has 60 numbers", "expected 63"});
 }
 
 TEST_CASE("motions come back as they were saved") {
@@ -164,7 +166,8 @@ TEST_CASE("whole files of AMASS, for the same body and for its relatives") {
         }
     parts.set("poses", {T, 60});
     parts.write(path);
-    test::check_throws<ShapeError>([&] { (void)load_motion(path, test::small_body(55)); }, {path.string(), "poses has 60", "165"});
+    test::check_throws<ShapeError>([&] { (void)load_motion(path, test::small_body(55)); },
+                                   {path.string(), "poses has 60", "165"});
 }
 
 TEST_CASE("the mean hand is added as the file, the layout or the caller says") {
@@ -177,8 +180,10 @@ TEST_CASE("the mean hand is added as the file, the layout or the caller says") {
         MotionFileOptions options;
         options.hands = hands;
         const auto pose = load_motion(path, model, options).pose;
-        const vec3<double> left = pose[25 + 3] - parts.at("left_hand_pose", 0, 3), right = pose[40 + 3] - parts.at("right_hand_pose", 0, 3);
-        const bool with_left = length(left - model.hands_mean_left[3]) < 1e-12, with_right = length(right - model.hands_mean_right[3]) < 1e-12;
+        const vec3<double> left = pose[25 + 3] - parts.at("left_hand_pose", 0, 3),
+                           right = pose[40 + 3] - parts.at("right_hand_pose", 0, 3);
+        const bool with_left = length(left - model.hands_mean_left[3]) < 1e-12,
+                   with_right = length(right - model.hands_mean_right[3]) < 1e-12;
         CHECK(with_left == with_right);
         if (!with_left) CHECK(length(left) < 1e-12);
         return with_left;

@@ -23,8 +23,8 @@ inline std::string npy_bytes_of_header(std::string header, const std::string& da
     return bytes + header + data;
 }
 
-inline std::string npy_bytes(const std::string& dtype, const std::string& shape, const std::string& data, bool fortran = false,
-                             int version = 1) {
+inline std::string npy_bytes(const std::string& dtype, const std::string& shape, const std::string& data,
+                             bool fortran = false, int version = 1) {
     return npy_bytes_of_header("{'descr': '" + dtype + "', 'fortran_order': " + (fortran ? "True" : "False") +
                                    ", 'shape': " + shape + ", }",
                                data, version);
@@ -47,7 +47,8 @@ public:
         zip_source_t* source = zip_source_buffer(archive_, kept.data(), kept.size(), 0);
         const zip_int64_t index = zip_file_add(archive_, name.c_str(), source, ZIP_FL_ENC_UTF_8);
         REQUIRE(index >= 0);
-        zip_set_file_compression(archive_, static_cast<zip_uint64_t>(index), deflate ? ZIP_CM_DEFLATE : ZIP_CM_STORE, 0);
+        zip_set_file_compression(archive_, static_cast<zip_uint64_t>(index), deflate ? ZIP_CM_DEFLATE : ZIP_CM_STORE,
+                                 0);
     }
 
 private:

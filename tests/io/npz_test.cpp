@@ -14,7 +14,8 @@ using test::ZipFile;
 
 namespace {
 
-std::string npy(const std::string& dtype, const std::string& shape, const std::string& data, bool fortran = false, int version = 1) {
+std::string npy(const std::string& dtype, const std::string& shape, const std::string& data, bool fortran = false,
+                int version = 1) {
     return test::npy_bytes(dtype, shape, data, fortran, version);
 }
 template <class T>
@@ -84,7 +85,8 @@ TEST_CASE("deflated members, Fortran order, header versions and every width of n
         zip.add("fortran.npy", npy("<f4", "(2, 3)", bytes_of(counted), true), true);
         zip.add("v2.npy", npy("<f8", "(2,)", bytes_of<double>({1, 2}), false, 2), true);
         zip.add("v3.npy", npy("<f8", "()", bytes_of<double>({3}), false, 3), false);
-        zip.add("half.npy", npy("<f2", "(4,)", bytes_of<std::uint16_t>({0x3C00, 0xC100, 0x0001, 0x7BFF}), false), false);
+        zip.add("half.npy", npy("<f2", "(4,)", bytes_of<std::uint16_t>({0x3C00, 0xC100, 0x0001, 0x7BFF}), false),
+                false);
         zip.add("i1.npy", npy("|i1", "(2,)", bytes_of<std::int8_t>({-1, 2})), false);
         zip.add("i2.npy", npy("<i2", "(2,)", bytes_of<std::int16_t>({-1, 2})), false);
         zip.add("u2.npy", npy("<u2", "(2,)", bytes_of<std::uint16_t>({65535, 2})), false);
@@ -148,7 +150,8 @@ TEST_CASE("members that cannot be read name the file and the key") {
     const auto path = folder / "a.npz";
     {
         ZipFile zip(path);
-        zip.add("x.npy", npy("<f8", "(2, 2)", bytes_of<double>({1, 2, 3, std::numeric_limits<double>::quiet_NaN()})), true);
+        zip.add("x.npy", npy("<f8", "(2, 2)", bytes_of<double>({1, 2, 3, std::numeric_limits<double>::quiet_NaN()})),
+                true);
         zip.add("big.npy", npy("<f8", "(1,)", bytes_of<double>({1e300})), true);
         zip.add("object.npy", npy("|O", "()", "\x80\x04N."), true);
         zip.add("text.npy", npy("<U2", "(1,)", std::string("a\0\0\0b\0\0\0", 8)), true);
@@ -162,15 +165,19 @@ TEST_CASE("members that cannot be read name the file and the key") {
         zip.add("version.npy", npy("<f8", "()", bytes_of<double>({1}), false, 9), true);
         zip.add("headless.npy", "nothing of the kind", true);
         zip.add("tiny.npy", "\x93NUM", true);
-        zip.add("keyless.npy", test::npy_bytes_of_header("{'descr': '<f8', 'shape': (1,)}", bytes_of<double>({1})), true);
-        zip.add("structured.npy", test::npy_bytes_of_header("{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': ()}",
-                                                            bytes_of<double>({1})), true);
+        zip.add("keyless.npy", test::npy_bytes_of_header("{'descr': '<f8', 'shape': (1,)}", bytes_of<double>({1})),
+                true);
+        zip.add("structured.npy",
+                test::npy_bytes_of_header("{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': ()}",
+                                          bytes_of<double>({1})),
+                true);
         zip.add("readme.txt", "not an array", true);
     }
     const NpzReader file(path);
     const auto read = [&](const char* key) { return [&file, key] { (void)file.read<float>(key); }; };
     test::check_throws<IoError>(read("y"), {path.string(), "y is missing", "big"});
-    test::check_throws<ShapeError>([&] { (void)file.read<double>("x", {-1, 3}); }, {path.string(), "x", "(2, 2)", "(*, 3)"});
+    test::check_throws<ShapeError>([&] { (void)file.read<double>("x", {-1, 3}); },
+                                   {path.string(), "x", "(2, 2)", "(*, 3)"});
     test::check_throws<ShapeError>([&] { (void)file.read_number<double>("x"); }, {"x"});
     test::check_throws<ValueError>(read("x"), {path.string(), "x[1, 1]", "NaN"});
     test::check_throws<ValueError>(read("big"), {path.string(), "big[0]", "<f4"});
@@ -217,7 +224,8 @@ TEST_CASE("a compressed-size bomb is refused before it inflates") {
         zip.add("honest.npy", npy("<f4", "(25000000,)", std::string(100000000, '\0')), true);
     }
     CHECK(std::filesystem::file_size(path) < 200000);
-    test::check_throws<IoError>([&] { (void)NpzReader(path).read<float>("honest"); }, {path.string(), "honest", "inflates"});
+    test::check_throws<IoError>([&] { (void)NpzReader(path).read<float>("honest"); },
+                                {path.string(), "honest", "inflates"});
     NpzReader::Limits limits;
     limits.member_bytes = 1 << 20;
     test::check_throws<IoError>([&] { (void)NpzReader(path, limits).read<float>("honest"); },

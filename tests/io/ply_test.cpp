@@ -53,7 +53,8 @@ std::vector<Column> columns() {
             {"rot_2", "float", 13},  {"rot_3", "float", 14}};
 }
 
-std::string header(const std::vector<Column>& list, const std::string& count, const std::string& format = "binary_little_endian") {
+std::string header(const std::vector<Column>& list, const std::string& count,
+                   const std::string& format = "binary_little_endian") {
     std::string text = "ply\nformat " + format + " 1.0\ncomment made by hand\nelement vertex " + count + "\n";
     for (const auto& column : list) text += "property " + column.type + " " + column.name + "\n";
     return text + "end_header\n";
@@ -85,7 +86,8 @@ TEST_CASE("clouds of every degree come back, padded or not") {
     const auto padded = read_gaussian_ply(folder / "b.ply");
     CHECK(padded.sh_degree == 3);
     for (std::size_t i = 0; i < 7; ++i)
-        for (std::size_t k = 0; k < 16; ++k) CHECK(padded.sh[16 * i + k] == (k < 9 ? cloud.sh[9 * i + k] : vec3<float>(0)));
+        for (std::size_t k = 0; k < 16; ++k)
+            CHECK(padded.sh[16 * i + k] == (k < 9 ? cloud.sh[9 * i + k] : vec3<float>(0)));
 }
 
 TEST_CASE("the file has the reference code's layout") {
@@ -94,7 +96,8 @@ TEST_CASE("the file has the reference code's layout") {
     write_gaussian_ply(folder / "a.ply", cloud, 3);
     const std::string bytes = read_file(folder / "a.ply");
     const std::size_t begin = bytes.find("end_header\n") + 11;
-    CHECK(bytes.starts_with("ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"));
+    CHECK(bytes.starts_with(
+        "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"));
     CHECK(bytes.size() == begin + 2 * 62 * 4);
     float second[62];
     std::memcpy(second, bytes.data() + begin + 62 * 4, sizeof second);

@@ -25,7 +25,8 @@ using Words = std::initializer_list<std::string_view>;
 
 constexpr int map_width = 8, map_height = 6;
 
-/// Two cameras, three frames, two people; a normal map that leans to the left, a depth of two metres, a mask of the left half.
+/// Two cameras, three frames, two people; a normal map that leans to the left, a depth of two metres, a mask of the
+/// left half.
 struct PriorFiles {
     test::Temporary folder;
     std::vector<NamedCamera> cameras;
@@ -119,7 +120,8 @@ TEST_CASE("a view is its map, camera, frame and person") {
 TEST_CASE("cameras of their own, and crops") {
     const PriorFiles& files = prior_files();
     const std::string turn = R"("R": [[1, 0, 0], [0, -1, 0], [0, 0, -1]], "t": [0.5, 1, 2])";
-    const auto own = files.view(R"({"camera": {"width": 8, "height": 6, "K": [[9, 0, 4], [0, 9, 3], [0, 0, 1]], )" + turn + "}}");
+    const auto own =
+        files.view(R"({"camera": {"width": 8, "height": 6, "K": [[9, 0, 4], [0, 9, 3], [0, 0, 1]], )" + turn + "}}");
     CHECK(pinhole(own[0].normals[0]).fx == 9);
     CHECK(pinhole(own[0].normals[0]).R[1].y == -1);
     const std::string parallel = R"({"width": 8, "height": 6, "scale": 3, "cx": 4, "cy": 3, )" + turn + "}";
@@ -177,11 +179,14 @@ TEST_CASE("what cannot be meant is refused, with the file, the view and the fiel
     refuse(R"({"camera": {"width": 8, "height": 6}})", {"views[0]: camera", "K is missing"});
     refuse(R"({"camera": {"width": 8, "height": 6, "scale": 2, "f": 3}})", {"camera", "unknown field 'f'"});
     const std::string level = R"("R": [1, 0, 0, 0, 1, 0, 0, 0, 1], "t": [0, 0, 0])";
-    refuse(R"({"camera": {"width": 8, "height": 6, "scale": 0, "cx": 4, "cy": 3, )" + level + "}}", {"views[0]", "scale"});
+    refuse(R"({"camera": {"width": 8, "height": 6, "scale": 0, "cx": 4, "cy": 3, )" + level + "}}",
+           {"views[0]", "scale"});
     refuse(R"({"camera": {"width": 9, "height": 6, "scale": 1, "cx": 4, "cy": 3, )" + level + "}}",
            {"normals.png is 8 x 6 pixels", "9 x 6", "crop"});
-    refuse(R"({"camera": {"width": 8, "height": 6, "K": [9, 0, 4, 0, 9, 3, 0, 0, 1], "distortion": [0.1, 0, 0, 0, 0], )" + level + "}}",
-           {"distortion", "straight"});
+    refuse(
+        R"({"camera": {"width": 8, "height": 6, "K": [9, 0, 4, 0, 9, 3, 0, 0, 1], "distortion": [0.1, 0, 0, 0, 0], )" +
+            level + "}}",
+        {"distortion", "straight"});
     refuse(R"({"crop": [0, 0, 4]})", {"crop has 3 numbers", "expected 4"});
     refuse(R"({"crop": [0, 0, 0, 4]})", {"crop", "no extent"});
     refuse(R"({"mask": "none.png"})", {"none.png"});

@@ -24,7 +24,13 @@ Settings parsed(const std::string& text) {
 
 TEST_CASE("settings come in the file's order, as text") {
     CHECK(parsed(R"({"z": 0.5, "a": true, "m": "text", "count": 64, "tiny": 1e-3, "off": false, "minus": -2})") ==
-          Settings{{"z", "0.5"}, {"a", "true"}, {"m", "text"}, {"count", "64"}, {"tiny", "0.001"}, {"off", "false"}, {"minus", "-2"}});
+          Settings{{"z", "0.5"},
+                   {"a", "true"},
+                   {"m", "text"},
+                   {"count", "64"},
+                   {"tiny", "0.001"},
+                   {"off", "false"},
+                   {"minus", "-2"}});
     CHECK(parsed("{}").empty());
     CHECK(parsed(R"({"empty": "", "quoted": "say \"no\""})") == Settings{{"empty", ""}, {"quoted", "say \"no\""}});
     const auto digits = parsed(R"({"sum": 0.30000000000000004})"); // a double's last digit matters to its reader

@@ -17,7 +17,8 @@ inline BodyModel small_body(std::size_t joints = 55, int shapes = 3, int express
     BodyModel model;
     const std::size_t V = joints + 2;
     for (std::size_t v = 0; v < V; ++v)
-        model.v_template.emplace_back(v < joints ? 0.0 : 0.3, 0.05 * static_cast<double>(v % joints), 0.02 * static_cast<double>(v % 3));
+        model.v_template.emplace_back(v < joints ? 0.0 : 0.3, 0.05 * static_cast<double>(v % joints),
+                                      0.02 * static_cast<double>(v % 3));
     model.shape_count = shapes;
     model.expression_count = expressions;
     model.shapedirs = rng.vecs(V * static_cast<std::size_t>(shapes), -0.01, 0.01);

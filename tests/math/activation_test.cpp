@@ -24,7 +24,8 @@ TEST_CASE("sigmoid, logit and exp have their gradients, and add them") {
         INFO("p " << p);
         double dL_dp = 0;
         logit_backward(p, 0.8, dL_dp);
-        test::check_gradient([&] { return 0.8 * logit(p); }, test::scalars(p), test::scalars(dL_dp), {.step = 1e-7, .tolerance = 1e-5});
+        test::check_gradient([&] { return 0.8 * logit(p); }, test::scalars(p), test::scalars(dL_dp),
+                             {.step = 1e-7, .tolerance = 1e-5});
         CHECK(sigmoid(logit(p)) == doctest::Approx(p).epsilon(1e-14));
     }
 }

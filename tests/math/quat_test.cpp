@@ -29,7 +29,8 @@ TEST_CASE("rotation_matrix_backward and normalize_backward are gradients") {
 
 TEST_CASE("quat_from_z_axis turns +z to its argument by the shortest way") {
     test::Rng rng(5);
-    std::vector<vec3<double>> directions{{0, 0, 1}, {0, 0, -1}, {1, 0, 0}, {0, -1, 0}, {1e-9, 0, -1}, {1e-5, -2e-5, -1}, {0, 1e-17, -1}};
+    std::vector<vec3<double>> directions{{0, 0, 1},     {0, 0, -1},        {1, 0, 0},     {0, -1, 0},
+                                         {1e-9, 0, -1}, {1e-5, -2e-5, -1}, {0, 1e-17, -1}};
     for (int i = 0; i < 20; ++i) directions.push_back(rng.vec());
     for (vec3<double> n : directions) {
         n = n * (1 / length(n));

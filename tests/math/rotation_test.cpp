@@ -21,7 +21,8 @@ TEST_CASE("rotation_from_axis_angle agrees with the half-angle quaternion") {
     for (const double angle : delicate_angles) {
         INFO("angle " << angle);
         const double s = std::sin(angle / 2);
-        const mat3<double> expected = rotation_matrix(quat<double>{std::cos(angle / 2), axis.x * s, axis.y * s, axis.z * s});
+        const mat3<double> expected =
+            rotation_matrix(quat<double>{std::cos(angle / 2), axis.x * s, axis.y * s, axis.z * s});
         const mat3<double> R = rotation_from_axis_angle(axis * angle);
         CHECK(test::distance(R, expected) < 4e-16 * std::max(1.0, angle));
         CHECK(test::distance(transpose(R) * R, mat3<double>(1.0)) < 2e-15);
@@ -126,7 +127,8 @@ TEST_CASE("axis_angle_from_rotation undoes rotation_from_axis_angle up to pi") {
         for (int trial = 0; trial < 8; ++trial) {
             const vec3<double> v = normalize(rng.vec()) * angle;
             INFO("angle " << angle << ", trial " << trial);
-            CHECK(length(axis_angle_from_rotation(rotation_from_axis_angle(v)) - v) <= 1e-15 + 4e-9 * (angle > 3.14) + 1e-14 * angle);
+            CHECK(length(axis_angle_from_rotation(rotation_from_axis_angle(v)) - v) <=
+                  1e-15 + 4e-9 * (angle > 3.14) + 1e-14 * angle);
         }
     }
     // At pi either sign will do.

@@ -31,7 +31,8 @@ TEST_CASE_TEMPLATE("Wide does in every lane what the scalar does", S, float, dou
             CHECK(size[i] == std::abs(a[i]));
             CHECK(chosen[i] == (a[i] < b[i] ? a[i] : b[i]));
             const double exact = std::exp(static_cast<double>(a[i]));
-            CHECK(std::abs(static_cast<double>(power[i]) - exact) <= 4 * static_cast<double>(std::numeric_limits<S>::epsilon()) * exact);
+            CHECK(std::abs(static_cast<double>(power[i]) - exact) <=
+                  4 * static_cast<double>(std::numeric_limits<S>::epsilon()) * exact);
         }
         CHECK(any(x < y) == [&] {
             for (std::size_t i = 0; i < W::width; ++i)

@@ -72,7 +72,8 @@ TEST_CASE_TEMPLATE("stepping the touched rows equals dense Adam bit for bit", T,
         if (t == 4) std::fill(dense.gradients.begin(), dense.gradients.end(), T(0)); // momentum goes on without one
         std::copy(dense.gradients.begin(), dense.gradients.end(), sparse.gradients.begin());
         Adam().step(backend, Span<T>(dense.parameters), dense.gradients, dense.m, dense.v, 0.01, t);
-        Adam().step_rows(backend, Span<T>(sparse.parameters), sparse.gradients, sparse.m, sparse.v, rows, width, 0.01, t);
+        Adam().step_rows(backend, Span<T>(sparse.parameters), sparse.gradients, sparse.m, sparse.v, rows, width, 0.01,
+                         t);
         CHECK(dense == sparse);
     }
 }

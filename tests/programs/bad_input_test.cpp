@@ -61,7 +61,8 @@ void refuse_body(Words words, const Edit& spoil) {
     const test::Temporary folder;
     fs::copy(s.body_file, folder / "body.npz");
     spoil(folder / "body.npz");
-    check_refused(run(s.reconstruct(folder / "out", {"--steps", "1"}, {}, folder / "body.npz")), "gsh-reconstruct", words);
+    check_refused(run(s.reconstruct(folder / "out", {"--steps", "1"}, {}, folder / "body.npz")), "gsh-reconstruct",
+                  words);
     CHECK(!fs::exists(folder / "out"));
 }
 
@@ -160,9 +161,11 @@ TEST_CASE("options that make no sense") {
     refuse_with({"--poses", "poses_noisy.npz"}, {"poses_noisy.npz", "No such file"});
 
     refuse({"gsh-render", s.scene, "--out", out}, {"--camera"});
-    refuse({"gsh-render", s.scene, "--camera", s.camera, "--out", out, "--background", "1", "nan", "0"}, {"--background", "'nan'"});
+    refuse({"gsh-render", s.scene, "--camera", s.camera, "--out", out, "--background", "1", "nan", "0"},
+           {"--background", "'nan'"});
     refuse({"gsh-render", s.scene, "--camera", s.camera, "--out", out, "--poses", s.dance}, {"--poses", ".gsh"});
-    refuse({"gsh-render", s.scene, "--camera", s.camera, "--out", out, "--camera-name", "cam07"}, {"camera.json", "cam07"});
+    refuse({"gsh-render", s.scene, "--camera", s.camera, "--out", out, "--camera-name", "cam07"},
+           {"camera.json", "cam07"});
     refuse({"gsh-render", s.scene, "--camera", s.camera, "--out", out / "a.png"}, {"out/a.png", "No such file"});
     refuse({"gsh-render", s.avatar, "--camera", s.camera, "--out", out, "--frame", "1"}, {"--frame 1", "--poses"});
     refuse({"gsh-render", s.avatar, "--camera", s.camera, "--out", out, "--poses", s.dance, "--frame", "3"},
@@ -183,9 +186,11 @@ TEST_CASE("bodies that are none") {
     refuse_body({"body.npz", "No such file"}, missing);
     refuse_body({"body.npz"}, truncate(5000));
     refuse_body({"body.npz"}, write("no archive"));
-    refuse_body({"body.npz", "v_template", "missing"}, [](const fs::path& path) { NpzEdit(path).remove("v_template"); });
-    refuse_body({"body.npz", "weights", "<i8"}, member("weights", test::npy_bytes("<i8", "(" + rows + ", " + joints + ")",
-                                                                                    std::string(8 * V * J, '\0'))));
+    refuse_body({"body.npz", "v_template", "missing"},
+                [](const fs::path& path) { NpzEdit(path).remove("v_template"); });
+    refuse_body(
+        {"body.npz", "weights", "<i8"},
+        member("weights", test::npy_bytes("<i8", "(" + rows + ", " + joints + ")", std::string(8 * V * J, '\0'))));
     refuse_body({"body.npz", "weights", "pickled"}, member("weights", test::npy_bytes("|O", "(1,)", "\x80\x04N.")));
     std::vector<double> weights(s.body.weights);
     refuse_body({"body.npz", "weights", "expected (" + rows + ", " + joints + ")"},
@@ -195,7 +200,8 @@ TEST_CASE("bodies that are none") {
     std::vector<std::int64_t> tree(2 * J);
     for (std::size_t j = 0; j < J; ++j) tree[j] = s.body.parents[j], tree[J + j] = static_cast<std::int64_t>(j);
     tree[1] = 4, tree[4] = 1;
-    refuse_body({"body.npz", "cycle"}, member("kintree_table", test::npy_bytes("<i8", "(2, " + joints + ")", test::bytes_of(tree))));
+    refuse_body({"body.npz", "cycle"},
+                member("kintree_table", test::npy_bytes("<i8", "(2, " + joints + ")", test::bytes_of(tree))));
     std::vector<double> vertices(3 * V, 0.5);
     vertices[3 * 11 + 2] = std::numeric_limits<double>::quiet_NaN();
     refuse_body({"body.npz", "v_template[11, 2]", "NaN"}, member("v_template", doubles("(" + rows + ", 3)", vertices)));
@@ -211,21 +217,28 @@ TEST_CASE("captures whose parts do not belong together") {
     const Unspoilt& s = unspoilt();
     refuse_capture({"capture", "not a folder"}, [](const fs::path& path) { fs::remove_all(path); });
     refuse_capture({"cameras.json", "is missing"}, [](const fs::path& path) { fs::remove(path / "cameras.json"); });
-    refuse_capture({"cameras.json", "truncated"}, [](const fs::path& path) { test::truncate_file(path / "cameras.json", 300); });
+    refuse_capture({"cameras.json", "truncated"},
+                   [](const fs::path& path) { test::truncate_file(path / "cameras.json", 300); });
     refuse_capture({"cameras.json", "cam01", "K is missing"}, second_camera([](auto& camera) { camera.erase("K"); }));
     refuse_capture({"cameras.json", "cam01", "width"}, second_camera([](auto& camera) { camera["width"] = "64"; }));
-    refuse_capture({"cameras.json", "cam01", "K", "singular"}, second_camera([](auto& camera) { camera["K"][1][1] = 0; }));
+    refuse_capture({"cameras.json", "cam01", "K", "singular"},
+                   second_camera([](auto& camera) { camera["K"][1][1] = 0; }));
     refuse_capture({"cameras.json", "cam01", "R"}, second_camera([](auto& camera) { camera["R"][0][0] = 3; }));
-    refuse_capture({"cam01/0000.png", "64 x 64", "64 x 65"}, second_camera([](auto& camera) { camera["height"] = 65; }));
+    refuse_capture({"cam01/0000.png", "64 x 64", "64 x 65"},
+                   second_camera([](auto& camera) { camera["height"] = 65; }));
 
     refuse_capture({"poses.npz", "No such file"}, poses(missing));
     refuse_capture({"poses.npz"}, poses(truncate(200)));
-    refuse_capture({"poses.npz", "transl", "missing"}, poses([](const fs::path& path) { NpzEdit(path).remove("transl"); }));
-    refuse_capture({"poses.npz", "transl", "<i4"}, poses(member("transl", test::npy_bytes("<i4", "(2, 3)", std::string(24, '\0')))));
-    refuse_capture({"poses.npz", "body_pose has 60 numbers"},
-                   poses([](const fs::path& path) { NpzEdit(path).replace("body_pose", doubles("(2, 60)", std::vector<double>(120))); }));
-    refuse_capture({"poses.npz", "transl[1, 0]", "NaN"},
-                   poses(member("transl", doubles("(2, 3)", {0, 0, 0, std::numeric_limits<double>::quiet_NaN(), 0, 0}))));
+    refuse_capture({"poses.npz", "transl", "missing"},
+                   poses([](const fs::path& path) { NpzEdit(path).remove("transl"); }));
+    refuse_capture({"poses.npz", "transl", "<i4"},
+                   poses(member("transl", test::npy_bytes("<i4", "(2, 3)", std::string(24, '\0')))));
+    refuse_capture({"poses.npz", "body_pose has 60 numbers"}, poses([](const fs::path& path) {
+                       NpzEdit(path).replace("body_pose", doubles("(2, 60)", std::vector<double>(120)));
+                   }));
+    refuse_capture(
+        {"poses.npz", "transl[1, 0]", "NaN"},
+        poses(member("transl", doubles("(2, 3)", {0, 0, 0, std::numeric_limits<double>::quiet_NaN(), 0, 0}))));
     refuse_capture({"images/cam00", "2 images", "expected 3", "poses.npz"}, [&](const fs::path& path) {
         fs::copy(s.dance, path / "poses.npz", fs::copy_options::overwrite_existing);
     });
@@ -233,8 +246,10 @@ TEST_CASE("captures whose parts do not belong together") {
     refuse_capture({"images/cam01"}, image(missing));
     refuse_capture({"cam01/0001.png", "truncated"}, image(truncate(100)));
     refuse_capture({"cam01/0001.png", "not a PNG"}, image(write("no picture")));
-    refuse_capture({"cam01/0001.png", "48 x 64"}, image([](const fs::path& path) { write_png(path, PixelImage(4, 64, 48)); }));
-    refuse_capture({"cam01/0001.png", "empty"}, image([](const fs::path& path) { write_png(path, PixelImage(4, 64, 64)); }));
+    refuse_capture({"cam01/0001.png", "48 x 64"},
+                   image([](const fs::path& path) { write_png(path, PixelImage(4, 64, 48)); }));
+    refuse_capture({"cam01/0001.png", "empty"},
+                   image([](const fs::path& path) { write_png(path, PixelImage(4, 64, 64)); }));
     refuse_capture({"test00_0001", "mask"}, [](const fs::path& path) { // nobody there to judge by
         PixelImage faint(4, 64, 64);
         faint.pixel(32, 32)[3] = 100;
@@ -272,7 +287,8 @@ TEST_CASE("cameras and scenes that cannot be rendered") {
 
     refuse_render(s.avatar, {"avatar.gsh", "No such file"}, missing);
     refuse_render(s.avatar, {"avatar.gsh"}, truncate(1000));
-    refuse_render(s.avatar, {"avatar.gsh", "gsh_format"}, [](const fs::path& path) { NpzEdit(path).remove("gsh_format"); });
+    refuse_render(s.avatar, {"avatar.gsh", "gsh_format"},
+                  [](const fs::path& path) { NpzEdit(path).remove("gsh_format"); });
     refuse_render(s.avatar, {"avatar.gsh", "sh"}, [](const fs::path& path) { NpzEdit(path).remove("sh"); });
     const std::string expected = "avatar " + std::to_string(avatar_file_version);
     refuse_render(s.avatar, {"avatar.gsh", expected}, [&](const fs::path& path) {
@@ -284,9 +300,12 @@ TEST_CASE("motions that do not fit the avatar") {
     const Unspoilt& s = unspoilt();
     refuse_animate({"dance.npz", "No such file"}, missing);
     refuse_animate({"dance.npz"}, truncate(50));
-    refuse_animate({"dance.npz", "global_orient", "missing"}, [](const fs::path& path) { NpzEdit(path).remove("global_orient"); });
+    refuse_animate({"dance.npz", "global_orient", "missing"},
+                   [](const fs::path& path) { NpzEdit(path).remove("global_orient"); });
     refuse_animate({"dance.npz", "jaw_pose", "(2, 3)"}, member("jaw_pose", doubles("(2, 3)", std::vector<double>(6))));
-    refuse_animate({"dance.npz", "transl"}, member("transl", doubles("(3, 3)", std::vector<double>(9, std::numeric_limits<double>::infinity()))));
+    refuse_animate(
+        {"dance.npz", "transl"},
+        member("transl", doubles("(3, 3)", std::vector<double>(9, std::numeric_limits<double>::infinity()))));
     refuse_animate({"dance.npz"}, [&](const fs::path& path) {
         fs::copy(s.camera, path, fs::copy_options::overwrite_existing);
     });
@@ -299,13 +318,19 @@ TEST_CASE("a PLY is read by name") {
     const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
     std::vector<std::string> names{"opacity", "rot_3", "rot_2", "rot_1", "rot_0", "z", "confidence"};
     for (std::size_t i = 3 * (basis - 1); i-- > 0;) names.push_back("f_rest_" + std::to_string(i));
-    for (const char* name : {"scale_2", "f_dc_2", "y", "scale_0", "f_dc_0", "x", "scale_1", "f_dc_1"}) names.emplace_back(name);
+    for (const char* name : {"scale_2", "f_dc_2", "y", "scale_0", "f_dc_0", "x", "scale_1", "f_dc_1"})
+        names.emplace_back(name);
     std::string text = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(cloud.size()) + "\n";
     for (const std::string& name : names) text += "property double " + name + "\n";
     text += "end_header\n";
     for (std::size_t i = 0; i < cloud.size(); ++i) {
-        std::vector<double> row{cloud.opacity_logits[i], cloud.quats[i].z, cloud.quats[i].y, cloud.quats[i].x, cloud.quats[i].w,
-                                cloud.means[i].z, 0.5};
+        std::vector<double> row{cloud.opacity_logits[i],
+                                cloud.quats[i].z,
+                                cloud.quats[i].y,
+                                cloud.quats[i].x,
+                                cloud.quats[i].w,
+                                cloud.means[i].z,
+                                0.5};
         const vec3<float>* sh = &cloud.sh[i * basis];
         for (int channel = 3; channel-- > 0;)
             for (std::size_t k = basis; k-- > 1;) row.push_back(sh[k][channel]);
@@ -353,7 +378,8 @@ TEST_CASE("a disk that fills up leaves what was there, and nothing else") {
     CHECK(fs::exists(out / "checkpoint.gsh"));
     CHECK(read_file(out / "metrics.json") == "{}");
 
-    outcome = run({"gsh-render", s.scene, "--camera", s.camera, "--out", folder / "a.png", "--npy", folder / "a.npy"}, 20);
+    outcome =
+        run({"gsh-render", s.scene, "--camera", s.camera, "--out", folder / "a.png", "--npy", folder / "a.npy"}, 20);
     check_refused(outcome, "gsh-render", {"a.npy", "File too large"});
     CHECK(folder.file_count() == 0);
     outcome = run({"gsh-render", s.scene, "--camera", s.camera, "--out", folder / "a.png"}, 1);

@@ -54,7 +54,8 @@ std::vector<std::string> animate(const Out& out, const char* name = "frames") {
 std::vector<std::uint8_t> column(const PixelImage& picture, int first, int width) {
     std::vector<std::uint8_t> pixels;
     for (int y = 0; y < picture.height; ++y)
-        for (int x = first; x < first + width; ++x) pixels.insert(pixels.end(), picture.pixel(y, x), picture.pixel(y, x) + 3);
+        for (int x = first; x < first + width; ++x)
+            pixels.insert(pixels.end(), picture.pixel(y, x), picture.pixel(y, x) + 3);
     return pixels;
 }
 
@@ -93,10 +94,13 @@ TEST_CASE("a file of settings is what the same settings are on the command line"
     CHECK(settings.at("hash.table_size") == "4096"); // --set goes on top of the file
     CHECK(file.avatar().ao.empty());
 
-    check_done(reconstruct(words, {"--steps", "3", "--config", "no-ao", "--set", "mlp.width=32", "--set", "rate.sh=0.001",
-                                   "--set", "prior.depth=false"}));
+    check_done(reconstruct(words, {"--steps", "3", "--config", "no-ao", "--set", "mlp.width=32", "--set",
+                                   "rate.sh=0.001", "--set", "prior.depth=false"}));
     CHECK(words.metrics().at("settings") == settings);
-    CHECK(words.metrics().at("configuration").get<std::string>().ends_with("mlp.width=32 rate.sh=0.001 prior.depth=false"));
+    CHECK(words.metrics()
+              .at("configuration")
+              .get<std::string>()
+              .ends_with("mlp.width=32 rate.sh=0.001 prior.depth=false"));
     CHECK(words.avatar_bytes() == file.avatar_bytes());
     check_done(reconstruct(other, {"--steps", "3", "--config", "no-ao", "--set", "mlp.width=32"}));
     CHECK(other.avatar_bytes() != file.avatar_bytes());
@@ -122,11 +126,14 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
         more.insert(more.begin(), words.begin(), words.end());
         return more;
     };
-    check_done(reconstruct(out, with({"--steps", "3", "--set", "refine.pose.start=1", "--set", "refine.transl.start=1", "--set",
-                                      "refine.expression.start=1"}), capture));
+    check_done(reconstruct(out,
+                           with({"--steps", "3", "--set", "refine.pose.start=1", "--set", "refine.transl.start=1",
+                                 "--set", "refine.expression.start=1"}),
+                           capture));
     // Poses that start to learn at the end of a run are what they were.
     CHECK(load_motion(out / "poses_refined.npz", studio().body).pose == noisy.pose);
-    CHECK(out.metrics().at("protocol").get<std::string>().find("poses_noisy.npz, refined in training") != std::string::npos);
+    CHECK(out.metrics().at("protocol").get<std::string>().find("poses_noisy.npz, refined in training") !=
+          std::string::npos);
     check_done(reconstruct(plain, {"--poses", "poses_noisy.npz", "--steps", "3"}, capture));
     CHECK(!fs::exists(plain / "poses_refined.npz"));
     CHECK(plain.metrics().at("protocol").get<std::string>().find("as given, not refined") != std::string::npos);
@@ -141,9 +148,10 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
     CHECK(refined.pose != noisy.pose);
     CHECK(refined.betas == noisy.betas); // off
     CHECK(refined.frame_count() == 2);
-    check_refused(reconstruct(moved, with({"--steps", "50", "--refine-cameras", "--resume"}), capture), "gsh-reconstruct", {"checkpoint.gsh"});
-    check_refused(reconstruct(moved, with({"--steps", "50", "--set", "refine.betas.rate=1e-3", "--resume"}), capture), "gsh-reconstruct",
-                  {"checkpoint.gsh"});
+    check_refused(reconstruct(moved, with({"--steps", "50", "--refine-cameras", "--resume"}), capture),
+                  "gsh-reconstruct", {"checkpoint.gsh"});
+    check_refused(reconstruct(moved, with({"--steps", "50", "--set", "refine.betas.rate=1e-3", "--resume"}), capture),
+                  "gsh-reconstruct", {"checkpoint.gsh"});
     check_done(reconstruct(plain, with({"--steps", "3", "--refine-cameras"}), capture));
 }
 
@@ -208,7 +216,9 @@ TEST_CASE("with weights there is LPIPS, and it says which") {
             inputs = static_cast<std::size_t>(step.channels);
         }
         if (step.compared)
-            file.add("lin" + std::to_string(slice) + ".model.1.weight", "1, " + std::to_string(inputs) + ", 1, 1", network.lins[slice]), ++slice;
+            file.add("lin" + std::to_string(slice) + ".model.1.weight", "1, " + std::to_string(inputs) + ", 1, 1",
+                     network.lins[slice]),
+                ++slice;
     }
     file.write(out.folder / "lpips.safetensors");
     const auto words = [&](const char* name) {
@@ -240,8 +250,8 @@ TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
     fs::copy(s.path, capture, fs::copy_options::recursive);
     fs::remove(capture / "poses.npz");
     const auto words = [&](const Out& to, std::vector<std::string> more) {
-        more.insert(more.begin(), {"gsh-reconstruct", "--capture", capture.string(), "--config", "static", "--out", to.path.string(),
-                                   "--gaussians", "1500"});
+        more.insert(more.begin(), {"gsh-reconstruct", "--capture", capture.string(), "--config", "static", "--out",
+                                   to.path.string(), "--gaussians", "1500"});
         return more;
     };
     check_done(run(words(out, {"--steps", "40", "--frame", "1"})));
@@ -250,12 +260,14 @@ TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
     CHECK(metrics.at("steps") == 40);
     CHECK(metrics.at("gaussians") <= 1500);
     CHECK(metrics.at("psnr") > 10.0);
-    CHECK(metrics.at("protocol").get<std::string>().find("capture, frame 1 (1 images, 2 in training)") != std::string::npos);
+    CHECK(metrics.at("protocol").get<std::string>().find("capture, frame 1 (1 images, 2 in training)") !=
+          std::string::npos);
     REQUIRE(metrics.at("images").size() == 1);
     CHECK(fs::exists(out.path / "test" / "test00.png"));
     CHECK(read_gaussian_ply(out / "scene.ply").size() == metrics.at("gaussians"));
     CHECK(test::files_below(out.path) == 3);
-    check_done(run({"gsh-render", (out / "scene.ply").string(), "--camera", s.camera.string(), "--out", (out.folder / "a.png").string()}));
+    check_done(run({"gsh-render", (out / "scene.ply").string(), "--camera", s.camera.string(), "--out",
+                    (out.folder / "a.png").string()}));
     check_done(run(words(again, {"--steps", "40", "--frame", "1", "--threads", "1"})));
     CHECK(read_file(again / "scene.ply") == read_file(out / "scene.ply"));
     for (const char* key : {"peak_memory_bytes", "threads", "seconds"}) CHECK(metrics.at(key) > 0);
@@ -282,7 +294,8 @@ TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
     check_refused(run(words(none, {"--set", "ao=none"})), "gsh-reconstruct", {"no setting 'ao'"});
     for (const char* option : {"--lpips", "--regions", "--poses"})
         check_refused(run(words(none, {option, "file"})), "gsh-reconstruct", {"static", option});
-    check_refused(run({"gsh-reconstruct", "--synthetic", "--config", "static", "--out", none.path.string()}), "gsh-reconstruct", {"static"});
+    check_refused(run({"gsh-reconstruct", "--synthetic", "--config", "static", "--out", none.path.string()}),
+                  "gsh-reconstruct", {"static"});
     fs::remove(capture / "cameras.json");
     check_refused(run(words(none, {})), "gsh-reconstruct", {"sparse"}); // then it should be COLMAP's
     CHECK(!fs::exists(none.path));
@@ -317,12 +330,17 @@ TEST_CASE("configurations, settings and lists that cannot be are refused before 
     refuse({"--set", "rate.sh=inf"}, {"rate.sh", "finite"});
     refuse({"--set", "multi_scale=1"}, {"multi_scale is '1'", "true or false"});
     // Numbers, but none that could mean anything.
-    for (const char* setting : {"mlp.width=0", "mlp.width=-8", "mlp.hidden_layers=-1", "hash.base=0", "hash.growth=0.5", "hash.table_size=1000",
-                                "hash.table_size=0", "hash.fine_level=17", "ao.table_size=3", "ao.initial=0", "ao.initial=7",
-                                "ao.largest=0.5", "ao.start=-1", "initial_opacity=1", "bounds_margin=0", "rate.sh=-1", "rate.final=-1",
-                                "ssim_weight=2", "filter.dilation=-1", "region.sigma=0", "region.samples_base=-1", "prior.depth_unit=0"})
+    for (const char* setting : {"mlp.width=0",        "mlp.width=-8",       "mlp.hidden_layers=-1",
+                                "hash.base=0",        "hash.growth=0.5",    "hash.table_size=1000",
+                                "hash.table_size=0",  "hash.fine_level=17", "ao.table_size=3",
+                                "ao.initial=0",       "ao.initial=7",       "ao.largest=0.5",
+                                "ao.start=-1",        "initial_opacity=1",  "bounds_margin=0",
+                                "rate.sh=-1",         "rate.final=-1",      "ssim_weight=2",
+                                "filter.dilation=-1", "region.sigma=0",     "region.samples_base=-1",
+                                "prior.depth_unit=0"})
         refuse({"--set", setting}, {});
-    for (const char* setting : {"refine.pose.rate=-1", "refine.betas.start=-1", "refine.test_mask_weight=-1", "refine.final=0"})
+    for (const char* setting :
+         {"refine.pose.rate=-1", "refine.betas.start=-1", "refine.test_mask_weight=-1", "refine.final=0"})
         refuse({"--refine", "--set", setting}, {});
     refuse({"--refine-cameras"}, {"--refine-cameras needs --refine"});
     refuse({"--regions", (none.folder / "regions.json").string()}, {"regions.json", "No such file"});

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Two people in one scene, through the programs as a user runs them: what is written, what is refused, and that each of
-/// them is as good as alone.
+/// Two people in one scene, through the programs as a user runs them: what is written, what is refused, and that each
+/// of them is as good as alone.
 ///
-/// The last test takes its size from the environment variable GSH_TWO_PEOPLE, "size=270 frames=24 cameras=6 gaussians=40000
-/// steps=3000 samples=25": docs/quality.md says what came of it.
+/// The last test takes its size from the environment variable GSH_TWO_PEOPLE, "size=270 frames=24 cameras=6
+/// gaussians=40000 steps=3000 samples=25": docs/quality.md says what came of it.
 #include "io/gala_files.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
@@ -48,8 +48,8 @@ struct Size {
     int size = 64, frames = 2, cameras = 2, gaussians = 500, steps = 4, samples = 4;
 };
 
-/// Two actors who pass each other: "ann" walks to her left in front, "bob", of another build and in other colours, to his
-/// right behind her. In the first and the last frame they stand side by side.
+/// Two actors who pass each other: "ann" walks to her left in front, "bob", of another build and in other colours, to
+/// his right behind her. In the first and the last frame they stand side by side.
 struct Actors {
     BodyModel body = make_actor({.edge_scale = 1.5});
     Motion ann, bob;
@@ -68,7 +68,8 @@ struct Actors {
     [[nodiscard]] Motion crossing(Motion motion, double from, double z) const {
         const std::size_t frames = motion.frame_count();
         for (std::size_t t = 0; t < frames; ++t)
-            motion.transl[t] += vec3<double>(from * (0.55 - 1.1 * static_cast<double>(t) / static_cast<double>(frames - 1)), 0, z);
+            motion.transl[t] +=
+                vec3<double>(from * (0.55 - 1.1 * static_cast<double>(t) / static_cast<double>(frames - 1)), 0, z);
         return motion;
     }
     static SurfaceColor other_colors(const vec3<double>& p) {
@@ -85,8 +86,8 @@ struct Actors {
         same.cameras = cameras;
         return film(backend, {actor}, same);
     }
-    /// Whose each pixel of the test views is, by camera and frame: 0 ann, 1 bob, -1 nobody. Told from pure colours under
-    /// the same light, without a rasterizer.
+    /// Whose each pixel of the test views is, by camera and frame: 0 ann, 1 bob, -1 nobody. Told from pure colours
+    /// under the same light, without a rasterizer.
     [[nodiscard]] std::map<std::string, std::vector<int>> owners(const std::vector<NamedCamera>& cameras) {
         StudioParams painted = studio;
         for (const NamedCamera& camera : cameras)
@@ -110,7 +111,8 @@ struct Actors {
 };
 
 /// A capture's folder with a pose file for each of the people in it.
-void save(const fs::path& folder, const Capture& capture, const std::vector<std::pair<std::string, const Motion*>>& people) {
+void save(const fs::path& folder, const Capture& capture,
+          const std::vector<std::pair<std::string, const Motion*>>& people) {
     save_capture(folder, capture);
     fs::remove(folder / "poses.npz");
     for (const auto& [name, motion] : people) save_motion(folder / (name + ".npz"), *motion);
@@ -121,7 +123,8 @@ struct TwoPeople {
     test::Temporary folder;
     Actors actors{Size{}};
     Capture capture = actors.together();
-    fs::path path = folder / "capture", body = folder / "body.npz", camera = folder / "camera.json", out = folder / "out";
+    fs::path path = folder / "capture", body = folder / "body.npz", camera = folder / "camera.json",
+             out = folder / "out";
     test::Outcome outcome;
 
     TwoPeople() {
@@ -178,8 +181,8 @@ TEST_CASE("two people are reconstructed together, and each has files and figures
     const TwoPeople& s = two_people();
     check_done(s.outcome);
     CHECK(s.outcome.out.find("2 people, 1000 Gaussians, 4 training and 2 test images") != std::string::npos);
-    for (const char* file : {"avatar-ann.gsh", "avatar-ann.ply", "avatar-bob.gsh", "avatar-bob.ply", "metrics.json", "report.html",
-                             "checkpoint.gsh", "test/test00_0000.png", "test/test00_0001.png"})
+    for (const char* file : {"avatar-ann.gsh", "avatar-ann.ply", "avatar-bob.gsh", "avatar-bob.ply", "metrics.json",
+                             "report.html", "checkpoint.gsh", "test/test00_0000.png", "test/test00_0001.png"})
         CHECK(fs::exists(s.out / file));
     CHECK(test::files_below(s.out) == 9);
     CHECK(load_avatar(s.avatar("ann")).gaussians.size() == 500);
@@ -208,8 +211,8 @@ TEST_CASE("two people are reconstructed together, and each has files and figures
 TEST_CASE("pose files may be repeated or listed, on any number of threads") {
     const TwoPeople& s = two_people();
     const test::Temporary folder;
-    check_done(run(s.reconstruct(folder / "out", {"--poses", "ann.npz", "--poses", s.poses("bob").string(), "--threads", "2",
-                                                  "--body", s.body.string()})));
+    check_done(run(s.reconstruct(folder / "out", {"--poses", "ann.npz", "--poses", s.poses("bob").string(), "--threads",
+                                                  "2", "--body", s.body.string()})));
     for (const char* file : {"avatar-ann.gsh", "avatar-bob.gsh", "test/test00_0001.png"})
         CHECK(same_file(folder / "out" / fs::path(file), s.out / file));
 }
@@ -237,25 +240,30 @@ TEST_CASE("two people go on where they were stopped, and refine their poses") {
     }
     Command resumed = people;
     resumed.push_back("--resume");
-    check_refused(run(s.reconstruct(parts, {"--poses", "ann.npz", "--steps", "40", "--refine", "--refine-cameras", "--resume"})),
-                  "gsh-reconstruct", {"checkpoint.gsh", "other people"});
+    check_refused(
+        run(s.reconstruct(parts, {"--poses", "ann.npz", "--steps", "40", "--refine", "--refine-cameras", "--resume"})),
+        "gsh-reconstruct", {"checkpoint.gsh", "other people"});
     check_done(run(s.reconstruct(parts, resumed)));
-    for (const char* file : {"avatar-ann.gsh", "avatar-bob.gsh", "test/test00_0001.png"}) CHECK(same_file(parts / file, whole / file));
+    for (const char* file : {"avatar-ann.gsh", "avatar-bob.gsh", "test/test00_0001.png"})
+        CHECK(same_file(parts / file, whole / file));
 }
 
 TEST_CASE("people who do not fit together are refused in a line") {
     const TwoPeople& s = two_people();
     const test::Temporary folder;
-    const auto refuse = [&](const Command& more, std::initializer_list<std::string_view> words, const fs::path& of = {}) {
+    const auto refuse = [&](const Command& more, std::initializer_list<std::string_view> words,
+                            const fs::path& of = {}) {
         check_refused(run(s.reconstruct(folder / "out", more, of)), "gsh-reconstruct", words);
         CHECK(!fs::exists(folder / "out"));
     };
     save_motion(folder / "long.npz", actor_motion(ActorMotion::talk, 3));
-    refuse({"--poses", "ann.npz," + (folder / "long.npz").string()}, {"long.npz", "3", "expected 2", "each of the capture's frames"});
+    refuse({"--poses", "ann.npz," + (folder / "long.npz").string()},
+           {"long.npz", "3", "expected 2", "each of the capture's frames"});
     refuse({"--poses", "ann.npz,bob.npz,ann.npz"}, {"ann.npz", "named twice"});
     refuse({"--poses", "ann.npz,"}, {"--poses", "empty"});
     refuse({"--poses", "ann.npz,cleo.npz"}, {"cleo.npz"});
-    refuse({"--poses", "ann.npz,bob.npz", "--body", s.body.string(), "--body", s.body.string()}, {"3 body models for 2 people"});
+    refuse({"--poses", "ann.npz,bob.npz", "--body", s.body.string(), "--body", s.body.string()},
+           {"3 body models for 2 people"});
     const fs::path copy = folder / "copy";
     fs::copy(s.path, copy, fs::copy_options::recursive);
     fs::create_directories(copy / "person_masks" / "cleo");
@@ -295,7 +303,8 @@ TEST_CASE("avatars are shown together, in whatever order") {
                       step = s.poses("bob").string();
     const PixelImage both = render({ann, bob, "--poses", dance, "--poses", step}, "both.png"),
                      swapped = render({bob, ann, "--poses", step, "--poses", dance}, "swapped.png"),
-                     one = render({ann, "--poses", dance}, "one.png"), other = render({bob, "--poses", step}, "other.png");
+                     one = render({ann, "--poses", dance}, "one.png"),
+                     other = render({bob, "--poses", step}, "other.png");
     int largest = 0;
     std::size_t with_ann = 0, with_bob = 0;
     for (std::size_t i = 0; i < both.data.size(); ++i) {
@@ -306,15 +315,17 @@ TEST_CASE("avatars are shown together, in whatever order") {
     CHECK(with_ann > 300);
     CHECK(with_bob > 300);
 
-    const test::Outcome frames = run({"gsh-animate", ann, bob, "--poses", dance, "--poses", step, "--size", "48", "--out",
-                                      (folder / "frames").string()});
+    const test::Outcome frames = run({"gsh-animate", ann, bob, "--poses", dance, "--poses", step, "--size", "48",
+                                      "--out", (folder / "frames").string()});
     check_done(frames);
     CHECK(test::files_below(folder / "frames") == 2);
     save_motion(folder / "long.npz", actor_motion(ActorMotion::talk, 3));
-    const test::Outcome shorter = run({"gsh-animate", ann, bob, "--poses", dance, "--poses", (folder / "long.npz").string(), "--size",
-                                       "48", "--out", (folder / "frames").string()});
+    const test::Outcome shorter =
+        run({"gsh-animate", ann, bob, "--poses", dance, "--poses", (folder / "long.npz").string(), "--size", "48",
+             "--out", (folder / "frames").string()});
     CHECK(shorter.code == 0);
-    CHECK(shorter.err.find("warning: " + (folder / "long.npz").string() + ": only the first 2 of 3") != std::string::npos);
+    CHECK(shorter.err.find("warning: " + (folder / "long.npz").string() + ": only the first 2 of 3") !=
+          std::string::npos);
     check_refused(run({"gsh-animate", ann, bob, "--poses", dance, "--out", (folder / "none").string()}), "gsh-animate",
                   {"--poses", "1 motions for 2 avatars"});
     check_refused(run({"gsh-render", ann, (s.out / "avatar-bob.ply").string(), "--camera", s.camera.string(), "--out",
@@ -330,8 +341,8 @@ TEST_CASE("avatars are shown together, in whatever order") {
 
 TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are all reconstructed, with the data set's own body") {
     const fs::path out = folder / "out";
-    const test::Outcome outcome = run({"gsh-reconstruct", "--capture", scene.string(), "--steps", "2", "--out", out.string(),
-                                       "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"});
+    const test::Outcome outcome = run({"gsh-reconstruct", "--capture", scene.string(), "--steps", "2", "--out",
+                                       out.string(), "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"});
     INFO(outcome.err);
     CHECK(outcome.code == 0);
     CHECK(outcome.err.find("no triangles") != std::string::npos);
@@ -343,8 +354,9 @@ TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are all reconstructed, wi
     CHECK(metrics.at("people")[1].at("name") == "person-1");
     CHECK(metrics.at("people")[1].at("psnr_person").is_null()); // no triangles, no masks
     CHECK(metrics.at("psnr").is_number());
-    check_refused(run({"gsh-reconstruct", "--capture", scene.string(), "--poses", "a.npz,b.npz", "--out", out.string() + "2"}),
-                  "gsh-reconstruct", {"own layout"});
+    check_refused(
+        run({"gsh-reconstruct", "--capture", scene.string(), "--poses", "a.npz,b.npz", "--out", out.string() + "2"}),
+        "gsh-reconstruct", {"own layout"});
 }
 
 TEST_CASE_FIXTURE(test::Gala, "configurations are compared on GalaBasketball, which needs no body file") {
@@ -360,10 +372,27 @@ TEST_CASE_FIXTURE(test::Gala, "configurations are compared on GalaBasketball, wh
 TEST_CASE("configurations are compared on two people") {
     const TwoPeople& s = two_people();
     const test::Temporary folder;
-    const test::Outcome outcome =
-        run({"gsh-evaluate", "--capture", s.path.string(), "--body", s.body.string(), "--poses", "ann.npz,bob.npz", "--configs",
-             "paper", "--steps", "2", "--gaussians", "300", "--views", "1", "--set", "hash.table_size=4096", "--set",
-             "ao.table_size=4096", "--out", (folder / "out").string()});
+    const test::Outcome outcome = run({"gsh-evaluate",
+                                       "--capture",
+                                       s.path.string(),
+                                       "--body",
+                                       s.body.string(),
+                                       "--poses",
+                                       "ann.npz,bob.npz",
+                                       "--configs",
+                                       "paper",
+                                       "--steps",
+                                       "2",
+                                       "--gaussians",
+                                       "300",
+                                       "--views",
+                                       "1",
+                                       "--set",
+                                       "hash.table_size=4096",
+                                       "--set",
+                                       "ao.table_size=4096",
+                                       "--out",
+                                       (folder / "out").string()});
     check_done(outcome);
     const auto tables = json_of(folder / "out" / fs::path("tables.json"));
     CHECK(tables.at("costs")[0].at("gaussians") == 600);
@@ -388,10 +417,15 @@ TEST_CASE("each of two people who pass each other is as good as alone") {
     const char* asked = std::getenv("GSH_TWO_PEOPLE");
     if (asked) {
         std::string text = asked;
-        for (const auto& [name, value] : std::initializer_list<std::pair<const char*, int*>>{
-                 {"size=", &size.size}, {"frames=", &size.frames}, {"cameras=", &size.cameras}, {"gaussians=", &size.gaussians},
-                 {"steps=", &size.steps}, {"samples=", &size.samples}})
-            if (const auto at = text.find(name); at != std::string::npos) *value = std::atoi(text.c_str() + at + std::string(name).size());
+        for (const auto& [name, value] :
+             std::initializer_list<std::pair<const char*, int*>>{{"size=", &size.size},
+                                                                 {"frames=", &size.frames},
+                                                                 {"cameras=", &size.cameras},
+                                                                 {"gaussians=", &size.gaussians},
+                                                                 {"steps=", &size.steps},
+                                                                 {"samples=", &size.samples}})
+            if (const auto at = text.find(name); at != std::string::npos)
+                *value = std::atoi(text.c_str() + at + std::string(name).size());
     }
     const test::Temporary folder;
     Actors actors(size);
@@ -403,16 +437,29 @@ TEST_CASE("each of two people who pass each other is as good as alone") {
     save(folder / "bob", actors.alone(actors.second(), both.cameras), {{"bob", &actors.bob}});
     for (const auto& [name, owner] : owners) { // bob's masks are given, ann's are left to the programs
         PixelImage mask(3, size.size, size.size);
-        for (std::size_t i = 0; i < owner.size(); ++i) std::fill_n(mask.data.begin() + static_cast<std::ptrdiff_t>(3 * i), 3, owner[i] == 1 ? 255 : 0);
+        for (std::size_t i = 0; i < owner.size(); ++i)
+            std::fill_n(mask.data.begin() + static_cast<std::ptrdiff_t>(3 * i), 3, owner[i] == 1 ? 255 : 0);
         const auto cut = name.rfind('_');
         const fs::path place = folder / "both" / fs::path("person_masks") / "bob" / name.substr(0, cut);
         fs::create_directories(place);
         write_png(place / (name.substr(cut + 1) + ".png"), mask);
     }
     const auto reconstruct = [&](const std::string& scene, const std::string& poses) {
-        Command words{"gsh-reconstruct", "--capture", (folder / scene).string(), "--body", (folder / "body.npz").string(), "--poses", poses,
-                      "--gaussians", std::to_string(size.gaussians), "--steps", std::to_string(size.steps), "--checkpoint-interval",
-                      "1000", "--out", (folder / (scene + "-out")).string()};
+        Command words{"gsh-reconstruct",
+                      "--capture",
+                      (folder / scene).string(),
+                      "--body",
+                      (folder / "body.npz").string(),
+                      "--poses",
+                      poses,
+                      "--gaussians",
+                      std::to_string(size.gaussians),
+                      "--steps",
+                      std::to_string(size.steps),
+                      "--checkpoint-interval",
+                      "1000",
+                      "--out",
+                      (folder / (scene + "-out")).string()};
         if (!asked) words.insert(words.end(), {"--set", "hash.table_size=4096", "--set", "ao.table_size=4096"});
         check_done(run(words));
         return folder / (scene + "-out");
@@ -424,15 +471,18 @@ TEST_CASE("each of two people who pass each other is as good as alone") {
     for (const int p : {0, 1}) {
         const double with = person_psnr(together, owners, p), alone = person_psnr(apart[p], owners, p),
                      said = metrics.at("people")[static_cast<std::size_t>(p)].at("psnr_person");
-        MESSAGE(names[p] << ": " << with << " dB together, " << alone << " dB alone, over the same pixels; metrics.json says "
-                         << said << ": " << metrics.at("people")[static_cast<std::size_t>(p)].dump());
+        MESSAGE(names[p] << ": " << with << " dB together, " << alone
+                         << " dB alone, over the same pixels; metrics.json says " << said << ": "
+                         << metrics.at("people")[static_cast<std::size_t>(p)].dump());
         CHECK(with >= alone - 0.5);
         CHECK(with > 15);
         CHECK(std::abs(said - with) < (p == 0 ? 0.5 : 0.1)); // masks of bodies; masks that were given
     }
     if (asked) {
         MESSAGE("full image: " << metrics.at("psnr") << " dB, " << metrics.at("ssim") << "; alone "
-                               << json_of(apart[0] / "metrics.json").at("psnr") << " and " << json_of(apart[1] / "metrics.json").at("psnr"));
-        if (const char* keep = std::getenv("GSH_TWO_PEOPLE_KEEP")) fs::copy(together, keep, fs::copy_options::recursive);
+                               << json_of(apart[0] / "metrics.json").at("psnr") << " and "
+                               << json_of(apart[1] / "metrics.json").at("psnr"));
+        if (const char* keep = std::getenv("GSH_TWO_PEOPLE_KEEP"))
+            fs::copy(together, keep, fs::copy_options::recursive);
     }
 }

@@ -30,7 +30,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// What an estimator would make of frame 1 as cam00 sees it: normals.png (y up, nothing is grey), depth.npy; and a list.
+/// What an estimator would make of frame 1 as cam00 sees it: normals.png (y up, nothing is grey), depth.npy; and a
+/// list.
 struct Estimates {
     test::Temporary folder;
     fs::path list = folder / "estimates.json";
@@ -75,19 +76,24 @@ test::Outcome reconstruct(const fs::path& out, const Estimates& estimates, std::
 TEST_CASE("an estimator's maps change the avatar, and a checkpoint is theirs") {
     const Estimates estimates;
     const test::Temporary folder;
-    const fs::path plain = folder / "plain", normals = folder / "normals", both = folder / "both", given = folder / "given";
+    const fs::path plain = folder / "plain", normals = folder / "normals", both = folder / "both",
+                   given = folder / "given";
     check_done(run(studio().reconstruct(plain, {"--steps", "3"})));
     check_done(reconstruct(normals, estimates, {"--steps", "3"}));
-    const auto protocol = [](const fs::path& out) { return test::json_of(out / "metrics.json").at("protocol").get<std::string>(); };
+    const auto protocol = [](const fs::path& out) {
+        return test::json_of(out / "metrics.json").at("protocol").get<std::string>();
+    };
     CHECK(protocol(normals).find("geometric priors of estimates.json") != std::string::npos);
     CHECK(protocol(plain).find("priors") == std::string::npos);
     CHECK(!test::same_file(plain / "avatar.gsh", normals / "avatar.gsh"));
 
     // It goes on with these maps alone, to where one run would have come.
     check_done(reconstruct(normals, estimates, {"--steps", "5", "--resume"}));
-    check_refused(run(studio().reconstruct(normals, {"--steps", "6", "--resume"})), "gsh-reconstruct", {"checkpoint.gsh", "--priors"});
+    check_refused(run(studio().reconstruct(normals, {"--steps", "6", "--resume"})), "gsh-reconstruct",
+                  {"checkpoint.gsh", "--priors"});
     estimates.write(R"({"integrate": true})");
-    check_refused(reconstruct(normals, estimates, {"--steps", "6", "--resume"}), "gsh-reconstruct", {"checkpoint.gsh", "--priors"});
+    check_refused(reconstruct(normals, estimates, {"--steps", "6", "--resume"}), "gsh-reconstruct",
+                  {"checkpoint.gsh", "--priors"});
 
     check_done(reconstruct(both, estimates, {"--steps", "3"}));
     CHECK(!test::same_file(normals / "avatar.gsh", both / "avatar.gsh"));
@@ -107,8 +113,9 @@ TEST_CASE("rows with an estimator's maps stand beside those without") {
         for (const char* name : {"paper", "baseline"})
             if (names.find(name) != std::string::npos)
                 configs += (configs.empty() ? "" : ",") + (folder / (std::string(name) + ".json")).string();
-        more.insert(more.begin(), {"gsh-evaluate", "--capture", studio().path.string(), "--body", studio().body_file.string(),
-                                   "--configs", configs, "--out", out.string(), "--gaussians", "300", "--steps", "2"});
+        more.insert(more.begin(),
+                    {"gsh-evaluate", "--capture", studio().path.string(), "--body", studio().body_file.string(),
+                     "--configs", configs, "--out", out.string(), "--gaussians", "300", "--steps", "2"});
         return run(more);
     };
     const std::vector<std::string> with{"--priors", estimates.list.string()};
@@ -148,13 +155,15 @@ TEST_CASE("maps that cannot be meant are refused before training") {
     refuse(R"({"frame": 2})", {"views[0]", "frame is 2", "2 frames"});
     refuse(R"({"person": "eve"})", {"views[0]", "'eve'", "poses"});
     refuse(R"({"camera": "cam01", "crop": [200, 200, 64, 64]})", {"views[0]", "its camera sees nothing of the body"});
-    refuse(R"({"camera": {"width": 32, "height": 64, "scale": 30, "cx": 16, "cy": 32, "R": [1, 0, 0, 0, -1, 0, 0, 0, -1], "t": [0, 1, 2]}})",
-           {"normals.png is 64 x 64 pixels", "32 x 64", "crop"});
+    refuse(
+        R"({"camera": {"width": 32, "height": 64, "scale": 30, "cx": 16, "cy": 32,)"
+        R"( "R": [1, 0, 0, 0, -1, 0, 0, 0, -1], "t": [0, 1, 2]}})",
+        {"normals.png is 64 x 64 pixels", "32 x 64", "crop"});
     fs::remove(estimates.list);
     check_refused(reconstruct(out, estimates, {"--steps", "1"}), "gsh-reconstruct", {"estimates.json", "No such file"});
     check_refused(reconstruct(out, estimates, {"--config", "baseline"}), "gsh-reconstruct", {"--priors has no effect"});
-    check_refused(run({"gsh-reconstruct", "--capture", studio().path.string(), "--config", "static", "--out", out.string(),
-                       "--priors", estimates.list.string()}),
+    check_refused(run({"gsh-reconstruct", "--capture", studio().path.string(), "--config", "static", "--out",
+                       out.string(), "--priors", estimates.list.string()}),
                   "gsh-reconstruct", {"--priors", "static"});
     CHECK(!fs::exists(out));
 }

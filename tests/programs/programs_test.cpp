@@ -94,8 +94,8 @@ TEST_CASE("a reconstruction leaves all that was promised") {
 TEST_CASE("who asks for nothing gets the paper's configuration") {
     const Reconstructed& s = reconstructed();
     const OutFolder out;
-    check_done(run({"gsh-reconstruct", "--capture", s.path.string(), "--body", s.body_file.string(), "--out", out.path.string(),
-                    "--gaussians", "1500", "--steps", "1"}));
+    check_done(run({"gsh-reconstruct", "--capture", s.path.string(), "--body", s.body_file.string(), "--out",
+                    out.path.string(), "--gaussians", "1500", "--steps", "1"}));
     const auto metrics = json_of(out.path / "metrics.json");
     CHECK(metrics.at("configuration") == "paper");
     const auto settings = settings_of(named_configuration("paper"));
@@ -263,8 +263,9 @@ TEST_CASE("pictures of an avatar and of its canonical Gaussians") {
     CHECK(white[1] == 0.5f);
     CHECK(white.data != canonical.data);
     // Of several cameras, one must be named.
-    const std::vector<std::string> list{"gsh-render", (s.out / "avatar.ply").string(), "--camera", (s.path / "cameras.json").string(),
-                                        "--out", (folder / "b.png").string()};
+    const std::vector<std::string> list{"gsh-render", (s.out / "avatar.ply").string(),
+                                        "--camera",   (s.path / "cameras.json").string(),
+                                        "--out",      (folder / "b.png").string()};
     check_refused(run(list), "gsh-render", {"cameras.json", "cam00, cam01, test00"});
     auto named = list;
     named.insert(named.end(), {"--camera-name", "cam00"});

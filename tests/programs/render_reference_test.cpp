@@ -96,8 +96,9 @@ TEST_CASE("gsh-render draws a standard PLY as its format says") {
     named.camera = look_at<double>({0.4, 0.5, 2.2}, {0.05, 0, 0}, {0, 1, 0}, 0.6, 150, 130);
     named.camera.cx += 6.5; // the principal point is not the middle
     write_camera(folder / "camera.json", named);
-    test::check_done(test::run({"gsh-render", folder / "scene.ply", "--camera", folder / "camera.json", "--out",
-                                folder / "image.png", "--npy", folder / "image.npy", "--background", "0.2", "0.4", "0.6"}));
+    test::check_done(
+        test::run({"gsh-render", folder / "scene.ply", "--camera", folder / "camera.json", "--out",
+                   folder / "image.png", "--npy", folder / "image.npy", "--background", "0.2", "0.4", "0.6"}));
     const NpyArray<float> image = read_npy<float>(folder / "image.npy");
     REQUIRE(image.shape == Shape{130, 150, 3});
 
@@ -130,7 +131,8 @@ TEST_CASE("gsh-render draws a standard PLY as its format says") {
             for (int c = 0; c < 3; ++c) {
                 const double expected = reference.color.at(c, y, x);
                 CHECK(std::abs(drawn.at(c, y, x) - expected) < 1e-9);
-                const std::size_t at = 3 * (150 * static_cast<std::size_t>(y) + static_cast<std::size_t>(x)) + static_cast<std::size_t>(c);
+                const std::size_t at =
+                    3 * (150 * static_cast<std::size_t>(y) + static_cast<std::size_t>(x)) + static_cast<std::size_t>(c);
                 if (std::abs(image[at] - expected) <= 1e-3) continue;
                 ++outside;
                 INFO("pixel " << x << ", " << y);

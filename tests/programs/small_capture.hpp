@@ -47,8 +47,8 @@ struct SmallCapture {
         write_camera(camera, capture.cameras[0]);
     }
 
-    /// The words of a reconstruction of a capture, this one if no other is named, into `out`. Hash tables are small, for
-    /// checkpoints hold them three times.
+    /// The words of a reconstruction of a capture, this one if no other is named, into `out`. Hash tables are small,
+    /// for checkpoints hold them three times.
     [[nodiscard]] std::vector<std::string> reconstruct(const fs::path& out, std::vector<std::string> more = {},
                                                        const fs::path& of = {}, const fs::path& with = {}) const {
         std::vector<std::string> words{"gsh-reconstruct", "--capture", (of.empty() ? path : of).string(),
@@ -83,7 +83,8 @@ public:
         zip_source_t* source = zip_source_buffer(archive_, content_.data(), content_.size(), 0);
         const zip_int64_t index = zip_file_add(archive_, (key + ".npy").c_str(), source, ZIP_FL_OVERWRITE);
         REQUIRE(index >= 0);
-        zip_set_file_compression(archive_, static_cast<zip_uint64_t>(index), deflate ? ZIP_CM_DEFLATE : ZIP_CM_STORE, 1);
+        zip_set_file_compression(archive_, static_cast<zip_uint64_t>(index), deflate ? ZIP_CM_DEFLATE : ZIP_CM_STORE,
+                                 1);
     }
     void remove(const std::string& key) {
         const zip_int64_t index = zip_name_locate(archive_, (key + ".npy").c_str(), 0);

@@ -46,7 +46,8 @@ public:
     GSH_HD T number() { return *next_++; }
     /// In [low, high).
     GSH_HD T number(double low, double high) {
-        const T half = T(static_cast<ScalarOf<T>>((high - low) / 2)), middle = T(static_cast<ScalarOf<T>>((high + low) / 2));
+        const T half = T(static_cast<ScalarOf<T>>((high - low) / 2)),
+                middle = T(static_cast<ScalarOf<T>>((high + low) / 2));
         return middle + half * number();
     }
     GSH_HD vec2<T> vector2() {
@@ -134,7 +135,8 @@ template <Lane T>
     return {T(0), T(0), T(0), T(0), T(0), T(0)};
 }
 
-// An element is a type with a name and `run(in, out, table)` over any lane type; what it holds is made on the host. -----------------------------------
+// An element is a type with a name and `run(in, out, table)` over any lane type; what it holds is made on the host.
+// -----------------------------------
 
 struct VectorElement {
     static constexpr const char* name = "math/vec";
@@ -158,7 +160,8 @@ struct ScalarElement {
     GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>* table) const {
         const T x = in.number(-3, 3), y = in.number(), p = in.number(0.1, 0.9);
         out.put(min(x, y)), out.put(max(x, y)), out.put(abs(x)), out.put(sqrt(p)), out.put(exp(x)), out.put(log(p));
-        out.put(sin(x)), out.put(cos(x)), out.put(floor(x)), out.put(clamp(x, T(-1), T(2))), out.put(select(x < y, x, p));
+        out.put(sin(x)), out.put(cos(x)), out.put(floor(x)), out.put(clamp(x, T(-1), T(2))),
+            out.put(select(x < y, x, p));
         const auto index = LaneTraits<T>::to_index(p * T(100));
         out.put(LaneTraits<T>::from_index(index)), out.put(LaneTraits<T>::gather(table, index));
         T dL_dx = T(0), dL_dp = T(0);

@@ -28,7 +28,7 @@ struct Reference {
     /// How close each pixel is to a decision that rounding can turn.
     Image<double> cut_margin;  ///< least |alpha / alpha_min - 1| of all splats that a live pixel met
     Image<double> stop_margin; ///< least |T / transmittance_min - 1| after a splat
-    Image<double> depth_gap;   ///< least distance in z, relative to z, of two neighbours among the splats that count here
+    Image<double> depth_gap; ///< least distance in z, relative to z, of two neighbours among the splats that count here
 };
 
 struct ReferenceSplat {

@@ -46,7 +46,8 @@ struct SmallScene {
         }
         for (const double side : {-0.7, 0.8})
             cameras.push_back(look_at<double>({side, 1.0, 3.5}, {0, 0.8, 0}, {0, 1, 0}, 0.5, size, size));
-        const auto samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 400.0), 4);
+        const auto samples =
+            sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 400.0), 4);
         const RigData rig = make_rig(body, betas, samples);
         cpu::Serial backend;
         Rig<cpu::Serial, double> mover(backend, rig);
@@ -62,17 +63,20 @@ struct SmallScene {
             }
         for (std::size_t c = 0; c < cameras.size(); ++c)
             for (std::size_t f = 0; f < 2; ++f)
-                photos.push_back({"cam" + std::to_string(c) + "_" + std::to_string(f), cameras[c], f, images[2 * c + f].data, c});
+                photos.push_back(
+                    {"cam" + std::to_string(c) + "_" + std::to_string(f), cameras[c], f, images[2 * c + f].data, c});
     }
 
 private:
     template <class RigType>
-    PixelImage photograph(const Camera<double>& camera, const std::vector<vec3<double>>& canonical, const SurfaceSamples& samples,
-                          const RigType& mover, const typename RigType::Cache& cache) const {
+    PixelImage photograph(const Camera<double>& camera, const std::vector<vec3<double>>& canonical,
+                          const SurfaceSamples& samples, const RigType& mover,
+                          const typename RigType::Cache& cache) const {
         PixelImage image(4, size, size);
         std::vector<double> depth(size * size, 1e9);
         for (std::size_t i = 0; i < canonical.size(); ++i) {
-            const auto p = to_camera(camera, blend(mover.skin(), i, Span<const Affine<double>>(cache.bones))(canonical[i]));
+            const auto p =
+                to_camera(camera, blend(mover.skin(), i, Span<const Affine<double>>(cache.bones))(canonical[i]));
             const auto at = to_pixel(camera, p);
             const int x = static_cast<int>(std::floor(at.x)), y = static_cast<int>(std::floor(at.y));
             if (x < 0 || y < 0 || x >= size || y >= size) continue;
@@ -110,13 +114,14 @@ struct SmallTraining {
     Model model;
     TrainerType trainer;
 
-    explicit SmallTraining(const SmallScene& small_scene, B where = B(), std::uint64_t seed = 3, const AvatarConfig& avatar = {},
+    explicit SmallTraining(const SmallScene& small_scene, B where = B(), std::uint64_t seed = 3,
+                           const AvatarConfig& avatar = {},
                            const TrainConfig& config = {.rates = {.quats = 0, .sh = 5e-3}})
         : scene(&small_scene), backend(std::move(where)),
           samples(sample_surface(scene->body, shaped_vertices(scene->body, scene->betas),
                                  std::vector<double>(scene->body.vertex_count(), 12.0), seed)),
-          rig(make_rig(scene->body, scene->betas, samples)),
-          model(backend, rig, samples, seed, small(avatar)), trainer(backend, model, scene->photos, scene->motion, seed, config) {}
+          rig(make_rig(scene->body, scene->betas, samples)), model(backend, rig, samples, seed, small(avatar)),
+          trainer(backend, model, scene->photos, scene->motion, seed, config) {}
     SmallTraining(const SmallTraining&) = delete;
 
     std::vector<float> parameters(ParameterGroup group) {

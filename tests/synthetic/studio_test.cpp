@@ -169,7 +169,8 @@ TEST_CASE("two actors hide each other and throw shadows on each other") {
     std::size_t union_of_both = 0, white_hidden = 0, shadowed = 0;
     for (std::size_t i = 0; i < both.images.size(); ++i)
         for (std::size_t p = 0; p < both.images[i].data.size(); p += 4) {
-            const std::uint8_t *seen = &both.images[i].data[p], *one = &first.images[i].data[p], *other = &second.images[i].data[p];
+            const std::uint8_t *seen = &both.images[i].data[p], *one = &first.images[i].data[p],
+                               *other = &second.images[i].data[p];
             union_of_both += seen[3] < std::max(one[3], other[3]); // the same rays: never less
             if (one[3] == 255 && other[3] == 255 && seen[0] == 0 && seen[2] > 0) ++white_hidden;
             if (one[3] == 255 && other[3] == 0 && one[0] > seen[0] + 30) ++shadowed;

@@ -31,7 +31,8 @@ struct Chain {
     B backend{};
     BodyModel body = test::tube(4, 6, 6);
     std::vector<double> betas{0.2, -0.4};
-    SurfaceSamples samples = sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 1.0), 3);
+    SurfaceSamples samples =
+        sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 1.0), 3);
     RigData rig = make_rig(body, betas, samples);
     Model model;
     std::vector<double> head_code, ao_code;
@@ -62,8 +63,8 @@ struct Chain {
         fill(ParameterGroup::displacements, -0.05, 0.05);
         fill(ParameterGroup::sh, -0.3, 0.3);
         fill(ParameterGroup::ao_table, -0.5, 0.5);
-        for (const auto network : {ParameterGroup::joint_network, ParameterGroup::sh_network, ParameterGroup::displacement_network,
-                                   ParameterGroup::ao_network})
+        for (const auto network : {ParameterGroup::joint_network, ParameterGroup::sh_network,
+                                   ParameterGroup::displacement_network, ParameterGroup::ao_network})
             fill(network, -0.5, 0.5);
         head_code = rng.numbers(model.head_code_size());
         ao_code = rng.numbers(model.ao_code_size());
@@ -109,7 +110,8 @@ struct Chain {
     double loss() {
         model.update_canonical(cache, code());
         model.pose(pose, camera.center(), splats.view(), cache, code());
-        rasterizer.forward(camera, std::as_const(splats).view(), {.color = {0.9, 0.8, 0.7}}, {.color = render.view()}, raster_cache);
+        rasterizer.forward(camera, std::as_const(splats).view(), {.color = {0.9, 0.8, 0.7}}, {.color = render.view()},
+                           raster_cache);
         loss_function.forward(std::as_const(render).view(), std::as_const(truth).view(), loss_cache);
         return scale * loss_function.values(loss_cache).loss;
     }
@@ -124,7 +126,8 @@ struct Chain {
     Gradient gradient() {
         loss();
         Image<double> dL_drender(3, 40, 36);
-        loss_function.backward(std::as_const(render).view(), std::as_const(truth).view(), scale, loss_cache, dL_drender.view());
+        loss_function.backward(std::as_const(render).view(), std::as_const(truth).view(), scale, loss_cache,
+                               dL_drender.view());
         Splats<B, double> dL_dsplats;
         dL_dsplats.resize(model.size());
         fill_zero(backend, dL_dsplats.view());
@@ -185,7 +188,8 @@ TEST_CASE_TEMPLATE("the whole chain's adjoint is the gradient of the loss", B, c
     using enum ParameterGroup;
     SUBCASE("fields apart, as the baseline has them") {
         check_chain<B>({.heads = Heads::separate}, false,
-                       {joints, quats, log_scales, opacity_logits, displacement_table, displacement_network, sh_table, sh_network});
+                       {joints, quats, log_scales, opacity_logits, displacement_table, displacement_network, sh_table,
+                        sh_network});
     }
     SUBCASE("one head, regions, priors, shadows that know the time") {
         check_chain<B>({.ao = AmbientOcclusion::time}, true,
@@ -195,11 +199,12 @@ TEST_CASE_TEMPLATE("the whole chain's adjoint is the gradient of the loss", B, c
         check_chain<B>({.head_time = true, .separate_tables = true}, true, {joint_table, joint_network});
     }
     SUBCASE("nothing from fields, shadows that know the pose") {
-        check_chain<B>({.hash_displacement = false, .hash_sh = false, .ao = AmbientOcclusion::pose, .largest_ao = 1.7}, false,
-                       {displacements, sh, ao_table, ao_network});
+        check_chain<B>({.hash_displacement = false, .hash_sh = false, .ao = AmbientOcclusion::pose, .largest_ao = 1.7},
+                       false, {displacements, sh, ao_table, ao_network});
     }
     SUBCASE("colours from a field alone, polar blending") {
-        check_chain<B>({.hash_displacement = false, .deformation = Deformation::polar}, true, {displacements, sh_table, sh_network});
+        check_chain<B>({.hash_displacement = false, .deformation = Deformation::polar}, true,
+                       {displacements, sh_table, sh_network});
     }
     SUBCASE("displacements from a field alone, dual quaternions") {
         check_chain<B>({.hash_sh = false, .deformation = Deformation::dual_quaternion}, true,
@@ -276,11 +281,14 @@ TEST_CASE("the chain's gradient of a Gaussian's mean") {
     const GaussianCloud<double> cloud = chain.model.canonical_gaussians();
     std::vector<vec3<double>> means(chain.cache.means.begin(), chain.cache.means.end()); // x̂₀(t)
     const auto loss = [&] {
-        skinned_splats_forward<2>(chain.backend, {means, cloud.quats, cloud.log_scales, cloud.opacity_logits, cloud.sh, {}, chain.model.rig().skin()},
-                                  chain.cache.rig.bones, chain.camera.center(), chain.splats.view());
+        skinned_splats_forward<2>(
+            chain.backend,
+            {means, cloud.quats, cloud.log_scales, cloud.opacity_logits, cloud.sh, {}, chain.model.rig().skin()},
+            chain.cache.rig.bones, chain.camera.center(), chain.splats.view());
         chain.rasterizer.forward(chain.camera, std::as_const(chain.splats).view(), {.color = {0.9, 0.8, 0.7}},
                                  {.color = chain.render.view()}, chain.raster_cache);
-        chain.loss_function.forward(std::as_const(chain.render).view(), std::as_const(chain.truth).view(), chain.loss_cache);
+        chain.loss_function.forward(std::as_const(chain.render).view(), std::as_const(chain.truth).view(),
+                                    chain.loss_cache);
         return Chain<cpu::Serial>::scale * chain.loss_function.values(chain.loss_cache).loss;
     };
     CHECK(loss() == chain.loss());
@@ -315,8 +323,12 @@ TEST_CASE("the model refuses what does not fit") {
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.initial_thickness = 1.5}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.bounds_margin = 0}), ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.prior_scale = 0}), ValueError);
-    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {std::vector<double>(chain.samples.size(), 0.5), {}}), ValueError); // level 12 of 3
-    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {.hash_displacement = false, .hash_sh = false, .head_time = true}), ValueError);
+    CHECK_THROWS_AS(
+        Model(chain.backend, chain.rig, chain.samples, 1, {}, {std::vector<double>(chain.samples.size(), 0.5), {}}),
+        ValueError); // level 12 of 3
+    CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1,
+                          {.hash_displacement = false, .hash_sh = false, .head_time = true}),
+                    ValueError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {{0.5}, {}}), ShapeError);
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, 1, {}, {{}, {0.5}}), ValueError);
 }
@@ -339,7 +351,8 @@ TEST_CASE("a pose's gradient through its shadows, the avatar being what it is") 
     std::vector<vec3<double>> dL_dpose(4, vec3<double>(0.0));
     const auto backward = [&] {
         loss();
-        chain.model.pose_backward(chain.pose, chain.camera.center(), std::as_const(weights).view(), chain.cache, {dL_dpose, {}, {}});
+        chain.model.pose_backward(chain.pose, chain.camera.center(), std::as_const(weights).view(), chain.cache,
+                                  {dL_dpose, {}, {}});
     };
     backward();
     const auto once = dL_dpose;

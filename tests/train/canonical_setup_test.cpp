@@ -41,7 +41,8 @@ struct Tube {
     }
     static bool upper(const vec3<double>& point) { return point.y > 1.2; }
 
-    [[nodiscard]] CanonicalSetup setup(std::string_view name, std::uint64_t seed = 7, const EstimatedPriors& estimated = {}) {
+    [[nodiscard]] CanonicalSetup setup(std::string_view name, std::uint64_t seed = 7,
+                                       const EstimatedPriors& estimated = {}) {
         return make_canonical_setup(backend, body, motion, named_configuration(name), tube_count, seed, regions,
                                     estimated);
     }
@@ -60,7 +61,8 @@ void check_consistent(Tube& tube, const CanonicalSetup& setup, const Configurati
 }
 
 double share_above(const CanonicalSetup& setup) {
-    return static_cast<double>(std::count_if(setup.samples.positions.begin(), setup.samples.positions.end(), Tube::upper)) /
+    return static_cast<double>(
+               std::count_if(setup.samples.positions.begin(), setup.samples.positions.end(), Tube::upper)) /
            static_cast<double>(tube_count);
 }
 
@@ -133,12 +135,15 @@ TEST_CASE("regions get more Gaussians, fine levels, and a smooth edge") {
 
 TEST_CASE("features are the mesh's depths, then its normals, row by row") {
     Tube tube;
-    const CanonicalSetup both = tube.setup("paper"), depths = tube.setup("no-normals"), normals = tube.setup("no-depth");
+    const CanonicalSetup both = tube.setup("paper"), depths = tube.setup("no-normals"),
+                         normals = tube.setup("no-depth");
     CHECK(both.samples.positions == depths.samples.positions);
     bool equal = true;
     for (std::size_t i = 0; i < tube_count; ++i) {
-        for (std::size_t k = 0; k < 4; ++k) equal = equal && both.priors.features[10 * i + k] == depths.priors.features[4 * i + k];
-        for (std::size_t k = 0; k < 6; ++k) equal = equal && both.priors.features[10 * i + 4 + k] == normals.priors.features[6 * i + k];
+        for (std::size_t k = 0; k < 4; ++k)
+            equal = equal && both.priors.features[10 * i + k] == depths.priors.features[4 * i + k];
+        for (std::size_t k = 0; k < 6; ++k)
+            equal = equal && both.priors.features[10 * i + 4 + k] == normals.priors.features[6 * i + k];
     }
     CHECK(equal);
     // What the front sees of its own surface lies at depth difference 0 and faces the viewer.
@@ -198,7 +203,8 @@ TEST_CASE("a setup is its seed's, whatever the number of threads") {
 TEST_CASE("what does not fit is refused") {
     Tube tube;
     const auto make = [&](const RegionLists& lists, std::size_t wanted = tube_count) {
-        return make_canonical_setup(tube.backend, tube.body, tube.motion, named_configuration("paper"), wanted, 7, lists);
+        return make_canonical_setup(tube.backend, tube.body, tube.motion, named_configuration("paper"), wanted, 7,
+                                    lists);
     };
     RegionLists lists;
     lists.high = {1'000'000};

@@ -18,7 +18,8 @@ using test::SmallTraining;
 namespace {
 struct TemporaryFile {
     std::filesystem::path path;
-    explicit TemporaryFile(const char* name) : path(std::filesystem::temp_directory_path() / (std::string(name) + std::to_string(getpid()))) {}
+    explicit TemporaryFile(const char* name)
+        : path(std::filesystem::temp_directory_path() / (std::string(name) + std::to_string(getpid()))) {}
     ~TemporaryFile() { std::filesystem::remove(path); }
 };
 /// A training that learns all there is to learn: shadows, poses, expressions, shape and cameras.
@@ -27,7 +28,8 @@ struct Everything {
     MotionRefinement<cpu::Serial> refinement;
 
     explicit Everything(const SmallScene& scene)
-        : training(scene, cpu::Serial(), 3, {.head_time = true, .ao = AmbientOcclusion::time}, {.rates = {}, .ao_start = 0.3}),
+        : training(scene, cpu::Serial(), 3, {.head_time = true, .ao = AmbientOcclusion::time},
+                   {.rates = {}, .ao_start = 0.3}),
           refinement(training.backend, training.rig, scene.motion, scene.cameras, config()) {
         training.trainer.refine(refinement);
     }
@@ -152,7 +154,8 @@ TEST_CASE("a refinement of other frames or cameras is refused, and nothing is ta
     Everything training(scene);
     training.run(0, 6);
     training.save(file.path);
-    MotionRefinement<cpu::Serial> fewer(training.training.backend, training.training.rig, scene.motion, {}, RefinementConfig());
+    MotionRefinement<cpu::Serial> fewer(training.training.backend, training.training.rig, scene.motion, {},
+                                        RefinementConfig());
     const auto before = fewer.state();
     const ArchiveReader reader(file.path, "checkpoint", checkpoint_version);
     CHECK_THROWS_AS(load_refinement(reader, fewer), ShapeError);

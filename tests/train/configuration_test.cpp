@@ -22,7 +22,8 @@ TEST_CASE("every named configuration exists under its own name, and differs from
         CHECK(c.name == name);
         if (name != "paper") CHECK(settings_of(c) != paper);
     }
-    CHECK_THROWS_WITH_AS((void)named_configuration("papier"), doctest::Contains("expected one of paper, baseline"), ValueError);
+    CHECK_THROWS_WITH_AS((void)named_configuration("papier"), doctest::Contains("expected one of paper, baseline"),
+                         ValueError);
 }
 
 TEST_CASE("an ablation differs from the paper's in its own part alone") {
@@ -113,8 +114,8 @@ TEST_CASE("a file names where it starts from and what differs") {
         write_file(folder / "mine.json", text);
         return (folder / "mine.json").string();
     };
-    const Configuration mine =
-        find_configuration(write(R"({"configuration": "baseline-x", "rate.sh": 1e-3, "ao": "none", "multi_scale": true, "mlp.width": 32})"));
+    const Configuration mine = find_configuration(write(
+        R"({"configuration": "baseline-x", "rate.sh": 1e-3, "ao": "none", "multi_scale": true, "mlp.width": 32})"));
     CHECK(mine.name == "mine");
     CHECK(mine.avatar.heads == Heads::separate);
     CHECK(mine.train.rates.sh == 1e-3);

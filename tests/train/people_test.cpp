@@ -50,7 +50,8 @@ struct Cast {
     TrainerType trainer;
 
     Cast(const SmallScene& scene, std::vector<Motion> poses, std::vector<Photo> photos, B where = B(),
-         const AvatarConfig& avatar = {}, const TrainConfig& config = {.rates = {.quats = 0, .sh = 5e-3}}, double density = 12)
+         const AvatarConfig& avatar = {}, const TrainConfig& config = {.rates = {.quats = 0, .sh = 5e-3}},
+         double density = 12)
         : backend(std::move(where)), motions(std::move(poses)),
           trainer(backend, people(scene, avatar, density), std::move(photos), 3, config) {}
     Cast(const Cast&) = delete;
@@ -129,7 +130,9 @@ struct TwoPeople {
         photos = scene.photos;
         for (std::size_t i = 0; i < photos.size(); ++i) photos[i].rgba = pixels[i];
     }
-    static std::uint8_t byte(float x) { return static_cast<std::uint8_t>(std::lround(255 * std::clamp(x, 0.0f, 1.0f))); }
+    static std::uint8_t byte(float x) {
+        return static_cast<std::uint8_t>(std::lround(255 * std::clamp(x, 0.0f, 1.0f)));
+    }
 };
 
 } // namespace
@@ -165,7 +168,8 @@ TEST_CASE("two people learn the same on any number of threads") {
 TEST_CASE("whoever stands in front hides the other, whatever their order") {
     const SmallScene scene;
     const Motion back = moved(scene.motion, {0, 0, -0.5}), front = moved(scene.motion, {0, 0, 0.5});
-    Cast<cpu::Serial> one(scene, {back, front}, scene.photos, {}, stored), other(scene, {front, back}, scene.photos, {}, stored);
+    Cast<cpu::Serial> one(scene, {back, front}, scene.photos, {}, stored),
+        other(scene, {front, back}, scene.photos, {}, stored);
     paint(one), paint(other); // red behind blue, red before blue
     const Camera<double> camera = look_at<double>({0, 0.8, 3.5}, {0, 0.8, 0}, {0, 1, 0}, 0.5, 48, 48);
     const Image<float> a = one.picture(camera, 0), b = other.picture(camera, 0);
@@ -189,7 +193,8 @@ TEST_CASE("whoever stands in front hides the other, whatever their order") {
         std::swap(swapped.models[0].parameters()[group], swapped.models[1].parameters()[group]);
     const Image<float> c = swapped.picture(camera, 0);
     double difference = 0;
-    for (std::size_t i = 0; i < c.data.size(); ++i) difference = std::max(difference, std::abs(double(c.data[i]) - double(a.data[i])));
+    for (std::size_t i = 0; i < c.data.size(); ++i)
+        difference = std::max(difference, std::abs(double(c.data[i]) - double(a.data[i])));
     CHECK(difference < 1e-5);
 }
 
@@ -206,7 +211,8 @@ TEST_CASE("two people, one before the other, are both learned") {
     for (const std::size_t p : {0, 1}) {
         Cast<cpu::Serial> apart(scene.scene, {scene.motions[p]}, scene.photos);
         for (std::size_t g = 0; g < parameter_group_count; ++g)
-            apart.models[0].parameters()[static_cast<ParameterGroup>(g)] = cast.models[p].parameters()[static_cast<ParameterGroup>(g)];
+            apart.models[0].parameters()[static_cast<ParameterGroup>(g)] =
+                cast.models[p].parameters()[static_cast<ParameterGroup>(g)];
         Image<float> alpha;
         const Image<float> color = apart.picture(scene.photos[1].camera, scene.photos[1].frame, &alpha);
         double red = 0, blue = 0;
@@ -219,7 +225,8 @@ TEST_CASE("two people, one before the other, are both learned") {
 TEST_CASE("the gradient of one picture reaches both people, and is right") {
     const SmallScene scene;
     test::Rng rng(5);
-    std::vector<std::uint8_t> noise(scene.photos[0].rgba.size(), 255); // few differences near the kink of L1, small steps to miss those
+    std::vector<std::uint8_t> noise(scene.photos[0].rgba.size(),
+                                    255); // few differences near the kink of L1, small steps to miss those
     for (std::size_t i = 0; i < noise.size(); ++i)
         if (i % 4 != 3) noise[i] = static_cast<std::uint8_t>(rng.uniform(0, 255));
     Photo photo = scene.photos[0];
@@ -228,13 +235,15 @@ TEST_CASE("the gradient of one picture reaches both people, and is right") {
     TrainConfig config;
     config.random_background = false; // each step sees the same
     LearningRates& r = config.rates;
-    for (double* rate : {&r.joints, &r.quats, &r.log_scales, &r.opacity_logits, &r.displacement, &r.sh, &r.stored_displacements,
-                         &r.stored_sh, &r.ao})
+    for (double* rate : {&r.joints, &r.quats, &r.log_scales, &r.opacity_logits, &r.displacement, &r.sh,
+                         &r.stored_displacements, &r.stored_sh, &r.ao})
         *rate = 1e-200;
-    Cast<cpu::Serial, double> cast(scene, {scene.motion, moved(scene.motion, in_front)}, {photo}, {}, {.initial_thickness = 1, .sh_dc_scale = 20}, config, 2);
+    Cast<cpu::Serial, double> cast(scene, {scene.motion, moved(scene.motion, in_front)}, {photo}, {},
+                                   {.initial_thickness = 1, .sh_dc_scale = 20}, config, 2);
     for (auto& model : cast.models) {
         for (double& opacity : model.parameters()[ParameterGroup::opacity_logits]) opacity = rng.uniform(-1, 1.5);
-        for (double& scale : model.parameters()[ParameterGroup::log_scales]) scale += rng.uniform(-0.3, 0.3); // round ones do not turn
+        for (double& scale : model.parameters()[ParameterGroup::log_scales])
+            scale += rng.uniform(-0.3, 0.3); // round ones do not turn
         for (double& weight : model.parameters()[ParameterGroup::joint_network]) weight = rng.uniform(-0.2, 0.2);
         for (double& entry : model.parameters()[ParameterGroup::joint_table]) entry = rng.uniform(-0.1, 0.1);
     }
@@ -248,7 +257,8 @@ TEST_CASE("the gradient of one picture reaches both people, and is right") {
         gradient[p].become_zero_like(cast.backend, cast.models[p].parameters());
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
             const auto group = static_cast<ParameterGroup>(g);
-            for (std::size_t i = 0; i < gradient[p][group].size(); ++i) gradient[p][group][i] = 10 * cast.trainer.first_moment(p)[group][i];
+            for (std::size_t i = 0; i < gradient[p][group].size(); ++i)
+                gradient[p][group][i] = 10 * cast.trainer.first_moment(p)[group][i];
         }
     }
     using enum ParameterGroup;
@@ -287,7 +297,8 @@ TEST_CASE("two people go on from a checkpoint bit for bit, refinement and all") 
             for (int i = first; i < last; ++i) cast.trainer.step(i / 16.0);
         }
     };
-    Everything whole(scene, shaded, config, moving), first(scene, shaded, config, moving), second(scene, shaded, config, moving);
+    Everything whole(scene, shaded, config, moving), first(scene, shaded, config, moving),
+        second(scene, shaded, config, moving);
     whole.run(0, 16), first.run(0, 9);
     const test::Temporary folder;
     const auto path = folder / "checkpoint.gsh";
@@ -316,7 +327,8 @@ TEST_CASE("two people go on from a checkpoint bit for bit, refinement and all") 
         add_trainer(writer, alone.trainer);
         writer.commit();
     }
-    CHECK_THROWS_AS(load_trainer(ArchiveReader(single, "checkpoint", checkpoint_version), second.cast.trainer), ValueError);
+    CHECK_THROWS_AS(load_trainer(ArchiveReader(single, "checkpoint", checkpoint_version), second.cast.trainer),
+                    ValueError);
 }
 
 TEST_CASE("a person's pose is found while somebody else stands in the way") {
@@ -350,14 +362,18 @@ TEST_CASE("people that do not fit together are refused") {
     Cast<cpu::Serial> cast(scene, {scene.motion, scene.motion}, scene.photos);
     CHECK_THROWS_AS(TrainerType(cast.backend, {}, scene.photos, 1), ValueError);
     auto& models = cast.models;
-    CHECK_THROWS_AS(TrainerType(cast.backend, {{&models[0], &scene.motion}, {&models[0], &scene.motion}}, scene.photos, 1), ValueError);
+    CHECK_THROWS_AS(
+        TrainerType(cast.backend, {{&models[0], &scene.motion}, {&models[0], &scene.motion}}, scene.photos, 1),
+        ValueError);
     Motion shorter = scene.motion;
     shorter.transl.pop_back();
-    CHECK_THROWS_AS(TrainerType(cast.backend, {{&models[0], &scene.motion}, {&models[1], &shorter}}, scene.photos, 1), ShapeError);
+    CHECK_THROWS_AS(TrainerType(cast.backend, {{&models[0], &scene.motion}, {&models[1], &shorter}}, scene.photos, 1),
+                    ShapeError);
     CHECK_THROWS_AS((void)cast.trainer.model(2), ValueError);
     RefinementConfig config;
     std::deque<MotionRefinement<cpu::Serial>> refinements;
-    for (const std::size_t p : {0, 1}) refinements.emplace_back(cast.backend, cast.rigs[p], scene.motion, scene.cameras, config);
+    for (const std::size_t p : {0, 1})
+        refinements.emplace_back(cast.backend, cast.rigs[p], scene.motion, scene.cameras, config);
     cast.trainer.refine(refinements[0], 0);
     CHECK_THROWS_AS(cast.trainer.refine(refinements[1], 1), ValueError);
 }

@@ -131,6 +131,7 @@ TEST_CASE("no steps, no change; bad observations are refused") {
     photo.rgba = photo.rgba.subspan(0, 12);
     CHECK_THROWS_AS(fit.fit(motion, 0, {photo}), ShapeError);
     CHECK_THROWS_AS(PoseFit<cpu::Serial>(backend, avatar, {}, {.mask_weight = -1}), ValueError);
-    MotionRefinement<cpu::Serial> late(backend, scene.avatar.rig, scene.truth, {}, {}); // starts after a tenth of the run
+    MotionRefinement<cpu::Serial> late(backend, scene.avatar.rig, scene.truth, {},
+                                       {}); // starts after a tenth of the run
     CHECK_THROWS_AS(fit.fit(late, 0, {scene.observe(0, 1)}), ValueError);
 }

@@ -116,7 +116,8 @@ TEST_CASE("the bones are those of the body that moves the Gaussians") {
     REQUIRE(views.size() == 1);
     REQUIRE(views[0].bones.size() == 22);
     const auto bones = pose_body(mover, motion.pose_at(bent), motion.transl[bent]).bones;
-    for (std::size_t j = 0; j < 22; ++j) CHECK(views[0].bones[j](vec3<double>(0.1, 0.9, 0)) == bones[j](vec3<double>(0.1, 0.9, 0)));
+    for (std::size_t j = 0; j < 22; ++j)
+        CHECK(views[0].bones[j](vec3<double>(0.1, 0.9, 0)) == bones[j](vec3<double>(0.1, 0.9, 0)));
     // Canonical views have none, and views keep what they bring.
     estimated.normals = {two_normal_views(tube.backend, tube.body.v_template, tube.body.faces)[0]};
     CHECK(posed_normals(tube.backend, {tube.body, tube.motion, mover, motion}, estimated)[0].bones.empty());

@@ -72,8 +72,8 @@ TEST_CASE("a pixel shows what is nearest") {
         {"left hand", {4, 5, 6, 7}}, {"right hand", {8, 9, 10, 11}}, {"face", {12, 13, 14, 15}}};
     cpu::Serial backend;
     const auto label = [&](auto& engine) {
-        return region_labels(engine, Span<const vec3<double>>(scene.vertices), Span<const Triangle>(scene.faces), camera(),
-                             Span<const MeshRegion>(regions));
+        return region_labels(engine, Span<const vec3<double>>(scene.vertices), Span<const Triangle>(scene.faces),
+                             camera(), Span<const MeshRegion>(regions));
     };
     const RegionLabels labels = label(backend);
     CHECK(labels.height == 20);

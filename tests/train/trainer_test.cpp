@@ -27,8 +27,8 @@ namespace {
 
 using Refinement = MotionRefinement<cpu::Serial>;
 
-/// A training on the posed scene's photographs whose poses or cameras are not quite the true ones. Its form stays what it
-/// is: joints and displacements that learn would take a share of the poses' common error for themselves.
+/// A training on the posed scene's photographs whose poses or cameras are not quite the true ones. Its form stays what
+/// it is: joints and displacements that learn would take a share of the poses' common error for themselves.
 struct Estimated {
     PosedScene scene;
     Motion motion;
@@ -39,12 +39,14 @@ struct Estimated {
     std::optional<Refinement> refinement;
 
     Estimated(Motion poses, std::vector<Camera<double>> calibration)
-        : motion(std::move(poses)), cameras(std::move(calibration)), model(backend, scene.avatar.rig, samples(), 3, test::small({.hash_displacement = false})),
+        : motion(std::move(poses)), cameras(std::move(calibration)),
+          model(backend, scene.avatar.rig, samples(), 3, test::small({.hash_displacement = false})),
           trainer(backend, model, photos(), motion, 3, {.rates = {.joints = 0, .stored_displacements = 0}}) {}
     Estimated(const Estimated&) = delete;
 
     void refine(const RefinementConfig& config, bool with_cameras = false) {
-        refinement.emplace(backend, scene.avatar.rig, motion, with_cameras ? cameras : std::vector<Camera<double>>(), config);
+        refinement.emplace(backend, scene.avatar.rig, motion, with_cameras ? cameras : std::vector<Camera<double>>(),
+                           config);
         trainer.refine(*refinement);
     }
     void train(int steps) {
@@ -104,9 +106,11 @@ struct Plates {
 TEST_CASE("training learns") {
     const SmallScene scene;
     SmallTraining<cpu::Serial> training(scene);
-    const auto before = mean_score({compare(training.trainer, scene.photos[0]).score, compare(training.trainer, scene.photos[3]).score});
+    const auto before = mean_score(
+        {compare(training.trainer, scene.photos[0]).score, compare(training.trainer, scene.photos[3]).score});
     training.steps(120);
-    const auto after = mean_score({compare(training.trainer, scene.photos[0]).score, compare(training.trainer, scene.photos[3]).score});
+    const auto after = mean_score(
+        {compare(training.trainer, scene.photos[0]).score, compare(training.trainer, scene.photos[3]).score});
     CAPTURE(before.psnr);
     CAPTURE(after.psnr);
     CHECK(after.psnr > before.psnr + 6);
@@ -191,7 +195,8 @@ TEST_CASE("the trainer refuses a configuration that would end in NaN") {
     const auto refuse = [&](auto change) {
         TrainConfig config;
         change(config);
-        CHECK_THROWS_AS(TrainerType(training.backend, training.model, scene.photos, scene.motion, 1, config), ValueError);
+        CHECK_THROWS_AS(TrainerType(training.backend, training.model, scene.photos, scene.motion, 1, config),
+                        ValueError);
     };
     refuse([](TrainConfig& c) { c.rates.sh = -1e-3; });
     refuse([](TrainConfig& c) { c.rates.ao = NAN; });
@@ -246,7 +251,8 @@ TEST_CASE("a camera that stands elsewhere than its file says finds its place, an
     const auto found = refined.refinement->cameras();
     // What counts is where the person's middle is seen, in pixels: turning and shifting do nearly the same.
     const auto seen = [](const Camera<double>& camera) { return to_pixel(camera, to_camera(camera, {0, 0.8, 0})); };
-    const double before = length(seen(cameras[1]) - seen(scene.cameras[1])), after = length(seen(found[1]) - seen(scene.cameras[1]));
+    const double before = length(seen(cameras[1]) - seen(scene.cameras[1])),
+                 after = length(seen(found[1]) - seen(scene.cameras[1]));
     CAPTURE(before);
     CAPTURE(after);
     CHECK(after < 0.55 * before);
@@ -309,7 +315,8 @@ TEST_CASE("a photograph's plate stands where the plain background would") {
             }
         CHECK(person > 100);
         for (int c = 0; c < 3; ++c) {
-            CHECK(over_plate.at(c, 47, 47) == doctest::Approx(photo.plate[photo.plate.size() - 4 + static_cast<std::size_t>(c)] / 255.0));
+            CHECK(over_plate.at(c, 47, 47) ==
+                  doctest::Approx(photo.plate[photo.plate.size() - 4 + static_cast<std::size_t>(c)] / 255.0));
             CHECK(over_white.at(c, 47, 47) == 1.0f);
         }
     }
@@ -321,7 +328,9 @@ TEST_CASE("over plates the same person is learned as over white, and the room st
     const Plates plates;
     plates.behind(room);
     SmallTraining<cpu::Serial> in_room(room), before_white(white);
-    const auto score = [](auto& training, const SmallScene& of) { return compare(training.trainer, of.photos[0]).score; };
+    const auto score = [](auto& training, const SmallScene& of) {
+        return compare(training.trainer, of.photos[0]).score;
+    };
     const double before = score(in_room, room).psnr;
     in_room.steps(160), before_white.steps(160);
     const double after = score(in_room, room).psnr;
@@ -353,7 +362,8 @@ TEST_CASE("somebody in the background's colour becomes opaque where the backgrou
             training.trainer.render(photo, color, &alpha);
             for (std::size_t i = 0; i < alpha.data.size(); ++i)
                 if (photo.rgba[4 * i + 3] == 255) sum += alpha.data[i], ++count;
-            for (int c = 0; c < 3; ++c) CHECK(color.view().row(c, 0)[0] == 1.0f); // pictures stand before white, after all
+            for (int c = 0; c < 3; ++c)
+                CHECK(color.view().row(c, 0)[0] == 1.0f); // pictures stand before white, after all
         }
         return sum / static_cast<double>(count);
     };
@@ -394,8 +404,8 @@ TEST_CASE("ambient occlusion waits for its start: until then it neither learns n
 TEST_CASE("mean occlusion is the mean over the frames that were photographed, each counted once") {
     SmallScene scene;
     const auto train = [&] {
-        auto training = std::make_unique<SmallTraining<cpu::Serial>>(scene, cpu::Serial(), 3,
-                                                                     AvatarConfig{.ao = AmbientOcclusion::time}, from_the_start);
+        auto training = std::make_unique<SmallTraining<cpu::Serial>>(
+            scene, cpu::Serial(), 3, AvatarConfig{.ao = AmbientOcclusion::time}, from_the_start);
         training->steps(25);
         return training;
     };

@@ -46,8 +46,8 @@ struct AvatarData {
     return cloud;
 }
 
-/// Poses an avatar. The parameter fields were queried when it was made, so a frame costs skinning and shading, and where
-/// shadows follow the pose most of one small network.
+/// Poses an avatar. The parameter fields were queried when it was made, so a frame costs skinning and shading, and
+/// where shadows follow the pose most of one small network.
 ///
 /// Frame   see RigData (canonical) and Camera (world).
 /// Errors  ShapeError if rig and Gaussians differ in number, or if the occlusion field is another body's.
@@ -71,8 +71,10 @@ public:
     Avatar(B& backend, const AvatarData& data)
         : backend_(&backend), rig_(backend, data.rig), clamping_(data.clamping), deformation_(data.deformation) {
         check_size("Avatar", "gaussians", data.gaussians.size(), data.rig.point_count(), "one per point of the rig");
-        if (!data.ao.empty()) check_size("Avatar", "ao", data.ao.size(), data.rig.point_count(), "one per Gaussian, or none");
-        if (data.occlusion) occlusion_.emplace(backend, *data.occlusion, data.rig.point_count(), data.rig.joint_count());
+        if (!data.ao.empty())
+            check_size("Avatar", "ao", data.ao.size(), data.rig.point_count(), "one per Gaussian, or none");
+        if (data.occlusion)
+            occlusion_.emplace(backend, *data.occlusion, data.rig.point_count(), data.rig.joint_count());
         const std::vector<T> ao(data.ao.begin(), data.ao.end());
         ao_.resize(ao.size());
         backend.upload(Span<const T>(ao), ao_);
@@ -114,10 +116,11 @@ public:
         });
     }
 
-    /// Adjoint of pose with respect to the pose alone, the avatar being what it is: adds to what is asked for in dL_dpose,
-    /// and to dL_dcenter [1] if given. The other arguments are those of the forward pass that filled the cache.
-    void pose_backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
-                       const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
+    /// Adjoint of pose with respect to the pose alone, the avatar being what it is: adds to what is asked for in
+    /// dL_dpose, and to dL_dcenter [1] if given. The other arguments are those of the forward pass that filled the
+    /// cache.
+    void pose_backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
+                       Cache& cache, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
         const auto zeros = [&](auto& buffer, std::size_t count, auto zero) {
             buffer.resize(count);
             backend_->fill(Span(buffer.data(), count), zero);
@@ -127,12 +130,16 @@ public:
         zeros(cache.dL_dbones, joints_.size(), Affine<T>::zero());
         const bool shadows_move = occlusion_ && !dL_dpose.pose.empty();
         zeros(cache.dL_dao, shadows_move ? size() : 0, T(0));
-        const SkinnedView<T> dL_dgaussians{
-            .means = cache.dL_dmeans, .quats = {}, .log_scales = {}, .opacity_logits = {}, .sh = {}, .ao = cache.dL_dao};
+        const SkinnedView<T> dL_dgaussians{.means = cache.dL_dmeans,
+                                           .quats = {},
+                                           .log_scales = {},
+                                           .opacity_logits = {},
+                                           .sh = {},
+                                           .ao = cache.dL_dao};
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
-            skinned_splats_backward<decltype(degree)::value>(*backend_, view(cache), cache.rig.bones, center, dL_dsplats,
-                                                             cache.workspace, dL_dgaussians, cache.dL_dbones, dL_dcenter, clamping_,
-                                                             deformation_);
+            skinned_splats_backward<decltype(degree)::value>(*backend_, view(cache), cache.rig.bones, center,
+                                                             dL_dsplats, cache.workspace, dL_dgaussians,
+                                                             cache.dL_dbones, dL_dcenter, clamping_, deformation_);
         });
         rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans, cache.dL_djoints, dL_dpose);
         if (shadows_move) {

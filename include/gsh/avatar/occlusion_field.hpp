@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Ambient occlusion that follows the pose: a field over the Gaussians and the joints' rotations, baked for showing.
+/// @file  Ambient occlusion that follows the pose: a field over Gaussians and joints' rotations, baked for showing.
 #pragma once
 
 #include <gsh/avatar/cpu/occlusion_field.hpp>
@@ -24,8 +24,8 @@ namespace gsh {
 
 /// A trained field of ambient occlusion on the host, as avatar files hold it.
 ///
-/// The points of an avatar never move in the canonical frame, so what their encoding brings to the first layer's neurons is
-/// a constant of each: it stands here in place of the encoding's table and half of the network.
+/// The points of an avatar never move in the canonical frame, so what their encoding brings to the first layer's
+/// neurons is a constant of each: it stands here in place of the encoding's table and half of the network.
 ///
 /// Shapes  N Gaussians, W neurons, P = 9 (J - 1) numbers of a pose of J joints.
 struct OcclusionFieldData {
@@ -43,8 +43,8 @@ struct OcclusionFieldData {
     }
 };
 
-/// Throws ShapeError or ValueError, naming the member, unless the field is one of `point_count` Gaussians and `joint_count`
-/// joints.
+/// Throws ShapeError or ValueError, naming the member, unless the field is one of `point_count` Gaussians and
+/// `joint_count` joints.
 inline void check_occlusion_field(std::string_view where, const OcclusionFieldData& field, std::size_t point_count,
                                   std::size_t joint_count) {
     check_value(field.width >= 1 && field.width <= 4096, where,
@@ -52,7 +52,8 @@ inline void check_occlusion_field(std::string_view where, const OcclusionFieldDa
     check_value(field.hidden_layers >= 1 && field.hidden_layers <= 64, where,
                 "the occlusion field's hidden_layers is " + std::to_string(field.hidden_layers) + ", expected 1 to 64");
     const auto width = static_cast<std::size_t>(field.width);
-    check_size(where, "the occlusion field's neurons", field.neurons.size(), point_count * width, "one row per Gaussian");
+    check_size(where, "the occlusion field's neurons", field.neurons.size(), point_count * width,
+               "one row per Gaussian");
     check_size(where, "the occlusion field's pose_weights", field.pose_weights.size(),
                width * 9 * (joint_count ? joint_count - 1 : 0), "nine numbers per neuron and joint but the root");
     check_size(where, "the occlusion field's weights", field.weights.size(), field.network().parameter_count());
@@ -60,7 +61,8 @@ inline void check_occlusion_field(std::string_view where, const OcclusionFieldDa
     check_finite<float>(where, "the occlusion field's pose_weights", field.pose_weights);
     check_finite<float>(where, "the occlusion field's weights", field.weights);
     check_value(std::isfinite(field.bias), where, "the occlusion field's bias must be finite");
-    check_value(field.largest > 0 && std::isfinite(field.largest), where, "the occlusion field's largest value must be positive");
+    check_value(field.largest > 0 && std::isfinite(field.largest), where,
+                "the occlusion field's largest value must be positive");
 }
 
 namespace detail {
@@ -102,7 +104,8 @@ struct PoseOfNeuronsBackward {
     Span<const T> weights, dL_dsums; // [W, P], [W]
     Span<T> dL_dfeature;             // [P]
     GSH_HD void operator()(std::size_t c) const {
-        for (std::size_t o = 0; o < dL_dsums.size(); ++o) dL_dfeature[c] += weights[o * dL_dfeature.size() + c] * dL_dsums[o];
+        for (std::size_t o = 0; o < dL_dsums.size(); ++o)
+            dL_dfeature[c] += weights[o * dL_dfeature.size() + c] * dL_dsums[o];
     }
 };
 
@@ -113,8 +116,8 @@ struct PoseOfNeuronsBackward {
 ///
 ///     x_i = relu(W_0 h_i + W_p vec(R - I)),   ao_i = largest · sigmoid((the layers behind the first)(x_i) + bias)
 ///
-/// W_0 h_i is OcclusionFieldData::neurons, W_p its pose_weights. Sums run in the order of the network that was trained, so ao
-/// is the same bit for bit.
+/// W_0 h_i is OcclusionFieldData::neurons, W_p its pose_weights. Sums run in the order of the network that was trained,
+/// so ao is the same bit for bit.
 ///
 /// Shapes  rotations [J], ao [N].
 /// Errors  ShapeError, ValueError before any work starts.
@@ -134,8 +137,8 @@ public:
     };
 
     OcclusionField(B& backend, const OcclusionFieldData& data, std::size_t point_count, std::size_t joint_count)
-        : backend_(&backend), network_(data.network()), width_(static_cast<std::size_t>(data.width)), bias_(T(data.bias)),
-          largest_(T(data.largest)) {
+        : backend_(&backend), network_(data.network()), width_(static_cast<std::size_t>(data.width)),
+          bias_(T(data.bias)), largest_(T(data.largest)) {
         check_occlusion_field("OcclusionField", data, point_count, joint_count);
         const auto bring = [&](const std::vector<float>& from, Buffer<T>& to) {
             const std::vector<T> values(from.begin(), from.end());
@@ -152,23 +155,25 @@ public:
     /// skeleton: the rotations'.
     void forward(const Skeleton<B, T>& skeleton, Span<const mat3<T>> rotations, Span<T> ao, Cache& cache) const {
         check_size("OcclusionField::forward", "ao", ao.size(), size(), "one per Gaussian");
-        check_size("OcclusionField::forward", "the pose's numbers", skeleton.pose_feature_count(), pose_weights_.size() / width_,
-                   "the field must be made for this skeleton");
+        check_size("OcclusionField::forward", "the pose's numbers", skeleton.pose_feature_count(),
+                   pose_weights_.size() / width_, "the field must be made for this skeleton");
         cache.feature.resize(skeleton.pose_feature_count());
         cache.neurons.resize(width_);
         skeleton.feature(rotations, cache.feature);
         backend_->for_each(width_, detail::PoseOfNeurons<T>{pose_weights_, cache.feature, cache.neurons});
-        occlusion_forward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_), Span<const T>(cache.neurons), ao,
-                          cache);
+        occlusion_forward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_),
+                          Span<const T>(cache.neurons), ao, cache);
         backend_->for_each(size(), detail::OcclusionFromLogit<T>{ao, bias_, largest_});
     }
 
-    /// Adjoint with respect to the rotations, the field being what it is: adds to dL_drotations. ao and cache are forward's.
+    /// Adjoint with respect to the rotations, the field being what it is: adds to dL_drotations. ao and cache are
+    /// forward's.
     void backward(const Skeleton<B, T>& skeleton, Span<const T> ao, Span<const T> dL_dao, Cache& cache,
                   Span<mat3<T>> dL_drotations) const {
         check_size("OcclusionField::backward", "ao", ao.size(), size(), "one per Gaussian");
         check_size("OcclusionField::backward", "dL_dao", dL_dao.size(), size(), "one per Gaussian");
-        check_size("OcclusionField::backward", "cache.neurons", cache.neurons.size(), width_, "forward must come first");
+        check_size("OcclusionField::backward", "cache.neurons", cache.neurons.size(), width_,
+                   "forward must come first");
         cache.dL_dlogits.resize(size());
         cache.dL_dneurons.resize(width_);
         cache.dL_dfeature.resize(cache.feature.size());
@@ -176,9 +181,11 @@ public:
         backend_->fill(Span<T>(cache.dL_dneurons), T(0));
         backend_->fill(Span<T>(cache.dL_dfeature), T(0));
         backend_->for_each(size(), detail::OcclusionFromLogitBackward<T>{ao, largest_, cache.dL_dlogits});
-        occlusion_backward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_), Span<const T>(cache.neurons),
-                           Span<const T>(cache.dL_dlogits), cache, Span<T>(cache.dL_dneurons));
-        backend_->for_each(cache.feature.size(), detail::PoseOfNeuronsBackward<T>{pose_weights_, cache.dL_dneurons, cache.dL_dfeature});
+        occlusion_backward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_),
+                           Span<const T>(cache.neurons), Span<const T>(cache.dL_dlogits), cache,
+                           Span<T>(cache.dL_dneurons));
+        backend_->for_each(cache.feature.size(),
+                           detail::PoseOfNeuronsBackward<T>{pose_weights_, cache.dL_dneurons, cache.dL_dfeature});
         skeleton.feature_backward(cache.dL_dfeature, dL_drotations);
     }
 
@@ -190,17 +197,20 @@ private:
     Buffer<T> neurons_, pose_weights_, weights_;
 };
 
-/// Bakes a trained network Mlp([encoding, vec(R - I)]): `weights` are all of its weights, `features` the encoding of each
-/// Gaussian, both in the backend's memory. The pose's numbers are the inputs that features do not cover.
+/// Bakes a trained network Mlp([encoding, vec(R - I)]): `weights` are all of its weights, `features` the encoding of
+/// each Gaussian, both in the backend's memory. The pose's numbers are the inputs that features do not cover.
 /// Errors  ShapeError, ValueError: a network with one output and at least one hidden layer, weights to match.
 template <Backend B>
 [[nodiscard]] OcclusionFieldData bake_occlusion_field(B& backend, const Mlp& mlp, Span<const float> weights,
-                                                      const FeatureView<const float>& features, double bias, double largest) {
+                                                      const FeatureView<const float>& features, double bias,
+                                                      double largest) {
     check_size("bake_occlusion_field", "weights", weights.size(), mlp.parameter_count());
     check_value(mlp.outputs() == 1 && mlp.params().hidden_layers >= 1, "bake_occlusion_field",
                 "the network must have one output and a hidden layer");
-    check_value(features.columns <= mlp.inputs(), "bake_occlusion_field", "there are more features than the network has inputs");
-    OcclusionFieldData data{.width = mlp.params().width, .hidden_layers = mlp.params().hidden_layers, .bias = bias, .largest = largest};
+    check_value(features.columns <= mlp.inputs(), "bake_occlusion_field",
+                "there are more features than the network has inputs");
+    OcclusionFieldData data{
+        .width = mlp.params().width, .hidden_layers = mlp.params().hidden_layers, .bias = bias, .largest = largest};
     const std::size_t W = mlp.layer_outputs(0), F = features.columns, P = mlp.inputs() - F;
     std::vector<float> all(weights.size()), first;
     backend.download(weights, Span<float>(all));

@@ -143,8 +143,9 @@ public:
           feature_count_(data.body.posedirs.empty() ? 0 : data.body.pose_feature_count()),
           influences_(data.skin.influences), betas_(data.betas), skeleton_(backend, data.body.parents),
           vertex_shapes_(backend, vertex_count_, {data.body.shapedirs, data.body.exprdirs, data.body.posedirs}),
-          joint_shapes_(backend, joint_count_,
-                        {joint_directions(data.body, data.body.shapedirs), joint_directions(data.body, data.body.exprdirs)}),
+          joint_shapes_(
+              backend, joint_count_,
+              {joint_directions(data.body, data.body.shapedirs), joint_directions(data.body, data.body.exprdirs)}),
           interpolation_(backend, vertex_count_, data.triangles, data.barycentric) {
         check_size("Rig", "body.shape_count", static_cast<std::size_t>(data.body.shape_count), shape_count_,
                    "keep directions for the rig's betas only");

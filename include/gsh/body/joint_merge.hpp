@@ -15,8 +15,8 @@
 
 namespace gsh {
 
-/// The first 22 joints, those of trunk and limbs, which SMPL, SMPL-H and SMPL-X have in common: without fingers, jaw and
-/// eyes. (SMPL's two more, of the hands, never turn.) A body with no more than that many keeps all of them.
+/// The first 22 joints, those of trunk and limbs, which SMPL, SMPL-H and SMPL-X have in common: without fingers, jaw
+/// and eyes. (SMPL's two more, of the hands, never turn.) A body with no more than that many keeps all of them.
 [[nodiscard]] inline std::vector<int> trunk_and_limbs(const BodyModel& model) {
     std::vector<int> joints(std::min<std::size_t>(model.joint_count(), 22));
     std::iota(joints.begin(), joints.end(), 0);
@@ -29,15 +29,16 @@ namespace gsh {
 ///
 /// Shapes  kept: joints in ascending order, the root among them.
 /// Errors  ValueError for a list that is not so.
-[[nodiscard]] inline BodyModel merge_joints(const BodyModel& model, Span<const int> kept, bool keep_expression = false) {
+[[nodiscard]] inline BodyModel merge_joints(const BodyModel& model, Span<const int> kept,
+                                            bool keep_expression = false) {
     constexpr auto where = "merge_joints";
     const std::size_t V = model.vertex_count(), J = model.joint_count(), K = kept.size();
     check_value(K > 0 && kept[0] == 0, where, "kept must begin with the root, joint 0");
     std::vector<int> place(J, -1); // of a joint among the kept ones
     for (std::size_t k = 0; k < K; ++k) {
         check_value(kept[k] >= 0 && static_cast<std::size_t>(kept[k]) < J && (k == 0 || kept[k] > kept[k - 1]), where,
-                    "kept[" + std::to_string(k) + "] is " + std::to_string(kept[k]) + ", expected ascending joints below " +
-                        std::to_string(J));
+                    "kept[" + std::to_string(k) + "] is " + std::to_string(kept[k]) +
+                        ", expected ascending joints below " + std::to_string(J));
         place[static_cast<std::size_t>(kept[k])] = static_cast<int>(k);
     }
     std::vector<int> owner = place; // the kept joint that a joint moves with; parents come first
@@ -56,13 +57,15 @@ namespace gsh {
         if (!model.joint_names.empty()) merged.joint_names.push_back(model.joint_names[j]);
     }
     for (std::size_t v = 0; v < V; ++v)
-        for (std::size_t j = 0; j < J; ++j) merged.weights[v * K + static_cast<std::size_t>(owner[j])] += model.weights[v * J + j];
+        for (std::size_t j = 0; j < J; ++j)
+            merged.weights[v * K + static_cast<std::size_t>(owner[j])] += model.weights[v * J + j];
     if (!model.posedirs.empty()) {
         merged.posedirs.clear();
         for (std::size_t v = 0; v < V; ++v)
             for (std::size_t k = 1; k < K; ++k)
                 for (std::size_t n = 0; n < 9; ++n)
-                    merged.posedirs.push_back(model.posedirs[(v * (J - 1) + static_cast<std::size_t>(kept[k]) - 1) * 9 + n]);
+                    merged.posedirs.push_back(
+                        model.posedirs[(v * (J - 1) + static_cast<std::size_t>(kept[k]) - 1) * 9 + n]);
     }
     if (!keep_expression) merged.exprdirs.clear(), merged.expression_count = 0;
     for (auto* hands : {&merged.hands_mean_left, &merged.hands_mean_right}) hands->clear();
@@ -78,7 +81,8 @@ namespace gsh {
     for (std::size_t t = 0; t < motion.frame_count(); ++t)
         for (const int j : kept) {
             check_value(j >= 0 && static_cast<std::size_t>(j) < motion.joint_count, "merge_joints",
-                        "joint " + std::to_string(j) + " is kept, the motion has " + std::to_string(motion.joint_count));
+                        "joint " + std::to_string(j) + " is kept, the motion has " +
+                            std::to_string(motion.joint_count));
             merged.pose.push_back(motion.pose_at(t)[static_cast<std::size_t>(j)]);
         }
     if (!keep_expression) merged.expression.clear(), merged.expression_count = 0;

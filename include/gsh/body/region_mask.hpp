@@ -170,7 +170,8 @@ struct RegionJoints {
                 if (side == 'r') right_wrist = joint;
             }
         }
-        // SMPL's tree: hips 1, 2, spine 3, 6, 9, neck 12, collars 13, 14, head 15, arms from 16 and 17 to wrists 20, 21.
+        // SMPL's tree: hips 1, 2, spine 3, 6, 9, neck 12, collars 13, 14, head 15, arms from 16 and 17 to wrists 20,
+        // 21.
         constexpr std::array<int, 22> smpl = {-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19};
         const std::size_t J = model.joint_count();
         if (J < smpl.size() || !std::equal(smpl.begin(), smpl.end(), model.parents.begin())) return;

@@ -14,7 +14,8 @@ namespace gsh {
 
 /// A calibrated camera, x_cam = R x_world + t, pixel = (fx x/z + cx, fy y/z + cy).
 ///
-/// Frame   camera x right, y down, z forward (OpenCV); the image's corner is (0, 0), its first pixel's centre (0.5, 0.5).
+/// Frame   camera x right, y down, z forward (OpenCV); the image's corner is (0, 0), its first pixel's centre (0.5,
+///         0.5).
 /// Units   metres; pixels.
 template <class T>
 struct Camera {

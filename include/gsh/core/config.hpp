@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Version and the one host/device marker; the only header that asks which compiler is at work.
+/// @file  Version and the one host/device marker; libraries' doors (GLM, Eigen, xsimd) ask for the compiler, too.
 #pragma once
 
 #define GSH_VERSION_MAJOR 0

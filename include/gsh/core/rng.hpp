@@ -55,7 +55,9 @@ public:
         return radius * std::cos(2 * std::numbers::pi * uniform());
     }
     /// Uniform integer in [0, count); count > 0.
-    std::uint64_t below(std::uint64_t count) { return static_cast<std::uint64_t>(uniform() * static_cast<double>(count)); }
+    std::uint64_t below(std::uint64_t count) {
+        return static_cast<std::uint64_t>(uniform() * static_cast<double>(count));
+    }
 
 private:
     State state_;

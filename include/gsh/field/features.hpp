@@ -77,8 +77,8 @@ void check_features(std::string_view where, std::string_view argument, const Fea
 
 /// What a network reads: features, and beside them what every point has of its own and what all points share.
 ///
-/// Shapes  features [N, F] in any blocks, points [N, P] row-major, shared [S]; the network's inputs are F + P + S numbers
-///         in this order.
+/// Shapes  features [N, F] in any blocks, points [N, P] row-major, shared [S]; the network's inputs are F + P + S
+///         numbers in this order.
 template <class T>
 struct MlpInputs {
     FeatureView<const T> features;

@@ -74,7 +74,8 @@ public:
     };
 
     /// The network's input count follows from the others, whatever `network` says.
-    HashField(typename Grid::Params grid, Mlp::Params network, std::size_t point_inputs = 0, std::size_t shared_inputs = 0)
+    HashField(typename Grid::Params grid, Mlp::Params network, std::size_t point_inputs = 0,
+              std::size_t shared_inputs = 0)
         : grid_(grid), mlp_(with_inputs(network, point_inputs + shared_inputs)), point_inputs_(point_inputs),
           shared_inputs_(shared_inputs) {}
 
@@ -106,13 +107,17 @@ public:
             backend.upload(Span<const T>(rest), Span<T>(on_backend[0]));
             backend.upload(Span<const T>(none), Span<T>(on_backend[1]));
             query.grids.resize(2);
-            grid_.prepare(backend, points, query.grids[0], LevelWeights<T>{scales.fine_level, on_backend[0], on_backend[1]});
-            grid_.prepare(backend, points, query.grids[1], LevelWeights<T>{scales.fine_level, scales.region, scales.region});
+            grid_.prepare(backend, points, query.grids[0],
+                          LevelWeights<T>{scales.fine_level, on_backend[0], on_backend[1]});
+            grid_.prepare(backend, points, query.grids[1],
+                          LevelWeights<T>{scales.fine_level, scales.region, scales.region});
         }
         join_touched(backend, query);
     }
     /// Tables that a query's field has: a table of the field holds one after the other.
-    [[nodiscard]] std::size_t table_size(const auto& query) const { return query.grids.size() * grid_.parameter_count(); }
+    [[nodiscard]] std::size_t table_size(const auto& query) const {
+        return query.grids.size() * grid_.parameter_count();
+    }
 
     template <Backend B, std::floating_point T>
     void forward(B& backend, std::type_identity_t<Span<const T>> table, std::type_identity_t<Span<const T>> weights,

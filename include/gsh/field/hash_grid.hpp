@@ -50,7 +50,8 @@ public:
     struct Query {
         typename B::template Buffer<T> x, y, z;           ///< [N]
         typename B::template Buffer<std::uint32_t> touched; ///< entries that some point refers to, ascending
-        std::array<std::size_t, Levels + 1> touched_begin{}; ///< level l owns touched[touched_begin[l], touched_begin[l + 1])
+        std::array<std::size_t, Levels + 1>
+            touched_begin{}; ///< level l owns touched[touched_begin[l], touched_begin[l + 1])
         int split = 0;                                       ///< first fine level
         typename B::template Buffer<T> coarse, fine;         ///< [N] or empty: weights of the levels
         std::size_t lookups = 0;                             ///< table rows that a pass over all points reads
@@ -66,9 +67,11 @@ public:
         for (int l = 0; l < Levels; ++l) {
             HashLevel& level = levels_[l];
             level.scale = params.base * std::pow(params.growth, l) - 1;
-            check_value(level.scale < (1 << 20), "HashGrid", "the finest level must have fewer than 2^20 cells per unit");
+            check_value(level.scale < (1 << 20), "HashGrid",
+                        "the finest level must have fewer than 2^20 cells per unit");
             level.resolution = static_cast<std::uint32_t>(std::ceil(level.scale)) + 1;
-            const std::uint64_t corners = std::uint64_t(level.resolution + 1) * (level.resolution + 1) * (level.resolution + 1);
+            const std::uint64_t corners =
+                std::uint64_t(level.resolution + 1) * (level.resolution + 1) * (level.resolution + 1);
             level.hashed = corners > params.table_size;
             // Levels start on a multiple of 16 entries, so that neighbours in x share a cache line.
             const std::uint64_t size = level.hashed ? params.table_size : (corners + 15) / 16 * 16;
@@ -76,7 +79,8 @@ public:
             level.offset = static_cast<std::uint32_t>(offset);
             offset += size;
         }
-        check_value(offset * Features < (std::uint64_t(1) << 31), "HashGrid", "the table must have fewer than 2^31 numbers");
+        check_value(offset * Features < (std::uint64_t(1) << 31), "HashGrid",
+                    "the table must have fewer than 2^31 numbers");
         entry_count_ = static_cast<std::size_t>(offset);
     }
 
@@ -119,7 +123,8 @@ public:
                  const std::type_identity_t<LevelWeights<T>>& weights = {}) const {
         const auto check_weights = [&](Span<const T> of_levels) {
             if (!of_levels.empty())
-                check_size("HashGrid::prepare", "weights", of_levels.size(), points.size(), "one weight per point, or none");
+                check_size("HashGrid::prepare", "weights", of_levels.size(), points.size(),
+                           "one weight per point, or none");
         };
         check_weights(weights.coarse);
         check_weights(weights.fine);
@@ -138,7 +143,8 @@ public:
                  std::type_identity_t<FeatureView<T>> features, Write mode = Write::assign) const {
         check_size("HashGrid::forward", "table", table.size(), parameter_count());
         check_features("HashGrid::forward", "features", features, query.size(), output_count);
-        check_value(features.block % Features == 0, "HashGrid::forward", "features.block must be a multiple of Features");
+        check_value(features.block % Features == 0, "HashGrid::forward",
+                    "features.block must be a multiple of Features");
         hash_forward(backend, *this, table, query, features, mode);
     }
 

@@ -86,8 +86,9 @@ public:
 
     /// outputs = the network at each row of inputs; cache remembers the hidden activations.
     template <Backend B, std::floating_point T>
-    void forward(B& backend, std::type_identity_t<Span<const T>> weights, const std::type_identity_t<MlpInputs<T>>& inputs,
-                 std::type_identity_t<Span<T>> outputs, Cache<B, T>& cache) const {
+    void forward(B& backend, std::type_identity_t<Span<const T>> weights,
+                 const std::type_identity_t<MlpInputs<T>>& inputs, std::type_identity_t<Span<T>> outputs,
+                 Cache<B, T>& cache) const {
         check_size("Mlp::forward", "weights", weights.size(), parameter_count());
         check_inputs("Mlp::forward", inputs, inputs.features.rows);
         check_size("Mlp::forward", "outputs", outputs.size(), inputs.features.rows * this->outputs());
@@ -95,8 +96,8 @@ public:
         if (cache.rows) mlp_forward(backend, *this, weights, inputs, outputs, cache);
     }
 
-    /// Adds to dL_dweights and dL_dshared; adds to or, with Write::assign, overwrites dL_dfeatures. The latter two may be
-    /// empty ({}). weights, inputs and cache are those of forward.
+    /// Adds to dL_dweights and dL_dshared; adds to or, with Write::assign, overwrites dL_dfeatures. The latter two may
+    /// be empty ({}). weights, inputs and cache are those of forward.
     template <Backend B, std::floating_point T>
     void backward(B& backend, std::type_identity_t<Span<const T>> weights,
                   const std::type_identity_t<MlpInputs<T>>& inputs, std::type_identity_t<Span<const T>> dL_doutputs,
@@ -121,8 +122,10 @@ private:
         const std::size_t beside = inputs.points.size() / (rows ? rows : 1) + inputs.shared.size();
         check_features(where, "inputs.features", inputs.features, rows, inputs.features.columns);
         if (rows == 0) return;
-        check_value(inputs.points.size() % rows == 0, where, "inputs.points must hold one row of numbers per row of features");
-        check_size(where, "inputs", inputs.features.columns + beside, this->inputs(), "columns of features and points, and shared");
+        check_value(inputs.points.size() % rows == 0, where,
+                    "inputs.points must hold one row of numbers per row of features");
+        check_size(where, "inputs", inputs.features.columns + beside, this->inputs(),
+                   "columns of features and points, and shared");
     }
 
     Params params_;

@@ -117,7 +117,8 @@ struct StaticSplatsWorkspace {
     typename B::template Buffer<vec3<T>> dL_dcenters, partials;
 };
 
-/// Gaussians as the rasterizer wants them: opacity = sigmoid, covariance = R S Sᵀ Rᵀ, colour from the SH along the view.
+/// Gaussians as the rasterizer wants them: opacity = sigmoid, covariance = R S Sᵀ Rᵀ, colour from the SH along the
+/// view.
 ///
 /// Shapes  gaussians and splats of equal size; center [3].
 /// Frame   all in the world; center is the camera's centre, Camera::center().

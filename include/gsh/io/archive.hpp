@@ -38,7 +38,8 @@ public:
 };
 
 /// Reads what ArchiveWriter wrote, bit for bit: an array comes back as the type it was, NaN and all.
-/// Errors  IoError, naming the file, for one that is not ours, of another kind or of another version; then as NpzReader.
+/// Errors  IoError, naming the file, for one that is not ours, of another kind or of another version; then as
+///         NpzReader.
 class ArchiveReader {
 public:
     ArchiveReader(std::filesystem::path path, std::string_view kind, int version);
@@ -57,7 +58,8 @@ public:
     }
     [[nodiscard]] std::string read_text(std::string_view key) const {
         const auto texts = file_.read_texts(key);
-        if (texts.size() != 1) throw ShapeError(file_.name_of(key) + " holds " + std::to_string(texts.size()) + " texts, expected one");
+        if (texts.size() != 1)
+            throw ShapeError(file_.name_of(key) + " holds " + std::to_string(texts.size()) + " texts, expected one");
         return texts[0];
     }
     /// What add_rows wrote.
@@ -96,7 +98,8 @@ inline ArchiveReader::ArchiveReader(std::filesystem::path path, std::string_view
     if (format == expected) return;
     if (format.empty()) throw IoError(name + ": is not a gsh file: gsh_format is missing, expected '" + expected + "'");
     const std::string found = format.substr(0, format.find(' '));
-    if (found != kind) throw IoError(name + ": holds '" + format + "', expected '" + expected + "'; give the file of that kind");
+    if (found != kind)
+        throw IoError(name + ": holds '" + format + "', expected '" + expected + "'; give the file of that kind");
     throw IoError(name + ": holds '" + format + "', but this program reads '" + expected +
                   "'; make the file again, or take the version of gsh that wrote it");
 }

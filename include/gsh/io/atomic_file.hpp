@@ -111,7 +111,8 @@ inline void AtomicFile::write(const void* data, std::size_t size) {
 
 inline void AtomicFile::commit(Sync sync) {
     flush();
-    if (sync == Sync::disk && !temporary_.empty() && ::fsync(descriptor_) != 0) fail("cannot be synced to the disk", errno);
+    if (sync == Sync::disk && !temporary_.empty() && ::fsync(descriptor_) != 0)
+        fail("cannot be synced to the disk", errno);
     if (::close(std::exchange(descriptor_, -1)) != 0) fail("cannot be closed", errno);
     if (temporary_.empty()) return;
     if (std::rename(temporary_.c_str(), target_.c_str()) != 0) fail("cannot be renamed into place", errno);
@@ -148,8 +149,9 @@ inline void AtomicFile::abandon() noexcept {
 
 inline void AtomicFile::fail(std::string_view deed, int error) {
     abandon();
-    throw IoError(path_.string() + ": " + std::string(deed) + ": " + std::generic_category().message(error) +
-                  (error == ENOSPC || error == EFBIG || error == EDQUOT ? "; nothing was changed, free some space" : ""));
+    throw IoError(
+        path_.string() + ": " + std::string(deed) + ": " + std::generic_category().message(error) +
+        (error == ENOSPC || error == EFBIG || error == EDQUOT ? "; nothing was changed, free some space" : ""));
 }
 
 inline std::string read_file(const std::filesystem::path& path, std::size_t limit) {
@@ -163,7 +165,8 @@ inline std::string read_file(const std::filesystem::path& path, std::size_t limi
     while (const std::size_t count = std::fread(block, 1, sizeof block, file.get())) {
         content.append(block, count);
         if (content.size() > limit)
-            throw IoError(path.string() + ": is larger than " + std::to_string(limit) + " bytes, the most that is read");
+            throw IoError(path.string() + ": is larger than " + std::to_string(limit) +
+                          " bytes, the most that is read");
     }
     if (std::ferror(file.get()))
         throw IoError(path.string() + ": cannot be read: " + std::generic_category().message(errno));

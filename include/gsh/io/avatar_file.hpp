@@ -34,7 +34,8 @@ inline void add_occlusion_field(ArchiveWriter& file, const OcclusionFieldData& f
 }
 
 inline OcclusionFieldData read_occlusion_field(const ArchiveReader& file) {
-    const auto neurons = file.read<float>("occlusion_neurons"), pose_weights = file.read<float>("occlusion_pose_weights");
+    const auto neurons = file.read<float>("occlusion_neurons"),
+               pose_weights = file.read<float>("occlusion_pose_weights");
     const std::string where = file.file().path().string();
     if (neurons.shape.size() != 2) throw ShapeError(where + ": occlusion_neurons must have two axes");
     check_value(neurons.dim(1) >= 1 && neurons.dim(1) <= 4096, where,
@@ -109,18 +110,23 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     const auto deformation = file.read_number<std::int32_t>("deformation");
 
     const std::string where = path.string();
-    check_value(deformation >= 0 && deformation <= 2, where, "deformation is " + std::to_string(deformation) + ", expected 0 to 2");
+    check_value(deformation >= 0 && deformation <= 2, where,
+                "deformation is " + std::to_string(deformation) + ", expected 0 to 2");
     avatar.deformation = static_cast<Deformation>(deformation);
     if (!avatar.ao.empty()) check_size(where, "ao", avatar.ao.size(), rig.point_count(), "one per Gaussian, or none");
     check_finite<float>(where, "ao", avatar.ao);
     if (avatar.occlusion) check_occlusion_field(where, *avatar.occlusion, rig.point_count(), rig.joint_count());
-    check_value(g.sh_degree >= 0 && g.sh_degree <= 4, where, "sh_degree is " + std::to_string(g.sh_degree) + ", expected 0 to 4");
+    check_value(g.sh_degree >= 0 && g.sh_degree <= 4, where,
+                "sh_degree is " + std::to_string(g.sh_degree) + ", expected 0 to 4");
     check_gaussians(where, "avatar", std::as_const(g).view(), rig.point_count());
     check_size(where, "barycentric", rig.barycentric.size(), rig.point_count());
     check_skin(where, rig.skin.view(), rig.point_count());
     for (const std::uint16_t joint : rig.skin.joints)
-        check_value(joint < rig.joint_count(), where, "skin_joints names joint " + std::to_string(joint) + ", the body has " + std::to_string(rig.joint_count()));
-    check_value(avatar.filter.dilation >= 0 && avatar.filter.dilation < 1e6, where, "dilation must be square pixels, not negative");
+        check_value(joint < rig.joint_count(), where,
+                    "skin_joints names joint " + std::to_string(joint) + ", the body has " +
+                        std::to_string(rig.joint_count()));
+    check_value(avatar.filter.dilation >= 0 && avatar.filter.dilation < 1e6, where,
+                "dilation must be square pixels, not negative");
     check_finite<float>(where, "means", view_as<const float>(Span<const vec3<float>>(g.means)));
     check_finite<float>(where, "sh", view_as<const float>(Span<const vec3<float>>(g.sh)));
     check_finite<float>(where, "log_scales", view_as<const float>(Span<const vec3<float>>(g.log_scales)));

@@ -48,7 +48,8 @@ inline std::vector<vec3<double>> rows_of_three(const NpyArray<double>& array) {
 
 inline std::vector<std::array<int, 3>> triangles_of(const NpyArray<int>& array) {
     std::vector<std::array<int, 3>> triangles(array.size() / 3);
-    for (std::size_t i = 0; i < triangles.size(); ++i) triangles[i] = {array[3 * i], array[3 * i + 1], array[3 * i + 2]};
+    for (std::size_t i = 0; i < triangles.size(); ++i)
+        triangles[i] = {array[3 * i], array[3 * i + 1], array[3 * i + 2]};
     return triangles;
 }
 
@@ -72,7 +73,8 @@ inline std::size_t count_shape_directions(const NpzReader& file, const std::stri
         const auto read = [&](const std::string& key) {
             const auto count = file.read_number<std::int64_t>(key);
             check_value(count >= 0 && static_cast<std::size_t>(count) <= C, file.name_of(key),
-                        "is " + std::to_string(count) + ", expected 0 to " + std::to_string(C) + ", the number of shapedirs");
+                        "is " + std::to_string(count) + ", expected 0 to " + std::to_string(C) +
+                            ", the number of shapedirs");
             return static_cast<std::size_t>(count);
         };
         const std::size_t shape = betas ? read(num_betas) : C - read(num_expressions);
@@ -92,7 +94,8 @@ inline std::vector<int> parents_of(const NpzReader& file, const std::string& key
     std::vector<int> parents(J);
     for (std::size_t j = 0; j < J; ++j) {
         check_value(table[J + j] == static_cast<std::int64_t>(j), file.name_of(key),
-                    "[1, " + std::to_string(j) + "] is " + std::to_string(table[J + j]) + ", expected the joints in order");
+                    "[1, " + std::to_string(j) + "] is " + std::to_string(table[J + j]) +
+                        ", expected the joints in order");
         const bool root = table[j] == -1 || table[j] == 4294967295; // signed or unsigned
         check_value(root || (table[j] >= 0 && static_cast<std::size_t>(table[j]) < J), file.name_of(key),
                     "[0, " + std::to_string(j) + "] is " + std::to_string(table[j]) + ", expected a joint below " +
@@ -129,7 +132,8 @@ inline BodyModel read_body_model(const NpzReader& file, const std::string& prefi
     model.exprdirs = detail::directions_of(shapedirs, S, C - S);
     model.shape_count = static_cast<int>(S);
     model.expression_count = static_cast<int>(C - S);
-    if (const auto features = static_cast<std::int64_t>(model.pose_feature_count()); file.has_array(prefix + "posedirs"))
+    if (const auto features = static_cast<std::int64_t>(model.pose_feature_count());
+        file.has_array(prefix + "posedirs"))
         model.posedirs = detail::directions_of(file.read<double>(prefix + "posedirs", {vertices, 3, features}), 0,
                                                model.pose_feature_count());
 
@@ -174,7 +178,8 @@ inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::s
         file.add<double>(prefix + key, {rows.empty() ? nullptr : &rows[0].x, 3 * rows.size()}, shape);
     };
     const auto add_triangles = [&](const char* key, const std::vector<std::array<int, 3>>& triangles) {
-        file.add<int>(prefix + key, {triangles.empty() ? nullptr : triangles[0].data(), 3 * triangles.size()}, {triangles.size(), 3});
+        file.add<int>(prefix + key, {triangles.empty() ? nullptr : triangles[0].data(), 3 * triangles.size()},
+                      {triangles.size(), 3});
     };
     const auto add_directions = [&](const char* key, std::size_t count, const auto& direction) {
         std::vector<double> rows(3 * V * count);
@@ -192,10 +197,12 @@ inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::s
     file.add(prefix + "num_betas", std::int64_t(model.shape_count));
     file.add(prefix + "num_expressions", std::int64_t(model.expression_count));
     if (const std::size_t features = model.pose_feature_count(); !model.posedirs.empty())
-        add_directions("posedirs", features, [&](std::size_t v, std::size_t k) { return model.posedirs[v * features + k]; });
+        add_directions("posedirs", features,
+                       [&](std::size_t v, std::size_t k) { return model.posedirs[v * features + k]; });
     std::vector<double> regressor(J * V, 0.0);
     for (std::size_t j = 0; j < J; ++j)
-        for (const auto& [vertex, weight] : model.J_regressor[j]) regressor[j * V + static_cast<std::size_t>(vertex)] += weight;
+        for (const auto& [vertex, weight] : model.J_regressor[j])
+            regressor[j * V + static_cast<std::size_t>(vertex)] += weight;
     file.add(prefix + "J_regressor", regressor, {J, V});
     file.add(prefix + "weights", model.weights, {V, J});
     std::vector<std::int64_t> table(2 * J);
@@ -203,7 +210,8 @@ inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::s
     file.add(prefix + "kintree_table", table, {2, J});
 
     if (!model.ft.empty()) {
-        file.add<double>(prefix + "vt", {model.vt.empty() ? nullptr : &model.vt[0].x, 2 * model.vt.size()}, {model.vt.size(), 2});
+        file.add<double>(prefix + "vt", {model.vt.empty() ? nullptr : &model.vt[0].x, 2 * model.vt.size()},
+                         {model.vt.size(), 2});
         add_triangles("ft", model.ft);
     }
     if (!model.joint_names.empty()) file.add_texts(prefix + "joint_names", model.joint_names);

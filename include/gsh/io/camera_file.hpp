@@ -164,7 +164,8 @@ inline void read_intrinsics(const JsonObject& json, Camera<double>& camera) {
 
 inline void read_extrinsics(const JsonObject& json, Camera<double>& camera) {
     const std::vector<double> R = json.numbers("R", 9), t = json.numbers("t", 3);
-    camera.R = mat3<double>(vec3<double>(R[0], R[3], R[6]), vec3<double>(R[1], R[4], R[7]), vec3<double>(R[2], R[5], R[8]));
+    camera.R =
+        mat3<double>(vec3<double>(R[0], R[3], R[6]), vec3<double>(R[1], R[4], R[7]), vec3<double>(R[2], R[5], R[8]));
     camera.t = {t[0], t[1], t[2]};
     double deviation = 0;
     for (int i = 0; i < 3; ++i)
@@ -172,7 +173,8 @@ inline void read_extrinsics(const JsonObject& json, Camera<double>& camera) {
             deviation = std::max(deviation, std::abs(dot(camera.R[i], camera.R[j]) - (i == j)));
     check_value(deviation <= 1e-3, json.where(),
                 "R is not a rotation (its columns are not orthonormal within 1e-3), found " + matrix_text(R));
-    check_value(determinant(camera.R) > 0, json.where(), "R mirrors (determinant -1), expected a rotation; found " + matrix_text(R));
+    check_value(determinant(camera.R) > 0, json.where(),
+                "R mirrors (determinant -1), expected a rotation; found " + matrix_text(R));
 }
 
 inline NamedCamera read_camera_entry(const Json& json, const std::string& where) {
@@ -182,14 +184,16 @@ inline NamedCamera read_camera_entry(const Json& json, const std::string& where)
     const JsonObject object(json, where + (result.name.empty() ? "" : " '" + result.name + "'"));
     if (object.has("role")) {
         const std::string role = object.text("role");
-        check_value(role == "train" || role == "test", object.where(), "role is '" + role + "', expected train or test");
+        check_value(role == "train" || role == "test", object.where(),
+                    "role is '" + role + "', expected train or test");
         result.role = role == "test" ? NamedCamera::Role::test : NamedCamera::Role::train;
     }
     Camera<double>& camera = result.camera;
     camera.width = object.integer("width");
     camera.height = object.integer("height");
     constexpr std::int64_t most = std::int64_t(1) << 26; // pixels, as of image files
-    check_value(camera.width > 0 && camera.height > 0 && std::int64_t(camera.width) * camera.height <= most, object.where(),
+    check_value(camera.width > 0 && camera.height > 0 && std::int64_t(camera.width) * camera.height <= most,
+                object.where(),
                 "width x height is " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
                     ", expected at least 1 each and at most " + std::to_string(most) + " pixels in all");
     read_intrinsics(object, camera);
@@ -269,7 +273,8 @@ inline NamedCamera read_camera(const std::filesystem::path& path, std::string_vi
         known += (known.empty() ? "" : ", ") + camera.name;
     }
     throw IoError(path.string() + ": holds " + std::to_string(list.cameras.size()) + " cameras, " +
-                  (name.empty() ? std::string("name one of them") : "none called '" + std::string(name) + "'") + ": " + known);
+                  (name.empty() ? std::string("name one of them") : "none called '" + std::string(name) + "'") + ": " +
+                  known);
 }
 
 inline void write_cameras(const std::filesystem::path& path, const CameraList& list) {

@@ -94,13 +94,13 @@ struct CaptureOptions {
     std::vector<std::string> test_cameras = {};                    ///< names; empty: the data set's own
     int downscale = 0;                                             ///< whole factor; 0: as its other readers do
     int person = 0;                                                ///< whose motion, where poses hold several people
-    std::filesystem::path model = {};                              ///< folder of the rig that a data set brings; empty: its usual place
+    std::filesystem::path model = {}; ///< folder of the rig that a data set brings; empty: its usual place
 };
 
-/// Loads DIR/cameras.json, DIR/poses.npz (or other poses) and the images DIR/images/CAMERA/FRAME.png (or .jpg), in order of their
-/// names. The mask is the images' alpha, or DIR/masks/CAMERA/FRAME.png, where white is the person. DIR/backgrounds/CAMERA.png
-/// (or .jpg), for all cameras or none, shows what is there without the person. Images of cameras with distortion are
-/// straightened. `body` says what the poses mean.
+/// Loads DIR/cameras.json, DIR/poses.npz (or other poses) and the images DIR/images/CAMERA/FRAME.png (or .jpg), in
+/// order of their names. The mask is the images' alpha, or DIR/masks/CAMERA/FRAME.png, where white is the person.
+/// DIR/backgrounds/CAMERA.png (or .jpg), for all cameras or none, shows what is there without the person. Images of
+/// cameras with distortion are straightened. `body` says what the poses mean.
 ///
 /// Errors    IoError, ShapeError, ValueError naming the file: images, poses and cameras that do not belong together,
 ///           a mask that is empty everywhere, no view to train on, and all that the single files can be guilty of.
@@ -116,7 +116,8 @@ inline void save_capture(const std::filesystem::path& folder, const Capture& cap
 /// that are full where the body is not, or do not lie where it is; images without alpha.
 [[nodiscard]] inline std::vector<std::string> capture_warnings(const Capture& capture, const BodyModel& body);
 /// The same for another person in it, whose motion covers the same frames.
-[[nodiscard]] inline std::vector<std::string> capture_warnings(const Capture& capture, const BodyModel& body, const Motion& motion);
+[[nodiscard]] inline std::vector<std::string> capture_warnings(const Capture& capture, const BodyModel& body,
+                                                               const Motion& motion);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -131,7 +132,8 @@ inline std::vector<std::filesystem::path> list_images(const std::filesystem::pat
         for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
         if (extension == ".png" || extension == ".jpg" || extension == ".jpeg") files.push_back(entry.path());
     }
-    if (error) throw IoError(folder.string() + ": cannot be listed: " + error.message() + "; expected a folder of images");
+    if (error)
+        throw IoError(folder.string() + ": cannot be listed: " + error.message() + "; expected a folder of images");
     std::sort(files.begin(), files.end());
     return files;
 }
@@ -215,9 +217,11 @@ inline Camera<double> shrink(const Camera<double>& camera, int factor, const std
 
 inline void check_range(const FrameRange& range, const std::string& where) {
     constexpr int most = 100'000'000; // room to count on
-    check_value(range.first >= 0 && range.step >= 1 && range.step <= most && range.last >= range.first && range.last <= most,
-                where, "the frames " + std::to_string(range.first) + " to " + std::to_string(range.last) + " by " +
-                           std::to_string(range.step) + " are none; expected first <= last and a step of at least 1");
+    check_value(range.first >= 0 && range.step >= 1 && range.step <= most && range.last >= range.first &&
+                    range.last <= most,
+                where,
+                "the frames " + std::to_string(range.first) + " to " + std::to_string(range.last) + " by " +
+                    std::to_string(range.step) + " are none; expected first <= last and a step of at least 1");
 }
 
 /// Runs load(i) for all i. The first in order that fails is the one that is reported, whichever thread finds it.
@@ -372,14 +376,16 @@ Capture load_capture(B& backend, const std::filesystem::path& folder, const Body
             detail::check_opaque(path, image);
             if (camera.distortion) {
                 image = detail::straighten(image, camera);
-                for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 255; // black beyond the photograph
+                for (std::size_t i = 3; i < image.data.size(); i += 4)
+                    image.data[i] = 255; // black beyond the photograph
             }
             capture.backgrounds.push_back(std::move(image));
         }
     for (NamedCamera& camera : capture.cameras) camera.distortion.reset();
 
     if (warnings)
-        for (const std::string& text : capture_warnings(capture, body)) warnings->push_back(folder.string() + ": " + text);
+        for (const std::string& text : capture_warnings(capture, body))
+            warnings->push_back(folder.string() + ": " + text);
     return capture;
 }
 
@@ -412,7 +418,8 @@ inline std::vector<std::string> capture_warnings(const Capture& capture, const B
         const std::string camera = "camera '" + capture.cameras[c].name + "'";
         if (mean.inside < 0.3)
             warnings.push_back(camera + " is far off the body, " + percent(mean.inside) +
-                               " of which projects into its images; R and t must map world to camera (x right, y down, z forward) in metres, "
+                               " of which projects into its images; R and t must map world to camera (x right, y down, "
+                               "z forward) in metres, "
                                "and the poses must belong to these images");
         else if (mean.extent < 0.02 * capture.cameras[c].camera.height)
             warnings.push_back(camera + " sees a body " + std::to_string(static_cast<int>(mean.extent + 0.5)) +
@@ -420,10 +427,13 @@ inline std::vector<std::string> capture_warnings(const Capture& capture, const B
         else if (mean.opaque && capture.background(c))
             continue; // the whole photograph is the person over the background
         else if (mean.opaque)
-            warnings.push_back(camera + " has images without a mask: no pixel is transparent; store the person's mask as alpha, or in masks/");
+            warnings.push_back(
+                camera +
+                " has images without a mask: no pixel is transparent; store the person's mask as alpha, or in masks/");
         else if (mean.on_body < 0.4 && mean.border > 0.6)
             warnings.push_back(camera + " has a mask that is probably inverted: alpha is " + percent(mean.on_body) +
-                               " on the body and " + percent(mean.border) + " at the image's border; alpha must be 1 on the person");
+                               " on the body and " + percent(mean.border) +
+                               " at the image's border; alpha must be 1 on the person");
         else if (mean.on_body < 0.5)
             warnings.push_back(camera + " has masks that do not lie on the posed body (" + percent(mean.on_body) +
                                " of it covered); poses, cameras and images probably do not belong together");
@@ -433,14 +443,17 @@ inline std::vector<std::string> capture_warnings(const Capture& capture, const B
 
 inline void save_capture(const std::filesystem::path& folder, const Capture& capture) {
     const std::size_t frames = capture.frame_count();
-    check_size("save_capture", "images", capture.images.size(), capture.cameras.size() * frames, "store one per camera and frame");
+    check_size("save_capture", "images", capture.images.size(), capture.cameras.size() * frames,
+               "store one per camera and frame");
     for (std::size_t i = 0; i < capture.images.size(); ++i)
         check_value(!capture.images[i].data.empty(), "save_capture",
-                    "camera '" + capture.cameras[i / frames].name + "' did not take frame " + std::to_string(i % frames) +
+                    "camera '" + capture.cameras[i / frames].name + "' did not take frame " +
+                        std::to_string(i % frames) +
                         ", but the layout has a place for every image; leave out such cameras or frames");
     std::error_code error;
     if (!capture.backgrounds.empty()) {
-        check_size("save_capture", "backgrounds", capture.backgrounds.size(), capture.cameras.size(), "store one per camera");
+        check_size("save_capture", "backgrounds", capture.backgrounds.size(), capture.cameras.size(),
+                   "store one per camera");
         std::filesystem::create_directories(folder / "backgrounds", error);
         if (error) throw IoError((folder / "backgrounds").string() + ": cannot be created: " + error.message());
         for (std::size_t c = 0; c < capture.cameras.size(); ++c) {

@@ -10,7 +10,8 @@
 namespace gsh {
 
 /// CRC-32 of IEEE 802.3, eight bytes at a time.
-/// Source  Kounavis and Berry, "A Systematic Approach to Building High Performance Software-based CRC Generators", 2005.
+/// Source  Kounavis and Berry, "A Systematic Approach to Building High Performance Software-based CRC Generators",
+///         2005.
 class Crc32 {
 public:
     void add(const void* data, std::size_t size) {
@@ -21,9 +22,9 @@ public:
             std::memcpy(&low, bytes, 4);
             std::memcpy(&high, bytes + 4, 4);
             low ^= state_;
-            state_ = tables[7][low & 255] ^ tables[6][low >> 8 & 255] ^ tables[5][low >> 16 & 255] ^ tables[4][low >> 24] ^
-                     tables[3][high & 255] ^ tables[2][high >> 8 & 255] ^ tables[1][high >> 16 & 255] ^
-                     tables[0][high >> 24];
+            state_ = tables[7][low & 255] ^ tables[6][low >> 8 & 255] ^ tables[5][low >> 16 & 255] ^
+                     tables[4][low >> 24] ^ tables[3][high & 255] ^ tables[2][high >> 8 & 255] ^
+                     tables[1][high >> 16 & 255] ^ tables[0][high >> 24];
         }
         for (; size > 0; --size, ++bytes) state_ = state_ >> 8 ^ tables[0][(state_ ^ *bytes) & 255];
     }

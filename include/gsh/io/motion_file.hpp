@@ -51,7 +51,8 @@ struct MotionFileOptions {
 ///              of any of these: the common joints are taken.
 /// Units        axis-angle in radians, metres, seconds.
 /// Errors       IoError, ShapeError, ValueError naming file and key. What is probably, but not surely, wrong goes to
-///              `warnings`: parts that are missing or left over, degrees, a mean hand that was forgotten or added twice.
+///              `warnings`: parts that are missing or left over, degrees, a mean hand that was forgotten or added
+///              twice.
 [[nodiscard]] inline Motion load_motion(const std::filesystem::path& path, const BodyModel& model,
                                         const MotionFileOptions& options = {},
                                         std::vector<std::string>* warnings = nullptr);
@@ -72,7 +73,8 @@ class MotionReader {
 public:
     MotionReader(Source source, const BodyModel& model, const MotionFileOptions& options,
                  std::vector<std::string>* warnings)
-        : file_(std::move(source)), model_(model), options_(options), warnings_(warnings), joints_(model.joint_count()) {}
+        : file_(std::move(source)), model_(model), options_(options), warnings_(warnings),
+          joints_(model.joint_count()) {}
 
     [[nodiscard]] Motion read() {
         const bool split = file_.has_array("global_orient") || !file_.has_array("poses");
@@ -164,7 +166,8 @@ private:
         } else {
             if (body.dim(1) != 3 * own || smpl_family)
                 throw ShapeError(file_.name_of("body_pose") + " has " + std::to_string(body.dim(1)) +
-                                 " numbers a frame, expected " + std::to_string(smpl_family ? 3 * (joints_ == 24 ? 23 : 21) : 3 * own) +
+                                 " numbers a frame, expected " +
+                                 std::to_string(smpl_family ? 3 * (joints_ == 24 ? 23 : 21) : 3 * own) +
                                  " for a body of " + std::to_string(joints_) + " joints");
             place(body, 0, 1, own);
         }
@@ -209,8 +212,9 @@ private:
         const std::size_t found = poses.dim(1) / 3;
         const auto known = [](std::size_t count) { return count == 22 || count == 24 || count == 52 || count == 55; };
         if (poses.dim(1) % 3 != 0 || (found != joints_ && !(known(found) && known(joints_))))
-            throw ShapeError(file_.name_of("poses") + " has " + std::to_string(poses.dim(1)) + " numbers a frame, expected " +
-                             std::to_string(3 * joints_) + " for a body of " + std::to_string(joints_) + " joints");
+            throw ShapeError(file_.name_of("poses") + " has " + std::to_string(poses.dim(1)) +
+                             " numbers a frame, expected " + std::to_string(3 * joints_) + " for a body of " +
+                             std::to_string(joints_) + " joints");
         start(poses);
         if (found == joints_) {
             place(poses, 0, 0, joints_);
@@ -225,9 +229,11 @@ private:
 
     void read_betas() {
         auto betas = file_.template read<double>("betas");
-        const std::size_t rows = betas.shape.size() > 1 ? betas.dim(0) : 1, own = static_cast<std::size_t>(model_.shape_count);
+        const std::size_t rows = betas.shape.size() > 1 ? betas.dim(0) : 1,
+                          own = static_cast<std::size_t>(model_.shape_count);
         if (betas.shape.empty() || betas.shape.size() > 2 || rows == 0)
-            throw ShapeError(file_.name_of("betas") + " has shape " + shape_text(betas.shape) + ", expected (*,): one shape for all frames");
+            throw ShapeError(file_.name_of("betas") + " has shape " + shape_text(betas.shape) +
+                             ", expected (*,): one shape for all frames");
         const std::size_t count = betas.size() / rows;
         for (std::size_t i = count; i < betas.size(); ++i)
             if (betas[i] != betas[i % count]) {
@@ -237,7 +243,8 @@ private:
         if (count > own)
             warn("betas hold " + std::to_string(count) + " coefficients, the body has " + std::to_string(own) +
                  "; the rest is left out");
-        motion_.betas.assign(betas.data.begin(), betas.data.begin() + static_cast<std::ptrdiff_t>(std::min(count, own)));
+        motion_.betas.assign(betas.data.begin(),
+                             betas.data.begin() + static_cast<std::ptrdiff_t>(std::min(count, own)));
         motion_.betas.resize(own, 0.0);
     }
 
@@ -257,7 +264,8 @@ private:
 
     void read_timestamps() {
         if (file_.has_array("timestamps")) {
-            motion_.timestamps = file_.template read<double>("timestamps", {static_cast<std::int64_t>(frames_)}, Numbers::any).data;
+            motion_.timestamps =
+                file_.template read<double>("timestamps", {static_cast<std::int64_t>(frames_)}, Numbers::any).data;
             for (std::size_t t = 1; t < frames_; ++t)
                 check_value(motion_.timestamps[t] >= motion_.timestamps[t - 1], file_.name_of("timestamps"),
                             "go back in time at frame " + std::to_string(t));
@@ -310,7 +318,8 @@ inline std::string hand_mean_warning(const BodyModel& model, const Motion& motio
     const auto add = [&](const std::vector<vec3<double>>& mean, std::size_t start) {
         for (std::size_t k = 0; k < mean.size(); ++k) {
             norm += dot(mean[k], mean[k]);
-            for (std::size_t t = 0; t < T; ++t) along += dot(motion.pose[t * J + start + k], mean[k]) / static_cast<double>(T);
+            for (std::size_t t = 0; t < T; ++t)
+                along += dot(motion.pose[t * J + start + k], mean[k]) / static_cast<double>(T);
         }
     };
     add(model.hands_mean_left, first);
@@ -318,9 +327,11 @@ inline std::string hand_mean_warning(const BodyModel& model, const Motion& motio
     if (!(norm > 1e-6)) return {};
     const double ratio = along / norm;
     if (mean_added && ratio > 1.6)
-        return "the hands look as if the mean hand was added twice; the file probably holds whole hand poses: say flat_hand";
+        return "the hands look as if the mean hand was added twice; the file probably holds whole hand poses: say "
+               "flat_hand";
     if (!mean_added && ratio < 0.4)
-        return "the hands look flat, as if the mean hand was left out; the file probably counts from the mean hand: do not say flat_hand";
+        return "the hands look flat, as if the mean hand was left out; the file probably counts from the mean hand: do "
+               "not say flat_hand";
     return {};
 }
 

@@ -50,8 +50,9 @@ struct NormalMapParams {
 ///
 /// PNG: 8 or 16 bits, RGB or RGBA. npy: (height, width, 3), or 4 with alpha, or (3, height, width); real numbers are
 /// the components themselves, with NaN for "nothing", unsigned 8 or 16-bit integers are as in a PNG.
-/// Errors  IoError for a file that is missing, damaged or of another kind, ShapeError for another shape; ValueError where
-///         no normal counts, where real numbers look like colours in [0, 1], and where most normals face the wrong way.
+/// Errors  IoError for a file that is missing, damaged or of another kind, ShapeError for another shape; ValueError
+///         where no normal counts, where real numbers look like colours in [0, 1], and where most normals face the
+///         wrong way.
 [[nodiscard]] inline PriorMap read_normal_map(const std::filesystem::path& path, const NormalMapParams& params = {});
 
 // -------------------------------------------------------------------------------------------------------------

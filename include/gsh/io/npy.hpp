@@ -43,7 +43,7 @@ struct NpyArray {
 
 /// What an array's header says.
 struct NpyHeader {
-    char kind = 0;         ///< as in NumPy: 'f' real, 'i' signed, 'u' unsigned, 'b' bool, 'U' text, 'O' a pickled object
+    char kind = 0; ///< as in NumPy: 'f' real, 'i' signed, 'u' unsigned, 'b' bool, 'U' text, 'O' a pickled object
     std::size_t width = 0; ///< bytes per element
     bool fortran_order = false;
     Shape shape;
@@ -62,8 +62,8 @@ enum class Numbers {
 };
 
 /// Reads a file that holds one array.
-/// Errors  IoError for a file that is missing, truncated or of another kind or dtype; ShapeError for a shape that does not fit
-///         `pattern`, in which -1 stands for any length; ValueError for NaN, infinities and numbers beyond T.
+/// Errors  IoError for a file that is missing, truncated or of another kind or dtype; ShapeError for a shape that does
+///         not fit `pattern`, in which -1 stands for any length; ValueError for NaN, infinities and numbers beyond T.
 template <class T>
 [[nodiscard]] NpyArray<T> read_npy(const std::filesystem::path& path, Numbers numbers = Numbers::same_kind);
 
@@ -196,7 +196,8 @@ inline NpyHeader read_npy_header(const ByteSource& source, std::size_t size, con
     } else {
         header.dtype = parser.quoted();
         const std::string& d = header.dtype;
-        if (d.size() < 2 || std::string_view("<>|=").find(d[0]) == std::string_view::npos) parser.fail("dtype '" + d + "'");
+        if (d.size() < 2 || std::string_view("<>|=").find(d[0]) == std::string_view::npos)
+            parser.fail("dtype '" + d + "'");
         header.kind = d[1];
         for (std::size_t i = 2; i < d.size() && d[i] >= '0' && d[i] <= '9' && header.width < longest; ++i)
             header.width = header.width * 10 + static_cast<std::size_t>(d[i] - '0');
@@ -285,7 +286,8 @@ void convert_numbers(const ByteSource& source, const NpyHeader& header, const st
                         refuse(std::to_string(value), "a number that fits " + npy_dtype<T>());
                 out[begin + i] = static_cast<T>(value);
             } else {
-                if (!std::in_range<T>(stored[i])) refuse(std::to_string(stored[i]), "an integer that fits " + npy_dtype<T>());
+                if (!std::in_range<T>(stored[i]))
+                    refuse(std::to_string(stored[i]), "an integer that fits " + npy_dtype<T>());
                 out[begin + i] = static_cast<T>(stored[i]);
             }
         }
@@ -311,7 +313,8 @@ template <NpyNumber T>
 void check_dtype(const NpyHeader& header, const std::string& what, Numbers numbers) {
     const std::string found = what + " has dtype " + header.dtype;
     if (header.kind == 'O')
-        throw IoError(what + " is a pickled Python object, expected a plain array of numbers; save it from Python as one");
+        throw IoError(what +
+                      " is a pickled Python object, expected a plain array of numbers; save it from Python as one");
     if (numbers == Numbers::exact) {
         if (header.dtype != npy_dtype<T>() && !(sizeof(T) == 1 && header.dtype == "<" + npy_dtype<T>().substr(1)))
             throw IoError(found + ", expected " + npy_dtype<T>());
@@ -355,7 +358,8 @@ inline std::string npy_header_bytes(const std::string& dtype, const Shape& shape
     const std::size_t unpadded = 10 + text.size() + 1;
     text.append((64 - unpadded % 64) % 64, ' ').push_back('\n');
     const auto length = static_cast<std::uint16_t>(text.size());
-    return std::string("\x93NUMPY\x01\x00", 8) + static_cast<char>(length & 255) + static_cast<char>(length >> 8) + text;
+    return std::string("\x93NUMPY\x01\x00", 8) + static_cast<char>(length & 255) + static_cast<char>(length >> 8) +
+           text;
 }
 
 /// Text as one unicode scalar ('<U5'), so that str(array) gives it back in Python.

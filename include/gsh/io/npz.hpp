@@ -159,7 +159,8 @@ inline NpzReader::NpzReader(std::filesystem::path path, Limits limits) : path_(s
         throw IoError(name + ": cannot be opened: " +
                       (no_zip ? "not an .npz (zip) archive, or a truncated one" : detail::zip_error_text(code)));
     }
-    if (zip_get_num_entries(archive_.get(), 0) <= 0) throw IoError(name + ": is empty, expected an .npz archive of arrays");
+    if (zip_get_num_entries(archive_.get(), 0) <= 0)
+        throw IoError(name + ": is empty, expected an .npz archive of arrays");
 }
 
 inline std::vector<std::string> NpzReader::keys() const {
@@ -188,14 +189,16 @@ inline NpzReader::Member NpzReader::open(std::string_view key) const {
     }
     zip_stat_t stat;
     constexpr zip_uint64_t wanted = ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE;
-    if (zip_stat_index(archive_.get(), static_cast<zip_uint64_t>(index), 0, &stat) != 0 || (stat.valid & wanted) != wanted)
+    if (zip_stat_index(archive_.get(), static_cast<zip_uint64_t>(index), 0, &stat) != 0 ||
+        (stat.valid & wanted) != wanted)
         throw IoError(what + " is damaged: its size is not known");
     if (stat.size > limits_.member_bytes)
         throw IoError(what + " claims " + std::to_string(stat.size) + " bytes, more than the limit of " +
                       std::to_string(limits_.member_bytes) + "; the file is damaged or made to exhaust memory");
     if (stat.size > limits_.ratio_free_bytes && stat.size / limits_.ratio > stat.comp_size)
         throw IoError(what + " inflates from " + std::to_string(stat.comp_size) + " to " + std::to_string(stat.size) +
-                      " bytes, more than " + std::to_string(limits_.ratio) + " times; the file is made to exhaust memory");
+                      " bytes, more than " + std::to_string(limits_.ratio) +
+                      " times; the file is made to exhaust memory");
     Member member;
     member.size = stat.size;
     member.file.reset(zip_fopen_index(archive_.get(), static_cast<zip_uint64_t>(index), 0));
@@ -298,7 +301,8 @@ inline void NpzWriter::add_texts(std::string_view key, const std::vector<std::st
     }
     std::string codes;
     for (auto& row : rows) codes += (row.resize(longest, '\0'), row);
-    add_member(key, detail::npy_header_bytes("<U" + std::to_string(longest / 4), {texts.size()}), codes.data(), codes.size());
+    add_member(key, detail::npy_header_bytes("<U" + std::to_string(longest / 4), {texts.size()}), codes.data(),
+               codes.size());
 }
 
 inline void NpzWriter::add_member(std::string_view key, const std::string& header, const void* data, std::size_t size) {
@@ -309,13 +313,15 @@ inline void NpzWriter::add_member(std::string_view key, const std::string& heade
     constexpr std::size_t limit = 0xFFFFFFFFu - (1u << 20); // room for the directory
     const std::size_t offset = file_.size(), total = header.size() + size;
     if (total > limit || offset + total > limit)
-        throw IoError(file_.path().string() + ": " + std::string(key) + " makes it larger than 4 GiB, the most that we write");
+        throw IoError(file_.path().string() + ": " + std::string(key) +
+                      " makes it larger than 4 GiB, the most that we write");
 
     Crc32 crc;
     crc.add(header.data(), header.size());
     crc.add(data, size);
 
-    constexpr std::uint16_t version = 20, utf8_flag = 1 << 11, stored = 0, no_time = 0, first_day = 1 << 5 | 1; // 1980-01-01
+    constexpr std::uint16_t version = 20, utf8_flag = 1 << 11, stored = 0, no_time = 0,
+                            first_day = 1 << 5 | 1; // 1980-01-01
     const auto bytes = static_cast<std::uint32_t>(total);
     std::string common;
     detail::append_bytes(common, version, utf8_flag, stored, no_time, first_day, crc.value(), bytes, bytes,

@@ -30,8 +30,8 @@ struct CapturePerson {
     std::string name;     ///< of files and in tables
     std::size_t body = 0; ///< which of the body models
     Motion motion;        ///< a pose for each of the capture's frames
-    /// 1 where a view shows this person: [cameras * frames] as Capture::images, empty ones where there is no mask; or no
-    /// images at all. Only views to judge by have masks.
+    /// 1 where a view shows this person: [cameras * frames] as Capture::images, empty ones where there is no mask; or
+    /// no images at all. Only views to judge by have masks.
     std::vector<Image<std::uint8_t>> masks = {};
 
     /// The mask of a view, or nothing.
@@ -53,19 +53,21 @@ struct PeopleCapture {
 /// Errors  ValueError for a file that is named twice.
 [[nodiscard]] inline std::vector<std::string> person_names(const std::vector<std::filesystem::path>& poses);
 
-/// Loads a capture with one or several people: in our own layout one per pose file or folder (in the capture's, or a path;
-/// any that load_any_motion reads), in a layout that holds several people all of them. `bodies` is one model for all, or one per pose file; none where the layout
-/// brings its own. With several people, FOLDER/person_masks/NAME/CAMERA/FRAME.png says which pixels are whose: optional for
-/// each person and camera, white (or opaque) where the person is seen, as many as the camera has images.
+/// Loads a capture with one or several people: in our own layout one per pose file or folder (in the capture's, or a
+/// path; any that load_any_motion reads), in a layout that holds several people all of them. `bodies` is one model for
+/// all, or one per pose file; none where the layout brings its own. With several people,
+/// FOLDER/person_masks/NAME/CAMERA/FRAME.png says which pixels are whose: optional for each person and camera, white
+/// (or opaque) where the person is seen, as many as the camera has images.
 ///
-/// Errors    as load_any_capture, and ShapeError for poses of another number of frames than the first one's, ValueError for
-///           numbers of bodies and poses that do not match, somebody named twice, several pose files where the layout does
-///           not take them; IoError for masks of a person or camera that there is not.
+/// Errors    as load_any_capture, and ShapeError for poses of another number of frames than the first one's, ValueError
+///           for numbers of bodies and poses that do not match, somebody named twice, several pose files where the
+///           layout does not take them; IoError for masks of a person or camera that there is not.
 /// Warnings  capture_warnings for each person, beginning with the name where there are several.
 template <CpuBackend B>
-[[nodiscard]] PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
-                                                const std::vector<std::filesystem::path>& poses, CaptureOptions options = {},
-                                                std::vector<std::string>* warnings = nullptr);
+[[nodiscard]] PeopleCapture
+load_people_capture(B& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
+                    const std::vector<std::filesystem::path>& poses, CaptureOptions options = {},
+                    std::vector<std::string>* warnings = nullptr);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -73,8 +75,9 @@ namespace detail {
 
 /// Masks of one person in the views to judge by, straightened as photographs are. Nothing if the folder is not there.
 template <CpuBackend B>
-std::vector<Image<std::uint8_t>> load_person_masks(B& backend, const std::filesystem::path& folder, const Capture& capture,
-                                                   const std::vector<NamedCamera>& cameras, const std::filesystem::path& poses) {
+std::vector<Image<std::uint8_t>> load_person_masks(B& backend, const std::filesystem::path& folder,
+                                                   const Capture& capture, const std::vector<NamedCamera>& cameras,
+                                                   const std::filesystem::path& poses) {
     std::error_code ignored;
     if (!std::filesystem::is_directory(folder, ignored)) return {};
     const std::size_t frames = capture.frame_count();
@@ -159,7 +162,8 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
     const bool several = result.people.size() > 1;
     if (warnings) {
         const std::size_t first = result.any.people.size() > 1 ? static_cast<std::size_t>(options.person) : 0;
-        for (const std::string& text : of_first) warnings->push_back((several ? result.people[first].name + ": " : "") + text);
+        for (const std::string& text : of_first)
+            warnings->push_back((several ? result.people[first].name + ": " : "") + text);
         for (std::size_t p = 0; p < result.people.size(); ++p) {
             if (p == first) continue;
             const CapturePerson& person = result.people[p];
@@ -172,7 +176,9 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
     std::error_code ignored;
     if (!several || !std::filesystem::is_directory(place, ignored)) return result;
     for (const auto& entry : std::filesystem::directory_iterator(place, ignored)) {
-        const auto called = [&](const CapturePerson& person) { return person.name == entry.path().filename().string(); };
+        const auto called = [&](const CapturePerson& person) {
+            return person.name == entry.path().filename().string();
+        };
         if (std::any_of(result.people.begin(), result.people.end(), called)) continue;
         std::string known;
         for (const CapturePerson& person : result.people) known += (known.empty() ? "" : ", ") + person.name;
@@ -181,8 +187,9 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
     const bool ours = result.any.layout == CaptureLayout::gsh; // a capture's cameras have no distortion any more
     const auto cameras = ours ? read_cameras(folder / "cameras.json").cameras : capture.cameras;
     for (std::size_t p = 0; p < result.people.size(); ++p)
-        result.people[p].masks = detail::load_person_masks(backend, place / result.people[p].name, capture, cameras,
-                                                           files.empty() ? folder : files[std::min(p, files.size() - 1)]);
+        result.people[p].masks =
+            detail::load_person_masks(backend, place / result.people[p].name, capture, cameras,
+                                      files.empty() ? folder : files[std::min(p, files.size() - 1)]);
     return result;
 }
 

@@ -149,8 +149,8 @@ inline Camera<double> read_snapshot_camera(const std::filesystem::path& path) {
                                  path.string());
 }
 
-/// Motion of fits (io/smplifyx_file.hpp, or whatever load_any_motion reads) for these frames of a video of `images` frames;
-/// the camera becomes theirs, where they tell it.
+/// Motion of fits (io/smplifyx_file.hpp, or whatever load_any_motion reads) for these frames of a video of `images`
+/// frames; the camera becomes theirs, where they tell it.
 inline Motion snapshot_fits(const std::filesystem::path& path, const BodyModel& body,
                             const std::vector<SnapshotFrame>& frames, std::size_t images,
                             MotionFileOptions::Hands hands, Camera<double>& camera,

@@ -37,7 +37,8 @@ namespace gsh {
 
 /// Writes x y z nx ny nz f_dc f_rest opacity scale rot as floats, atomically. Bands up to `pad_to_degree` that the
 /// cloud lacks are zero: many viewers know degree 3 alone. Normals are zero.
-inline void write_gaussian_ply(const std::filesystem::path& path, const GaussianCloud<float>& cloud, int pad_to_degree = 3);
+inline void write_gaussian_ply(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
+                               int pad_to_degree = 3);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -65,7 +66,8 @@ public:
         std::error_code error;
         size_ = file_ ? std::filesystem::file_size(path, error) : 0;
         if (!file_ || error)
-            throw IoError(name_ + ": cannot be opened: " + (error ? error : std::error_code(errno, std::generic_category())).message());
+            throw IoError(name_ + ": cannot be opened: " +
+                          (error ? error : std::error_code(errno, std::generic_category())).message());
         read_header();
     }
 
@@ -84,10 +86,12 @@ public:
         std::vector<float> values(wanted.size());
         std::vector<double> columns(header_.ascii ? header_.row_size : 0);
         constexpr std::size_t block = 1 << 12; // rows
-        std::vector<char> rows(header_.ascii ? 0 : std::min<std::size_t>(block, header_.vertex_count) * header_.row_size);
+        std::vector<char> rows(header_.ascii ? 0
+                                             : std::min<std::size_t>(block, header_.vertex_count) * header_.row_size);
         for (std::size_t begin = 0; begin < header_.vertex_count; begin += block) {
             const std::size_t count = std::min<std::size_t>(block, header_.vertex_count - begin);
-            if (!header_.ascii && std::fread(rows.data(), header_.row_size, count, file_.get()) != count) fail("is truncated");
+            if (!header_.ascii && std::fread(rows.data(), header_.row_size, count, file_.get()) != count)
+                fail("is truncated");
             for (std::size_t i = 0; i < count; ++i) {
                 if (header_.ascii) read_columns(begin + i, columns);
                 for (std::size_t k = 0; k < wanted.size(); ++k) {
@@ -95,8 +99,8 @@ public:
                                                        : number_at(&rows[i * header_.row_size], wanted[k]);
                     values[k] = static_cast<float>(value);
                     if (!std::isfinite(values[k]))
-                        throw ValueError(name_ + ": " + wanted[k].name + " of vertex " + std::to_string(begin + i) + " is " +
-                                         std::to_string(value) + ", expected a finite number");
+                        throw ValueError(name_ + ": " + wanted[k].name + " of vertex " + std::to_string(begin + i) +
+                                         " is " + std::to_string(value) + ", expected a finite number");
                 }
                 visit(begin + i, values);
             }
@@ -154,7 +158,8 @@ private:
                 if (code != std::errc() || end != line[2].data() + line[2].size())
                     fail("element " + element + " has the count " + line[2] + ", expected a number");
                 if (element == "vertex") header_.vertex_count = count, has_vertices = true;
-                else if (!has_vertices && count > 0) fail("holds " + element + " elements before the vertices, expected vertices first");
+                else if (!has_vertices && count > 0)
+                    fail("holds " + element + " elements before the vertices, expected vertices first");
             } else if (line[0] == "property") {
                 if (element == "vertex") add_property(line);
             } else {
@@ -173,14 +178,28 @@ private:
             char kind;
             std::size_t width;
         };
-        static constexpr std::array<Type, 16> types{{{"float", 'f', 4}, {"float32", 'f', 4}, {"double", 'f', 8}, {"float64", 'f', 8},
-                                                     {"uchar", 'u', 1}, {"uint8", 'u', 1}, {"char", 'i', 1}, {"int8", 'i', 1},
-                                                     {"ushort", 'u', 2}, {"uint16", 'u', 2}, {"short", 'i', 2}, {"int16", 'i', 2},
-                                                     {"uint", 'u', 4}, {"uint32", 'u', 4}, {"int", 'i', 4}, {"int32", 'i', 4}}};
-        const auto type = line.size() == 3 ? std::find_if(types.begin(), types.end(), [&](const Type& t) { return t.name == line[1]; })
+        static constexpr std::array<Type, 16> types{{{"float", 'f', 4},
+                                                     {"float32", 'f', 4},
+                                                     {"double", 'f', 8},
+                                                     {"float64", 'f', 8},
+                                                     {"uchar", 'u', 1},
+                                                     {"uint8", 'u', 1},
+                                                     {"char", 'i', 1},
+                                                     {"int8", 'i', 1},
+                                                     {"ushort", 'u', 2},
+                                                     {"uint16", 'u', 2},
+                                                     {"short", 'i', 2},
+                                                     {"int16", 'i', 2},
+                                                     {"uint", 'u', 4},
+                                                     {"uint32", 'u', 4},
+                                                     {"int", 'i', 4},
+                                                     {"int32", 'i', 4}}};
+        const auto type = line.size() == 3 ? std::find_if(types.begin(), types.end(),
+                                                          [&](const Type& t) { return t.name == line[1]; })
                                            : types.end();
         if (type == types.end())
-            fail("property " + line.back() + " has type " + (line.size() > 1 ? line[1] : "none") + ", expected a plain number type");
+            fail("property " + line.back() + " has type " + (line.size() > 1 ? line[1] : "none") +
+                 ", expected a plain number type");
         if (find(line[2])) fail("property " + line[2] + " stands there twice");
         if (header_.properties.size() >= 4096) fail("has more than 4096 properties");
         header_.properties.push_back({line[2], type->kind, type->width, header_.row_size});
@@ -193,8 +212,9 @@ private:
         const std::size_t least = header_.ascii ? 2 * header_.row_size : header_.row_size; // a digit and a blank each
         // The last blank of an ASCII file may be missing.
         if (header_.vertex_count > 0 && (least == 0 || header_.vertex_count > (present + header_.ascii) / least))
-            fail("is truncated or its count absurd: " + std::to_string(header_.vertex_count) + " vertices of at least " +
-                 std::to_string(least) + " bytes, but " + std::to_string(present) + " bytes follow the header");
+            fail("is truncated or its count absurd: " + std::to_string(header_.vertex_count) +
+                 " vertices of at least " + std::to_string(least) + " bytes, but " + std::to_string(present) +
+                 " bytes follow the header");
     }
 
     static double number_at(const char* row, const PlyProperty& property) {
@@ -203,7 +223,10 @@ private:
             return static_cast<double>(number);
         };
         if (property.kind == 'f') return property.width == 4 ? as(float()) : as(double());
-        if (property.kind == 'u') return property.width == 1 ? as(std::uint8_t()) : property.width == 2 ? as(std::uint16_t()) : as(std::uint32_t());
+        if (property.kind == 'u')
+            return property.width == 1   ? as(std::uint8_t())
+                   : property.width == 2 ? as(std::uint16_t())
+                                         : as(std::uint32_t());
         return property.width == 1 ? as(std::int8_t()) : property.width == 2 ? as(std::int16_t()) : as(std::int32_t());
     }
 
@@ -227,7 +250,8 @@ inline GaussianCloud<float> read_gaussian_ply(const std::filesystem::path& path)
     int degree = 0;
     while (degree <= 4 && detail::sh_rest_count(degree) != rest) ++degree;
     if (degree > 4)
-        throw ShapeError(file.name() + ": has " + std::to_string(rest) + " f_rest properties, expected 0, 9, 24, 45 or 72");
+        throw ShapeError(file.name() + ": has " + std::to_string(rest) +
+                         " f_rest properties, expected 0, 9, 24, 45 or 72");
 
     std::vector<detail::PlyProperty> wanted;
     std::string missing;
@@ -235,12 +259,13 @@ inline GaussianCloud<float> read_gaussian_ply(const std::filesystem::path& path)
         if (const auto* property = file.find(name)) wanted.push_back(*property);
         else missing += (missing.empty() ? "" : ", ") + name;
     };
-    for (const char* name : {"x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
-                             "f_dc_0", "f_dc_1", "f_dc_2"})
+    for (const char* name : {"x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",
+                             "rot_3", "f_dc_0", "f_dc_1", "f_dc_2"})
         want(name);
     for (std::size_t i = 0; i < rest; ++i) want("f_rest_" + std::to_string(i));
     if (!missing.empty())
-        throw IoError(file.name() + ": properties of a Gaussian are missing: " + missing + "; is it a plain point cloud or a compressed file?");
+        throw IoError(file.name() + ": properties of a Gaussian are missing: " + missing +
+                      "; is it a plain point cloud or a compressed file?");
 
     const auto basis = static_cast<std::size_t>(sh_basis_count(degree));
     GaussianCloud<float> cloud(file.header().vertex_count, degree);
@@ -260,7 +285,8 @@ inline GaussianCloud<float> read_gaussian_ply(const std::filesystem::path& path)
     return cloud;
 }
 
-inline void write_gaussian_ply(const std::filesystem::path& path, const GaussianCloud<float>& cloud, int pad_to_degree) {
+inline void write_gaussian_ply(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
+                               int pad_to_degree) {
     check_gaussians("write_gaussian_ply", "cloud", cloud.view(), cloud.size());
     check_value(pad_to_degree >= 0 && pad_to_degree <= 4, "write_gaussian_ply", "pad_to_degree must be 0 to 4");
     const int degree = std::max(cloud.sh_degree, pad_to_degree);
@@ -271,7 +297,8 @@ inline void write_gaussian_ply(const std::filesystem::path& path, const Gaussian
     const auto property = [&](const std::string& name) { header += "property float " + name + "\n"; };
     for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"}) property(name);
     for (std::size_t i = 0; i < detail::sh_rest_count(degree); ++i) property("f_rest_" + std::to_string(i));
-    for (const char* name : {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"}) property(name);
+    for (const char* name : {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
+        property(name);
 
     AtomicFile file(path);
     file.write(header + "end_header\n");

@@ -34,23 +34,24 @@ namespace gsh {
 
 /// Reads {"views": [...]}, or the bare list. A view holds
 ///
-///   normals    a normal map, PNG or npy as read_normal_map takes it; with it "encoding" (y_up unless given, y_down, opencv,
-///              x_left), "facing" (viewer, away) and "integrate": true for a depth view from these normals
+///   normals    a normal map, PNG or npy as read_normal_map takes it; with it "encoding" (y_up unless given, y_down,
+///              opencv, x_left), "facing" (viewer, away) and "integrate": true for a depth view from these normals
 ///   depth      an .npy of (height, width) real numbers, camera z in metres; NaN and 0, and what lies behind a pinhole
 ///              camera, are nothing. A view has normals or depth, or both
 ///   mask       an image of the map's size: where it is white (or, if it has alpha, opaque) the map counts
 ///   frame      from 0, or "canonical", as without it
-///   camera     a name out of `cameras`; or as in cameras.json (width, height, K, R, t); or orthographic (width, height,
-///              scale in pixels per metre, cx, cy, R, t)
-///   crop       [x, y, width, height] in the camera's pixels: what the map shows, at whatever size; else all of it, in its size
+///   camera     a name out of `cameras`; or as in cameras.json (width, height, K, R, t); or orthographic (width,
+///              height, scale in pixels per metre, cx, cy, R, t)
+///   crop       [x, y, width, height] in the camera's pixels: what the map shows, at whatever size; else all of it, in
+///              its size
 ///   person     a name out of `people`, or a number from 0, as without it
 ///
 /// Paths begin at the file's folder. Cameras see straight: a map of a distorted photograph must be straightened first.
 ///
 /// Shapes  result [max(1, people)], in their order.
-/// Errors  IoError, ShapeError, ValueError naming file, view and field: no such file, an unknown field, word, camera, person
-///         or frame, fields that exclude each other, sizes that do not match, a map in which nothing counts; what the
-///         readers of the maps say.
+/// Errors  IoError, ShapeError, ValueError naming file, view and field: no such file, an unknown field, word, camera,
+///         person or frame, fields that exclude each other, sizes that do not match, a map in which nothing counts;
+///         what the readers of the maps say.
 [[nodiscard]] inline std::vector<EstimatedPriors> read_prior_views(const std::filesystem::path& path,
                                                                    Span<const NamedCamera> cameras,
                                                                    std::size_t frame_count,
@@ -119,14 +120,20 @@ inline PriorCamera read_prior_camera(const JsonObject& view, Span<const NamedCam
     if (!object.has("scale")) {
         check_fields(json, where, {"name", "role", "width", "height", "K", "R", "t", "distortion"});
         const NamedCamera camera = read_camera_entry(json, where);
-        check_value(!camera.distortion, where, "has distortion, expected a camera that sees straight; straighten the map");
+        check_value(!camera.distortion, where,
+                    "has distortion, expected a camera that sees straight; straighten the map");
         return camera.camera;
     }
     check_fields(json, where, {"width", "height", "scale", "cx", "cy", "R", "t"});
     Camera<double> placed;
     read_extrinsics(object, placed);
-    const OrthographicCamera camera{placed.R, placed.t, object.number("scale"), object.number("cx"), object.number("cy"),
-                                    object.integer("width"), object.integer("height")};
+    const OrthographicCamera camera{placed.R,
+                                    placed.t,
+                                    object.number("scale"),
+                                    object.number("cx"),
+                                    object.number("cy"),
+                                    object.integer("width"),
+                                    object.integer("height")};
     check_camera(view.where(), "camera", camera);
     return camera;
 }
@@ -181,7 +188,8 @@ inline void restrict_prior(PriorMap& map, const std::filesystem::path& path) {
     const PixelImage mask = read_image(path);
     if (mask.width != map.mask.width || mask.height != map.mask.height)
         throw ShapeError(path.string() + " is " + std::to_string(mask.width) + " x " + std::to_string(mask.height) +
-                         " pixels, its map " + std::to_string(map.mask.width) + " x " + std::to_string(map.mask.height));
+                         " pixels, its map " + std::to_string(map.mask.width) + " x " +
+                         std::to_string(map.mask.height));
     bool opaque = true;
     for (std::size_t i = 3; i < mask.data.size(); i += 4) opaque = opaque && mask.data[i] == 255;
     for (std::size_t i = 0; i < map.mask.data.size(); ++i)
@@ -197,8 +205,9 @@ public:
     PriorViewEntry(const Json& json, std::string where, std::filesystem::path folder, Span<const NamedCamera> cameras,
                    std::size_t frame_count, Span<const std::string> people)
         : object_(json, std::move(where)), folder_(std::move(folder)) {
-        check_fields(json, object_.where(),
-                     {"normals", "encoding", "facing", "integrate", "depth", "mask", "frame", "camera", "crop", "person"});
+        check_fields(
+            json, object_.where(),
+            {"normals", "encoding", "facing", "integrate", "depth", "mask", "frame", "camera", "crop", "person"});
         if (!object_.has("normals") && !object_.has("depth"))
             throw IoError(object_.where() + ": names neither normals nor depth");
         for (const char* field : {"encoding", "facing", "integrate"})
@@ -274,8 +283,8 @@ private:
     [[nodiscard]] std::size_t index(const char* field, std::size_t count, const char* things) const {
         const int number = object_.integer(field);
         check_value(number >= 0 && static_cast<std::size_t>(number) < count, object_.where(),
-                    std::string(field) + " is " + std::to_string(number) + ", the capture has " + std::to_string(count) +
-                        " " + things + ", counted from 0");
+                    std::string(field) + " is " + std::to_string(number) + ", the capture has " +
+                        std::to_string(count) + " " + things + ", counted from 0");
         return static_cast<std::size_t>(number);
     }
     [[nodiscard]] bool read_integrate(NormalFacing facing) const {
@@ -284,7 +293,8 @@ private:
         if (!json.is_boolean())
             throw IoError(object_.where() + ": integrate is " + json.type_name() + ", expected true or false");
         const bool integrate = json.get<bool>();
-        check_value(!integrate || !object_.has("depth"), object_.where(), "integrate makes a depth of the normals; leave out depth");
+        check_value(!integrate || !object_.has("depth"), object_.where(),
+                    "integrate makes a depth of the normals; leave out depth");
         check_value(!integrate || facing == NormalFacing::viewer, object_.where(),
                     "integrate needs normals that face the viewer: the mesh's depth beside them is of the near side");
         return integrate;
@@ -293,7 +303,8 @@ private:
     [[nodiscard]] PriorView view(PriorMap map, const std::filesystem::path& file) const {
         const int width = map.mask.width, height = map.mask.height;
         PriorView result{crop_.empty() ? camera_ : crop_camera(camera_, crop_, width, height, object_.where()), {}, {}};
-        const auto [across, down] = std::visit([](const auto& c) { return std::array{c.width, c.height}; }, result.camera);
+        const auto [across, down] =
+            std::visit([](const auto& c) { return std::array{c.width, c.height}; }, result.camera);
         if (across != width || down != height)
             throw ShapeError(object_.where() + ": " + file.string() + " is " + std::to_string(width) + " x " +
                              std::to_string(height) + " pixels, its camera " + std::to_string(across) + " x " +
@@ -319,7 +330,8 @@ inline std::vector<EstimatedPriors> read_prior_views(const std::filesystem::path
     const detail::Json& list = detail::prior_view_list(json, path.string());
     std::vector<EstimatedPriors> result(std::max<std::size_t>(1, people.size()));
     for (std::size_t v = 0; v < list.size(); ++v)
-        detail::PriorViewEntry(list[v], detail::prior_view_name(path, v), path.parent_path(), cameras, frame_count, people)
+        detail::PriorViewEntry(list[v], detail::prior_view_name(path, v), path.parent_path(), cameras, frame_count,
+                               people)
             .add_to(result);
     return result;
 }

@@ -102,7 +102,8 @@ private:
     /// Sets R, and returns Rᵀ m.
     GSH_HD mat3<T> nearest(const mat3<T>& m) {
         // With a >= b >= |c| the eigenvalues of S, N's run from a + b + c down to c - a - b. A shift by more than
-        // -c <= 1, here 3/2, makes the wanted one the largest in magnitude; the factor keeps its powers in float's range.
+        // -c <= 1, here 3/2, makes the wanted one the largest in magnitude; the factor keeps its powers in float's
+        // range.
         const T h = T(ScalarOf<T>(1 / 2.6)), shift = T(1.5) * h;
         const T xx = m[0].x * h, yy = m[1].y * h, zz = m[2].z * h;
         const vec3<T> a = detail::axial(m) * h;

@@ -12,8 +12,8 @@
 
 namespace gsh {
 
-/// A map of an estimator and the moment that it shows. Which bones go with a frame, whoever makes the features knows: the
-/// rig may have fewer joints than the captured body.
+/// A map of an estimator and the moment that it shows. Which bones go with a frame, whoever makes the features knows:
+/// the rig may have fewer joints than the captured body.
 struct EstimatedView {
     PriorView view;
     std::optional<std::size_t> frame; ///< of the person's motion; without one the view's own bones hold

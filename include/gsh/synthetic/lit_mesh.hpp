@@ -55,7 +55,8 @@ public:
     }
 
     /// Follows one ray of sight; `key` and `index` choose the lamp's and the sky's sample. `color` is called with the
-    /// canonical position, and with the face if it takes one: of several people in one mesh, each has their own colours.
+    /// canonical position, and with the face if it takes one: of several people in one mesh, each has their own
+    /// colours.
     template <class Color>
     [[nodiscard]] Sight look(const vec3<float>& eye, const vec3<float>& direction, const Color& color,
                              std::uint64_t key, std::uint64_t index) const {

@@ -58,8 +58,8 @@ struct StudioActor {
     std::function<SurfaceColor(const vec3<double>&)> color = [](const vec3<double>& p) { return actor_color(p); };
 };
 
-/// Films several people at once: they hide each other, and throw shadows on each other. The capture's motion is the first
-/// one's, its alpha everybody's.
+/// Films several people at once: they hide each other, and throw shadows on each other. The capture's motion is the
+/// first one's, its alpha everybody's.
 /// Errors  as film; ShapeError unless all motions have the same number of frames.
 template <CpuBackend B>
 [[nodiscard]] Capture film(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params = {});
@@ -161,7 +161,8 @@ namespace detail {
 
 /// Films people whose meshes lie in one; color(p, face) is that of canonical position p on a face of all.
 template <CpuBackend B, class Color>
-Capture film_people(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params, const Color& color) {
+Capture film_people(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params,
+                    const Color& color) {
     check_value(!actors.empty(), "film", "there is nobody to film");
     const Motion& motion = *actors.front().motion;
     check_value(params.train_cameras > 0 && params.test_cameras >= 0, "film", "there must be a training camera");

@@ -58,10 +58,10 @@ struct AvatarConfig {
     /// The heads read γ(t) too: colours and displacements that change with the frame; a new motion gets their mean.
     bool head_time = false;
     /// Fine levels, which only points with a share in the region have (if the avatar is given one).
-    int fine_level = 12; ///< what lies below must still resolve a training pixel on the torso: 2.7 mm of a body of 1.8 m
+    int fine_level = 12; ///< what lies below must still resolve a training pixel of the torso, 2.7 mm
     bool separate_tables = false; ///< coarse and fine features from a table each
-    /// Factor on CanonicalPriors::features. Adam moves all weights equally fast, so this is how fast the network comes to lean
-    /// on them: at 1 they drown what the encoding learns point by point.
+    /// Factor on CanonicalPriors::features. Adam moves all weights equally fast, so this is how fast the network comes
+    /// to lean on them: at 1 they drown what the encoding learns point by point.
     double prior_scale = 0.1;
     AmbientOcclusion ao = AmbientOcclusion::none;
     std::uint32_t ao_table_size = 1u << 17;
@@ -69,8 +69,9 @@ struct AvatarConfig {
     double initial_ao = 1;
     Deformation deformation = Deformation::linear;
     double initial_opacity = 0.2;
-    /// Standard deviation along the surface's normal, in shares of that along the surface. 1 starts round and unturned, as
-    /// the direct baseline does (and samples without a normal); a round Gaussian stands half its width off the outline.
+    /// Standard deviation along the surface's normal, in shares of that along the surface. 1 starts round and unturned,
+    /// as the direct baseline does (and samples without a normal); a round Gaussian stands half its width off the
+    /// outline.
     double initial_thickness = 0.1;
     double bounds_margin = 1.05; ///< the fields' cube, in sizes of the points' bounding cube
     double sh_dc_scale = 60;     ///< the network's constant-colour outputs are multiplied by this
@@ -79,15 +80,16 @@ struct AvatarConfig {
 
 /// What a field is told of the canonical points beside their places. Either may be empty.
 ///
-/// Shapes  region [N], τ of a RegionMask in [0, 1]; features [N, any number] row-major: depths and normals of prior views.
+/// Shapes  region [N], τ of a RegionMask in [0, 1]; features [N, any number] row-major: depths and normals of prior
+///         views.
 struct CanonicalPriors {
     std::vector<double> region;
     std::vector<double> features;
 };
 
-/// What a pass is told of its frame. An empty `ao` leaves ambient occlusion out: ao = 1. Where shadows follow the pose, the
-/// pose that the model is asked for puts its own numbers in the place of ao's, so that a pose that is refined takes its
-/// shadows along.
+/// What a pass is told of its frame. An empty `ao` leaves ambient occlusion out: ao = 1. Where shadows follow the pose,
+/// the pose that the model is asked for puts its own numbers in the place of ao's, so that a pose that is refined takes
+/// its shadows along.
 ///
 /// Shapes  head [AvatarModel::head_code_size()], ao [AvatarModel::ao_code_size()] in the backend's memory.
 template <class T>
@@ -174,14 +176,16 @@ public:
     AvatarModel(B& backend, const RigData& rig, const SurfaceSamples& samples, std::uint64_t seed,
                 const AvatarConfig& config = {}, const CanonicalPriors& priors = {})
         : backend_(&backend), config_(config), rig_(backend, rig), count_(samples.size()) {
-        check_size("AvatarModel", "samples", samples.size(), rig.point_count(), "the rig must be made of these samples");
+        check_size("AvatarModel", "samples", samples.size(), rig.point_count(),
+                   "the rig must be made of these samples");
         check_size("AvatarModel", "samples.normals", samples.normals.size(), count_, "one per sample");
         check_value(count_ > 0, "AvatarModel", "there are no samples, expected at least one");
         check_value(config.initial_opacity > 0 && config.initial_opacity < 1, "AvatarModel",
                     "initial_opacity must lie between 0 and 1");
         check_value(config.initial_thickness > 0 && config.initial_thickness <= 1, "AvatarModel",
                     "initial_thickness must lie above 0 and be at most 1");
-        check_value(config.prior_scale > 0 && std::isfinite(config.prior_scale), "AvatarModel", "prior_scale must be above 0");
+        check_value(config.prior_scale > 0 && std::isfinite(config.prior_scale), "AvatarModel",
+                    "prior_scale must be above 0");
         check_value(config.initial_ao > 0 && config.initial_ao < config.largest_ao, "AvatarModel",
                     "initial_ao must lie between 0 and largest_ao");
         check_value(config.bounds_margin >= 1 && std::isfinite(config.bounds_margin), "AvatarModel",
@@ -189,7 +193,8 @@ public:
         if (!priors.region.empty()) {
             check_size("AvatarModel", "priors.region", priors.region.size(), count_, "one τ per sample, or none");
             check_value(config.fine_level >= 0 && config.fine_level <= Levels, "AvatarModel",
-                        "fine_level is " + std::to_string(config.fine_level) + ", expected 0 to " + std::to_string(Levels));
+                        "fine_level is " + std::to_string(config.fine_level) + ", expected 0 to " +
+                            std::to_string(Levels));
         }
         check_value(priors.features.size() % count_ == 0, "AvatarModel",
                     "priors.features must hold the same number of features for every sample");
@@ -282,13 +287,14 @@ public:
                   const FrameCode<T>& code = {}) {
         start(cache.dL_docclusion, cache.occlusion.size(), T(0));
         if (head_) start(cache.dL_dhead, head_outputs_.size(), vec3<T>(T(0)));
-        SkinnedView<T> dL_dgaussians{.quats = view_as<quat<T>>(Span<T>(dL_dparameters[ParameterGroup::quats])),
-                                     .log_scales = view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::log_scales])),
-                                     .opacity_logits = dL_dparameters[ParameterGroup::opacity_logits],
-                                     .sh = config_.hash_sh ? Span<vec3<T>>(cache.dL_dhead)
-                                                           : view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::sh])),
-                                     .ao = cache.dL_docclusion,
-                                     .sh_stride = sh_stride()};
+        SkinnedView<T> dL_dgaussians{
+            .quats = view_as<quat<T>>(Span<T>(dL_dparameters[ParameterGroup::quats])),
+            .log_scales = view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::log_scales])),
+            .opacity_logits = dL_dparameters[ParameterGroup::opacity_logits],
+            .sh = config_.hash_sh ? Span<vec3<T>>(cache.dL_dhead)
+                                  : view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::sh])),
+            .ao = cache.dL_docclusion,
+            .sh_stride = sh_stride()};
         rig_backward(pose, center, dL_dsplats, cache, dL_dgaussians,
                      view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::joints])), dL_dpose, dL_dcenter);
 
@@ -307,10 +313,12 @@ public:
                                     dL_dparameters[ParameterGroup::displacement_table],
                                     dL_dparameters[ParameterGroup::displacement_network], inputs);
         else if (config_.hash_displacement)
-            backend_->for_each(count_, detail::DisplacementGradient<T>{cache.dL_dmeans, head_stride(),
-                                                                       displacement_part(Span<vec3<T>>(cache.dL_dhead))});
+            backend_->for_each(count_,
+                               detail::DisplacementGradient<T>{cache.dL_dmeans, head_stride(),
+                                                               displacement_part(Span<vec3<T>>(cache.dL_dhead))});
         else
-            backend_->for_each(3 * count_, detail::Accumulate<T>{scalars(cache.dL_dmeans), dL_dparameters[ParameterGroup::displacements]});
+            backend_->for_each(3 * count_, detail::Accumulate<T>{scalars(cache.dL_dmeans),
+                                                                 dL_dparameters[ParameterGroup::displacements]});
         if (config_.hash_sh)
             backend_->for_each(count_, detail::ScaleConstant<T>{cache.dL_dhead, head_stride(), T(config_.sh_dc_scale)});
         if (head_)
@@ -319,12 +327,14 @@ public:
     }
 
     /// Adjoint of pose with respect to the pose alone, the avatar being what it is.
-    void pose_backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
-                       const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
-        const bool shadows_move = config_.ao == AmbientOcclusion::pose && cache.occlusion.size() && !dL_dpose.pose.empty();
+    void pose_backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
+                       Cache& cache, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
+        const bool shadows_move =
+            config_.ao == AmbientOcclusion::pose && cache.occlusion.size() && !dL_dpose.pose.empty();
         start(cache.dL_djoints, rig_.joint_count(), vec3<T>(T(0)));
         start(cache.dL_docclusion, shadows_move ? count_ : 0, T(0));
-        rig_backward(pose, center, dL_dsplats, cache, {.ao = cache.dL_docclusion}, cache.dL_djoints, dL_dpose, dL_dcenter);
+        rig_backward(pose, center, dL_dsplats, cache, {.ao = cache.dL_docclusion}, cache.dL_djoints, dL_dpose,
+                     dL_dcenter);
         if (!shadows_move) return;
         const Span<const T> features(cache.ao.features);
         start(cache.dL_dao_network, ao_->mlp().parameter_count(), T(0));
@@ -353,7 +363,8 @@ public:
         backend_->for_each(count_, displaced_means(means));
         backend_->download(Span<const vec3<T>>(means), cloud.means);
         backend_->download(view_as<const quat<T>>(Span<const T>(parameters_[ParameterGroup::quats])), cloud.quats);
-        backend_->download(view_as<const vec3<T>>(Span<const T>(parameters_[ParameterGroup::log_scales])), cloud.log_scales);
+        backend_->download(view_as<const vec3<T>>(Span<const T>(parameters_[ParameterGroup::log_scales])),
+                           cloud.log_scales);
         backend_->download(Span<const T>(parameters_[ParameterGroup::opacity_logits]), cloud.opacity_logits);
         std::vector<vec3<T>> sh(sh_view().size());
         backend_->download(sh_view(), Span<vec3<T>>(sh));
@@ -363,8 +374,8 @@ public:
         return cloud;
     }
 
-    /// The avatar as it is now, for files and for Avatar: `rig` with the learned joints, and canonical Gaussians (those of
-    /// the last update_canonical, or a mean over frames). `filter` is what they were trained with.
+    /// The avatar as it is now, for files and for Avatar: `rig` with the learned joints, and canonical Gaussians (those
+    /// of the last update_canonical, or a mean over frames). `filter` is what they were trained with.
     [[nodiscard]] AvatarData avatar(RigData rig, GaussianCloud<T> gaussians, const PixelFilter& filter) const
         requires std::same_as<T, float>
     {
@@ -378,8 +389,8 @@ public:
                 .deformation = config_.deformation};
     }
 
-    /// The field of shadows that follow the pose, for AvatarData; nothing where shadows know the time or none, or where the
-    /// network is a single matrix.
+    /// The field of shadows that follow the pose, for AvatarData; nothing where shadows know the time or none, or where
+    /// the network is a single matrix.
     [[nodiscard]] std::optional<OcclusionFieldData> occlusion_field() const
         requires std::same_as<T, float>
     {
@@ -388,8 +399,8 @@ public:
         ao_->grid().forward(*backend_, parameters_[ParameterGroup::ao_table], ao_query_.grids[0],
                             row_major(Span<T>(encoding), Grid::output_count));
         return bake_occlusion_field(*backend_, ao_->mlp(), Span<const T>(parameters_[ParameterGroup::ao_network]),
-                                    FeatureView<const T>(row_major(Span<const T>(encoding), Grid::output_count)), occlusion_bias(),
-                                    config_.largest_ao);
+                                    FeatureView<const T>(row_major(Span<const T>(encoding), Grid::output_count)),
+                                    occlusion_bias(), config_.largest_ao);
     }
 
     /// Learned joints [J] in the backend's memory.
@@ -403,7 +414,9 @@ private:
     [[nodiscard]] bool joint() const {
         return config_.heads == Heads::joint && config_.hash_sh && config_.hash_displacement;
     }
-    [[nodiscard]] ParameterGroup head_table() const { return joint() ? ParameterGroup::joint_table : ParameterGroup::sh_table; }
+    [[nodiscard]] ParameterGroup head_table() const {
+        return joint() ? ParameterGroup::joint_table : ParameterGroup::sh_table;
+    }
     [[nodiscard]] ParameterGroup head_network() const {
         return joint() ? ParameterGroup::joint_network : ParameterGroup::sh_network;
     }
@@ -411,7 +424,9 @@ private:
     [[nodiscard]] std::size_t head_stride() const { return basis_count + (joint() ? 1u : 0u); }
     [[nodiscard]] std::size_t sh_stride() const { return config_.hash_sh ? head_stride() : basis_count; }
     template <class V>
-    [[nodiscard]] static Span<V> displacement_part(Span<V> head_rows) { return head_rows.subspan(basis_count, head_rows.size() - basis_count); }
+    [[nodiscard]] static Span<V> displacement_part(Span<V> head_rows) {
+        return head_rows.subspan(basis_count, head_rows.size() - basis_count);
+    }
 
     [[nodiscard]] Span<const vec3<T>> sh_view() const {
         return config_.hash_sh ? Span<const vec3<T>>(head_outputs_)
@@ -420,7 +435,8 @@ private:
     [[nodiscard]] detail::DisplacedMeans<T> displaced_means(Span<vec3<T>> means) const {
         if (joint()) return {positions_, displacement_part(Span<const vec3<T>>(head_outputs_)), head_stride(), means};
         if (displacement_) return {positions_, displacements_, 1, means};
-        return {positions_, view_as<const vec3<T>>(Span<const T>(parameters_[ParameterGroup::displacements])), 1, means};
+        return {positions_, view_as<const vec3<T>>(Span<const T>(parameters_[ParameterGroup::displacements])), 1,
+                means};
     }
 
     static Span<T> scalars(Buffer<vec3<T>>& buffer) { return view_as<T>(Span<vec3<T>>(buffer)); }
@@ -441,10 +457,11 @@ private:
         buffer.resize(size);
         backend_->fill(Span(buffer.data(), buffer.size()), zero);
     }
-    /// From splats back to what they were posed from: adds to dL_dgaussians' attributes, and overwrites cache.dL_dmeans.
-    void rig_backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
-                      SkinnedView<T> dL_dgaussians, Span<vec3<T>> dL_djoints, const RigPoseGradient<T>& dL_dpose,
-                      Span<vec3<T>> dL_dcenter) {
+    /// From splats back to what they were posed from: adds to dL_dgaussians' attributes, and overwrites
+    /// cache.dL_dmeans.
+    void rig_backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
+                      Cache& cache, SkinnedView<T> dL_dgaussians, Span<vec3<T>> dL_djoints,
+                      const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter) {
         start(cache.dL_dmeans, count_, vec3<T>(T(0)));
         start(cache.dL_dbones, rig_.joint_count(), Affine<T>::zero());
         dL_dgaussians.means = cache.dL_dmeans;
@@ -458,8 +475,8 @@ private:
     [[nodiscard]] double occlusion_bias() const { return logit(config_.initial_ao / config_.largest_ao); }
     void query_occlusion(Span<const T> code, Cache& cache) {
         cache.occlusion.resize(count_);
-        ao_->forward(*backend_, parameters_[ParameterGroup::ao_table], parameters_[ParameterGroup::ao_network], ao_query_,
-                     cache.occlusion, cache.ao, {{}, code});
+        ao_->forward(*backend_, parameters_[ParameterGroup::ao_table], parameters_[ParameterGroup::ao_network],
+                     ao_query_, cache.occlusion, cache.ao, {{}, code});
         backend_->for_each(count_, detail::OcclusionFromLogit<T>{cache.occlusion,
                                                                static_cast<T>(occlusion_bias()),
                                                                T(config_.largest_ao)});
@@ -476,7 +493,8 @@ private:
     }
     /// Zeros for the gradient of the pose's numbers, if anybody asks for it.
     [[nodiscard]] Span<T> start_pose_code(Cache& cache, const RigPoseGradient<T>& dL_dpose) {
-        start(cache.dL_dpose_code, config_.ao == AmbientOcclusion::pose && !dL_dpose.pose.empty() ? ao_code_size() : 0, T(0));
+        start(cache.dL_dpose_code, config_.ao == AmbientOcclusion::pose && !dL_dpose.pose.empty() ? ao_code_size() : 0,
+              T(0));
         return cache.dL_dpose_code;
     }
     /// Carries that gradient to the pose.
@@ -495,7 +513,8 @@ private:
     /// Fields and what they start with; each draws from a stream of random numbers of its own, all from the one seed.
     void make_fields(std::uint64_t seed, std::size_t feature_count) {
         const auto make = [&](int outputs, ParameterGroup table, ParameterGroup network, std::uint64_t stream,
-                              std::uint32_t table_size, std::size_t point_inputs, std::size_t shared_inputs, std::size_t tables) {
+                              std::uint32_t table_size, std::size_t point_inputs, std::size_t shared_inputs,
+                              std::size_t tables) {
             Field field({.base = config_.hash_base, .growth = config_.hash_growth, .table_size = table_size},
                         {.outputs = outputs, .width = config_.mlp_width, .hidden_layers = config_.mlp_hidden_layers},
                         point_inputs, shared_inputs);
@@ -522,19 +541,23 @@ private:
         const std::size_t tables = query_.grids.size(), code = head_code_size();
         constexpr int colors = 3 * basis_count;
         if (joint())
-            head_.emplace(make(colors + 3, ParameterGroup::joint_table, ParameterGroup::joint_network, 5, size, feature_count, code, tables));
+            head_.emplace(make(colors + 3, ParameterGroup::joint_table, ParameterGroup::joint_network, 5, size,
+                               feature_count, code, tables));
         else if (config_.hash_sh)
-            head_.emplace(make(colors, ParameterGroup::sh_table, ParameterGroup::sh_network, 3, size, feature_count, code, tables));
+            head_.emplace(make(colors, ParameterGroup::sh_table, ParameterGroup::sh_network, 3, size, feature_count,
+                               code, tables));
         if (config_.hash_displacement && !joint())
-            displacement_.emplace(make(3, ParameterGroup::displacement_table, ParameterGroup::displacement_network, 1, size,
-                                       feature_count, code, tables));
+            displacement_.emplace(make(3, ParameterGroup::displacement_table, ParameterGroup::displacement_network, 1,
+                                       size, feature_count, code, tables));
         if (head_) silence(*head_, head_network());
         if (displacement_) silence(*displacement_, ParameterGroup::displacement_network);
         if (!config_.hash_displacement) set(ParameterGroup::displacements, std::vector<T>(3 * count_, T(0)));
         if (!config_.hash_sh) set(ParameterGroup::sh, std::vector<T>(colors * count_, T(0)));
         if (config_.ao != AmbientOcclusion::none) {
-            const std::size_t inputs = config_.ao == AmbientOcclusion::time ? TimeEncoding::output_count : 9 * (rig_.joint_count() - 1);
-            ao_.emplace(make(1, ParameterGroup::ao_table, ParameterGroup::ao_network, 7, config_.ao_table_size, 0, inputs, 1));
+            const std::size_t inputs =
+                config_.ao == AmbientOcclusion::time ? TimeEncoding::output_count : 9 * (rig_.joint_count() - 1);
+            ao_.emplace(
+                make(1, ParameterGroup::ao_table, ParameterGroup::ao_network, 7, config_.ao_table_size, 0, inputs, 1));
             Buffer<vec3<T>> points(unit_.size());
             backend_->upload(Span<const vec3<T>>(unit_), points);
             ao_->prepare(*backend_, Span<const vec3<T>>(points), ao_query_);
@@ -572,7 +595,9 @@ private:
         backend_->upload(Span<const T>(features), features_);
         backend_->upload(Span<const T>(region), region_here);
         backend_->upload(Span<const vec3<T>>(unit_), points);
-        const Field geometry({.base = config_.hash_base, .growth = config_.hash_growth, .table_size = config_.hash_table_size}, {.outputs = 1});
+        const Field geometry(
+            {.base = config_.hash_base, .growth = config_.hash_growth, .table_size = config_.hash_table_size},
+            {.outputs = 1});
         geometry.prepare(*backend_, Span<const vec3<T>>(points), query_,
                          MultiScale<T>{priors.region.empty() ? 0 : config_.fine_level, config_.separate_tables,
                                        Span<const T>(region_here)});

@@ -47,7 +47,8 @@ public:
         return {.color = color_, .image = {plate_, 3, height_, width_}};
     }
 
-    /// A photograph [height, width, 4] over its plate or the colour, as color [3, height, width] and, if asked, its mask.
+    /// A photograph [height, width, 4] over its plate or the colour, as color [3, height, width] and, if asked, its
+    /// mask.
     /// Errors  ShapeError.
     void photograph(B& backend, Span<const std::uint8_t> rgba, Span<const std::uint8_t> plate,
                     const ImageView<T>& color, const ImageView<T>& alpha = {}) {

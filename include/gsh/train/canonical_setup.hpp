@@ -37,12 +37,14 @@ struct CanonicalSetup {
 };
 
 /// `count` Gaussians on the body in the motion's shape, and what goes with them. Estimated views, where there are any,
-/// take the place of the mesh's; their frames are those of `motion`. A body without triangles gets a Gaussian per vertex, and neither region nor features.
+/// take the place of the mesh's; their frames are those of `motion`. A body without triangles gets a Gaussian per
+/// vertex, and neither region nor features.
 /// Errors  those of the parts: lists that name no vertex, nothing to sample, views that do not fit.
 template <CpuBackend B>
 [[nodiscard]] CanonicalSetup make_canonical_setup(B& backend, const BodyModel& body, const Motion& motion,
                                                   const Configuration& config, std::size_t count, std::uint64_t seed,
-                                                  const RegionLists& regions = {}, const EstimatedPriors& estimated = {}) {
+                                                  const RegionLists& regions = {},
+                                                  const EstimatedPriors& estimated = {}) {
     std::optional<BodyModel> merged;
     CanonicalSetup setup{.motion = motion, .samples = {}, .rig = {}, .priors = {}};
     if (config.joints == JointSet::trunk_and_limbs) {
@@ -63,7 +65,8 @@ template <CpuBackend B>
     if (config.region_samples || config.multi_scale) mask = region_mask(body, vertices, regions, config.region);
     const std::vector<double> per_vertex = config.region_samples ? mask->samples_per_vertex()
                                                                  : std::vector<double>(vertices.size(), 1.0);
-    setup.samples = sample_surface(mover, vertices, per_vertex, mix_bits(seed), {.total = count, .weights = config.sample_weights});
+    setup.samples =
+        sample_surface(mover, vertices, per_vertex, mix_bits(seed), {.total = count, .weights = config.sample_weights});
     setup.rig = make_rig(mover, motion.betas, setup.samples);
 
     const std::size_t N = setup.samples.size();
@@ -87,7 +90,8 @@ template <CpuBackend B>
     }
     for (std::size_t i = 0; i < N; ++i)
         for (const auto& [width, values] : columns)
-            setup.priors.features.insert(setup.priors.features.end(), values.begin() + static_cast<std::ptrdiff_t>(i * width),
+            setup.priors.features.insert(setup.priors.features.end(),
+                                         values.begin() + static_cast<std::ptrdiff_t>(i * width),
                                          values.begin() + static_cast<std::ptrdiff_t>((i + 1) * width));
     return setup;
 }

@@ -41,8 +41,8 @@ void for_each_trained(TrainerType& trainer, const F& f) {
 
 } // namespace detail
 
-/// Adds a trainer's state to an archive: everybody's parameters and moments, steps, and the seed by which load_trainer tells
-/// whose it is.
+/// Adds a trainer's state to an archive: everybody's parameters and moments, steps, and the seed by which load_trainer
+/// tells whose it is.
 template <class TrainerType>
 void add_trainer(ArchiveWriter& file, TrainerType& trainer) {
     using T = typename TrainerType::Scalar;
@@ -94,18 +94,20 @@ void load_trainer(const ArchiveReader& file, TrainerType& trainer) {
     using T = typename TrainerType::Scalar;
     const auto seed = file.read_number<std::uint64_t>("seed");
     check_value(seed == trainer.seed(), file.file().path().string(),
-                "was made with seed " + std::to_string(seed) + ", not " + std::to_string(trainer.seed()) + "; resume with that seed");
+                "was made with seed " + std::to_string(seed) + ", not " + std::to_string(trainer.seed()) +
+                    "; resume with that seed");
     const std::uint64_t people = file.has("people") ? file.read_number<std::uint64_t>("people") : 1;
     check_value(people == trainer.person_count(), file.file().path().string(),
-                "was made for a scene of " + std::to_string(people) + " people, not " + std::to_string(trainer.person_count()) +
-                    "; resume with the poses of the first run");
+                "was made for a scene of " + std::to_string(people) + " people, not " +
+                    std::to_string(trainer.person_count()) + "; resume with the poses of the first run");
     // All of it is read before any of it is taken over.
     std::vector<std::vector<T>> values;
     detail::for_each_trained(trainer, [&](std::string_view what, auto& parameters) {
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
             const std::string key = detail::trained_key(what, g);
             values.push_back(file.read<T>(key).data);
-            check_size(file.file().path().string(), key, values.back().size(), parameters[static_cast<ParameterGroup>(g)].size(),
+            check_size(file.file().path().string(), key, values.back().size(),
+                       parameters[static_cast<ParameterGroup>(g)].size(),
                        "resume with the options and the input of the first run");
         }
     });

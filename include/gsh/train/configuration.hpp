@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Ways of reconstructing a person, as plain data with names: the paper's, its baseline's, and what lies between.
+/// @file  Ways of reconstructing a person, as plain data with names: the paper's, its baseline's, what lies between.
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>
@@ -52,8 +52,8 @@ struct Configuration {
     double test_mask_weight = 0; ///< PoseFitParams::mask_weight of that fit
 };
 
-/// Names that named_configuration knows: the paper's method, its direct baseline with a body's 22 joints and with all of
-/// them, and the paper's less one part each.
+/// Names that named_configuration knows: the paper's method, its direct baseline with a body's 22 joints and with all
+/// of them, and the paper's less one part each.
 inline constexpr std::array<std::string_view, 11> configuration_names{
     "paper",         "baseline", "baseline-x",    "no-ao",     "no-hash-sh", "no-hash-vd",
     "no-multiscale", "no-depth", "no-normals", "smpl-init", "pose-ao"};
@@ -257,7 +257,8 @@ void set_setting(C& c, std::string_view key, const std::string& text, const std:
         found = true;
         detail::set_from_text(where + ": " + std::string(key), text, value);
     });
-    if (!found) throw ValueError(where + ": there is no setting '" + std::string(key) + "'; docs/configurations.md lists them");
+    if (!found)
+        throw ValueError(where + ": there is no setting '" + std::string(key) + "'; docs/configurations.md lists them");
 }
 
 /// Text of each setting, in order: what a report prints.

@@ -49,12 +49,15 @@ bool set_settings(C& configuration, const std::filesystem::path& path) {
 
 /// A configuration by name, or of a file: what looks like a path is one.
 [[nodiscard]] inline Configuration find_configuration(const std::string& name_or_path) {
-    return detail::is_configuration_file(name_or_path) ? read_configuration(name_or_path) : named_configuration(name_or_path);
+    return detail::is_configuration_file(name_or_path) ? read_configuration(name_or_path)
+                                                       : named_configuration(name_or_path);
 }
 
-/// Whether a name or a file stands for a static scene, which is configured apart: "static", or {"configuration": "static", …}.
+/// Whether a name or a file stands for a static scene, which is configured apart: "static", or {"configuration":
+/// "static", …}.
 [[nodiscard]] inline bool is_static_configuration(const std::string& name_or_path) {
-    return (detail::is_configuration_file(name_or_path) ? detail::configuration_of_file(name_or_path) : name_or_path) == "static";
+    return (detail::is_configuration_file(name_or_path) ? detail::configuration_of_file(name_or_path) : name_or_path) ==
+           "static";
 }
 
 /// The settings of a static scene for a run of so many steps, and those that differ in a file, if it is one.

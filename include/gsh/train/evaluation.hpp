@@ -37,7 +37,8 @@ struct ImageScore {
     ImageScore mean{.name = "mean"};
     double lpips = 0;
     for (const ImageScore& score : scores)
-        mean.psnr += score.psnr, mean.ssim += score.ssim, mean.psnr_person += score.psnr_person, lpips += score.lpips.value_or(0);
+        mean.psnr += score.psnr, mean.ssim += score.ssim, mean.psnr_person += score.psnr_person,
+            lpips += score.lpips.value_or(0);
     for (double* sum : {&mean.psnr, &mean.ssim, &mean.psnr_person}) *sum /= static_cast<double>(scores.size());
     if (!scores.empty() && scores.front().lpips) mean.lpips = lpips / static_cast<double>(scores.size());
     return mean;

@@ -12,7 +12,8 @@
 namespace gsh {
 
 /// All people of a trainer at one frame, fields queried, appearance as it is; `person` takes the pose that PoseFit asks
-/// for, the others stand where the trainer has them and hide or are hidden as they do. With one person it is FrozenFrame.
+/// for, the others stand where the trainer has them and hide or are hidden as they do. With one person it is
+/// FrozenFrame.
 template <class TrainerType>
 struct FrozenScene {
     using Model = typename TrainerType::ModelType;
@@ -27,7 +28,8 @@ struct FrozenScene {
     void pose(const auto& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) const {
         for (std::size_t other = 0; other < trainer->person_count(); ++other)
             if (other != person) trainer->pose_person(other, frame, center, splats);
-        trainer->model(person).pose(pose, center, trainer->part(person, splats), cache, trainer->frame_code(frame, person));
+        trainer->model(person).pose(pose, center, trainer->part(person, splats), cache,
+                                    trainer->frame_code(frame, person));
     }
     void pose_backward(const auto& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
                        const RigPoseGradient<T>& dL_dpose) const {

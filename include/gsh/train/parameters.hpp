@@ -12,7 +12,8 @@
 
 namespace gsh {
 
-/// Parameters that share a learning rate. Which of them an avatar has depends on its configuration; the others are empty.
+/// Parameters that share a learning rate. Which of them an avatar has depends on its configuration; the others are
+/// empty.
 enum class ParameterGroup : std::size_t {
     joints,               ///< [J, 3] rest positions, metres
     quats,                ///< [N, 4] w, x, y, z
@@ -31,8 +32,9 @@ enum class ParameterGroup : std::size_t {
 };
 
 inline constexpr std::array<std::string_view, 14> parameter_group_names{
-    "joints",      "quats",         "log_scales",         "opacity_logits",       "displacements", "sh",         "joint_table",
-    "joint_network", "displacement_table", "displacement_network", "sh_table",      "sh_network", "ao_table",    "ao_network"};
+    "joints",   "quats",       "log_scales",    "opacity_logits",     "displacements",
+    "sh",       "joint_table", "joint_network", "displacement_table", "displacement_network",
+    "sh_table", "sh_network",  "ao_table",      "ao_network"};
 inline constexpr std::size_t parameter_group_count = parameter_group_names.size();
 
 /// One array of numbers per group, in the backend's memory.
@@ -42,7 +44,9 @@ public:
     using Buffer = typename B::template Buffer<T>;
 
     [[nodiscard]] Buffer& operator[](ParameterGroup group) { return groups_[static_cast<std::size_t>(group)]; }
-    [[nodiscard]] const Buffer& operator[](ParameterGroup group) const { return groups_[static_cast<std::size_t>(group)]; }
+    [[nodiscard]] const Buffer& operator[](ParameterGroup group) const {
+        return groups_[static_cast<std::size_t>(group)];
+    }
 
     /// Takes the sizes of another set and becomes zero.
     void become_zero_like(B& backend, const Parameters& other) {

@@ -13,8 +13,8 @@ namespace gsh {
 
 /// One photograph of the person: who took it, when, and its pixels.
 ///
-/// Shapes  rgba [height, width, 4] straight alpha; alpha is the person's mask. plate likewise, opaque: what the camera sees
-///         without the person, or empty for a plain background. The caller owns both.
+/// Shapes  rgba [height, width, 4] straight alpha; alpha is the person's mask. plate likewise, opaque: what the camera
+///         sees without the person, or empty for a plain background. The caller owns both.
 struct Photo {
     std::string name;
     Camera<double> camera;

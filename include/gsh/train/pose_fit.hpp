@@ -74,8 +74,9 @@ public:
 
     /// filter: what the avatar was trained with (AvatarData::filter).
     PoseFit(B& backend, Model& model, const PixelFilter& filter, const Params& params = {})
-        : backend_(&backend), model_(&model), params_(params), backdrop_(params.background), rasterizer_(backend, raster_params<T>(filter)),
-          loss_(backend, {.ssim_weight = T(params.ssim_weight)}), mask_loss_(backend) {
+        : backend_(&backend), model_(&model), params_(params), backdrop_(params.background),
+          rasterizer_(backend, raster_params<T>(filter)), loss_(backend, {.ssim_weight = T(params.ssim_weight)}),
+          mask_loss_(backend) {
         check_value(params.mask_weight >= 0, "PoseFit", "mask_weight must not be negative");
     }
 

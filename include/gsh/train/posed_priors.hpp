@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  An estimator's views with the bones of the frames that they show, held against the body that should be in them.
+/// @file  An estimator's views with the bones of the frames that they show, held against the body in them.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -20,8 +20,8 @@
 
 namespace gsh {
 
-/// Who is in an estimator's maps: the person as captured, whose mesh is seen, and what moves the Gaussians, whose joints the
-/// samples' weights are of. Both are the same unless joints were merged.
+/// Who is in an estimator's maps: the person as captured, whose mesh is seen, and what moves the Gaussians, whose
+/// joints the samples' weights are of. Both are the same unless joints were merged.
 struct SeenPerson {
     const BodyModel& body;
     const Motion& motion;
@@ -30,16 +30,18 @@ struct SeenPerson {
 };
 
 /// φ_n's views: the estimator's normals, each with its frame's bones.
-/// Errors  ValueError for a frame that there is not, or a map that does not lie on the body; what check_prior_view says.
+/// Errors  ValueError for a frame that there is not, or a map that does not lie on the body; what check_prior_view
+///         says.
 template <CpuBackend B>
 [[nodiscard]] std::vector<PriorView> posed_normals(B& backend, const SeenPerson& person,
                                                    const EstimatedPriors& estimated);
 
-/// φ_d's views: the estimator's depths, then those that are integrated from normals which ask for it, with the depth of the
-/// body's posed mesh as prior.
+/// φ_d's views: the estimator's depths, then those that are integrated from normals which ask for it, with the depth of
+/// the body's posed mesh as prior.
 /// Errors  the same; for differences of depth also ValueError for depths half a metre off the body: other units.
 template <CpuBackend B>
-[[nodiscard]] std::vector<PriorView> posed_depths(B& backend, const SeenPerson& person, const EstimatedPriors& estimated,
+[[nodiscard]] std::vector<PriorView> posed_depths(B& backend, const SeenPerson& person,
+                                                  const EstimatedPriors& estimated,
                                                   DepthFeature feature = DepthFeature::difference);
 
 // -------------------------------------------------------------------------------------------------------------
@@ -76,7 +78,8 @@ inline void check_overlap(const EstimatedView& estimate, const PriorView& mesh) 
     std::size_t of_map = 0, of_body = 0, both = 0;
     for (std::size_t i = 0; i < map.size(); ++i)
         of_map += map[i] != 0, of_body += body[i] != 0, both += map[i] && body[i];
-    check_value(of_body > 0, estimate.name, "its camera sees nothing of the body in that pose; is it another frame or camera?");
+    check_value(of_body > 0, estimate.name,
+                "its camera sees nothing of the body in that pose; is it another frame or camera?");
     check_value(10 * both > std::min(of_map, of_body), estimate.name,
                 "its map does not lie on the body: of " + std::to_string(of_map) + " pixels that count and " +
                     std::to_string(of_body) + " that show the body " + std::to_string(both) +

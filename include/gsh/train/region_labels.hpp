@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Which part of which posed body each pixel of a view shows, so that faces, hands and people can be judged apart.
+/// @file  Which part of which posed body each pixel shows, so that faces, hands and people can be judged apart.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -107,7 +107,8 @@ struct LabelledBody {
 /// stands in front. Of surfaces at equal depth the first person's is seen.
 /// Errors  as region_labels.
 template <CpuBackend B>
-[[nodiscard]] std::vector<RegionLabels> people_labels(B& backend, Span<const LabelledBody> people, const Camera<double>& camera) {
+[[nodiscard]] std::vector<RegionLabels> people_labels(B& backend, Span<const LabelledBody> people,
+                                                      const Camera<double>& camera) {
     std::vector<vec3<double>> vertices;
     std::vector<std::array<int, 3>> faces;
     std::vector<int> region_of;
@@ -132,9 +133,9 @@ template <CpuBackend B>
     return result;
 }
 
-/// Whose each pixel of a photograph is: a mask for each person, 1 where `everybody`, the photograph's alpha, exceeds 1/2 and
-/// the pixel is theirs. What a body covers is whose body is seen there; with `clothes`, the rest goes to whom the fewest
-/// steps from pixel to pixel within the mask lead, so that hair and skirts have an owner.
+/// Whose each pixel of a photograph is: a mask for each person, 1 where `everybody`, the photograph's alpha, exceeds
+/// 1/2 and the pixel is theirs. What a body covers is whose body is seen there; with `clothes`, the rest goes to whom
+/// the fewest steps from pixel to pixel within the mask lead, so that hair and skirts have an owner.
 ///
 /// Shapes  labels as of people_labels, one per person; everybody [1, height, width].
 template <class T>

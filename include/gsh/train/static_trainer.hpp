@@ -231,8 +231,8 @@ private:
         dL_dsplats_.resize(size());
         const SplatView<T> gradient = dL_dsplats_.view();
         fill_zero(*backend_, gradient);
-        rasterizer_.backward(camera, std::as_const(splats_).view(), backdrop_.background(), {.color = images_.dL_drender()},
-                             raster_cache_, gradient);
+        rasterizer_.backward(camera, std::as_const(splats_).view(), backdrop_.background(),
+                             {.color = images_.dL_drender()}, raster_cache_, gradient);
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
             static_splats_backward<decltype(degree)::value>(*backend_, std::as_const(gaussians_).view(),
                                                             camera.center(), std::as_const(dL_dsplats_).view(),

@@ -45,7 +45,7 @@ struct LearningRates {
     double displacement = 5e-4;           ///< table and network of the displacement field; its rows in a joint network
     double sh = 2e-3;                     ///< table and network of the colour field, or of the joint one
     double stored_displacements = 1.6e-4; ///< δx of each Gaussian, where no field gives it; metres, as 3DGS moves means
-    double stored_sh = 2.5e-3;            ///< constant colour of each Gaussian, where no field gives it; the bands a 20th of it
+    double stored_sh = 2.5e-3; ///< constant colour of each Gaussian, where no field gives it; the bands a 20th of it
     double ao = 5e-3;                     ///< table and network of ambient occlusion
 
     [[nodiscard]] double operator[](ParameterGroup group) const {
@@ -71,16 +71,19 @@ struct LearningRates {
 
 struct TrainConfig {
     LearningRates rates;
-    double decay_start = 0.75; ///< share of the run over which rates stay as they are: an avatar is rarely done learning
-    double final_rate = 0.03; ///< share of its rate that each group ends with: small last steps average out single photographs
+    double decay_start = 0.75; ///< share of the run over which rates stay: an avatar is rarely done learning
+    double final_rate = 0.03;  ///< share of its rate that each group ends with: small last steps average photographs
     double ssim_weight = 0.4;  ///< λ of (1 - λ) L1 + λ (1 - SSIM); the direct baseline: 0.2
-    double ao_start = 0.1; ///< share of the run after which ambient occlusion is learned; 1 before (the paper: 0.4)
+    double ao_start = 0.1;     ///< share of the run after which ambient occlusion is learned; 1 before (the paper: 0.4)
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, in training and in test
-    /// In training another colour each step, so that no Gaussian can pass for background; views with plates keep theirs.
+    /// In training another colour each step, so that no Gaussian can pass for background; views with plates keep
+    /// theirs.
     bool random_background = true;
-    PixelFilter filter{.dilation = 0.1, .compensate_opacity = true}; ///< about what photographs have: 0.14 px² less a pixel's own box
+    /// About what photographs have: 0.14 px² less a pixel's own box.
+    PixelFilter filter{.dilation = 0.1, .compensate_opacity = true};
 
-    /// Factor on every rate when a share of the run is over: 1 until decay_start, then falling geometrically to final_rate.
+    /// Factor on every rate when a share of the run is over: 1 until decay_start, then falling geometrically to
+    /// final_rate.
     [[nodiscard]] double rate_factor(double progress) const {
         const double last = 1 - decay_start;
         const double fallen = last > 0 ? std::clamp((progress - decay_start) / last, 0.0, 1.0) : 0;
@@ -91,13 +94,15 @@ struct TrainConfig {
 /// Rates and filter of the direct baseline (Liu et al., "Animatable 3D Gaussian", 2024, its code): slow fields, frozen
 /// rotations, no decay. What TrainConfig has instead is measured against these in docs/quality.md.
 [[nodiscard]] inline TrainConfig baseline_config() {
-    return {.rates = {.joints = 5e-4, .quats = 0, .log_scales = 1e-3, .opacity_logits = 0.05, .displacement = 1e-4, .sh = 5e-4},
-            .decay_start = 0,
-            .final_rate = 1,
-            .ssim_weight = 0.2,
-            .ao_start = 0.4,
-            .random_background = false,
-            .filter = {.dilation = 0.3, .compensate_opacity = false}};
+    return {
+        .rates =
+            {.joints = 5e-4, .quats = 0, .log_scales = 1e-3, .opacity_logits = 0.05, .displacement = 1e-4, .sh = 5e-4},
+        .decay_start = 0,
+        .final_rate = 1,
+        .ssim_weight = 0.2,
+        .ao_start = 0.4,
+        .random_background = false,
+        .filter = {.dilation = 0.3, .compensate_opacity = false}};
 }
 
 /// Where a step spends its time.
@@ -112,13 +117,13 @@ struct CastMember {
     const Motion* motion = nullptr;
 };
 
-/// Trains avatars on photographs that show all of them. A step sees one photograph; an epoch sees each once, in an order
-/// that depends on the seed and the epoch alone, so that a run may stop and resume anywhere.
+/// Trains avatars on photographs that show all of them. A step sees one photograph; an epoch sees each once, in an
+/// order that depends on the seed and the epoch alone, so that a run may stop and resume anywhere.
 ///
-/// People share the photographs and their frames, nothing else: each has a model, a motion and moments of their own, and
-/// perhaps a refinement. Their splats lie one person after the other in one scene, which is rendered in one pass, so that
-/// whoever stands in front hides whoever stands behind; on the way back each model reads its own part of the gradient.
-/// Functions that speak of one person take their number, 0 where there is only one.
+/// People share the photographs and their frames, nothing else: each has a model, a motion and moments of their own,
+/// and perhaps a refinement. Their splats lie one person after the other in one scene, which is rendered in one pass,
+/// so that whoever stands in front hides whoever stands behind; on the way back each model reads its own part of the
+/// gradient. Functions that speak of one person take their number, 0 where there is only one.
 ///
 /// Source  paper §3.2 (loss) with Liu et al., "Animatable 3D Gaussian", 2024, for what it leaves unsaid.
 template <Backend B, std::floating_point T = float, class Model = AvatarModel<B, T>>
@@ -130,8 +135,9 @@ public:
     using Buffer = typename B::template Buffer<U>;
 
     /// Several people. Every motion covers every frame: somebody who is not there yet stands where no camera looks.
-    /// Errors  ValueError: nobody, somebody twice, no photographs, one that names a frame the motions lack, or a config that
-    ///         cannot be meant. ShapeError: motions of different lengths, images of another size than their cameras.
+    /// Errors  ValueError: nobody, somebody twice, no photographs, one that names a frame the motions lack, or a config
+    ///         that cannot be meant. ShapeError: motions of different lengths, images of another size than their
+    ///         cameras.
     Trainer(B& backend, const std::vector<CastMember<Model>>& cast, std::vector<Photo> photos, std::uint64_t seed,
             const TrainConfig& config = {})
         : backend_(&backend), photos_(std::move(photos)), seed_(seed), config_(config),
@@ -143,8 +149,9 @@ public:
             Person& person = people_[i];
             person.model = cast[i].model, person.motion = cast[i].motion, person.first_splat = splat_count_;
             for (std::size_t k = 0; k < i; ++k)
-                check_value(people_[k].model != person.model, "Trainer", "person " + std::to_string(i) + " has the model of person " +
-                                                                             std::to_string(k) + ", expected one of their own");
+                check_value(people_[k].model != person.model, "Trainer",
+                            "person " + std::to_string(i) + " has the model of person " + std::to_string(k) +
+                                ", expected one of their own");
             check_size("Trainer", "poses of person " + std::to_string(i), person.motion->frame_count(), frame_count(),
                        "every motion must cover every frame");
             splat_count_ += person.model->size();
@@ -180,13 +187,15 @@ public:
     /// The model's working memory.
     [[nodiscard]] typename Model::Cache& cache(std::size_t person = 0) { return at(person).cache; }
 
-    /// From here on the person's poses, and the cameras if it holds any, are `refinement`'s, and learn with the avatars. It
-    /// must outlive the trainer.
+    /// From here on the person's poses, and the cameras if it holds any, are `refinement`'s, and learn with the
+    /// avatars. It must outlive the trainer.
     /// Errors  ValueError if another person's refinement holds the cameras already: they are the same for all.
     void refine(MotionRefinement<B, T>& refinement, std::size_t person = 0) {
         for (std::size_t i = 0; i < people_.size(); ++i)
-            check_value(i == person || !refinement.camera_count() || !people_[i].refinement || !people_[i].refinement->camera_count(),
-                        "Trainer::refine", "cameras learn with person " + std::to_string(i) + "; give them to one person's refinement");
+            check_value(i == person || !refinement.camera_count() || !people_[i].refinement ||
+                            !people_[i].refinement->camera_count(),
+                        "Trainer::refine",
+                        "cameras learn with person " + std::to_string(i) + "; give them to one person's refinement");
         at(person).refinement = &refinement;
     }
     [[nodiscard]] MotionRefinement<B, T>* refinement(std::size_t person = 0) const { return at(person).refinement; }
@@ -247,13 +256,17 @@ public:
     [[nodiscard]] View part(std::size_t person, const View& scene) const { return part_of(at(person), scene); }
     /// Everybody's splats together.
     [[nodiscard]] std::size_t splat_count() const { return splat_count_; }
-    /// Writes a person's splats at a frame into their part of a scene's, seen from `center`, fields as they were last queried.
+    /// Writes a person's splats at a frame into their part of a scene's, seen from `center`, fields as they were last
+    /// queried.
     void pose_person(std::size_t person, std::size_t frame, const vec3<T>& center, const SplatView<T>& scene) {
         pose_person(at(person), frame, center, scene);
     }
 
-    /// What a person's fields are told of a frame; ambient occlusion joins once the run has come to TrainConfig::ao_start.
-    [[nodiscard]] FrameCode<T> frame_code(std::size_t frame, std::size_t person = 0) const { return frame_code(at(person), frame); }
+    /// What a person's fields are told of a frame; ambient occlusion joins once the run has come to
+    /// TrainConfig::ao_start.
+    [[nodiscard]] FrameCode<T> frame_code(std::size_t frame, std::size_t person = 0) const {
+        return frame_code(at(person), frame);
+    }
 
     /// Queries everybody's fields at a frame, for pose_person.
     void query(std::size_t frame) { query_fields(frame); }
@@ -264,14 +277,15 @@ public:
         render_view(photo.camera, photo.frame, color, alpha);
     }
 
-    /// Renders a frame at the present parameters: colour [3, height, width] over the plain background, and alpha if asked.
+    /// Renders a frame at the present parameters: colour [3, height, width] over the plain background, and alpha if
+    /// asked.
     void render(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha = nullptr) {
         backdrop_.clear_plate();
         render_view(camera, frame, color, alpha);
     }
 
-    /// Each Gaussian's ambient occlusion, mean over the frames that there are photographs of; empty where there is none.
-    /// What a new motion gets from an avatar whose shadows know only the time.
+    /// Each Gaussian's ambient occlusion, mean over the frames that there are photographs of; empty where there is
+    /// none. What a new motion gets from an avatar whose shadows know only the time.
     [[nodiscard]] std::vector<T> mean_occlusion(std::size_t person = 0) {
         Person& of = at(person);
         std::vector<T> mean, frame_ao(of.model->size());
@@ -288,8 +302,8 @@ public:
         return mean;
     }
 
-    /// A person's canonical Gaussians, fields queried. Where colours and displacements know the time, each Gaussian has its
-    /// mean of them over the frames that there are photographs of: what a new motion gets.
+    /// A person's canonical Gaussians, fields queried. Where colours and displacements know the time, each Gaussian has
+    /// its mean of them over the frames that there are photographs of: what a new motion gets.
     [[nodiscard]] GaussianCloud<T> mean_gaussians(std::size_t person = 0) {
         Person& of = at(person);
         std::vector<std::size_t> frames = photographed_frames();
@@ -311,9 +325,9 @@ public:
         return cloud;
     }
 
-    /// A person's avatar as it is now, for files: `rig` with the learned joints, fields queried. Colours and displacements
-    /// that know the time are each Gaussian's mean. Shadows that follow the pose come as the field that they are, those that
-    /// know the time as a mean, too; none before TrainConfig::ao_start.
+    /// A person's avatar as it is now, for files: `rig` with the learned joints, fields queried. Colours and
+    /// displacements that know the time are each Gaussian's mean. Shadows that follow the pose come as the field that
+    /// they are, those that know the time as a mean, too; none before TrainConfig::ao_start.
     [[nodiscard]] AvatarData avatar(RigData rig, std::size_t person = 0)
         requires std::same_as<T, float>
     {
@@ -368,13 +382,15 @@ private:
         const auto expect = [](bool good, const std::string& what) { check_value(good, "TrainConfig", what); };
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
             const double rate = config_.rates[static_cast<ParameterGroup>(g)];
-            expect(rate >= 0 && std::isfinite(rate), "the rate of " + std::string(parameter_group_names[g]) + " must not be negative");
+            expect(rate >= 0 && std::isfinite(rate),
+                   "the rate of " + std::string(parameter_group_names[g]) + " must not be negative");
         }
         expect(config_.decay_start >= 0 && config_.decay_start <= 1, "decay_start must lie in [0, 1]");
         expect(config_.final_rate > 0 && config_.final_rate <= 1, "final_rate must lie in (0, 1]");
         expect(config_.ssim_weight >= 0 && config_.ssim_weight <= 1, "ssim_weight must lie in [0, 1]");
         expect(config_.ao_start >= 0, "ao_start must not be negative");
-        expect(config_.filter.dilation >= 0 && std::isfinite(config_.filter.dilation), "filter.dilation must not be negative");
+        expect(config_.filter.dilation >= 0 && std::isfinite(config_.filter.dilation),
+               "filter.dilation must not be negative");
     }
     void check_photo(const Photo& photo) const {
         check_value(photo.frame < frame_count(), "Trainer",
@@ -384,7 +400,8 @@ private:
                    4 * static_cast<std::size_t>(photo.camera.width) * static_cast<std::size_t>(photo.camera.height),
                    "the image must have its camera's size");
         if (!photo.plate.empty())
-            check_size("Trainer", photo.name + "'s plate", photo.plate.size(), photo.rgba.size(), "a plate is as large as the image");
+            check_size("Trainer", photo.name + "'s plate", photo.plate.size(), photo.rgba.size(),
+                       "a plate is as large as the image");
     }
 
     template <class F>
@@ -510,8 +527,8 @@ private:
             if (rate == 0) {
                 backend_->fill(gradients, T(0));
             } else if (touched) {
-                adam_.step_rows(*backend_, parameters, gradients, m, v, *touched, Model::Grid::feature_count, rate, number,
-                                UsedGradients::zero);
+                adam_.step_rows(*backend_, parameters, gradients, m, v, *touched, Model::Grid::feature_count, rate,
+                                number, UsedGradients::zero);
             } else if (group == ParameterGroup::sh) {
                 adam_.step_columns(*backend_, parameters, gradients, m, v, 3 * Model::basis_count, 3, rate, rate / 20,
                                    number, UsedGradients::zero);

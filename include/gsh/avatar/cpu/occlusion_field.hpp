@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Ambient occlusion on the CPU: a tile of Gaussians runs through the network while it sits in the first-level cache.
+/// @file  Ambient occlusion on the CPU: a tile of Gaussians at a time passes the network in the first-level cache.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -15,7 +15,8 @@ namespace gsh::cpu {
 
 namespace detail {
 
-/// One chunk's way through the layers behind the first, tile by tile; nothing but its inputs and results leaves the cache.
+/// One chunk's way through the layers behind the first, tile by tile; nothing but its inputs and results leaves the
+/// cache.
 template <class T, class Network>
 struct OcclusionTile {
     const MlpLayout<T, Network>& layout;
@@ -61,17 +62,19 @@ struct NothingAhead {
 
 /// logits[i] = network(relu(neurons[i] + pose)).
 template <CpuBackend B, class Network, class T, class Cache>
-void occlusion_forward(B& backend, const Network& network, Span<const T> weights, Span<const T> neurons, Span<const T> pose,
-                       Span<T> logits, Cache& cache) {
+void occlusion_forward(B& backend, const Network& network, Span<const T> weights, Span<const T> neurons,
+                       Span<const T> pose, Span<T> logits, Cache& cache) {
     const detail::MlpLayout<T, Network> layout{network};
     const detail::OcclusionTile<T, Network> sizes{layout, neurons, pose, nullptr};
-    const std::size_t rows = logits.size(), grain = detail::mlp_chunk_rows(rows), stride = layout.padded_out(layout.layers() - 1);
+    const std::size_t rows = logits.size(), grain = detail::mlp_chunk_rows(rows),
+                      stride = layout.padded_out(layout.layers() - 1);
     cache.packed.resize(layout.transposed_offset(layout.layers()));
     cache.scratch.resize(chunk_count(rows, grain) * sizes.size());
     layout.pack_transposed(weights, cache.packed.data());
 
     backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        const detail::OcclusionTile<T, Network> tile{layout, neurons, pose, cache.scratch.data() + chunk * sizes.size()};
+        const detail::OcclusionTile<T, Network> tile{layout, neurons, pose,
+                                                     cache.scratch.data() + chunk * sizes.size()};
         for (std::size_t first = begin; first < end; first += detail::mlp_tile_rows) {
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
             tile.forward(cache.packed.data(), first, count, end);
@@ -80,15 +83,16 @@ void occlusion_forward(B& backend, const Network& network, Span<const T> weights
     });
 }
 
-/// Adjoint with respect to what the pose brings: adds to dL_dpose [W]. The forward pass is run again tile by tile, which is
-/// cheaper than keeping what it leaves.
+/// Adjoint with respect to what the pose brings: adds to dL_dpose [W]. The forward pass is run again tile by tile,
+/// which is cheaper than keeping what it leaves.
 template <CpuBackend B, class Network, class T, class Cache>
-void occlusion_backward(B& backend, const Network& network, Span<const T> weights, Span<const T> neurons, Span<const T> pose,
-                        Span<const T> dL_dlogits, Cache& cache, Span<T> dL_dpose) {
+void occlusion_backward(B& backend, const Network& network, Span<const T> weights, Span<const T> neurons,
+                        Span<const T> pose, Span<const T> dL_dlogits, Cache& cache, Span<T> dL_dpose) {
     const detail::MlpLayout<T, Network> layout{network};
     const detail::OcclusionTile<T, Network> sizes{layout, neurons, pose, nullptr};
     const std::size_t rows = dL_dlogits.size(), grain = detail::mlp_chunk_rows(rows), W = dL_dpose.size();
-    const std::size_t forward_size = layout.transposed_offset(layout.layers()), sums_size = layout.padded_offset(layout.layers());
+    const std::size_t forward_size = layout.transposed_offset(layout.layers()),
+                      sums_size = layout.padded_offset(layout.layers());
     const std::size_t gradient_size = detail::mlp_tile_rows * layout.widest();
     const std::size_t scratch_size = sizes.size() + 2 * gradient_size + sums_size;
     cache.packed.resize(forward_size + sums_size);
@@ -109,11 +113,12 @@ void occlusion_backward(B& backend, const Network& network, Span<const T> weight
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
             tile.forward(cache.packed.data(), first, count, end);
             const T* dL_dx = detail::mlp_tile_backward(layout, cache.packed.data() + forward_size, tile.active(),
-                                                       {dL_dlogits.data() + first, 1}, count, tile.hidden(), gradients, unused,
-                                                       true, detail::NothingAhead<T>{});
+                                                       {dL_dlogits.data() + first, 1}, count, tile.hidden(), gradients,
+                                                       unused, true, detail::NothingAhead<T>{});
             for (std::size_t r = 0; r < count; ++r)
                 for (std::size_t o = 0; o < W; ++o)
-                    sums[o] += tile.inputs[r * layout.padded_in(0) + o] > T(0) ? dL_dx[r * layout.padded_in(0) + o] : T(0);
+                    sums[o] +=
+                        tile.inputs[r * layout.padded_in(0) + o] > T(0) ? dL_dx[r * layout.padded_in(0) + o] : T(0);
         }
     });
     for (std::size_t chunk = 0; chunk < chunk_count(rows, grain); ++chunk)

@@ -73,7 +73,8 @@ void for_hash_blocks(const Grid& grid, std::size_t l, const Query& query, std::s
     for (std::size_t first = begin; first < end; first += block.capacity) {
         const std::size_t count = std::min(block.capacity, end - first);
         block.level_weight = level_weights.empty() ? nullptr : level_weights.data() + first;
-        if (block.level_weight && std::all_of(block.level_weight, block.level_weight + count, [](T w) { return w == T(0); })) {
+        if (block.level_weight &&
+            std::all_of(block.level_weight, block.level_weight + count, [](T w) { return w == T(0); })) {
             skipped(first, count);
             continue;
         }
@@ -116,7 +117,8 @@ void hash_encode(const Grid& grid, std::size_t l, const T* entries, const Query&
     mode == Write::add ? encode(std::true_type()) : encode(std::false_type());
 }
 
-/// Adds to the table's gradient what points [begin, end) have on level l; `in` is where point `begin` has its dL_dfeatures.
+/// Adds to the table's gradient what points [begin, end) have on level l; `in` is where point `begin` has its
+/// dL_dfeatures.
 template <class T, class Grid, class Query>
 void hash_scatter(const Grid& grid, std::size_t l, T* dL_dentries, const Query& query, std::size_t begin,
                   std::size_t end, const T* in, std::size_t stride) {
@@ -139,7 +141,8 @@ void hash_scatter(const Grid& grid, std::size_t l, T* dL_dentries, const Query& 
 } // namespace detail
 
 template <CpuBackend B, class Grid, class T, class Query>
-void hash_prepare(B& backend, const Grid& grid, Span<const vec3<T>> points, const LevelWeights<T>& weights, Query& query) {
+void hash_prepare(B& backend, const Grid& grid, Span<const vec3<T>> points, const LevelWeights<T>& weights,
+                  Query& query) {
     constexpr std::size_t levels = Grid::level_count;
     backend.for_chunks(points.size(), 4096, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i)

@@ -141,7 +141,8 @@ struct AheadOfLayers {
 
 /// Rows [first, first + rows) of the view to a row-major tile.
 template <class T>
-void features_to_rows(const FeatureView<const T>& view, std::size_t first, std::size_t rows, T* tile, std::size_t stride) {
+void features_to_rows(const FeatureView<const T>& view, std::size_t first, std::size_t rows, T* tile,
+                      std::size_t stride) {
     with_block(view.block, [&](auto block) {
         for (std::size_t c = 0; c < view.columns; c += block) {
             const T* from = view.column(c) + first * block;
@@ -153,8 +154,8 @@ void features_to_rows(const FeatureView<const T>& view, std::size_t first, std::
 
 /// A row-major tile to rows [first, first + rows) of the view.
 template <class T>
-void rows_to_features(const T* tile, std::size_t stride, std::size_t first, std::size_t rows, const FeatureView<T>& view,
-                      Write mode) {
+void rows_to_features(const T* tile, std::size_t stride, std::size_t first, std::size_t rows,
+                      const FeatureView<T>& view, Write mode) {
     with_block(view.block, [&](auto block) {
         for (std::size_t c = 0; c < view.columns; c += block) {
             T* to = view.column(c) + first * block;
@@ -176,7 +177,8 @@ typename Gemm<T>::Right input_tile(const MlpLayout<T, Network>& layout, const Ml
                                    std::size_t rows, T* copy) {
     const FeatureView<const T>& features = inputs.features;
     const std::size_t stride = layout.padded_in(0), own = layout.row_inputs() - features.columns;
-    if (features.block == stride && features.columns == stride) return {features.values.data() + first * stride, stride};
+    if (features.block == stride && features.columns == stride)
+        return {features.values.data() + first * stride, stride};
     features_to_rows(features, first, rows, copy, stride);
     if (stride != features.columns)
         for (std::size_t r = 0; r < rows; ++r) {
@@ -191,8 +193,8 @@ typename Gemm<T>::Right input_tile(const MlpLayout<T, Network>& layout, const Ml
 /// All layers of one tile. x: its inputs; hidden: where its activations go; packed: pack_transposed's; output: padded
 /// rows of the result.
 template <class T, class Network, class Ahead>
-void mlp_tile_forward(const MlpLayout<T, Network>& layout, const T* packed, typename Gemm<T>::Right x, std::size_t count,
-                      T* hidden, T* output, const Ahead& ahead) {
+void mlp_tile_forward(const MlpLayout<T, Network>& layout, const T* packed, typename Gemm<T>::Right x,
+                      std::size_t count, T* hidden, T* output, const Ahead& ahead) {
     using G = Gemm<T>;
     const std::size_t last = layout.layers() - 1;
     for (std::size_t l = 0; l <= last; ++l) {
@@ -273,7 +275,8 @@ template <CpuBackend B, class Network, class T, class Cache>
 void mlp_forward(B& backend, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
                  Span<T> outputs, Cache& cache) {
     const detail::MlpLayout<T, Network> layout{network, inputs.shared};
-    const std::size_t rows = inputs.features.rows, outputs_count = network.outputs(), stride = layout.padded_out(layout.layers() - 1);
+    const std::size_t rows = inputs.features.rows, outputs_count = network.outputs(),
+                      stride = layout.padded_out(layout.layers() - 1);
     const std::size_t grain = detail::mlp_chunk_rows(rows), tile_size = detail::mlp_tile_rows * layout.widest();
 
     cache.hidden.resize(layout.hidden_offset(rows, 0, 0));
@@ -287,8 +290,9 @@ void mlp_forward(B& backend, const Network& network, Span<const T> weights, cons
         for (std::size_t first = begin; first < end; first += detail::mlp_tile_rows) {
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
             const std::size_t next = first + count, next_count = std::min(detail::mlp_tile_rows, end - next);
-            detail::mlp_tile_forward(layout, cache.packed.data(), detail::input_tile(layout, inputs, first, count, input_copy),
-                                     count, cache.hidden.data() + layout.hidden_offset(first, 0, count), output_copy,
+            detail::mlp_tile_forward(layout, cache.packed.data(),
+                                     detail::input_tile(layout, inputs, first, count, input_copy), count,
+                                     cache.hidden.data() + layout.hidden_offset(first, 0, count), output_copy,
                                      detail::Ahead<T>{inputs.features, next, next_count});
             for (std::size_t r = 0; r < count; ++r)
                 std::copy_n(output_copy + r * stride, outputs_count, outputs.data() + (first + r) * outputs_count);
@@ -322,7 +326,8 @@ void mlp_backward(B& backend, const Network& network, Span<const T> weights, con
                 layout, cache.packed.data(), detail::input_tile(layout, inputs, first, count, input_copy),
                 {dL_doutputs.data() + first * outputs, outputs}, count,
                 cache.hidden.data() + layout.hidden_offset(first, 0, count), gradients, sums, !dL_dfeatures.empty(),
-                detail::AheadOfLayers<T, Network>{layout, {inputs.features, next, next_count}, cache.hidden.data(), next});
+                detail::AheadOfLayers<T, Network>{
+                    layout, {inputs.features, next, next_count}, cache.hidden.data(), next});
             if (dL_dx) detail::rows_to_features(dL_dx, layout.padded_in(0), first, count, dL_dfeatures, features_mode);
         }
     });
