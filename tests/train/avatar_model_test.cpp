@@ -275,6 +275,20 @@ TEST_CASE("fine levels cost nothing where the region is not") {
     CHECK(nowhere.lookups() == N * 8); // levels 1 and 2 are fine
 }
 
+TEST_CASE("a box about a slim body has more of its cells on the body than a cube") {
+    using Model = Chain<cpu::Serial>::Model;
+    const Chain<cpu::Serial> chain;
+    cpu::Serial backend;
+    auto config = Chain<cpu::Serial>::small({.heads = Heads::separate});
+    config.hash_table_size = 1u << 16; // no collisions
+    const auto touched = [&](FieldBounds bounds) {
+        config.bounds = bounds;
+        return Model(backend, chain.rig, chain.samples, 5, config).touched_entries(ParameterGroup::sh_table)->size();
+    };
+    CAPTURE(touched(FieldBounds::cube));
+    CHECK(touched(FieldBounds::box) > 3 * touched(FieldBounds::cube) / 2);
+}
+
 TEST_CASE("the chain's gradient of a Gaussian's mean") {
     Chain<cpu::Serial> chain;
     const auto gradient = chain.gradient();

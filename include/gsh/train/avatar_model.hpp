@@ -45,6 +45,12 @@ enum class AmbientOcclusion {
     pose  ///< the joints' rotations relative to their parents: shadows replay on a new motion
 };
 
+/// What becomes the unit cube in which fields live.
+enum class FieldBounds {
+    cube, ///< the points' bounding cube: a hash level's cells are as wide as they are high and deep
+    box   ///< the points' bounding box, stretched along each axis: Animatable 3D Gaussian's
+};
+
 /// Sizes, starting values and parts of an avatar.
 struct AvatarConfig {
     double hash_base = 4;                     ///< cells on the coarsest level, along the bounding cube's edge
@@ -73,7 +79,8 @@ struct AvatarConfig {
     /// as the direct baseline does (and samples without a normal); a round Gaussian stands half its width off the
     /// outline.
     double initial_thickness = 0.1;
-    double bounds_margin = 1.05; ///< the fields' cube, in sizes of the points' bounding cube
+    FieldBounds bounds = FieldBounds::cube;
+    double bounds_margin = 1.05; ///< the fields' cube or box, in sizes of the points'
     double sh_dc_scale = 60;     ///< the network's constant-colour outputs are multiplied by this
     ColorClamp clamping = ColorClamp::both;
 };
@@ -189,7 +196,7 @@ public:
         check_value(config.initial_ao > 0 && config.initial_ao < config.largest_ao, "AvatarModel",
                     "initial_ao must lie between 0 and largest_ao");
         check_value(config.bounds_margin >= 1 && std::isfinite(config.bounds_margin), "AvatarModel",
-                    "bounds_margin must be at least 1: all points lie within the fields' cube");
+                    "bounds_margin must be at least 1: all points lie within the fields' bounds");
         if (!priors.region.empty()) {
             check_size("AvatarModel", "priors.region", priors.region.size(), count_, "one τ per sample, or none");
             check_value(config.fine_level >= 0 && config.fine_level <= Levels, "AvatarModel",
@@ -578,11 +585,15 @@ private:
                 high[axis] = std::max(high[axis], p[axis]);
             }
         const vec3<double> center = (low + high) * 0.5, extent = high - low;
-        const double edge = config_.bounds_margin * std::max({extent.x, extent.y, extent.z, 1e-6});
+        constexpr double least = 1e-6; // metres, for points that all lie in a plane
+        vec3<double> edges(std::max({extent.x, extent.y, extent.z, least}));
+        if (config_.bounds == FieldBounds::box)
+            for (int axis = 0; axis < 3; ++axis) edges[axis] = std::max(extent[axis], least);
+        edges *= config_.bounds_margin;
         std::vector<vec3<T>> here;
         for (const auto& p : positions) {
             here.push_back(vec3<T>(p));
-            unit_.push_back(vec3<T>((p - center) / edge + vec3<double>(0.5)));
+            unit_.push_back(vec3<T>((p - center) / edges + vec3<double>(0.5)));
         }
         const std::vector<T> region(priors.region.begin(), priors.region.end());
         std::vector<T> features;

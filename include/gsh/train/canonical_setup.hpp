@@ -66,7 +66,8 @@ template <CpuBackend B>
     const std::vector<double> per_vertex = config.region_samples ? mask->samples_per_vertex()
                                                                  : std::vector<double>(vertices.size(), 1.0);
     setup.samples =
-        sample_surface(mover, vertices, per_vertex, mix_bits(seed), {.total = count, .weights = config.sample_weights});
+        sample_surface(mover, vertices, per_vertex, mix_bits(seed),
+                       {.total = count, .weights = config.sample_weights, .jitter = config.sample_jitter});
     setup.rig = make_rig(mover, motion.betas, setup.samples);
 
     const std::size_t N = setup.samples.size();

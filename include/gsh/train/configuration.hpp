@@ -40,6 +40,7 @@ struct Configuration {
     bool multi_scale = true;    ///< fine hash levels only where the region mask says so; else everywhere
     RegionMaskParams region;
     SampleWeights sample_weights = SampleWeights::barycentric;
+    double sample_jitter = 0; ///< SurfaceSampleOptions::jitter
     bool depth_prior = true;   ///< φ_d: four depths of the body's mesh
     bool normal_prior = true;  ///< φ_n: two normals of the body's mesh
     PriorFeatureParams prior;
@@ -85,6 +86,10 @@ struct EnumNames<SampleWeights> {
 template <>
 struct EnumNames<DepthFeature> {
     static constexpr std::array<std::string_view, 2> names{"difference", "raw"};
+};
+template <>
+struct EnumNames<FieldBounds> {
+    static constexpr std::array<std::string_view, 2> names{"cube", "box"};
 };
 template <>
 struct EnumNames<ColorClamp> {
@@ -145,6 +150,7 @@ void for_each_setting(C& c, const F& f) {
     f("region.samples_base", c.region.samples_base);
     f("region.samples_high", c.region.samples_high);
     f("sample_weights", c.sample_weights);
+    f("sample_jitter", c.sample_jitter);
     f("multi_scale", c.multi_scale);
     f("prior.depth", c.depth_prior);
     f("prior.normals", c.normal_prior);
@@ -171,6 +177,7 @@ void for_each_setting(C& c, const F& f) {
     f("deformation", c.avatar.deformation);
     f("initial_opacity", c.avatar.initial_opacity);
     f("initial_thickness", c.avatar.initial_thickness);
+    f("bounds", c.avatar.bounds);
     f("bounds_margin", c.avatar.bounds_margin);
     f("color_clamp", c.avatar.clamping);
     f("rate.joints", c.train.rates.joints);
@@ -216,7 +223,11 @@ void for_each_setting(C& c, const F& f) {
 [[nodiscard]] inline Configuration named_configuration(std::string_view name) {
     Configuration c;
     c.name = name;
-    const auto make_baseline = [&] { // Liu et al., "Animatable 3D Gaussian", 2024, as its code has it
+    // Liu et al., "Animatable 3D Gaussian", 2024, as its code has it, but that samples lie on the surface: there they are
+    // copies of the vertices, moved by a squared length taken for a length.
+    const auto make_baseline = [&] {
+        c.sample_weights = SampleWeights::copied;
+        c.avatar.bounds = FieldBounds::box;
         c.region_samples = c.multi_scale = c.depth_prior = c.normal_prior = false;
         c.avatar.heads = Heads::separate;
         c.avatar.ao_table_size = 1u << 19;
