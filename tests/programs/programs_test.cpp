@@ -103,6 +103,17 @@ TEST_CASE("who asks for nothing gets the paper's configuration") {
     for (const auto& [key, value] : settings) CHECK(metrics.at("settings").at(key) == value);
 }
 
+TEST_CASE("without a file of anybody's, the built-in actor is filmed, reconstructed and judged") {
+    const OutFolder out;
+    check_done(run({"gsh-reconstruct", "--synthetic", "--out", out.path.string(), "--gaussians", "6000", "--steps", "60",
+                    "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"}));
+    const auto metrics = json_of(out.path / "metrics.json");
+    CHECK(metrics.at("images").size() == 12);
+    CHECK(metrics.at("psnr") > 25.0); // 19 after three steps
+    CHECK(metrics.at("protocol").get<std::string>().find("the built-in actor") != std::string::npos);
+    CHECK(load_avatar(out.path / "avatar.gsh").gaussians.size() == 6000);
+}
+
 TEST_CASE("the same seed gives the same avatar on any number of threads, another seed another") {
     const Reconstructed& s = reconstructed();
     const OutFolder two, other;

@@ -223,8 +223,8 @@ void for_each_setting(C& c, const F& f) {
 [[nodiscard]] inline Configuration named_configuration(std::string_view name) {
     Configuration c;
     c.name = name;
-    // Liu et al., "Animatable 3D Gaussian", 2024, as its code has it, but that samples lie on the surface: there they are
-    // copies of the vertices, moved by a squared length taken for a length.
+    // Liu et al., "Animatable 3D Gaussian", 2024, as its code has it, but that samples lie on the surface: there they
+    // are copies of the vertices, moved by a squared length taken for a length.
     const auto make_baseline = [&] {
         c.sample_weights = SampleWeights::copied;
         c.avatar.bounds = FieldBounds::box;
