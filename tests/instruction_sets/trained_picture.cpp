@@ -7,7 +7,7 @@
 /// Rounding differs where registers are wider (sums have other orders) and where fused multiply-adds exist. Training
 /// carries the differences on, so that pictures agree like pictures, not like numbers.
 
-#define DOCTEST_CONFIG_DISABLE // what tests share mentions it
+#define DOCTEST_CONFIG_IMPLEMENT // what tests share needs it; main is our own
 
 #include <gsh/backend/threads.hpp>
 #include <gsh/io/npy.hpp>
