@@ -23,7 +23,10 @@ add_library(gsh_project INTERFACE)
 # Nobody reads errno after a square root, and without it loops with one vectorise (Adam: four times as fast).
 target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:${gsh_warnings};-ffp-contract=off;-fno-math-errno>)
 if(GSH_NATIVE)
-  target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-march=native>)
+  # A target may ask for another one by its property GSH_INSTRUCTION_SET.
+  set(gsh_set $<TARGET_PROPERTY:GSH_INSTRUCTION_SET>)
+  target_compile_options(gsh_project INTERFACE
+                         $<$<COMPILE_LANGUAGE:CXX>:-march=$<IF:$<BOOL:${gsh_set}>,${gsh_set},native>>)
 endif()
 if(GSH_SANITIZE)
   target_compile_options(gsh_project INTERFACE -fsanitize=${GSH_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
