@@ -74,9 +74,8 @@ std::string summary(const RunResult& result) {
 }
 
 int evaluate(const EvaluateOptions& o) {
-    if (o.common.refine_cameras && !o.common.refine) throw ValueError("--refine-cameras needs --refine");
-    if (o.common.lpips_table && o.common.lpips.empty()) throw ValueError("--lpips-table needs --lpips");
-    check_bodies(o.common);
+    check_companions(o.common);
+    check_value(has_body(o.common), "--body", "is needed: only GalaBasketball's captures bring their own");
     const std::vector<Run> runs = planned_runs(o);
     EvaluationFolder folder(o);
     cpu::Threads backend(o.common.threads);

@@ -12,12 +12,6 @@ double number_of(const Json& json) {
     return json.is_null() ? std::nan("") : json.get<double>();
 }
 
-Json regions_json(const std::vector<double>& regions) {
-    Json json = Json::object();
-    for (std::size_t r = 0; r < regions.size(); ++r) json[region_names()[r]] = number_or_null(regions[r]);
-    return json;
-}
-
 std::vector<double> regions_of(const Json& json) {
     std::vector<double> regions;
     for (const std::string& region : region_names()) regions.push_back(number_of(json.at(region)));
@@ -48,13 +42,12 @@ Json mark_json(const Mark& mark) {
               {"psnr", number_or_null(mark.mean.psnr)},
               {"ssim", number_or_null(mark.mean.ssim)},
               {"psnr_person", number_or_null(mark.mean.psnr_person)}};
-    json["psnr_regions"] = regions_json(mark.regions);
+    for (std::size_t r = 0; r < mark.regions.size(); ++r)
+        json["psnr_regions"][region_names()[r]] = number_or_null(mark.regions[r]);
     if (mark.mean.lpips) json["lpips"] = number_or_null(*mark.mean.lpips);
     for (const PersonFigures& person : mark.people) {
-        Json one{{"name", person.name},
-                 {"psnr_person", number_or_null(person.psnr)},
-                 {"ssim_person", number_or_null(person.ssim)}};
-        one["psnr_regions"] = regions_json(person.regions);
+        Json one{{"name", person.name}};
+        one.update(person_json(person.mean.whole, person.mean.regions));
         json["people"].push_back(std::move(one));
     }
     json["protocol"] = mark.protocol;
@@ -73,9 +66,13 @@ Mark mark_of(const Json& json) {
     mark.mean.ssim = number_of(json.at("ssim"));
     mark.mean.psnr_person = number_of(json.at("psnr_person"));
     mark.regions = regions_of(json.at("psnr_regions"));
-    for (const Json& person : json.value("people", Json::array()))
-        mark.people.push_back({person.at("name"), number_of(person.at("psnr_person")),
-                               number_of(person.at("ssim_person")), regions_of(person.at("psnr_regions"))});
+    for (const Json& person : json.value("people", Json::array())) {
+        PersonFigures figures{person.at("name"), {}};
+        figures.mean.whole.psnr = number_of(person.at("psnr_person"));
+        figures.mean.whole.ssim = number_of(person.at("ssim_person"));
+        for (const double psnr : regions_of(person.at("psnr_regions"))) figures.mean.regions.push_back({.psnr = psnr});
+        mark.people.push_back(std::move(figures));
+    }
     if (json.contains("lpips")) mark.mean.lpips = number_of(json.at("lpips"));
     return mark;
 }

@@ -22,8 +22,7 @@ namespace gsh::examples {
 /// Means of one of several people, over the images that show enough of them.
 struct PersonFigures {
     std::string name;
-    double psnr = 0, ssim = 0;        ///< over their pixels
-    std::vector<double> regions = {}; ///< as Mark::regions
+    PersonMean mean;
 };
 
 /// Figures at one point of a run.
@@ -35,7 +34,7 @@ struct Mark {
     ImageScore mean = {};             ///< over the test images
     std::vector<double> regions = {}; ///< mean PSNR in the order of region_names(), dB; NaN where no image shows one
     std::vector<PersonFigures> people = {}; ///< each apart, where there are several
-    Json images = Json::array();      ///< figures of each image
+    Json images = Json::array();            ///< figures of each image
 };
 
 /// What a run took. Counts are of one pass over all Gaussians; a table's entry is one row of features.

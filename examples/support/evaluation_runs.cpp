@@ -62,13 +62,6 @@ bool is_scene_only(const EvaluateOptions& o) {
                        [](const std::string& config) { return is_scene_configuration(config); });
 }
 
-/// "static", a file's name, and what --set changes.
-std::string scene_name(const ReconstructOptions& o) {
-    std::string name = std::filesystem::path(o.config).stem().string();
-    for (const std::string& setting : o.set) name += " " + setting;
-    return name;
-}
-
 } // namespace
 
 std::vector<Run> planned_runs(const EvaluateOptions& o) {
@@ -95,7 +88,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                             "has other settings than what --set changes; evaluate it in a call of its own");
                 run.options.refine = run.options.refine_cameras = false; // it has no poses
                 run.config = "static";
-                run.name = scene_name(run.options);
+                run.name = std::filesystem::path(config).stem().string() + set_words(run.options);
                 run.options.priors.clear();
             } else {
                 run.config = configuration_called(config).name;

@@ -157,8 +157,9 @@ Table people_table(const std::vector<RunResult>& results) {
     for (const RunResult& result : results)
         for (const Mark& mark : result.marks)
             for (const PersonFigures& person : mark.people) {
-                table.push_back({result.name, mark.after, person.name, fixed(person.psnr, 2), fixed(person.ssim, 4)});
-                for (const double psnr : person.regions) table.back().push_back(fixed(psnr, 2));
+                table.push_back({result.name, mark.after, person.name, fixed(person.mean.whole.psnr, 2),
+                                 fixed(person.mean.whole.ssim, 4)});
+                for (const RegionMean& region : person.mean.regions) table.back().push_back(fixed(region.psnr, 2));
             }
     return table.size() > 1 ? table : Table();
 }
@@ -171,8 +172,7 @@ Table worth_table(const std::vector<RunResult>& results) {
     add_figure_headings(table[0], lpips);
     table[0].push_back("in the paper");
     for (const MarkDifference& d : differences) {
-        std::vector<std::string> row{d.name, d.after, signed_number(d.psnr, 2),
-                                     signed_number(d.ssim, 4)};
+        std::vector<std::string> row{d.name, d.after, signed_number(d.psnr, 2), signed_number(d.ssim, 4)};
         if (lpips) row.push_back(signed_number(d.lpips.value_or(std::nan("")), 4));
         row.push_back(signed_number(d.psnr_person, 2));
         for (const double psnr : d.regions) row.push_back(signed_number(psnr, 2));

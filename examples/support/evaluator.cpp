@@ -64,8 +64,9 @@ void resume(const Run& run, Reconstruction& reconstruction, TrainingRecord& reco
         if (said.first == run.settings) {
             load_checkpoint(run.options, reconstruction, record);
             const bool passed = std::any_of(run.marks.begin(), run.marks.end(), [&](std::uint64_t steps) {
-                return steps < record.steps && std::none_of(said.second.begin(), said.second.end(),
-                                                            [&](const Mark& mark) { return mark.steps == steps; });
+                return steps < record.steps && std::none_of(
+                                                   said.second.begin(), said.second.end(),
+                                                   [&](const Mark& mark) { return mark.steps == steps; });
             });
             check_value(!passed, checkpoint_path(run.options).string(),
                         "is past a number of steps that was not judged; name the --steps of the first call, or "
@@ -76,8 +77,7 @@ void resume(const Run& run, Reconstruction& reconstruction, TrainingRecord& reco
             });
             return;
         }
-        std::printf("%s: settings are not what they were when it was interrupted; it begins anew\n",
-                    run.name.c_str());
+        std::printf("%s: settings are not what they were when it was interrupted; it begins anew\n", run.name.c_str());
     }
     discard_progress(run);
     write_progress(run, {});
@@ -118,8 +118,8 @@ std::string after(const Run& run, std::uint64_t steps) {
 std::string training_protocol(const Run& run, std::uint64_t steps, std::size_t threads) {
     std::string text;
     if (run.options.seconds > 0)
-        text = "Trained for " + after(run, steps) + " on " + std::to_string(threads) +
-               " threads of " + processor_name() +
+        text = "Trained for " + after(run, steps) + " on " + std::to_string(threads) + " threads of " +
+               processor_name() +
                ", loading, sampling, checkpoints and judging not counted; learning rates fall over these seconds";
     else if (steps < run.options.steps)
         text = "Judged in the middle of a run, after " + after(run, steps) + ": learning rates fall over all " +
@@ -132,8 +132,8 @@ std::string training_protocol(const Run& run, std::uint64_t steps, std::size_t t
     if (!run.scene && run.options.seconds == 0 && run.configuration.avatar.ao != AmbientOcclusion::none &&
         share < run.configuration.train.ao_start)
         text += "; ambient occlusion, which joins later, is not part of it yet";
-    return text + "; " + (run.scene ? "at most " : "") + detail::grouped(run.options.gaussians) +
-           " Gaussians, seed " + std::to_string(run.options.seed) + ".";
+    return text + "; " + (run.scene ? "at most " : "") + detail::grouped(run.options.gaussians) + " Gaussians, seed " +
+           std::to_string(run.options.seed) + ".";
 }
 
 } // namespace
@@ -180,10 +180,7 @@ bool Evaluator::judge(Trained& trained, const std::vector<Photo>& photos, Mark& 
     mark.mean = mean_score(scores);
     for (const RegionMean& region : mean_regions(scores)) mark.regions.push_back(region.psnr);
     const std::vector<PersonMean> people = mean_people(scores);
-    for (std::size_t p = 0; p < people.size(); ++p) {
-        mark.people.push_back({source_.people[p].name, people[p].whole.psnr, people[p].whole.ssim});
-        for (const RegionMean& region : people[p].regions) mark.people.back().regions.push_back(region.psnr);
-    }
+    for (std::size_t p = 0; p < people.size(); ++p) mark.people.push_back({source_.people[p].name, people[p]});
     return !interrupted;
 }
 
@@ -197,8 +194,7 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
     const std::vector<std::uint64_t> goals = timed ? std::vector<std::uint64_t>{0} : run.marks;
     OutputFolder out(run.options.out);
     for (const std::uint64_t goal : goals) {
-        if (std::any_of(result.marks.begin(), result.marks.end(),
-                        [&](const Mark& mark) { return mark.steps == goal; }))
+        if (std::any_of(result.marks.begin(), result.marks.end(), [&](const Mark& mark) { return mark.steps == goal; }))
             continue;
         if (timed || record.steps < goal) train(reconstruction, run.options, record, title, goal);
         if (interrupted) return false;
@@ -206,8 +202,8 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
         if (last) result.cost = cost_of_run(reconstruction, record, backend_.thread_count());
         if (run.options.refine) reconstruction.refine_test_poses(backend_);
         Mark mark{.steps = record.steps, .seconds = record.seconds, .after = after(run, record.steps)};
-        mark.protocol = protocol_of(run.options, source_, run.configuration.train, judge_, test_photos_.size()) +
-                        " " + training_protocol(run, record.steps, backend_.thread_count());
+        mark.protocol = protocol_of(run.options, source_, run.configuration.train, judge_, test_photos_.size()) + " " +
+                        training_protocol(run, record.steps, backend_.thread_count());
         const bool judged = judge(reconstruction, test_photos_, mark, last ? &out : nullptr, result);
         if (run.options.refine) reconstruction.end_test_refinement();
         if (!judged) return false;

@@ -27,17 +27,14 @@ std::vector<std::string> listed(const std::vector<std::string>& words, const std
     return result;
 }
 
-/// Sets what --set says on top of a configuration; returns it as words after the configuration's name.
+/// Sets what --set says on top of a configuration.
 template <class C>
-std::string set_all(C& configuration, const std::vector<std::string>& settings) {
-    std::string words;
+void set_all(C& configuration, const std::vector<std::string>& settings) {
     for (const std::string& setting : settings) {
         const auto equals = setting.find('=');
         check_value(equals != std::string::npos, "--set " + setting, "must be key=value");
         set_setting(configuration, setting.substr(0, equals), setting.substr(equals + 1), "--set");
-        words += " " + setting;
     }
-    return words;
 }
 
 } // namespace
@@ -57,8 +54,7 @@ void check_options(ReconstructOptions& o) {
         if (!condition) throw ValueError(message);
     };
     const bool scene = is_scene_configuration(o.config); // needs no body, and no poses
-    const bool own_body = !o.capture.empty() && brings_own_body(o.capture);
-    expect(o.synthetic || (!o.capture.empty() && (scene || own_body || !o.bodies.empty())),
+    expect(o.synthetic || (!o.capture.empty() && (scene || has_body(o))),
            "--capture and --body are needed, or --synthetic alone");
     expect(!scene || !(o.synthetic || o.refine || o.resume || o.seconds > 0 || o.max_memory > 0 || !o.poses.empty() ||
                        !o.regions.empty() || !o.lpips.empty()),
@@ -68,8 +64,7 @@ void check_options(ReconstructOptions& o) {
     expect(!o.synthetic || (o.capture.empty() && o.bodies.empty() && o.poses.empty()),
            "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
-    expect(o.refine || !o.refine_cameras, "--refine-cameras needs --refine");
-    expect(!o.lpips.empty() || !o.lpips_table, "--lpips-table needs --lpips");
+    check_companions(o);
     if (!o.priors.empty()) {
         expect(!scene, "--priors is of a body; --config static has none");
         const Configuration configuration = configuration_of(o);
@@ -83,7 +78,8 @@ void check_options(ReconstructOptions& o) {
 
 Configuration configuration_of(const ReconstructOptions& o) {
     Configuration configuration = configuration_called(o.config);
-    configuration.name += set_all(configuration, o.set);
+    set_all(configuration, o.set);
+    configuration.name += set_words(o);
     return configuration;
 }
 
@@ -94,9 +90,19 @@ StaticConfig scene_configuration_of(const ReconstructOptions& o) {
     return config;
 }
 
-void check_bodies(const PeopleOptions& o) {
-    check_value(!o.bodies.empty() || brings_own_body(o.capture), "--body",
-                "is needed: only GalaBasketball's captures bring their own");
+std::string set_words(const ReconstructOptions& o) {
+    std::string words;
+    for (const std::string& setting : o.set) words += " " + setting;
+    return words;
+}
+
+bool has_body(const PeopleOptions& o) {
+    return !o.bodies.empty() || brings_own_body(o.capture);
+}
+
+void check_companions(const ReconstructOptions& o) {
+    if (o.refine_cameras && !o.refine) throw ValueError("--refine-cameras needs --refine");
+    if (o.lpips_table && o.lpips.empty()) throw ValueError("--lpips-table needs --lpips");
 }
 
 } // namespace gsh::examples

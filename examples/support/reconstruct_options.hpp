@@ -11,7 +11,7 @@
 namespace gsh {
 struct Configuration;
 struct StaticConfig;
-}
+} // namespace gsh
 
 namespace gsh::examples {
 
@@ -26,18 +26,18 @@ struct ReconstructOptions : PeopleOptions {
     std::filesystem::path out;
     bool synthetic = false;
     bool resume = false;
-    std::string config = "paper";   ///< name or JSON file
-    std::vector<std::string> set;   ///< key=value on top of it
-    bool refine = false;            ///< poses learn too, and test poses are fitted
-    bool refine_cameras = false;    ///< cameras as well
-    std::filesystem::path regions;  ///< JSON lists of vertices
-    std::filesystem::path priors;   ///< JSON list of an estimator's maps
-    std::filesystem::path lpips;    ///< weights
-    bool lpips_table = false;       ///< judge as published tables do, see LpipsScaling
-    std::size_t frame = 0;          ///< of the configuration `static`
-    std::uint64_t steps = 0;        ///< 0: the default of the kind of input
-    double seconds = 0;             ///< of training; 0: count steps
-    std::size_t gaussians = 0;      ///< 0: the default of the kind of input
+    std::string config = "paper";  ///< name or JSON file
+    std::vector<std::string> set;  ///< key=value on top of it
+    bool refine = false;           ///< poses learn too, and test poses are fitted
+    bool refine_cameras = false;   ///< cameras as well
+    std::filesystem::path regions; ///< JSON lists of vertices
+    std::filesystem::path priors;  ///< JSON list of an estimator's maps
+    std::filesystem::path lpips;   ///< weights
+    bool lpips_table = false;      ///< judge as published tables do, see LpipsScaling
+    std::size_t frame = 0;         ///< of the configuration `static`
+    std::uint64_t steps = 0;       ///< 0: the default of the kind of input
+    double seconds = 0;            ///< of training; 0: count steps
+    std::size_t gaussians = 0;     ///< 0: the default of the kind of input
     std::uint64_t seed = 0;
     std::size_t threads = 0;        ///< 0: all of the machine's
     std::uint64_t max_memory = 0;   ///< bytes; 0: no limit
@@ -59,7 +59,13 @@ Configuration configuration_of(const ReconstructOptions& o);
 /// The same where it is a static scene's.
 StaticConfig scene_configuration_of(const ReconstructOptions& o);
 
-/// Refuses a missing --body, but for captures that bring their own.
-void check_bodies(const PeopleOptions& o);
+/// What --set says, as words behind a configuration's name.
+std::string set_words(const ReconstructOptions& o);
+
+/// Whether there is a body: a file's, or that of a capture which brings its own.
+bool has_body(const PeopleOptions& o);
+
+/// Refuses options that lack the one that they belong to.
+void check_companions(const ReconstructOptions& o);
 
 } // namespace gsh::examples

@@ -12,21 +12,6 @@
 
 using namespace gsh;
 
-namespace {
-
-Motion still(const BodyModel& body, std::size_t frames) {
-    Motion motion;
-    motion.joint_count = body.joint_count(), motion.expression_count = static_cast<std::size_t>(body.expression_count);
-    motion.betas.assign(static_cast<std::size_t>(body.shape_count), 0);
-    motion.pose.assign(frames * body.joint_count(), vec3<double>(0.1, 0, 0));
-    motion.expression.assign(frames * motion.expression_count, 0);
-    motion.transl.assign(frames, vec3<double>(0, -0.8, 4));
-    for (std::size_t t = 0; t < frames; ++t) motion.timestamps.push_back(static_cast<double>(t));
-    return motion;
-}
-
-} // namespace
-
 TEST_CASE("captures are known by their files, and our own come back") {
     const test::Temporary folder;
     const BodyModel body = test::small_body(24, 3, 0);
@@ -37,7 +22,7 @@ TEST_CASE("captures are known by their files, and our own come back") {
     camera.camera.fx = camera.camera.fy = 20, camera.camera.cx = 8, camera.camera.cy = 8,
     camera.camera.width = camera.camera.height = 16;
     capture.cameras = {camera};
-    capture.motion = still(body, 2);
+    capture.motion = test::still_motion(body, 2);
     capture.images.assign(2, PixelImage(4, 16, 16));
     for (PixelImage& image : capture.images) std::fill(image.data.begin(), image.data.end(), std::uint8_t(255));
     save_capture(folder / "ours", capture);

@@ -12,21 +12,6 @@
 
 using namespace gsh;
 
-namespace {
-
-Motion resting(const BodyModel& body, std::size_t frames) {
-    Motion motion;
-    motion.joint_count = body.joint_count(), motion.expression_count = static_cast<std::size_t>(body.expression_count);
-    motion.betas.assign(static_cast<std::size_t>(body.shape_count), 0);
-    motion.pose.assign(frames * body.joint_count(), vec3<double>(0.1, 0, 0));
-    motion.expression.assign(frames * motion.expression_count, 0);
-    motion.transl.assign(frames, vec3<double>(0, -0.8, 4));
-    for (std::size_t t = 0; t < frames; ++t) motion.timestamps.push_back(static_cast<double>(t));
-    return motion;
-}
-
-} // namespace
-
 TEST_CASE("motions are known by their members or their folder") {
     const test::Temporary folder;
     const BodyModel body = test::small_body(24, 3, 0), smplx = test::small_body(55, 3, 2);
@@ -49,9 +34,9 @@ TEST_CASE("motions are known by their members or their folder") {
     const auto fits = write("fits.npz", {{"global_orient", 3}, {"body_pose", 63}, {"camera_translation", 3}});
     CHECK(recognise_motion(fits) == MotionLayout::smplifyx);
     CHECK(load_any_motion(fits, smplx).transl[0].x == doctest::Approx(0.125));
-    save_motion(folder / "ours.npz", resting(body, 3));
+    save_motion(folder / "ours.npz", test::still_motion(body, 3));
     CHECK(recognise_motion(folder / "ours.npz") == MotionLayout::gsh);
-    CHECK(load_any_motion(folder / "ours.npz", body).pose == resting(body, 3).pose);
+    CHECK(load_any_motion(folder / "ours.npz", body).pose == test::still_motion(body, 3).pose);
 
     const detail::Json none = detail::Json::array({0, 0, 0}), person = {{"id", 0},
                                                                         {"Rh", none},

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A body of a few vertices: every array is there, and a file of it is quick to spoil.
+/// @file  A body of a few vertices: every array is there, and a file of it is quick to spoil. And a motion of it.
 #pragma once
 
 #include "support/gradient.hpp"
 
 #include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
 
 #include <algorithm>
 #include <string>
@@ -40,6 +41,18 @@ inline BodyModel small_body(std::size_t joints = 55, int shapes = 3, int express
         model.hands_components_right = rng.numbers(45 * 45);
     }
     return model;
+}
+
+/// Every joint of every frame the same, a frame a second, four metres ahead.
+inline Motion still_motion(const BodyModel& body, std::size_t frames) {
+    Motion motion;
+    motion.joint_count = body.joint_count(), motion.expression_count = static_cast<std::size_t>(body.expression_count);
+    motion.betas.assign(static_cast<std::size_t>(body.shape_count), 0);
+    motion.pose.assign(frames * body.joint_count(), vec3<double>(0.1, 0, 0));
+    motion.expression.assign(frames * motion.expression_count, 0);
+    motion.transl.assign(frames, vec3<double>(0, -0.8, 4));
+    for (std::size_t t = 0; t < frames; ++t) motion.timestamps.push_back(static_cast<double>(t));
+    return motion;
 }
 
 } // namespace gsh::test

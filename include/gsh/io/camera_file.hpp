@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -113,6 +114,16 @@ public:
     }
     [[nodiscard]] const std::string& where() const { return where_; }
 
+    /// Throws IoError for a field that is not known: a misspelt one must not go unseen.
+    void expect_only(std::initializer_list<std::string_view> known) const {
+        for (const auto& item : json_.items()) {
+            if (std::find(known.begin(), known.end(), item.key()) != known.end()) continue;
+            std::string all;
+            for (const std::string_view field : known) all.append(all.empty() ? "" : ", ").append(field);
+            throw IoError(where_ + ": holds the unknown field '" + item.key() + "', expected " + all);
+        }
+    }
+
 private:
     const Json& json_;
     std::string where_;
@@ -152,8 +163,8 @@ inline void read_intrinsics(const JsonObject& json, Camera<double>& camera) {
     const auto expect = [&](bool condition, const char* reason) {
         check_value(condition, json.where(), "K " + std::string(reason) + ", found " + matrix_text(K));
     };
-    const double determinant = K[0] * (K[4] * K[8] - K[5] * K[7]) - K[1] * (K[3] * K[8] - K[5] * K[6]) +
-                               K[2] * (K[3] * K[7] - K[4] * K[6]);
+    const double determinant =
+        K[0] * (K[4] * K[8] - K[5] * K[7]) - K[1] * (K[3] * K[8] - K[5] * K[6]) + K[2] * (K[3] * K[7] - K[4] * K[6]);
     expect(std::abs(determinant) > 1e-9, "is singular, expected [fx, 0, cx; 0, fy, cy; 0, 0, 1]");
     expect(K[6] == 0 && K[7] == 0 && K[8] == 1, "must end in the row 0, 0, 1");
     expect(K[0] > 0 && K[4] > 0, "must hold positive focal lengths");
@@ -169,8 +180,7 @@ inline void read_extrinsics(const JsonObject& json, Camera<double>& camera) {
     camera.t = {t[0], t[1], t[2]};
     double deviation = 0;
     for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            deviation = std::max(deviation, std::abs(dot(camera.R[i], camera.R[j]) - (i == j)));
+        for (int j = 0; j < 3; ++j) deviation = std::max(deviation, std::abs(dot(camera.R[i], camera.R[j]) - (i == j)));
     check_value(deviation <= 1e-3, json.where(),
                 "R is not a rotation (its columns are not orthonormal within 1e-3), found " + matrix_text(R));
     check_value(determinant(camera.R) > 0, json.where(),

@@ -69,10 +69,7 @@ inline constexpr std::array<const char*, 3> prior_view_files = {"normals", "dept
 
 /// The list of views in a file.
 inline const Json& prior_view_list(const Json& json, const std::string& name) {
-    if (json.is_object())
-        for (const auto& item : json.items())
-            if (item.key() != "views")
-                throw IoError(name + ": holds the unknown field '" + item.key() + "', expected views");
+    if (json.is_object()) JsonObject(json, name).expect_only({"views"});
     const Json& list = json.is_array() ? json : JsonObject(json, name).at("views");
     if (!list.is_array() || list.empty()) throw IoError(name + ": views must be a list with at least one view");
     return list;
@@ -80,14 +77,6 @@ inline const Json& prior_view_list(const Json& json, const std::string& name) {
 
 inline std::string prior_view_name(const std::filesystem::path& path, std::size_t view) {
     return path.string() + ": views[" + std::to_string(view) + "]";
-}
-
-inline void check_fields(const Json& json, const std::string& where, std::initializer_list<std::string_view> known) {
-    std::string all;
-    for (const std::string_view field : known) all.append(all.empty() ? "" : ", ").append(field);
-    for (const auto& item : json.items())
-        if (std::find(known.begin(), known.end(), item.key()) == known.end())
-            throw IoError(where + ": holds the unknown field '" + item.key() + "', expected " + all);
 }
 
 /// The value that a word stands for; the first one where there is no such field.
@@ -118,13 +107,13 @@ inline PriorCamera read_prior_camera(const JsonObject& view, Span<const NamedCam
     }
     const JsonObject object(json, where);
     if (!object.has("scale")) {
-        check_fields(json, where, {"name", "role", "width", "height", "K", "R", "t", "distortion"});
+        object.expect_only({"name", "role", "width", "height", "K", "R", "t", "distortion"});
         const NamedCamera camera = read_camera_entry(json, where);
         check_value(!camera.distortion, where,
                     "has distortion, expected a camera that sees straight; straighten the map");
         return camera.camera;
     }
-    check_fields(json, where, {"width", "height", "scale", "cx", "cy", "R", "t"});
+    object.expect_only({"width", "height", "scale", "cx", "cy", "R", "t"});
     Camera<double> placed;
     read_extrinsics(object, placed);
     const OrthographicCamera camera{placed.R,
@@ -178,8 +167,10 @@ inline PriorMap read_prior_depth(const std::filesystem::path& path, bool behind_
             map.mask.data[i] = 1;
         }
     };
-    if (header.is_real() && header.width == 8) fill(double(), Numbers::exact);
-    else fill(float(), header.is_real() && header.width == 4 ? Numbers::exact : Numbers::same_kind);
+    if (header.is_real() && header.width == 8)
+        fill(double(), Numbers::exact);
+    else
+        fill(float(), header.is_real() && header.width == 4 ? Numbers::exact : Numbers::same_kind);
     return map;
 }
 
@@ -205,8 +196,7 @@ public:
     PriorViewEntry(const Json& json, std::string where, std::filesystem::path folder, Span<const NamedCamera> cameras,
                    std::size_t frame_count, Span<const std::string> people)
         : object_(json, std::move(where)), folder_(std::move(folder)) {
-        check_fields(
-            json, object_.where(),
+        object_.expect_only(
             {"normals", "encoding", "facing", "integrate", "depth", "mask", "frame", "camera", "crop", "person"});
         if (!object_.has("normals") && !object_.has("depth"))
             throw IoError(object_.where() + ": names neither normals nor depth");

@@ -6,7 +6,6 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/camera_file.hpp>
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <filesystem>
@@ -48,12 +47,10 @@ inline RegionLists read_regions(const std::filesystem::path& path, std::size_t v
                 throw ValueError(path.string() + ": importance[" + std::to_string(v) + "] is " +
                                  std::to_string(lists.importance[v]) + ", expected a number in [0, 1]");
     }
-    constexpr auto known = "face_vertices, left_hand_vertices, right_hand_vertices, high or importance";
-    for (const auto& item : json.items())
-        if (item.key() != "importance" &&
-            std::none_of(fields.begin(), fields.end(), [&](const auto& f) { return item.key() == f.first; }))
-            throw IoError(path.string() + ": holds the unknown field '" + item.key() + "', expected " + known);
-    if (json.empty()) throw IoError(path.string() + ": names no region, expected " + known);
+    object.expect_only({"face_vertices", "left_hand_vertices", "right_hand_vertices", "high", "importance"});
+    if (json.empty())
+        throw IoError(path.string() + ": names no region, expected face_vertices, left_hand_vertices, "
+                                      "right_hand_vertices, high or importance");
     return lists;
 }
 
