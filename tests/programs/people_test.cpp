@@ -3,7 +3,8 @@
 /// of them is as good as alone.
 ///
 /// The last test takes its size from the environment variable GSH_TWO_PEOPLE, "size=270 frames=24 cameras=6
-/// gaussians=40000 steps=3000 samples=25": docs/quality.md says what came of it.
+/// gaussians=40000 steps=3000 samples=25", and keeps its captures and results in the folder that GSH_TWO_PEOPLE_KEEP
+/// names: docs/quality.md says what came of it.
 #include "io/gala_files.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
@@ -483,6 +484,6 @@ TEST_CASE("each of two people who pass each other is as good as alone") {
                                << json_of(apart[0] / "metrics.json").at("psnr") << " and "
                                << json_of(apart[1] / "metrics.json").at("psnr"));
         if (const char* keep = std::getenv("GSH_TWO_PEOPLE_KEEP"))
-            fs::copy(together, keep, fs::copy_options::recursive);
+            fs::copy(folder / "", keep, fs::copy_options::recursive);
     }
 }
