@@ -23,6 +23,7 @@
 #include <filesystem>
 #include <numbers>
 #include <string>
+#include <system_error>
 #include <vector>
 
 using namespace gsh;
@@ -39,6 +40,12 @@ struct AnimateOptions {
     std::array<double, 3> background{1, 1, 1};
     std::size_t threads = 0;
 };
+
+std::string frame_name(std::size_t frame) {
+    char name[32];
+    std::snprintf(name, sizeof name, "%04zu.png", frame);
+    return name;
+}
 
 /// Everything that a body touches in the frames that are shown.
 void add_motion(Framing& framing, const RigData& rig, const Motion& motion, std::size_t frames) {
@@ -64,6 +71,14 @@ Camera<double> frame_people(const ShownPeople& people, int size) {
     return framing.camera();
 }
 
+/// How many pictures a folder holds from a frame on without a gap.
+std::size_t frames_from(const std::filesystem::path& folder, std::size_t first) {
+    std::size_t count = 0;
+    std::error_code ignored;
+    while (std::filesystem::exists(folder / frame_name(first + count), ignored)) ++count;
+    return count;
+}
+
 int animate(const AnimateOptions& options) {
     // Poses that were estimated before a camera belong to it as they are; before one of our own, people stand.
     const bool upright = options.upright || (options.camera.empty() && !options.as_stored);
@@ -85,13 +100,14 @@ int animate(const AnimateOptions& options) {
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
     std::size_t done = 0;
     for (; done < frames && !interrupted; ++done) {
-        char name[32];
-        std::snprintf(name, sizeof name, "%04zu.png", done);
-        write_png(out.file(name), renderer.render(ensemble.at(done), camera, background));
+        write_png(out.file(frame_name(done)), renderer.render(ensemble.at(done), camera, background));
         progress.show(static_cast<double>(done + 1) / static_cast<double>(frames), "frame " + std::to_string(done));
     }
     progress.finish();
     out.commit();
+    if (const std::size_t others = frames_from(options.out, done))
+        warn(options.out.string() + ": " + std::to_string(others) +
+             " pictures of a longer motion stay behind these; remove them before you make a video");
     std::printf("%zu of %zu frames in %s\n", done, frames, options.out.c_str());
     return done < frames ? exit_interrupted : exit_done;
 }

@@ -96,6 +96,7 @@ bool write_overlays(cpu::Threads& backend, OutputFolder& out, const Source& sour
     std::vector<std::vector<int>> sides;
     for (const BodyModel& body : source.bodies) sides.push_back(joint_sides(body));
     std::vector<std::filesystem::path> paths;
+    out.own("overlays");
     for (const ViewCheck& v : check.views) paths.push_back(out.file(overlay_name(source.capture, v.view)));
     gsh::detail::load_all(backend, check.views.size(), [&](std::size_t i) {
         if (!interrupted) write_png(paths[i], overlay(source, check.views[i].view, sides));
@@ -105,6 +106,11 @@ bool write_overlays(cpu::Threads& backend, OutputFolder& out, const Source& sour
 
 const char* mask_text(ViewCheck::Mask mask) {
     return mask == ViewCheck::Mask::usable ? "usable" : mask == ViewCheck::Mask::empty ? "empty" : "opaque";
+}
+
+bool has_mask(const CaptureCheck& check) {
+    return std::any_of(check.views.begin(), check.views.end(),
+                       [](const ViewCheck& v) { return v.mask == ViewCheck::Mask::usable; });
 }
 
 void write_json(const std::filesystem::path& path, const Source& source, const CaptureCheck& check) {
@@ -117,7 +123,7 @@ void write_json(const std::filesystem::path& path, const Source& source, const C
                "intersection over union of the mask (alpha at least 1/2) with the pixels whose centres the posed "
                "body covers (with several people: any of their bodies), poses as given; images of more than 1080 "
                "pixels reduced"},
-              {"mean_iou", check.mean_iou()},
+              {"mean_iou", has_mask(check) ? Json(check.mean_iou()) : Json(nullptr)},
               {"findings", Json::array()},
               {"warnings", source.warnings},
               {"images", Json::array()}};
@@ -170,8 +176,11 @@ void print_people(const Source& source, const CaptureCheck& check) {
 void print(const Source& source, const CaptureCheck& check, const std::filesystem::path& out) {
     const Capture& capture = source.capture;
     constexpr std::size_t most_cameras = 8, most_images = 8;
-    std::printf("%zu images of %zu cameras, mean IoU of mask and posed body %.3f\n", check.views.size(),
-                capture.cameras.size(), check.mean_iou());
+    std::printf("%zu images of %zu cameras, ", check.views.size(), capture.cameras.size());
+    if (has_mask(check))
+        std::printf("mean IoU of mask and posed body %.3f\n", check.mean_iou());
+    else
+        std::printf("none with a mask to compare the posed body with\n");
     struct Row {
         std::string name;
         double mean = 0, least = 1, count = 0;
@@ -241,6 +250,7 @@ int main(int argc, char** argv) {
         ->check(not_negative());
     add_threads(app, options.threads);
     return run_program(app, argc, argv, [&] {
+        if (std::filesystem::is_directory(options.capture)) check_body(options);
         complete_poses(options);
         return check(options);
     });

@@ -75,7 +75,7 @@ std::string summary(const RunResult& result) {
 
 int evaluate(const EvaluateOptions& o) {
     check_companions(o.common);
-    check_value(has_body(o.common), "--body", "is needed: only GalaBasketball's captures bring their own");
+    check_body(o.common);
     const std::vector<Run> runs = planned_runs(o);
     EvaluationFolder folder(o);
     cpu::Threads backend(o.common.threads);

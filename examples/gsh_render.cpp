@@ -2,6 +2,7 @@
 /// @file  gsh-render: one picture of a 3DGS scene (.ply), or of avatars (.gsh) in a frame of their motions.
 
 #include "support/input_files.hpp"
+#include "support/messages.hpp"
 #include "support/program.hpp"
 #include "support/renderer.hpp"
 #include "support/shown_people.hpp"
@@ -45,6 +46,15 @@ void write_pixels(const std::filesystem::path& path, const Image<float>& image) 
     write_npy<float>(path, pixels, {static_cast<std::size_t>(image.height), static_cast<std::size_t>(image.width), 3});
 }
 
+/// Whether a picture is background alone.
+bool is_empty(const Image<float>& picture, const vec3<float>& background) {
+    for (int c = 0; c < 3; ++c)
+        for (int y = 0; y < picture.height; ++y)
+            for (int x = 0; x < picture.width; ++x)
+                if (picture.at(c, y, x) != background[c]) return false;
+    return true;
+}
+
 /// Avatars whose motions hold the frame that is wanted.
 ShownPeople people_of(const RenderOptions& options) {
     ShownPeople people(options.scenes, options.poses);
@@ -64,6 +74,8 @@ int render(const RenderOptions& options) {
                     "is no avatar (.gsh); only avatars are drawn together");
     check_value(avatars || (options.poses.empty() && options.frame == 0), options.scenes[0].string(),
                 "--poses and --frame are for avatars (.gsh)");
+    const auto kind = options.out.extension();
+    check_value(kind.empty() || kind == ".png", "--out " + options.out.string(), "is written as a PNG; name it .png");
     const Camera<double> camera = camera_of_file(options.camera, options.camera_name).camera;
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
     cpu::Threads backend(options.threads);
@@ -75,6 +87,8 @@ int render(const RenderOptions& options) {
     } else {
         picture = Renderer(backend).render(read_gaussian_ply(options.scenes[0]), camera, background);
     }
+    if (is_empty(picture, background))
+        warn(options.camera.string() + ": sees nothing of the scene; +z is ahead, and x_cam = R x + t");
     AtomicFile png(options.out); // both files or none
     png.write(encode_png(quantise(picture.view())));
     if (!options.npy.empty()) write_pixels(options.npy, picture);

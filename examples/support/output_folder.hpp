@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 
 #include <filesystem>
+#include <set>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -39,6 +40,9 @@ public:
         return staging_ / name;
     }
 
+    /// A subfolder of pictures that is this program's own: on commit, those of earlier results go.
+    void own(const std::string& subfolder) { owned_.push_back(subfolder); }
+
     void commit() {
         for (const std::string& name : names_) {
             make((folder_ / name).parent_path());
@@ -46,10 +50,20 @@ public:
             std::filesystem::rename(staging_ / name, folder_ / name, error);
             if (error) throw IoError((folder_ / name).string() + ": cannot be written: " + error.message());
         }
+        for (const std::string& subfolder : owned_) remove_others(folder_ / subfolder);
         names_.clear();
     }
 
 private:
+    void remove_others(const std::filesystem::path& subfolder) const {
+        std::set<std::filesystem::path> kept;
+        for (const std::string& name : names_) kept.insert(folder_ / name);
+        std::vector<std::filesystem::path> others;
+        std::error_code ignored;
+        for (const auto& entry : std::filesystem::directory_iterator(subfolder, ignored))
+            if (entry.path().extension() == ".png" && !kept.contains(entry.path())) others.push_back(entry.path());
+        for (const auto& path : others) std::filesystem::remove(path, ignored);
+    }
     static void make(const std::filesystem::path& folder) {
         std::error_code error;
         std::filesystem::create_directories(folder, error);
@@ -59,7 +73,7 @@ private:
     }
 
     std::filesystem::path folder_, staging_;
-    std::vector<std::string> names_;
+    std::vector<std::string> names_, owned_;
     bool existed_ = false;
 };
 

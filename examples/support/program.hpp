@@ -68,7 +68,8 @@ inline void add_threads(CLI::App& app, std::size_t& threads) {
 
 /// The option --background r g b.
 inline void add_background(CLI::App& app, std::array<double, 3>& background, const std::string& by_default) {
-    app.add_option("--background", background, "red green blue in [0, 1] (default " + by_default + ")")
+    app.add_option("--background", background, "red,green,blue in [0, 1] (default " + by_default + ")")
+        ->delimiter(',')
         ->check(numbers([](double value) { return value >= 0 && value <= 1; }, "from 0 to 1"));
 }
 

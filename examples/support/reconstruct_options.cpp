@@ -44,6 +44,7 @@ void complete_poses(PeopleOptions& o) {
 }
 
 std::string poses_text(const PeopleOptions& o) {
+    if (o.capture.empty()) return "the built-in actor";
     std::string text;
     for (const std::string& poses : o.poses) text += (text.empty() ? "" : ", ") + poses;
     return text;
@@ -56,17 +57,22 @@ void check_options(ReconstructOptions& o) {
     const bool scene = is_scene_configuration(o.config); // needs no body, and no poses
     expect(o.synthetic || (!o.capture.empty() && (scene || has_body(o))),
            "--capture and --body are needed, or --synthetic alone");
-    expect(!scene || !(o.synthetic || o.refine || o.resume || o.seconds > 0 || o.max_memory > 0 || !o.poses.empty() ||
-                       !o.regions.empty() || !o.lpips.empty()),
-           "--config static takes a capture and --steps; it cannot resume, refine, or do without --steps and "
-           "--gaussians, and knows "
-           "no --poses, --regions and --lpips (gsh-evaluate judges it by LPIPS)");
+    for (const auto& [given, option] : {std::pair(o.synthetic, "--synthetic: it takes a capture"),
+                                        {o.refine, "--refine"},
+                                        {o.resume, "--resume"},
+                                        {o.seconds > 0, "--seconds: it counts --steps"},
+                                        {o.max_memory > 0, "--max-memory"},
+                                        {!o.poses.empty(), "--poses"},
+                                        {!o.regions.empty(), "--regions"},
+                                        {!o.priors.empty(), "--priors"},
+                                        {!o.lpips.empty(), "--lpips: gsh-evaluate judges it by LPIPS"}})
+        if (scene && given) throw ValueError(std::string("--config static knows no ") + option);
+    expect(scene || o.frame == 0, "--frame is for --config static");
     expect(!o.synthetic || (o.capture.empty() && o.bodies.empty() && o.poses.empty()),
            "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
     check_companions(o);
     if (!o.priors.empty()) {
-        expect(!scene, "--priors is of a body; --config static has none");
         const Configuration configuration = configuration_of(o);
         expect(configuration.depth_prior || configuration.normal_prior,
                "--priors has no effect: the configuration has neither prior.depth nor prior.normals");
@@ -98,6 +104,10 @@ std::string set_words(const ReconstructOptions& o) {
 
 bool has_body(const PeopleOptions& o) {
     return !o.bodies.empty() || brings_own_body(o.capture);
+}
+
+void check_body(const PeopleOptions& o) {
+    check_value(has_body(o), "--body", "is needed: only GalaBasketball's captures bring their own");
 }
 
 void check_companions(const ReconstructOptions& o) {

@@ -65,6 +65,9 @@ std::string set_words(const ReconstructOptions& o);
 /// Whether there is a body: a file's, or that of a capture which brings its own.
 bool has_body(const PeopleOptions& o);
 
+/// Refuses to go on without.
+void check_body(const PeopleOptions& o);
+
 /// Refuses options that lack the one that they belong to.
 void check_companions(const ReconstructOptions& o);
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/reconstruction.hpp"
 
+#include "support/interrupts.hpp"
 #include "support/messages.hpp"
+#include "support/progress.hpp"
 #include "support/rasterizer.hpp"
 
 #include <gsh/core/error.hpp>
@@ -12,6 +14,7 @@
 
 #include <algorithm>
 #include <set>
+#include <string>
 
 namespace gsh::examples {
 
@@ -88,7 +91,7 @@ std::vector<AvatarData> Reconstruction::avatars() {
     return result;
 }
 
-void Reconstruction::refine_test_poses(Backend& backend) {
+bool Reconstruction::refine_test_poses(Backend& backend) {
     for (std::size_t p = 0; p < people.size(); ++p) {
         Person& person = people[p];
         person.refinement->carry_to_left_out();
@@ -99,12 +102,15 @@ void Reconstruction::refine_test_poses(Backend& backend) {
     std::set<std::size_t> frames;
     for (const Photo& photo : test_photos) frames.insert(photo.frame);
     const std::size_t rounds = people.size() > 1 ? 2 : 1, steps = configuration.test_steps / rounds;
+    Progress shown("fitting test poses");
+    std::size_t done = 0;
     for (const std::size_t frame : frames) {
         trainer.query(frame);
         std::vector<Observation> observations;
         for (const Photo& photo : test_photos)
             if (photo.frame == frame) observations.push_back({photo.camera, photo.rgba, photo.plate});
         for (std::size_t turn = 0; turn < rounds * people.size(); ++turn) {
+            if (interrupted) return false;
             FrozenScene<TrainerType> frozen{&trainer, frame, turn % people.size()};
             PoseFit<Backend, float, FrozenScene<TrainerType>> fit(backend, frozen, configuration.train.filter,
                                                                   {.steps = steps,
@@ -113,7 +119,9 @@ void Reconstruction::refine_test_poses(Backend& backend) {
                                                                    .background = configuration.train.background});
             fit.fit(*people[frozen.person].test_refinement, frame, observations);
         }
+        shown.show(static_cast<double>(++done) / static_cast<double>(frames.size()), "frame " + std::to_string(frame));
     }
+    return true;
 }
 
 void Reconstruction::end_test_refinement() {

@@ -70,8 +70,8 @@ struct Reconstruction {
     [[nodiscard]] std::vector<AvatarData> avatars();
 
     /// Fits the poses of the frames to judge by to their own photographs, the avatars staying as they are; several
-    /// people take turns. Figures after this are figures of test-time refinement.
-    void refine_test_poses(Backend& backend);
+    /// people take turns. Figures after this are figures of test-time refinement. False if somebody interrupted.
+    bool refine_test_poses(Backend& backend);
     /// Back to the poses of training.
     void end_test_refinement();
 

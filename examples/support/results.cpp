@@ -18,11 +18,12 @@
 #include <gsh/io/ply.hpp>
 #include <gsh/train/checkpoint.hpp>
 
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <sstream>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -37,15 +38,28 @@ std::string settings_text(const Configuration& configuration) {
     return text;
 }
 
-/// What a checkpoint was made for, in words: settings, refinement, estimated priors, and people where there are
-/// several.
+/// What a checkpoint was made for, in words, a line each: people where there are several, how many Gaussians, settings,
+/// refinement, estimated priors.
 std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& reconstruction) {
-    std::string text = settings_text(reconstruction.configuration);
-    if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
-    if (!reconstruction.priors_checksum.empty()) text += "priors " + reconstruction.priors_checksum + "\n";
+    std::string text;
     if (reconstruction.people.size() > 1)
         for (const auto& person : reconstruction.people) text += "person " + person.name + "\n";
+    text += "gaussians = " + std::to_string(reconstruction.gaussian_count()) + "\n";
+    text += settings_text(reconstruction.configuration);
+    if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
+    if (!reconstruction.priors_checksum.empty()) text += "priors " + reconstruction.priors_checksum + "\n";
     return text;
+}
+
+/// The first line in which two texts differ, in words.
+std::string difference(const std::string& there, const std::string& here) {
+    std::istringstream a(there), b(here);
+    std::string of_a, of_b;
+    do {
+        if (!std::getline(a, of_a)) of_a = "nothing";
+        if (!std::getline(b, of_b)) of_b = "nothing";
+    } while (of_a == of_b && (a || b));
+    return "it says '" + of_a + "' where this run has '" + of_b + "'";
 }
 
 /// "avatar" for one person alone; of several, each one's name goes with it.
@@ -55,7 +69,9 @@ std::string result_name(const Reconstruction& reconstruction, const std::string&
 
 } // namespace
 
-std::filesystem::path checkpoint_path(const ReconstructOptions& o) { return o.out / "checkpoint.gsh"; }
+std::filesystem::path checkpoint_path(const ReconstructOptions& o) {
+    return o.out / "checkpoint.gsh";
+}
 
 void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record) {
     ArchiveWriter file(checkpoint_path(o), "checkpoint", checkpoint_version);
@@ -78,11 +94,14 @@ void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
 }
 
 void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(checkpoint_path(o), ignored))
+        throw IoError(checkpoint_path(o).string() + ": there is nothing to resume; leave out --resume to begin");
     const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
-    check_value(
-        file.read_text("configuration") == checkpoint_text(o, reconstruction), checkpoint_path(o).string(),
-        "was made with another configuration, other priors or for other people; resume with the same --config, --set, "
-        "--refine, --priors and --poses");
+    const std::string there = file.read_text("configuration"), here = checkpoint_text(o, reconstruction);
+    check_value(there == here, checkpoint_path(o).string(),
+                "was made otherwise: " + difference(there, here) +
+                    "; resume with the same --config, --set, --gaussians, --refine, --priors and --poses");
     load_trainer(file, reconstruction.trainer);
     for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
         if (auto& refinement = reconstruction.people[p].refinement) load_refinement(file, *refinement, p);
@@ -109,8 +128,8 @@ std::string measures_of(const Judge& judge) {
            judge.lpips_protocol();
 }
 
-std::string protocol_of(const ReconstructOptions& o, const Source& source, const TrainConfig& train,
-                        const Judge& judge, std::size_t images) {
+std::string protocol_of(const ReconstructOptions& o, const Source& source, const TrainConfig& train, const Judge& judge,
+                        std::size_t images) {
     const std::string background =
         !source.capture.backgrounds.empty() ? "the capture's backgrounds in training and test"
         : train.random_background           ? "a random background each step in training, white in test"
@@ -132,7 +151,8 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
     Judge judge(trainer.backend(), source, o);
     const std::vector<AvatarData> avatars = reconstruction.avatars(); // before test images have a say
     const std::size_t people = reconstruction.people.size();
-    if (o.refine) reconstruction.refine_test_poses(trainer.backend());
+    if (o.refine && !reconstruction.refine_test_poses(trainer.backend())) return std::nullopt;
+    out.own("test");
     Report report;
     std::vector<ImageScore> scores;
     constexpr std::size_t shown = 6; // pictures on the page; all of them are in test/
@@ -225,9 +245,11 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
                     {"Training", std::to_string(record.steps) + " steps in " + fixed(record.seconds, 1) + " s on " +
                                      std::to_string(trainer.backend().thread_count()) + " threads"},
                     {"Peak memory", fixed(static_cast<double>(peak_memory_bytes()) / (1 << 20), 0) + " MiB"}};
-    report.curves = {{"Loss of the step's training view", fixed(1 - trainer.config().ssim_weight, 2) + " L1 + " +
-                          fixed(trainer.config().ssim_weight, 2) + " (1 - SSIM)", record.loss},
-                     {"PSNR of the step's training view", "dB", record.psnr}};
+    report.curves = {
+        {"Loss of the step's training view",
+         fixed(1 - trainer.config().ssim_weight, 2) + " L1 + " + fixed(trainer.config().ssim_weight, 2) + " (1 - SSIM)",
+         record.loss},
+        {"PSNR of the step's training view", "dB", record.psnr}};
     write_report(out.file("report.html"), report);
     write_json(out.file("metrics.json"), json);
     if (interrupted) return std::nullopt;

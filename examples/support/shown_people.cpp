@@ -19,6 +19,7 @@ ShownPeople::ShownPeople(const std::vector<std::filesystem::path>& avatars,
                     " avatars; give one for each, in their order");
     std::vector<std::string> warnings;
     for (std::size_t p = 0; p < avatars.size(); ++p) {
+        check_value(avatars[p].extension() == ".gsh", avatars[p].string(), "is no avatar (.gsh)");
         data.push_back(avatar_of_file(avatars[p]));
         const RigData& rig = data[p].rig;
         motions.push_back(poses.empty() ? rest_motion(rig) : motion_of_file(poses[p], rig.body, warnings, upright));

@@ -182,7 +182,7 @@ TEST_CASE("a back map in the front view's frame, and maps of the wrong encoding"
     const test::Temporary folder;
     write_png(folder / "back.png", picture(3, 12, 12, {-1, 1, 1})); // y_up, all turned round
     test::check_throws<ValueError>([&] { (void)read_normal_map(folder / "back.png"); },
-                                   {"back.png", "144 of 144", "away from the viewer", "NormalFacing::away"});
+                                   {"back.png", "144 of 144", "away from the viewer", "facing: away"});
     const PriorMap map = read_normal_map(folder / "back.png", {.facing = NormalFacing::away});
     CHECK(length(normal_of(map, 3, 8) + bump(3, 8, 12, 12)) < 0.01);
     write_png(folder / "front.png", picture(3, 12, 12, {1, -1, -1}));

@@ -157,7 +157,8 @@ TEST_CASE("options that make no sense") {
     refuse_with({"--threads", "1000000000"}, {"--threads"});
     refuse_with({"--seed", "-1"}, {"--seed"});
     refuse_with({"--max-memory", "-1"}, {"--max-memory"});
-    refuse_with({"--resume"}, {"checkpoint.gsh", "No such file"});
+    refuse_with({"--frame", "1"}, {"--frame", "static"});
+    refuse_with({"--resume"}, {"checkpoint.gsh", "nothing to resume"});
     refuse_with({"--poses", "poses_noisy.npz"}, {"poses_noisy.npz", "No such file"});
 
     refuse({"gsh-render", s.scene, "--out", out}, {"--camera"});
@@ -170,7 +171,9 @@ TEST_CASE("options that make no sense") {
     refuse({"gsh-render", s.avatar, "--camera", s.camera, "--out", out, "--frame", "1"}, {"--frame 1", "--poses"});
     refuse({"gsh-render", s.avatar, "--camera", s.camera, "--out", out, "--poses", s.dance, "--frame", "3"},
            {"--frame 3", "dance.npz", "3 frames"});
+    refuse({"gsh-render", s.scene, "--camera", s.camera, "--out", out / "a.jpg"}, {"a.jpg", "PNG"});
     refuse({"gsh-animate", s.avatar, "--out", out}, {"--poses"});
+    refuse({"gsh-animate", s.scene, "--poses", s.dance, "--out", out}, {"scene.ply", "no avatar"});
     refuse({"gsh-animate", s.avatar, "--poses", s.dance, "--out", out, "--size", "0"}, {"--size"});
 
     write_file(folder / "file", "in the way");

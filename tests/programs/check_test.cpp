@@ -38,8 +38,8 @@ bool shows(const PixelImage& image, int red, int green, int blue) {
     return false;
 }
 
-/// Checks a capture that is not what it should be: exit code 1, and the findings.
-nlohmann::json findings(const std::function<void(Capture&)>& spoil) {
+/// Checks a capture that is not what it should be: exit code 1, and check.json.
+nlohmann::json check_of(const std::function<void(Capture&)>& spoil) {
     const test::Temporary folder;
     Capture capture = studio().capture;
     spoil(capture);
@@ -52,8 +52,9 @@ nlohmann::json findings(const std::function<void(Capture&)>& spoil) {
     const auto json = json_of(folder / "out/check.json");
     for (const auto& finding : json.at("findings"))
         CHECK(outcome.out.find(finding.at("text").get<std::string>()) != std::string::npos);
-    return json.at("findings");
+    return json;
 }
+nlohmann::json findings(const std::function<void(Capture&)>& spoil) { return check_of(spoil).at("findings"); }
 
 } // namespace
 
@@ -89,6 +90,7 @@ TEST_CASE("a good capture: figures, pictures, and nothing to complain about") {
     CHECK(read_file(out / "check.json") == read_file(other / "check.json"));
     test::check_done(run(words(studio().path, other, {"--frames", "1"})));
     CHECK(json_of(other / "check.json").at("images").size() == 3);
+    CHECK(test::files_below(other) == 4); // pictures of the earlier run are gone
 }
 
 TEST_CASE("faults are named, and the exit code says that there are some") {
@@ -101,6 +103,12 @@ TEST_CASE("faults are named, and the exit code says that there are some") {
     CHECK(inverse[0].at("given") < 0.3);
     CHECK(inverse[0].at("mended") > 0.93);
     CHECK(inverse[0].at("cameras").size() == 3);
+
+    const auto opaque = check_of([](Capture& capture) {
+        for (PixelImage& image : capture.images)
+            for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 255;
+    });
+    CHECK(opaque.at("mean_iou").is_null());
 
     const auto empty = findings([](Capture& capture) { capture.images[3] = PixelImage(4, 64, 64); });
     REQUIRE(empty.size() == 1);
@@ -188,7 +196,7 @@ TEST_CASE("input that cannot be checked is refused") {
         CHECK(!fs::exists(out));
     };
     refuse({"gsh-check", "--out", out}, {"capture", "--help"});
-    refuse({"gsh-check", studio().path, "--out", out}, {"body model"});
+    refuse({"gsh-check", studio().path, "--out", out}, {"--body", "needed"});
     refuse(words(folder / "nowhere", out), {"nowhere", "not a folder"});
     refuse(words(studio().path, out, {"--poses", "other.npz"}), {"other.npz", "No such file"});
     refuse(words(studio().path, out, {"--poses", studio().dance}), {"2 images", "expected 3"});

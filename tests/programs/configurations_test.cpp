@@ -17,6 +17,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <csignal>
 #include <cstdint>
 #include <initializer_list>
 #include <string>
@@ -108,7 +109,7 @@ TEST_CASE("a file of settings is what the same settings are on the command line"
     // The page and the checkpoint know it, too.
     CHECK(read_file(file / "report.html").find("mine") != std::string::npos);
     check_refused(reconstruct(file, {"--steps", "4", "--config", "no-ao", "--resume"}), "gsh-reconstruct",
-                  {"checkpoint.gsh", "another configuration"});
+                  {"checkpoint.gsh", "made otherwise"});
     check_done(reconstruct(file, {"--steps", "4", "--config", mine.string(), "--resume"}));
     CHECK(file.metrics().at("steps") == 4);
 }
@@ -153,6 +154,15 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
     check_refused(reconstruct(moved, with({"--steps", "50", "--set", "refine.betas.rate=1e-3", "--resume"}), capture),
                   "gsh-reconstruct", {"checkpoint.gsh"});
     check_done(reconstruct(plain, with({"--steps", "3", "--refine-cameras"}), capture));
+
+    // The fit of test poses is shown as it goes, and a signal ends it; what an earlier run left stays.
+    const std::string before = moved.avatar_bytes();
+    test::Process process(studio().reconstruct(moved.path, with({"--steps", "41", "--resume"}), capture));
+    REQUIRE(process.wait_until([&] { return process.err().find("fitting test poses") != std::string::npos; }));
+    process.send(SIGINT);
+    const test::Outcome outcome = process.wait();
+    CHECK(outcome.code == 130);
+    CHECK(moved.avatar_bytes() == before);
 }
 
 TEST_CASE("regions of the user's decide where Gaussians and fine levels go") {
@@ -288,8 +298,8 @@ TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
 
     const Out none;
     check_refused(run(words(none, {"--frame", "2"})), "gsh-reconstruct", {"2 images", "frame 2"});
-    check_refused(run(words(none, {"--resume"})), "gsh-reconstruct", {"static", "resume"});
-    check_refused(run(words(none, {"--refine"})), "gsh-reconstruct", {"static", "refine"});
+    check_refused(run(words(none, {"--resume"})), "gsh-reconstruct", {"static", "--resume"});
+    check_refused(run(words(none, {"--refine"})), "gsh-reconstruct", {"static", "--refine"});
     check_refused(run(words(none, {"--seconds", "3"})), "gsh-reconstruct", {"static", "--steps"});
     check_refused(run(words(none, {"--set", "ao=none"})), "gsh-reconstruct", {"no setting 'ao'"});
     for (const char* option : {"--lpips", "--regions", "--poses"})

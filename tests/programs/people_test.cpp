@@ -243,7 +243,7 @@ TEST_CASE("two people go on where they were stopped, and refine their poses") {
     resumed.push_back("--resume");
     check_refused(
         run(s.reconstruct(parts, {"--poses", "ann.npz", "--steps", "40", "--refine", "--refine-cameras", "--resume"})),
-        "gsh-reconstruct", {"checkpoint.gsh", "other people"});
+        "gsh-reconstruct", {"checkpoint.gsh", "'person ann'"});
     check_done(run(s.reconstruct(parts, resumed)));
     for (const char* file : {"avatar-ann.gsh", "avatar-bob.gsh", "test/test00_0001.png"})
         CHECK(same_file(parts / file, whole / file));

@@ -148,8 +148,9 @@ TEST_CASE("maps that cannot be meant are refused before training") {
         check_refused(reconstruct(out, estimates, {"--steps", "1"}), "gsh-reconstruct", words);
         CHECK(!fs::exists(out));
     };
-    refuse(R"({"normals": "none.png"})", {"none.png", "No such file"});
+    refuse(R"({"normals": "none.png"})", {"estimates.json: views[0]", "none.png", "No such file"});
     refuse(R"({"normal": "normals.png"})", {"estimates.json: views[0]", "unknown field 'normal'"});
+    refuse(R"({"encoding": "opencv"})", {"views[0]", "normals.png", "away from the viewer", "encoding"});
     refuse(R"({"encoding": "up"})", {"views[0]", "encoding is 'up'", "y_up"});
     refuse(R"({"camera": "cam07"})", {"views[0]", "'cam07'", "cam00, cam01, test00"});
     refuse(R"({"frame": 2})", {"views[0]", "frame is 2", "2 frames"});

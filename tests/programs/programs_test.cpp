@@ -13,8 +13,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <csignal>
 #include <initializer_list>
+#include <iterator>
 #include <string>
+#include <utility>
 #include <vector>
 
 using namespace gsh;
@@ -166,13 +169,18 @@ TEST_CASE("a checkpoint belongs to one training alone") {
         return run(s.reconstruct(out.path, more));
     };
     check_refused(resume({"--seed", "1"}), "gsh-reconstruct", {"checkpoint.gsh", "seed 0"});
-    for (const std::vector<std::string>& other :
-         {std::vector<std::string>{"--config", "baseline-x"}, {"--set", "rate.sh=1e-3"}, {"--refine"}})
-        check_refused(resume(other), "gsh-reconstruct", {"checkpoint.gsh", "another configuration"});
+    using Words = std::vector<std::string>;
+    for (const auto& [other, said] : {std::pair(Words{"--config", "baseline-x"}, "region.samples = false"),
+                                      {Words{"--set", "rate.sh=1e-3"}, "rate.sh = 0.001"},
+                                      {Words{"--refine"}, "'nothing' where this run has 'refine'"}})
+        check_refused(resume(other), "gsh-reconstruct", {"checkpoint.gsh", "made otherwise", said});
+    Words fewer = s.reconstruct(out.path, {"--steps", "3", "--resume"});
+    *std::next(std::find(fewer.begin(), fewer.end(), "--gaussians")) = "400";
+    check_refused(run(fewer), "gsh-reconstruct", {"checkpoint.gsh", "gaussians = 400"});
     test::truncate_file(out.path / "checkpoint.gsh", 1000);
     check_refused(resume({"--steps", "6"}), "gsh-reconstruct", {"checkpoint.gsh"});
     fs::remove(out.path / "checkpoint.gsh");
-    check_refused(resume({"--steps", "6"}), "gsh-reconstruct", {"checkpoint.gsh", "No such file"});
+    check_refused(resume({"--steps", "6"}), "gsh-reconstruct", {"checkpoint.gsh", "nothing to resume"});
     CHECK(read_file(out.path / "avatar.gsh") == avatar); // none of them touched it
 }
 
@@ -282,6 +290,19 @@ TEST_CASE("pictures of an avatar and of its canonical Gaussians") {
     named.insert(named.end(), {"--camera-name", "cam00"});
     check_done(run(named));
     CHECK(fs::exists(folder / "b.png"));
+    // Whoever looks the other way is told so.
+    auto camera = json_of(s.camera);
+    for (const int row : {0, 2}) { // half a turn about y
+        for (auto& number : camera["R"][row]) number = -number.get<double>();
+        camera["t"][row] = -camera["t"][row].get<double>();
+    }
+    write_file(folder / "away.json", camera.dump());
+    const test::Outcome away = run({"gsh-render", (s.out / "avatar.ply").string(), "--camera",
+                                    (folder / "away.json").string(), "--out", (folder / "c.png").string(),
+                                    "--background", "1,1,1"});
+    CHECK(away.code == 0);
+    CHECK(away.err.find("away.json: sees nothing") != std::string::npos);
+    CHECK(read_image(folder / "c.png").pixel(0, 0)[0] == 255);
 }
 
 TEST_CASE("frames of a new motion, through a camera that finds its place or that is given") {
@@ -313,6 +334,15 @@ TEST_CASE("frames of a new motion, through a camera that finds its place or that
     CHECK(std::abs((top + bottom) / 2 - 48) <= 4);
     animate("given", {"--camera", s.camera.string(), "--background", "0", "0", "0"});
     CHECK(read_image(folder / "given" / fs::path("0002.png")).width == 64);
+
+    // What an earlier, longer motion left is the user's; it is named.
+    write_file(folder / "given" / fs::path("0003.png"), "of a longer motion");
+    auto again = words;
+    again.insert(again.end(), {"--size", "64", "--out", (folder / "given").string()});
+    const test::Outcome outcome = run(again);
+    CHECK(outcome.code == 0);
+    CHECK(outcome.err.find("1 pictures of a longer motion") != std::string::npos);
+    CHECK(fs::exists(folder / "given" / fs::path("0003.png")));
 }
 
 TEST_CASE("each program lists its options") {

@@ -339,12 +339,6 @@ Capture load_capture(B& backend, const std::filesystem::path& folder, const Body
     motion_options.person = options.person;
     capture.motion = load_any_motion(poses, body, motion_options, warnings);
     const std::size_t frames = capture.frame_count(), count = capture.cameras.size() * frames;
-    for (const int frame : capture.test_frames)
-        check_value(static_cast<std::size_t>(frame) < frames, (folder / "cameras.json").string(),
-                    "test_frames holds " + std::to_string(frame) + ", expected frames below " + std::to_string(frames));
-    check_value(!capture.views(false).empty(), (folder / "cameras.json").string(),
-                "no view is left for training; give a camera the role train, and leave frames out of test_frames");
-
     std::vector<std::filesystem::path> images, masks;
     for (const NamedCamera& camera : capture.cameras) {
         const auto append = [&](const char* kind, std::vector<std::filesystem::path>& files) {
@@ -354,6 +348,12 @@ Capture load_capture(B& backend, const std::filesystem::path& folder, const Body
         append("images", images);
         if (std::filesystem::is_directory(folder / "masks")) append("masks", masks);
     }
+
+    for (const int frame : capture.test_frames)
+        check_value(static_cast<std::size_t>(frame) < frames, (folder / "cameras.json").string(),
+                    "test_frames holds " + std::to_string(frame) + ", expected frames below " + std::to_string(frames));
+    check_value(!capture.views(false).empty(), (folder / "cameras.json").string(),
+                "no view is left for training; give a camera the role train, and leave frames out of test_frames");
 
     capture.images.resize(count);
     detail::load_all(backend, count, [&](std::size_t i) {

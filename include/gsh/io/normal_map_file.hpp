@@ -186,8 +186,8 @@ inline PriorMap read_normal_map(const std::filesystem::path& path, const NormalM
     check_value(2 * right_way >= count, name,
                 std::to_string(count - right_way) + " of " + std::to_string(count) + " normals face " +
                     (params.facing == NormalFacing::viewer
-                         ? "away from the viewer; choose another NormalEncoding, or NormalFacing::away for a back map"
-                         : "the viewer, expected a map of the far side; choose NormalFacing::viewer"));
+                         ? "away from the viewer; choose another encoding, or facing: away for a back map"
+                         : "the viewer, expected a map of the far side; choose facing: viewer"));
     return map;
 }
 

@@ -190,6 +190,20 @@ inline void restrict_prior(PriorMap& map, const std::filesystem::path& path) {
         }
 }
 
+/// What f returns; of what it throws, the entry's name stands before the file's.
+template <class F>
+auto read_for(const std::string& entry, const F& f) {
+    try {
+        return f();
+    } catch (const ShapeError& error) {
+        throw ShapeError(entry + ": " + error.what());
+    } catch (const ValueError& error) {
+        throw ValueError(entry + ": " + error.what());
+    } catch (const IoError& error) {
+        throw IoError(entry + ": " + error.what());
+    }
+}
+
 /// One entry of the list.
 class PriorViewEntry {
 public:
@@ -226,12 +240,14 @@ public:
                                                    {{"viewer", NormalFacing::viewer}, {"away", NormalFacing::away}})};
             const bool integrate = read_integrate(params.facing);
             const auto file = folder_ / object_.text("normals");
-            priors.normals.emplace_back(view(read_normal_map(file, params), file), frame_, object_.where(), integrate);
+            PriorMap map = read_for(object_.where(), [&] { return read_normal_map(file, params); });
+            priors.normals.emplace_back(view(std::move(map), file), frame_, object_.where(), integrate);
         }
         if (object_.has("depth")) {
             const auto file = folder_ / object_.text("depth");
             const bool orthographic = std::holds_alternative<OrthographicCamera>(camera_);
-            priors.depths.emplace_back(view(read_prior_depth(file, orthographic), file), frame_, object_.where());
+            PriorMap map = read_for(object_.where(), [&] { return read_prior_depth(file, orthographic); });
+            priors.depths.emplace_back(view(std::move(map), file), frame_, object_.where());
         }
     }
 
@@ -302,7 +318,7 @@ private:
         std::string counting = file.string();
         if (object_.has("mask")) {
             const auto mask = folder_ / object_.text("mask");
-            restrict_prior(map, mask);
+            read_for(object_.where(), [&] { restrict_prior(map, mask); });
             counting += " within " + mask.string();
         }
         check_value(std::any_of(map.mask.data.begin(), map.mask.data.end(), [](auto m) { return m != 0; }),
