@@ -91,7 +91,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                 run.name = std::filesystem::path(config).stem().string() + set_words(run.options);
                 run.options.priors.clear();
             } else {
-                run.config = configuration_called(config).name;
+                run.config = configuration_called(config, "--configs").name;
                 run.configuration = configuration_of(run.options);
                 run.name = run.configuration.name;
                 if (!run.configuration.depth_prior && !run.configuration.normal_prior) run.options.priors.clear();

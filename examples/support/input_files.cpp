@@ -54,7 +54,9 @@ NamedCamera camera_of_file(const std::filesystem::path& path, const std::string&
     return read_camera(path, name);
 }
 LpipsNetwork lpips_of_file(const std::filesystem::path& path) { return read_lpips(path); }
-Configuration configuration_called(const std::string& name_or_path) { return find_configuration(name_or_path); }
+Configuration configuration_called(const std::string& name_or_path, std::string_view where) {
+    return find_configuration(name_or_path, where);
+}
 bool is_scene_configuration(const std::string& name_or_path) { return is_static_configuration(name_or_path); }
 StaticConfig scene_configuration_called(const std::string& name_or_path, std::int64_t steps) {
     return find_static_configuration(name_or_path, steps);

@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace gsh {
@@ -60,7 +61,7 @@ NamedCamera camera_of_file(const std::filesystem::path& path, const std::string&
 /// read_lpips.
 LpipsNetwork lpips_of_file(const std::filesystem::path& path);
 /// find_configuration.
-Configuration configuration_called(const std::string& name_or_path);
+Configuration configuration_called(const std::string& name_or_path, std::string_view where);
 /// is_static_configuration.
 bool is_scene_configuration(const std::string& name_or_path);
 /// find_static_configuration.

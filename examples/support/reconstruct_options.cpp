@@ -83,7 +83,7 @@ void check_options(ReconstructOptions& o) {
 }
 
 Configuration configuration_of(const ReconstructOptions& o) {
-    Configuration configuration = configuration_called(o.config);
+    Configuration configuration = configuration_called(o.config, "--config");
     set_all(configuration, o.set);
     configuration.name += set_words(o);
     return configuration;

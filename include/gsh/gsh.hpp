@@ -131,6 +131,7 @@
 #include <gsh/train/refinement_config.hpp>
 #include <gsh/train/refinement_tables.hpp>
 #include <gsh/train/region_labels.hpp>
+#include <gsh/train/setting.hpp>
 #include <gsh/train/static_configuration.hpp>
 #include <gsh/train/static_start.hpp>
 #include <gsh/train/static_trainer.hpp>

@@ -7,13 +7,74 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <filesystem>
+#include <limits>
 #include <set>
 #include <string>
 #include <string_view>
+#include <type_traits>
 
 using namespace gsh;
+
+namespace {
+
+/// Sets every bounded setting to its ends and to what lies next to them outside. Returns how many ends there are.
+template <class C>
+std::size_t try_ends(const C& defaults) {
+    std::size_t ends = 0;
+    for_each_setting(defaults, [&](std::string_view name, const auto& value, const SettingRange& range) {
+        using V = std::remove_cvref_t<decltype(value)>;
+        if constexpr (!std::is_enum_v<V> && !std::is_same_v<V, bool>) {
+            CAPTURE(name);
+            CHECK(range.holds(value));
+            const auto check = [&](V number, bool accepted) {
+                const std::string text = gsh::detail::setting_text(number);
+                CAPTURE(text);
+                C c = defaults;
+                if (!accepted) {
+                    const std::string message = "--set: " + std::string(name) + " is '" + text + "', expected ";
+                    CHECK_THROWS_WITH_AS(set_setting(c, name, text, "--set"), doctest::Contains(message.c_str()),
+                                         ValueError);
+                    CHECK(settings_of(c) == settings_of(defaults));
+                    return;
+                }
+                CHECK_NOTHROW(set_setting(c, name, text, "--set"));
+                for_each_setting(c, [&](std::string_view other, const auto& now, const SettingRange&) {
+                    if (other == name) CHECK(gsh::detail::setting_text(now) == text);
+                });
+            };
+            const auto next = [](double number, int way) { // towards more or less
+                if constexpr (std::integral<V>)
+                    return static_cast<V>(static_cast<V>(number) + way);
+                else
+                    return static_cast<V>(std::nextafter(number, way * std::numeric_limits<double>::infinity()));
+            };
+            const auto end = [&](double number, bool counts, int outwards) {
+                if (std::isinf(number)) return;
+                ++ends;
+                check(static_cast<V>(number), counts);
+                check(next(number, -outwards), true);
+                if (std::signed_integral<V> || std::floating_point<V> || number > 0 || outwards > 0)
+                    check(next(number, outwards), false);
+            };
+            end(range.least, range.with_least, -1);
+            end(range.most, range.with_most, 1);
+            if (range.powers_of_two) check(3, false), check(4, true), check(1000, false);
+            if constexpr (std::floating_point<V>) // all are finite, bounded or not
+                for (const char* text : {"inf", "-inf", "nan"}) {
+                    C c = defaults;
+                    CHECK_THROWS_WITH_AS(set_setting(c, name, text, "--set"), doctest::Contains("a finite number"),
+                                         ValueError);
+                }
+        }
+    });
+    return ends;
+}
+
+} // namespace
 
 TEST_CASE("every named configuration exists under its own name, and differs from the paper's") {
     const auto paper = settings_of(named_configuration("paper"));
@@ -102,10 +163,44 @@ TEST_CASE("a setting that cannot be is refused with its name, and nothing change
     message("rate.sh", "fast", "--set: rate.sh is 'fast', expected a number");
     message("rate.sh", "1e-3x", "expected a number");
     message("rate.sh", "nan", "expected a finite number");
-    message("mlp.width", "6.5", "expected a number");
+    message("mlp.width", "6.5", "--set: mlp.width is '6.5', expected a whole number of at least 1");
+    message("mlp.width", "3000000000", "expected a whole number of at least 1 that fits 32 bits");
+    message("rate.sh", "-1", "--set: rate.sh is '-1', expected a number of at least 0");
+    message("rate.sh", "-inf", "expected a finite number of at least 0");
+    message("region.sigma", "0", "region.sigma is '0', expected a number above 0");
+    message("ao.start", "2", "ao.start is '2', expected a number of at least 0 and at most 1");
+    message("rate.final", "0", "expected a number above 0 and at most 1");
+    message("initial_opacity", "1", "expected a number above 0 and below 1");
+    message("hash.fine_level", "17", "expected a whole number of at least 0 and at most 16");
+    message("hash.table_size", "1000", "hash.table_size is '1000', expected a power of two");
+    message("hash.table_size", "-4", "expected a power of two");
+    message("hash.table_size", "4294967296", "expected a power of two that fits 32 bits");
+    message("sh_dc_scale", "inf", "sh_dc_scale is 'inf', expected a finite number");
     message("multi_scale", "yes", "expected true or false");
     message("ao", "space", "expected one of none, time, pose");
     CHECK(settings_of(c) == before);
+}
+
+TEST_CASE("every setting is accepted up to the ends of its range and refused beyond them") {
+    CHECK(try_ends(Configuration()) > 60);
+    CHECK(try_ends(static_config(3000)) > 25);
+    const auto refuse = [](const char* key, const char* text, const char* expected) {
+        StaticConfig c;
+        CHECK_THROWS_WITH_AS(set_setting(c, key, text, "--set"), doctest::Contains(expected), ValueError);
+    };
+    refuse("density.interval", "0", "density.interval is '0', expected a whole number of at least 1");
+    refuse("density.start", "-1", "expected a whole number of at least 0");
+    refuse("density.min_opacity", "0", "expected a number above 0 and below 1");
+    refuse("sh_interval", "0", "expected a whole number of at least 1");
+}
+
+TEST_CASE("what the named configurations say lies within the ranges") {
+    const auto check = [](const auto& c) {
+        auto copy = c;
+        for (const auto& [key, text] : settings_of(c)) CHECK_NOTHROW(set_setting(copy, key, text, "its own"));
+    };
+    for (const std::string_view name : configuration_names) check(named_configuration(name));
+    for (const int steps : {1, 7, 3000, 30000, 1000000}) check(static_config(steps));
 }
 
 TEST_CASE("a file names where it starts from and what differs") {
@@ -130,10 +225,30 @@ TEST_CASE("a file names where it starts from and what differs") {
     };
     refused("{", "mine.json");
     refused("[1]", "must hold one JSON object");
-    refused(R"({"configuration": 3})", "there is no configuration '3'");
-    refused(R"({"configuration": "x"})", "there is no configuration 'x'");
+    const std::string file = (folder / "mine.json").string();
+    refused(R"({"configuration": 3})", (file + ": there is no configuration '3'").c_str());
+    refused(R"({"configuration": "x"})", (file + ": there is no configuration 'x', expected one of paper").c_str());
+    refused(R"({"configuration": "x"})", "pose-ao, static");
+    refused(R"({"configuration": "static"})", (file + ": static is no person's").c_str());
+    refused(R"({"rate.sh": -1})", (file + ": rate.sh is '-1', expected a number of at least 0").c_str());
+    refused(R"({"ao.start": 2})", (file + ": ao.start is '2'").c_str());
     refused(R"({"rate.sh": [1]})", "rate.sh must be a number");
     refused(R"({"rate.sh": null})", "rate.sh must be a number");
     refused(R"({"rate.tables": 1})", "there is no setting 'rate.tables'");
     CHECK_THROWS_AS((void)find_configuration((folder / "none.json").string()), IoError);
+    CHECK_THROWS_WITH_AS((void)find_static_configuration(write(R"({"configuration": "static", "sh_degree": 5})"), 100),
+                         (file + ": sh_degree is '5', expected a whole number of at least 0 and at most 4").c_str(),
+                         ValueError);
+}
+
+TEST_CASE("a name that no configuration has is refused with the option, and with all that would do") {
+    std::string names;
+    for (const std::string_view name : configuration_names) names.append(name).append(", ");
+    CHECK_THROWS_WITH_AS(
+        (void)find_configuration("papr", "--config"),
+        ("--config: there is no configuration 'papr', expected one of " + names + "static, or a JSON file of settings")
+            .c_str(),
+        ValueError);
+    CHECK_THROWS_WITH_AS((void)find_configuration("static", "--config"), doctest::Contains("--config: static is no"),
+                         ValueError);
 }

@@ -9,16 +9,14 @@
 #include <gsh/prior/prior_features.hpp>
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/refinement_config.hpp>
+#include <gsh/train/setting.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include <array>
-#include <charconv>
-#include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -61,8 +59,6 @@ inline constexpr std::array<std::string_view, 11> configuration_names{
 
 namespace detail {
 
-template <class E>
-struct EnumNames;
 template <>
 struct EnumNames<JointSet> {
     static constexpr std::array<std::string_view, 2> names{"all", "trunk_and_limbs"};
@@ -96,112 +92,73 @@ struct EnumNames<ColorClamp> {
     static constexpr std::array<std::string_view, 2> names{"both", "below"};
 };
 
-template <class V>
-[[nodiscard]] std::string setting_text(const V& value) {
-    if constexpr (std::is_same_v<V, bool>) {
-        return value ? "true" : "false";
-    } else if constexpr (std::is_enum_v<V>) {
-        return std::string(EnumNames<V>::names[static_cast<std::size_t>(value)]);
-    } else {
-        char text[32];
-        const auto end = std::to_chars(text, text + sizeof text, value); // the shortest that reads back as the same
-        return {text, end.ptr};
-    }
-}
-
-/// Errors  ValueError that names the setting, what was found and what was expected.
-template <class V>
-void set_from_text(std::string_view where, const std::string& text, V& value) {
-    const auto refuse = [&](const std::string& expected) {
-        throw ValueError(std::string(where) + " is '" + text + "', expected " + expected);
-    };
-    if constexpr (std::is_same_v<V, bool>) {
-        if (text != "true" && text != "false") refuse("true or false");
-        value = text == "true";
-    } else if constexpr (std::is_enum_v<V>) {
-        std::string all;
-        for (std::size_t i = 0; i < EnumNames<V>::names.size(); ++i) {
-            if (text == EnumNames<V>::names[i]) {
-                value = static_cast<V>(i);
-                return;
-            }
-            all += (i ? ", " : "") + std::string(EnumNames<V>::names[i]);
-        }
-        refuse("one of " + all);
-    } else {
-        V number{};
-        const auto end = std::from_chars(text.data(), text.data() + text.size(), number);
-        if (end.ec != std::errc() || end.ptr != text.data() + text.size()) refuse("a number");
-        if constexpr (std::is_floating_point_v<V>)
-            if (!std::isfinite(number)) refuse("a finite number");
-        value = number;
-    }
-}
-
 } // namespace detail
 
-/// Calls f(name, value) for every setting of a configuration but its own name.
+/// Calls f(name, value, range) for every setting of a configuration but its own name. A range is what a setting may be
+/// by itself; where two depend on each other, whoever reads them checks.
 template <class C, class F>
     requires std::same_as<std::remove_const_t<C>, Configuration>
 void for_each_setting(C& c, const F& f) {
-    f("joints", c.joints);
-    f("region.samples", c.region_samples);
-    f("region.sigma", c.region.sigma);
-    f("region.samples_base", c.region.samples_base);
-    f("region.samples_high", c.region.samples_high);
-    f("sample_weights", c.sample_weights);
-    f("sample_jitter", c.sample_jitter);
-    f("multi_scale", c.multi_scale);
-    f("prior.depth", c.depth_prior);
-    f("prior.normals", c.normal_prior);
-    f("prior.depth_feature", c.prior.depth);
-    f("prior.depth_unit", c.prior.depth_unit);
-    f("prior.scale", c.avatar.prior_scale);
-    f("hash.base", c.avatar.hash_base);
-    f("hash.growth", c.avatar.hash_growth);
-    f("hash.table_size", c.avatar.hash_table_size);
-    f("hash.fine_level", c.avatar.fine_level);
-    f("hash.separate_tables", c.avatar.separate_tables);
-    f("mlp.width", c.avatar.mlp_width);
-    f("mlp.hidden_layers", c.avatar.mlp_hidden_layers);
-    f("heads", c.avatar.heads);
-    f("heads.time", c.avatar.head_time);
-    f("hash_sh", c.avatar.hash_sh);
-    f("hash_displacement", c.avatar.hash_displacement);
-    f("sh_dc_scale", c.avatar.sh_dc_scale);
-    f("ao", c.avatar.ao);
-    f("ao.table_size", c.avatar.ao_table_size);
-    f("ao.initial", c.avatar.initial_ao);
-    f("ao.largest", c.avatar.largest_ao);
-    f("ao.start", c.train.ao_start);
-    f("deformation", c.avatar.deformation);
-    f("initial_opacity", c.avatar.initial_opacity);
-    f("initial_thickness", c.avatar.initial_thickness);
-    f("bounds", c.avatar.bounds);
-    f("bounds_margin", c.avatar.bounds_margin);
-    f("color_clamp", c.avatar.clamping);
-    f("rate.joints", c.train.rates.joints);
-    f("rate.quats", c.train.rates.quats);
-    f("rate.log_scales", c.train.rates.log_scales);
-    f("rate.opacity_logits", c.train.rates.opacity_logits);
-    f("rate.displacement", c.train.rates.displacement);
-    f("rate.sh", c.train.rates.sh);
-    f("rate.stored_displacements", c.train.rates.stored_displacements);
-    f("rate.stored_sh", c.train.rates.stored_sh);
-    f("rate.ao", c.train.rates.ao);
-    f("rate.decay_start", c.train.decay_start);
-    f("rate.final", c.train.final_rate);
-    f("ssim_weight", c.train.ssim_weight);
-    f("background.random", c.train.random_background);
-    f("filter.dilation", c.train.filter.dilation);
-    f("filter.compensate_opacity", c.train.filter.compensate_opacity);
+    using R = SettingRange;
+    constexpr R any, share = R::at_least(0).up_to(1);
+    f("joints", c.joints, any);
+    f("region.samples", c.region_samples, any);
+    f("region.sigma", c.region.sigma, R::above(0));
+    f("region.samples_base", c.region.samples_base, R::at_least(0));
+    f("region.samples_high", c.region.samples_high, R::at_least(0));
+    f("sample_weights", c.sample_weights, any);
+    f("sample_jitter", c.sample_jitter, R::at_least(0));
+    f("multi_scale", c.multi_scale, any);
+    f("prior.depth", c.depth_prior, any);
+    f("prior.normals", c.normal_prior, any);
+    f("prior.depth_feature", c.prior.depth, any);
+    f("prior.depth_unit", c.prior.depth_unit, R::above(0));
+    f("prior.scale", c.avatar.prior_scale, R::above(0));
+    f("hash.base", c.avatar.hash_base, R::above(1));
+    f("hash.growth", c.avatar.hash_growth, R::at_least(1));
+    f("hash.table_size", c.avatar.hash_table_size, R::power_of_two());
+    f("hash.fine_level", c.avatar.fine_level, R::at_least(0).up_to(16));
+    f("hash.separate_tables", c.avatar.separate_tables, any);
+    f("mlp.width", c.avatar.mlp_width, R::at_least(1));
+    f("mlp.hidden_layers", c.avatar.mlp_hidden_layers, R::at_least(0));
+    f("heads", c.avatar.heads, any);
+    f("heads.time", c.avatar.head_time, any);
+    f("hash_sh", c.avatar.hash_sh, any);
+    f("hash_displacement", c.avatar.hash_displacement, any);
+    f("sh_dc_scale", c.avatar.sh_dc_scale, any);
+    f("ao", c.avatar.ao, any);
+    f("ao.table_size", c.avatar.ao_table_size, R::power_of_two());
+    f("ao.initial", c.avatar.initial_ao, R::above(0));
+    f("ao.largest", c.avatar.largest_ao, R::above(0));
+    f("ao.start", c.train.ao_start, share);
+    f("deformation", c.avatar.deformation, any);
+    f("initial_opacity", c.avatar.initial_opacity, R::above(0).below(1));
+    f("initial_thickness", c.avatar.initial_thickness, R::above(0).up_to(1));
+    f("bounds", c.avatar.bounds, any);
+    f("bounds_margin", c.avatar.bounds_margin, R::at_least(1));
+    f("color_clamp", c.avatar.clamping, any);
+    f("rate.joints", c.train.rates.joints, R::at_least(0));
+    f("rate.quats", c.train.rates.quats, R::at_least(0));
+    f("rate.log_scales", c.train.rates.log_scales, R::at_least(0));
+    f("rate.opacity_logits", c.train.rates.opacity_logits, R::at_least(0));
+    f("rate.displacement", c.train.rates.displacement, R::at_least(0));
+    f("rate.sh", c.train.rates.sh, R::at_least(0));
+    f("rate.stored_displacements", c.train.rates.stored_displacements, R::at_least(0));
+    f("rate.stored_sh", c.train.rates.stored_sh, R::at_least(0));
+    f("rate.ao", c.train.rates.ao, R::at_least(0));
+    f("rate.decay_start", c.train.decay_start, share);
+    f("rate.final", c.train.final_rate, R::above(0).up_to(1));
+    f("ssim_weight", c.train.ssim_weight, share);
+    f("background.random", c.train.random_background, any);
+    f("filter.dilation", c.train.filter.dilation, R::at_least(0));
+    f("filter.compensate_opacity", c.train.filter.compensate_opacity, any);
     const auto refined = [&](const std::string& group, auto& how, bool in_time) {
-        f(group + ".rate", how.rate);
-        f(group + ".start", how.start);
-        f(group + ".pull", how.terms.pull);
+        f(group + ".rate", how.rate, R::at_least(0));
+        f(group + ".start", how.start, R::at_least(0));
+        f(group + ".pull", how.terms.pull, R::at_least(0));
         if (!in_time) return;
-        f(group + ".drift", how.terms.drift);
-        f(group + ".acceleration", how.terms.acceleration);
+        f(group + ".drift", how.terms.drift, R::at_least(0));
+        f(group + ".acceleration", how.terms.acceleration, R::at_least(0));
     };
     refined("refine.pose", c.refinement.pose, true);
     refined("refine.transl", c.refinement.transl, true);
@@ -211,16 +168,17 @@ void for_each_setting(C& c, const F& f) {
     refined("refine.camera_translation", c.refinement.camera_translation, false);
     refined("refine.camera_focal", c.refinement.camera_focal, false);
     refined("refine.camera_center", c.refinement.camera_center, false);
-    f("refine.fingers", c.finger_rate);
-    f("refine.face", c.face_rate);
-    f("refine.final", c.refinement.final_rate);
-    f("refine.test_steps", c.test_steps);
-    f("refine.test_mask_weight", c.test_mask_weight);
+    f("refine.fingers", c.finger_rate, R::at_least(0));
+    f("refine.face", c.face_rate, R::at_least(0));
+    f("refine.final", c.refinement.final_rate, R::above(0).up_to(1));
+    f("refine.test_steps", c.test_steps, R::at_least(0));
+    f("refine.test_mask_weight", c.test_mask_weight, R::at_least(0));
 }
 
-/// A configuration by its name.
+/// A configuration by its name. `where` says who asks and `also` what else there is, for messages.
 /// Errors  ValueError that lists the names there are.
-[[nodiscard]] inline Configuration named_configuration(std::string_view name) {
+[[nodiscard]] inline Configuration named_configuration(std::string_view name, std::string_view where = {},
+                                                       std::string_view also = {}) {
     Configuration c;
     c.name = name;
     // Liu et al., "Animatable 3D Gaussian", 2024, as its code has it, but that samples lie on the surface: there they
@@ -250,23 +208,27 @@ void for_each_setting(C& c, const F& f) {
     else if (name == "smpl-init") c.joints = JointSet::trunk_and_limbs, c.region_samples = false;
     else if (name == "pose-ao") c.avatar.ao = AmbientOcclusion::pose;
     else {
-        std::string all;
-        for (const std::string_view known : configuration_names) all += (all.empty() ? "" : ", ") + std::string(known);
-        throw ValueError("there is no configuration '" + std::string(name) + "', expected one of " + all);
+        std::string message(where);
+        message.append(where.empty() ? "" : ": ").append("there is no configuration '").append(name);
+        message.append("', expected one of ");
+        for (const std::string_view known : configuration_names)
+            message.append(known == configuration_names.front() ? "" : ", ").append(known);
+        throw ValueError(message.append(also));
     }
     return c;
 }
 
 /// Sets one setting from text, of a configuration or whatever else for_each_setting knows. `where` says who asks, for
 /// messages.
-/// Errors  ValueError for a setting that does not exist or text that it cannot be.
+/// Errors  ValueError for a setting that does not exist, text that it cannot be, or a number outside its range; nothing
+///         changes.
 template <class C>
 void set_setting(C& c, std::string_view key, const std::string& text, const std::string& where) {
     bool found = false;
-    for_each_setting(c, [&](std::string_view name, auto& value) {
+    for_each_setting(c, [&](std::string_view name, auto& value, const SettingRange& range) {
         if (name != key) return;
         found = true;
-        detail::set_from_text(where + ": " + std::string(key), text, value);
+        detail::set_from_text(where + ": " + std::string(key), text, value, range);
     });
     if (!found)
         throw ValueError(where + ": there is no setting '" + std::string(key) + "'; docs/configurations.md lists them");
@@ -276,7 +238,7 @@ void set_setting(C& c, std::string_view key, const std::string& text, const std:
 template <class C>
 [[nodiscard]] std::vector<std::pair<std::string, std::string>> settings_of(const C& c) {
     std::vector<std::pair<std::string, std::string>> result;
-    for_each_setting(c, [&](std::string_view name, const auto& value) {
+    for_each_setting(c, [&](std::string_view name, const auto& value, const SettingRange&) {
         result.emplace_back(std::string(name), detail::setting_text(value));
     });
     return result;

@@ -2,6 +2,7 @@
 /// @file  Configurations in JSON files: a name to start from, and the settings that differ.
 #pragma once
 
+#include <gsh/core/error.hpp>
 #include <gsh/io/settings_file.hpp>
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/static_configuration.hpp>
@@ -9,6 +10,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -41,22 +43,33 @@ struct SettingsFile {
     return path.extension() == ".json" || path.has_parent_path();
 }
 
+/// named_configuration, where a static scene has a name, too. `or_else` says what may stand in a name's place.
+[[nodiscard]] inline Configuration configuration_of_person(const std::string& name, std::string_view where,
+                                                           const std::string& or_else = {}) {
+    check_value(name != "static", where, "static is no person's configuration; find_static_configuration reads it");
+    return named_configuration(name, where, ", static" + or_else);
+}
+
 } // namespace detail
 
 /// Reads {"configuration": "paper", "rate.sh": 0.001, "multi_scale": false, …}. All members are optional.
-/// Errors  IoError for a file that is no flat JSON object; ValueError for a setting that does not exist or cannot be.
+/// Errors  IoError for a file that is no flat JSON object; ValueError, which names the file, for a configuration or a
+///         setting that does not exist or cannot be.
 [[nodiscard]] inline Configuration read_configuration(const std::filesystem::path& path) {
     const detail::SettingsFile file(path);
-    Configuration configuration = named_configuration(file.configuration.empty() ? "paper" : file.configuration);
+    Configuration configuration =
+        detail::configuration_of_person(file.configuration.empty() ? "paper" : file.configuration, file.path);
     file.set(configuration);
     if (!file.settings.empty()) configuration.name = path.stem().string();
     return configuration;
 }
 
-/// A configuration by name, or of a file: what looks like a path is one.
-[[nodiscard]] inline Configuration find_configuration(const std::string& name_or_path) {
-    return detail::is_configuration_file(name_or_path) ? read_configuration(name_or_path)
-                                                       : named_configuration(name_or_path);
+/// A configuration by name, or of a file: what looks like a path is one. `where` says who asks, for messages.
+[[nodiscard]] inline Configuration find_configuration(const std::string& name_or_path,
+                                                      std::string_view where = "find_configuration") {
+    return detail::is_configuration_file(name_or_path)
+               ? read_configuration(name_or_path)
+               : detail::configuration_of_person(name_or_path, where, ", or a JSON file of settings");
 }
 
 /// Whether a name or a file stands for a static scene, which is configured apart: "static", or {"configuration":

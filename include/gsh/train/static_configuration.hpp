@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/train/configuration.hpp>
+#include <gsh/train/setting.hpp>
 #include <gsh/train/static_trainer.hpp>
 
 #include <concepts>
@@ -10,36 +11,38 @@
 
 namespace gsh {
 
-/// Calls f(name, value) for every setting of a static scene but its length and its largest number of Gaussians, which
-/// belong to the input.
+/// Calls f(name, value, range) for every setting of a static scene but its length and its largest number of Gaussians,
+/// which belong to the input.
 template <class C, class F>
     requires std::same_as<std::remove_const_t<C>, StaticConfig>
 void for_each_setting(C& c, const F& f) {
-    f("rate.means", c.rates.means);
-    f("rate.final_means", c.rates.final_means);
-    f("rate.quats", c.rates.quats);
-    f("rate.log_scales", c.rates.log_scales);
-    f("rate.opacity_logits", c.rates.opacity_logits);
-    f("rate.sh", c.rates.sh);
-    f("rate.sh_bands", c.rates.sh_bands);
-    f("density.gradient_threshold", c.density.gradient_threshold);
-    f("density.start", c.density.start);
-    f("density.stop", c.density.stop);
-    f("density.interval", c.density.interval);
-    f("density.reset_interval", c.density.reset_interval);
-    f("density.small", c.density.small);
-    f("density.large", c.density.large);
-    f("density.large_on_screen", c.density.large_on_screen);
-    f("density.min_opacity", c.density.min_opacity);
-    f("density.reset_opacity", c.density.reset_opacity);
-    f("density.split_factor", c.density.split_factor);
-    f("density.split_count", c.density.split_count);
-    f("sh_degree", c.sh_degree);
-    f("sh_interval", c.sh_interval);
-    f("extent", c.extent);
-    f("ssim_weight", c.ssim_weight);
-    f("filter.dilation", c.filter.dilation);
-    f("filter.compensate_opacity", c.filter.compensate_opacity);
+    using R = SettingRange;
+    constexpr R any, share = R::at_least(0).up_to(1);
+    f("rate.means", c.rates.means, R::at_least(0));
+    f("rate.final_means", c.rates.final_means, R::at_least(0));
+    f("rate.quats", c.rates.quats, R::at_least(0));
+    f("rate.log_scales", c.rates.log_scales, R::at_least(0));
+    f("rate.opacity_logits", c.rates.opacity_logits, R::at_least(0));
+    f("rate.sh", c.rates.sh, R::at_least(0));
+    f("rate.sh_bands", c.rates.sh_bands, R::at_least(0));
+    f("density.gradient_threshold", c.density.gradient_threshold, R::above(0));
+    f("density.start", c.density.start, R::at_least(0));
+    f("density.stop", c.density.stop, R::at_least(0));
+    f("density.interval", c.density.interval, R::at_least(1));
+    f("density.reset_interval", c.density.reset_interval, R::at_least(0));
+    f("density.small", c.density.small, R::above(0));
+    f("density.large", c.density.large, R::above(0));
+    f("density.large_on_screen", c.density.large_on_screen, R::at_least(0));
+    f("density.min_opacity", c.density.min_opacity, R::above(0).below(1));
+    f("density.reset_opacity", c.density.reset_opacity, R::above(0).below(1));
+    f("density.split_factor", c.density.split_factor, R::at_least(1));
+    f("density.split_count", c.density.split_count, R::at_least(1));
+    f("sh_degree", c.sh_degree, R::at_least(0).up_to(4));
+    f("sh_interval", c.sh_interval, R::at_least(1));
+    f("extent", c.extent, R::at_least(0));
+    f("ssim_weight", c.ssim_weight, share);
+    f("filter.dilation", c.filter.dilation, R::at_least(0));
+    f("filter.compensate_opacity", c.filter.compensate_opacity, any);
 }
 
 } // namespace gsh
