@@ -72,13 +72,15 @@ void check_options(ReconstructOptions& o) {
            "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
     check_companions(o);
-    if (!o.priors.empty()) {
-        const Configuration configuration = configuration_of(o);
-        expect(configuration.depth_prior || configuration.normal_prior,
-               "--priors has no effect: the configuration has neither prior.depth nor prior.normals");
-    }
     if (o.steps == 0) o.steps = o.synthetic ? 1200 : 3000;
     if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
+    if (scene) { // settings that cannot be are refused before anything is loaded
+        (void)scene_configuration_of(o);
+    } else {
+        const Configuration configuration = configuration_of(o);
+        expect(o.priors.empty() || configuration.depth_prior || configuration.normal_prior,
+               "--priors has no effect: the configuration has neither prior.depth nor prior.normals");
+    }
     complete_poses(o);
 }
 
