@@ -108,13 +108,9 @@ const char* mask_text(ViewCheck::Mask mask) {
     return mask == ViewCheck::Mask::usable ? "usable" : mask == ViewCheck::Mask::empty ? "empty" : "opaque";
 }
 
-bool has_mask(const CaptureCheck& check) {
-    return std::any_of(check.views.begin(), check.views.end(),
-                       [](const ViewCheck& v) { return v.mask == ViewCheck::Mask::usable; });
-}
-
 void write_json(const std::filesystem::path& path, const Source& source, const CaptureCheck& check) {
     const Capture& capture = source.capture;
+    const std::optional<double> mean_iou = check.mean_iou();
     const auto image = [&](CaptureView view) {
         return Json{{"camera", capture.cameras[view.camera].name}, {"frame", view.frame}};
     };
@@ -123,7 +119,7 @@ void write_json(const std::filesystem::path& path, const Source& source, const C
                "intersection over union of the mask (alpha at least 1/2) with the pixels whose centres the posed "
                "body covers (with several people: any of their bodies), poses as given; images of more than 1080 "
                "pixels reduced"},
-              {"mean_iou", has_mask(check) ? Json(check.mean_iou()) : Json(nullptr)},
+              {"mean_iou", mean_iou ? Json(*mean_iou) : Json(nullptr)},
               {"findings", Json::array()},
               {"warnings", source.warnings},
               {"images", Json::array()}};
@@ -177,8 +173,8 @@ void print(const Source& source, const CaptureCheck& check, const std::filesyste
     const Capture& capture = source.capture;
     constexpr std::size_t most_cameras = 8, most_images = 8;
     std::printf("%zu images of %zu cameras, ", check.views.size(), capture.cameras.size());
-    if (has_mask(check))
-        std::printf("mean IoU of mask and posed body %.3f\n", check.mean_iou());
+    if (const auto mean_iou = check.mean_iou())
+        std::printf("mean IoU of mask and posed body %.3f\n", *mean_iou);
     else
         std::printf("none with a mask to compare the posed body with\n");
     struct Row {

@@ -401,7 +401,7 @@ TEST_CASE("a good capture has no fault, and its figures are those of the masks")
     const CaptureCheck result = check(scene().capture);
     CHECK(texts(result) == "");
     CHECK(result.views.size() == 36);
-    CHECK(result.mean_iou() == 1);
+    CHECK(result.mean_iou().value() == 1);
     for (const ViewCheck& v : result.views) CHECK(v.inside > 0.99);
 
     CaptureCheckParams params;
@@ -420,8 +420,8 @@ TEST_CASE("loose clothes and an estimator's errors are no faults") {
     const Capture clothed = film_boxes(box_person(1.25), motion);
     CaptureCheck result = check(clothed);
     CHECK(texts(result) == "");
-    CHECK(result.mean_iou() < 0.85);
-    CHECK(result.mean_iou() > 0.7);
+    CHECK(result.mean_iou().value() < 0.85);
+    CHECK(result.mean_iou().value() > 0.7);
 
     Capture noisy = scene().capture;
     test::Rng rng(3);
@@ -429,7 +429,7 @@ TEST_CASE("loose clothes and an estimator's errors are no faults") {
     for (vec3<double>& v : noisy.motion.transl) v += rng.vecs(1, -0.008, 0.008)[0];
     result = check(noisy);
     CHECK(texts(result) == "");
-    CHECK(result.mean_iou() < 0.93);
+    CHECK(result.mean_iou().value() < 0.93);
 }
 
 TEST_CASE("faults of images and masks") {
@@ -641,7 +641,7 @@ TEST_CASE("another body, and captures that are none") {
 TEST_CASE("two people: good poses have no fault, and each of them is seen") {
     const CaptureCheck result = two().check();
     CHECK(texts(result) == "");
-    CHECK(result.mean_iou() == 1);
+    CHECK(result.mean_iou().value() == 1);
     CHECK(result.reading.motions.size() == 2);
     for (const ViewCheck& v : result.views) {
         REQUIRE(v.people.size() == 2);
@@ -692,7 +692,7 @@ TEST_CASE("two people: loose clothes and an estimator's errors are no faults, an
     }
     const CaptureCheck result = clothed.check();
     CHECK(texts(result) == "");
-    CHECK(result.mean_iou() < 0.85);
+    CHECK(result.mean_iou().value() < 0.85);
     displace(clothed.bob, {0.15, 0.2, -0.1});
     const CaptureFinding moved = mended(clothed.check(), "displaced-body", 0.7);
     CHECK(moved.people == std::vector<std::string>{"bob"});

@@ -62,12 +62,12 @@ struct CaptureCheck {
     std::vector<CaptureFinding> findings; ///< none: nothing is suspicious
     CaptureReading reading;               ///< the capture with all findings mended that a reading mends
 
-    /// Mean IoU of the images with a usable mask, as given; 0 if there is none.
-    [[nodiscard]] double mean_iou() const {
+    /// Mean IoU of the images with a usable mask, as given; nothing if there is none.
+    [[nodiscard]] std::optional<double> mean_iou() const {
         double sum = 0, count = 0;
         for (const ViewCheck& v : views)
             if (v.mask == ViewCheck::Mask::usable) sum += v.iou, count += 1;
-        return count > 0 ? sum / count : 0;
+        return count > 0 ? std::optional(sum / count) : std::nullopt;
     }
 };
 
