@@ -87,6 +87,7 @@ void check_options(ReconstructOptions& o) {
 Configuration configuration_of(const ReconstructOptions& o) {
     Configuration configuration = configuration_called(o.config, "--config");
     set_all(configuration, o.set);
+    check_settings(configuration, o.set.empty() ? o.config : "--set");
     configuration.name += set_words(o);
     return configuration;
 }

@@ -113,7 +113,8 @@ TEST_CASE("bad entries name the file, the camera and the field") {
     expect("\"K\"", "\"k\"", {"cam00", "K is missing"});
     expect("\"t\"", "\"T\"", {"cam00", "t is missing"});
     expect("\"width\"", "\"w\"", {"width is missing"});
-    expect("\"name\"", "\"title\"", {"name is missing"});
+    expect("\"name\": \"cam00\",", "", {"name is missing"});
+    expect("\"name\"", "\"title\"", {"unknown field 'title'", "name, role, width"});
     expect("cam00", "../cam00", {"name", "folder"});
     expect("\"train\"", "\"training\"", {"role", "training"});
     expect("540", "0", {"width x height", "0 x 480"});

@@ -194,12 +194,36 @@ TEST_CASE("every setting is accepted up to the ends of its range and refused bey
     refuse("sh_interval", "0", "expected a whole number of at least 1");
 }
 
+TEST_CASE("settings that do not go together are refused by their names") {
+    const auto message = [](std::initializer_list<std::pair<const char*, const char*>> settings, const char* expected) {
+        Configuration c;
+        for (const auto& [key, text] : settings) set_setting(c, key, text, "--set");
+        CHECK_THROWS_WITH_AS(check_settings(c, "--set"), doctest::Contains(expected), ValueError);
+    };
+    message({{"ao.initial", "2"}, {"ao.largest", "1.5"}}, "--set: ao.initial is 2 and ao.largest 1.5, expected");
+    message({{"ao.initial", "1.5"}, {"ao.largest", "1.5"}}, "expected ao.initial below ao.largest");
+    message({{"region.samples_base", "0"}, {"region.samples_high", "0"}}, "or region.samples false");
+    message({{"heads.time", "true"}, {"hash_sh", "false"}, {"hash_displacement", "false"}},
+            "--set: heads.time is true");
+    Configuration c;
+    for (const auto& [key, text] : {std::pair("region.samples", "false"),
+                                    {"region.samples_base", "0"},
+                                    {"region.samples_high", "0"},
+                                    {"heads.time", "true"},
+                                    {"hash_sh", "false"}})
+        set_setting(c, key, text, "--set");
+    CHECK_NOTHROW(check_settings(c, "--set"));
+}
+
 TEST_CASE("what the named configurations say lies within the ranges") {
     const auto check = [](const auto& c) {
         auto copy = c;
         for (const auto& [key, text] : settings_of(c)) CHECK_NOTHROW(set_setting(copy, key, text, "its own"));
     };
-    for (const std::string_view name : configuration_names) check(named_configuration(name));
+    for (const std::string_view name : configuration_names) {
+        check(named_configuration(name));
+        CHECK_NOTHROW(check_settings(named_configuration(name), "its own"));
+    }
     for (const int steps : {1, 7, 3000, 30000, 1000000}) check(static_config(steps));
 }
 

@@ -43,9 +43,10 @@ struct CameraList {
 /// Reads {"cameras": [...], "fps", "floor_y", "test_frames"}, or a bare list of cameras.
 ///
 /// A camera holds K, R (3x3, row by row), t, width, height, and perhaps name, role ("train", "test") and distortion
-/// [k1, k2, p1, p2, k3]; x_cam = R x_world + t, OpenCV axes.
-/// Errors  IoError for a file that is missing, truncated or lacks a field; ValueError for numbers that are no camera:
-///         a singular K, skew, an R that does not rotate. Messages name the file, the camera and the field.
+/// [k1, k2, p1, p2, k3]; x_cam = R x_world + t, OpenCV axes. What else stands beside the list is left alone.
+/// Errors  IoError for a file that is missing or truncated, and for a camera that lacks a field or has an unknown one;
+///         ValueError for numbers that are no camera: a singular K, skew, an R that does not rotate. Messages name the
+///         file, the camera and the field.
 [[nodiscard]] inline CameraList read_cameras(const std::filesystem::path& path);
 
 /// Reads one camera: a file with a single entry, or the entry `name` of a list (the only one, if `name` is empty).
@@ -215,6 +216,7 @@ inline NamedCamera read_camera_entry(const Json& json, const std::string& where)
             check_distortion(object.where(), "camera", camera, *result.distortion);
         }
     }
+    object.expect_only({"name", "role", "width", "height", "K", "R", "t", "distortion"});
     return result;
 }
 

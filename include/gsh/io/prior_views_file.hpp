@@ -107,7 +107,6 @@ inline PriorCamera read_prior_camera(const JsonObject& view, Span<const NamedCam
     }
     const JsonObject object(json, where);
     if (!object.has("scale")) {
-        object.expect_only({"name", "role", "width", "height", "K", "R", "t", "distortion"});
         const NamedCamera camera = read_camera_entry(json, where);
         check_value(!camera.distortion, where,
                     "has distortion, expected a camera that sees straight; straighten the map");

@@ -39,8 +39,8 @@ struct Configuration {
     RegionMaskParams region;
     SampleWeights sample_weights = SampleWeights::barycentric;
     double sample_jitter = 0; ///< SurfaceSampleOptions::jitter
-    bool depth_prior = true;   ///< φ_d: four depths of the body's mesh
-    bool normal_prior = true;  ///< φ_n: two normals of the body's mesh
+    bool depth_prior = true;  ///< φ_d: four depths of the body's mesh
+    bool normal_prior = true; ///< φ_n: two normals of the body's mesh
     PriorFeatureParams prior;
     AvatarConfig avatar{.ao = AmbientOcclusion::time};
     TrainConfig train;
@@ -54,7 +54,7 @@ struct Configuration {
 /// Names that named_configuration knows: the paper's method, its direct baseline with a body's 22 joints and with all
 /// of them, and the paper's less one part each.
 inline constexpr std::array<std::string_view, 11> configuration_names{
-    "paper",         "baseline", "baseline-x",    "no-ao",     "no-hash-sh", "no-hash-vd",
+    "paper",         "baseline", "baseline-x", "no-ao",     "no-hash-sh", "no-hash-vd",
     "no-multiscale", "no-depth", "no-normals", "smpl-init", "pose-ao"};
 
 namespace detail {
@@ -95,7 +95,7 @@ struct EnumNames<ColorClamp> {
 } // namespace detail
 
 /// Calls f(name, value, range) for every setting of a configuration but its own name. A range is what a setting may be
-/// by itself; where two depend on each other, whoever reads them checks.
+/// by itself; check_settings knows which depend on each other.
 template <class C, class F>
     requires std::same_as<std::remove_const_t<C>, Configuration>
 void for_each_setting(C& c, const F& f) {
@@ -232,6 +232,21 @@ void set_setting(C& c, std::string_view key, const std::string& text, const std:
     });
     if (!found)
         throw ValueError(where + ": there is no setting '" + std::string(key) + "'; docs/configurations.md lists them");
+}
+
+/// Checks what no setting can say alone, once all are set. `where` says who asks, for messages.
+/// Errors  ValueError that names the settings that do not go together.
+inline void check_settings(const Configuration& c, const std::string& where) {
+    const auto text = [](double value) { return detail::setting_text(value); };
+    check_value(c.avatar.initial_ao < c.avatar.largest_ao, where,
+                "ao.initial is " + text(c.avatar.initial_ao) + " and ao.largest " + text(c.avatar.largest_ao) +
+                    ", expected ao.initial below ao.largest");
+    check_value(
+        !c.region_samples || c.region.samples_base > 0 || c.region.samples_high > 0, where,
+        "region.samples_base and region.samples_high are 0, expected one of them above, or region.samples false");
+    check_value(
+        !c.avatar.head_time || c.avatar.hash_sh || c.avatar.hash_displacement, where,
+        "heads.time is true and neither hash_sh nor hash_displacement is, expected a field that reads the time");
 }
 
 /// Text of each setting, in order: what a report prints.
