@@ -628,22 +628,4 @@ private:
     Buffer<vec3<T>> displacements_;                         // [N] δx of a field of its own
 };
 
-/// A model at one frame's code, parameters as they are, its fields queried: what PoseFit moves about.
-template <class Model, class T>
-struct FrozenFrame {
-    using Cache = typename Model::Cache;
-
-    Model* model;
-    FrameCode<T> code;
-
-    [[nodiscard]] std::size_t size() const { return model->size(); }
-    void pose(const auto& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) const {
-        model->pose(pose, center, splats, cache, code);
-    }
-    void pose_backward(const auto& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
-                       const RigPoseGradient<T>& dL_dpose) const {
-        model->pose_backward(pose, center, dL_dsplats, cache, dL_dpose);
-    }
-};
-
 } // namespace gsh

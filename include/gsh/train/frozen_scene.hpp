@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A trained scene in which one person's pose may still move: what test-time refinement of several people fits.
+/// @file  A trained scene in which one person's pose may still move: what test-time refinement fits.
 #pragma once
 
 #include <gsh/avatar/rig.hpp>
@@ -12,8 +12,7 @@
 namespace gsh {
 
 /// All people of a trainer at one frame, fields queried, appearance as it is; `person` takes the pose that PoseFit asks
-/// for, the others stand where the trainer has them and hide or are hidden as they do. With one person it is
-/// FrozenFrame.
+/// for, the others, if there are any, stand where the trainer has them and hide or are hidden as they do.
 template <class TrainerType>
 struct FrozenScene {
     using Model = typename TrainerType::ModelType;
