@@ -105,22 +105,24 @@ bool Reconstruction::refine_test_poses(Backend& backend) {
     Progress shown("fitting test poses");
     std::size_t done = 0;
     for (const std::size_t frame : frames) {
+        shown.show(static_cast<double>(done++) / static_cast<double>(frames.size()), "frame " + std::to_string(frame));
         trainer.query(frame);
         std::vector<Observation> observations;
         for (const Photo& photo : test_photos)
             if (photo.frame == frame) observations.push_back({photo.camera, photo.rgba, photo.plate});
         for (std::size_t turn = 0; turn < rounds * people.size(); ++turn) {
-            if (interrupted) return false;
             FrozenScene<TrainerType> frozen{&trainer, frame, turn % people.size()};
             PoseFit<Backend, float, FrozenScene<TrainerType>> fit(backend, frozen, configuration.train.filter,
                                                                   {.steps = steps,
                                                                    .ssim_weight = configuration.train.ssim_weight,
                                                                    .mask_weight = configuration.test_mask_weight,
-                                                                   .background = configuration.train.background});
+                                                                   .background = configuration.train.background,
+                                                                   .stop = [] { return interrupted.load(); }});
             fit.fit(*people[frozen.person].test_refinement, frame, observations);
+            if (interrupted) return false;
         }
-        shown.show(static_cast<double>(++done) / static_cast<double>(frames.size()), "frame " + std::to_string(frame));
     }
+    shown.show(1, "done");
     return true;
 }
 

@@ -116,6 +116,24 @@ TEST_CASE("a fit that makes it worse leaves the estimate alone") {
     CHECK(motion.motion().pose == scene.truth.pose);
 }
 
+TEST_CASE("a fit that is stopped keeps what it has if that is better, and nothing else") {
+    const PosedScene scene;
+    std::size_t asked = 0;
+    PoseFitReport report;
+    const Motion found = fitted(cpu::Serial(), scene, 2, {.steps = 60, .stop = [&] { return ++asked > 7; }}, &report);
+    CHECK(asked == 8);
+    CHECK(report.steps == 7);
+    CHECK(report.kept);
+    CHECK(report.loss_after < report.loss_before);
+    CHECK(found.pose != scene.estimate().pose);
+    const Motion at_once = fitted(cpu::Serial(), scene, 2, {.steps = 60, .stop = [] { return true; }}, &report);
+    CHECK(report.steps == 0);
+    CHECK(!report.kept);
+    CHECK(at_once.pose == scene.estimate().pose);
+    fitted(cpu::Serial(), scene, 2, {.steps = 3, .stop = [] { return false; }}, &report);
+    CHECK(report.steps == 3);
+}
+
 TEST_CASE("no steps, no change; bad observations are refused") {
     const PosedScene scene;
     cpu::Serial backend;

@@ -19,6 +19,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -50,12 +51,14 @@ struct PoseFitParams {
     double ssim_weight = 0.2;
     double mask_weight = 0;                    ///< of mean |alpha - mask|: for clothes in the background's colour
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, as in training
+    std::function<bool()> stop = {};           ///< asked before each step where given; true: no further step
 };
 
 /// What a fit did: losses are means over the frame's photographs, without the motion's terms.
 struct PoseFitReport {
     double loss_before = 0, loss_after = 0;
-    bool kept = false; ///< false: nothing was better than the estimate, which stands
+    std::size_t steps = 0; ///< fewer than asked for where it was stopped
+    bool kept = false;     ///< false: nothing was better than the estimate, which stands
 };
 
 /// Moves pose, transl and expression of one frame down the photometric loss of its photographs.
@@ -81,7 +84,7 @@ public:
     }
 
     /// Takes params.steps steps, one photograph after the other, rates falling from their first value to final_rate. An
-    /// end that is worse than the beginning is taken back.
+    /// end that is worse than the beginning is taken back, where it was stopped, too.
     PoseFitReport fit(MotionRefinement<B, T>& motion, std::size_t frame, const std::vector<Observation>& photos) {
         check(photos, "PoseFit::fit");
         motion.come_to(0);
@@ -91,9 +94,9 @@ public:
         PoseFitReport report;
         report.loss_before = mean_loss(motion, frame, photos);
         remember(motion, frame);
-        for (std::size_t step = 0; step < params_.steps; ++step) {
-            motion.come_to(static_cast<double>(step) / static_cast<double>(params_.steps));
-            const Observation& photo = photos[step % photos.size()];
+        for (; report.steps < params_.steps && !(params_.stop && params_.stop()); ++report.steps) {
+            motion.come_to(static_cast<double>(report.steps) / static_cast<double>(params_.steps));
+            const Observation& photo = photos[report.steps % photos.size()];
             render(motion, frame, photo);
             backward(photo, motion.pose_gradient(), motion, frame);
             motion.step();
