@@ -122,6 +122,9 @@ EvaluationFolder::EvaluationFolder(const EvaluateOptions& o) : folder_(o.common.
     const auto path = [](const std::filesystem::path& p) {
         return p.empty() ? "" : std::filesystem::weakly_canonical(p).string();
     };
+    const auto file = [&](const std::filesystem::path& p) { // what is in it counts, too
+        return p.empty() ? "" : path(p) + " " + file_checksum(p);
+    };
     std::string bodies;
     for (const auto& body : o.common.bodies) bodies += (bodies.empty() ? "" : ", ") + path(body);
     input_ = {{"--capture", path(o.common.capture)},
@@ -129,8 +132,8 @@ EvaluationFolder::EvaluationFolder(const EvaluateOptions& o) : folder_(o.common.
               {"--poses", poses_text(o.common)},
               {"--gaussians", std::to_string(o.common.gaussians)},
               {"--seed", std::to_string(o.common.seed)},
-              {"--regions", path(o.common.regions)},
-              {"--lpips", path(o.common.lpips) + (o.common.lpips_table ? ", as in tables" : "")}};
+              {"--regions", file(o.common.regions)},
+              {"--lpips", file(o.common.lpips) + (o.common.lpips_table ? ", as in tables" : "")}};
     std::error_code ignored;
     if (!std::filesystem::exists(index(), ignored)) return;
     const auto said = read_own_json(index(), [](const Json& json) {

@@ -70,6 +70,12 @@ bool has_lpips(const std::vector<RunResult>& results) {
     });
 }
 
+/// "[2]", where all protocols' list has it.
+std::string reference_to(const std::string& protocol, const std::vector<std::string>& protocols) {
+    return detail::reference(
+        static_cast<std::size_t>(std::find(protocols.begin(), protocols.end(), protocol) - protocols.begin()));
+}
+
 /// Headings of figures, with a unit in front of none: all but SSIM and LPIPS are dB.
 void add_figure_headings(std::vector<std::string>& heading, bool lpips) {
     heading.insert(heading.end(), {"PSNR", "SSIM"});
@@ -112,7 +118,9 @@ std::vector<MarkDifference> mark_differences(const std::vector<RunResult>& resul
                                      mark.mean.ssim - other.mean.ssim,
                                      mark.mean.psnr_person - other.mean.psnr_person,
                                      {},
-                                     {}};
+                                     {},
+                                     mark.protocol,
+                                     other.protocol};
                     for (std::size_t r = 0; r < mark.regions.size(); ++r)
                         d.regions.push_back(mark.regions[r] - other.regions[r]);
                     if (mark.mean.lpips && other.mean.lpips) d.lpips = *mark.mean.lpips - *other.mean.lpips;
@@ -143,9 +151,7 @@ Table quality_table(const std::vector<RunResult>& results) {
             if (lpips) row.push_back(fixed(mark.mean.lpips.value_or(std::nan("")), 4));
             row.push_back(fixed(mark.mean.psnr_person, 2));
             for (const double psnr : mark.regions) row.push_back(fixed(psnr, 2));
-            const auto protocol = std::find(protocols.begin(), protocols.end(), mark.protocol) - protocols.begin();
-            row.insert(row.end(),
-                       {std::to_string(mark.images.size()), detail::reference(static_cast<std::size_t>(protocol))});
+            row.insert(row.end(), {std::to_string(mark.images.size()), reference_to(mark.protocol, protocols)});
             table.push_back(std::move(row));
         }
     return table;
@@ -154,12 +160,15 @@ Table quality_table(const std::vector<RunResult>& results) {
 Table people_table(const std::vector<RunResult>& results) {
     Table table{{"configuration", "after", "person", "PSNR", "SSIM"}};
     for (const std::string& region : region_names()) table[0].push_back(region);
+    table[0].push_back("protocol");
+    const std::vector<std::string> protocols = protocols_of(results);
     for (const RunResult& result : results)
         for (const Mark& mark : result.marks)
             for (const PersonFigures& person : mark.people) {
                 table.push_back({result.name, mark.after, person.name, fixed(person.mean.whole.psnr, 2),
                                  fixed(person.mean.whole.ssim, 4)});
                 for (const RegionMean& region : person.mean.regions) table.back().push_back(fixed(region.psnr, 2));
+                table.back().push_back(reference_to(mark.protocol, protocols));
             }
     return table.size() > 1 ? table : Table();
 }
@@ -170,7 +179,8 @@ Table worth_table(const std::vector<RunResult>& results) {
     const bool lpips = has_lpips(results);
     Table table{{"configuration", "after"}};
     add_figure_headings(table[0], lpips);
-    table[0].push_back("in the paper");
+    table[0].insert(table[0].end(), {"in the paper", "protocols"});
+    const std::vector<std::string> protocols = protocols_of(results);
     for (const MarkDifference& d : differences) {
         std::vector<std::string> row{d.name, d.after, signed_number(d.psnr, 2), signed_number(d.ssim, 4)};
         if (lpips) row.push_back(signed_number(d.lpips.value_or(std::nan("")), 4));
@@ -182,6 +192,7 @@ Table worth_table(const std::vector<RunResult>& results) {
                          signed_number(p.ssim, 4) + ", LPIPS " + signed_number(p.lpips, 4) + " (" +
                          std::string(p.data) + ")";
         row.push_back(published.empty() ? "–" : published);
+        row.push_back(reference_to(d.protocol, protocols) + " − " + reference_to(d.reference_protocol, protocols));
         table.push_back(std::move(row));
     }
     return table;
@@ -335,6 +346,8 @@ Json json_tables(const std::vector<RunResult>& results) {
         row["paper"] = Json::array();
         for (const auto& p : published_differences(d.config, results.front().config))
             row["paper"].push_back({{"data", p.data}, {"psnr", p.psnr}, {"ssim", p.ssim}, {"lpips", p.lpips}});
+        row["protocol"] = d.protocol;
+        row["reference_protocol"] = d.reference_protocol;
         json["differences"].push_back(std::move(row));
     }
     return json;

@@ -33,6 +33,7 @@ struct MarkDifference {
     double psnr, ssim, psnr_person;
     std::vector<double> regions;
     std::optional<double> lpips;
+    std::string protocol, reference_protocol; ///< of the mark and of the first result's
 };
 
 /// Differences to the first result. A mark that the first lacks, or that was judged on other images, has none.

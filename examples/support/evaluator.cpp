@@ -202,7 +202,7 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
         if (last) result.cost = cost_of_run(reconstruction, record, backend_.thread_count());
         if (run.options.refine && !reconstruction.refine_test_poses(backend_)) return false;
         Mark mark{.steps = record.steps, .seconds = record.seconds, .after = after(run, record.steps)};
-        mark.protocol = protocol_of(run.options, source_, run.configuration.train, judge_, test_photos_.size()) + " " +
+        mark.protocol = protocol_of(run.options, source_, run.configuration, judge_, test_photos_.size()) + " " +
                         training_protocol(run, record.steps, backend_.thread_count());
         const bool judged = judge(reconstruction, test_photos_, mark, last ? &out : nullptr, result);
         if (run.options.refine) reconstruction.end_test_refinement();

@@ -3,9 +3,11 @@
 
 #include <gsh/io/any_capture.hpp>
 #include <gsh/io/any_motion.hpp>
+#include <gsh/io/atomic_file.hpp>
 #include <gsh/io/avatar_file.hpp>
 #include <gsh/io/body_file.hpp>
 #include <gsh/io/camera_file.hpp>
+#include <gsh/io/crc32.hpp>
 #include <gsh/io/lpips_file.hpp>
 #include <gsh/io/motion_file.hpp>
 #include <gsh/io/people_capture.hpp>
@@ -15,9 +17,20 @@
 
 #include <nlohmann/json.hpp>
 
+#include <cstdint>
 #include <cstdio>
 
 namespace gsh::examples {
+
+namespace {
+
+std::string text_of(std::uint32_t checksum) {
+    char text[9];
+    std::snprintf(text, sizeof text, "%08x", static_cast<unsigned>(checksum));
+    return text;
+}
+
+} // namespace
 
 PeopleCapture people_of_folder(cpu::Threads& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
                                const std::vector<std::filesystem::path>& poses, const CaptureOptions& options,
@@ -37,10 +50,12 @@ std::vector<EstimatedPriors> priors_of_file(const std::filesystem::path& path, c
                                             const std::vector<std::string>& people) {
     return read_prior_views(path, capture.cameras, capture.frame_count(), people);
 }
-std::string priors_checksum(const std::filesystem::path& path) {
-    char text[9];
-    std::snprintf(text, sizeof text, "%08x", static_cast<unsigned>(prior_views_checksum(path)));
-    return text;
+std::string priors_checksum(const std::filesystem::path& path) { return text_of(prior_views_checksum(path)); }
+std::string file_checksum(const std::filesystem::path& path) {
+    const std::string bytes = read_file(path);
+    Crc32 crc;
+    crc.add(bytes.data(), bytes.size());
+    return text_of(crc.value());
 }
 Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
                       bool upright) {

@@ -49,6 +49,8 @@ std::vector<EstimatedPriors> priors_of_file(const std::filesystem::path& path, c
                                             const std::vector<std::string>& people);
 /// prior_views_checksum, as text.
 std::string priors_checksum(const std::filesystem::path& path);
+/// CRC-32 of a file, as text: whether it is still what it was.
+std::string file_checksum(const std::filesystem::path& path);
 /// load_any_motion, turned upright if so wished.
 Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
                       bool upright = false);

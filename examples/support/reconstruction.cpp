@@ -53,6 +53,8 @@ Reconstruction::Person::Person(Backend& backend, std::string called, CanonicalSe
 Reconstruction::Reconstruction(Backend& backend, const Source& source, const Configuration& chosen,
                                const ReconstructOptions& o)
     : configuration(chosen),
+      regions_checksum(chosen.region_samples || chosen.fine_levels == FineLevels::region ? source.regions_checksum
+                                                                                         : std::string()),
       priors_checksum(chosen.depth_prior || chosen.normal_prior ? source.priors_checksum : std::string()),
       test_photos(test_photos_of(source.capture)),
       trainer(backend, cast_of(backend, source, o), photos_of(source.capture, false), o.seed, configuration.train) {
@@ -101,7 +103,7 @@ bool Reconstruction::refine_test_poses(Backend& backend) {
     }
     std::set<std::size_t> frames;
     for (const Photo& photo : test_photos) frames.insert(photo.frame);
-    const std::size_t rounds = people.size() > 1 ? 2 : 1, steps = configuration.test_steps / rounds;
+    const std::size_t rounds = people.size() > 1 ? 2 : 1, steps = (configuration.test_steps + rounds - 1) / rounds;
     Progress shown("fitting test poses");
     std::size_t done = 0;
     for (const std::size_t frame : frames) {

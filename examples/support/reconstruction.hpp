@@ -45,8 +45,8 @@ struct Reconstruction {
     };
 
     Configuration configuration;
-    std::string priors_checksum; ///< of the source; empty where none are used
-    std::deque<Person> people;   ///< they stay where they are
+    std::string regions_checksum, priors_checksum; ///< of the source; empty where none are used
+    std::deque<Person> people;                     ///< they stay where they are
     std::vector<Photo> test_photos;
     TrainerType trainer; ///< to ask and to keep; what computes is below, for it is compiled once
 

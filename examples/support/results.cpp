@@ -39,7 +39,7 @@ std::string settings_text(const Configuration& configuration) {
 }
 
 /// What a checkpoint was made for, in words, a line each: people where there are several, how many Gaussians, settings,
-/// refinement, estimated priors.
+/// refinement, regions, estimated priors.
 std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& reconstruction) {
     std::string text;
     if (reconstruction.people.size() > 1)
@@ -47,6 +47,7 @@ std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& r
     text += "gaussians = " + std::to_string(reconstruction.gaussian_count()) + "\n";
     text += settings_text(reconstruction.configuration);
     if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
+    if (!reconstruction.regions_checksum.empty()) text += "regions " + reconstruction.regions_checksum + "\n";
     if (!reconstruction.priors_checksum.empty()) text += "priors " + reconstruction.priors_checksum + "\n";
     return text;
 }
@@ -101,7 +102,7 @@ void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
     const std::string there = file.read_text("configuration"), here = checkpoint_text(o, reconstruction);
     check_value(there == here, checkpoint_path(o).string(),
                 "was made otherwise: " + difference(there, here) +
-                    "; resume with the same --config, --set, --gaussians, --refine, --priors and --poses");
+                    "; resume with the same --config, --set, --gaussians, --refine, --regions, --priors and --poses");
     load_trainer(file, reconstruction.trainer);
     for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
         if (auto& refinement = reconstruction.people[p].refinement) load_refinement(file, *refinement, p);
@@ -123,20 +124,22 @@ void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
 
 std::string measures_of(const Judge& judge) {
     return "full image, range 1, unquantised; SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person "
-           "is where the true alpha exceeds 1/2; regions are where the posed body shows them, images with 50 pixels or "
-           "more." +
+           "is where the true alpha exceeds 1/2; regions are where the body shows them in the poses as given, images "
+           "with 50 pixels or more." +
            judge.lpips_protocol();
 }
 
-std::string protocol_of(const ReconstructOptions& o, const Source& source, const TrainConfig& train, const Judge& judge,
-                        std::size_t images) {
+std::string protocol_of(const ReconstructOptions& o, const Source& source, const Configuration& configuration,
+                        const Judge& judge, std::size_t images) {
     const std::string background =
         !source.capture.backgrounds.empty() ? "the capture's backgrounds in training and test"
-        : train.random_background           ? "a random background each step in training, white in test"
-                                            : "white background in training and test";
+        : configuration.train.random_background ? "a random background each step in training, white in test"
+                                                : "white background in training and test";
     return "Test views of " + source.capture.name + " (" + std::to_string(images) + " images), poses of " +
            poses_text(o) +
-           (o.refine ? ", refined in training and fitted to the test images at test time" : ", as given, not refined") +
+           (!o.refine                  ? ", as given, not refined"
+            : configuration.test_steps ? ", refined in training and fitted to the test images at test time"
+                                       : ", refined in training, not fitted to the test images") +
            (o.priors.empty() ? "" : ", geometric priors of " + o.priors.filename().string()) + ", " + background +
            ", " + measures_of(judge) +
            (source.people.size() > 1
@@ -186,7 +189,7 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
                         reconstruction.people[p].refinement->motion());
     }
 
-    const std::string protocol = protocol_of(o, source, trainer.config(), judge, scores.size());
+    const std::string protocol = protocol_of(o, source, reconstruction.configuration, judge, scores.size());
     Json json;
     json["psnr"] = number_or_null(mean.psnr);
     json["ssim"] = number_or_null(mean.ssim);

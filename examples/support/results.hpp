@@ -31,7 +31,7 @@ void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
 std::string measures_of(const Judge& judge);
 
 /// How the figures came about, in words.
-std::string protocol_of(const ReconstructOptions& o, const Source& source, const TrainConfig& train,
+std::string protocol_of(const ReconstructOptions& o, const Source& source, const Configuration& configuration,
                         const Judge& judge, std::size_t images);
 
 /// Judges the avatar on the test views and writes everything; metrics.json comes last, so whoever finds it finds all.

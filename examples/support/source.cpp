@@ -56,6 +56,7 @@ Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
     }
     for (const BodyModel& body : source.bodies)
         source.regions.push_back(o.regions.empty() ? RegionLists() : regions_of_file(o.regions, body.vertex_count()));
+    if (!o.regions.empty()) source.regions_checksum = file_checksum(o.regions);
     source.priors.resize(source.people.size());
     if (!o.priors.empty()) {
         std::vector<std::string> names;

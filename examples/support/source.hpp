@@ -26,7 +26,7 @@ struct Source {
     Capture capture;
     std::vector<CapturePerson> people;
     std::vector<EstimatedPriors> priors; ///< of each person
-    std::string priors_checksum;         ///< empty where no priors are asked for
+    std::string regions_checksum, priors_checksum; ///< empty where none are asked for
     std::vector<std::string> warnings;
 
     [[nodiscard]] const BodyModel& body(std::size_t person = 0) const { return bodies[people[person].body]; }

@@ -153,7 +153,9 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
                   "gsh-reconstruct", {"checkpoint.gsh"});
     check_refused(reconstruct(moved, with({"--steps", "50", "--set", "refine.betas.rate=1e-3", "--resume"}), capture),
                   "gsh-reconstruct", {"checkpoint.gsh"});
-    check_done(reconstruct(plain, with({"--steps", "3", "--refine-cameras"}), capture));
+    check_done(reconstruct(plain, with({"--steps", "3", "--refine-cameras", "--set", "refine.test_steps=0"}), capture));
+    CHECK(plain.metrics().at("protocol").get<std::string>().find("refined in training, not fitted") !=
+          std::string::npos);
 
     // The fit of test poses is shown as it goes, and a signal ends it within a frame; what an earlier run left stays.
     const std::string before = moved.avatar_bytes();
@@ -185,6 +187,12 @@ TEST_CASE("regions of the user's decide where Gaussians and fine levels go") {
     };
     CHECK(feet(painted) > 2 * feet(usual));
     CHECK(painted.metrics().at("psnr_regions").contains("hands"));
+
+    more.push_back("--resume");
+    check_done(reconstruct(painted, more));
+    regions["importance"][0] = 0.5;
+    write_file(painted.folder / "regions.json", regions.dump());
+    check_refused(reconstruct(painted, more), "gsh-reconstruct", {"checkpoint.gsh", "made otherwise", "'regions "});
 }
 
 TEST_CASE("a person before a plate is trained and judged over it") {
@@ -333,13 +341,13 @@ TEST_CASE("configurations, settings and lists that cannot be are refused before 
     refuse_file(R"({"aoo": "time"})", {"mine.json", "no setting 'aoo'"});
     refuse_file(R"({"ao": "space"})", {"mine.json", "ao is 'space'", "none, time, pose"});
 
-    refuse({"--set", "multi_scale"}, {"--set multi_scale", "key=value"});
+    refuse({"--set", "fine_levels"}, {"--set fine_levels", "key=value"});
     refuse({"--set", "=3"}, {"--set", "no setting ''"});
     refuse({"--set", "rate.shh=1"}, {"--set", "no setting 'rate.shh'"});
     refuse({"--set", "rate.sh="}, {"rate.sh", "expected a number"});
     refuse({"--set", "rate.sh=fast"}, {"rate.sh is 'fast'", "expected a number"});
     refuse({"--set", "rate.sh=inf"}, {"rate.sh", "finite"});
-    refuse({"--set", "multi_scale=1"}, {"multi_scale is '1'", "true or false"});
+    refuse({"--set", "hash_sh=1"}, {"hash_sh is '1'", "true or false"});
     // Numbers, but none that could mean anything.
     for (const char* setting : {"mlp.width=0",        "mlp.width=-8",       "mlp.hidden_layers=-1",
                                 "hash.base=0",        "hash.growth=0.5",    "hash.table_size=1000",

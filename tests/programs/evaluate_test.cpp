@@ -203,6 +203,16 @@ TEST_CASE("a second call adds what is new, and runs again what has changed") {
     CHECK(again.out.find("paper: is finished already\nno-ao: was judged with other settings or after other steps; it "
                          "runs again\nno-ao, 2 steps: PSNR ") == 0);
     CHECK(ordered_json_of(out / "tables.json").at("costs")[1].at("settings").at("hash.table_size") == "2048");
+
+    // Regions that were painted anew make another input, though the file is called the same.
+    const fs::path painted = folder / "painted", regions = folder / "regions.json";
+    const auto judge = [&](const char* painting) {
+        write_file(regions, painting);
+        return run(s.evaluate(painted, s.configs({"paper"}), {"--steps", "1", "--regions", regions.string()}));
+    };
+    check_done(judge(R"({"high": [0, 1, 2]})"));
+    check_done(judge(R"({"high": [0, 1, 2]})"));
+    check_refused(judge(R"({"high": [0, 1, 3]})"), "gsh-evaluate", {"evaluation.json", "--regions", "another --out"});
 }
 
 TEST_CASE("refined poses are reported as such, and so is LPIPS") {
@@ -241,6 +251,9 @@ TEST_CASE("refined poses are reported as such, and so is LPIPS") {
         CHECK(row.at("lpips") > 0.0);
     }
     CHECK(tables.at("differences")[0].at("lpips").is_number());
+    CHECK(tables.at("differences")[1].at("protocol") == figures[3].at("protocol"));
+    CHECK(tables.at("differences")[1].at("reference_protocol") == figures[1].at("protocol"));
+    CHECK(read_file(folder / "out/tables.md").find(" [2] − [2] |") != std::string::npos);
     CHECK(read_file(folder / "out/tables.md").find("| SSIM   | LPIPS") != std::string::npos);
 }
 

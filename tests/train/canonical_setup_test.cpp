@@ -85,7 +85,7 @@ TEST_CASE("every configuration's setup is of the size asked for, and a model tak
         const Configuration config = named_configuration(name);
         const CanonicalSetup setup = tube.setup(name);
         check_consistent(tube, setup, config);
-        CHECK(setup.priors.region.size() == (config.multi_scale ? tube_count : 0));
+        CHECK(setup.priors.region.size() == (config.fine_levels == FineLevels::everywhere ? 0 : tube_count));
         const std::size_t features = (config.depth_prior ? 4u : 0u) + (config.normal_prior ? 6u : 0u);
         CHECK(setup.priors.features.size() == tube_count * features);
     }
@@ -104,6 +104,12 @@ TEST_CASE("the baseline moves with 22 joints and knows no expression, on the who
     CHECK(setup.samples.positions == whole.samples.positions); // merging joints moves no vertex
     CHECK(whole.rig.joint_count() == 24);
     CHECK(whole.motion.expression == tube.motion.expression);
+}
+
+TEST_CASE("without fine levels no point has a share in the region") {
+    const CanonicalSetup coarse = Tube().setup("coarse-only");
+    CHECK(coarse.priors.region == std::vector<double>(tube_count, 0.0));
+    CHECK(coarse.samples.positions == Tube().setup("paper").samples.positions); // which still has more Gaussians
 }
 
 TEST_CASE("regions get more Gaussians, fine levels, and a smooth edge") {

@@ -102,7 +102,8 @@ TEST_CASE("an ablation differs from the paper's in its own part alone") {
     CHECK(differences("no-hash-vd") == std::set<std::string>{"hash_displacement"});
     CHECK(differences("no-depth") == std::set<std::string>{"prior.depth"});
     CHECK(differences("no-normals") == std::set<std::string>{"prior.normals"});
-    CHECK(differences("no-multiscale") == std::set<std::string>{"multi_scale"});
+    CHECK(differences("no-multiscale") == std::set<std::string>{"fine_levels"});
+    CHECK(differences("coarse-only") == std::set<std::string>{"fine_levels"});
     CHECK(differences("smpl-init") == std::set<std::string>{"joints", "region.samples"});
 }
 
@@ -176,7 +177,7 @@ TEST_CASE("a setting that cannot be is refused with its name, and nothing change
     message("hash.table_size", "-4", "expected a power of two");
     message("hash.table_size", "4294967296", "expected a power of two that fits 32 bits");
     message("sh_dc_scale", "inf", "sh_dc_scale is 'inf', expected a finite number");
-    message("multi_scale", "yes", "expected true or false");
+    message("hash_sh", "yes", "expected true or false");
     message("ao", "space", "expected one of none, time, pose");
     CHECK(settings_of(c) == before);
 }
@@ -234,12 +235,12 @@ TEST_CASE("a file names where it starts from and what differs") {
         return (folder / "mine.json").string();
     };
     const Configuration mine = find_configuration(write(
-        R"({"configuration": "baseline-x", "rate.sh": 1e-3, "ao": "none", "multi_scale": true, "mlp.width": 32})"));
+        R"({"configuration": "baseline-x", "rate.sh": 1e-3, "ao": "none", "fine_levels": "region", "mlp.width": 32})"));
     CHECK(mine.name == "mine");
     CHECK(mine.avatar.heads == Heads::separate);
     CHECK(mine.train.rates.sh == 1e-3);
     CHECK(mine.avatar.ao == AmbientOcclusion::none);
-    CHECK(mine.multi_scale);
+    CHECK(mine.fine_levels == FineLevels::region);
     CHECK(mine.avatar.mlp_width == 32);
     CHECK(find_configuration(write(R"({"configuration": "no-depth"})")).name == "no-depth");
     CHECK(find_configuration("no-ao").avatar.ao == AmbientOcclusion::none);

@@ -392,11 +392,12 @@ TEST_CASE("ambient occlusion waits for its start: until then it neither learns n
     for (const auto group : {ParameterGroup::joints, ParameterGroup::joint_table, ParameterGroup::joint_network,
                              ParameterGroup::opacity_logits, ParameterGroup::log_scales})
         CHECK(shaded.parameters(group) == plain.parameters(group));
-    CHECK(shaded.trainer.frame_code(1).ao.empty());
+    CHECK(!shaded.trainer.frame_code(1).occlusion);
     CHECK(shaded.trainer.mean_occlusion().empty());
     shaded.steps(6, 0.4), plain.steps(6, 0.4);
     CHECK(ao() != initial);
     CHECK(shaded.parameters(ParameterGroup::joint_table) != plain.parameters(ParameterGroup::joint_table));
+    CHECK(shaded.trainer.frame_code(1).occlusion);
     CHECK(shaded.trainer.frame_code(1).ao.size() == TimeEncoding::output_count);
     CHECK(plain.trainer.mean_occlusion().empty());
 }
@@ -472,7 +473,11 @@ TEST_CASE("an avatar whose fields know the time is saved as the mean over the fr
 TEST_CASE("shadows that know the pose are told the joints' rotations") {
     const SmallScene scene;
     SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {.ao = AmbientOcclusion::pose}, from_the_start);
-    const auto code = training.trainer.frame_code(1).ao;
+    CHECK(training.trainer.frame_code(1).ao.empty()); // the pose has them
+    Image<float> picture;
+    training.trainer.query(1);
+    training.trainer.render(scene.cameras[0], 1, picture);
+    const auto& code = training.trainer.cache().pose_code;
     REQUIRE(code.size() == 9 * 3); // all joints but the root
     for (std::size_t j = 1; j < 4; ++j) {
         const mat3<double> R = rotation_from_axis_angle(scene.motion.pose_at(1)[j]);

@@ -94,15 +94,15 @@ struct CanonicalPriors {
     std::vector<double> features;
 };
 
-/// What a pass is told of its frame. An empty `ao` leaves ambient occlusion out: ao = 1. Where shadows follow the pose,
-/// the pose that the model is asked for puts its own numbers in the place of ao's, so that a pose that is refined takes
-/// its shadows along.
+/// What a pass is told of its frame. Shadows that follow the pose need no numbers of the frame: the pose that the model
+/// is asked for has them, so that a pose that is refined takes its shadows along.
 ///
 /// Shapes  head [AvatarModel::head_code_size()], ao [AvatarModel::ao_code_size()] in the backend's memory.
 template <class T>
 struct FrameCode {
     Span<const T> head = {};
     Span<const T> ao = {};
+    bool occlusion = true; ///< false leaves ambient occlusion out, as if the avatar had none: ao = 1
 };
 
 /// γ(t) of the paper, equation 14: four octaves and the time itself.
@@ -143,7 +143,7 @@ struct ScaleConstant {
 ///
 ///     SH, δx   = field(x₀ | τ, priors)      one hash grid and network, or one each, or stored per Gaussian
 ///     x̂₀(t)    = x₀ + δx + per-frame detail of the body (Rig)
-///     ao(t)    = sigmoid(field(x₀, γ(t) or pose))
+///     ao(t)    = largest · sigmoid(field(x₀, γ(t) or pose) + logit(initial / largest))
 ///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH, ao; Σ w B(t))
 ///
 /// Two stages, so that an avatar that is only shown evaluates its fields once: `update_canonical` queries them,
@@ -235,7 +235,9 @@ public:
     [[nodiscard]] const Parameters<B, T>& parameters() const { return parameters_; }
     /// Numbers that a FrameCode must have.
     [[nodiscard]] std::size_t head_code_size() const { return config_.head_time ? TimeEncoding::output_count : 0; }
-    [[nodiscard]] std::size_t ao_code_size() const { return ao_ ? ao_->shared_inputs() : 0; }
+    [[nodiscard]] std::size_t ao_code_size() const {
+        return config_.ao == AmbientOcclusion::time ? TimeEncoding::output_count : 0;
+    }
     /// For a hash table, the entries that some Gaussian refers to, the only ones that ever have a gradient; null for
     /// groups that are not tables.
     [[nodiscard]] const Buffer<std::uint32_t>* touched_entries(ParameterGroup group) const {
@@ -281,8 +283,8 @@ public:
         cache.means.resize(count_);
         backend_->for_each(count_, displaced_means(cache.means));
         rig_.add_offsets(cache.rig, cache.means);
-        cache.occlusion.resize(code.ao.empty() ? 0 : count_);
-        if (!code.ao.empty()) query_occlusion(occlusion_code(code.ao, cache), cache);
+        cache.occlusion.resize(ao_ && code.occlusion ? count_ : 0);
+        if (cache.occlusion.size()) query_occlusion(occlusion_code(code.ao, cache), cache);
         skinned_splats_forward<Degree>(*backend_, gaussians(cache), cache.rig.bones, center, splats, cache.workspace,
                                        config_.clamping, config_.deformation);
     }
@@ -306,7 +308,7 @@ public:
                      view_as<vec3<T>>(Span<T>(dL_dparameters[ParameterGroup::joints])), dL_dpose, dL_dcenter);
 
         const FieldInputs<T> inputs{features_, code.head};
-        if (!code.ao.empty()) {
+        if (cache.occlusion.size()) {
             backend_->for_each(count_, occlusion_from_logit_backward(cache));
             const Span<T> dL_dcode = start_pose_code(cache, dL_dpose);
             ao_->backward(*backend_, parameters_[ParameterGroup::ao_network], ao_query_, cache.dL_docclusion, cache.ao,
@@ -494,14 +496,14 @@ private:
     /// What the occlusion field reads: the frame's code, or the numbers of the pose that cache.rig holds.
     [[nodiscard]] Span<const T> occlusion_code(Span<const T> code, Cache& cache) const {
         if (config_.ao != AmbientOcclusion::pose) return code;
-        cache.pose_code.resize(ao_code_size());
+        cache.pose_code.resize(ao_->shared_inputs());
         rig_.skeleton().feature(cache.rig.rotations, cache.pose_code);
         return cache.pose_code;
     }
     /// Zeros for the gradient of the pose's numbers, if anybody asks for it.
     [[nodiscard]] Span<T> start_pose_code(Cache& cache, const RigPoseGradient<T>& dL_dpose) {
-        start(cache.dL_dpose_code, config_.ao == AmbientOcclusion::pose && !dL_dpose.pose.empty() ? ao_code_size() : 0,
-              T(0));
+        const bool asked = config_.ao == AmbientOcclusion::pose && !dL_dpose.pose.empty();
+        start(cache.dL_dpose_code, asked ? ao_->shared_inputs() : 0, T(0));
         return cache.dL_dpose_code;
     }
     /// Carries that gradient to the pose.
@@ -562,7 +564,7 @@ private:
         if (!config_.hash_sh) set(ParameterGroup::sh, std::vector<T>(colors * count_, T(0)));
         if (config_.ao != AmbientOcclusion::none) {
             const std::size_t inputs =
-                config_.ao == AmbientOcclusion::time ? TimeEncoding::output_count : 9 * (rig_.joint_count() - 1);
+                config_.ao == AmbientOcclusion::time ? ao_code_size() : rig_.skeleton().pose_feature_count();
             ao_.emplace(
                 make(1, ParameterGroup::ao_table, ParameterGroup::ao_network, 7, config_.ao_table_size, 0, inputs, 1));
             Buffer<vec3<T>> points(unit_.size());
@@ -575,8 +577,8 @@ private:
         }
     }
 
-    /// Keeps x₀, its features, and its place in the fields' unit cube: the points' bounding cube about its centre, a
-    /// little larger.
+    /// Keeps x₀, its features, and its place in the fields' unit cube, which the points' bounding cube becomes, or their
+    /// box, a little larger (AvatarConfig::bounds, bounds_margin).
     void set_positions(Span<const vec3<double>> positions, const CanonicalPriors& priors) {
         vec3<double> low = positions[0], high = positions[0];
         for (const auto& p : positions)

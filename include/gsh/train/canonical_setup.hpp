@@ -62,7 +62,8 @@ template <CpuBackend B>
     }
 
     std::optional<RegionMask> mask; // of the whole body: a merged one has the same mesh, but knows less of its parts
-    if (config.region_samples || config.multi_scale) mask = region_mask(body, vertices, regions, config.region);
+    if (config.region_samples || config.fine_levels == FineLevels::region)
+        mask = region_mask(body, vertices, regions, config.region);
     const std::vector<double> per_vertex = config.region_samples ? mask->samples_per_vertex()
                                                                  : std::vector<double>(vertices.size(), 1.0);
     setup.samples =
@@ -71,7 +72,8 @@ template <CpuBackend B>
     setup.rig = make_rig(mover, motion.betas, setup.samples);
 
     const std::size_t N = setup.samples.size();
-    if (config.multi_scale) {
+    if (config.fine_levels == FineLevels::none) setup.priors.region.assign(N, 0.0);
+    if (config.fine_levels == FineLevels::region) {
         constexpr double least = 1e-3; // τ below this is 0, and the rest is stretched to begin there: no step anywhere
         setup.priors.region = mask->at(setup.samples);
         for (double& tau : setup.priors.region) tau = std::clamp((tau - least) / (1 - least), 0.0, 1.0);

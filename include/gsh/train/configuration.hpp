@@ -29,13 +29,20 @@ enum class JointSet {
     trunk_and_limbs ///< fingers, jaw and eyes merged into their parents, no expression: SMPL's
 };
 
+/// Where points read the fine levels of the hash grid, AvatarConfig::fine_level and above.
+enum class FineLevels {
+    region,     ///< where the region mask says so, by τ
+    everywhere, ///< one grid for all
+    none        ///< coarse levels alone
+};
+
 /// Everything about a reconstruction but its input, its seed and its length. Settings have names, for files and command
 /// lines: for_each_setting lists them.
 struct Configuration {
     std::string name = "paper";
     JointSet joints = JointSet::all;
     bool region_samples = true; ///< K(x): more Gaussians on face and hands; else the same number at every vertex
-    bool multi_scale = true;    ///< fine hash levels only where the region mask says so; else everywhere
+    FineLevels fine_levels = FineLevels::region;
     RegionMaskParams region;
     SampleWeights sample_weights = SampleWeights::barycentric;
     double sample_jitter = 0; ///< SurfaceSampleOptions::jitter
@@ -53,15 +60,19 @@ struct Configuration {
 
 /// Names that named_configuration knows: the paper's method, its direct baseline with a body's 22 joints and with all
 /// of them, and the paper's less one part each.
-inline constexpr std::array<std::string_view, 11> configuration_names{
-    "paper",         "baseline", "baseline-x", "no-ao",     "no-hash-sh", "no-hash-vd",
-    "no-multiscale", "no-depth", "no-normals", "smpl-init", "pose-ao"};
+inline constexpr std::array<std::string_view, 12> configuration_names{
+    "paper",         "baseline",    "baseline-x", "no-ao",      "no-hash-sh", "no-hash-vd",
+    "no-multiscale", "coarse-only", "no-depth",   "no-normals", "smpl-init",  "pose-ao"};
 
 namespace detail {
 
 template <>
 struct EnumNames<JointSet> {
     static constexpr std::array<std::string_view, 2> names{"all", "trunk_and_limbs"};
+};
+template <>
+struct EnumNames<FineLevels> {
+    static constexpr std::array<std::string_view, 3> names{"region", "everywhere", "none"};
 };
 template <>
 struct EnumNames<Heads> {
@@ -108,7 +119,7 @@ void for_each_setting(C& c, const F& f) {
     f("region.samples_high", c.region.samples_high, R::at_least(0));
     f("sample_weights", c.sample_weights, any);
     f("sample_jitter", c.sample_jitter, R::at_least(0));
-    f("multi_scale", c.multi_scale, any);
+    f("fine_levels", c.fine_levels, any);
     f("prior.depth", c.depth_prior, any);
     f("prior.normals", c.normal_prior, any);
     f("prior.depth_feature", c.prior.depth, any);
@@ -186,7 +197,8 @@ void for_each_setting(C& c, const F& f) {
     const auto make_baseline = [&] {
         c.sample_weights = SampleWeights::copied;
         c.avatar.bounds = FieldBounds::box;
-        c.region_samples = c.multi_scale = c.depth_prior = c.normal_prior = false;
+        c.region_samples = c.depth_prior = c.normal_prior = false;
+        c.fine_levels = FineLevels::everywhere;
         c.avatar.heads = Heads::separate;
         c.avatar.ao_table_size = 1u << 19;
         c.avatar.largest_ao = 1;
@@ -202,7 +214,8 @@ void for_each_setting(C& c, const F& f) {
     else if (name == "no-ao") c.avatar.ao = AmbientOcclusion::none;
     else if (name == "no-hash-sh") c.avatar.hash_sh = false;
     else if (name == "no-hash-vd") c.avatar.hash_displacement = false;
-    else if (name == "no-multiscale") c.multi_scale = false;
+    else if (name == "no-multiscale") c.fine_levels = FineLevels::everywhere;
+    else if (name == "coarse-only") c.fine_levels = FineLevels::none;
     else if (name == "no-depth") c.depth_prior = false;
     else if (name == "no-normals") c.normal_prior = false;
     else if (name == "smpl-init") c.joints = JointSet::trunk_and_limbs, c.region_samples = false;

@@ -52,7 +52,7 @@ struct SettingsFile {
 
 } // namespace detail
 
-/// Reads {"configuration": "paper", "rate.sh": 0.001, "multi_scale": false, …}. All members are optional.
+/// Reads {"configuration": "paper", "rate.sh": 0.001, "hash_sh": false, …}. All members are optional.
 /// Errors  IoError for a file that is no flat JSON object; ValueError, which names the file, for a configuration or a
 ///         setting that does not exist or cannot be.
 [[nodiscard]] inline Configuration read_configuration(const std::filesystem::path& path) {

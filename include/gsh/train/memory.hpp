@@ -2,9 +2,9 @@
 /// @file  How much memory training takes, so that a budget can be an input.
 #pragma once
 
+#include <gsh/math/sh.hpp>
 #include <gsh/train/avatar_model.hpp>
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -23,22 +23,35 @@ struct MemoryModel {
 };
 
 /// What training AvatarModel in float takes, for images of `pixels` pixels and with `held` bytes (the capture) in
-/// memory already. Counted from the buffers: 1.1 times the measured peak of 210 images of 540². Of several people each
-/// has fields of their own, and the number of Gaussians is each one's.
+/// memory already. Counted from the buffers: 1.1 times the peak that `paper` was measured to have with 210 images of
+/// 540². Of several people each has fields of their own, and the number of Gaussians is each one's.
 [[nodiscard]] inline MemoryModel training_memory(const AvatarConfig& config, std::size_t pixels, std::uint64_t held,
                                                  std::size_t people = 1) {
     constexpr std::uint64_t program = 150'000'000; // code, body model, copies for checkpoints
     constexpr std::uint64_t per_pixel = 100;       // render, photograph, gradients, loss terms
-    // A field: a table of at most 16 levels of 4 features with gradient and two moments; per Gaussian 64 features and
-    // two hidden layers, the features' gradient, outputs.
-    const auto table = [](std::uint64_t entries) { return 16 * 4 * sizeof(float) * 4 * entries; };
-    constexpr std::uint64_t field_per_gaussian = 1300;
-    const std::uint64_t heads = (config.hash_sh ? 1u : 0u) + (config.hash_displacement ? 1u : 0u);
-    const std::uint64_t fields = config.heads == Heads::joint && heads ? 1 : heads;
-    const bool ao = config.ao != AmbientOcclusion::none;
-    return {.fixed = program + held + per_pixel * pixels +
-                     people * (fields * table(config.hash_table_size) + (ao ? table(config.ao_table_size) : 0)),
-            .per_gaussian = people * (1000 + field_per_gaussian * (fields + (ao ? 1 : 0)))};
+    constexpr std::uint64_t per_gaussian = 1000;   // attributes, splats, their gradients and moments, tiles
+    constexpr std::uint64_t levels = 16, features = 4, colors = 3 * sh_basis_count(2), displacement = 3;
+    MemoryModel memory{.fixed = program + held + per_pixel * pixels, .per_gaussian = people * per_gaussian};
+    // A field: tables with gradient and two moments; per Gaussian features, hidden layers and outputs, and gradients of
+    // the first and last.
+    const auto add_field = [&](std::uint64_t entries, std::uint64_t tables, std::uint64_t outputs) {
+        const auto hidden = static_cast<std::uint64_t>(config.mlp_hidden_layers) *
+                            static_cast<std::uint64_t>(config.mlp_width);
+        memory.fixed += people * sizeof(float) * 4 * tables * entries * levels * features;
+        memory.per_gaussian += people * sizeof(float) * (2 * levels * features + hidden + 2 * outputs);
+    };
+    const auto add_stored = [&](std::uint64_t numbers) { // parameters with gradient and two moments
+        memory.per_gaussian += people * sizeof(float) * 4 * numbers;
+    };
+    const std::uint64_t tables = config.separate_tables ? 2 : 1;
+    const bool joint = config.heads == Heads::joint && config.hash_sh && config.hash_displacement;
+    if (joint) add_field(config.hash_table_size, tables, colors + displacement);
+    if (!joint && config.hash_sh) add_field(config.hash_table_size, tables, colors);
+    if (!joint && config.hash_displacement) add_field(config.hash_table_size, tables, displacement);
+    if (!config.hash_sh) add_stored(colors);
+    if (!config.hash_displacement) add_stored(displacement);
+    if (config.ao != AmbientOcclusion::none) add_field(config.ao_table_size, 1, 1);
+    return memory;
 }
 
 } // namespace gsh

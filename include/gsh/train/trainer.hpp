@@ -4,7 +4,6 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/motion.hpp>
-#include <gsh/body/skeleton.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
@@ -12,7 +11,6 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/photometric.hpp>
-#include <gsh/math/rotation.hpp>
 #include <gsh/optim/adam.hpp>
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/train/avatar_model.hpp>
@@ -292,7 +290,7 @@ public:
         const std::vector<std::size_t> frames = photographed_frames();
         for (const std::size_t frame : frames) {
             const FrameCode<T> code = frame_code(of, frame);
-            if (code.ao.empty()) return {};
+            if (of.model->config().ao == AmbientOcclusion::none || !code.occlusion) return {};
             set_pose(of, frame);
             backend_->download(of.model->occlusion(of.pose, code.ao, of.cache), Span<T>(frame_ao));
             mean.resize(frame_ao.size(), T(0));
@@ -456,10 +454,9 @@ private:
         const auto row = [&](const Buffer<T>& codes, std::size_t size) {
             return Span<const T>(codes).subspan(frame * size, size);
         };
-        FrameCode<T> code{.head = row(person.head_codes, person.model->head_code_size())};
-        const std::size_t ao = person.model->ao_code_size();
-        if (ao && progress_ >= config_.ao_start) code.ao = row(person.ao_codes, ao);
-        return code;
+        return {.head = row(person.head_codes, person.model->head_code_size()),
+                .ao = row(person.ao_codes, person.model->ao_code_size()),
+                .occlusion = progress_ >= config_.ao_start};
     }
     void set_pose(Person& person, std::size_t frame) {
         person.refinement ? person.refinement->pose(frame, person.pose)
@@ -545,29 +542,17 @@ private:
         }
     }
 
-    /// What the fields are told of each frame: γ(t) with t = frame / frames, or the joints' rotations.
+    /// What the fields are told of each frame: γ(t) with t = frame / frames.
     void make_codes(Person& person) {
-        const Model& model = *person.model;
-        const std::size_t frames = frame_count(), head_size = model.head_code_size(), ao_size = model.ao_code_size();
-        std::vector<T> head, ao;
-        for (std::size_t frame = 0; frame < frames; ++frame) {
-            std::vector<T> time(TimeEncoding::output_count);
-            TimeEncoding::forward(T(frame) / T(frames), time.data());
-            if (head_size) head.insert(head.end(), time.begin(), time.end());
-            if (model.config().ao == AmbientOcclusion::time) ao.insert(ao.end(), time.begin(), time.end());
-            if (model.config().ao == AmbientOcclusion::pose) {
-                const auto pose = person.motion->pose_at(frame);
-                const std::size_t first = ao.size();
-                ao.resize(first + ao_size);
-                for (std::size_t j = 1; j < pose.size(); ++j)
-                    pose_feature<T>(j, rotation_from_axis_angle(vec3<T>(pose[j])), Span<T>(ao).subspan(first, ao_size));
-            }
-        }
-        person.head_codes.resize(head.size());
-        person.ao_codes.resize(ao.size());
-        backend_->upload(Span<const T>(head), person.head_codes);
-        backend_->upload(Span<const T>(ao), person.ao_codes);
-        check_size("Trainer", "codes of ambient occlusion", ao.size(), frames * ao_size);
+        const auto rows = [&](std::size_t size, Buffer<T>& codes) { // a code is γ(t) whole or nothing
+            std::vector<T> values(frame_count() * size);
+            for (std::size_t frame = 0; size && frame < frame_count(); ++frame)
+                TimeEncoding::forward(T(frame) / T(frame_count()), values.data() + frame * size);
+            codes.resize(values.size());
+            backend_->upload(Span<const T>(values), codes);
+        };
+        rows(person.model->head_code_size(), person.head_codes);
+        rows(person.model->ao_code_size(), person.ao_codes);
     }
 
     B* backend_;
