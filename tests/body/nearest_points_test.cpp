@@ -4,6 +4,8 @@
 #include <gsh/body/nearest_points.hpp>
 
 #include <algorithm>
+#include <cmath>
+#include <vector>
 
 namespace gsh {
 namespace {
@@ -36,6 +38,24 @@ TEST_CASE("the grid finds what a search of everything finds") {
             CHECK(nearest.mean_squared_distance(i, 3) == doctest::Approx(brute_force(points, i, 3)));
     }
     CHECK_NOTHROW(NearestPoints({}));
+}
+
+TEST_CASE("a place's nearest point is found inside the grid and far outside of it") {
+    test::Rng rng(2);
+    auto flat = rng.vecs(200);
+    for (auto& p : flat) p.z = 1;
+    for (const auto& points : {rng.vecs(1), rng.vecs(3), rng.vecs(500), flat}) {
+        const NearestPoints nearest(points);
+        auto places = rng.vecs(200, -1.5, 1.5);
+        for (const auto& far : rng.vecs(50, -6, 6)) places.push_back(far);
+        places.push_back(points.back());
+        for (const auto& place : places) {
+            double least = INFINITY;
+            for (const auto& p : points) least = std::min(least, dot(p - place, p - place));
+            CHECK(nearest.squared_distance(place) == least);
+        }
+    }
+    CHECK(NearestPoints({}).squared_distance({0, 0, 0}) == INFINITY);
 }
 
 } // namespace

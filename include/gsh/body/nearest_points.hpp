@@ -66,6 +66,28 @@ public:
         return nearest.empty() ? 0 : sum / static_cast<double>(nearest.size());
     }
 
+    /// Squared distance from any (finite) place to the nearest point; infinite if there are none.
+    [[nodiscard]] double squared_distance(const vec3<double>& place) const {
+        double nearest = std::numeric_limits<double>::infinity();
+        if (points_.empty()) return nearest;
+        Cells center; // of a place outside the grid, the cell of it that is nearest
+        for (int k = 0; k < 3; ++k) {
+            const auto axis = static_cast<std::size_t>(k);
+            const double last = static_cast<double>(size_[axis] - 1);
+            center[axis] = static_cast<std::int64_t>(std::clamp((place[k] - low_[k]) / cell_size_, 0.0, last));
+        }
+        const std::int64_t reach = std::max({size_[0], size_[1], size_[2]});
+        for (std::int64_t ring = 0; ring <= reach; ++ring) {
+            const double unseen = static_cast<double>(std::max<std::int64_t>(ring - 1, 0)) * cell_size_;
+            if (nearest <= unseen * unseen) break;
+            visit_ring(center, ring, [&](std::size_t other) {
+                const vec3<double> d = points_[other] - place;
+                nearest = std::min(nearest, dot(d, d));
+            });
+        }
+        return nearest;
+    }
+
 private:
     using Cells = std::array<std::int64_t, 3>;
 
