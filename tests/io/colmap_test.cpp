@@ -1,98 +1,51 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/colmap.hpp>
 
+#include "io/colmap_files.hpp"
 #include "io/temporary.hpp"
 
 #include <bit>
 #include <cmath>
-#include <cstring>
 
 using namespace gsh;
+using test::Bytes;
+using test::ColmapFiles;
 
 namespace {
-
-/// A file of COLMAP byte by byte.
-class Bytes {
-public:
-    template <class Number>
-    Bytes& put(Number number) {
-        char raw[sizeof number];
-        std::memcpy(raw, &number, sizeof number);
-        data_.append(raw, sizeof number);
-        return *this;
-    }
-    Bytes& put_text(const std::string& text) {
-        data_.append(text.c_str(), text.size() + 1);
-        return *this;
-    }
-    [[nodiscard]] const std::string& data() const { return data_; }
-
-private:
-    std::string data_;
-};
 
 /// Names with a blank, in the order 5 to 9.
 std::string room(std::size_t i) { return std::string("room ").append(std::to_string(i)).append(".png"); }
 
-struct SampleCamera {
-    std::uint32_t id;
-    std::int32_t model;
-    const char* name;
-    std::vector<double> parameters;
-};
-const std::vector<SampleCamera>& sample_cameras() {
-    static const std::vector<SampleCamera> cameras{{7, 0, "SIMPLE_PINHOLE", {50.5, 32, 24}},
-                                                   {3, 1, "PINHOLE", {50, 51, 31, 23.5}},
-                                                   {4, 2, "SIMPLE_RADIAL", {50, 32, 24, 0.01}},
-                                                   {5, 3, "RADIAL", {50, 32, 24, -0.02, 0.003}},
-                                                   {6, 4, "OPENCV", {50, 51, 31, 23, -0.02, 0.003, 0.001, -0.002}}};
-    return cameras;
-}
-constexpr double half_root = 0.70710678118654752440; // a quarter turn about z
-
 /// Five images, one per camera, none, two or three features each; three points with tracks; ids out of order.
-void write_binary(const std::filesystem::path& folder) {
-    Bytes cameras;
-    cameras.put<std::uint64_t>(5);
-    for (const SampleCamera& camera : sample_cameras()) {
-        cameras.put(camera.id).put(camera.model).put<std::uint64_t>(64).put<std::uint64_t>(48);
-        for (const double p : camera.parameters) cameras.put(p);
-    }
-    Bytes images;
-    images.put<std::uint64_t>(5);
-    for (std::uint32_t i = 0; i < 5; ++i) {
-        images.put<std::uint32_t>(10 + i);
-        for (const double q : {half_root, 0.0, 0.0, half_root}) images.put(q);
-        for (const double t : {0.25, -0.5, 2.0 + i}) images.put(t);
-        images.put(sample_cameras()[i].id).put_text(room(9 - i));
-        images.put<std::uint64_t>(i == 0 ? 0 : i);
-        for (std::uint32_t k = 0; k < i; ++k) images.put(1.5).put(2.5).put<std::uint64_t>(k == 0 ? ~0ull : 2);
-    }
-    Bytes points;
-    points.put<std::uint64_t>(3);
-    for (const std::uint64_t id : {9, 2, 5}) {
-        points.put(id).put(0.5 * static_cast<double>(id)).put(-1.25).put(3e-3);
-        points.put<std::uint8_t>(255).put<std::uint8_t>(static_cast<std::uint8_t>(id)).put<std::uint8_t>(0).put(0.75);
-        points.put<std::uint64_t>(id == 2 ? 0 : 2);
-        for (int k = 0; k < (id == 2 ? 0 : 4); ++k) points.put<std::uint32_t>(1);
-    }
-    write_file(folder / "cameras.bin", cameras.data());
-    write_file(folder / "images.bin", images.data());
-    write_file(folder / "points3D.bin", points.data());
+ColmapFiles sample() {
+    ColmapFiles files;
+    files.cameras = {{7, 0, "SIMPLE_PINHOLE", 64, 48, {50.5, 32, 24}},
+                     {3, 1, "PINHOLE", 64, 48, {50, 51, 31, 23.5}},
+                     {4, 2, "SIMPLE_RADIAL", 64, 48, {50, 32, 24, 0.01}},
+                     {5, 3, "RADIAL", 64, 48, {50, 32, 24, -0.02, 0.003}},
+                     {6, 4, "OPENCV", 64, 48, {50, 51, 31, 23, -0.02, 0.003, 0.001, -0.002}}};
+    constexpr double half_root = 0.70710678118654752440; // a quarter turn about z
+    for (std::uint32_t i = 0; i < 5; ++i)
+        files.images.push_back(
+            {10 + i, {half_root, 0, 0, half_root}, {0.25, -0.5, 2.0 + i}, files.cameras[i].id, room(9 - i), i});
+    for (const std::uint8_t id : {9, 2, 5})
+        files.points.push_back({id, {0.5 * id, -1.25, 3e-3}, {255, id, 0}, id == 2 ? 0u : 2u});
+    return files;
 }
 
 void write_text(const std::filesystem::path& folder) {
     std::string cameras =
         "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n";
-    for (const SampleCamera& camera : sample_cameras()) {
-        cameras += std::to_string(camera.id) + " " + camera.name + " 64 48";
+    const ColmapFiles files = sample();
+    for (const ColmapFiles::Camera& camera : files.cameras) {
+        cameras += std::to_string(camera.id) + " " + camera.model_name + " 64 48";
         for (const double p : camera.parameters) cameras.append(" ").append(std::to_string(p));
         cameras += "\n";
     }
     std::string images = "# Image list with two lines of data per image:\n#   IMAGE_ID, QW, ...\n";
     for (std::uint32_t i = 0; i < 5; ++i) {
         images += std::to_string(10 + i) + " 0.70710678118654752440 0 0 0.70710678118654752440 0.25 -0.5 " +
-                  std::to_string(2 + i) + " " + std::to_string(sample_cameras()[i].id);
+                  std::to_string(2 + i) + " " + std::to_string(files.cameras[i].id);
         images.append(" ").append(room(9 - i)).append("\n");
         for (std::uint32_t k = 0; k < i; ++k) images += k ? " 1.5 2.5 2" : "1.5 2.5 -1";
         images += "\n"; // an empty line where there are no features
@@ -155,7 +108,7 @@ TEST_CASE("a reconstruction is read from binary files, from text, and from where
     write_text(folder / "text");
     check_sample(read_colmap(folder / "text"));
     std::filesystem::create_directories(folder / "project" / "sparse" / "0");
-    write_binary(folder / "project" / "sparse" / "0");
+    sample().write_binary(folder / "project" / "sparse" / "0");
     check_sample(read_colmap(folder / "project"));
     write_file(folder / "text" / "cameras.bin", "x"); // binary files win
     CHECK_THROWS_AS((void)read_colmap(folder / "text"), IoError);
@@ -168,7 +121,7 @@ TEST_CASE("files that are no reconstruction are refused by name") {
     const auto read = [&] { (void)read_colmap(place); };
     test::check_throws<IoError>(read, {"model", "cameras.bin", "sparse/0"});
 
-    write_binary(place);
+    sample().write_binary(place);
     for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
         CAPTURE(name);
         const std::string whole = read_file(place / name);

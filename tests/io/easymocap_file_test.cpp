@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/easymocap_capture.hpp>
 
+#include "io/easymocap_files.hpp"
 #include "io/sample_files.hpp"
 #include "io/small_body.hpp"
 
@@ -12,12 +13,10 @@
 
 using namespace gsh;
 using detail::Json;
+using test::row;
+using test::write_people;
 
 namespace {
-
-Json row(const std::vector<double>& numbers) {
-    return Json::array({numbers});
-} // EasyMocap stores (1, n)
 
 Json person(test::Rng& rng, int id, std::size_t poses, bool expression = false) {
     Json json;
@@ -44,11 +43,6 @@ std::vector<vec3<double>> expected_points(const BodyModel& body, Motion motion, 
     return points;
 }
 
-void write_frame(const std::filesystem::path& folder, int number, const Json& people) {
-    std::filesystem::create_directories(folder);
-    test::write_text(folder / (test::padded(number, 6) + ".json"), people.dump(4));
-}
-
 } // namespace
 
 TEST_CASE("bodies stand where EasyMocap's do: SMPL, SMPL-X with components, whole poses") {
@@ -58,7 +52,7 @@ TEST_CASE("bodies stand where EasyMocap's do: SMPL, SMPL-X with components, whol
         const BodyModel body = test::small_body(width == 72 ? 24 : 55, 3, 2, true);
         const auto place = folder / std::to_string(width);
         const Json p = person(rng, 0, width, width != 72);
-        write_frame(place, 0, Json::array({p}));
+        write_people(place, 0, Json::array({p}));
         const Motion motion = load_easymocap_motion(place, body);
         REQUIRE(motion.frame_count() == 1);
         CHECK(motion.betas == std::vector<double>{0.5, -0.25, 1});
@@ -83,8 +77,8 @@ TEST_CASE("newer files: without the root, hands on their own, people under annot
     test::Rng rng(5);
     const BodyModel smpl = test::small_body(24, 3, 2), smplx = test::small_body(55, 3, 2, true);
     Json a = person(rng, 4, 69), b = person(rng, 7, 69);
-    write_frame(folder / "smpl", 5, {{"annots", Json::array({a, b})}});
-    write_frame(folder / "smpl", 10, {{"annots", Json::array({b, a})}});
+    write_people(folder / "smpl", 5, {{"annots", Json::array({a, b})}});
+    write_people(folder / "smpl", 10, {{"annots", Json::array({b, a})}});
     MotionFileOptions options;
     options.person = 7;
     options.fps = 50;
@@ -100,7 +94,7 @@ TEST_CASE("newer files: without the root, hands on their own, people under annot
     Json h = person(rng, 0, 66);
     h["handl"] = row(rng.numbers(12));
     h["handr"] = row(rng.numbers(12));
-    write_frame(folder / "smplx", 0, Json::array({h}));
+    write_people(folder / "smplx", 0, Json::array({h}));
     const Motion hands = load_easymocap_motion(folder / "smplx", smplx);
     double x = smplx.hands_mean_left[0].x;
     for (std::size_t c = 0; c < 12; ++c) x += h["handl"][0][c].get<double>() * smplx.hands_components_left[45 * c];
@@ -112,10 +106,10 @@ TEST_CASE("bad EasyMocap files name the file and the field") {
     const BodyModel body = test::small_body(24, 3, 2);
     const auto expect = [&](const std::function<void(Json&)>& change, std::initializer_list<std::string_view> words) {
         test::Rng rng(3);
-        write_frame(folder / "p", 0, Json::array({person(rng, 0, 72)}));
+        write_people(folder / "p", 0, Json::array({person(rng, 0, 72)}));
         Json second = Json::array({person(rng, 0, 72)});
         change(second);
-        write_frame(folder / "p", 1, second);
+        write_people(folder / "p", 1, second);
         test::check_throws<Error>([&] { (void)load_easymocap_motion(folder / "p", body); }, {"000001.json"});
         test::check_throws<Error>([&] { (void)load_easymocap_motion(folder / "p", body); }, words);
     };
@@ -129,7 +123,7 @@ TEST_CASE("bad EasyMocap files name the file and the field") {
     expect([](Json& j) { j = 3; }, {"number"});
     expect([](Json& j) { j[0]["id"] = "a"; }, {"id is string"});
     test::Rng rng(3);
-    write_frame(folder / "q", 0, Json::array({person(rng, 0, 70)}));
+    write_people(folder / "q", 0, Json::array({person(rng, 0, 70)}));
     test::check_throws<ShapeError>([&] { (void)load_easymocap_motion(folder / "q", body); },
                                    {"000000.json", "poses has 70", "72"});
     std::filesystem::create_directories(folder / "empty");
@@ -226,15 +220,10 @@ struct Scene {
         for (int f = 3; f < 6; ++f) {
             Json p = person(rng, 0, 72);
             p["Rh"] = row({0, 0, 0}), p["Th"] = row({0, 0, 0});
-            write_frame(path / "output/smpl", f, Json::array({p}));
-            for (const std::string camera : {"01", "02", "3"}) {
-                std::filesystem::create_directories(path / "images" / camera);
-                std::filesystem::create_directories(path / "mask" / camera);
-                write_png(image(camera, f), test::numbered_image(64, 60, 1, f));
-                PixelImage mask(1, 60, 64);
-                std::fill(mask.data.begin() + 64 * 10, mask.data.begin() + 64 * 50, std::uint8_t(255));
-                write_png(path / "mask" / camera / (test::padded(f, 6) + ".png"), mask);
-            }
+            write_people(path / "output/smpl", f, Json::array({p}));
+            const PixelImage photo = test::masked(test::numbered_image(64, 60, 1, f),
+                                                  [](int y, int) { return y >= 10 && y < 50; });
+            for (const char* camera : {"01", "02", "3"}) test::write_view(path, camera, f, photo);
         }
     }
     [[nodiscard]] std::filesystem::path image(const std::string& camera, int f) const {

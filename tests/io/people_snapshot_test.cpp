@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/people_snapshot.hpp>
 
+#include "io/people_snapshot_files.hpp"
 #include "io/sample_files.hpp"
 #include "io/small_body.hpp"
 
@@ -18,18 +19,13 @@ namespace {
 constexpr int photo_width = 64, photo_height = 48, photo_count = 10;
 constexpr std::size_t photo_pixels = photo_width * photo_height;
 
-/// A subject as InstantAvatar's preprocessing leaves it: a video of ten frames, the poses of all of them, and refined
-/// poses of the split {0, 2, 4} and {6, 9}.
-struct Subject {
-    test::Temporary folder;
-    std::filesystem::path path = folder / "anna";
+/// A video of ten frames, the poses of all of them, and refined poses of the split {0, 2, 4} and {6, 9}.
+struct Subject : test::PeopleSnapshotFiles {
     BodyModel body = test::small_body(24, 10, 0);
     cpu::Serial serial;
-    std::vector<double> thetas, transl;
 
     Subject() {
         test::Rng rng(12);
-        for (const char* name : {"images", "masks", "poses"}) std::filesystem::create_directories(path / name);
         thetas = rng.numbers(photo_count * 72, -0.1, 0.1);
         for (int f = 0; f < photo_count; ++f) {
             thetas[static_cast<std::size_t>(72 * f)] += 3.14159; // upright in a camera whose y is down
@@ -37,53 +33,24 @@ struct Subject {
         }
         write_cameras(1);
         for (int f = 0; f < photo_count; ++f) {
-            write_png(image(f), test::numbered_image(photo_width, photo_height, 0, f));
-            std::vector<std::uint8_t> mask(photo_pixels, 0);
-            for (int y = 1; y < photo_height - 2; ++y)
-                for (int x = 5; x < photo_width - 5; ++x) mask[static_cast<std::size_t>(y * photo_width + x)] = 1;
-            test::write_array<std::uint8_t>(mask_file(f), mask, {photo_height, photo_width});
+            const PixelImage photo = test::numbered_image(photo_width, photo_height, 0, f);
+            write_photo(f, test::masked(photo, [](int y, int x) {
+                return y >= 1 && y < photo_height - 2 && x >= 5 && x < photo_width - 5;
+            }));
         }
-        write_all();
-        write_split("anim_nerf_train.npz", {0, 2, 4});
-        write_split("anim_nerf_test.npz", {6, 9});
+        write_all(0.5);
+        write_refined("anim_nerf_train.npz", {0, 2, 4});
+        write_refined("anim_nerf_test.npz", {6, 9});
         test::write_text(path / "split.json", R"({"train": [0, 5, 2], "test": [6, 9, 3]})");
     }
     void write_cameras(double scale) const {
-        NpzWriter file(path / "cameras.npz");
-        file.add("intrinsic", std::vector<double>{120 * scale, 0, 33, 0, 121, 26, 0, 0, 1}, {3, 3});
-        file.add("extrinsic", std::vector<double>{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, {4, 4});
-        file.add("height", std::int64_t(photo_height));
-        file.add("width", std::int64_t(photo_width));
-        file.commit();
+        Camera<double> camera;
+        camera.fx = 120 * scale, camera.fy = 121, camera.cx = 33.5, camera.cy = 26.5;
+        camera.width = photo_width, camera.height = photo_height;
+        write_camera(camera);
     }
-    void write_all() const {
-        NpzWriter file(path / "poses.npz");
-        test::add_floats(file, "betas", std::vector<double>(10, 0.5), {10});
-        test::add_floats(file, "thetas", thetas, {photo_count, 72});
-        test::add_floats(file, "transl", transl, {photo_count, 3});
-        file.commit();
-    }
-    /// Refined: a little off those of all frames.
-    void write_split(const std::string& name, const std::vector<int>& frames) const {
-        std::vector<double> root, rest, shift;
-        for (const int f : frames) {
-            const auto row = static_cast<std::size_t>(f);
-            root.insert(root.end(), &thetas[72 * row], &thetas[72 * row] + 3);
-            rest.insert(rest.end(), &thetas[72 * row] + 3, &thetas[72 * row] + 72);
-            for (std::size_t k = 0; k < 3; ++k) shift.push_back(transl[3 * row + k] + 0.125);
-        }
-        NpzWriter file(path / "poses" / name);
-        test::add_floats(file, "betas", std::vector<double>(10, 0.25), {1, 10});
-        test::add_floats(file, "global_orient", root, {frames.size(), 3});
-        test::add_floats(file, "body_pose", rest, {frames.size(), 69});
-        test::add_floats(file, "transl", shift, {frames.size(), 3});
-        file.commit();
-    }
-    [[nodiscard]] std::filesystem::path image(int f) const {
-        return path / "images" / ("image_" + test::padded(f) + ".png");
-    }
-    [[nodiscard]] std::filesystem::path mask_file(int f) const {
-        return path / "masks" / ("mask_" + test::padded(f) + ".npy");
+    void write_refined(const std::string& name, const std::vector<int>& frames) const {
+        write_split(name, frames, 0.25, 0.125);
     }
     [[nodiscard]] Capture load(std::vector<std::string>* warnings = nullptr, const CaptureOptions& options = {}) {
         return load_people_snapshot(serial, path, body, options, warnings);
@@ -297,17 +264,13 @@ TEST_CASE_FIXTURE(Subject, "files that do not belong together") {
         fails({image(4).string(), "48 x 64"});
     }
     SUBCASE("poses of another split") {
-        write_split("anim_nerf_train.npz", {0, 2});
+        write_refined("anim_nerf_train.npz", {0, 2});
         fails({"anim_nerf_train.npz", "2 poses, expected 3", "split"});
     }
     SUBCASE("poses of fewer frames") {
         std::filesystem::remove_all(path / "poses");
         thetas.resize(9 * 72), transl.resize(9 * 3);
-        NpzWriter file(path / "poses.npz");
-        test::add_floats(file, "betas", std::vector<double>(10, 0.5), {10});
-        test::add_floats(file, "thetas", thetas, {9, 72});
-        test::add_floats(file, "transl", transl, {9, 3});
-        file.commit();
+        write_all(0.5);
         fails({"poses.npz", "9 poses, expected 10"});
     }
     SUBCASE("no poses") {

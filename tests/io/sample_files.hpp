@@ -5,6 +5,7 @@
 #include "io/temporary.hpp"
 
 #include <gsh/io/capture.hpp>
+#include <gsh/io/image_file.hpp>
 #include <gsh/io/npz.hpp>
 
 #include <algorithm>
@@ -54,6 +55,31 @@ inline PixelImage numbered_image(int width, int height, int camera, int frame) {
             image.pixel(y, x)[2] = static_cast<std::uint8_t>(50 * camera + frame);
         }
     return image;
+}
+
+/// As RGBA: opaque where inside(y, x), else transparent.
+template <class Inside>
+PixelImage masked(const PixelImage& rgb, const Inside& inside) {
+    PixelImage image(4, rgb.height, rgb.width);
+    for (int y = 0; y < rgb.height; ++y)
+        for (int x = 0; x < rgb.width; ++x) {
+            std::copy_n(rgb.pixel(y, x), 3, image.pixel(y, x));
+            image.pixel(y, x)[3] = inside(y, x) ? 255 : 0;
+        }
+    return image;
+}
+
+/// What a camera takes of an image, and the mask that an estimator makes of that.
+inline PixelImage colors_of(const PixelImage& rgba) {
+    PixelImage image(3, rgba.height, rgba.width);
+    for (int y = 0; y < rgba.height; ++y)
+        for (int x = 0; x < rgba.width; ++x) std::copy_n(rgba.pixel(y, x), 3, image.pixel(y, x));
+    return image;
+}
+inline PixelImage mask_of(const PixelImage& rgba) {
+    PixelImage mask(1, rgba.height, rgba.width);
+    for (std::size_t i = 0; i < mask.data.size(); ++i) mask.data[i] = rgba.data[4 * i + 3] > 127 ? 255 : 0;
+    return mask;
 }
 
 /// 7 as "0007".
