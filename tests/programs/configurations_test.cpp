@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-reconstruct in its configurations, with refinement, regions, plates and LPIPS, as a user runs it.
+#include "io/colmap_files.hpp"
 #include "io/safetensors_files.hpp"
+#include "io/sample_files.hpp"
 #include "loss/lpips_networks.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
+#include "support/bodies.hpp"
 #include "support/gradient.hpp"
 
 #include <gsh/image/color.hpp>
@@ -11,6 +14,7 @@
 #include <gsh/io/image_file.hpp>
 #include <gsh/io/motion_file.hpp>
 #include <gsh/io/ply.hpp>
+#include <gsh/math/rotation.hpp>
 
 #include <nlohmann/json.hpp>
 
@@ -59,6 +63,46 @@ std::vector<std::uint8_t> column(const PixelImage& picture, int first, int width
             pixels.insert(pixels.end(), picture.pixel(y, x), picture.pixel(y, x) + 3);
     return pixels;
 }
+
+/// A project of COLMAP: somebody seen by ten pinhole cameras, half of them in each of two folders, with masks under
+/// both names that they may have, and points on the skin.
+struct ColmapProject {
+    test::Temporary folder;
+    fs::path path = folder / "project";
+    std::vector<std::string> names; ///< of the images, without ".png", in order
+    Capture capture;
+    std::vector<vec3<double>> points;
+
+    ColmapProject() {
+        const BodyModel& body = studio().body;
+        const Motion motion = actor_motion(ActorMotion::talk, 1);
+        StudioParams ring;
+        ring.train_cameras = 10, ring.test_cameras = 0, ring.image_size = 48, ring.samples = 4;
+        cpu::Threads backend;
+        capture = film(backend, body, motion, ring);
+        test::ColmapFiles files;
+        for (const std::size_t i : {7, 3, 0, 9, 1, 8, 2, 6, 5, 4}) {
+            const Camera<double>& c = capture.cameras[i].camera;
+            const auto id = static_cast<std::uint32_t>(20 + i);
+            files.cameras.push_back({id, 1, "PINHOLE", 48, 48, {c.fx, c.fy, c.cx, c.cy}});
+            files.images.push_back({id, quat_from_rotation(c.R), c.t, id, name_of(i) + ".png"});
+        }
+        const auto vertices = test::posed_vertices(body, motion, 0);
+        for (std::size_t v = 0; v < vertices.size(); v += 20) {
+            points.push_back(vertices[v]);
+            files.points.push_back({v, vertices[v], {200, 150, 100}});
+        }
+        fs::create_directories(path / "sparse/0");
+        files.write_binary(path / "sparse/0");
+        for (std::size_t i = 0; i < 10; ++i) {
+            names.push_back(name_of(i));
+            for (const char* kind : {"images", "masks"}) fs::create_directories((path / kind / names[i]).parent_path());
+            write_png(path / "images" / (names[i] + ".png"), test::colors_of(capture.images[i]));
+            write_png(path / "masks" / (names[i] + (i < 5 ? ".png" : ".png.png")), test::mask_of(capture.images[i]));
+        }
+    }
+    static std::string name_of(std::size_t i) { return (i < 5 ? "left/" : "right/") + std::to_string(i); }
+};
 
 } // namespace
 
@@ -318,6 +362,42 @@ TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
     fs::remove(capture / "cameras.json");
     check_refused(run(words(none, {})), "gsh-reconstruct", {"sparse"}); // then it should be COLMAP's
     CHECK(!fs::exists(none.path));
+}
+
+TEST_CASE("static: COLMAP's points are trained on its images, every eighth of which is left to judge by") {
+    const ColmapProject project;
+    const Out out;
+    check_done(run({"gsh-reconstruct", "--capture", project.path.string(), "--config", "static", "--out",
+                    out.path.string(), "--steps", "4", "--gaussians", "1500"}));
+    const auto metrics = out.metrics();
+    CHECK(metrics.at("protocol").get<std::string>().starts_with("Test views of project (2 images, 8 in training)"));
+    for (const char* figure : {"psnr", "ssim", "psnr_person"}) CHECK(metrics.at(figure).is_number());
+    REQUIRE(metrics.at("images").size() == 2);
+    CHECK(test::files_below(out.path) == 4); // two pictures, the scene, the figures
+    for (const std::size_t held : {0, 8}) {
+        const std::string name = held == 0 ? "left_0" : "right_8";
+        const auto& figures = metrics.at("images")[held / 8];
+        CHECK(figures.at("name") == name);
+        CHECK(figures.at("psnr") > 5.0);
+        // Its photograph, in the middle: white where the mask says that nobody is.
+        const PixelImage picture = read_image(out.path / "test" / (name + ".png")),
+                         &photo = project.capture.images[held];
+        REQUIRE(picture.width == 3 * 48);
+        int wrong = 0;
+        for (int y = 0; y < 48; ++y)
+            for (int x = 0; x < 48; ++x)
+                for (int c = 0; c < 3; ++c)
+                    wrong += picture.pixel(y, 48 + x)[c] != (photo.pixel(y, x)[3] > 127 ? photo.pixel(y, x)[c] : 255);
+        CHECK(wrong == 0);
+    }
+    // After four steps Gaussians are near the points that they started from, and nowhere else.
+    const auto scene = read_gaussian_ply(out / "scene.ply");
+    REQUIRE(scene.size() == project.points.size());
+    CHECK(metrics.at("gaussians") == scene.size());
+    double farthest = 0;
+    for (std::size_t i = 0; i < scene.size(); ++i)
+        farthest = std::max(farthest, length(vec3<double>(scene.means[i]) - project.points[i]));
+    CHECK(farthest < 0.02);
 }
 
 TEST_CASE("configurations, settings and lists that cannot be are refused before any work") {
