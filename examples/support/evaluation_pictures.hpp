@@ -24,10 +24,10 @@ struct ShownView {
     std::string name;
     std::size_t photo = 0; ///< among the test photographs
     int width = 0, height = 0;
-    std::vector<Crop> crops; ///< face, left hand, right hand, as many as the body has; hidden ones, too
+    std::vector<Crop> crops; ///< of each person: face, left hand, right hand, as many as the body has; hidden ones, too
 };
 
-/// `most` of the test views, evenly over all of them. Crops are of the first person.
+/// `most` of the test views, evenly over all of them. Crops are of everybody, one person after the other.
 [[nodiscard]] std::vector<ShownView> shown_views(const Source& source, const std::vector<Photo>& photos,
                                                  std::size_t most);
 

@@ -2,14 +2,19 @@
 #include "loss/lpips_networks.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
+#include "support/bodies.hpp"
 
+#include <gsh/camera/pinhole.hpp>
 #include <gsh/io/image_file.hpp>
 #include <gsh/io/npz.hpp>
 
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -39,9 +44,9 @@ struct SmallTables : test::SmallCapture {
         return text;
     }
     [[nodiscard]] std::vector<std::string> evaluate(const fs::path& out, const std::string& list,
-                                                    std::vector<std::string> more) const {
-        std::vector<std::string> words{"gsh-evaluate",     "--capture",   path.string(), "--body",
-                                       body_file.string(), "--configs",   list,          "--out",
+                                                    std::vector<std::string> more, const fs::path& of = {}) const {
+        std::vector<std::string> words{"gsh-evaluate",     "--capture",   (of.empty() ? path : of).string(), "--body",
+                                       body_file.string(), "--configs",   list,                              "--out",
                                        out.string(),       "--gaussians", "300"};
         words.insert(words.end(), more.begin(), more.end());
         return words;
@@ -69,6 +74,29 @@ Json timeless(Json figures) {
     for (Json& row : figures) row.erase("seconds");
     return figures;
 }
+
+/// The square of a picture that a part of it, `width` pixels wide at the top of column x0, shows enlarged by a whole
+/// number: its corner, its side and that number, which is 0 if there is none.
+struct Enlarged {
+    int x = 0, y = 0, side = 0, zoom = 0;
+
+    Enlarged(const PixelImage& picture, int size, int x0, int width) {
+        for (zoom = width; zoom > 0; --zoom) {
+            side = width / zoom;
+            for (y = 0; width % zoom == 0 && y + side <= size; ++y)
+                for (x = 0; x + side <= size; ++x)
+                    if (shown(picture, x0, width)) return;
+        }
+    }
+    [[nodiscard]] bool shown(const PixelImage& picture, int x0, int width) const {
+        for (int v = 0; v < width; ++v)
+            for (int u = 0; u < width; ++u)
+                if (!std::equal(picture.pixel(v, x0 + u), picture.pixel(v, x0 + u) + 3,
+                                picture.pixel(y + v / zoom, x + u / zoom)))
+                    return false;
+        return true;
+    }
+};
 
 } // namespace
 
@@ -140,6 +168,49 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
     CHECK(page.ends_with("</html>\n"));
     for (const auto& entry : fs::recursive_directory_iterator(out)) // checkpoints are large
         CHECK(entry.path().extension() != ".gsh");
+}
+
+TEST_CASE("a row shows face and hands where they are, at most four times as large") {
+    const SmallTables& s = small_tables();
+    const test::Temporary folder;
+    Capture capture = s.capture; // before plates that are nowhere white, as gaps are, and alike in no two places
+    for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
+        PixelImage& plate = capture.backgrounds.emplace_back(4, 64, 64);
+        for (int y = 0; y < 64; ++y)
+            for (int x = 0; x < 64; ++x) {
+                const int rgba[] = {2 * x, 2 * y, 50, 255};
+                std::copy_n(rgba, 4, plate.pixel(y, x));
+            }
+    }
+    save_capture(folder / "capture", capture);
+    check_done(run(s.evaluate(folder / "out", s.configs({"paper"}), {"--steps", "1", "--views", "2"},
+                              folder / "capture")));
+    for (std::size_t frame = 0; frame < 2; ++frame) {
+        const PixelImage grid = read_image(folder / ("out/grids/test00_000" + std::to_string(frame) + ".png"));
+        const auto vertices = test::posed_vertices(s.body, capture.motion, frame);
+        const Camera<double>& camera = capture.cameras.back().camera;
+        int x = 2 * 64 + 4; // photograph, gap, the error that a photograph has not
+        for (const auto* region : {&s.body.face_vertices, &s.body.left_hand_vertices, &s.body.right_hand_vertices}) {
+            x += 4;
+            int width = 0;
+            while (x + width < grid.width && grid.pixel(0, x + width)[2] != 255) ++width;
+            const Enlarged crop(grid, 64, x, width);
+            x += width;
+            CHECK(crop.zoom >= 2);
+            CHECK(crop.zoom <= 4);
+            vec2<double> low(64.0), high(0.0);
+            for (const int v : *region) {
+                const vec2<double> at = to_pixel(camera, to_camera(camera, vertices[static_cast<std::size_t>(v)]));
+                low = glm::min(low, at), high = glm::max(high, at);
+            }
+            for (const auto& [first, from, to] : {std::tuple(crop.x, low.x, high.x), {crop.y, low.y, high.y}}) {
+                CHECK(first <= from);
+                CHECK(to <= first + crop.side);
+                CHECK(std::abs(from + to - 2 * first - crop.side) <= 1); // in the middle
+            }
+        }
+        CHECK(x == grid.width);
+    }
 }
 
 TEST_CASE("an interrupted evaluation goes on, and ends with the figures of one that was left alone") {

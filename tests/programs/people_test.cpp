@@ -397,6 +397,8 @@ TEST_CASE("configurations are compared on two people") {
     check_done(outcome);
     const auto tables = json_of(folder / "out" / fs::path("tables.json"));
     CHECK(tables.at("costs")[0].at("gaussians") == 600);
+    // A row of its picture shows faces and hands of both, squares of 12 pixels four times as large.
+    CHECK(read_image(folder / "out/grids/test00_0000.png").width == 2 * 64 + 4 + 6 * (4 + 4 * 12));
     // Each one's figures are what gsh-reconstruct finds in the same training.
     const fs::path same = folder / "same";
     check_done(run(s.reconstruct(same, {"--poses", "ann.npz,bob.npz", "--steps", "2", "--gaussians", "300"})));
