@@ -114,6 +114,7 @@
 #include <gsh/loss/photometric_cache.hpp>
 #include <gsh/loss/ssim.hpp>
 
+#include <gsh/train/avatar_config.hpp>
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/backdrop.hpp>
 #include <gsh/train/canonical_setup.hpp>
@@ -136,4 +137,5 @@
 #include <gsh/train/static_start.hpp>
 #include <gsh/train/static_trainer.hpp>
 #include <gsh/train/step_images.hpp>
+#include <gsh/train/train_config.hpp>
 #include <gsh/train/trainer.hpp>

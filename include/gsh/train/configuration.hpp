@@ -7,10 +7,10 @@
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/prior/prior_features.hpp>
-#include <gsh/train/avatar_model.hpp>
+#include <gsh/train/avatar_config.hpp>
 #include <gsh/train/refinement_config.hpp>
 #include <gsh/train/setting.hpp>
-#include <gsh/train/trainer.hpp>
+#include <gsh/train/train_config.hpp>
 
 #include <array>
 #include <concepts>
