@@ -139,6 +139,49 @@ TEST_CASE("regions get more Gaussians, fine levels, and a smooth edge") {
     for (const double tau : half.priors.region) CHECK(tau == doctest::Approx(0.5).epsilon(2e-3));
 }
 
+TEST_CASE("importance below a thousandth is none at all, and what is left begins there without a step") {
+    constexpr double epsilon = 1e-3;
+    Tube tube;
+    const auto region = [&](const RegionLists& lists) {
+        return make_canonical_setup(tube.backend, tube.body, tube.motion, named_configuration("paper"), tube_count, 7,
+                                    lists);
+    };
+    RegionLists painted; // the same everywhere, so that each sample has just this
+    for (const double tau : {1e-9, 5e-4, epsilon, 1.001e-3, 0.25, 1.0}) {
+        CAPTURE(tau);
+        painted.importance.assign(tube.body.vertex_count(), tau);
+        for (const double found : region(painted).priors.region)
+            CHECK((tau < epsilon ? found == 0 : std::abs(found - (tau - epsilon) / 0.999) < 1e-12));
+    }
+
+    // Down a straight tube: τ = exp(-d² / 2σ²) falls below ε at σ √(2 ln 1000) = 11.15 cm and is positive up to 18 cm.
+    tube.motion.betas.clear();
+    tube.regions.high->clear();
+    const double edge = 1.6 * 37 / 48; // the lowest ring of vertices in V_high; the next ones are 3.3 cm apart
+    for (std::size_t v = 0; v < tube.body.vertex_count(); ++v)
+        if (tube.body.v_template[v].y > edge - 0.01) tube.regions.high->push_back(static_cast<int>(v));
+    const CanonicalSetup setup = region(tube.regions);
+    const RegionMask mask = region_mask(tube.body, tube.body.v_template, tube.regions);
+    const std::vector<double> raw = mask.at(setup.samples);
+    std::size_t cut = 0, faint = 0;
+    for (std::size_t i = 0; i < tube_count; ++i) {
+        const double below = edge - setup.samples.positions[i].y, tau = setup.priors.region[i];
+        if (below < -0.001) CHECK(tau == doctest::Approx(1).epsilon(1e-12));
+        if (below > 0.1334 && below < 0.1666) { // between rings, 13.3 and 16.7 cm away
+            CHECK(raw[i] > 0);
+            CHECK(tau == 0);
+            ++cut;
+        }
+        CHECK(std::abs(tau - std::max(0.0, (raw[i] - epsilon) / 0.999)) < 1e-12);
+        if (raw[i] > epsilon && raw[i] < 2 * epsilon) {
+            CHECK(tau < 1.002e-3);
+            ++faint;
+        }
+    }
+    CHECK(cut > 30);
+    CHECK(faint > 0);
+}
+
 TEST_CASE("features are the mesh's depths, then its normals, row by row") {
     Tube tube;
     const CanonicalSetup both = tube.setup("paper"), depths = tube.setup("no-normals"),
