@@ -373,6 +373,33 @@ TEST_CASE("somebody in the background's colour becomes opaque where the backgrou
     CHECK(plain < random - 0.1);
 }
 
+TEST_CASE("fields are told γ(t) with t = frame / frames, whatever the time on a clock") {
+    SmallScene scene;
+    Motion& motion = scene.motion; // five frames, of which the photographs show the first two
+    for (std::size_t frame = 2; frame < 5; ++frame) {
+        for (std::size_t j = 0; j < 4; ++j) motion.pose.push_back(motion.pose[j]);
+        motion.expression.insert(motion.expression.end(), {0, 0.5});
+        motion.transl.push_back(motion.transl[0]);
+        motion.timestamps.push_back(7 + 0.1 * static_cast<double>(frame));
+    }
+    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {.head_time = true, .ao = AmbientOcclusion::time},
+                                        from_the_start);
+    for (std::size_t frame = 0; frame < 5; ++frame) {
+        CAPTURE(frame);
+        const double t = static_cast<double>(frame) / 5;
+        std::vector<double> expected;
+        for (const double octave : {1, 2, 4, 8})
+            for (const double wave : {std::sin(3.14159265358979 * octave * t), std::cos(3.14159265358979 * octave * t)})
+                expected.push_back(wave);
+        expected.push_back(t);
+        const auto code = training.trainer.frame_code(frame);
+        for (const Span<const float> told : {code.head, code.ao}) {
+            REQUIRE(told.size() == 9);
+            for (std::size_t k = 0; k < 9; ++k) CHECK(std::abs(told[k] - expected[k]) < 1e-5);
+        }
+    }
+}
+
 TEST_CASE("ambient occlusion waits for its start: until then it neither learns nor shades") {
     const SmallScene scene;
     const TrainConfig config{.rates = {.quats = 0}, .ao_start = 0.4};
