@@ -7,11 +7,8 @@
 #include <gsh/train/static_trainer.hpp>
 
 #include "io/temporary.hpp"
-#include "support/gradient.hpp"
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 
 using namespace gsh;
 
@@ -182,75 +179,6 @@ TEST_CASE("a budget of steps keeps the proportions of 30,000") {
     CHECK(tenth.density.interval == 25);
     CHECK(tiny.sh_interval == 1);
     CHECK_THROWS_AS((void)static_config(0), ValueError);
-}
-
-TEST_CASE("starting points lie in the visual hull and have its colours") {
-    const BallScene scene;
-    const auto photos = scene.training();
-    const Box box = hull_box(photos);
-    for (int k = 0; k < 3; ++k) {
-        CHECK(box.low[k] < -0.45);
-        CHECK(box.low[k] > -0.9);
-        CHECK(box.high[k] > 0.45);
-        CHECK(box.high[k] < 0.9);
-    }
-    const ColoredPoints start = visual_hull_points(photos, box, 500, 3);
-    REQUIRE(start.points.size() == 500);
-    REQUIRE(start.colors.size() == 500);
-    double far = 0;
-    vec3<double> color(0.0);
-    for (std::size_t i = 0; i < 500; ++i)
-        far = std::max(far, length(start.points[i])), color += start.colors[i] / 500.0;
-    CHECK(far < 0.75); // the hull of eight views of a ball is a little larger than the ball
-    CHECK(std::abs(color.x - 0.5) < 0.15);
-    CHECK(visual_hull_points(photos, box, 10, 3).points[7] == start.points[7]);
-    CHECK(visual_hull_points(photos, box, 0, 3).points.empty());
-
-    test::check_throws<ValueError>([&] { (void)visual_hull_points(photos, {{2, 2, 2}, {3, 3, 3}}, 5, 1); }, {"masks"});
-    test::check_throws<ValueError>(
-        [&] {
-            (void)visual_hull_points(photos, {{1, 0, 0}, {0, 1, 1}}, 5, 1);
-        },
-        {"box is empty"});
-    test::check_throws<ValueError>([&] { (void)hull_box({photos[0], photos[0]}); }, {"one line"});
-    test::check_throws<ValueError>([&] { (void)hull_box({}); }, {"no photographs"});
-    const std::vector<std::uint8_t> nothing(4 * 56 * 56, 0);
-    auto blind = photos;
-    for (Photo& photo : blind) photo.rgba = nothing;
-    test::check_throws<ValueError>([&] { (void)hull_box(blind); }, {"masks"});
-}
-
-TEST_CASE("Gaussians start as wide as the way to their three nearest neighbours") {
-    test::Rng rng(3);
-    std::vector<vec3<double>> points = rng.vecs(200);
-    points.push_back({1000, 0, 0}); // outliers are what reconstructions have
-    points.push_back(points[0]);
-    const auto found = neighbor_distances(points, 3);
-    for (std::size_t i = 0; i < points.size(); ++i) {
-        std::vector<double> squared;
-        for (std::size_t j = 0; j < points.size(); ++j)
-            if (j != i) squared.push_back(dot(points[i] - points[j], points[i] - points[j]));
-        std::sort(squared.begin(), squared.end());
-        CHECK(found[i] == doctest::Approx((squared[0] + squared[1] + squared[2]) / 3));
-    }
-    CHECK(neighbor_distances({}, 3).empty());
-    CHECK(neighbor_distances({{1, 2, 3}}, 3) == std::vector<double>{0});
-    CHECK(neighbor_distances({{0, 0, 0}, {2, 0, 0}}, 3) == std::vector<double>{4, 4});
-    CHECK(neighbor_distances(std::vector<vec3<double>>(40, vec3<double>(1.0)), 3) == std::vector<double>(40, 0.0));
-
-    const auto cloud = initial_gaussians<float>({{{0, 0, 0}, {2, 0, 0}}, {{1, 0.5, 0}, {0.25, 0.5, 1}}});
-    CHECK(cloud.size() == 2);
-    CHECK(std::exp(cloud.log_scales[1].y) == doctest::Approx(2));
-    CHECK(sigmoid(cloud.opacity_logits[0]) == doctest::Approx(0.1));
-    CHECK(shade<0>(&cloud.sh[1], vec3<float>(0, 0, 1), 1.0f, ColorClamp::below).x == doctest::Approx(0.25));
-    CHECK(initial_gaussians<float>({}).size() == 0);
-    CHECK_THROWS_AS((void)initial_gaussians<float>({{{0, 0, 0}}, {}}), ShapeError);
-    test::check_throws<ValueError>(
-        [] {
-            (void)initial_gaussians<float>({{{0, 0, std::nan("")}}, {{0, 0, 0}}});
-        },
-        {"point 0"});
-    test::check_throws<ValueError>([] { (void)initial_gaussians<float>({}, 1); }, {"opacity"});
 }
 
 TEST_CASE("the trainer refuses what it cannot train on") {

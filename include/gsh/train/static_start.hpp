@@ -46,8 +46,8 @@ struct Box {
 template <std::floating_point T = float>
 [[nodiscard]] GaussianCloud<T> initial_gaussians(const ColoredPoints& start, double opacity = 0.1);
 
-/// The box of the masks' visual hull, carved out of a cube around where the cameras look. Without masks it is that
-/// cube.
+/// The box of the masks' visual hull, carved out of a cube around where the cameras look. Without masks it is the box
+/// of what three quarters of the photographs see of that cube.
 ///
 /// Errors  ValueError if the optical axes are parallel, or the masks have no point in common: give a box.
 [[nodiscard]] inline Box hull_box(const std::vector<Photo>& photos);
