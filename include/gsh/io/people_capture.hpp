@@ -179,7 +179,7 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
         const auto called = [&](const CapturePerson& person) {
             return person.name == entry.path().filename().string();
         };
-        if (std::any_of(result.people.begin(), result.people.end(), called)) continue;
+        if (!entry.is_directory(ignored) || std::any_of(result.people.begin(), result.people.end(), called)) continue;
         std::string known;
         for (const CapturePerson& person : result.people) known += (known.empty() ? "" : ", ") + person.name;
         throw IoError(entry.path().string() + ": there is no such person; the people are " + known);
