@@ -165,7 +165,7 @@ TEST_CASE("where a point has no share in the fine levels, they are neither read 
 TEST_CASE("entries of separate tables are listed one table after the other") {
     const Problem<double> p(40, 0, 0, true, true);
     Passes<cpu::Serial, double> passes({}, p);
-    CHECK(p.field.table_size(passes.query) == p.table.size());
+    CHECK(p.field.table_parameter_count(passes.query) == p.table.size());
     passes.forward(p);
     passes.backward(p);
     std::vector<std::uint32_t> learned;

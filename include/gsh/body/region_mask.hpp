@@ -31,7 +31,8 @@ struct BodyRegions {
 
     /// V_high, the union of all three, ascending.
     [[nodiscard]] std::vector<int> high() const;
-    /// The region of each vertex [V].
+    /// The region of each vertex [V]; where lists overlap, the face wins.
+    /// Errors  ValueError at an index that is not below `vertex_count`.
     [[nodiscard]] std::vector<BodyRegion> labels(std::size_t vertex_count) const;
 };
 
@@ -42,8 +43,9 @@ struct RegionLists {
     std::vector<double> importance;       ///< [V] in [0, 1], in place of τ; empty: τ from V_high
 };
 
-/// The regions of a body: a list of the user's wins over one in the model, and that over `derive_regions`.
-/// Errors  ValueError at an index that the model does not have.
+/// The regions of a body: a list of the user's wins over one in the model, and that over `derive_regions`. `high` and
+/// `importance` of the user's lists are no regions and stay unread.
+/// Errors  ValueError at an index that the model does not have; those of derive_regions where it is asked.
 [[nodiscard]] inline BodyRegions body_regions(const BodyModel& model, const RegionLists& lists = {});
 
 /// The regions told from weights, joints and expression directions alone.
@@ -56,6 +58,8 @@ struct RegionLists {
 /// Joints are found by name ("left_wrist", "L_Wrist", "wrist.L", "head", "jaw", "left_eye"), or where the tree is that
 /// of SMPL, SMPL-H or SMPL-X by number. A region whose joints are not found stays empty: SMPL (24 joints) has
 /// hands and no face.
+///
+/// Errors  ShapeError for weights or expression directions that do not fit the model's vertices.
 [[nodiscard]] inline BodyRegions derive_regions(const BodyModel& model);
 
 struct RegionMaskParams {
@@ -69,14 +73,18 @@ struct RegionMaskParams {
 ///
 /// A part of the mesh without connection to a vertex of V_high has τ = 0: eyes and teeth fade by themselves, never
 /// across a gap. Beyond 6σ, where τ < 2e-8, it counts as 0 too.
+///
+/// Source  paper §3.3, equation 8 (τ) and equation 10 (K); σ and the end at 6σ are ours, the paper names neither.
 class RegionMask {
 public:
-    /// Shapes  vertices [V] of the mesh to measure on, V_high any of their indices, none: τ = 0 everywhere.
+    /// Shapes  vertices [V] of the mesh to measure on, in metres; high: V_high, any of their indices, none: τ = 0
+    ///         everywhere.
     /// Errors  as GeodesicDistance, and ValueError: σ not positive, K negative or not finite.
     RegionMask(Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces, Span<const int> high,
                RegionMaskParams params = {});
 
-    /// Painted importance [V]. Errors  ValueError outside [0, 1].
+    /// Painted importance [V].
+    /// Errors  ValueError outside [0, 1], and for σ and K as above.
     explicit RegionMask(std::vector<double> importance, RegionMaskParams params = {});
 
     [[nodiscard]] Span<const double> tau() const { return tau_; } // [V]
@@ -88,6 +96,7 @@ public:
     [[nodiscard]] std::vector<double> samples_per_vertex() const;
 
     /// τ at the samples [N], between the vertices of their triangles.
+    /// Errors  as interpolate.
     [[nodiscard]] std::vector<double> at(const SurfaceSamples& samples) const { return interpolate(samples, tau_); }
 
 private:
@@ -97,7 +106,12 @@ private:
     void check_params() const;
 };
 
-/// The mask of a body on its shaped mesh `vertices`: importance if the user paints it, else V_high.
+/// The mask of a body on its shaped mesh: importance if the user paints it, else τ from V_high, which is the user's own
+/// or the union of `body_regions`.
+///
+/// Shapes  vertices [V] of the model in metres, in its canonical pose.
+/// Errors  ShapeError for vertices, or importance, of another number than the model's; else those of RegionMask and
+///         body_regions.
 [[nodiscard]] inline RegionMask region_mask(const BodyModel& model, Span<const vec3<double>> vertices,
                                             const RegionLists& lists = {}, RegionMaskParams params = {});
 

@@ -18,11 +18,12 @@
 
 namespace gsh {
 
-/// How a field tells regions that deserve detail (τ near 1) from the rest (τ = 0), paper §3.4:
+/// How a field tells regions that deserve detail (τ near 1) from the rest (τ = 0):
 ///
 ///     z = τ F_h + (1 - τ) F_l,   F_h all levels, F_l the coarse ones alone.
 ///
-/// Shapes  region [N], τ in [0, 1] per point; empty: every level counts everywhere.
+/// Shapes  region [N], τ in [0, 1] per point, in the backend's memory; empty: every level counts everywhere.
+/// Source  paper §3.3, equation 9, and §3.4 for which levels are whose.
 template <class T>
 struct MultiScale {
     int fine_level = 0;          ///< the first level that only regions with τ > 0 have
@@ -33,7 +34,7 @@ struct MultiScale {
 /// What a field's network reads beside the encoding.
 ///
 /// Shapes  points [N, point_inputs] row-major, each point's own (prior features); shared [shared_inputs], the same for
-///         every point (the time, a pose).
+///         every point (the time, a pose); both in the backend's memory.
 template <class T>
 struct FieldInputs {
     Span<const T> points = {};
@@ -42,9 +43,10 @@ struct FieldInputs {
 
 /// outputs(x) = Mlp([HashGrid(x), points, shared]) at the fixed points of a query: x ↦ SH, x ↦ δx, x ↦ ao of the paper.
 ///
-/// Shapes  table [parameter_count of the grid, once or twice], weights [mlp().parameter_count()], outputs [N, outputs].
+/// Shapes  table [table_parameter_count(query)], weights [mlp().parameter_count()], outputs [N, outputs] row-major, all
+///         in the backend's memory.
 /// Errors  ShapeError, ValueError before any work starts.
-/// Source  paper §3.4, equations for x₀ ↦ (SH, δx); Müller et al., "Instant Neural Graphics Primitives", 2022.
+/// Source  paper §3.4, equations 12, 15 and 16; Müller et al., "Instant Neural Graphics Primitives", 2022.
 template <int Levels, int Features>
 class HashField {
 public:
@@ -85,7 +87,8 @@ public:
     [[nodiscard]] std::size_t shared_inputs() const { return shared_inputs_; }
 
     /// Takes over the points, in [0, 1]^3, and how far each one's levels reach.
-    /// Errors  ShapeError, ValueError: as many τ as points; fine_level within the grid's.
+    /// Shapes  points [N] in the backend's memory.
+    /// Errors  ShapeError unless there are as many τ as points, ValueError for a fine_level outside the grid's levels.
     template <Backend B, std::floating_point T>
     void prepare(B& backend, std::type_identity_t<Span<const vec3<T>>> points, Query<B, T>& query,
                  const std::type_identity_t<MultiScale<T>>& scales = {}) const {
@@ -114,17 +117,20 @@ public:
         }
         join_touched(backend, query);
     }
-    /// Tables that a query's field has: a table of the field holds one after the other.
-    [[nodiscard]] std::size_t table_size(const auto& query) const {
+
+    /// How many numbers the table of a field with this query holds: the grid's, or with separate tables twice as many,
+    /// those of F_l before those of F_h.
+    [[nodiscard]] std::size_t table_parameter_count(const auto& query) const {
         return query.grids.size() * grid_.parameter_count();
     }
 
+    /// Writes every point's outputs and what backward needs to the cache.
     template <Backend B, std::floating_point T>
     void forward(B& backend, std::type_identity_t<Span<const T>> table, std::type_identity_t<Span<const T>> weights,
                  const Query<B, T>& query, std::type_identity_t<Span<T>> outputs, Cache<B, T>& cache,
                  const std::type_identity_t<FieldInputs<T>>& inputs = {}) const {
         check(query, weights.size(), outputs.size(), "outputs", inputs, "HashField::forward");
-        check_size("HashField::forward", "table", table.size(), table_size(query));
+        check_size("HashField::forward", "table", table.size(), table_parameter_count(query));
         cache.features.resize(query.size() * Grid::output_count);
         const FeatureView<T> features = view(Span<T>(cache.features), query.size());
         for (std::size_t g = 0; g < query.grids.size(); ++g)
@@ -141,7 +147,7 @@ public:
                   const std::type_identity_t<FieldInputs<T>>& inputs = {},
                   std::type_identity_t<Span<T>> dL_dshared = {}) const {
         check(query, weights.size(), dL_doutputs.size(), "dL_doutputs", inputs, "HashField::backward");
-        check_size("HashField::backward", "dL_dtable", dL_dtable.size(), table_size(query));
+        check_size("HashField::backward", "dL_dtable", dL_dtable.size(), table_parameter_count(query));
         check_size("HashField::backward", "dL_dweights", dL_dweights.size(), mlp_.parameter_count());
         check_size("HashField::backward", "cache.rows", cache.mlp.rows, query.size(), "forward must come first");
         if (!dL_dshared.empty())

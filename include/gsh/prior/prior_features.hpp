@@ -40,8 +40,9 @@ struct PriorFeatureParams {
 ///
 /// Shapes  points [N]; skin [N], read by views with bones only; result [N, views] row-major.
 /// Frame   points in the canonical frame.
+/// Units   params.depth_unit metres make 1; the sign is positive where the point stands before the surface.
 /// Errors  ShapeError or ValueError for views that are not depth, weights that do not fit, a unit that is not positive.
-/// Source  the paper, section 3.4: D_v(π_v(x₀)).
+/// Source  paper §3.4, equation 13: d_v = D_v(π_v(x₀)), which is DepthFeature::raw with a unit of 1.
 [[nodiscard]] inline std::vector<double> depth_features(Span<const vec3<double>> points, Span<const PriorView> views,
                                                         const SkinWeights<double>& skin = {},
                                                         const PriorFeatureParams& params = {});
@@ -53,6 +54,9 @@ struct PriorFeatureParams {
 /// comes back as Mᵀ n, made unit.
 ///
 /// Shapes  points [N]; skin [N], read by views with bones only; result [N, 3 views] row-major.
+/// Frame   points in the canonical frame, as the result.
+/// Errors  ShapeError or ValueError for views that are not normals, weights that do not fit.
+/// Source  paper §3.4, equation 14; that normals come back by Mᵀ is ours, the paper's views are canonical.
 [[nodiscard]] inline std::vector<double> normal_features(Span<const vec3<double>> points, Span<const PriorView> views,
                                                          const SkinWeights<double>& skin = {});
 
@@ -78,7 +82,9 @@ template <int Channels, class AnyCamera>
     return sum * (1 / weight);
 }
 
-/// Calls body(i, view index, camera, blended transform, point in the camera) for every point and view.
+/// Calls body(i, view index, camera, blended transform, point in the camera, sample) for every point and view where
+/// the map says something.
+/// Errors  ShapeError or ValueError for views that do not have `Channels`, weights that do not fit.
 template <int Channels, class Body>
 void visit_prior_views(std::string_view where, Span<const vec3<double>> points, Span<const PriorView> views,
                        const SkinWeights<double>& skin, const Body& body) {
