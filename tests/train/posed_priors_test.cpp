@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 using namespace gsh;
@@ -112,7 +113,10 @@ TEST_CASE("the bones are those of the body that moves the Gaussians") {
     const std::vector<int> kept = trunk_and_limbs(tube.body);
     const BodyModel mover = merge_joints(tube.body, kept);
     const Motion motion = merge_joints(tube.motion, kept);
-    const auto views = posed_normals(tube.backend, {tube.body, tube.motion, mover, motion}, estimated);
+    const auto posed = [&] {
+        return posed_priors(tube.backend, {tube.body, tube.motion, mover, motion}, estimated).normals;
+    };
+    const auto views = posed();
     REQUIRE(views.size() == 1);
     REQUIRE(views[0].bones.size() == 22);
     const auto bones = pose_body(mover, motion.pose_at(bent), motion.transl[bent]).bones;
@@ -120,9 +124,9 @@ TEST_CASE("the bones are those of the body that moves the Gaussians") {
         CHECK(views[0].bones[j](vec3<double>(0.1, 0.9, 0)) == bones[j](vec3<double>(0.1, 0.9, 0)));
     // Canonical views have none, and views keep what they bring.
     estimated.normals = {two_normal_views(tube.backend, tube.body.v_template, tube.body.faces)[0]};
-    CHECK(posed_normals(tube.backend, {tube.body, tube.motion, mover, motion}, estimated)[0].bones.empty());
+    CHECK(posed()[0].bones.empty());
     estimated.normals[0].view.bones = bones;
-    CHECK(posed_normals(tube.backend, {tube.body, tube.motion, mover, motion}, estimated)[0].bones.size() == 22);
+    CHECK(posed()[0].bones.size() == 22);
 }
 
 TEST_CASE("normals that ask for it become a depth, placed by the posed mesh") {
@@ -136,6 +140,31 @@ TEST_CASE("normals that ask for it become a depth, placed by the posed mesh") {
     estimated.normals[0].frame.reset();
     estimated.normals[0].view.bones.resize(24);
     test::check_throws<ValueError>([&] { (void)tube.setup(estimated); }, {"a map", "bones", "frame"});
+}
+
+TEST_CASE("what nobody asks for is neither made nor looked at") {
+    BentTube tube;
+    const SeenPerson person{tube.body, tube.motion, tube.body, tube.motion};
+    EstimatedPriors estimated{{tube.depths()}, {tube.normals(true), tube.normals()}};
+    const auto counts = [&](const PosedPriorsParams& params) {
+        const PosedPriors posed = posed_priors(tube.backend, person, estimated, params);
+        for (const PriorView& view : posed.depths) CHECK(view.map.values.view().channels == 1);
+        for (const PriorView& view : posed.normals) CHECK(view.map.values.view().channels == 3);
+        return std::pair(posed.depths.size(), posed.normals.size());
+    };
+    CHECK(counts({}) == std::pair<std::size_t, std::size_t>(2, 2)); // the second depth from the first normals
+    CHECK(counts({.normals = false}) == std::pair<std::size_t, std::size_t>(2, 0));
+    CHECK(counts({.depths = false}) == std::pair<std::size_t, std::size_t>(0, 2));
+    estimated.normals[0].frame.reset(); // bones of its own are wrong only where a depth is asked for
+    estimated.normals[0].view.bones.resize(24);
+    CHECK(counts({.depths = false}) == std::pair<std::size_t, std::size_t>(0, 2));
+    test::check_throws<ValueError>([&] { (void)counts({.normals = false}); }, {"a map", "bones"});
+    estimated.normals = {tube.normals(false, 2)}; // no such frame
+    CHECK(counts({.normals = false}) == std::pair<std::size_t, std::size_t>(1, 0));
+    estimated = {{tube.depths(0, 1000)}, {tube.normals()}}; // in other units
+    CHECK(counts({.depths = false}) == std::pair<std::size_t, std::size_t>(0, 1));
+    CHECK(counts({.feature = DepthFeature::raw}) == std::pair<std::size_t, std::size_t>(1, 1));
+    test::check_throws<ValueError>([&] { (void)counts({}); }, {"a map", "metres"});
 }
 
 TEST_CASE("maps that are not of this body in this frame are refused") {

@@ -80,14 +80,15 @@ template <CpuBackend B>
     }
     std::vector<std::pair<std::size_t, std::vector<double>>> columns;
     const auto& skin = setup.samples.weights.view();
-    const SeenPerson seen{body, motion, mover, setup.motion};
+    auto posed = posed_priors(backend, {body, motion, mover, setup.motion}, estimated,
+                              {config.depth_prior, config.normal_prior, config.prior.depth});
     if (config.depth_prior) {
-        auto views = posed_depths(backend, seen, estimated, config.prior.depth);
+        std::vector<PriorView>& views = posed.depths;
         if (views.empty()) views = four_depth_views(backend, vertices, body.faces);
         columns.emplace_back(views.size(), depth_features(setup.samples.positions, views, skin, config.prior));
     }
     if (config.normal_prior) {
-        auto views = posed_normals(backend, seen, estimated);
+        std::vector<PriorView>& views = posed.normals;
         if (views.empty()) views = two_normal_views(backend, vertices, body.faces);
         columns.emplace_back(3 * views.size(), normal_features(setup.samples.positions, views, skin));
     }

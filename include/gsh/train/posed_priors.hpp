@@ -16,6 +16,7 @@
 #include <cmath>
 #include <cstddef>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -29,20 +30,25 @@ struct SeenPerson {
     const Motion& mover_motion;
 };
 
-/// φ_n's views: the estimator's normals, each with its frame's bones.
-/// Errors  ValueError for a frame that there is not, or a map that does not lie on the body; what check_prior_view
-///         says.
-template <CpuBackend B>
-[[nodiscard]] std::vector<PriorView> posed_normals(B& backend, const SeenPerson& person,
-                                                   const EstimatedPriors& estimated);
+/// What is to be made of an estimator's views; what nobody asks for is not looked at.
+struct PosedPriorsParams {
+    bool depths = true, normals = true;
+    DepthFeature feature = DepthFeature::difference;
+};
 
-/// φ_d's views: the estimator's depths, then those that are integrated from normals which ask for it, with the depth of
-/// the body's posed mesh as prior.
-/// Errors  the same; for differences of depth also ValueError for depths half a metre off the body: other units.
+/// Views with the bones of their frames: for φ_d the estimator's depths, then those that are integrated from normals
+/// which ask for it, with the depth of the body's posed mesh as prior; for φ_n its normals.
+struct PosedPriors {
+    std::vector<PriorView> depths, normals;
+};
+
+/// Poses the person for each of the estimator's views, and holds the map against the mesh.
+/// Errors  ValueError for a frame that there is not, a map that does not lie on the body, bones beside a wish for
+///         integration, or, for differences of depth, depths half a metre off the body: other units; what
+///         check_prior_view says.
 template <CpuBackend B>
-[[nodiscard]] std::vector<PriorView> posed_depths(B& backend, const SeenPerson& person,
-                                                  const EstimatedPriors& estimated,
-                                                  DepthFeature feature = DepthFeature::difference);
+[[nodiscard]] PosedPriors posed_priors(B& backend, const SeenPerson& person, const EstimatedPriors& estimated,
+                                       const PosedPriorsParams& params = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -103,36 +109,31 @@ inline void check_depths(const EstimatedView& estimate, const PriorView& mesh) {
 } // namespace detail
 
 template <CpuBackend B>
-std::vector<PriorView> posed_normals(B& backend, const SeenPerson& person, const EstimatedPriors& estimated) {
-    std::vector<PriorView> views;
+PosedPriors posed_priors(B& backend, const SeenPerson& person, const EstimatedPriors& estimated,
+                         const PosedPriorsParams& params) {
+    PosedPriors posed;
+    if (params.depths)
+        for (const EstimatedView& estimate : estimated.depths) {
+            posed.depths.push_back(detail::with_bones(person, estimate, 1));
+            if (!estimate.view.bones.empty()) continue;
+            const PriorView mesh = detail::mesh_depth(backend, person, estimate);
+            detail::check_overlap(estimate, mesh);
+            if (params.feature == DepthFeature::difference) detail::check_depths(estimate, mesh);
+        }
     for (const EstimatedView& estimate : estimated.normals) {
-        views.push_back(detail::with_bones(person, estimate, 3));
-        if (estimate.view.bones.empty()) detail::check_overlap(estimate, detail::mesh_depth(backend, person, estimate));
-    }
-    return views;
-}
-
-template <CpuBackend B>
-std::vector<PriorView> posed_depths(B& backend, const SeenPerson& person, const EstimatedPriors& estimated,
-                                    DepthFeature feature) {
-    std::vector<PriorView> views;
-    for (const EstimatedView& estimate : estimated.depths) {
-        views.push_back(detail::with_bones(person, estimate, 1));
-        if (!estimate.view.bones.empty()) continue;
-        const PriorView mesh = detail::mesh_depth(backend, person, estimate);
-        detail::check_overlap(estimate, mesh);
-        if (feature == DepthFeature::difference) detail::check_depths(estimate, mesh);
-    }
-    for (const EstimatedView& estimate : estimated.normals) {
-        if (!estimate.integrate) continue;
-        check_value(estimate.view.bones.empty(), estimate.name,
+        const bool integrate = params.depths && estimate.integrate;
+        if (!params.normals && !integrate) continue;
+        check_value(!integrate || estimate.view.bones.empty(), estimate.name,
                     "brings its own bones; to integrate it, name the frame instead: the posed mesh says where it lies");
-        const PriorView normals = detail::with_bones(person, estimate, 3);
-        const PriorView mesh = detail::mesh_depth(backend, person, estimate);
-        detail::check_overlap(estimate, mesh);
-        views.push_back(integrate_normals(normals, &mesh).view);
+        PriorView view = detail::with_bones(person, estimate, 3);
+        if (estimate.view.bones.empty()) {
+            const PriorView mesh = detail::mesh_depth(backend, person, estimate);
+            detail::check_overlap(estimate, mesh);
+            if (integrate) posed.depths.push_back(integrate_normals(view, &mesh).view);
+        }
+        if (params.normals) posed.normals.push_back(std::move(view));
     }
-    return views;
+    return posed;
 }
 
 } // namespace gsh
