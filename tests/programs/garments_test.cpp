@@ -36,8 +36,8 @@ namespace {
 
 using Points = std::vector<vec3<double>>;
 
-/// What the capture says of the cloth: points all over it in the canonical pose of a body of shape `betas`, and which of
-/// the body's vertices it hides.
+/// What the capture says of the cloth: points all over it in the canonical pose of a body of shape `betas`, and which
+/// of the body's vertices it hides.
 struct Garments {
     Points points;
     std::vector<bool> hides;

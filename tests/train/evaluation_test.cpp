@@ -58,6 +58,8 @@ TEST_CASE("a mean is the mean of each figure, LPIPS only where it was asked for"
     for (std::size_t i = 0; i < 3; ++i) scores[i].lpips = 0.1 * static_cast<double>(i * i); // 0, 0.1, 0.4
     REQUIRE(mean_score(scores).lpips);
     CHECK(*mean_score(scores).lpips == doctest::Approx(0.5 / 3));
+    scores[2].lpips.reset();
+    CHECK(!mean_score(scores).lpips); // a mean of some is no mean of all
 
     CHECK(mean_score({scored(equal_images, 1, 30), scored(20, 1, 30)}).psnr == equal_images);
     const ImageScore none = mean_score({});

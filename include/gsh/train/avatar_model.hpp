@@ -52,7 +52,7 @@ struct FrameCode {
     bool occlusion = true; ///< false leaves ambient occlusion out, as if the avatar had none: ao = 1
 };
 
-/// γ(t) of the paper, equation 14: four octaves and the time itself.
+/// γ(t) of the paper, equations 15 and 24: four octaves and the time itself.
 using TimeEncoding = FrequencyEncoding<4>;
 
 namespace detail {

@@ -36,11 +36,14 @@ struct ImageScore {
 [[nodiscard]] inline ImageScore mean_score(const std::vector<ImageScore>& scores) {
     ImageScore mean{.name = "mean"};
     double lpips = 0;
-    for (const ImageScore& score : scores)
-        mean.psnr += score.psnr, mean.ssim += score.ssim, mean.psnr_person += score.psnr_person,
-            lpips += score.lpips.value_or(0);
+    bool measured = !scores.empty(); // LPIPS, of all of them
+    for (const ImageScore& score : scores) {
+        mean.psnr += score.psnr, mean.ssim += score.ssim, mean.psnr_person += score.psnr_person;
+        measured = measured && score.lpips;
+        lpips += score.lpips.value_or(0);
+    }
     for (double* sum : {&mean.psnr, &mean.ssim, &mean.psnr_person}) *sum /= static_cast<double>(scores.size());
-    if (!scores.empty() && scores.front().lpips) mean.lpips = lpips / static_cast<double>(scores.size());
+    if (measured) mean.lpips = lpips / static_cast<double>(scores.size());
     return mean;
 }
 
