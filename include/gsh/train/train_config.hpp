@@ -44,6 +44,7 @@ struct LearningRates {
     }
 };
 
+/// Loss, backgrounds, pixel filter, and how rates fall over a run.
 struct TrainConfig {
     LearningRates rates;
     double decay_start = 0.75; ///< share of the run over which rates stay: an avatar is rarely done learning
