@@ -524,8 +524,8 @@ private:
         }
     }
 
-    /// Keeps x₀, its features, and its place in the unit cube of the fields, which the points' bounding cube becomes, or
-    /// their box, a little larger (AvatarConfig::bounds, bounds_margin).
+    /// Keeps x₀, its features, and its place in the fields' unit cube: that cube is the points' bounding cube, or their
+    /// box, a little larger (AvatarConfig::bounds, bounds_margin).
     void set_positions(Span<const vec3<double>> positions, const CanonicalPriors& priors) {
         vec3<double> low = positions[0], high = positions[0];
         for (const auto& p : positions)
