@@ -46,21 +46,13 @@ public:
     /// 0 if there are none).
     [[nodiscard]] double mean_squared_distance(std::size_t i, std::size_t count) const {
         std::vector<double> nearest; // ascending, at most count
-        const auto center = cells(points_[i]);
-        const std::int64_t reach = std::max({size_[0], size_[1], size_[2]});
-        for (std::int64_t ring = 0; ring <= reach; ++ring) {
-            // Everything not yet seen is at least ring - 1 whole cells away.
-            const double unseen = static_cast<double>(std::max<std::int64_t>(ring - 1, 0)) * cell_size_;
-            if (nearest.size() == count && nearest.back() <= unseen * unseen) break;
-            visit_ring(center, ring, [&](std::size_t other) {
-                if (other == i) return;
-                const vec3<double> d = points_[other] - points_[i];
-                const double squared = dot(d, d);
-                if (nearest.size() == count && squared >= nearest.back()) return;
-                if (nearest.size() == count) nearest.pop_back();
-                nearest.insert(std::upper_bound(nearest.begin(), nearest.end(), squared), squared);
-            });
-        }
+        const auto found = [&](double unseen) { return nearest.size() == count && nearest.back() <= unseen; };
+        visit_around(points_[i], found, [&](std::size_t other, double squared) {
+            if (other == i) return;
+            if (nearest.size() == count && squared >= nearest.back()) return;
+            if (nearest.size() == count) nearest.pop_back();
+            nearest.insert(std::upper_bound(nearest.begin(), nearest.end(), squared), squared);
+        });
         double sum = 0;
         for (const double squared : nearest) sum += squared;
         return nearest.empty() ? 0 : sum / static_cast<double>(nearest.size());
@@ -69,22 +61,9 @@ public:
     /// Squared distance from any (finite) place to the nearest point; infinite if there are none.
     [[nodiscard]] double squared_distance(const vec3<double>& place) const {
         double nearest = std::numeric_limits<double>::infinity();
-        if (points_.empty()) return nearest;
-        Cells center; // of a place outside the grid, the cell of it that is nearest
-        for (int k = 0; k < 3; ++k) {
-            const auto axis = static_cast<std::size_t>(k);
-            const double last = static_cast<double>(size_[axis] - 1);
-            center[axis] = static_cast<std::int64_t>(std::clamp((place[k] - low_[k]) / cell_size_, 0.0, last));
-        }
-        const std::int64_t reach = std::max({size_[0], size_[1], size_[2]});
-        for (std::int64_t ring = 0; ring <= reach; ++ring) {
-            const double unseen = static_cast<double>(std::max<std::int64_t>(ring - 1, 0)) * cell_size_;
-            if (nearest <= unseen * unseen) break;
-            visit_ring(center, ring, [&](std::size_t other) {
-                const vec3<double> d = points_[other] - place;
-                nearest = std::min(nearest, dot(d, d));
-            });
-        }
+        visit_around(
+            place, [&](double unseen) { return nearest <= unseen; },
+            [&](std::size_t, double squared) { nearest = std::min(nearest, squared); });
         return nearest;
     }
 
@@ -92,12 +71,35 @@ private:
     using Cells = std::array<std::int64_t, 3>;
 
     [[nodiscard]] std::int64_t cell(double offset) const { return static_cast<std::int64_t>(offset / cell_size_); }
-    [[nodiscard]] Cells cells(const vec3<double>& p) const {
-        const vec3<double> offset = p - low_;
-        return {cell(offset.x), cell(offset.y), cell(offset.z)};
+    /// The cell that holds a place, or, of one outside the grid, the nearest.
+    [[nodiscard]] Cells cells(const vec3<double>& place) const {
+        Cells result;
+        for (int k = 0; k < 3; ++k) {
+            const auto axis = static_cast<std::size_t>(k);
+            const double last = static_cast<double>(size_[axis] - 1);
+            result[axis] = static_cast<std::int64_t>(std::clamp((place[k] - low_[k]) / cell_size_, 0.0, last));
+        }
+        return result;
     }
     [[nodiscard]] std::size_t index(const Cells& c) const {
         return static_cast<std::size_t>((c[2] * size_[1] + c[1]) * size_[0] + c[0]);
+    }
+    /// Calls visit(point, squared distance) for points ever farther from a place, cells ring by ring, until
+    /// found(squared distance that all others have at least) or there are no more.
+    template <class Found, class Visit>
+    void visit_around(const vec3<double>& place, const Found& found, const Visit& visit) const {
+        if (points_.empty()) return;
+        const Cells center = cells(place);
+        const std::int64_t reach = std::max({size_[0], size_[1], size_[2]});
+        for (std::int64_t ring = 0; ring <= reach; ++ring) {
+            // Everything not yet seen is at least ring - 1 whole cells away.
+            const double unseen = static_cast<double>(std::max<std::int64_t>(ring - 1, 0)) * cell_size_;
+            if (found(unseen * unseen)) return;
+            visit_ring(center, ring, [&](std::size_t point) {
+                const vec3<double> d = points_[point] - place;
+                visit(point, dot(d, d));
+            });
+        }
     }
     /// Calls visit(point) for the points in the cells whose largest coordinate distance from `center` is `ring`.
     template <class Visit>
