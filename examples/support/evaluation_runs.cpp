@@ -94,7 +94,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                 run.config = configuration_called(config, "--configs").name;
                 run.configuration = configuration_of(run.options);
                 run.name = run.configuration.name;
-                if (!run.configuration.depth_prior && !run.configuration.normal_prior) run.options.priors.clear();
+                if (!run.configuration.has_priors()) run.options.priors.clear();
                 if (!run.options.priors.empty()) run.name += ", priors of " + run.options.priors.stem().string();
                 if (run.options.refine) run.name += run.options.refine_cameras ? ", refined with cameras" : ", refined";
             }

@@ -78,7 +78,7 @@ void check_options(ReconstructOptions& o) {
         (void)scene_configuration_of(o);
     } else {
         const Configuration configuration = configuration_of(o);
-        expect(o.priors.empty() || configuration.depth_prior || configuration.normal_prior,
+        expect(o.priors.empty() || configuration.has_priors(),
                "--priors has no effect: the configuration has neither prior.depth nor prior.normals");
     }
     complete_poses(o);

@@ -53,9 +53,8 @@ Reconstruction::Person::Person(Backend& backend, std::string called, CanonicalSe
 Reconstruction::Reconstruction(Backend& backend, const Source& source, const Configuration& chosen,
                                const ReconstructOptions& o)
     : configuration(chosen),
-      regions_checksum(chosen.region_samples || chosen.fine_levels == FineLevels::region ? source.regions_checksum
-                                                                                         : std::string()),
-      priors_checksum(chosen.depth_prior || chosen.normal_prior ? source.priors_checksum : std::string()),
+      regions_checksum(chosen.has_regions() ? source.regions_checksum : std::string()),
+      priors_checksum(chosen.has_priors() ? source.priors_checksum : std::string()),
       test_photos(test_photos_of(source.capture)),
       trainer(backend, cast_of(backend, source, o), photos_of(source.capture, false), o.seed, configuration.train) {
     if (!o.refine) return;

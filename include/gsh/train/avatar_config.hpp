@@ -60,6 +60,9 @@ struct AvatarConfig {
     double bounds_margin = 1.05; ///< the fields' cube or box, in sizes of the points'
     double sh_dc_scale = 60;     ///< the network's constant-colour outputs are multiplied by this
     ColorClamp clamping = ColorClamp::both;
+
+    /// Whether one field gives colours and displacements: a joint head, and neither of them stored.
+    [[nodiscard]] bool has_joint_head() const { return heads == Heads::joint && hash_sh && hash_displacement; }
 };
 
 } // namespace gsh

@@ -367,9 +367,7 @@ public:
 private:
     /// The head is the field of colours, the joint field, or, where colours are stored, there is none and displacements
     /// have their own.
-    [[nodiscard]] bool joint() const {
-        return config_.heads == Heads::joint && config_.hash_sh && config_.hash_displacement;
-    }
+    [[nodiscard]] bool joint() const { return config_.has_joint_head(); }
     [[nodiscard]] ParameterGroup head_table() const {
         return joint() ? ParameterGroup::joint_table : ParameterGroup::sh_table;
     }

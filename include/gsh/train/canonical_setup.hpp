@@ -62,8 +62,7 @@ template <CpuBackend B>
     }
 
     std::optional<RegionMask> mask; // of the whole body: a merged one has the same mesh, but knows less of its parts
-    if (config.region_samples || config.fine_levels == FineLevels::region)
-        mask = region_mask(body, vertices, regions, config.region);
+    if (config.has_regions()) mask = region_mask(body, vertices, regions, config.region);
     const std::vector<double> per_vertex = config.region_samples ? mask->samples_per_vertex()
                                                                  : std::vector<double>(vertices.size(), 1.0);
     setup.samples =

@@ -56,6 +56,11 @@ struct Configuration {
     double face_rate = 1;        ///< and at jaw and eyes
     std::size_t test_steps = 60; ///< steps in which a test frame's pose is fitted
     double test_mask_weight = 0; ///< PoseFitParams::mask_weight of that fit
+
+    /// Whether there is a region mask: something reads τ.
+    [[nodiscard]] bool has_regions() const { return region_samples || fine_levels == FineLevels::region; }
+    /// Whether fields read depths or normals.
+    [[nodiscard]] bool has_priors() const { return depth_prior || normal_prior; }
 };
 
 /// Names that named_configuration knows: the paper's method, its direct baseline with a body's 22 joints and with all

@@ -44,7 +44,7 @@ struct MemoryModel {
         memory.per_gaussian += people * sizeof(float) * 4 * numbers;
     };
     const std::uint64_t tables = config.separate_tables ? 2 : 1;
-    const bool joint = config.heads == Heads::joint && config.hash_sh && config.hash_displacement;
+    const bool joint = config.has_joint_head();
     if (joint) add_field(config.hash_table_size, tables, colors + displacement);
     if (!joint && config.hash_sh) add_field(config.hash_table_size, tables, colors);
     if (!joint && config.hash_displacement) add_field(config.hash_table_size, tables, displacement);

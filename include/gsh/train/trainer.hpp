@@ -218,12 +218,11 @@ public:
     [[nodiscard]] std::vector<T> mean_occlusion(std::size_t person = 0) {
         Person& of = at(person);
         std::vector<T> mean, frame_ao(of.model->size());
+        if (of.model->config().ao == AmbientOcclusion::none || !occlusion_started()) return {};
         const std::vector<std::size_t> frames = photographed_frames();
         for (const std::size_t frame : frames) {
-            const FrameCode<T> code = frame_code(of, frame);
-            if (of.model->config().ao == AmbientOcclusion::none || !code.occlusion) return {};
             set_pose(of, frame);
-            backend_->download(of.model->occlusion(of.pose, code.ao, of.cache), Span<T>(frame_ao));
+            backend_->download(of.model->occlusion(of.pose, frame_code(of, frame).ao, of.cache), Span<T>(frame_ao));
             mean.resize(frame_ao.size(), T(0));
             for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += frame_ao[i];
         }
@@ -387,8 +386,9 @@ private:
         };
         return {.head = row(person.head_codes, person.model->head_code_size()),
                 .ao = row(person.ao_codes, person.model->ao_code_size()),
-                .occlusion = progress_ >= config_.ao_start};
+                .occlusion = occlusion_started()};
     }
+    [[nodiscard]] bool occlusion_started() const { return progress_ >= config_.ao_start; }
     void set_pose(Person& person, std::size_t frame) {
         person.refinement ? person.refinement->pose(frame, person.pose)
                           : person.model->rig().upload_pose(*person.motion, frame, person.pose);
