@@ -5,6 +5,7 @@
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 
+#include <gsh/body/joint_merge.hpp>
 #include <gsh/io/avatar_file.hpp>
 #include <gsh/io/image_file.hpp>
 #include <gsh/synthetic/actor_skeleton.hpp>
@@ -27,32 +28,19 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::size_t smpl_joints = 24;
-constexpr int left_hand = 22, right_hand = 23;
 
-/// Where a joint of SMPL-X is in SMPL: fingers are one joint per hand, jaw and eyes are the head's.
-int smpl_joint(int joint) {
-    if (joint >= smplx::right_index1) return right_hand;
-    if (joint >= smplx::left_index1) return left_hand;
-    return joint >= smplx::jaw ? int(smplx::head) : joint;
+/// SMPL's joints among SMPL-X's: trunk and limbs, and one joint per hand, here the index finger's first.
+std::vector<int> smpl_kept() {
+    std::vector<int> kept = trunk_and_limbs(studio().body);
+    kept.insert(kept.end(), {smplx::left_index1, smplx::right_index1});
+    return kept;
 }
 
 /// The actor with SMPL's joints, and no more than SMPL's files hold: no expression, no names, no lists of vertices.
 BodyModel smpl_actor() {
-    const BodyModel& actor = studio().body;
-    BodyModel body;
-    body.v_template = actor.v_template, body.faces = actor.faces;
-    body.shapedirs = actor.shapedirs, body.shape_count = actor.shape_count;
-    body.weights.assign(body.vertex_count() * smpl_joints, 0);
-    for (std::size_t i = 0; i < actor.weights.size(); ++i) {
-        const std::size_t v = i / actor.joint_count();
-        const auto joint = static_cast<std::size_t>(smpl_joint(static_cast<int>(i % actor.joint_count())));
-        body.weights[v * smpl_joints + joint] += actor.weights[i];
-    }
-    body.parents.assign(actor.parents.begin(), actor.parents.begin() + left_hand);
-    body.parents.insert(body.parents.end(), {smplx::left_wrist, smplx::left_wrist + 1});
-    body.J_regressor.assign(actor.J_regressor.begin(), actor.J_regressor.begin() + left_hand);
-    for (const int first : {smplx::left_index1, smplx::right_index1})
-        body.J_regressor.push_back(actor.J_regressor[static_cast<std::size_t>(first)]);
+    BodyModel body = merge_joints(studio().body, smpl_kept());
+    body.joint_names.clear();
+    for (auto* list : {&body.face_vertices, &body.left_hand_vertices, &body.right_hand_vertices}) list->clear();
     return body;
 }
 
@@ -64,16 +52,8 @@ struct Filmed {
     Capture capture;
 
     Filmed(int frames, int train_cameras, int test_cameras) {
-        const Motion whole = actor_motion(ActorMotion::talk, frames);
-        Motion motion = whole;
-        motion.joint_count = smpl_joints, motion.pose.clear();
-        motion.expression_count = 0, motion.expression.clear();
+        Motion motion = merge_joints(actor_motion(ActorMotion::talk, frames), smpl_kept());
         motion.betas.assign(static_cast<std::size_t>(body.shape_count), 0);
-        for (std::size_t t = 0; t < whole.frame_count(); ++t) {
-            const auto pose = whole.pose_at(t);
-            motion.pose.insert(motion.pose.end(), pose.begin(), pose.begin() + left_hand);
-            motion.pose.insert(motion.pose.end(), 2, vec3<double>(0.1, 0, 0));
-        }
         StudioParams studio;
         studio.train_cameras = train_cameras, studio.test_cameras = test_cameras;
         studio.image_size = 64, studio.samples = 4;
