@@ -1,9 +1,10 @@
-# What a program links. gsh::gsh is the core: all headers but those below, with Eigen, GLM and oneTBB. The rest is
-# opt-in, each target with the dependencies of its headers:
-#   gsh::simd       math/pack.hpp        xsimd
-#   gsh::io         io/, and those of train/ that read or write files      libzip, stb, nlohmann-json
-#   gsh::synthetic  synthetic/           Embree (and gsh::io)
-set(gsh_components simd io synthetic)
+# What a program links. gsh::gsh is the core: all folders but those below, with Eigen, GLM and oneTBB. The others are
+# opt-in, each a target with the dependencies of its folder:
+#   gsh::simd       simd/         xsimd
+#   gsh::io         io/           libzip, stb, nlohmann-json
+#   gsh::check      check/        those of gsh::io
+#   gsh::synthetic  synthetic/    Embree, and those of gsh::io
+set(gsh_components simd io check synthetic)
 
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(glm REQUIRED)
@@ -12,29 +13,11 @@ find_package(Threads REQUIRED)
 
 set(gsh_include_dir ${PROJECT_SOURCE_DIR}/include)
 file(GLOB_RECURSE gsh_headers CONFIGURE_DEPENDS ${gsh_include_dir}/gsh/*.hpp)
-set(gsh_simd_headers ${gsh_headers})
-set(gsh_io_headers ${gsh_headers})
-set(gsh_synthetic_headers ${gsh_headers})
-list(FILTER gsh_simd_headers INCLUDE REGEX "/gsh/math/pack\\.hpp$")
-list(FILTER gsh_io_headers INCLUDE REGEX "/gsh/io/")
-list(FILTER gsh_synthetic_headers INCLUDE REGEX "/gsh/synthetic/")
-list(REMOVE_ITEM gsh_headers ${gsh_simd_headers} ${gsh_io_headers} ${gsh_synthetic_headers})
-# What includes a header of gsh::io needs its libraries, too.
-set(gsh_found ${gsh_io_headers})
-while(gsh_found)
-  list(TRANSFORM gsh_found REPLACE "^${gsh_include_dir}/(.*)$" "#include <\\1>" OUTPUT_VARIABLE gsh_lines)
-  set(gsh_found)
-  foreach(header IN LISTS gsh_headers)
-    file(STRINGS ${header} gsh_includes REGEX "^#include <gsh/")
-    set(gsh_hits ${gsh_lines})
-    list(REMOVE_ITEM gsh_hits ${gsh_includes} "")
-    if(NOT "${gsh_hits}" STREQUAL "${gsh_lines}")
-      list(APPEND gsh_found ${header})
-    endif()
-  endforeach()
-  list(APPEND gsh_io_headers ${gsh_found})
-  list(REMOVE_ITEM gsh_headers ${gsh_found} "")
-endwhile()
+foreach(component IN LISTS gsh_components)
+  set(gsh_${component}_headers ${gsh_headers})
+  list(FILTER gsh_${component}_headers INCLUDE REGEX "/gsh/${component}/")
+  list(FILTER gsh_headers EXCLUDE REGEX "/gsh/${component}/")
+endforeach()
 
 add_library(gsh INTERFACE)
 add_library(gsh::gsh ALIAS gsh)
@@ -68,6 +51,7 @@ if(xsimd_FOUND)
 endif()
 if(libzip_FOUND AND stb_FOUND AND nlohmann_json_FOUND)
   gsh_add_component(io libzip::zip stb::stb nlohmann_json::nlohmann_json)
+  gsh_add_component(check gsh_io)
   if(embree_FOUND)
     gsh_add_component(synthetic gsh_io embree)
   endif()

@@ -6,11 +6,11 @@
 /// halves of SHEval's adjoint at work. Writes
 /// 01_spherical_harmonics.png: truth | degree 1 | 2 | 3 | 4.
 #include <gsh/image/image.hpp>
-#include <gsh/io/image_file.hpp>
+#include <gsh/io/image/image_file.hpp>
 #include <gsh/math/sh.hpp>
 #include <gsh/math/vec.hpp>
 
-#include <support/story.hpp>
+#include <story.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -6,11 +6,11 @@
 /// in between. Writes 02_hash_grid_image.png: truth | learned.
 #include <gsh/backend/threads.hpp>
 #include <gsh/field/hash_field.hpp>
-#include <gsh/io/image_file.hpp>
+#include <gsh/io/image/image_file.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/optim/adam.hpp>
 
-#include <support/story.hpp>
+#include <story.hpp>
 
 #include <cstdio>
 #include <filesystem>

@@ -9,12 +9,12 @@
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
-#include <gsh/io/image_file.hpp>
-#include <gsh/io/ply.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/splat/ply.hpp>
 #include <gsh/math/activation.hpp>
 #include <gsh/render/rasterizer.hpp>
 
-#include <support/story.hpp>
+#include <story.hpp>
 
 #include <cmath>
 #include <cstdio>

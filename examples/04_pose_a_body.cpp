@@ -13,13 +13,13 @@
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/gaussian/shade.hpp>
-#include <gsh/io/image_file.hpp>
+#include <gsh/io/image/image_file.hpp>
 #include <gsh/math/activation.hpp>
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 
-#include <support/story.hpp>
+#include <story.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -8,14 +8,14 @@
 #include <gsh/core/rng.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
-#include <gsh/io/image_file.hpp>
+#include <gsh/io/image/image_file.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
 #include <gsh/optim/schedule.hpp>
 #include <gsh/render/rasterizer.hpp>
 
-#include <support/story.hpp>
+#include <story.hpp>
 
 #include <cmath>
 #include <cstdio>

@@ -4,7 +4,7 @@
 #include <gsh/core/rng.hpp>
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/math/activation.hpp>
-#include <gsh/math/pack.hpp>
+#include <gsh/simd/pack.hpp>
 
 #include <benchmark/benchmark.h>
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Reading and writing what a training run reads and writes: images, arrays, Gaussians.
 #include <gsh/core/rng.hpp>
-#include <gsh/io/archive.hpp>
-#include <gsh/io/image_file.hpp>
-#include <gsh/io/ply.hpp>
+#include <gsh/io/file/archive.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/splat/ply.hpp>
 
 #include <benchmark/benchmark.h>
 

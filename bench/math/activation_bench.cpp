@@ -3,7 +3,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/math/activation.hpp>
-#include <gsh/math/pack.hpp>
+#include <gsh/simd/pack.hpp>
 
 #include <benchmark/benchmark.h>
 

@@ -2,8 +2,8 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
-#include <gsh/math/pack.hpp>
 #include <gsh/math/rotation.hpp>
+#include <gsh/simd/pack.hpp>
 
 #include <benchmark/benchmark.h>
 

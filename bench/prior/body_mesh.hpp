@@ -2,7 +2,7 @@
 /// @file  The body of the prior benches: the file that the environment names as GSH_BODY, else the built-in actor.
 #pragma once
 
-#include <gsh/io/body_file.hpp>
+#include <gsh/io/body/body_file.hpp>
 #include <gsh/synthetic/actor.hpp>
 
 #include <cstdlib>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Everything that gsh::gsh offers, floor by floor. io/, synthetic/ and SIMD packs are opt-in headers.
+/// @file  Everything that gsh::gsh offers, floor by floor. simd/, io/, check/ and synthetic/ are opt-in folders.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -114,11 +114,11 @@
 #include <gsh/loss/photometric_cache.hpp>
 #include <gsh/loss/ssim.hpp>
 
+
 #include <gsh/train/avatar_config.hpp>
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/backdrop.hpp>
 #include <gsh/train/canonical_setup.hpp>
-#include <gsh/train/capture_reading.hpp>
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/density_control.hpp>
 #include <gsh/train/evaluation.hpp>

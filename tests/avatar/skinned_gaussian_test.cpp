@@ -5,8 +5,8 @@
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
-#include <gsh/math/pack.hpp>
 #include <gsh/math/rotation.hpp>
+#include <gsh/simd/pack.hpp>
 
 #include <cmath>
 #include <cstring>

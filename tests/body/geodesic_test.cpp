@@ -2,7 +2,7 @@
 #include "support/bodies.hpp"
 
 #include <gsh/body/geodesic.hpp>
-#include <gsh/io/body_file.hpp>
+#include <gsh/io/body/body_file.hpp>
 
 #include <filesystem>
 #include <functional>

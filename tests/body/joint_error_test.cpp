@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/body/joint_error.hpp>
 #include <gsh/body/posed_body.hpp>
-#include <gsh/io/body_file.hpp>
-#include <gsh/io/motion_file.hpp>
+#include <gsh/io/body/body_file.hpp>
+#include <gsh/io/motion/motion_file.hpp>
 
 #include "support/bodies.hpp"
 

@@ -2,7 +2,7 @@
 #include "support/bodies.hpp"
 
 #include <gsh/body/region_mask.hpp>
-#include <gsh/io/body_file.hpp>
+#include <gsh/io/body/body_file.hpp>
 #include <gsh/synthetic/actor.hpp>
 
 #include <cmath>

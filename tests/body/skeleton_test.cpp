@@ -4,7 +4,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/skeleton.hpp>
-#include <gsh/math/pack.hpp>
+#include <gsh/simd/pack.hpp>
 
 #include <cstring>
 #include <numbers>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/backend/threads.hpp>
 #include <gsh/field/hash_grid.hpp>
-#include <gsh/math/pack.hpp>
+#include <gsh/simd/pack.hpp>
 
 #include "support/gradient.hpp"
 

@@ -2,7 +2,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/image/color.hpp>
-#include <gsh/math/pack.hpp>
+#include <gsh/simd/pack.hpp>
 
 #include "support/gradient.hpp"
 

@@ -10,7 +10,7 @@
 #define DOCTEST_CONFIG_IMPLEMENT // what tests share needs it; main is our own
 
 #include <gsh/backend/threads.hpp>
-#include <gsh/io/npy.hpp>
+#include <gsh/io/file/npy.hpp>
 
 #include "support/small_training.hpp"
 

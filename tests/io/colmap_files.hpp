@@ -2,7 +2,7 @@
 /// @file  COLMAP's binary files, written byte by byte.
 #pragma once
 
-#include <gsh/io/atomic_file.hpp>
+#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/vec.hpp>
 

@@ -4,8 +4,8 @@
 
 #include "io/sample_files.hpp"
 
-#include <gsh/io/camera_file.hpp>
-#include <gsh/io/image_file.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/image/image_file.hpp>
 
 #include <cstddef>
 #include <filesystem>

@@ -7,8 +7,8 @@
 #include "support/gradient.hpp"
 
 #include <gsh/backend/serial.hpp>
-#include <gsh/io/gala_basketball.hpp>
-#include <gsh/io/image_file.hpp>
+#include <gsh/io/capture/gala_basketball.hpp>
+#include <gsh/io/image/image_file.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>

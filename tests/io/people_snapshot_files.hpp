@@ -5,8 +5,8 @@
 #include "io/sample_files.hpp"
 
 #include <gsh/camera/pinhole.hpp>
-#include <gsh/io/image_file.hpp>
-#include <gsh/io/npz.hpp>
+#include <gsh/io/file/npz.hpp>
+#include <gsh/io/image/image_file.hpp>
 
 #include <cstddef>
 #include <cstdint>

@@ -3,7 +3,7 @@
 #pragma once
 
 #include <gsh/core/span.hpp>
-#include <gsh/io/atomic_file.hpp>
+#include <gsh/io/file/atomic_file.hpp>
 
 #include <bit>
 #include <cstddef>

@@ -4,9 +4,9 @@
 
 #include "io/temporary.hpp"
 
-#include <gsh/io/capture.hpp>
-#include <gsh/io/image_file.hpp>
-#include <gsh/io/npz.hpp>
+#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/file/npz.hpp>
+#include <gsh/io/image/image_file.hpp>
 
 #include <algorithm>
 #include <cstddef>

@@ -5,7 +5,7 @@
 #include <doctest/doctest.h>
 
 #include <gsh/core/error.hpp>
-#include <gsh/io/atomic_file.hpp>
+#include <gsh/io/file/atomic_file.hpp>
 
 #include <stdlib.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/loss/ssim.hpp>
-#include <gsh/math/pack.hpp>
+#include <gsh/simd/pack.hpp>
 
 #include "support/gradient.hpp"
 

@@ -3,8 +3,8 @@
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 
-#include <gsh/io/avatar_file.hpp>
-#include <gsh/io/ply.hpp>
+#include <gsh/io/model/avatar_file.hpp>
+#include <gsh/io/splat/ply.hpp>
 
 #include <nlohmann/json.hpp>
 

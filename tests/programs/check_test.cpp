@@ -4,7 +4,7 @@
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 
-#include <gsh/io/image_file.hpp>
+#include <gsh/io/image/image_file.hpp>
 
 #include <nlohmann/json.hpp>
 

@@ -10,18 +10,18 @@
 #include "support/gradient.hpp"
 
 #include <gsh/image/color.hpp>
-#include <gsh/io/avatar_file.hpp>
-#include <gsh/io/image_file.hpp>
-#include <gsh/io/motion_file.hpp>
-#include <gsh/io/ply.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/model/avatar_file.hpp>
+#include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/splat/ply.hpp>
 #include <gsh/math/rotation.hpp>
 
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <csignal>
+#include <cstddef>
 #include <cstdint>
 #include <initializer_list>
 #include <string>

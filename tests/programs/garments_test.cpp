@@ -13,10 +13,10 @@
 #include <gsh/body/nearest_points.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/core/rng.hpp>
-#include <gsh/io/avatar_file.hpp>
-#include <gsh/io/body_file.hpp>
-#include <gsh/io/capture.hpp>
-#include <gsh/io/npz.hpp>
+#include <gsh/io/body/body_file.hpp>
+#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/file/npz.hpp>
+#include <gsh/io/model/avatar_file.hpp>
 #include <gsh/math/activation.hpp>
 
 #include <doctest/doctest.h>

@@ -4,8 +4,8 @@
 
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/io/image_file.hpp>
-#include <gsh/io/npz.hpp>
+#include <gsh/io/file/npz.hpp>
+#include <gsh/io/image/image_file.hpp>
 
 #include <nlohmann/json.hpp>
 

@@ -11,9 +11,9 @@
 
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/moved_motion.hpp>
-#include <gsh/io/atomic_file.hpp>
-#include <gsh/io/avatar_file.hpp>
-#include <gsh/io/image_file.hpp>
+#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/model/avatar_file.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>

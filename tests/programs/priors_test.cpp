@@ -5,8 +5,8 @@
 
 #include <gsh/backend/serial.hpp>
 #include <gsh/body/posed_body.hpp>
-#include <gsh/io/image_file.hpp>
-#include <gsh/io/npy.hpp>
+#include <gsh/io/file/npy.hpp>
+#include <gsh/io/image/image_file.hpp>
 #include <gsh/prior/prior_view.hpp>
 
 #include <nlohmann/json.hpp>

@@ -2,10 +2,10 @@
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 
-#include <gsh/io/avatar_file.hpp>
-#include <gsh/io/motion_file.hpp>
-#include <gsh/io/npy.hpp>
-#include <gsh/io/ply.hpp>
+#include <gsh/io/file/npy.hpp>
+#include <gsh/io/model/avatar_file.hpp>
+#include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/splat/ply.hpp>
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/memory.hpp>
 

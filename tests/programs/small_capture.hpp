@@ -7,10 +7,10 @@
 #include "programs/process.hpp"
 
 #include <gsh/backend/threads.hpp>
-#include <gsh/io/body_file.hpp>
-#include <gsh/io/camera_file.hpp>
-#include <gsh/io/capture.hpp>
-#include <gsh/io/motion_file.hpp>
+#include <gsh/io/body/body_file.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/motion/motion_file.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>

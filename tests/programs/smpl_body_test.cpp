@@ -6,8 +6,8 @@
 #include "programs/small_capture.hpp"
 
 #include <gsh/body/joint_merge.hpp>
-#include <gsh/io/avatar_file.hpp>
-#include <gsh/io/image_file.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/model/avatar_file.hpp>
 #include <gsh/synthetic/actor_skeleton.hpp>
 
 #include <nlohmann/json.hpp>

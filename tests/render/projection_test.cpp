@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/math/pack.hpp>
 #include <gsh/render/projection.hpp>
+#include <gsh/simd/pack.hpp>
 
 #include "support/gradient.hpp"
 #include "support/reference_rasterizer.hpp"

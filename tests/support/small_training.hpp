@@ -4,7 +4,7 @@
 
 #include <gsh/backend/serial.hpp>
 #include <gsh/camera/pinhole.hpp>
-#include <gsh/io/image_file.hpp>
+#include <gsh/io/image/image_file.hpp>
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/trainer.hpp>
 

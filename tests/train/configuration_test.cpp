@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <gsh/io/model/configuration_file.hpp>
 #include <gsh/train/configuration.hpp>
-#include <gsh/train/configuration_file.hpp>
 
 #include "io/temporary.hpp"
 

@@ -3,7 +3,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/joint_error.hpp>
-#include <gsh/train/checkpoint.hpp>
+#include <gsh/io/model/checkpoint.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/pose_fit.hpp>

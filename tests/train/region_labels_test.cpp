@@ -2,10 +2,10 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/posed_body.hpp>
-#include <gsh/io/body_file.hpp>
-#include <gsh/io/camera_file.hpp>
-#include <gsh/io/image_file.hpp>
-#include <gsh/io/motion_file.hpp>
+#include <gsh/io/body/body_file.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/motion/motion_file.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/train/region_labels.hpp>
 

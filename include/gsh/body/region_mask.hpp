@@ -36,7 +36,7 @@ struct BodyRegions {
     [[nodiscard]] std::vector<BodyRegion> labels(std::size_t vertex_count) const;
 };
 
-/// What a user says about regions (io/region_file.hpp reads it); what is left out comes from the body.
+/// What a user says about regions (io/body/region_file.hpp reads it); what is left out comes from the body.
 struct RegionLists {
     std::optional<std::vector<int>> face, left_hand, right_hand;
     std::optional<std::vector<int>> high; ///< V_high itself, in place of the union of the three

@@ -13,7 +13,7 @@
 namespace gsh {
 
 /// Names the scalar, mask and index types of a lane type. The primary template serves float and double;
-/// math/pack.hpp adds SIMD packs.
+/// simd/pack.hpp adds SIMD packs.
 template <class T>
 struct LaneTraits {};
 

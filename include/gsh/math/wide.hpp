@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  A vector register as a lane type, from the compiler alone: what the CPU overloads run per-element code on.
 ///
-/// math/pack.hpp has more functions in fewer instructions, but needs xsimd, which gsh::gsh comes without. Here the
+/// simd/pack.hpp has more functions in fewer instructions, but needs xsimd, which gsh::gsh comes without. Here the
 /// arithmetic, the roots and the exponential of floats are vector code; the other functions go lane by lane through
 /// std.
 #pragma once

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  gsh-render: one picture of a 3DGS scene (.ply), or of avatars (.gsh) in a frame of their motions.
+
+#include "support/input_files.hpp"
+#include "support/messages.hpp"
+#include "support/program.hpp"
+#include "support/renderer.hpp"
+#include "support/shown_people.hpp"
+
+#include <gsh/backend/threads.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/npy.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/splat/ply.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+using namespace gsh::examples;
+
+namespace {
+
+struct RenderOptions {
+    std::vector<std::filesystem::path> scenes, poses; ///< a .ply, or avatars with a motion each
+    std::filesystem::path camera, out, npy;
+    std::string camera_name;
+    std::size_t frame = 0;
+    std::array<double, 3> background{0, 0, 0};
+    std::size_t threads = 0;
+};
+
+/// The picture's numbers as rows of pixels, [height, width, 3]: before any rounding to bytes.
+void write_pixels(const std::filesystem::path& path, const Image<float>& image) {
+    std::vector<float> pixels;
+    pixels.reserve(image.data.size());
+    for (int y = 0; y < image.height; ++y)
+        for (int x = 0; x < image.width; ++x)
+            for (int c = 0; c < 3; ++c) pixels.push_back(image.at(c, y, x));
+    write_npy<float>(path, pixels, {static_cast<std::size_t>(image.height), static_cast<std::size_t>(image.width), 3});
+}
+
+/// Whether a picture is background alone.
+bool is_empty(const Image<float>& picture, const vec3<float>& background) {
+    for (int c = 0; c < 3; ++c)
+        for (int y = 0; y < picture.height; ++y)
+            for (int x = 0; x < picture.width; ++x)
+                if (picture.at(c, y, x) != background[c]) return false;
+    return true;
+}
+
+/// Avatars whose motions hold the frame that is wanted.
+ShownPeople people_of(const RenderOptions& options) {
+    ShownPeople people(options.scenes, options.poses);
+    for (std::size_t p = 0; p < people.motions.size(); ++p)
+        check_value(options.frame < people.motions[p].frame_count(), "--frame " + std::to_string(options.frame),
+                    options.poses.empty() ? "needs --poses"
+                                          : "is beyond " + options.poses[p].string() + ", which holds " +
+                                                std::to_string(people.motions[p].frame_count()) + " frames, from 0");
+    return people;
+}
+
+int render(const RenderOptions& options) {
+    const auto is_avatar = [](const std::filesystem::path& file) { return file.extension() == ".gsh"; };
+    const bool avatars = std::all_of(options.scenes.begin(), options.scenes.end(), is_avatar);
+    for (const auto& scene : options.scenes)
+        check_value(is_avatar(scene) || options.scenes.size() == 1, scene.string(),
+                    "is no avatar (.gsh); only avatars are drawn together");
+    check_value(avatars || (options.poses.empty() && options.frame == 0), options.scenes[0].string(),
+                "--poses and --frame are for avatars (.gsh)");
+    const auto kind = options.out.extension();
+    check_value(kind.empty() || kind == ".png", "--out " + options.out.string(), "is written as a PNG; name it .png");
+    const Camera<double> camera = camera_of_file(options.camera, options.camera_name).camera;
+    const vec3<float> background(options.background[0], options.background[1], options.background[2]);
+    cpu::Threads backend(options.threads);
+    Image<float> picture;
+    if (avatars) {
+        const ShownPeople people = people_of(options);
+        const Ensemble ensemble(backend, people);
+        picture = Renderer(backend, people.filter()).render(ensemble.at(options.frame), camera, background);
+    } else {
+        picture = Renderer(backend).render(read_gaussian_ply(options.scenes[0]), camera, background);
+    }
+    if (is_empty(picture, background))
+        warn(options.camera.string() + ": sees nothing of the scene; +z is ahead, and x_cam = R x + t");
+    AtomicFile png(options.out); // both files or none
+    png.write(encode_png(quantise(picture.view())));
+    if (!options.npy.empty()) write_pixels(options.npy, picture);
+    png.commit(Sync::none);
+    return exit_done;
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+    RenderOptions options;
+    CLI::App app("Renders a 3DGS scene or avatars.", "gsh-render");
+    app.add_option("scene", options.scenes,
+                   "SCENE.ply (standard 3DGS) or AVATAR.gsh, of these also several in one scene")
+        ->required();
+    app.add_option(
+           "--poses", options.poses,
+           "motion in any layout that we read (.npz, folder), one for each avatar in their order; without it, the "
+           "canonical pose")
+        ->allow_extra_args(false);
+    app.add_option("--frame", options.frame, "frame of the motions (default 0)")->check(not_negative());
+    app.add_option("--camera", options.camera, "CAMERA.json: width, height, K, R, t")->required();
+    app.add_option("--camera-name", options.camera_name, "which entry, if the file holds several cameras");
+    app.add_option("--out", options.out, "IMAGE.png")->required();
+    app.add_option("--npy", options.npy, "IMAGE.npy: the same as floats (height, width, 3), not rounded");
+    add_background(app, options.background, "black");
+    add_threads(app, options.threads);
+    return run_program(app, argc, argv, [&] { return render(options); });
+}

@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/evaluator.hpp"
+
+#include "support/evaluation_runs.hpp"
+#include "support/evaluation_tables.hpp"
+#include "support/figures.hpp"
+#include "support/interrupts.hpp"
+#include "support/machine.hpp"
+#include "support/reconstruction.hpp"
+#include "support/results.hpp"
+#include "support/static_reconstruction.hpp"
+#include "support/training.hpp"
+
+#include <gsh/core/error.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/train/configuration.hpp>
+#include <gsh/train/parameters.hpp>
+
+#include <malloc.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+namespace gsh::examples {
+
+namespace {
+
+void write_progress(const Run& run, const std::vector<Mark>& marks) {
+    Json json{{"settings", run.settings}, {"marks", Json::array()}};
+    for (const Mark& mark : marks) json["marks"].push_back(mark_json(mark));
+    std::error_code ignored; // writing says what is wrong
+    std::filesystem::create_directories(run.options.out, ignored);
+    write_json(run.file("progress.json"), json);
+}
+
+void discard_progress(const Run& run) {
+    std::error_code ignored;
+    std::filesystem::remove(run.file("progress.json"), ignored);
+    std::filesystem::remove(checkpoint_path(run.options), ignored);
+}
+
+/// The result in its place, and nothing else: checkpoints are large.
+void finish(const Run& run, OutputFolder& out, const RunResult& result) {
+    write_json(out.file("result.json"), result_json(result));
+    out.commit();
+    discard_progress(run);
+}
+
+/// Brings a run to where an earlier call left it, or makes it begin anew: with other settings than now, or past a
+/// mark that nobody judged at, what there is of it is of no use.
+void resume(const Run& run, Reconstruction& reconstruction, TrainingRecord& record, std::vector<Mark>& marks) {
+    std::error_code ignored;
+    if (std::filesystem::exists(checkpoint_path(run.options), ignored) &&
+        std::filesystem::exists(run.file("progress.json"), ignored)) {
+        const auto said = read_own_json(run.file("progress.json"), [](const Json& json) {
+            std::vector<Mark> kept;
+            for (const Json& mark : json.at("marks")) kept.push_back(mark_of(mark));
+            return std::pair(json.at("settings"), std::move(kept));
+        });
+        if (said.first == run.settings) {
+            load_checkpoint(run.options, reconstruction, record);
+            const bool passed = std::any_of(run.marks.begin(), run.marks.end(), [&](std::uint64_t steps) {
+                return steps < record.steps && std::none_of(
+                                                   said.second.begin(), said.second.end(),
+                                                   [&](const Mark& mark) { return mark.steps == steps; });
+            });
+            check_value(!passed, checkpoint_path(run.options).string(),
+                        "is past a number of steps that was not judged; name the --steps of the first call, or "
+                        "delete the file to begin anew");
+            marks = said.second;
+            std::erase_if(marks, [&](const Mark& mark) {
+                return std::find(run.marks.begin(), run.marks.end(), mark.steps) == run.marks.end();
+            });
+            return;
+        }
+        std::printf("%s: settings are not what they were when it was interrupted; it begins anew\n", run.name.c_str());
+    }
+    discard_progress(run);
+    write_progress(run, {});
+}
+
+RunCost cost_of_run(Reconstruction& reconstruction, const TrainingRecord& record, std::size_t threads) {
+    RunCost cost{.gaussians = reconstruction.gaussian_count(), .memory = resident_bytes()};
+    for (auto& person : reconstruction.people) {
+        auto& model = person.model;
+        cost.lookups += model.lookups();
+        for (std::size_t g = 0; g < parameter_group_count; ++g) {
+            const auto group = static_cast<ParameterGroup>(g);
+            const auto* touched = model.touched_entries(group);
+            const std::size_t entries = model.parameters()[group].size() / Reconstruction::Model::Grid::feature_count;
+            if (!touched || entries == 0) continue;
+            const bool ao = group == ParameterGroup::ao_table;
+            (ao ? cost.ao_entries : cost.entries) += entries;
+            (ao ? cost.ao_touched : cost.touched) += touched->size();
+        }
+    }
+    cost.ms_per_step = 1e3 * record.seconds / static_cast<double>(std::max<std::uint64_t>(1, record.steps));
+    for (std::size_t s = 0; s < stage_names.size(); ++s)
+        cost.ms_per_stage.emplace_back(stage_names[s],
+                                       1e3 * record.stage_seconds[s] /
+                                           static_cast<double>(std::max<std::uint64_t>(1, record.timed_steps)));
+    cost.threads = threads;
+    return cost;
+}
+
+/// "1,500 of 3,000 steps", "3,000 steps", "5 s"
+std::string after(const Run& run, std::uint64_t steps) {
+    if (run.options.seconds > 0) return gsh::detail::setting_text(run.options.seconds) + " s";
+    return detail::grouped(steps) + (steps < run.options.steps ? " of " + detail::grouped(run.options.steps) : "") +
+           " steps";
+}
+
+/// How a mark's training went, in words.
+std::string training_protocol(const Run& run, std::uint64_t steps, std::size_t threads) {
+    std::string text;
+    if (run.options.seconds > 0)
+        text = "Trained for " + after(run, steps) + " on " + std::to_string(threads) + " threads of " +
+               processor_name() +
+               ", loading, sampling, checkpoints and judging not counted; learning rates fall over these seconds";
+    else if (steps < run.options.steps)
+        text = "Judged in the middle of a run, after " + after(run, steps) + ": learning rates fall over all " +
+               detail::grouped(run.options.steps) + ", and a run of " + detail::grouped(steps) +
+               " alone would end with lower ones";
+    else
+        text = "Trained for " + after(run, steps) + ", over which learning rates fall";
+    const double share =
+        static_cast<double>(steps - 1) / static_cast<double>(std::max<std::uint64_t>(1, run.options.steps));
+    if (!run.scene && run.options.seconds == 0 && run.configuration.avatar.ao != AmbientOcclusion::none &&
+        share < run.configuration.train.ao_start)
+        text += "; ambient occlusion, which joins later, is not part of it yet";
+    return text + "; " + (run.scene ? "at most " : "") + detail::grouped(run.options.gaussians) + " Gaussians, seed " +
+           std::to_string(run.options.seed) + ".";
+}
+
+} // namespace
+
+Evaluator::Evaluator(cpu::Threads& backend, const Source& source, const EvaluateOptions& o)
+    : backend_(backend), source_(source), judge_(backend, source, o.common),
+      test_photos_(test_photos_of(source.capture)), views_(shown_views(source, test_photos_, o.views)) {
+    check_value(!test_photos_.empty(), source.capture.name,
+                "has no test views to judge by; give a camera the role test, or name test_frames");
+}
+
+void Evaluator::check(const Run& run) const {
+    if (!run.scene) return;
+    const StaticSource scene = scene_of(run);
+    check_value(scene.training.size() > 1 && !scene.test.empty(), "static",
+                "needs two training cameras and a test camera; " + source_.capture.name + " has " +
+                    std::to_string(scene.training.size()) + " and " + std::to_string(scene.test.size()));
+}
+
+StaticSource Evaluator::scene_of(const Run& run) const {
+    StaticSource scene = static_source(source_.capture, run.options.frame);
+    char frame[16];
+    std::snprintf(frame, sizeof frame, "_%04zu", run.options.frame);
+    for (auto* photos : {&scene.training, &scene.test})
+        for (Photo& photo : *photos) photo.name += frame; // as the capture's photographs are called
+    return scene;
+}
+
+template <class Trained>
+bool Evaluator::judge(Trained& trained, const std::vector<Photo>& photos, Mark& mark, OutputFolder* out,
+                      RunResult& result) {
+    std::vector<ImageScore> scores;
+    for (const Photo& photo : photos) {
+        if (interrupted) return false;
+        const auto comparison = judge_.judge(trained.compare(photo), photo);
+        scores.push_back(comparison.score);
+        mark.images.push_back(score_json(comparison.score));
+        const auto view =
+            std::find_if(views_.begin(), views_.end(), [&](const ShownView& v) { return v.name == photo.name; });
+        if (!out || view == views_.end()) continue;
+        write_png(out->file(photo.name + ".png"), row_picture(*view, comparison.render, &comparison.truth));
+        result.shown.push_back(photo.name);
+    }
+    mark.mean = mean_score(scores);
+    for (const RegionMean& region : mean_regions(scores)) mark.regions.push_back(region.psnr);
+    const std::vector<PersonMean> people = mean_people(scores);
+    for (std::size_t p = 0; p < people.size(); ++p) mark.people.push_back({source_.people[p].name, people[p]});
+    return !interrupted;
+}
+
+bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const std::string& title) {
+    Reconstruction reconstruction(backend_, source_, run.configuration, run.options);
+    folder.add(run);
+    TrainingRecord record;
+    RunResult result{.name = run.name, .config = run.config, .settings = run.settings};
+    resume(run, reconstruction, record, result.marks);
+    const bool timed = run.options.seconds > 0;
+    const std::vector<std::uint64_t> goals = timed ? std::vector<std::uint64_t>{0} : run.marks;
+    OutputFolder out(run.options.out);
+    for (const std::uint64_t goal : goals) {
+        if (std::any_of(result.marks.begin(), result.marks.end(), [&](const Mark& mark) { return mark.steps == goal; }))
+            continue;
+        if (timed || record.steps < goal) train(reconstruction, run.options, record, title, goal);
+        if (interrupted) return false;
+        const bool last = goal == goals.back();
+        if (last) result.cost = cost_of_run(reconstruction, record, backend_.thread_count());
+        if (run.options.refine && !reconstruction.refine_test_poses(backend_)) return false;
+        Mark mark{.steps = record.steps, .seconds = record.seconds, .after = after(run, record.steps)};
+        mark.protocol = protocol_of(run.options, source_, run.configuration, judge_, test_photos_.size()) + " " +
+                        training_protocol(run, record.steps, backend_.thread_count());
+        const bool judged = judge(reconstruction, test_photos_, mark, last ? &out : nullptr, result);
+        if (run.options.refine) reconstruction.end_test_refinement();
+        if (!judged) return false;
+        result.marks.push_back(std::move(mark));
+        if (!last) write_progress(run, result.marks);
+    }
+    finish(run, out, result);
+    return true;
+}
+
+bool Evaluator::evaluate_scene(const Run& run, EvaluationFolder& folder, const std::string& title) {
+    const StaticSource scene = scene_of(run);
+    StaticReconstruction reconstruction(backend_, scene, static_options(run.options));
+    folder.add(run);
+    RunResult result{.name = run.name, .config = run.config, .settings = run.settings};
+    OutputFolder out(run.options.out);
+    for (const std::uint64_t goal : run.marks) {
+        reconstruction.train(goal, title);
+        if (interrupted) return false;
+        Mark mark{.steps = goal, .seconds = reconstruction.seconds, .after = after(run, goal)};
+        mark.protocol = "Test views of " + scene.name + " (" + std::to_string(scene.test.size()) +
+                        " images), the only frame in training: no body, no poses, " +
+                        std::to_string(scene.training.size()) + " images; white background in training and test, " +
+                        measures_of(judge_) + " " + training_protocol(run, goal, backend_.thread_count());
+        result.cost.gaussians = reconstruction.trainer.size();
+        result.cost.memory = resident_bytes();
+        result.cost.ms_per_step = 1e3 * reconstruction.seconds / static_cast<double>(goal);
+        result.cost.threads = backend_.thread_count();
+        if (!judge(reconstruction, scene.test, mark, goal == run.marks.back() ? &out : nullptr, result)) return false;
+        result.marks.push_back(std::move(mark));
+    }
+    finish(run, out, result);
+    return true;
+}
+
+bool Evaluator::evaluate(const Run& run, EvaluationFolder& folder, const std::string& title) {
+    malloc_trim(0); // memory that an earlier run gave back does not count as this one's
+    return run.scene ? evaluate_scene(run, folder, title) : evaluate_avatar(run, folder, title);
+}
+
+} // namespace gsh::examples

@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/results.hpp"
+
+#include "support/figures.hpp"
+#include "support/interrupts.hpp"
+#include "support/judgement.hpp"
+#include "support/machine.hpp"
+#include "support/pictures.hpp"
+#include "support/reconstruction.hpp"
+#include "support/report.hpp"
+#include "support/source.hpp"
+
+#include <gsh/io/file/archive.hpp>
+#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/model/avatar_file.hpp>
+#include <gsh/io/model/checkpoint.hpp>
+#include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/splat/ply.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <sstream>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+namespace gsh::examples {
+
+namespace {
+
+/// All settings of a configuration, a line each.
+std::string settings_text(const Configuration& configuration) {
+    std::string text;
+    for (const auto& [key, value] : settings_of(configuration)) text += key + " = " + value + "\n";
+    return text;
+}
+
+/// What a checkpoint was made for, in words, a line each: people where there are several, how many Gaussians, settings,
+/// refinement, regions, estimated priors.
+std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& reconstruction) {
+    std::string text;
+    if (reconstruction.people.size() > 1)
+        for (const auto& person : reconstruction.people) text += "person " + person.name + "\n";
+    text += "gaussians = " + std::to_string(reconstruction.gaussian_count()) + "\n";
+    text += settings_text(reconstruction.configuration);
+    if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
+    if (!reconstruction.regions_checksum.empty()) text += "regions " + reconstruction.regions_checksum + "\n";
+    if (!reconstruction.priors_checksum.empty()) text += "priors " + reconstruction.priors_checksum + "\n";
+    return text;
+}
+
+/// The first line in which two texts differ, in words.
+std::string difference(const std::string& there, const std::string& here) {
+    std::istringstream a(there), b(here);
+    std::string of_a, of_b;
+    do {
+        if (!std::getline(a, of_a)) of_a = "nothing";
+        if (!std::getline(b, of_b)) of_b = "nothing";
+    } while (of_a == of_b && (a || b));
+    return "it says '" + of_a + "' where this run has '" + of_b + "'";
+}
+
+/// "avatar" for one person alone; of several, each one's name goes with it.
+std::string result_name(const Reconstruction& reconstruction, const std::string& what, std::size_t person) {
+    return reconstruction.people.size() == 1 ? what : what + "-" + reconstruction.people[person].name;
+}
+
+} // namespace
+
+std::filesystem::path checkpoint_path(const ReconstructOptions& o) {
+    return o.out / "checkpoint.gsh";
+}
+
+void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record) {
+    ArchiveWriter file(checkpoint_path(o), "checkpoint", checkpoint_version);
+    add_trainer(file, reconstruction.trainer);
+    for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
+        if (const auto& refinement = reconstruction.people[p].refinement) add_refinement(file, *refinement, p);
+    file.add_text("configuration", checkpoint_text(o, reconstruction));
+    file.add("seconds", record.seconds);
+    file.add("interval", record.interval);
+    const auto add_curve = [&](const char* key, const auto& curve) {
+        std::vector<double> numbers;
+        for (const auto& [step, value] : curve) numbers.insert(numbers.end(), {step, value});
+        file.add(key, numbers, {curve.size(), 2});
+    };
+    add_curve("loss", record.loss);
+    add_curve("psnr", record.psnr);
+    file.add("stage_seconds", std::vector<double>(record.stage_seconds.begin(), record.stage_seconds.end()));
+    file.add("timed_steps", record.timed_steps);
+    file.commit();
+}
+
+void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(checkpoint_path(o), ignored))
+        throw IoError(checkpoint_path(o).string() + ": there is nothing to resume; leave out --resume to begin");
+    const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
+    const std::string there = file.read_text("configuration"), here = checkpoint_text(o, reconstruction);
+    check_value(there == here, checkpoint_path(o).string(),
+                "was made otherwise: " + difference(there, here) +
+                    "; resume with the same --config, --set, --gaussians, --refine, --regions, --priors and --poses");
+    load_trainer(file, reconstruction.trainer);
+    for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
+        if (auto& refinement = reconstruction.people[p].refinement) load_refinement(file, *refinement, p);
+    record.steps = reconstruction.trainer.step_count();
+    record.seconds = file.read_number<double>("seconds");
+    record.interval = file.read_number<std::uint64_t>("interval");
+    const auto read_curve = [&](const char* key, auto& curve) {
+        const auto numbers = file.read<double>(key);
+        for (std::size_t i = 0; i + 1 < numbers.size(); i += 2) curve.emplace_back(numbers[i], numbers[i + 1]);
+    };
+    read_curve("loss", record.loss);
+    read_curve("psnr", record.psnr);
+    if (!file.has("stage_seconds")) return; // older
+    const auto stages = file.read<double>("stage_seconds");
+    check_size(checkpoint_path(o).string(), "stage_seconds", stages.size(), record.stage_seconds.size());
+    for (std::size_t s = 0; s < stages.size(); ++s) record.stage_seconds[s] = stages[s];
+    record.timed_steps = file.read_number<std::uint64_t>("timed_steps");
+}
+
+std::string measures_of(const Judge& judge) {
+    return "full image, range 1, unquantised; SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person "
+           "is where the true alpha exceeds 1/2; regions are where the body shows them in the poses as given, images "
+           "with 50 pixels or more." +
+           judge.lpips_protocol();
+}
+
+std::string protocol_of(const ReconstructOptions& o, const Source& source, const Configuration& configuration,
+                        const Judge& judge, std::size_t images) {
+    const std::string background =
+        !source.capture.backgrounds.empty() ? "the capture's backgrounds in training and test"
+        : configuration.train.random_background ? "a random background each step in training, white in test"
+                                                : "white background in training and test";
+    return "Test views of " + source.capture.name + " (" + std::to_string(images) + " images), poses of " +
+           poses_text(o) +
+           (!o.refine                  ? ", as given, not refined"
+            : configuration.test_steps ? ", refined in training and fitted to the test images at test time"
+                                       : ", refined in training, not fitted to the test images") +
+           (o.priors.empty() ? "" : ", geometric priors of " + o.priors.filename().string()) + ", " + background +
+           ", " + measures_of(judge) +
+           (source.people.size() > 1
+                ? " People are judged apart where person_masks show them, else where their body is in front "
+                  "(clothes and hair go to the nearest)."
+                : "");
+}
+
+std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
+                                        Reconstruction& reconstruction, const TrainingRecord& record) {
+    auto& trainer = reconstruction.trainer;
+    Judge judge(trainer.backend(), source, o);
+    const std::vector<AvatarData> avatars = reconstruction.avatars(); // before test images have a say
+    const std::size_t people = reconstruction.people.size();
+    if (o.refine && !reconstruction.refine_test_poses(trainer.backend())) return std::nullopt;
+    out.own("test");
+    Report report;
+    std::vector<ImageScore> scores;
+    constexpr std::size_t shown = 6; // pictures on the page; all of them are in test/
+    const std::size_t every = std::max<std::size_t>(1, reconstruction.test_photos.size() / shown);
+    report.images.push_back({"image", "PSNR", "SSIM", "PSNR on the person"});
+    for (const std::string& name : region_names()) report.images.back().push_back(name);
+    if (people > 1)
+        for (const auto& person : reconstruction.people) report.images.back().push_back(person.name);
+    for (const Photo& photo : reconstruction.test_photos) {
+        if (interrupted) return std::nullopt;
+        const auto comparison = judge.judge(reconstruction.compare(photo), photo);
+        const ImageScore& score = comparison.score;
+        const std::string png = encode_png(quantise(comparison_picture(comparison.render, comparison.truth).view()));
+        write_file(out.file("test/" + photo.name + ".png"), png, Sync::none);
+        if (scores.size() % every == 0 && report.pictures.size() < shown)
+            report.pictures.push_back(
+                {photo.name + ": PSNR " + fixed(score.psnr, 2) + " dB; error times 5", {png.begin(), png.end()}});
+        report.images.push_back({score.name, fixed(score.psnr, 2), fixed(score.ssim, 4), fixed(score.psnr_person, 2)});
+        for (const RegionScore& region : score.regions) report.images.back().push_back(fixed(region.psnr, 2));
+        for (const PersonScore& person : score.people) report.images.back().push_back(fixed(person.whole.psnr, 2));
+        scores.push_back(score);
+    }
+    const ImageScore mean = mean_score(scores);
+    const std::vector<RegionMean> regions = mean_regions(scores);
+
+    for (std::size_t p = 0; p < people; ++p) {
+        save_avatar(out.file(result_name(reconstruction, "avatar", p) + ".gsh"), avatars[p]);
+        write_gaussian_ply(out.file(result_name(reconstruction, "avatar", p) + ".ply"), shaded_cloud(avatars[p]));
+        if (o.refine)
+            save_motion(out.file(result_name(reconstruction, "poses_refined", p) + ".npz"),
+                        reconstruction.people[p].refinement->motion());
+    }
+
+    const std::string protocol = protocol_of(o, source, reconstruction.configuration, judge, scores.size());
+    Json json;
+    json["psnr"] = number_or_null(mean.psnr);
+    json["ssim"] = number_or_null(mean.ssim);
+    json["psnr_person"] = number_or_null(mean.psnr_person);
+    for (std::size_t r = 0; r < regions.size(); ++r)
+        json["psnr_regions"][region_names()[r]] = number_or_null(regions[r].psnr);
+    if (mean.lpips) json["lpips"] = number_or_null(*mean.lpips);
+    json["steps"] = record.steps;
+    json["seconds"] = record.seconds;
+    json["gaussians"] = reconstruction.gaussian_count();
+    std::vector<PersonMean> apart = mean_people(scores);
+    apart.resize(people); // without test views they have no figures
+    if (people > 1) report.people.push_back({"person", "PSNR", "SSIM", "face", "hands", "body", "Gaussians"});
+    for (std::size_t p = 0; people > 1 && p < people; ++p) {
+        const Reconstruction::Person& person = reconstruction.people[p];
+        Json one{{"name", person.name}};
+        one.update(person_json(apart[p].whole, apart[p].regions));
+        one["gaussians"] = person.model.size();
+        json["people"].push_back(one);
+        report.people.push_back({person.name, fixed(apart[p].whole.psnr, 2), fixed(apart[p].whole.ssim, 4)});
+        for (std::size_t r = 0; r < region_names().size(); ++r)
+            report.people.back().push_back(fixed(r < apart[p].regions.size() ? apart[p].regions[r].psnr : NAN, 2));
+        report.people.back().push_back(std::to_string(person.model.size()));
+    }
+    json["peak_memory_bytes"] = peak_memory_bytes();
+    json["seed"] = o.seed;
+    json["threads"] = trainer.backend().thread_count();
+    json["configuration"] = reconstruction.configuration.name;
+    for (const auto& [key, value] : settings_of(reconstruction.configuration)) json["settings"][key] = value;
+    json["protocol"] = protocol;
+    report.stages.push_back({"stage", "ms per step"});
+    double total = 0;
+    const auto stage = [&](std::string_view name, double seconds) {
+        const double ms = 1e3 * seconds / static_cast<double>(std::max<std::uint64_t>(1, record.timed_steps));
+        json["ms_per_stage"][std::string(name)] = ms;
+        report.stages.push_back({std::string(name), fixed(ms, 2)});
+    };
+    for (std::size_t s = 0; s < stage_names.size(); ++s) {
+        stage(stage_names[s], record.stage_seconds[s]);
+        total += record.stage_seconds[s];
+    }
+    stage("all", total);
+    json["images"] = Json::array();
+    for (const ImageScore& score : scores) json["images"].push_back(score_json(score));
+
+    report.title = "Reconstruction of " + source.capture.name;
+    report.protocol = protocol;
+    report.facts = {{"PSNR", fixed(mean.psnr, 2) + " dB"},
+                    {"SSIM", fixed(mean.ssim, 4)},
+                    {"PSNR on the person", fixed(mean.psnr_person, 2) + " dB"},
+                    {"PSNR on face, hands, body", fixed(regions.empty() ? NAN : regions[0].psnr, 2) + ", " +
+                                                      fixed(regions.empty() ? NAN : regions[1].psnr, 2) + ", " +
+                                                      fixed(regions.empty() ? NAN : regions[2].psnr, 2) + " dB"},
+                    {"Configuration", reconstruction.configuration.name},
+                    {"Gaussians", std::to_string(reconstruction.gaussian_count())},
+                    {"Training", std::to_string(record.steps) + " steps in " + fixed(record.seconds, 1) + " s on " +
+                                     std::to_string(trainer.backend().thread_count()) + " threads"},
+                    {"Peak memory", fixed(static_cast<double>(peak_memory_bytes()) / (1 << 20), 0) + " MiB"}};
+    report.curves = {
+        {"Loss of the step's training view",
+         fixed(1 - trainer.config().ssim_weight, 2) + " L1 + " + fixed(trainer.config().ssim_weight, 2) + " (1 - SSIM)",
+         record.loss},
+        {"PSNR of the step's training view", "dB", record.psnr}};
+    write_report(out.file("report.html"), report);
+    write_json(out.file("metrics.json"), json);
+    if (interrupted) return std::nullopt;
+    out.commit();
+    return mean;
+}
+
+} // namespace gsh::examples

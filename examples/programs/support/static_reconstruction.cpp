@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/static_reconstruction.hpp"
+
+#include "support/figures.hpp"
+#include "support/input_files.hpp"
+#include "support/interrupts.hpp"
+#include "support/machine.hpp"
+#include "support/pictures.hpp"
+#include "support/progress.hpp"
+#include "support/rasterizer.hpp"
+
+#include <gsh/core/error.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/colmap.hpp>
+#include <gsh/io/splat/ply.hpp>
+#include <gsh/train/static_configuration.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <system_error>
+#include <utility>
+
+namespace gsh::examples {
+
+namespace {
+
+void add_photo(StaticSource& source, const std::string& name, const Camera<double>& camera, PixelImage image,
+               bool test, std::size_t frame = 0) {
+    source.images.push_back(std::move(image)); // the pixels stay where they are when the list grows
+    (test ? source.test : source.training).push_back({name, camera, frame, source.images.back().data});
+}
+
+/// One frame of a capture on the disk, by its cameras and images alone: no body and no poses are needed.
+StaticSource load_capture_frame(const std::filesystem::path& folder, std::size_t frame) {
+    StaticSource source;
+    source.name = std::filesystem::weakly_canonical(folder).filename().string() + ", frame " + std::to_string(frame);
+    for (const NamedCamera& camera : cameras_of_file(folder / "cameras.json").cameras) {
+        const auto read = [&](const char* kind) {
+            const auto files = gsh::detail::list_images(folder / kind / camera.name);
+            check_value(frame < files.size(), (folder / kind / camera.name).string(),
+                        "holds " + std::to_string(files.size()) + " images, expected frame " + std::to_string(frame) +
+                            " among them");
+            PixelImage image = read_image(files[frame]);
+            gsh::detail::check_image_size(files[frame], image, camera);
+            return image;
+        };
+        PixelImage image = read("images");
+        if (std::filesystem::is_directory(folder / "masks")) gsh::detail::apply_mask(read("masks"), image);
+        if (camera.distortion) image = gsh::detail::straighten(image, camera);
+        add_photo(source, camera.name, camera.camera, std::move(image), camera.role == NamedCamera::Role::test, frame);
+    }
+    return source;
+}
+
+/// A reconstruction of COLMAP: FOLDER/sparse/0 (or FOLDER itself), FOLDER/images, and FOLDER/masks if it is there.
+/// Every `hold`-th image by name, the first one included, is left out of training and judged by; 0: none.
+StaticSource load_colmap_source(const std::filesystem::path& folder, std::size_t hold = 8) {
+    ColmapScene scene = read_colmap(folder);
+    StaticSource source;
+    source.name = std::filesystem::weakly_canonical(folder).filename().string();
+    const std::filesystem::path masks = std::filesystem::is_directory(folder / "masks") ? folder / "masks" : "";
+    for (std::size_t i = 0; i < scene.images.size(); ++i) {
+        StraightImage straight = read_colmap_image(scene.images[i], folder / "images", masks);
+        std::string name = std::filesystem::path(scene.images[i].name).replace_extension().string();
+        std::replace(name.begin(), name.end(), '/', '_');
+        add_photo(source, name, straight.camera, std::move(straight.image), hold != 0 && i % hold == 0);
+    }
+    if (!scene.points.empty()) source.points = ColoredPoints{std::move(scene.points), std::move(scene.colors)};
+    return source;
+}
+
+GaussianCloud<float> start_of(const StaticSource& source, const StaticOptions& options) {
+    return initial_gaussians<float>(source.points ? *source.points
+                                                  : visual_hull_points(source.training, hull_box(source.training),
+                                                                       options.points, mix_bits(options.seed)));
+}
+
+} // namespace
+
+StaticOptions static_options(const ReconstructOptions& o) {
+    constexpr std::size_t points = 20'000;
+    return {.config = scene_configuration_of(o), .points = std::min(points, o.gaussians), .seed = o.seed};
+}
+
+StaticSource static_source(const Capture& capture, std::size_t frame) {
+    check_value(frame < capture.frame_count(), capture.name,
+                "has " + std::to_string(capture.frame_count()) + " frames, expected frame " + std::to_string(frame) +
+                    " among them");
+    StaticSource source;
+    source.name = capture.name + ", frame " + std::to_string(frame);
+    for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
+        const NamedCamera& camera = capture.cameras[c];
+        add_photo(source, camera.name, camera.camera, capture.image({c, frame}),
+                          camera.role == NamedCamera::Role::test, frame);
+    }
+    return source;
+}
+
+StaticSource load_static_source(const std::filesystem::path& folder, std::size_t frame) {
+    std::error_code ignored;
+    return std::filesystem::exists(folder / "cameras.json", ignored) ? load_capture_frame(folder, frame)
+                                                                     : load_colmap_source(folder);
+}
+
+StaticReconstruction::StaticReconstruction(cpu::Threads& backend, const StaticSource& source,
+                                           const StaticOptions& options)
+    : trainer(backend, start_of(source, options), source.training, options.seed, options.config),
+      steps_(static_cast<std::uint64_t>(options.config.steps)) {}
+StaticReconstruction::~StaticReconstruction() = default;
+
+void StaticReconstruction::train(std::uint64_t until, const std::string& title) {
+    using Clock = std::chrono::steady_clock;
+    Progress progress(title);
+    const double seconds_before = seconds;
+    const std::uint64_t steps_before = trainer.step_count();
+    const auto begin = Clock::now();
+    while (trainer.step_count() < std::min(until, steps_) && !interrupted) {
+        trainer.step();
+        const double spent = std::chrono::duration<double>(Clock::now() - begin).count();
+        seconds = seconds_before + spent;
+        char text[96];
+        std::snprintf(text, sizeof text, "step %llu  %zu Gaussians  %.1f steps/s",
+                      static_cast<unsigned long long>(trainer.step_count()), trainer.size(),
+                      static_cast<double>(trainer.step_count() - steps_before) / spent);
+        progress.show(static_cast<double>(trainer.step_count()) / static_cast<double>(steps_), text);
+    }
+}
+
+Comparison<float> StaticReconstruction::compare(const Photo& photo) { return gsh::compare(trainer, photo); }
+
+StaticResult reconstruct_static(cpu::Threads& backend, const StaticSource& source, const StaticOptions& options) {
+    StaticReconstruction reconstruction(backend, source, options);
+    reconstruction.train(static_cast<std::uint64_t>(options.config.steps));
+    auto& trainer = reconstruction.trainer;
+    StaticResult result;
+    result.seconds = reconstruction.seconds;
+    result.steps = trainer.step_count();
+    result.threads = backend.thread_count();
+    result.change = trainer.total_change();
+    for (const Photo& photo : source.test) {
+        const auto comparison = reconstruction.compare(photo);
+        result.scores.push_back(comparison.score);
+        result.pictures.push_back(comparison_picture(comparison.render, comparison.truth));
+    }
+    result.mean = mean_score(result.scores);
+    result.scene = trainer.cloud();
+    return result;
+}
+
+void write_static_result(OutputFolder& out, const StaticSource& source, const StaticOptions& options,
+                         const StaticResult& result) {
+    write_gaussian_ply(out.file("scene.ply"), result.scene);
+    for (std::size_t i = 0; i < result.scores.size(); ++i)
+        write_png(out.file("test/" + result.scores[i].name + ".png"), result.pictures[i]);
+    Json json;
+    json["psnr"] = number_or_null(result.mean.psnr);
+    json["ssim"] = number_or_null(result.mean.ssim);
+    json["psnr_person"] = number_or_null(result.mean.psnr_person);
+    json["steps"] = result.steps;
+    json["seconds"] = result.seconds;
+    json["gaussians"] = result.scene.size();
+    json["cloned"] = result.change.cloned;
+    json["split"] = result.change.split;
+    json["pruned"] = result.change.pruned;
+    json["peak_memory_bytes"] = peak_memory_bytes();
+    json["seed"] = options.seed;
+    json["threads"] = result.threads;
+    json["configuration"] = "static";
+    for (const auto& [key, value] : settings_of(options.config)) json["settings"][key] = value;
+    json["ms_per_stage"]["all"] = 1e3 * result.seconds / static_cast<double>(std::max<std::uint64_t>(1, result.steps));
+    json["protocol"] =
+        "Test views of " + source.name + " (" + std::to_string(result.scores.size()) + " images, " +
+        std::to_string(source.training.size()) +
+        " in training), white background in training and test, full "
+        "image, range 1, unquantised; SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person is where the "
+        "true alpha exceeds 1/2.";
+    json["images"] = Json::array();
+    for (const ImageScore& score : result.scores)
+        json["images"].push_back(score_json(score));
+    write_json(out.file("metrics.json"), json);
+    out.commit();
+}
+
+} // namespace gsh::examples

@@ -1,0 +1,409 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  How a reading of a capture differs from the files, fault by fault, in words that a user can act on.
+#pragma once
+
+#include <gsh/check/capture_reading.hpp>
+#include <gsh/io/capture/capture.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdio>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace gsh {
+
+/// One respect in which a reading is not what the files say, and the cameras or people that it concerns.
+struct Aspect {
+    enum class Kind {
+        inverted_mask,
+        mirrored_image,
+        extrinsics,
+        resolution,
+        order,
+        shift,
+        zoom,
+        // from here on of motions
+        absent,
+        sides,
+        degrees,
+        translation_unit,
+        translation,
+        world,
+        size,
+        offset,
+    };
+    Kind kind;
+    std::vector<std::size_t> cameras;     ///< all of them, if it concerns motions
+    std::vector<std::size_t> people = {}; ///< none, if it does not
+
+    [[nodiscard]] bool of_motion() const { return kind >= Kind::absent; }
+};
+
+/// All respects in which a reading differs; cameras and people that differ alike stand together. Mean hands are not
+/// among them.
+[[nodiscard]] inline std::vector<Aspect> aspects_of(const CaptureReading& reading);
+
+/// Takes one respect back.
+inline void reset(CaptureReading& reading, const Aspect& aspect);
+
+/// The fault in a word, the hypothesis that mends it ("with …"), and what its author can do.
+[[nodiscard]] inline std::string fault_name(const Aspect& aspect, const CaptureReading& reading);
+[[nodiscard]] inline std::string hypothesis_text(const Aspect& aspect, const CaptureReading& reading);
+[[nodiscard]] inline std::string remedy_text(const Aspect& aspect, const CaptureReading& reading,
+                                             const Capture& capture, const std::vector<CheckedPerson>& people);
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+inline std::string digits(double value, int count) {
+    char text[64];
+    std::snprintf(text, sizeof text, "%.*f", count, value);
+    return text;
+}
+
+/// "a, b and 4 more".
+template <class Name>
+std::string listing(std::size_t count, std::size_t most, const Name& name) {
+    std::string text;
+    for (std::size_t i = 0; i < std::min(most, count); ++i) text += (i ? ", " : "") + name(i);
+    return text + (count > most ? " and " + std::to_string(count - most) + " more" : "");
+}
+
+/// What a finding concerns: images, cameras, or poses.
+template <class Finding>
+std::string place_text(const Capture& capture, const Finding& finding) {
+    const auto camera = [&](std::size_t c) { return capture.cameras[c].name; };
+    if (!finding.views.empty())
+        return listing(finding.views.size(), 6, [&](std::size_t i) {
+            return camera(finding.views[i].camera) + "/" + std::to_string(finding.views[i].frame);
+        });
+    if (finding.cameras.size() > 1 && finding.cameras.size() == capture.cameras.size()) return "all cameras";
+    if (!finding.cameras.empty())
+        return listing(finding.cameras.size(), 4, [&](std::size_t i) { return camera(finding.cameras[i]); });
+    const auto& people = finding.people;
+    return people.empty() ? "poses" : "poses of " + listing(people.size(), 4, [&](std::size_t i) { return people[i]; });
+}
+
+/// "fault (where): measure 0.12 as given, 0.99 hypothesis; remedy".
+template <class Finding>
+std::string finding_text(const Capture& capture, const Finding& finding, const std::string& hypothesis,
+                         const std::string& remedy, int decimals) {
+    return finding.fault + " (" + place_text(capture, finding) + "): " + finding.measure + " " +
+           digits(finding.given, decimals) + " as given, " + digits(finding.mended, decimals) + " " + hypothesis +
+           "; " + remedy;
+}
+
+inline constexpr auto absence_remedy = "nobody in the images moves so: leave these poses out, look for a fault of "
+                                       "theirs that we do not know, or for masks "
+                                       "that leave somebody out";
+
+/// Calls visit(kind, member) for each respect in which motions are read otherwise.
+template <class Visit>
+void for_motion_aspects(const Visit& visit) {
+    using Kind = Aspect::Kind;
+    visit(Kind::absent, &MotionReading::absent);
+    visit(Kind::sides, &MotionReading::sides);
+    visit(Kind::degrees, &MotionReading::degrees);
+    visit(Kind::translation_unit, &MotionReading::translation_unit);
+    visit(Kind::translation, &MotionReading::translation);
+    visit(Kind::world, &MotionReading::world);
+    visit(Kind::size, &MotionReading::size);
+    visit(Kind::offset, &MotionReading::offset);
+}
+
+} // namespace detail
+
+inline std::vector<Aspect> aspects_of(const CaptureReading& reading) {
+    using Kind = Aspect::Kind;
+    std::vector<Aspect> result;
+    const CameraReading usual;
+    const MotionReading as_given;
+    std::vector<std::size_t> all;
+    for (std::size_t c = 0; c < reading.cameras.size(); ++c) all.push_back(c);
+    const auto of_cameras = [&](Kind kind, const auto& differs, const auto& alike) {
+        const std::size_t begin = result.size();
+        for (std::size_t c = 0; c < reading.cameras.size(); ++c) {
+            if (!differs(reading.cameras[c])) continue;
+            const auto same =
+                std::find_if(result.begin() + static_cast<std::ptrdiff_t>(begin), result.end(), [&](const Aspect& a) {
+                    return alike(reading.cameras[a.cameras.front()], reading.cameras[c]);
+                });
+            if (same == result.end())
+                result.push_back({kind, {c}});
+            else
+                same->cameras.push_back(c);
+        }
+    };
+    const auto any = [](const CameraReading&, const CameraReading&) { return true; };
+    of_cameras(
+        Kind::inverted_mask, [](const CameraReading& r) { return r.inverted_mask; }, any);
+    of_cameras(
+        Kind::mirrored_image, [](const CameraReading& r) { return r.mirrored_image; }, any);
+    of_cameras(
+        Kind::extrinsics,
+        [&](const CameraReading& r) { return r.extrinsics != usual.extrinsics || r.unit != usual.unit; },
+        [](const CameraReading& a, const CameraReading& b) {
+            return a.extrinsics == b.extrinsics && a.unit == b.unit;
+        });
+    of_cameras(
+        Kind::resolution, [&](const CameraReading& r) { return r.resolution != usual.resolution; }, any);
+    of_cameras(
+        Kind::order, [&](const CameraReading& r) { return !(r.order == usual.order); },
+        [](const CameraReading& a, const CameraReading& b) { return a.order == b.order; });
+    of_cameras(
+        Kind::shift, [&](const CameraReading& r) { return r.shift != usual.shift; }, any);
+    of_cameras(
+        Kind::zoom, [&](const CameraReading& r) { return r.zoom != usual.zoom; }, any);
+
+    detail::for_motion_aspects([&](Kind kind, const auto member) {
+        const std::size_t begin = result.size();
+        for (std::size_t p = 0; p < reading.motions.size(); ++p) {
+            const auto& value = reading.motions[p].*member;
+            if (value == as_given.*member) continue;
+            const auto same =
+                std::find_if(result.begin() + static_cast<std::ptrdiff_t>(begin), result.end(),
+                             [&](const Aspect& a) { return reading.motions[a.people.front()].*member == value; });
+            if (same == result.end())
+                result.push_back({kind, all, {p}});
+            else
+                same->people.push_back(p);
+        }
+    });
+    return result;
+}
+
+inline void reset(CaptureReading& reading, const Aspect& aspect) {
+    using Kind = Aspect::Kind;
+    const CameraReading usual;
+    for (const std::size_t c : aspect.cameras) {
+        CameraReading& camera = reading.cameras[c];
+        if (aspect.kind == Kind::inverted_mask) camera.inverted_mask = usual.inverted_mask;
+        if (aspect.kind == Kind::mirrored_image) camera.mirrored_image = usual.mirrored_image;
+        if (aspect.kind == Kind::extrinsics) camera.extrinsics = usual.extrinsics, camera.unit = usual.unit;
+        if (aspect.kind == Kind::resolution) camera.resolution = usual.resolution;
+        if (aspect.kind == Kind::order) camera.order = usual.order;
+        if (aspect.kind == Kind::shift) camera.shift = usual.shift;
+        if (aspect.kind == Kind::zoom) camera.zoom = usual.zoom;
+    }
+    detail::for_motion_aspects([&](Kind kind, const auto member) {
+        if (aspect.kind != kind) return;
+        for (const std::size_t p : aspect.people) reading.motions[p].*member = MotionReading().*member;
+    });
+}
+
+inline std::string fault_name(const Aspect& aspect, const CaptureReading& reading) {
+    const CameraReading& camera = reading.cameras[aspect.cameras.front()];
+    const bool own = camera.extrinsics == Extrinsics::world_to_camera; // then the unit alone
+    switch (aspect.kind) {
+    case Aspect::Kind::inverted_mask:
+        return "inverted-masks";
+    case Aspect::Kind::mirrored_image:
+        return "mirrored-images";
+    case Aspect::Kind::extrinsics:
+        return own                                                ? "camera-units"
+               : camera.extrinsics == Extrinsics::camera_to_world ? "camera-to-world"
+               : camera.extrinsics == Extrinsics::transposed      ? "transposed-rotation"
+               : camera.extrinsics == Extrinsics::position        ? "camera-position"
+                                                                  : "opengl-cameras";
+    case Aspect::Kind::resolution:
+        return "other-resolution";
+    case Aspect::Kind::order:
+        return "frame-order";
+    case Aspect::Kind::shift:
+        return "principal-point";
+    case Aspect::Kind::zoom:
+        return "focal-length";
+    case Aspect::Kind::absent:
+        return "absent-person";
+    case Aspect::Kind::sides:
+        return "mirrored-poses";
+    case Aspect::Kind::degrees:
+        return "degrees";
+    case Aspect::Kind::translation_unit:
+        return "translation-units";
+    case Aspect::Kind::translation:
+        return "translation-origin";
+    case Aspect::Kind::world:
+        return "world-axes";
+    case Aspect::Kind::size:
+        return "body-size";
+    case Aspect::Kind::offset:
+        return "displaced-body";
+    }
+    return {};
+}
+
+inline std::string hypothesis_text(const Aspect& aspect, const CaptureReading& reading) {
+    using Kind = Aspect::Kind;
+    const CameraReading& camera = reading.cameras[aspect.cameras.front()];
+    const MotionReading motion = aspect.of_motion() ? reading.motions[aspect.people.front()] : MotionReading();
+    const auto unit = [](double metres) { return metres == 0.001 ? "millimetres" : "centimetres"; };
+    switch (aspect.kind) {
+    case Kind::inverted_mask:
+        return "with inverted masks";
+    case Kind::mirrored_image:
+        return "with images flipped left to right";
+    case Kind::extrinsics: {
+        std::string text = "with ";
+        switch (camera.extrinsics) {
+        case Extrinsics::world_to_camera:
+            return text + "t in " + unit(camera.unit);
+        case Extrinsics::camera_to_world:
+            text += "R, t read as camera to world";
+            break;
+        case Extrinsics::opengl:
+            text += "R, t read in OpenGL's axes (y up, z backward)";
+            break;
+        case Extrinsics::opengl_camera_to_world:
+            text += "R, t read as camera to world in OpenGL's axes (y up, z backward)";
+            break;
+        case Extrinsics::transposed:
+            text += "R transposed";
+            break;
+        case Extrinsics::position:
+            text += "t read as the camera's position";
+            break;
+        }
+        return text + (camera.unit == 1 ? "" : std::string(" and t in ") + unit(camera.unit));
+    }
+    case Kind::resolution:
+        return "with K divided by " + detail::digits(camera.resolution, 2);
+    case Kind::order:
+        return camera.order.kind == FrameOrder::Kind::reversed ? "in reversed order"
+               : camera.order.kind == FrameOrder::Kind::offset
+                   ? "with the pose of " + std::to_string(std::abs(camera.order.offset)) + " frame" +
+                         (std::abs(camera.order.offset) == 1 ? "" : "s") +
+                         (camera.order.offset > 0 ? " later" : " earlier")
+                   : "with images taken in the order of words (1, 10, 2)";
+    case Kind::shift:
+        return "with a moved principal point";
+    case Kind::zoom:
+        return "with another focal length";
+    case Kind::absent:
+        return "without these poses";
+    case Kind::sides:
+        return motion.sides == MotionReading::Sides::mirrored ? "with left and right of the pose mirrored"
+                                                              : "with left and right joints exchanged";
+    case Kind::degrees:
+        return "with angles in degrees";
+    case Kind::translation_unit:
+        return std::string("with transl in ") + unit(motion.translation_unit);
+    case Kind::translation:
+        return motion.translation == MotionReading::Translation::of_root_joint
+                   ? "with transl as the root joint's position"
+                   : "with transl added to a body turned about the origin";
+    case Kind::world:
+        return motion.world == MotionReading::World::z_up         ? "with z upwards in the poses"
+               : motion.world == MotionReading::World::minus_z_up ? "with -z upwards in the poses"
+                                                                  : "with y and z of the poses negated";
+    case Kind::size:
+        return "with the body scaled by " + detail::digits(motion.size, motion.size < 0.1 ? 3 : 2);
+    case Kind::offset:
+        return "with the body moved by (" + detail::digits(motion.offset.x, 3) + ", " +
+               detail::digits(motion.offset.y, 3) + ", " + detail::digits(motion.offset.z, 3) + ") m";
+    }
+    return {};
+}
+
+inline std::string remedy_text(const Aspect& aspect, const CaptureReading& reading, const Capture& capture,
+                               const std::vector<CheckedPerson>& people) {
+    using Kind = Aspect::Kind;
+    const CameraReading& camera = reading.cameras[aspect.cameras.front()];
+    const MotionReading motion = aspect.of_motion() ? reading.motions[aspect.people.front()] : MotionReading();
+    /// One short phrase a camera, for those that fit on a line.
+    const auto each = [&](const auto& phrase) {
+        constexpr std::size_t most = 8;
+        std::string text;
+        for (std::size_t i = 0; i < std::min(most, aspect.cameras.size()); ++i) {
+            const std::size_t c = aspect.cameras[i];
+            text += (i ? ", " : "") + (aspect.cameras.size() > 1 ? capture.cameras[c].name + " " : "") +
+                    phrase(capture.cameras[c].camera, reading.cameras[c]);
+        }
+        return text + (aspect.cameras.size() > most ? ", …" : "");
+    };
+    switch (aspect.kind) {
+    case Kind::inverted_mask:
+        return "store alpha 255 on the person, 0 elsewhere";
+    case Kind::mirrored_image:
+        return "flip images and masks back (front cameras of phones mirror)";
+    case Kind::extrinsics: {
+        const char* metres = camera.unit == 1 ? "" : "; t in metres";
+        switch (camera.extrinsics) {
+        case Extrinsics::world_to_camera:
+            return "store t in metres";
+        case Extrinsics::camera_to_world:
+            return std::string("store R' = transpose(R), t' = -transpose(R) t") + metres;
+        case Extrinsics::opengl:
+            return std::string("negate the second and third row of R and t") + metres;
+        case Extrinsics::opengl_camera_to_world:
+            return std::string(
+                       "store R' = transpose(R), t' = -transpose(R) t, then negate the second and third row of both") +
+                   metres;
+        case Extrinsics::transposed:
+            return std::string("store R row by row") + metres;
+        case Extrinsics::position:
+            return std::string("store t' = -R t") + metres;
+        }
+        return {};
+    }
+    case Kind::resolution:
+        return "K is for images of another size: " + each([](const Camera<double>& c, const CameraReading& r) {
+                   return "store fx " + detail::digits(c.fx / r.resolution, 1) + ", cx " +
+                          detail::digits(c.cx / r.resolution, 1);
+               });
+    case Kind::order:
+        return camera.order.kind == FrameOrder::Kind::offset
+                   ? "pair image n with pose n " + std::string(camera.order.offset > 0 ? "+ " : "- ") +
+                         std::to_string(std::abs(camera.order.offset))
+               : camera.order.kind == FrameOrder::Kind::reversed ? "reverse the poses or the images"
+                                                                 : "pad the images' numbers with zeros";
+    case Kind::shift:
+        return each([](const Camera<double>& c, const CameraReading& r) {
+                   const Camera<double> moved = read_as(c, r);
+                   return "store cx " + detail::digits(moved.cx, 1) + ", cy " + detail::digits(moved.cy, 1) +
+                          " (were " + detail::digits(c.cx, 1) + ", " + detail::digits(c.cy, 1) + ")";
+               }) +
+               (capture.cameras.size() == 1 ? ", or look for a constant error of transl" : "");
+    case Kind::zoom:
+        return each([](const Camera<double>& c, const CameraReading& r) {
+            const Camera<double> moved = read_as(c, r);
+            return "store fx " + detail::digits(moved.fx, 1) + ", fy " + detail::digits(moved.fy, 1) + " (were " +
+                   detail::digits(c.fx, 1) + ", " + detail::digits(c.fy, 1) + ")";
+        });
+    case Kind::absent:
+        return detail::absence_remedy;
+    case Kind::sides:
+        return motion.sides == MotionReading::Sides::mirrored
+                   ? "the poses were estimated on mirrored images: exchange left and right and negate y and z of each "
+                     "rotation"
+                   : "list the joints in the body's order, left before right";
+    case Kind::degrees:
+        return "store axis-angle in radians";
+    case Kind::translation_unit:
+        return "store transl in metres";
+    case Kind::translation:
+        return motion.translation == MotionReading::Translation::of_root_joint
+                   ? "store transl' = transl - J0, J0 being the root joint at rest"
+                   : "store transl' = transl + R J0 - J0, J0 being the root joint at rest, R global_orient";
+    case Kind::world:
+        return "turn the poses' world into the cameras': global_orient and transl";
+    case Kind::size: {
+        if (motion.size < 0.1) return "the body file is not in metres";
+        const bool none = std::all_of(aspect.people.begin(), aspect.people.end(), [&](std::size_t p) {
+            const auto& betas = people[p].motion->betas;
+            return std::all_of(betas.begin(), betas.end(), [](double b) { return b == 0; });
+        });
+        return none ? "betas are all zero: store the person's"
+                    : "betas are probably of another body model, or K, t and the poses differ in scale";
+    }
+    case Kind::offset:
+        return "add it to transl, or look for another origin of the poses' world";
+    }
+    return {};
+}
+
+} // namespace gsh

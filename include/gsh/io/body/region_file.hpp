@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Regions of a body as JSON: lists of vertices, or importance painted on each.
+#pragma once
+
+#include <gsh/body/region_mask.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+
+#include <array>
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Reads {"face_vertices": [...], "left_hand_vertices": [...], "right_hand_vertices": [...], "high": [...],
+/// "importance": [...]}, each of them optional, at least one there. The lists hold vertex indices below
+/// `vertex_count`, "importance" one number in [0, 1] for each vertex; RegionLists says which wins.
+///
+/// Errors  IoError: no such file, not JSON, an unknown field (a misspelt list must not go unseen), a list of something
+///         else; ValueError: an index or importance out of range; ShapeError: importance of another size.
+[[nodiscard]] inline RegionLists read_regions(const std::filesystem::path& path, std::size_t vertex_count);
+
+// -------------------------------------------------------------------------------------------------------------
+
+inline RegionLists read_regions(const std::filesystem::path& path, std::size_t vertex_count) {
+    const detail::Json json = detail::read_json(path);
+    const detail::JsonObject object(json, path.string());
+    RegionLists lists;
+    const std::array<std::pair<const char*, std::optional<std::vector<int>>*>, 4> fields = {
+        {{"face_vertices", &lists.face},
+         {"left_hand_vertices", &lists.left_hand},
+         {"right_hand_vertices", &lists.right_hand},
+         {"high", &lists.high}}};
+    for (const auto& [field, list] : fields) {
+        if (!object.has(field)) continue;
+        *list = object.integers(field);
+        detail::check_index_range(path.string(), field, **list, vertex_count);
+    }
+    if (object.has("importance")) {
+        lists.importance = object.numbers("importance", vertex_count);
+        for (std::size_t v = 0; v < vertex_count; ++v)
+            if (!(lists.importance[v] >= 0 && lists.importance[v] <= 1))
+                throw ValueError(path.string() + ": importance[" + std::to_string(v) + "] is " +
+                                 std::to_string(lists.importance[v]) + ", expected a number in [0, 1]");
+    }
+    object.expect_only({"face_vertices", "left_hand_vertices", "right_hand_vertices", "high", "importance"});
+    if (json.empty())
+        throw IoError(path.string() + ": names no region, expected face_vertices, left_hand_vertices, "
+                                      "right_hand_vertices, high or importance");
+    return lists;
+}
+
+} // namespace gsh

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Captures in whatever layout they come: recognised by what lies in the folder.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/capture/easymocap_capture.hpp>
+#include <gsh/io/capture/gala_basketball.hpp>
+#include <gsh/io/capture/people_snapshot.hpp>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+enum class CaptureLayout {
+    gsh,             ///< cameras.json, poses.npz, images/: io/capture/capture.hpp
+    people_snapshot, ///< cameras.npz, images/, masks/: io/capture/people_snapshot.hpp
+    gala,            ///< camera/ID.txt, pose/NUMBER.txt: io/capture/gala_basketball.hpp
+    easymocap,       ///< intri.yml, extri.yml: io/capture/easymocap_capture.hpp
+};
+
+/// What a folder holds, told by its files; nothing if they are of no layout that we read.
+[[nodiscard]] inline std::optional<CaptureLayout> recognise_capture(const std::filesystem::path& folder);
+
+struct AnyCapture {
+    CaptureLayout layout = CaptureLayout::gsh;
+    Capture capture;
+    std::vector<Motion> people; ///< everybody in the scene, where the layout tells; else the capture's motion alone
+    std::optional<GalaRig> rig; ///< the body, where the layout brings its own; else it is the caller's
+};
+
+/// Loads a capture in any layout. `body` may be null for layouts that bring their own.
+/// Errors  IoError for a folder of no known layout, or a body that is missing; else as the layout's own function.
+template <CpuBackend B>
+[[nodiscard]] AnyCapture load_any_capture(B& backend, const std::filesystem::path& folder, const BodyModel* body,
+                                          const CaptureOptions& options = {},
+                                          std::vector<std::string>* warnings = nullptr);
+
+// -------------------------------------------------------------------------------------------------------------
+
+inline std::optional<CaptureLayout> recognise_capture(const std::filesystem::path& folder) {
+    std::error_code ignored;
+    const auto has = [&](const char* name) { return std::filesystem::exists(folder / name, ignored); };
+    if (has("cameras.json")) return CaptureLayout::gsh;
+    if (has("cameras.npz")) return CaptureLayout::people_snapshot;
+    if (has("camera") && has("pose")) return CaptureLayout::gala;
+    if (has("intri.yml")) return CaptureLayout::easymocap;
+    return {};
+}
+
+template <CpuBackend B>
+AnyCapture load_any_capture(B& backend, const std::filesystem::path& folder, const BodyModel* body,
+                            const CaptureOptions& options, std::vector<std::string>* warnings) {
+    if (std::error_code ignored; !std::filesystem::is_directory(folder, ignored))
+        throw IoError(folder.string() +
+                      ": is not a folder, expected one with cameras.json, poses.npz and images/, or a data set's");
+    const auto layout = recognise_capture(folder);
+    if (!layout)
+        throw IoError((folder / "cameras.json").string() +
+                      ": is missing, and the folder is of no other layout either (cameras.npz: "
+                      "PeopleSnapshot; camera/ and pose/: GalaBasketball; intri.yml: EasyMocap)");
+    AnyCapture result;
+    result.layout = *layout;
+    if (*layout == CaptureLayout::gala) {
+        GalaScene scene = load_gala_scene(backend, folder, options, warnings);
+        result.capture = std::move(scene.capture);
+        result.people = std::move(scene.people);
+        result.rig = std::move(scene.rig);
+        return result;
+    }
+    if (!body) throw IoError(folder.string() + ": its poses need a body model, which this layout does not bring");
+    result.capture =
+        *layout == CaptureLayout::people_snapshot ? load_people_snapshot(backend, folder, *body, options, warnings)
+        : *layout == CaptureLayout::easymocap     ? load_easymocap_capture(backend, folder, *body, options, warnings)
+                                                  : load_capture(backend, folder, *body, options, warnings);
+    result.people = {result.capture.motion};
+    return result;
+}
+
+} // namespace gsh

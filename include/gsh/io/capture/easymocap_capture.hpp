@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A capture of several cameras in EasyMocap's folders.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/camera/distortion.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/capture/people_snapshot.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/motion/any_motion.hpp>
+#include <gsh/io/motion/easymocap_file.hpp>
+#include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/motion/smplx_json_file.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Loads intri.yml and extri.yml, images/CAMERA/NUMBER.jpg (or .png), masks/CAMERA/NUMBER.png (or mask/…, where the
+/// person is white), and a person's poses, NUMBER.json. Frames are those of the poses: options.poses names their
+/// folder, else output/smplx/smplx, output/smplx, output/smpl, smplx or smpl, the first that is there. It may also name
+/// what else load_any_motion reads; poses that have no numbers are those of the first camera's images, in order.
+///
+/// options.test_cameras and test_frames (counted from the first pose file) are for judging; where nobody says, the last
+/// camera is, if there are at least three. Images are straightened as ours are.
+/// Errors  as load_capture and load_easymocap_motion.
+template <CpuBackend B>
+[[nodiscard]] Capture load_easymocap_capture(B& backend, const std::filesystem::path& folder, const BodyModel& body,
+                                             const CaptureOptions& options = {},
+                                             std::vector<std::string>* warnings = nullptr);
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+/// The folder of poses in an EasyMocap capture.
+inline std::filesystem::path easymocap_poses(const std::filesystem::path& folder, const std::string& named) {
+    std::error_code ignored;
+    if (named != "poses.npz") return folder / named;
+    for (const char* candidate : {"output/smplx/smplx", "output/smplx", "output/smpl", "smplx", "smpl"})
+        if (std::filesystem::is_directory(folder / candidate, ignored) &&
+            !list_numbered(folder / candidate, ".json").empty())
+            return folder / candidate;
+    throw IoError(folder.string() + ": no folder of poses (output/smplx, output/smpl, …) is there; name it");
+}
+
+/// Images of a folder by their numbers.
+inline std::map<long, std::filesystem::path> images_by_number(const std::filesystem::path& folder) {
+    std::map<long, std::filesystem::path> files;
+    for (const auto& path : list_images(folder))
+        if (const long number = number_of(path); number >= 0) files[number] = path;
+    return files;
+}
+
+/// Which image belongs to each of `count` poses: its number is the pose file's, or else its place in a row of images.
+inline std::vector<long> pose_numbers(const std::filesystem::path& poses, const std::filesystem::path& images,
+                                      std::size_t count) {
+    std::vector<long> numbers;
+    if (std::error_code ignored; std::filesystem::is_directory(poses, ignored))
+        if (const auto place = smplx_json_folder(poses); !place.empty())
+            for (const NumberedFile& file : list_numbered(place, ".json")) numbers.push_back(file.number);
+    if (numbers.empty())
+        for (const auto& [number, path] : images_by_number(images)) numbers.push_back(number);
+    check_size(poses.string(), "poses", count, numbers.size(), "one per image of " + images.string());
+    return numbers;
+}
+
+} // namespace detail
+
+template <CpuBackend B>
+Capture load_easymocap_capture(B& backend, const std::filesystem::path& folder, const BodyModel& body,
+                               const CaptureOptions& options, std::vector<std::string>* warnings) {
+    std::error_code ignored;
+    Capture capture;
+    capture.name = std::filesystem::weakly_canonical(folder).filename().string();
+    capture.cameras = read_easymocap_cameras(folder).cameras;
+    const auto poses = detail::easymocap_poses(folder, options.poses);
+    MotionFileOptions motion_options{options.hands, 30};
+    motion_options.person = options.person;
+    capture.motion = load_any_motion(poses, body, motion_options, warnings);
+    const std::size_t C = capture.cameras.size(), F = capture.frame_count();
+    const std::vector<long> numbers = detail::pose_numbers(poses, folder / "images" / capture.cameras[0].name, F);
+
+    std::vector<std::string> test = options.test_cameras;
+    if (test.empty() && !options.test_frames && C > 2) test.push_back(capture.cameras.back().name);
+    for (const std::string& name : test) {
+        const auto camera = std::find_if(capture.cameras.begin(), capture.cameras.end(),
+                                         [&](const NamedCamera& c) { return c.name == name; });
+        if (camera == capture.cameras.end())
+            throw IoError((folder / "intri.yml").string() + ": there is no camera '" + name + "' to judge by");
+        camera->role = NamedCamera::Role::test;
+    }
+    for (std::size_t f = 0; f < F; ++f)
+        if (options.test_frames && options.test_frames->contains(static_cast<int>(f)))
+            capture.test_frames.push_back(static_cast<int>(f));
+    check_value(!capture.views(false).empty(), folder.string(), "no view is left for training");
+
+    const auto mask_folder =
+        std::filesystem::is_directory(folder / "masks", ignored) ? folder / "masks" : folder / "mask";
+    const bool masked = std::filesystem::is_directory(mask_folder, ignored);
+    std::vector<std::filesystem::path> images, masks;
+    for (NamedCamera& camera : capture.cameras) {
+        const auto photos = detail::images_by_number(folder / "images" / camera.name);
+        const auto covers = masked ? detail::images_by_number(mask_folder / camera.name) : photos;
+        for (const long number : numbers) {
+            const auto photo = photos.find(number), cover = covers.find(number);
+            for (const auto& [found, place] :
+                 {std::pair(photo != photos.end(), folder / "images"), std::pair(cover != covers.end(), mask_folder)})
+                if (!found)
+                    throw IoError((place / camera.name).string() + ": the image of frame " +
+                                  std::to_string(number) + " is missing");
+            images.push_back(photo->second);
+            masks.push_back(cover->second);
+        }
+        if (camera.camera.width == 0) {
+            const PixelImage first = read_image(images[images.size() - F]);
+            camera.camera.width = first.width, camera.camera.height = first.height;
+        }
+        if (camera.distortion)
+            check_distortion((folder / "intri.yml").string(), camera.name, camera.camera, *camera.distortion);
+    }
+    const int factor = std::max(1, options.downscale);
+    const std::vector<NamedCamera> full = capture.cameras;
+    for (NamedCamera& camera : capture.cameras) {
+        camera.camera = detail::shrink(camera.camera, factor, folder.string());
+        camera.distortion.reset();
+    }
+    capture.images.resize(C * F);
+    detail::load_all(backend, C * F, [&](std::size_t i) {
+        PixelImage image = read_image(images[i]);
+        detail::check_image_size(images[i], image, full[i / F]);
+        if (masked) detail::apply_mask_file(masks[i], image);
+        if (!options.empty_masks) detail::check_mask(masks[i], image);
+        if (full[i / F].distortion) image = detail::straighten(image, full[i / F]);
+        capture.images[i] = detail::shrink(image, factor);
+    });
+    if (warnings)
+        for (const std::string& text : capture_warnings(capture, body))
+            warnings->push_back(folder.string() + ": " + text);
+    return capture;
+}
+
+} // namespace gsh

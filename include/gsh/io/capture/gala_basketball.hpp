@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  GalaBasketball as Animatable 3D Gaussian reads it: text files, a rig of 27 joints, static background plates.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/file/number_lines.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/motion/any_motion.hpp>
+#include <gsh/io/motion/gala_rig.hpp>
+#include <gsh/io/motion/smplx_json_file.hpp>
+#include <gsh/math/quat.hpp>
+#include <gsh/math/rotation.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <filesystem>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+struct GalaScene {
+    GalaRig rig;
+    Capture capture;            ///< with the motion of options.person
+    std::vector<Motion> people; ///< all of them
+};
+
+/// Loads a scene. Its layout, beside options.model (empty: FOLDER/../model) with the rig:
+///
+///     FOLDER/camera/ID.txt      vertical field of view in degrees, width, height; position;
+///                               quaternion x, y, z, w; scale
+///     FOLDER/bg/ID.png          what the camera sees without people: Capture::backgrounds
+///     FOLDER/ID/NUMBER.png      photographs (four digits), used whole; NUMBER_mask.png is not read
+///     FOLDER/pose/NUMBER.txt    load_gala_motions
+///
+/// Frames and their split are those in use for the published scenes (idle, dribble, …), known by the folder's name;
+/// elsewhere all frames, unless options say otherwise. Camera 6 (or the last one) is for judging. Images that a camera
+/// need not have, because the split does not use them, are not taken. options.poses may name another motion of
+/// options.person, with a pose for each of these frames.
+///
+/// Errors  as load_capture. A scene without frames to train on (gymnastics) has only motions: load_gala_motions.
+template <CpuBackend B>
+[[nodiscard]] GalaScene load_gala_scene(B& backend, const std::filesystem::path& folder,
+                                        const CaptureOptions& options = {},
+                                        std::vector<std::string>* warnings = nullptr);
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+/// The split that published figures are measured on: frames of the training cameras and of the test camera.
+struct GalaSplit {
+    std::optional<FrameRange> train, test;
+};
+inline GalaSplit known_gala_split(std::string_view scene) {
+    struct Row {
+        std::string_view scene;
+        FrameRange train, test;
+    };
+    constexpr Row rows[] = {{"idle", {0, 98, 2}, {0, 98, 2}},    {"turn", {0, 98, 2}, {0, 98, 2}},
+                            {"dribble", {0, 58, 2}, {0, 58, 2}}, {"shot", {0, 78, 2}, {0, 78, 2}},
+                            {"block", {0, 78, 2}, {0, 79, 1}},   {"boxout", {0, 140, 2}, {0, 141, 1}},
+                            {"match", {0, 246, 6}, {0, 249, 1}}};
+    for (const Row& row : rows)
+        if (row.scene == scene) return {row.train, row.test};
+    return {};
+}
+
+/// A camera file; the left-handed camera looks along +z with y up, ours has y down.
+inline Camera<double> read_gala_camera(const std::filesystem::path& path) {
+    const NumberLines lines(path);
+    const std::vector<double>& view = lines.at(0, 3, "field of view, width, height");
+    const vec3<double> position = lines.vector(1, "position");
+    const std::vector<double>& q = lines.at(2, 4, "quaternion x, y, z, w");
+    const vec3<double> scale = lines.size() > 3 ? lines.vector(3, "scale") : vec3<double>(1);
+    const std::string name = path.string();
+    check_value(view[0] > 0 && view[0] < 180, name,
+                "the vertical field of view is " + std::to_string(view[0]) + ", expected degrees between 0 and 180");
+    check_value(view[1] >= 1 && view[2] >= 1 && view[1] <= 65535 && view[2] <= 65535, name,
+                "width and height must be pixels");
+    check_value(std::abs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1) < 1e-2, name,
+                "the quaternion is not of length 1, expected x, y, z, w");
+    check_value(scale.x > 0 && std::abs(scale.y - scale.x) < 1e-3 * scale.x &&
+                    std::abs(scale.z - scale.x) < 1e-3 * scale.x,
+                name, "the scale differs between axes, or is not above 0; our cameras have none");
+    Camera<double> camera;
+    camera.width = static_cast<int>(view[1]), camera.height = static_cast<int>(view[2]);
+    const double half = view[0] / 360 * std::numbers::pi;
+    camera.fx = camera.fy = camera.height / (2 * std::tan(half));
+    camera.cx = camera.width / 2.0, camera.cy = camera.height / 2.0;
+    const mat3<double> world_from_camera = mirrored(rotation_from_quat(quat<double>{q[3], q[0], q[1], q[2]}));
+    // M R M carries a mirrored camera frame, x to the left: turning that by half a turn about z gives x right, y down.
+    const mat3<double> half_turn(vec3<double>(-1, 0, 0), vec3<double>(0, -1, 0), vec3<double>(0, 0, 1));
+    camera.R = half_turn * transpose(world_from_camera);
+    camera.t = -(camera.R * mirrored(position));
+    check_camera(name, "camera", camera);
+    return camera;
+}
+
+} // namespace detail
+
+template <CpuBackend B>
+GalaScene load_gala_scene(B& backend, const std::filesystem::path& folder, const CaptureOptions& options,
+                          std::vector<std::string>* warnings) {
+    GalaScene scene;
+    Capture& capture = scene.capture;
+    const auto place = std::filesystem::weakly_canonical(folder);
+    capture.name = place.filename().string();
+    const auto model = options.model.empty() ? place.parent_path() / "model" : options.model;
+    if (std::error_code ignored; !std::filesystem::exists(model / "mesh.txt", ignored))
+        throw IoError((model / "mesh.txt").string() +
+                      ": is missing; GalaBasketball keeps its rig in the folder 'model' beside the scenes");
+    scene.rig = load_gala_rig(model, warnings);
+
+    // Cameras and frames.
+    for (const auto& file : detail::list_numbered(folder / "camera", ".txt")) {
+        NamedCamera camera;
+        camera.name = file.path.stem().string();
+        camera.camera = detail::read_gala_camera(file.path);
+        capture.cameras.push_back(camera);
+    }
+    if (capture.cameras.empty()) throw IoError((folder / "camera").string() + ": holds no camera files NUMBER.txt");
+    std::set<std::string> test_names(options.test_cameras.begin(), options.test_cameras.end());
+    const auto is_called = [](const std::string& name) {
+        return [&name](const NamedCamera& camera) { return camera.name == name; };
+    };
+    for (const std::string& name : test_names)
+        if (std::none_of(capture.cameras.begin(), capture.cameras.end(), is_called(name)))
+            throw IoError((folder / "camera").string() + ": there is no camera '" + name + "' to judge by");
+    if (test_names.empty() && capture.cameras.size() > 1) {
+        const std::string usual = "6";
+        const bool there = std::any_of(capture.cameras.begin(), capture.cameras.end(), is_called(usual));
+        test_names.insert(there ? usual : capture.cameras.back().name);
+    }
+    for (NamedCamera& camera : capture.cameras)
+        if (test_names.count(camera.name)) camera.role = NamedCamera::Role::test;
+
+    detail::GalaSplit split{options.train_frames, options.test_frames};
+    if (!split.train && !split.test) split = detail::known_gala_split(capture.name);
+    std::vector<int> poses;
+    for (const auto& file : detail::list_numbered(folder / "pose", ".txt"))
+        poses.push_back(static_cast<int>(file.number));
+    if (poses.empty()) throw IoError((folder / "pose").string() + ": holds no poses NUMBER.txt");
+    if (!split.train) split.train = FrameRange{poses.front(), poses.back(), 1};
+    if (!split.test) split.test = split.train;
+    std::set<int> wanted;
+    for (const auto& range : {*split.train, *split.test}) {
+        detail::check_range(range, folder.string());
+        for (int frame = range.first; frame <= range.last; frame += range.step) {
+            if (!std::binary_search(poses.begin(), poses.end(), frame))
+                throw IoError((folder / "pose").string() + ": the pose of frame " + std::to_string(frame) +
+                              " is missing, of the frames " + std::to_string(range.first) + " to " +
+                              std::to_string(range.last) + " by " + std::to_string(range.step));
+            wanted.insert(frame);
+        }
+    }
+    const std::vector<int> frames(wanted.begin(), wanted.end());
+    scene.people = load_gala_motions(folder / "pose", scene.rig, frames);
+    check_value(options.person >= 0 && static_cast<std::size_t>(options.person) < scene.people.size(), folder.string(),
+                "there is no person " + std::to_string(options.person) + ", the poses hold " +
+                    std::to_string(scene.people.size()));
+    Motion& motion = scene.people[static_cast<std::size_t>(options.person)];
+    if (options.poses != CaptureOptions().poses) {
+        const auto named = folder / options.poses;
+        motion = load_any_motion(named, scene.rig.body, {options.hands, 30}, warnings);
+        check_size(named.string(), "poses", motion.frame_count(), frames.size(), "one for each frame of the split");
+    }
+    capture.motion = motion;
+
+    // Images.
+    const int factor = std::max(1, options.downscale);
+    std::vector<NamedCamera> full = capture.cameras;
+    for (NamedCamera& camera : capture.cameras) camera.camera = detail::shrink(camera.camera, factor, folder.string());
+    const std::size_t C = capture.cameras.size(), F = frames.size();
+    capture.images.resize(C * F);
+    std::vector<std::map<long, std::filesystem::path>> files(C);
+    for (std::size_t c = 0; c < C; ++c)
+        for (const auto& file : detail::list_numbered(folder / full[c].name, ".png")) files[c][file.number] = file.path;
+    capture.backgrounds.resize(C);
+    detail::load_all(backend, C * (F + 1), [&](std::size_t i) { // backgrounds first
+        const std::size_t c = i < C ? i : (i - C) / F;
+        std::filesystem::path path = folder / "bg" / (full[c].name + ".png");
+        PixelImage* image = &capture.backgrounds[c];
+        if (i >= C) {
+            const int frame = frames[(i - C) % F];
+            if (!(full[c].role == NamedCamera::Role::test ? *split.test : *split.train).contains(frame)) return;
+            const auto file = files[c].find(frame);
+            if (file == files[c].end())
+                throw IoError((folder / full[c].name).string() + ": the image of frame " + std::to_string(frame) +
+                              " is missing");
+            path = file->second;
+            image = &capture.images[i - C];
+        }
+        *image = read_image(path);
+        detail::check_image_size(path, *image, full[c]);
+        for (std::size_t n = 3; n < image->data.size(); n += 4) image->data[n] = 255; // photographs are used whole
+        *image = detail::shrink(*image, factor);
+    });
+    check_value(!capture.views(false).empty(), folder.string(),
+                "no view is left for training; name another test camera");
+    if (warnings)
+        for (const std::string& text : capture_warnings(capture, scene.rig.body))
+            warnings->push_back(folder.string() + ": " + text);
+    return scene;
+}
+
+} // namespace gsh

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Several people in one capture: a name, poses and perhaps masks for each.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/io/capture/any_capture.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/motion/any_motion.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Somebody in a capture.
+struct CapturePerson {
+    std::string name;     ///< of files and in tables
+    std::size_t body = 0; ///< which of the body models
+    Motion motion;        ///< a pose for each of the capture's frames
+    /// 1 where a view shows this person: [cameras * frames] as Capture::images, empty ones where there is no mask; or
+    /// no images at all. Only views to judge by have masks.
+    std::vector<Image<std::uint8_t>> masks = {};
+
+    /// The mask of a view, or nothing.
+    [[nodiscard]] const Image<std::uint8_t>* mask(CaptureView view) const {
+        if (masks.empty()) return nullptr;
+        const auto& mask = masks[view.camera * motion.frame_count() + view.frame];
+        return mask.data.empty() ? nullptr : &mask;
+    }
+};
+
+/// A capture with everybody in it.
+struct PeopleCapture {
+    AnyCapture any; ///< its motion is the first person's, or CaptureOptions::person's
+    std::vector<CapturePerson> people;
+};
+
+/// What to call the people of some pose files: the files' names without extension, or those of folders; where two are
+/// called alike, the later one gets a number, "poses-2".
+/// Errors  ValueError for a file that is named twice.
+[[nodiscard]] inline std::vector<std::string> person_names(const std::vector<std::filesystem::path>& poses);
+
+/// Loads a capture with one or several people: in our own layout one per pose file or folder (in the capture's, or a
+/// path; any that load_any_motion reads), in a layout that holds several people all of them. `bodies` is one model for
+/// all, or one per pose file; none where the layout brings its own. With several people,
+/// FOLDER/person_masks/NAME/CAMERA/FRAME.png says which pixels are whose: optional for each person and camera, white
+/// (or opaque) where the person is seen, as many as the camera has images.
+///
+/// Errors    as load_any_capture, and ShapeError for poses of another number of frames than the first one's, ValueError
+///           for numbers of bodies and poses that do not match, somebody named twice, several pose files where the
+///           layout does not take them; IoError for masks of a person or camera that there is not.
+/// Warnings  capture_warnings for each person, beginning with the name where there are several.
+template <CpuBackend B>
+[[nodiscard]] PeopleCapture
+load_people_capture(B& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
+                    const std::vector<std::filesystem::path>& poses, CaptureOptions options = {},
+                    std::vector<std::string>* warnings = nullptr);
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+/// Masks of one person in the views to judge by, straightened as photographs are. Nothing if the folder is not there.
+template <CpuBackend B>
+std::vector<Image<std::uint8_t>> load_person_masks(B& backend, const std::filesystem::path& folder,
+                                                   const Capture& capture, const std::vector<NamedCamera>& cameras,
+                                                   const std::filesystem::path& poses) {
+    std::error_code ignored;
+    if (!std::filesystem::is_directory(folder, ignored)) return {};
+    const std::size_t frames = capture.frame_count();
+    for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+        const std::string name = entry.path().filename().string();
+        if (entry.is_directory(ignored) && std::none_of(capture.cameras.begin(), capture.cameras.end(),
+                                                        [&](const NamedCamera& camera) { return camera.name == name; }))
+            throw IoError(entry.path().string() + ": there is no camera '" + name + "' in cameras.json");
+    }
+    std::vector<std::vector<std::filesystem::path>> files(capture.cameras.size());
+    for (std::size_t c = 0; c < files.size(); ++c)
+        if (const auto place = folder / capture.cameras[c].name; std::filesystem::is_directory(place, ignored))
+            files[c] = list_frames(place, frames, poses);
+    std::vector<Image<std::uint8_t>> masks(capture.cameras.size() * frames);
+    const std::vector<CaptureView> views = capture.views(true);
+    load_all(backend, views.size(), [&](std::size_t i) {
+        const auto [c, f] = views[i];
+        if (files[c].empty()) return;
+        const NamedCamera& camera = cameras[c];
+        const PixelImage file = read_image(files[c][f]);
+        check_image_size(files[c][f], file, camera);
+        PixelImage alpha(4, file.height, file.width);
+        apply_mask(file, alpha);
+        if (camera.distortion) alpha = straighten(alpha, camera);
+        Image<std::uint8_t>& mask = masks[c * frames + f] = Image<std::uint8_t>(1, file.height, file.width);
+        for (std::size_t p = 0; p < mask.data.size(); ++p) mask.data[p] = alpha.data[4 * p + 3] > 127;
+    });
+    return masks;
+}
+
+} // namespace detail
+
+inline std::vector<std::string> person_names(const std::vector<std::filesystem::path>& poses) {
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+        for (std::size_t k = 0; k < i; ++k)
+            check_value(std::filesystem::weakly_canonical(poses[k]) != std::filesystem::weakly_canonical(poses[i]),
+                        poses[i].string(), "is named twice; each person needs a pose file of their own");
+        const auto path = poses[i].has_filename() ? poses[i] : poses[i].parent_path(); // "folder/"
+        std::error_code ignored;
+        const bool folder = std::filesystem::is_directory(path, ignored);
+        const std::string stem = (folder ? path.filename() : path.stem()).string();
+        std::string name = stem;
+        for (int number = 2; std::find(names.begin(), names.end(), name) != names.end(); ++number)
+            name = stem + "-" + std::to_string(number);
+        names.push_back(name);
+    }
+    return names;
+}
+
+template <CpuBackend B>
+PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
+                                  const std::vector<std::filesystem::path>& poses, CaptureOptions options,
+                                  std::vector<std::string>* warnings) {
+    check_value(bodies.size() <= 1 || bodies.size() == poses.size(), folder.string(),
+                "there are " + std::to_string(bodies.size()) + " body models for " + std::to_string(poses.size()) +
+                    " people (pose files); give one for all, or one each");
+    PeopleCapture result;
+    std::vector<std::filesystem::path> files;
+    for (const auto& file : poses) files.push_back(folder / file); // an absolute path replaces the folder
+    const std::vector<std::string> names = person_names(files);
+    check_value(poses.size() <= 1 || recognise_capture(folder).value_or(CaptureLayout::gsh) == CaptureLayout::gsh,
+                folder.string(), "only a capture in our own layout takes several pose files; see docs/captures.md");
+    if (!poses.empty()) options.poses = poses.front().string();
+    if (poses.size() > 1) options.person = 0; // of each file, not of the row of files
+    std::vector<std::string> of_first;
+    result.any = load_any_capture(backend, folder, bodies.empty() ? nullptr : &bodies[0], options, &of_first);
+    const Capture& capture = result.any.capture;
+    if (result.any.people.size() > 1) { // the layout says who is there
+        for (std::size_t p = 0; p < result.any.people.size(); ++p)
+            result.people.push_back({"person-" + std::to_string(p), 0, result.any.people[p]});
+    } else {
+        result.people.push_back({names.empty() ? "person" : names.front(), 0, capture.motion});
+        for (std::size_t p = 1; p < poses.size(); ++p) {
+            const std::size_t body = bodies.size() > 1 ? p : 0;
+            Motion motion = load_any_motion(files[p], bodies[body], {options.hands, capture.fps}, warnings);
+            check_size(files[p].string(), "poses", motion.frame_count(), capture.frame_count(),
+                       "every person needs a pose for each of the capture's frames, as in " + files[0].string());
+            result.people.push_back({names[p], body, std::move(motion)});
+        }
+    }
+    const bool several = result.people.size() > 1;
+    if (warnings) {
+        const std::size_t first = result.any.people.size() > 1 ? static_cast<std::size_t>(options.person) : 0;
+        for (const std::string& text : of_first)
+            warnings->push_back((several ? result.people[first].name + ": " : "") + text);
+        for (std::size_t p = 0; p < result.people.size(); ++p) {
+            if (p == first) continue;
+            const CapturePerson& person = result.people[p];
+            const BodyModel& body = result.any.rig ? result.any.rig->body : bodies[person.body];
+            for (const std::string& text : capture_warnings(capture, body, person.motion))
+                warnings->push_back(person.name + ": " + folder.string() + ": " + text);
+        }
+    }
+    const auto place = folder / "person_masks";
+    std::error_code ignored;
+    if (!several || !std::filesystem::is_directory(place, ignored)) return result;
+    for (const auto& entry : std::filesystem::directory_iterator(place, ignored)) {
+        const auto called = [&](const CapturePerson& person) {
+            return person.name == entry.path().filename().string();
+        };
+        if (!entry.is_directory(ignored) || std::any_of(result.people.begin(), result.people.end(), called)) continue;
+        std::string known;
+        for (const CapturePerson& person : result.people) known += (known.empty() ? "" : ", ") + person.name;
+        throw IoError(entry.path().string() + ": there is no such person; the people are " + known);
+    }
+    const bool ours = result.any.layout == CaptureLayout::gsh; // a capture's cameras have no distortion any more
+    const auto cameras = ours ? read_cameras(folder / "cameras.json").cameras : capture.cameras;
+    for (std::size_t p = 0; p < result.people.size(); ++p)
+        result.people[p].masks =
+            detail::load_person_masks(backend, place / result.people[p].name, capture, cameras,
+                                      files.empty() ? folder : files[std::min(p, files.size() - 1)]);
+    return result;
+}
+
+} // namespace gsh

@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  PeopleSnapshot as InstantAvatar preprocesses it, and own videos in the same layout.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/file/npy.hpp>
+#include <gsh/io/file/npz.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/motion/any_motion.hpp>
+#include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/motion/people_snapshot_poses.hpp>
+#include <gsh/io/motion/smplifyx_file.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <vector>
+
+namespace gsh {
+
+/// Loads one person, turning before one camera.
+///
+///     FOLDER/cameras.npz               intrinsic [3, 3], extrinsic [4, 4] (world to camera), height, width
+///     FOLDER/images/*.png              frame n is the n-th in order of the names (image_0000.png, …)
+///     FOLDER/masks/*.npy or *.png      [height, width], 0 or 1 (or 0 to 255), one per image
+///     FOLDER/poses/anim_nerf_train.npz, …_test.npz
+///                                      betas, global_orient, body_pose [n, 69], transl: frames of the split only;
+///                                      or poses/train.npz, poses/test.npz
+///     FOLDER/poses.npz                 or, for all frames, betas, thetas [F, 72], transl; or poses_optimized.npz
+///     FOLDER/smplx.npz                 SMPL-X fits (io/motion/smplifyx_file.hpp), read instead for a body of 55 joints
+///
+/// The capture holds the frames of the split, and no others, in order of their numbers. The split is
+/// options.train_frames and test_frames, or FOLDER/split.json, {"train": [first, last, step], "test": […]}, or the one
+/// in use for the four subjects (male-3-casual, …), known by the folder's name; where nobody says, the last fifth of
+/// the video is left for testing. options.poses names other poses, for all frames or for those of the split.
+///
+/// Frame   the camera's; the principal point is kept. options.downscale 0 halves images above 800 pixels (1080 to 540).
+/// Units   this layout's pixels count from the first one's centre, at the size in use, as its poses were fitted: half a
+///         pixel is added to the principal point. timestamps are frame / 30.
+/// Errors  as load_capture.
+template <CpuBackend B>
+[[nodiscard]] Capture load_people_snapshot(B& backend, const std::filesystem::path& folder, const BodyModel& body,
+                                           const CaptureOptions& options = {},
+                                           std::vector<std::string>* warnings = nullptr);
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+struct SnapshotSplit {
+    std::optional<FrameRange> train, test;
+};
+
+/// The split that published figures are measured on, by the subject's name.
+inline SnapshotSplit known_split(std::string_view subject) {
+    struct Row {
+        std::string_view subject;
+        FrameRange train, test;
+    };
+    constexpr Row rows[] = {{"male-3-casual", {0, 455, 4}, {456, 675, 4}},
+                            {"male-4-casual", {0, 659, 6}, {660, 872, 6}},
+                            {"female-3-casual", {0, 445, 4}, {446, 647, 4}},
+                            {"female-4-casual", {0, 335, 4}, {335, 523, 4}}};
+    for (const Row& row : rows)
+        if (row.subject == subject) return {row.train, row.test};
+    return {};
+}
+
+inline SnapshotSplit read_split(const std::filesystem::path& path) {
+    const Json json = read_json(path);
+    const JsonObject object(json, path.string());
+    const auto range = [&](const char* field) {
+        const std::vector<int> numbers = object.integers(field);
+        if (numbers.size() != 3)
+            throw ShapeError(path.string() + ": " + field + " has " + std::to_string(numbers.size()) +
+                             " numbers, expected first, last, step");
+        const FrameRange result{numbers[0], numbers[1], numbers[2]};
+        check_range(result, path.string() + ": " + field);
+        return result;
+    };
+    SnapshotSplit split;
+    split.train = range("train");
+    if (object.has("test")) split.test = range("test");
+    return split;
+}
+
+/// Files of a folder with one of two endings, in order of their names; the first ending that is there counts.
+inline std::vector<std::filesystem::path> list_masks(const std::filesystem::path& folder) {
+    std::error_code error;
+    std::vector<std::filesystem::path> files;
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error))
+        if (entry.path().extension() == ".npy") files.push_back(entry.path());
+    if (error)
+        throw IoError(folder.string() + ": cannot be listed: " + error.message() + "; expected a folder of masks");
+    std::sort(files.begin(), files.end());
+    return files.empty() ? list_images(folder) : files;
+}
+
+/// A mask as alpha, from an array of 0 and 1 (or up to 255) or from an image.
+inline void apply_mask_file(const std::filesystem::path& path, PixelImage& image) {
+    const auto fail = [&](const std::string& found) {
+        throw ShapeError(path.string() + ": is " + found + " pixels, expected " + std::to_string(image.width) + " x " +
+                         std::to_string(image.height));
+    };
+    if (path.extension() != ".npy") {
+        const PixelImage mask = read_image(path);
+        if (mask.width != image.width || mask.height != image.height)
+            fail(std::to_string(mask.width) + " x " + std::to_string(mask.height));
+        return apply_mask(mask, image);
+    }
+    const NpyArray<float> mask = read_npy<float>(path, Numbers::any);
+    const std::size_t pixels = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
+    const bool fits =
+        mask.size() == pixels && mask.shape.size() >= 2 && mask.dim(0) == static_cast<std::size_t>(image.height);
+    if (!fits) fail("an array " + shape_text(mask.shape) + " of");
+    const auto [low, high] = std::minmax_element(mask.data.begin(), mask.data.end());
+    check_value(*low >= 0 && *high <= 255, path.string(),
+                "holds " + std::to_string(*low < 0 ? *low : *high) + ", expected 0 to 1, or 0 to 255");
+    const float scale = *high <= 1 ? 255.0f : 1.0f;
+    for (std::size_t i = 0; i < pixels; ++i) image.data[4 * i + 3] = static_cast<std::uint8_t>(mask[i] * scale + 0.5f);
+}
+
+/// The camera of cameras.npz, at full size and with pixels counted from the corner.
+inline Camera<double> read_snapshot_camera(const std::filesystem::path& path) {
+    const NpzReader file(path);
+    const auto K = file.read<double>("intrinsic", {3, 3}, Numbers::any),
+               E = file.read<double>("extrinsic", {4, 4}, Numbers::any);
+    const auto size = [&](const char* key) {
+        const double value = file.read_number<double>(key, Numbers::any);
+        check_value(value >= 1 && value <= 65535 && value == std::floor(value), file.name_of(key),
+                    "is " + std::to_string(value) + ", expected a number of pixels");
+        return static_cast<int>(value);
+    };
+    const mat3<double> R(vec3<double>(E[0], E[4], E[8]), vec3<double>(E[1], E[5], E[9]),
+                         vec3<double>(E[2], E[6], E[10]));
+    return camera_from_K<double>(K.data, R, vec3<double>(E[3], E[7], E[11]), size("width"), size("height"),
+                                 path.string());
+}
+
+/// Motion of fits (io/motion/smplifyx_file.hpp, or whatever load_any_motion reads) for these frames of a video of
+/// `images` frames; `camera` becomes the fits' camera where the file holds one.
+inline Motion snapshot_fits(const std::filesystem::path& path, const BodyModel& body,
+                            const std::vector<SnapshotFrame>& frames, std::size_t images,
+                            MotionFileOptions::Hands hands, Camera<double>& camera,
+                            std::vector<std::string>* warnings) {
+    const MotionFileOptions options{hands, 30};
+    SmplifyxFits fits;
+    const auto layout = recognise_motion(path);
+    const auto file = motion_file_of(path);
+    if (layout == MotionLayout::smplifyx || (layout == MotionLayout::gsh && !NpzReader(file).has_array("poses")))
+        fits = load_smplifyx_fits(file, body, options, warnings);
+    else
+        fits.motion = load_any_motion(path, body, options, warnings);
+    const std::size_t T = fits.motion.frame_count();
+    if (layout == MotionLayout::smplx_json && T != images && T != frames.size()) // then the files' numbers count
+        for (const double time : fits.motion.timestamps)
+            fits.frame_ids.push_back(static_cast<int>(std::lround(time * options.fps)));
+    if (fits.frame_ids.empty() && T != images && T != frames.size())
+        throw ShapeError(path.string() + ": holds " + std::to_string(T) + " poses, expected " + std::to_string(images) +
+                         ", one per image, or " + std::to_string(frames.size()) +
+                         ", one per frame of the split; else store frame_ids");
+    Motion motion;
+    motion.joint_count = fits.motion.joint_count, motion.expression_count = fits.motion.expression_count;
+    motion.betas = fits.motion.betas;
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+        std::size_t row = T == images ? static_cast<std::size_t>(frames[i].number) : i;
+        if (!fits.frame_ids.empty()) {
+            const auto found = std::find(fits.frame_ids.begin(), fits.frame_ids.end(), frames[i].number);
+            if (found == fits.frame_ids.end())
+                throw IoError(path.string() + ": frame_ids lacks frame " + std::to_string(frames[i].number));
+            row = static_cast<std::size_t>(found - fits.frame_ids.begin());
+        }
+        const auto pose = fits.motion.pose_at(row);
+        const auto expression = fits.motion.expression_at(row);
+        motion.pose.insert(motion.pose.end(), pose.begin(), pose.end());
+        motion.expression.insert(motion.expression.end(), expression.begin(), expression.end());
+        motion.transl.push_back(fits.motion.transl[row]);
+        motion.timestamps.push_back(frames[i].number / 30.0);
+    }
+    if (fits.has_camera()) camera = fits.camera(camera.width, camera.height);
+    camera.R = mat3<double>(1.0), camera.t = vec3<double>(0); // fits are made in the camera's frame
+    return motion;
+}
+
+} // namespace detail
+
+template <CpuBackend B>
+Capture load_people_snapshot(B& backend, const std::filesystem::path& folder, const BodyModel& body,
+                             const CaptureOptions& options, std::vector<std::string>* warnings) {
+    const auto warn = [&](const std::string& text) {
+        if (warnings) warnings->push_back(text);
+    };
+    std::error_code ignored;
+    Capture capture;
+    capture.name = std::filesystem::weakly_canonical(folder).filename().string();
+    NamedCamera named;
+    named.name = "camera";
+    named.camera = detail::read_snapshot_camera(folder / "cameras.npz");
+    const auto images = detail::list_images(folder / "images"), masks = detail::list_masks(folder / "masks");
+    if (images.empty()) throw IoError((folder / "images").string() + ": holds no images");
+    if (masks.size() != images.size())
+        throw ShapeError((folder / "masks").string() + ": holds " + std::to_string(masks.size()) + " masks, expected " +
+                         std::to_string(images.size()) + ", one per image");
+    const int count = static_cast<int>(images.size());
+
+    // Which frames.
+    detail::SnapshotSplit split{options.train_frames, options.test_frames};
+    const auto split_file = folder / "split.json";
+    if (!split.train && !split.test)
+        split = std::filesystem::exists(split_file, ignored) ? detail::read_split(split_file)
+                                                             : detail::known_split(capture.name);
+    if (!split.train) {
+        const int border = std::max(1, count * 4 / 5), step = std::max(1, count / 150);
+        split.train = FrameRange{0, border - 1, step};
+        if (!split.test && border < count) split.test = FrameRange{border, count - 1, step};
+        warn(folder.string() + ": no split is known for '" + capture.name + "': frames 0 to " +
+             std::to_string(border - 1) + " by " + std::to_string(step) +
+             " are trained on, the others judged by; write split.json to say otherwise");
+    }
+    std::vector<detail::SnapshotFrame> frames;
+    for (const bool test : {false, true})
+        if (const auto& range = test ? split.test : split.train) {
+            detail::check_range(*range, folder.string());
+            for (int frame = range->first; frame <= std::min(range->last, count - 1); frame += range->step) {
+                check_value(!test || !split.train->contains(frame), folder.string(),
+                            "frame " + std::to_string(frame) + " is to be trained on and to be judged by");
+                frames.push_back({frame, test});
+            }
+        }
+    check_value(!frames.empty() && !frames[0].test, folder.string(), "no frame is left for training");
+    std::sort(frames.begin(), frames.end(), [](const auto& a, const auto& b) { return a.number < b.number; });
+
+    const int longest = std::max(named.camera.width, named.camera.height);
+    const bool even = named.camera.width % 2 == 0 && named.camera.height % 2 == 0;
+    const int factor = options.downscale > 0 ? options.downscale : longest > 800 && even ? 2 : 1;
+
+    // Their poses.
+    const bool named_fits = options.poses != "poses.npz";
+    const auto fits = named_fits ? folder / options.poses : folder / "smplx.npz";
+    named.camera.cx += 0.5 * factor, named.camera.cy += 0.5 * factor;
+    if (named_fits || (body.joint_count() == 55 && std::filesystem::exists(fits, ignored))) {
+        capture.motion =
+            detail::snapshot_fits(fits, body, frames, images.size(), options.hands, named.camera, warnings);
+    } else {
+        capture.motion = detail::snapshot_motion(folder, body, frames, images.size(), options.hands, warnings);
+    }
+
+    // Their images.
+    const NamedCamera full = named;
+    named.camera = detail::shrink(named.camera, factor, folder.string());
+    capture.cameras.push_back(named);
+    for (std::size_t i = 0; i < frames.size(); ++i)
+        if (frames[i].test) capture.test_frames.push_back(static_cast<int>(i));
+    capture.images.resize(frames.size());
+    detail::load_all(backend, frames.size(), [&](std::size_t i) {
+        const auto frame = static_cast<std::size_t>(frames[i].number);
+        PixelImage image = read_image(images[frame]);
+        detail::check_image_size(images[frame], image, full);
+        detail::apply_mask_file(masks[frame], image);
+        if (!options.empty_masks) detail::check_mask(masks[frame], image);
+        capture.images[i] = detail::shrink(image, factor);
+    });
+    if (warnings)
+        for (const std::string& text : capture_warnings(capture, body))
+            warnings->push_back(folder.string() + ": " + text);
+    return capture;
+}
+
+} // namespace gsh

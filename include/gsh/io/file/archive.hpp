@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Our own files: .npz archives that say what they are and which version of it.
+#pragma once
+
+#include <gsh/core/error.hpp>
+#include <gsh/io/file/npz.hpp>
+
+#include <cstddef>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Writes an archive of a kind ("avatar", "checkpoint") and version; NumPy opens it like any .npz. Its member
+/// gsh_format reads "KIND VERSION". The file appears on commit.
+class ArchiveWriter : public NpzWriter {
+public:
+    ArchiveWriter(std::filesystem::path path, std::string_view kind, int version) : NpzWriter(std::move(path)) {
+        add_text("gsh_format", std::string(kind) + " " + std::to_string(version));
+    }
+
+    /// Structs made of nothing but T, such as vectors and quaternions, as an array [rows, numbers per row].
+    template <class T, class Row>
+        requires std::is_trivially_copyable_v<Row> && (sizeof(Row) % sizeof(T) == 0)
+    void add_rows(std::string_view key, Span<const Row> rows) {
+        constexpr std::size_t width = sizeof(Row) / sizeof(T);
+        add<T>(key, Span<const T>(reinterpret_cast<const T*>(rows.data()), rows.size() * width), {rows.size(), width});
+    }
+    template <class T, class Row>
+    void add_rows(std::string_view key, const std::vector<Row>& rows) {
+        add_rows<T>(key, Span<const Row>(rows));
+    }
+};
+
+/// Reads what ArchiveWriter wrote, bit for bit: an array comes back as the type it was, NaN and all.
+/// Errors  IoError, naming the file, for one that is not ours, of another kind or of another version; then as
+///         NpzReader.
+class ArchiveReader {
+public:
+    ArchiveReader(std::filesystem::path path, std::string_view kind, int version);
+
+    [[nodiscard]] bool has(std::string_view key) const { return file_.has(key); }
+    /// The archive as a plain .npz, for functions that read parts of it.
+    [[nodiscard]] const NpzReader& file() const { return file_; }
+
+    template <class T>
+    [[nodiscard]] NpyArray<T> read(std::string_view key) const {
+        return file_.read<T>(key, Numbers::exact);
+    }
+    template <class T>
+    [[nodiscard]] T read_number(std::string_view key) const {
+        return file_.read_number<T>(key, Numbers::exact);
+    }
+    [[nodiscard]] std::string read_text(std::string_view key) const {
+        const auto texts = file_.read_texts(key);
+        if (texts.size() != 1)
+            throw ShapeError(file_.name_of(key) + " holds " + std::to_string(texts.size()) + " texts, expected one");
+        return texts[0];
+    }
+    /// What add_rows wrote.
+    template <class T, class Row>
+        requires std::is_trivially_copyable_v<Row> && (sizeof(Row) % sizeof(T) == 0)
+    [[nodiscard]] std::vector<Row> read_rows(std::string_view key) const {
+        constexpr std::size_t width = sizeof(Row) / sizeof(T);
+        const auto array = file_.read<T>(key, {-1, static_cast<std::int64_t>(width)}, Numbers::exact);
+        std::vector<Row> rows(array.dim(0));
+        if (!rows.empty()) std::memcpy(static_cast<void*>(rows.data()), array.data.data(), rows.size() * sizeof(Row));
+        return rows;
+    }
+
+private:
+    NpzReader file_;
+};
+
+/// The kind of an archive ("avatar"), or nothing for a file that is not one of ours.
+[[nodiscard]] inline std::string archive_kind(const std::filesystem::path& path);
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+/// The text of gsh_format, or nothing.
+inline std::string archive_format(const NpzReader& file) {
+    if (!file.has("gsh_format") || !file.header("gsh_format").is_text()) return {};
+    const auto texts = file.read_texts("gsh_format");
+    return texts.size() == 1 ? texts[0] : std::string();
+}
+} // namespace detail
+
+inline ArchiveReader::ArchiveReader(std::filesystem::path path, std::string_view kind, int version)
+    : file_(std::move(path)) {
+    const std::string name = file_.path().string(), format = detail::archive_format(file_);
+    const std::string expected = std::string(kind) + " " + std::to_string(version);
+    if (format == expected) return;
+    if (format.empty()) throw IoError(name + ": is not a gsh file: gsh_format is missing, expected '" + expected + "'");
+    const std::string found = format.substr(0, format.find(' '));
+    if (found != kind)
+        throw IoError(name + ": holds '" + format + "', expected '" + expected + "'; give the file of that kind");
+    throw IoError(name + ": holds '" + format + "', but this program reads '" + expected +
+                  "'; make the file again, or take the version of gsh that wrote it");
+}
+
+inline std::string archive_kind(const std::filesystem::path& path) {
+    const std::string format = detail::archive_format(NpzReader(path));
+    return format.substr(0, format.find(' '));
+}
+
+} // namespace gsh

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Flat JSON files of settings: names and values, as text.
+#pragma once
+
+#include <gsh/core/error.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Reads {"name": 0.5, "other": true, "third": "text"} in the file's order.
+/// Errors  IoError for a file that is no JSON object, or a member that is a list, an object or null.
+[[nodiscard]] inline std::vector<std::pair<std::string, std::string>> read_settings(const std::filesystem::path& path) {
+    const detail::Json json = detail::read_json(path);
+    if (!json.is_object()) throw IoError(path.string() + ": must hold one JSON object, names and values");
+    std::vector<std::pair<std::string, std::string>> settings;
+    for (const auto& [name, value] : json.items()) {
+        if (value.is_structured() || value.is_null())
+            throw IoError(path.string() + ": " + name + " must be a number, true, false, or text in quotes");
+        settings.emplace_back(name, value.is_string() ? value.get<std::string>() : value.dump());
+    }
+    return settings;
+}
+
+} // namespace gsh

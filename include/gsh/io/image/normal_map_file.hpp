@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Normal maps that other programs wrote, as PNG or npy, brought into the frame of prior views.
+#pragma once
+
+#include <gsh/core/error.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/npy.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/prior/prior_view.hpp>
+
+#include <stb/stb_image.h>
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Which way the three channels point. In an image file a channel holds (component + 1) / 2 of its full range.
+enum class NormalEncoding {
+    y_up,    ///< x right, y up, z towards the viewer: ICON, ECON, Sapiens, OpenGL; a face looks lilac, (128, 128, 255)
+    y_down,  ///< x right, y down, z towards the viewer: "DirectX" maps
+    opencv,  ///< x right, y down, z away from the viewer, as our cameras
+    x_left,  ///< x left, y up, z away from the viewer: PyTorch3D's camera frame
+};
+
+/// Which side of the body a map shows.
+enum class NormalFacing {
+    viewer, ///< what the camera sees
+    away,   ///< the far side in the front view's pixels and frame, as ICON's and ECON's back maps: use the front camera
+};
+
+struct NormalMapParams {
+    NormalEncoding encoding = NormalEncoding::y_up;
+    NormalFacing facing = NormalFacing::viewer;
+    double shortest = 0.5, longest = 1.5; ///< lengths of a normal that counts: grey, black and white grounds do not
+    double alpha = 0.5;                   ///< pixels more transparent than this do not count
+};
+
+/// Reads a normal map: unit normals in the camera's frame (x right, y down, z forward), and where they count.
+///
+/// PNG: 8 or 16 bits, RGB or RGBA. npy: (height, width, 3), or 4 with alpha, or (3, height, width); real numbers are
+/// the components themselves, with NaN for "nothing", unsigned 8 or 16-bit integers are as in a PNG.
+/// Errors  IoError for a file that is missing, damaged or of another kind, ShapeError for another shape; ValueError
+///         where no normal counts, where real numbers look like colours in [0, 1], and where most normals face the
+///         wrong way.
+[[nodiscard]] inline PriorMap read_normal_map(const std::filesystem::path& path, const NormalMapParams& params = {});
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+/// Components in [-1, 1] as the file means them, alpha in [0, 1], pixel by pixel.
+struct RawNormals {
+    std::vector<double> values; // [height, width, 4]
+    int height = 0, width = 0;
+
+    RawNormals(const std::string& name, std::size_t rows, std::size_t columns) {
+        constexpr std::size_t most = std::numeric_limits<int>::max();
+        if (rows > most || columns > most) throw ShapeError(name + ": the map has an absurd size");
+        check_pixel_count(name, static_cast<std::int64_t>(columns), static_cast<std::int64_t>(rows));
+        height = static_cast<int>(rows), width = static_cast<int>(columns);
+        values.assign(4 * rows * columns, 1.0);
+    }
+    /// Fills channel c of every pixel with value(pixel, c); whole numbers up to `full` are colours.
+    template <class Value>
+    void fill(std::size_t channels, double full, const Value& value) {
+        for (std::size_t i = 0; i < values.size() / 4; ++i)
+            for (std::size_t c = 0; c < channels; ++c) {
+                const double v = value(i, c) / full;
+                values[4 * i + c] = full > 1 && c < 3 ? 2 * v - 1 : v;
+            }
+    }
+};
+
+inline RawNormals read_normal_png(const std::filesystem::path& path) {
+    const std::string name = path.string(), bytes = read_file(path);
+    if (!bytes.starts_with("\x89PNG\r\n\x1a\n"))
+        throw IoError(name + ": is not a PNG image; normals do not survive JPEG, and EXR is not read (save as .npy)");
+    if (const std::string fault = png_fault(bytes); !fault.empty()) throw IoError(name + ": the image is " + fault);
+    check_pixel_count(name, png_number(bytes, 16), png_number(bytes, 20));
+    const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
+    const int size = static_cast<int>(bytes.size());
+    const auto refuse = [&] { return IoError(name + ": the image cannot be decoded: " + stbi_failure_reason()); };
+    int width = 0, height = 0, channels = 0;
+    if (!stbi_info_from_memory(data, size, &width, &height, &channels)) throw refuse();
+    if (channels < 3)
+        throw ShapeError(name + ": the image is grey, expected 3 channels of a normal (and perhaps alpha)");
+    const auto release = [](void* pixels) { stbi_image_free(pixels); };
+    RawNormals raw(name, static_cast<std::size_t>(height), static_cast<std::size_t>(width));
+    const auto fill = [&](auto* loaded, double full) {
+        const std::unique_ptr<void, decltype(release)> pixels(loaded, release);
+        if (!loaded) throw refuse();
+        raw.fill(4, full, [&](std::size_t i, std::size_t c) { return static_cast<double>(loaded[4 * i + c]); });
+    };
+    if (stbi_is_16_bit_from_memory(data, size))
+        fill(stbi_load_16_from_memory(data, size, &width, &height, &channels, 4), 65535);
+    else
+        fill(stbi_load_from_memory(data, size, &width, &height, &channels, 4), 255);
+    return raw;
+}
+
+/// What an .npy file holds.
+inline NpyHeader npy_header_of(const std::filesystem::path& path) {
+    const std::string name = path.string();
+    std::ifstream file(path, std::ios::binary);
+    std::error_code error;
+    const std::size_t size = std::filesystem::file_size(path, error);
+    if (!file || error) throw IoError(name + ": cannot be opened; is the path right?");
+    return read_npy_header(
+        [&](void* data, std::size_t count) {
+            file.read(static_cast<char*>(data), static_cast<std::streamsize>(count));
+            return static_cast<std::size_t>(file.gcount());
+        },
+        size, name);
+}
+
+inline RawNormals read_normal_npy(const std::filesystem::path& path) {
+    const std::string name = path.string();
+    const NpyHeader header = npy_header_of(path);
+    const auto& shape = header.shape;
+    const bool last = shape.size() == 3 && (shape[2] == 3 || shape[2] == 4), first = shape.size() == 3 && shape[0] == 3;
+    if (!last && !first)
+        throw ShapeError(name + " has shape " + shape_text(shape) +
+                         ", expected (height, width, 3 or 4) or (3, height, width)");
+    const std::size_t rows = last ? shape[0] : shape[1], columns = last ? shape[1] : shape[2],
+                      channels = last ? shape[2] : 3, pixels = rows * columns;
+    RawNormals raw(name, rows, columns);
+    const auto fill = [&]<class T>(T, Numbers numbers, double full) {
+        const auto array = read_npy<T>(path, numbers);
+        raw.fill(channels, full, [&](std::size_t i, std::size_t c) {
+            return static_cast<double>(last ? array[channels * i + c] : array[pixels * c + i]);
+        });
+    };
+    if (header.is_real() && header.width == 4) fill(float(), Numbers::exact, 1);
+    else if (header.is_real() && header.width == 8) fill(double(), Numbers::exact, 1);
+    else if (header.is_real()) fill(float(), Numbers::same_kind, 1);
+    else if (header.kind == 'u' && header.width == 1) fill(std::uint8_t(), Numbers::same_kind, 255);
+    else if (header.kind == 'u' && header.width == 2) fill(std::uint16_t(), Numbers::same_kind, 65535);
+    else
+        throw IoError(name + " has dtype " + header.dtype +
+                      ", expected real numbers in [-1, 1] or colours (|u1 or <u2)");
+    return raw;
+}
+
+} // namespace detail
+
+inline PriorMap read_normal_map(const std::filesystem::path& path, const NormalMapParams& params) {
+    const std::string name = path.string();
+    const bool npy = path.extension() == ".npy";
+    const detail::RawNormals raw = npy ? detail::read_normal_npy(path) : detail::read_normal_png(path);
+    const NormalEncoding encoding = params.encoding;
+    const bool up = encoding == NormalEncoding::y_up || encoding == NormalEncoding::x_left;
+    const bool forward = encoding == NormalEncoding::opencv || encoding == NormalEncoding::x_left;
+    const vec3<double> sign(encoding == NormalEncoding::x_left ? -1 : 1, up ? -1 : 1, forward ? 1 : -1);
+    PriorMap map{Image<double>(3, raw.height, raw.width), Image<std::uint8_t>(1, raw.height, raw.width)};
+    std::size_t count = 0, to_viewer = 0;
+    double least = 1;
+    for (std::size_t i = 0; i < map.mask.data.size(); ++i) {
+        const double* pixel = &raw.values[4 * i];
+        const vec3<double> n(pixel[0], pixel[1], pixel[2]);
+        const double size = length(n);
+        if (!(pixel[3] >= params.alpha && size >= params.shortest && size <= params.longest)) continue; // NaN, too
+        for (int k = 0; k < 3; ++k) {
+            map.values.view().row(k, 0)[i] = sign[k] * n[k] / size;
+            least = std::fmin(least, n[k]);
+        }
+        map.mask.data[i] = 1;
+        ++count, to_viewer += sign.z * n.z < 0;
+    }
+    check_value(count > 0, name, "no pixel holds a normal: none is opaque with a length of " +
+                                     std::to_string(params.shortest) + " to " + std::to_string(params.longest) +
+                                     "; is this a normal map?");
+    check_value(!npy || least < -1e-6 || count < 100, name,
+                "no component is negative, so these are colours in [0, 1]; store 2 c - 1, or unsigned 8-bit integers");
+    const std::size_t right_way = params.facing == NormalFacing::viewer ? to_viewer : count - to_viewer;
+    check_value(2 * right_way >= count, name,
+                std::to_string(count - right_way) + " of " + std::to_string(count) + " normals face " +
+                    (params.facing == NormalFacing::viewer
+                         ? "away from the viewer; choose another encoding, or facing: away for a back map"
+                         : "the viewer, expected a map of the far side; choose facing: viewer"));
+    return map;
+}
+
+} // namespace gsh

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Configurations in JSON files: a name to start from, and the settings that differ.
+#pragma once
+
+#include <gsh/core/error.hpp>
+#include <gsh/io/file/settings_file.hpp>
+#include <gsh/train/configuration.hpp>
+#include <gsh/train/static_configuration.hpp>
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+namespace detail {
+
+/// A file of settings: where it starts from, empty if it does not say, and what differs.
+struct SettingsFile {
+    std::string path, configuration;
+    std::vector<std::pair<std::string, std::string>> settings;
+
+    explicit SettingsFile(const std::filesystem::path& file) : path(file.string()) {
+        for (auto& [key, text] : read_settings(file)) {
+            if (key == "configuration")
+                configuration = text;
+            else
+                settings.emplace_back(key, text);
+        }
+    }
+    template <class C>
+    void set(C& config) const {
+        for (const auto& [key, text] : settings) set_setting(config, key, text, path);
+    }
+};
+
+/// What looks like a path is one.
+[[nodiscard]] inline bool is_configuration_file(const std::string& name_or_path) {
+    const std::filesystem::path path(name_or_path);
+    return path.extension() == ".json" || path.has_parent_path();
+}
+
+/// named_configuration, where a static scene has a name, too. `or_else` says what may stand in a name's place.
+[[nodiscard]] inline Configuration configuration_of_person(const std::string& name, std::string_view where,
+                                                           const std::string& or_else = {}) {
+    check_value(name != "static", where, "static is no person's configuration; find_static_configuration reads it");
+    return named_configuration(name, where, ", static" + or_else);
+}
+
+} // namespace detail
+
+/// Reads {"configuration": "paper", "rate.sh": 0.001, "hash_sh": false, …}. All members are optional.
+/// Errors  IoError for a file that is no flat JSON object; ValueError, which names the file, for a configuration or a
+///         setting that does not exist or cannot be.
+[[nodiscard]] inline Configuration read_configuration(const std::filesystem::path& path) {
+    const detail::SettingsFile file(path);
+    Configuration configuration =
+        detail::configuration_of_person(file.configuration.empty() ? "paper" : file.configuration, file.path);
+    file.set(configuration);
+    if (!file.settings.empty()) configuration.name = path.stem().string();
+    return configuration;
+}
+
+/// A configuration by name, or of a file: what looks like a path is one. `where` says who asks, for messages.
+[[nodiscard]] inline Configuration find_configuration(const std::string& name_or_path,
+                                                      std::string_view where = "find_configuration") {
+    return detail::is_configuration_file(name_or_path)
+               ? read_configuration(name_or_path)
+               : detail::configuration_of_person(name_or_path, where, ", or a JSON file of settings");
+}
+
+/// Whether a name or a file stands for a static scene, which is configured apart: "static", or {"configuration":
+/// "static", …}.
+[[nodiscard]] inline bool is_static_configuration(const std::string& name_or_path) {
+    if (!detail::is_configuration_file(name_or_path)) return name_or_path == "static";
+    return detail::SettingsFile(name_or_path).configuration == "static";
+}
+
+/// The settings of a static scene for a run of so many steps, and those that differ in a file, if it is one.
+/// Errors  as for read_configuration.
+[[nodiscard]] inline StaticConfig find_static_configuration(const std::string& name_or_path, std::int64_t steps) {
+    StaticConfig config = static_config(steps);
+    if (detail::is_configuration_file(name_or_path)) detail::SettingsFile(name_or_path).set(config);
+    return config;
+}
+
+} // namespace gsh

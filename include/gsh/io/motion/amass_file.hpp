@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Motions of AMASS and of programs that write as it does: whole poses, or split as its SMPL-X release has them.
+#pragma once
+
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/io/file/npz.hpp>
+#include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/motion/motion_table.hpp>
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Reads trans [T, 3] with poses [T, 3 J] (SMPL+H 156, SMPL-X 165, SMPL 72, body 66), or with root_orient [T, 3],
+/// pose_body [T, 63] and, where they are there, pose_jaw [T, 3], pose_eye [T, 6], pose_hand [T, 90]; poses go first.
+/// betas, expression(s) and mocap_framerate or mocap_frame_rate may be missing. Everything else (gender, dmpls,
+/// markers and their pickled names) is left alone.
+///
+/// Frame   z is up in AMASS: with options.world = upright the body stands along +y. Hands hold their mean already,
+///         unless the file's flat_hand (or flat_hand_mean) is 0.
+/// Errors  as load_motion.
+[[nodiscard]] inline Motion load_amass_motion(const std::filesystem::path& path, const BodyModel& model,
+                                              const MotionFileOptions& options = {},
+                                              std::vector<std::string>* warnings = nullptr);
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+/// Members of a file as a table with one row per frame, under other names.
+class TableOfNpz {
+public:
+    TableOfNpz(const NpzReader& file, MotionTable& table) : file_(file), table_(table) {}
+
+    /// A member [T, width] as it is; any width where that is 0. False if it is not there.
+    bool take(std::string_view member, std::string_view key, std::size_t width = 0) {
+        if (!file_.has_array(member)) return false;
+        put(key, member, rows(member, width), 0, 0);
+        return true;
+    }
+    /// Numbers [from, from + count) of each row of a member.
+    bool take_part(std::string_view member, std::string_view key, std::size_t width, std::size_t from,
+                   std::size_t count) {
+        if (!file_.has_array(member)) return false;
+        put(key, member, rows(member, width), from, count);
+        return true;
+    }
+    [[nodiscard]] std::size_t frames() const { return frames_; }
+
+private:
+    const NpzReader& file_;
+    MotionTable& table_;
+    std::size_t frames_ = 0;
+
+    NpyArray<double> rows(std::string_view member, std::size_t width) {
+        NpyArray<double> array = file_.read<double>(member);
+        const std::size_t count = array.shape.empty() ? 0 : array.dim(0), found = count ? array.size() / count : 0;
+        if (count == 0 || (frames_ && count != frames_) || (width && found != width))
+            throw ShapeError(file_.name_of(member) + " has shape " + shape_text(array.shape) + ", expected (" +
+                             (frames_ ? std::to_string(frames_) : "*") + ", " + (width ? std::to_string(width) : "*") +
+                             ")");
+        frames_ = count;
+        array.shape = {count, found};
+        return array;
+    }
+    void put(std::string_view key, std::string_view member, NpyArray<double> array, std::size_t from,
+             std::size_t count) {
+        if (count > 0) {
+            NpyArray<double> part{{array.dim(0), count}, {}};
+            for (std::size_t t = 0; t < array.dim(0); ++t)
+                for (std::size_t k = 0; k < count; ++k) part.data.push_back(array[t * array.dim(1) + from + k]);
+            array = std::move(part);
+        }
+        table_.add(std::string(key), std::string(member), std::move(array));
+    }
+};
+
+/// A shape that a file does not tell is the body's mean shape.
+inline void add_mean_shape(MotionTable& table, std::vector<std::string>* warnings) {
+    table.add("betas", "betas", std::vector<double>{0.0}, {1});
+    if (warnings) warnings->push_back(table.path().string() + ": betas are missing, the body's mean shape is taken");
+}
+
+} // namespace detail
+
+inline Motion load_amass_motion(const std::filesystem::path& path, const BodyModel& model,
+                                const MotionFileOptions& options, std::vector<std::string>* warnings) {
+    const NpzReader file(path);
+    MotionTable table(path);
+    detail::TableOfNpz members(file, table);
+    if (!members.take("poses", "poses")) {
+        if (!members.take("root_orient", "global_orient", 3))
+            throw IoError(path.string() +
+                          ": poses is missing, and so is root_orient; expected a motion as AMASS writes it");
+        if (!members.take("pose_body", "body_pose")) throw IoError(file.name_of("pose_body") + " is missing");
+        members.take("pose_jaw", "jaw_pose", 3);
+        members.take_part("pose_eye", "leye_pose", 6, 0, 3);
+        members.take_part("pose_eye", "reye_pose", 6, 3, 3);
+        members.take_part("pose_hand", "left_hand_pose", 90, 0, 45);
+        members.take_part("pose_hand", "right_hand_pose", 90, 45, 45);
+    }
+    if (!members.take("trans", "transl", 3) && !members.take("transl", "transl", 3))
+        throw IoError(file.name_of("trans") + " is missing");
+    if (!members.take("expression", "expression")) members.take("expressions", "expression");
+    if (file.has_array("betas"))
+        table.add("betas", "betas", file.read<double>("betas"));
+    else
+        detail::add_mean_shape(table, warnings);
+    for (const char* key : {"mocap_framerate", "mocap_frame_rate", "fps"})
+        if (file.has_array(key)) {
+            const double rate = file.read_number<double>(key, Numbers::any);
+            check_value(rate > 0, file.name_of(key),
+                        "is " + std::to_string(rate) + ", expected frames per second above 0");
+            table.add("mocap_frame_rate", key, std::vector<double>{rate}, {});
+            break;
+        }
+    if (file.has_array("timestamps"))
+        table.add("timestamps", "timestamps", file.read<double>("timestamps", Numbers::any));
+    double flat_hand = 1;
+    for (const char* key : {"flat_hand_mean", "flat_hand"})
+        if (file.has_array(key)) flat_hand = file.read_number<int>(key);
+    table.add("flat_hand", "flat_hand", std::vector<double>{flat_hand}, {});
+    return detail::MotionReader<MotionTable>(std::move(table), model, options, warnings).read();
+}
+
+} // namespace gsh

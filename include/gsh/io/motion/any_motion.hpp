@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Motions in whatever layout they come: recognised by the members of a file, or by the files of a folder.
+#pragma once
+
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/body/moved_motion.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/file/npz.hpp>
+#include <gsh/io/motion/amass_file.hpp>
+#include <gsh/io/motion/easymocap_file.hpp>
+#include <gsh/io/motion/gala_rig.hpp>
+#include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/motion/people_snapshot_poses.hpp>
+#include <gsh/io/motion/smplifyx_file.hpp>
+#include <gsh/io/motion/smplx_json_file.hpp>
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+enum class MotionLayout {
+    gsh,        ///< .npz, split as SMPL-X programs have it, or poses: io/motion/motion_file.hpp
+    amass,      ///< .npz with poses and trans, or root_orient and pose_body: io/motion/amass_file.hpp
+    smplifyx,   ///< .npz with camera_translation or camera_transform: io/motion/smplifyx_file.hpp
+    snapshot,   ///< .npz with thetas: io/motion/people_snapshot_poses.hpp
+    smplx_json, ///< folder of NUMBER.json, objects: io/motion/smplx_json_file.hpp
+    easymocap,  ///< folder of NUMBER.json, lists: io/motion/easymocap_file.hpp
+    gala,       ///< folder of a GalaBasketball scene: io/motion/gala_rig.hpp
+};
+
+/// What a file or a folder holds, told by its members or files; nothing if they are of no layout that we read.
+/// Errors  IoError for what is neither a folder nor an archive.
+[[nodiscard]] inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path& path);
+
+/// Loads a motion in any layout, from a file or a folder; for a folder with poses.npz (a capture), from that.
+/// Frame   as the file has it, or options.world.
+/// Errors  IoError for what is of no known layout; else as the layout's own function.
+[[nodiscard]] inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel& body,
+                                            const MotionFileOptions& options = {},
+                                            std::vector<std::string>* warnings = nullptr);
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+/// The file of a motion: of a folder its poses.npz, where it has one.
+inline std::filesystem::path motion_file_of(const std::filesystem::path& path) {
+    std::error_code ignored;
+    const auto inside = path / "poses.npz";
+    return std::filesystem::is_directory(path, ignored) && std::filesystem::exists(inside, ignored) ? inside : path;
+}
+
+} // namespace detail
+
+inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path& path) {
+    std::error_code ignored;
+    if (std::filesystem::is_directory(path, ignored)) {
+        if (std::filesystem::is_directory(path / "pose", ignored) &&
+            !detail::list_numbered(path / "pose", ".txt").empty())
+            return MotionLayout::gala;
+        if (const auto place = detail::smplx_json_folder(path); !place.empty()) {
+            const detail::Json first = detail::read_json(detail::list_numbered(place, ".json").front().path);
+            return first.is_array() || first.contains("annots") ? MotionLayout::easymocap : MotionLayout::smplx_json;
+        }
+        const auto file = detail::motion_file_of(path);
+        return file == path ? std::nullopt : recognise_motion(file);
+    }
+    const NpzReader file(path);
+    const auto has = [&](const char* key) { return file.has_array(key); };
+    if (has("thetas")) return MotionLayout::snapshot;
+    if (has("global_orient") && (has("camera_translation") || has("camera_transform") || has("camera_rotation")))
+        return MotionLayout::smplifyx;
+    if (has("global_orient")) return MotionLayout::gsh; // it splits the pose, whatever else is there
+    if (has("root_orient") || (has("poses") && has("trans"))) return MotionLayout::amass;
+    return MotionLayout::gsh;
+}
+
+inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel& body,
+                              const MotionFileOptions& options, std::vector<std::string>* warnings) {
+    const auto layout = recognise_motion(path);
+    if (!layout)
+        throw IoError(path.string() + ": holds no motion; expected poses.npz, files NUMBER.json (ExAvatar, LHM, "
+                                      "EasyMocap), or a GalaBasketball scene");
+    const auto file = detail::motion_file_of(path);
+    switch (*layout) {
+    case MotionLayout::amass:
+        return load_amass_motion(file, body, options, warnings);
+    case MotionLayout::smplifyx:
+        return load_smplifyx_fits(file, body, options, warnings).motion;
+    case MotionLayout::snapshot:
+        return detail::load_snapshot_motion(file, body, options, warnings);
+    case MotionLayout::smplx_json:
+        return load_smplx_json_motion(path, body, options, warnings);
+    case MotionLayout::easymocap:
+        return load_easymocap_motion(detail::smplx_json_folder(path), body, options, warnings);
+    case MotionLayout::gala: {
+        const GalaRig rig = load_gala_rig(std::filesystem::weakly_canonical(path).parent_path() / "model", warnings);
+        check_size(path.string(), "joints of a pose", rig.body.joint_count(), body.joint_count(),
+                   "the motion is for GalaBasketball's own body");
+        std::vector<int> frames;
+        for (const auto& pose : detail::list_numbered(path / "pose", ".txt"))
+            frames.push_back(static_cast<int>(pose.number));
+        std::vector<Motion> people = load_gala_motions(path / "pose", rig, frames, options.fps);
+        check_value(options.person >= 0 && static_cast<std::size_t>(options.person) < people.size(), path.string(),
+                    "there is no person " + std::to_string(options.person) + ", the poses hold " +
+                        std::to_string(people.size()));
+        Motion& motion = people[static_cast<std::size_t>(options.person)];
+        if (options.world == MotionFileOptions::World::upright) stand_upright(body, motion);
+        return std::move(motion);
+    }
+    case MotionLayout::gsh:
+        break;
+    }
+    return load_motion(file, body, options, warnings);
+}
+
+} // namespace gsh

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Motions as a folder of JSON files, one per frame: ExAvatar's fits, and the motions of LHM.
+#pragma once
+
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/motion/motion_table.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Reads FOLDER/NUMBER.json in order of the numbers. A file holds root_pose [3], body_pose [21, 3] and trans [3], and
+/// perhaps jaw_pose, leye_pose, reye_pose [3], lhand_pose, rhand_pose [15, 3], expr [E], betas [S]; those that the
+/// first one holds are expected in all.
+///
+/// ExAvatar keeps the shape in shape_param.json beside the folder, and counts hands from the mean hand; LHM keeps betas
+/// in every file, and its hands are whole. The folder may also be the one above: smplx_params_smoothed and smplx_params
+/// are looked for, in it and in smplx_optimized.
+///
+/// Frame   the camera's: x right, y down, z forward; options.world = upright turns y up.
+/// Units   timestamps are NUMBER / fps (30 where options do not say).
+/// Errors  IoError, ShapeError, ValueError naming file and field. ExAvatar's offsets of joints and face are not part of
+///         a motion; a warning says so where they are there.
+[[nodiscard]] inline Motion load_smplx_json_motion(const std::filesystem::path& folder, const BodyModel& model,
+                                                   const MotionFileOptions& options = {},
+                                                   std::vector<std::string>* warnings = nullptr);
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+/// A file whose name is a number.
+struct NumberedFile {
+    long number = 0;
+    std::filesystem::path path;
+};
+
+/// The number that a file's name spells, or -1.
+inline long number_of(const std::filesystem::path& path) {
+    const std::string stem = path.stem().string();
+    const bool digits = !stem.empty() && stem.size() <= 9 && stem.find_first_not_of("0123456789") == std::string::npos;
+    return digits ? std::stol(stem) : -1;
+}
+
+/// Files NUMBER.EXTENSION of a folder in order of their numbers; others are passed over.
+/// Errors  IoError for a folder that cannot be listed, or a number that stands there twice (1.json, 01.json).
+inline std::vector<NumberedFile> list_numbered(const std::filesystem::path& folder, std::string_view extension) {
+    std::error_code error;
+    std::vector<NumberedFile> files;
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error))
+        if (const long number = number_of(entry.path()); number >= 0 && entry.path().extension() == extension)
+            files.push_back({number, entry.path()});
+    if (error) throw IoError(folder.string() + ": cannot be listed: " + error.message());
+    std::sort(files.begin(), files.end(), [](const NumberedFile& a, const NumberedFile& b) {
+        return a.number != b.number ? a.number < b.number : a.path < b.path;
+    });
+    for (std::size_t i = 1; i < files.size(); ++i)
+        if (files[i].number == files[i - 1].number)
+            throw IoError(files[i].path.string() + ": its number is that of " + files[i - 1].path.filename().string() +
+                          ", expected each frame once");
+    return files;
+}
+
+/// The folder with the files of the frames, for a folder that may be a few steps above it; empty if there is none.
+inline std::filesystem::path smplx_json_folder(const std::filesystem::path& folder) {
+    std::error_code ignored;
+    for (const char* below : {".", "smplx_params_smoothed", "smplx_params", "smplx_optimized/smplx_params_smoothed",
+                              "smplx_optimized/smplx_params"}) {
+        const std::filesystem::path candidate = std::string_view(below) == "." ? folder : folder / below;
+        if (!std::filesystem::is_directory(candidate, ignored)) continue;
+        const auto files = list_numbered(candidate, ".json");
+        if (!files.empty()) return candidate;
+    }
+    return {};
+}
+
+/// Rows of a field, gathered file by file.
+struct JsonColumn {
+    const char* field;
+    const char* key;   ///< what SMPL-X programs call it
+    std::size_t width; ///< 0: as many as the first file holds
+    bool needed;
+    std::vector<double> data = {};
+};
+
+} // namespace detail
+
+inline Motion load_smplx_json_motion(const std::filesystem::path& folder, const BodyModel& model,
+                                     const MotionFileOptions& options, std::vector<std::string>* warnings) {
+    const std::filesystem::path place = detail::smplx_json_folder(folder);
+    if (place.empty()) throw IoError(folder.string() + ": holds no files NUMBER.json, expected one per frame");
+    const auto files = detail::list_numbered(place, ".json");
+    std::vector<detail::JsonColumn> columns{{"root_pose", "global_orient", 3, true},
+                                            {"body_pose", "body_pose", 63, true},
+                                            {"trans", "transl", 3, true},
+                                            {"jaw_pose", "jaw_pose", 3, false},
+                                            {"leye_pose", "leye_pose", 3, false},
+                                            {"reye_pose", "reye_pose", 3, false},
+                                            {"lhand_pose", "left_hand_pose", 45, false},
+                                            {"rhand_pose", "right_hand_pose", 45, false},
+                                            {"expr", "expression", 0, false},
+                                            {"betas", "betas", 0, false}};
+    const double fps = options.fps > 0 ? options.fps : 30;
+    std::vector<double> timestamps;
+    for (const detail::NumberedFile& file : files) {
+        const detail::Json json = detail::read_json(file.path);
+        const detail::JsonObject object(json, file.path.string());
+        for (detail::JsonColumn& column : columns) {
+            if (timestamps.empty() && !column.needed) {
+                if (!object.has(column.field)) continue;
+                column.needed = true;
+            }
+            if (!column.needed) continue;
+            if (column.width == 0) column.width = object.numbers(column.field).size();
+            const std::vector<double> row = object.numbers(column.field, column.width);
+            column.data.insert(column.data.end(), row.begin(), row.end());
+        }
+        timestamps.push_back(static_cast<double>(file.number) / fps);
+    }
+
+    MotionTable table(place);
+    bool own_betas = false;
+    for (detail::JsonColumn& column : columns) {
+        if (!column.needed || column.width == 0) continue;
+        own_betas = own_betas || std::string_view(column.key) == "betas";
+        table.add(column.key, column.field, std::move(column.data), {files.size(), column.width});
+    }
+    table.add("timestamps", "timestamps", std::move(timestamps), {files.size()});
+    table.add("flat_hand", "flat_hand", std::vector<double>{own_betas ? 1.0 : 0.0},
+              {}); // LHM's are whole, ExAvatar's are not
+    if (!own_betas) {
+        std::error_code ignored;
+        const auto shape = std::filesystem::weakly_canonical(place, ignored).parent_path() / "shape_param.json";
+        if (!std::filesystem::exists(shape, ignored))
+            throw IoError(place.string() + ": betas are in no file, and " + shape.string() +
+                          " is missing; one of them must tell the shape");
+        const detail::Json json = {{"shape_param", detail::read_json(shape)}};
+        const std::vector<double> betas = detail::JsonObject(json, shape.string()).numbers("shape_param");
+        table.add("betas", "shape_param.json", betas, {betas.size()});
+        for (const char* offset : {"joint_offset.json", "face_offset.json"})
+            if (warnings && std::filesystem::exists(shape.parent_path() / offset, ignored))
+                warnings->push_back((shape.parent_path() / offset).string() +
+                                    ": is not applied, the body model's own joints and face are taken; let training "
+                                    "refine joints and poses");
+    }
+    return detail::MotionReader<MotionTable>(std::move(table), model, options, warnings).read();
+}
+
+} // namespace gsh

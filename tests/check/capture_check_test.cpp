@@ -1,0 +1,772 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/threads.hpp>
+#include <gsh/body/posed_body.hpp>
+#include <gsh/check/capture_check.hpp>
+#include <gsh/synthetic/actor_skeleton.hpp>
+
+#include "io/temporary.hpp"
+#include "support/gradient.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <numbers>
+#include <string>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+
+constexpr int photo_size = 96; // pixels, images are square
+
+/// A person of 55 boxes, one from each joint to its child, as stiff as boxes are. The pelvis is not at the origin,
+/// there is a mean hand, and beta makes all of it larger.
+BodyModel box_person(double thickness = 1) {
+    BodyModel body;
+    const vec3<double> pelvis(0.01, -0.3, 0.04);
+    const auto place = [&](std::size_t j) {
+        const auto& p = actor_joints[j].position;
+        return pelvis + vec3<double>(p[0], p[1], p[2]);
+    };
+    const auto add_box = [&](std::size_t joint, vec3<double> from, vec3<double> to, double width) {
+        const vec3<double> along = normalize(to - from);
+        const vec3<double> side =
+            normalize(cross(along, std::abs(along.z) < 0.8 ? vec3<double>(0, 0, 1) : vec3<double>(1, 0, 0)));
+        const vec3<double> up = cross(side, along);
+        const int first = static_cast<int>(body.v_template.size());
+        for (const vec3<double>& end : {from, to})
+            for (const auto& [u, v] : {std::array{-1.0, -1.0}, {1.0, -1.0}, {1.0, 1.0}, {-1.0, 1.0}})
+                body.v_template.push_back(end + (side * u + up * v) * (0.5 * width * thickness));
+        for (int k = 0; k < 4; ++k) {
+            const int a = first + k, b = first + (k + 1) % 4;
+            body.faces.push_back({a, b, b + 4});
+            body.faces.push_back({a, b + 4, a + 4});
+        }
+        for (const int end : {first, first + 4}) {
+            body.faces.push_back({end, end + 1, end + 2});
+            body.faces.push_back({end, end + 2, end + 3});
+        }
+        for (int k = 0; k < 8; ++k)
+            for (std::size_t j = 0; j < actor_joints.size(); ++j) body.weights.push_back(j == joint);
+        return first;
+    };
+    for (std::size_t j = 0; j < actor_joints.size(); ++j) {
+        body.parents.push_back(actor_joints[j].parent);
+        const bool finger = j >= 25;
+        vec3<double> end = place(j) + (finger ? vec3<double>(actor_joints[j].position[0] > 0 ? 0.03 : -0.03, 0, 0)
+                                       : j == smplx::head   ? vec3<double>(0, 0.2, 0)
+                                       : j == 10 || j == 11 ? vec3<double>(0, 0, 0.1)
+                                                            : vec3<double>(0, 0, 0.03));
+        for (std::size_t k = j + 1; k < actor_joints.size(); ++k)
+            if (actor_joints[k].parent == static_cast<int>(j) && (j != smplx::head)) {
+                end = place(k);
+                if (j == 0) end = place(smplx::spine1);
+                break;
+            }
+        const double width = finger                                 ? 0.018
+                             : j == smplx::head                     ? 0.17
+                             : j == 0 || j == 3 || j == 6 || j == 9 ? 0.3
+                                                                    : 0.09;
+        const int first = add_box(j, place(j), end, width);
+        body.J_regressor.push_back({{first, 0.25}, {first + 1, 0.25}, {first + 2, 0.25}, {first + 3, 0.25}});
+    }
+    body.shape_count = 1;
+    for (const auto& v : body.v_template) body.shapedirs.push_back(v * 0.1);
+    body.hands_mean_left.assign(15, {0, 0, -0.6});
+    body.hands_mean_right.assign(15, {0, 0, 0.6});
+    return body;
+}
+
+/// A dance that is never the same on both sides, nor forwards and backwards.
+Motion dance(const BodyModel& body, std::size_t frames, std::uint64_t seed = 5) {
+    Motion motion;
+    motion.joint_count = body.joint_count();
+    motion.betas = {0.8};
+    test::Rng rng(seed);
+    std::vector<vec3<double>> swing, phase;
+    for (std::size_t j = 0; j < motion.joint_count; ++j) {
+        const double most = j >= 25 ? 0.15 : j == 0 ? 0.1 : 0.45;
+        swing.push_back(rng.vecs(1, -most, most)[0]);
+        phase.push_back(rng.vecs(1, 0, 6)[0]);
+    }
+    for (std::size_t t = 0; t < frames; ++t) {
+        const double time = 0.45 * static_cast<double>(t);
+        for (std::size_t j = 0; j < motion.joint_count; ++j) {
+            vec3<double> v(0);
+            for (int axis = 0; axis < 3; ++axis) v[axis] = swing[j][axis] * std::sin(time + phase[j][axis]);
+            if (j == 0) v.y += 0.5 * std::sin(0.7 * time) + 0.3;
+            if (j == 16) v.z -= 0.9; // the left arm hangs
+            if (j >= 25) v += j < 40 ? body.hands_mean_left[j - 25] : body.hands_mean_right[j - 40];
+            motion.pose.push_back(v);
+        }
+        motion.transl.push_back({0.1 * std::sin(0.8 * time), 0.05 * std::sin(1.3 * time), 0.15 * std::cos(0.5 * time)});
+        motion.timestamps.push_back(time);
+    }
+    return motion;
+}
+
+/// A good capture: masks are what the posed bodies cover.
+Capture film_boxes(const std::vector<CheckedPerson>& people, std::size_t cameras = 3, double distance = 3.3) {
+    Capture capture;
+    capture.name = "boxes";
+    capture.motion = *people[0].motion;
+    for (std::size_t c = 0; c < cameras; ++c) {
+        const double angle = 0.3 + 2.2 * static_cast<double>(c);
+        Camera<double> camera =
+            look_at<double>({distance * std::sin(angle), 0.5 - 0.3 * double(c), distance * std::cos(angle)},
+                            {0, -0.1, 0}, {0, 1, 0}, 0.75, photo_size, photo_size);
+        camera.cx += 5 - 3.0 * double(c), camera.cy -= 4;
+        capture.cameras.push_back({"cam0" + std::to_string(c), NamedCamera::Role::train, camera, {}});
+    }
+    for (const NamedCamera& named : capture.cameras)
+        for (std::size_t t = 0; t < capture.frame_count(); ++t) {
+            std::vector<Silhouette> bodies;
+            for (const auto& [name, body, motion] : people) {
+                const PosedBody posed = pose_body(*body, motion->pose_at(t), motion->transl[t], motion->betas);
+                bodies.push_back(mesh_silhouette(posed.vertices, body->faces, named.camera));
+            }
+            const Silhouette seen = united(bodies);
+            PixelImage image(4, photo_size, photo_size);
+            for (std::size_t i = 0; i < seen.inside.size(); ++i)
+                image.data[4 * i + 3] = static_cast<std::uint8_t>(255 * seen.inside[i]);
+            capture.images.push_back(std::move(image));
+        }
+    return capture;
+}
+
+Capture film_boxes(const BodyModel& filmed, const Motion& motion, std::size_t cameras = 3) {
+    return film_boxes({{"", &filmed, &motion}}, cameras);
+}
+
+struct Scene {
+    BodyModel body = box_person();
+    Capture capture = film_boxes(body, dance(body, 12));
+};
+const Scene& scene() {
+    static const Scene instance;
+    return instance;
+}
+
+template <class Who> // a body, or people
+CaptureCheck check(const Capture& capture, const Who& who) {
+    cpu::Serial backend;
+    CaptureCheckParams params;
+    params.search.views = 9; // enough here
+    return check_capture(backend, capture, who, params);
+}
+CaptureCheck check(const Capture& capture) {
+    return check(capture, scene().body);
+}
+
+std::string texts(const CaptureCheck& result) {
+    std::string all;
+    for (const auto& finding : result.findings) all += finding.text + "\n";
+    return all;
+}
+
+/// The one fault is found, says what it brings, and nothing else is suspected.
+CaptureFinding only(const CaptureCheck& result, const std::string& fault) {
+    INFO(texts(result));
+    REQUIRE(result.findings.size() == 1);
+    const CaptureFinding& finding = result.findings[0];
+    CHECK(finding.fault == fault);
+    CHECK(finding.text.starts_with(fault + " ("));
+    CHECK(finding.text.find(" as given, ") != std::string::npos);
+    CHECK(finding.text.find('\n') == std::string::npos);
+    return finding;
+}
+CaptureFinding mended(const CaptureCheck& result, const std::string& fault, double at_least = 0.97) {
+    const CaptureFinding finding = only(result, fault);
+    CHECK(finding.mended > at_least);
+    CHECK(finding.given < finding.mended - 0.04);
+    return finding;
+}
+
+/// A copy of the good capture, spoiled.
+template <class Spoil>
+Capture spoiled(const Spoil& spoil) {
+    Capture capture = scene().capture;
+    spoil(capture);
+    return capture;
+}
+template <class Change>
+Capture with_cameras(const Change& change) {
+    return spoiled([&](Capture& capture) {
+        for (std::size_t c = 0; c < capture.cameras.size(); ++c) change(capture.cameras[c].camera, c);
+    });
+}
+
+void invert(PixelImage& image) {
+    for (std::size_t i = 3; i < image.data.size(); i += 4)
+        image.data[i] = static_cast<std::uint8_t>(255 - image.data[i]);
+}
+void mirror(PixelImage& image) {
+    for (int y = 0; y < image.height; ++y)
+        for (int x = 0; x < image.width / 2; ++x)
+            std::swap_ranges(image.pixel(y, x), image.pixel(y, x) + 4, image.pixel(y, image.width - 1 - x));
+}
+
+// What authors of pose files do; all motions here have the same skeleton at rest.
+void exchange_sides(Motion& m, bool reflect) {
+    const auto counterparts = joint_counterparts(scene().body);
+    const auto given = m.pose;
+    for (std::size_t t = 0; t < m.frame_count(); ++t)
+        for (std::size_t j = 1; j < m.joint_count; ++j) {
+            const vec3<double> v = given[t * m.joint_count + static_cast<std::size_t>(counterparts[j])];
+            m.pose[t * m.joint_count + j] = reflect ? vec3<double>(v.x, -v.y, -v.z) : v;
+        }
+}
+void write_degrees(Motion& m) {
+    for (auto& v : m.pose) v *= 180 / std::numbers::pi;
+}
+void write_units(Motion& m, double per_metre) {
+    for (auto& v : m.transl) v *= per_metre;
+}
+void displace(Motion& m, const vec3<double>& by) {
+    for (auto& v : m.transl) v += by;
+}
+vec3<double> resting_root(const Motion& m) {
+    return regress_joints(scene().body, shaped_vertices(scene().body, m.betas))[0];
+}
+void turn_z_up(Motion& m) {
+    const mat3<double> turn(vec3<double>(1, 0, 0), vec3<double>(0, 0, 1), vec3<double>(0, -1, 0));
+    const vec3<double> rest = resting_root(m);
+    for (std::size_t t = 0; t < m.frame_count(); ++t) {
+        vec3<double>& root = m.pose[t * m.joint_count];
+        root = axis_angle_from_rotation(turn * rotation_from_axis_angle(root));
+        m.transl[t] = turn * (m.transl[t] + rest) - rest;
+    }
+}
+void add_mean_hands(Motion& m, double times) {
+    for (std::size_t t = 0; t < m.frame_count(); ++t)
+        for (std::size_t k = 0; k < 15; ++k) {
+            m.pose[t * 55 + 25 + k] += scene().body.hands_mean_left[k] * times;
+            m.pose[t * 55 + 40 + k] += scene().body.hands_mean_right[k] * times;
+        }
+}
+
+/// Two people side by side, each with a motion of their own.
+struct Two {
+    Motion ann = placed(5, {-0.6, 0, -0.3}), bob = placed(9, {0.6, 0.05, 0.3});
+    Capture capture = film_boxes(people(), 2, 4.4);
+
+    [[nodiscard]] static Motion placed(std::uint64_t seed, const vec3<double>& place) {
+        Motion motion = dance(scene().body, 6, seed);
+        displace(motion, place);
+        return motion;
+    }
+    [[nodiscard]] std::vector<CheckedPerson> people() const {
+        return {{"ann", &scene().body, &ann}, {"bob", &scene().body, &bob}};
+    }
+    [[nodiscard]] CaptureCheck check() const { return ::check(capture, people()); }
+};
+const Two& two() {
+    static const Two instance;
+    return instance;
+}
+
+} // namespace
+
+TEST_CASE("silhouettes: areas, middles, overlaps of moved ones") {
+    PixelImage image(4, 6, 9);
+    for (int y = 1; y < 4; ++y)
+        for (int x = 2; x < 6; ++x) image.pixel(y, x)[3] = 200;
+    const Silhouette full = mask_silhouette(image);
+    CHECK(full.area() == 12);
+    CHECK(full.share() == doctest::Approx(12.0 / 54));
+    CHECK(full.border_share() == 0);
+    CHECK(full.centroid().x == doctest::Approx(4.0));
+    CHECK(full.centroid().y == doctest::Approx(2.5));
+    CHECK(overlap(full, full).iou() == 1);
+    CHECK(overlap(full, full, 1, 0).iou() == doctest::Approx(9.0 / 15));
+    CHECK(overlap(full, full, 0, -2).both == 4); // one row has left the image
+    CHECK(overlap(full, full, 0, -2).either == 16);
+    CHECK(overlap(full, full, 50, 0).iou() == 0);
+    Silhouette mirrored = full;
+    mirrored.mirror();
+    CHECK(mirrored.centroid().x == doctest::Approx(5.0));
+    Silhouette inverted = full;
+    inverted.invert();
+    CHECK(inverted.area() == 42);
+    CHECK(inverted.border_share() == 1);
+
+    const Silhouette small = mask_silhouette(image, 2); // 3 x 4, the last column falls away
+    CHECK(small.height == 3);
+    CHECK(small.width == 4);
+    CHECK(small.inside == std::vector<std::uint8_t>{0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0});
+    CHECK(mask_silhouette(PixelImage(4, 0, 0)).area() == 0);
+    CHECK(Silhouette{}.share() == 0);
+    CHECK(Silhouette{}.border_share() == 0);
+    CHECK(Overlap{}.iou() == 0);
+    test::check_throws<ValueError>([] { (void)mask_silhouette(PixelImage(3, 2, 2)); },
+                                   {"mask_silhouette", "3 channels"});
+    test::check_throws<ValueError>([&] { (void)mask_silhouette(image, 0); }, {"reduction"});
+    test::check_throws<ShapeError>([&] { (void)overlap(full, small); }, {"overlap", "rows"});
+
+    const Camera<double> camera = scene().capture.cameras[0].camera, half = reduced_camera(camera, 2);
+    const vec2<double> a = to_pixel(camera, vec3<double>(0.2, 0.1, 2)), b = to_pixel(half, vec3<double>(0.2, 0.1, 2));
+    CHECK(length(vec3<double>(a - 2.0 * b, 0)) < 1e-12);
+    CHECK(half.width == photo_size / 2);
+}
+
+TEST_CASE("orders of frames") {
+    using Kind = FrameOrder::Kind;
+    const auto all = [](FrameOrder order, std::size_t frames) {
+        std::vector<int> poses;
+        for (std::size_t f = 0; f < frames; ++f)
+            poses.push_back(order.pose_of(f, frames) ? static_cast<int>(*order.pose_of(f, frames)) : -1);
+        return poses;
+    };
+    CHECK(all({}, 3) == std::vector<int>{0, 1, 2});
+    CHECK(all({Kind::offset, 2}, 3) == std::vector<int>{2, -1, -1});
+    CHECK(all({Kind::offset, -1}, 3) == std::vector<int>{-1, 0, 1});
+    CHECK(all({Kind::reversed, 0}, 3) == std::vector<int>{2, 1, 0});
+    CHECK(all({Kind::names_from_0, 0}, 12) == std::vector<int>{0, 1, 10, 11, 2, 3, 4, 5, 6, 7, 8, 9});
+    CHECK(all({Kind::names_from_1, 0}, 12) == std::vector<int>{0, 9, 10, 11, 1, 2, 3, 4, 5, 6, 7, 8});
+}
+
+TEST_CASE("readings of cameras are what their names say") {
+    const Camera<double> camera = scene().capture.cameras[1].camera;
+    const mat3<double> turn(vec3<double>(1, 0, 0), vec3<double>(0, -1, 0), vec3<double>(0, 0, -1));
+    const auto check_same = [&](Camera<double> written, CameraReading reading) {
+        const Camera<double> read = read_as(written, reading);
+        for (int c = 0; c < 3; ++c) CHECK(length(read.R[c] - camera.R[c]) < 1e-12);
+        CHECK(length(read.t - camera.t) < 1e-12);
+        CHECK(read.fx == doctest::Approx(camera.fx));
+        CHECK(read.cy == doctest::Approx(camera.cy));
+    };
+    Camera<double> other = camera;
+    check_same(other, {});
+    other.t *= 1000;
+    check_same(other, {.unit = 0.001});
+    other = camera, other.R = transpose(camera.R), other.t = camera.center();
+    check_same(other, {.extrinsics = Extrinsics::camera_to_world});
+    other.R = other.R * turn;
+    check_same(other, {.extrinsics = Extrinsics::opengl_camera_to_world});
+    other = camera, other.R = turn * camera.R, other.t = turn * camera.t;
+    check_same(other, {.extrinsics = Extrinsics::opengl});
+    other = camera, other.R = transpose(camera.R);
+    check_same(other, {.extrinsics = Extrinsics::transposed});
+    other = camera, other.t = camera.center();
+    check_same(other, {.extrinsics = Extrinsics::position});
+    other = camera, other.fx *= 2, other.fy *= 2, other.cx = 2 * (camera.cx - 3), other.cy = 2 * (camera.cy + 1);
+    check_same(other, {.resolution = 2, .shift = {3, -1}});
+    other = camera, other.fx /= 1.5, other.fy /= 1.5;
+    check_same(other, {.zoom = 1.5});
+}
+
+TEST_CASE("counterparts of joints, and poses read so") {
+    const BodyModel& body = scene().body;
+    const Motion& motion = scene().capture.motion;
+    const std::vector<int> counterparts = joint_counterparts(body);
+    for (std::size_t j = 0; j < body.joint_count(); ++j) {
+        std::string name(actor_joints[j].name);
+        if (const auto at = name.find("left"); at != std::string::npos)
+            name.replace(at, 4, "right");
+        else if (const auto other = name.find("right"); other != std::string::npos)
+            name.replace(other, 5, "left");
+        CHECK(name == actor_joints[static_cast<std::size_t>(counterparts[j])].name);
+    }
+    const PosedBody plain = pose_body(body, motion.pose_at(3), motion.transl[3], motion.betas);
+    CHECK(pose_as(body, motion, 3, {}, counterparts).vertices == plain.vertices);
+    // Mirrored twice is as given; a body without turn and shift mirrors in x.
+    Motion mirrored = motion;
+    for (std::size_t j = 1; j < body.joint_count(); ++j) {
+        const vec3<double> v = motion.pose_at(3)[static_cast<std::size_t>(counterparts[j])];
+        mirrored.pose[3 * body.joint_count() + j] = {v.x, -v.y, -v.z};
+    }
+    const auto back = pose_as(body, mirrored, 3, {.sides = MotionReading::Sides::mirrored}, counterparts);
+    for (std::size_t j = 0; j < body.joint_count(); ++j) CHECK(length(back.joints[j] - plain.joints[j]) < 1e-12);
+    // transl of the root joint: there it is.
+    const auto rooted =
+        pose_as(body, motion, 3, {.translation = MotionReading::Translation::of_root_joint}, counterparts);
+    CHECK(length(rooted.joints[0] - motion.transl[3]) < 1e-12);
+    const auto large = pose_as(body, motion, 3, {.size = 2, .offset = {1, 0, 0}}, counterparts);
+    CHECK(length(large.joints[20] - (2.0 * plain.joints[20] - motion.transl[3] + vec3<double>(1, 0, 0))) < 1e-12);
+    CHECK(first_hand_joint(55) == 25);
+    CHECK(first_hand_joint(52) == 22);
+    CHECK(!first_hand_joint(24));
+    test::check_throws<ShapeError>([&] { (void)pose_as(body, motion, 0, {}, {}); }, {"pose_as", "counterparts"});
+}
+
+TEST_CASE("a good capture has no fault, and its figures are those of the masks") {
+    const CaptureCheck result = check(scene().capture);
+    CHECK(texts(result) == "");
+    CHECK(result.views.size() == 36);
+    CHECK(result.mean_iou().value() == 1);
+    for (const ViewCheck& v : result.views) CHECK(v.inside > 0.99);
+
+    CaptureCheckParams params;
+    params.frames = 5;
+    cpu::Threads threads(3);
+    const CaptureCheck five = check_capture(threads, scene().capture, scene().body, params);
+    CHECK(five.views.size() == 15);
+    CHECK(five.views[0].view.frame == 0);
+    CHECK(five.views[4].view.frame == 11);
+    params.frames = 1;
+    CHECK(check_capture(threads, scene().capture, scene().body, params).views[0].view.frame == 6);
+}
+
+TEST_CASE("loose clothes and an estimator's errors are no faults") {
+    const Motion& motion = scene().capture.motion;
+    const Capture clothed = film_boxes(box_person(1.25), motion);
+    CaptureCheck result = check(clothed);
+    CHECK(texts(result) == "");
+    CHECK(result.mean_iou().value() < 0.85);
+    CHECK(result.mean_iou().value() > 0.7);
+
+    Capture noisy = scene().capture;
+    test::Rng rng(3);
+    for (vec3<double>& v : noisy.motion.pose) v += rng.vecs(1, -0.05, 0.05)[0];
+    for (vec3<double>& v : noisy.motion.transl) v += rng.vecs(1, -0.008, 0.008)[0];
+    result = check(noisy);
+    CHECK(texts(result) == "");
+    CHECK(result.mean_iou().value() < 0.93);
+}
+
+TEST_CASE("faults of images and masks") {
+    CHECK(mended(check(spoiled([](Capture& c) {
+                     for (auto& image : c.images) invert(image);
+                 })),
+                 "inverted-masks")
+              .cameras.size() == 3);
+    CHECK(mended(check(spoiled([](Capture& c) {
+                     for (auto& image : c.images) mirror(image);
+                 })),
+                 "mirrored-images")
+              .cameras.size() == 3);
+    const CaptureFinding one = mended(check(spoiled([](Capture& c) {
+                                          for (std::size_t f = 0; f < 12; ++f) mirror(c.images[12 + f]);
+                                      })),
+                                      "mirrored-images");
+    CHECK(one.cameras == std::vector<std::size_t>{1});
+    CHECK(one.text.find("(cam01)") != std::string::npos);
+
+    const CaptureFinding empty = only(check(spoiled([](Capture& c) {
+                                          for (const std::size_t i : {std::size_t(3), std::size_t(20)})
+                                              c.images[i] = PixelImage(4, photo_size, photo_size);
+                                      })),
+                                      "empty-masks");
+    CHECK(empty.views.size() == 2);
+    CHECK(empty.text.find("cam00/3, cam01/8") != std::string::npos);
+    const auto fill = [](PixelImage& image) {
+        for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 255;
+    };
+    const Capture opaque = spoiled([&](Capture& c) {
+        for (auto& image : c.images) fill(image);
+    });
+    CHECK(only(check(opaque), "no-masks").given == 1);
+    Capture over_background = opaque; // whole photographs over a plate need none
+    over_background.backgrounds.assign(3, opaque.images[0]);
+    CHECK(texts(check(over_background)) == "");
+
+    const CaptureFinding single = only(
+        check(spoiled([](Capture& c) { std::swap(c.images[2], c.images[7]), mirror(c.images[30]); })), "single-images");
+    CHECK(single.views.size() >= 2);
+    CHECK(single.given < 0.6);
+    CHECK(single.mended == 1);
+}
+
+TEST_CASE("faults of cameras") {
+    const auto D = [](vec3<double> v) { return vec3<double>(v.x, -v.y, -v.z); };
+    mended(check(with_cameras([](Camera<double>& c, std::size_t) { c.t = c.center(), c.R = transpose(c.R); })),
+           "camera-to-world");
+    mended(check(with_cameras([&](Camera<double>& c, std::size_t) {
+               for (int k = 0; k < 3; ++k) c.R[k] = D(c.R[k]);
+               c.t = D(c.t);
+           })),
+           "opengl-cameras");
+    mended(check(with_cameras([&](Camera<double>& c, std::size_t) {
+               c.t = c.center(), c.R = transpose(c.R);
+               c.R[1] = -c.R[1], c.R[2] = -c.R[2];
+           })),
+           "opengl-cameras");
+    mended(check(with_cameras([](Camera<double>& c, std::size_t) { c.R = transpose(c.R); })), "transposed-rotation");
+    mended(check(with_cameras([](Camera<double>& c, std::size_t) { c.t = c.center(); })), "camera-position");
+    const CaptureFinding units =
+        mended(check(with_cameras([](Camera<double>& c, std::size_t) { c.t *= 1000; })), "camera-units");
+    CHECK(units.text.find("millimetres") != std::string::npos);
+    mended(check(with_cameras([](Camera<double>& c, std::size_t) { c.fx *= 2, c.fy *= 2, c.cx *= 2, c.cy *= 2; })),
+           "other-resolution", 0.93);
+    const CaptureFinding focal = mended(check(with_cameras([](Camera<double>& c, std::size_t k) {
+                                            if (k == 2) c.fx *= 1.15, c.fy *= 1.15;
+                                        })),
+                                        "focal-length", 0.95);
+    CHECK(focal.cameras == std::vector<std::size_t>{2});
+
+    const CaptureCheck result =
+        check(with_cameras([](Camera<double>& c, std::size_t k) { c.cx += k == 1 ? 6 : 0, c.cy -= k == 1 ? 4 : 0; }));
+    const CaptureFinding center = mended(result, "principal-point");
+    CHECK(center.cameras == std::vector<std::size_t>{1});
+    CHECK(result.reading.cameras[1].shift == vec2<double>(-6, 4));
+    const auto& truth = scene().capture.cameras[1].camera;
+    CHECK(center.text.find("store cx " + detail::digits(truth.cx, 1) + ", cy " + detail::digits(truth.cy, 1)) !=
+          std::string::npos);
+
+    // The middle was taken for the principal point, in all cameras.
+    CHECK(mended(check(with_cameras(
+                     [](Camera<double>& c, std::size_t k) { c.cx = c.cy = photo_size / 2 + 12.0 * double(k) - 12; })),
+                 "principal-point")
+              .cameras.size() >= 2);
+
+    const CaptureFinding far = only(check(with_cameras([](Camera<double>& c, std::size_t k) {
+                                        if (k == 0) c.t.x += 40;
+                                    })),
+                                    "camera-far-off");
+    CHECK(far.cameras == std::vector<std::size_t>{0});
+    CHECK(far.given == 0);
+}
+
+TEST_CASE("faults of poses") {
+    const auto with_motion = [](const auto& change) { return spoiled([&](Capture& c) { change(c.motion); }); };
+    CHECK(mended(check(with_motion([](Motion& m) { exchange_sides(m, true); })), "mirrored-poses").cameras.empty());
+    CHECK(mended(check(with_motion([](Motion& m) { exchange_sides(m, false); })), "mirrored-poses")
+              .text.find("exchanged") != std::string::npos);
+    mended(check(with_motion(write_degrees)), "degrees");
+    mended(check(with_motion([](Motion& m) { write_units(m, 1000); })), "translation-units");
+    mended(check(with_motion([](Motion& m) { displace(m, resting_root(m)); })), "translation-origin");
+    mended(check(with_motion(turn_z_up)), "world-axes");
+    const CaptureFinding moved = mended(check(with_motion([](Motion& m) {
+                                            displace(m, {0.05, 0.1, -0.06});
+                                        })),
+                                        "displaced-body");
+    CHECK(moved.text.find("(-0.05") != std::string::npos);
+}
+
+TEST_CASE("betas that are missing, and a body in millimetres") {
+    Capture capture = scene().capture;
+    capture.motion.betas = {2.0};
+    capture = film_boxes(scene().body, capture.motion);
+    capture.motion.betas = {0.0};
+    const CaptureFinding finding = mended(check(capture), "body-size", 0.9);
+    CHECK(finding.text.find("scaled by 1.2") != std::string::npos);
+    CHECK(finding.text.find("betas are all zero") != std::string::npos);
+
+    BodyModel large = scene().body;
+    for (auto& v : large.v_template) v *= 1000.0;
+    for (auto& v : large.shapedirs) v *= 1000.0;
+    CHECK(mended(check(scene().capture, large), "body-size").text.find("not in metres") != std::string::npos);
+}
+
+TEST_CASE("frames in another order") {
+    const auto in_order = [](FrameOrder order) { // image n shows pose_of(n)
+        return spoiled([&](Capture& c) {
+            const Capture good = c;
+            for (std::size_t k = 0; k < c.cameras.size(); ++k)
+                for (std::size_t f = 0; f < 12; ++f)
+                    if (const auto pose = order.pose_of(f, 12)) c.images[k * 12 + f] = good.images[k * 12 + *pose];
+        });
+    };
+    using Kind = FrameOrder::Kind;
+    CHECK(mended(check(in_order({Kind::reversed, 0})), "frame-order").text.find("reverse") != std::string::npos);
+    CHECK(mended(check(in_order({Kind::names_from_1, 0})), "frame-order").text.find("zeros") != std::string::npos);
+    const Capture later = in_order({Kind::offset, 1});
+    const CaptureCheck result = check(later);
+    INFO(texts(result));
+    REQUIRE(!result.findings.empty());
+    CHECK(result.findings[0].fault == "frame-order");
+    CHECK(result.findings[0].text.find("pair image n with pose n + 1") != std::string::npos);
+    CHECK(texts(result).find("no-overlap") == std::string::npos); // the last image has no pose, and does not count
+    // One camera alone that started late.
+    Capture one = scene().capture;
+    std::copy(later.images.begin() + 12, later.images.begin() + 24, one.images.begin() + 12);
+    const CaptureCheck single = check(one);
+    REQUIRE(!single.findings.empty());
+    CHECK(single.findings[0].fault == "frame-order");
+    CHECK(single.findings[0].cameras == std::vector<std::size_t>{1});
+}
+
+TEST_CASE("mean hands that were forgotten, or added twice") {
+    const auto add = [](double times) { return spoiled([&](Capture& c) { add_mean_hands(c.motion, times); }); };
+    CHECK(mended(check(add(-1)), "mean-hand-missing").text.find("flat_hand = 0") != std::string::npos);
+    CHECK(mended(check(add(1)), "mean-hand-twice").text.find("flat_hand = 1") != std::string::npos);
+    CHECK(only(check(add(-1)), "mean-hand-missing").measure == "IoU around the hands");
+}
+
+TEST_CASE("faults that come together, and what nobody can explain") {
+    const CaptureCheck both = check(spoiled([](Capture& c) {
+        for (auto& image : c.images) invert(image);
+        for (auto& named : c.cameras)
+            named.camera.t = named.camera.center(), named.camera.R = transpose(named.camera.R);
+    }));
+    INFO(texts(both));
+    REQUIRE(both.findings.size() == 2);
+    CHECK(both.findings[0].fault == "inverted-masks");
+    CHECK(both.findings[1].fault == "camera-to-world");
+    CHECK(both.findings[1].mended == 1);
+
+    Capture other = scene().capture; // somebody else's masks: a square in a corner
+    for (auto& image : other.images) {
+        image = PixelImage(4, photo_size, photo_size);
+        for (int y = 45; y < 52; ++y)
+            for (int x = 0; x < photo_size; ++x) image.pixel(y, x)[3] = 255;
+    }
+    const CaptureFinding apart = only(check(other), "no-overlap");
+    CHECK(apart.given < 0.6);
+    CHECK(apart.cameras.size() == 3);
+}
+
+TEST_CASE("another body, and captures that are none") {
+    Capture capture = scene().capture;
+    capture.motion.joint_count = 24;
+    capture.motion.pose.resize(12 * 24);
+    const CaptureFinding finding = only(check(capture), "another-body");
+    CHECK(finding.given == 24);
+    CHECK(finding.mended == 55);
+    CHECK(finding.text.find("--body") != std::string::npos);
+
+    capture = scene().capture;
+    capture.images.pop_back();
+    test::check_throws<ShapeError>([&] { (void)check(capture); }, {"check_capture", "images"});
+    test::check_throws<ValueError>([&] { (void)check(Capture{}); }, {"check_capture", "no cameras"});
+    // One camera, one frame: little to go by, and nothing to complain about.
+    const Motion still = dance(scene().body, 1);
+    CHECK(texts(check(film_boxes(scene().body, still, 1))) == "");
+    // A frame that a camera did not take.
+    capture = scene().capture;
+    capture.images[5] = {};
+    const CaptureCheck result = check(capture);
+    CHECK(texts(result) == "");
+    CHECK(result.views.size() == 35);
+}
+
+TEST_CASE("two people: good poses have no fault, and each of them is seen") {
+    const CaptureCheck result = two().check();
+    CHECK(texts(result) == "");
+    CHECK(result.mean_iou().value() == 1);
+    CHECK(result.reading.motions.size() == 2);
+    for (const ViewCheck& v : result.views) {
+        REQUIRE(v.people.size() == 2);
+        for (const ViewCheck::Person& person : v.people) {
+            CHECK(person.inside > 0.9);
+            CHECK(person.covered == 1);
+        }
+    }
+    // Alone, each of them has a mask that shows somebody else, too: nothing to be believed.
+    CHECK(texts(check(two().capture, scene().body)).find("no-overlap") != std::string::npos);
+}
+
+TEST_CASE("two people: a fault in the poses of one of them is found there") {
+    const std::vector<std::pair<std::string, std::function<void(Motion&)>>> faults{
+        {"mirrored-poses", [](Motion& m) { exchange_sides(m, true); }},
+        {"mirrored-poses", [](Motion& m) { exchange_sides(m, false); }},
+        {"degrees", write_degrees},
+        {"translation-units", [](Motion& m) { write_units(m, 1000); }},
+        {"translation-origin", [](Motion& m) { displace(m, resting_root(m)); }},
+        {"world-axes", turn_z_up},
+        {"body-size", [](Motion& m) { m.betas = {-1.2}; }},
+        {"displaced-body",
+         [](Motion& m) {
+             displace(m, {0.1, 0.15, -0.1});
+         }},
+        {"mean-hand-missing", [](Motion& m) { add_mean_hands(m, -1); }},
+        {"mean-hand-twice", [](Motion& m) { add_mean_hands(m, 1); }},
+    };
+    for (std::size_t k = 0; k < faults.size(); ++k) {
+        Two spoiled = two();
+        faults[k].second(k % 2 ? spoiled.ann : spoiled.bob);
+        const std::string name = k % 2 ? "ann" : "bob";
+        const CaptureFinding finding = mended(spoiled.check(), faults[k].first, 0.9);
+        CHECK(finding.people == std::vector<std::string>{name});
+        CHECK(finding.cameras.empty());
+        CHECK(finding.text.find("(poses of " + name + ")") != std::string::npos);
+    }
+}
+
+TEST_CASE("two people: loose clothes and an estimator's errors are no faults, and hide none") {
+    const BodyModel clothes = box_person(1.25);
+    Two clothed = two();
+    clothed.capture = film_boxes({{"", &clothes, &clothed.ann}, {"", &clothes, &clothed.bob}}, 2, 4.4);
+    test::Rng rng(3);
+    for (Motion* motion : {&clothed.ann, &clothed.bob}) {
+        for (vec3<double>& v : motion->pose) v += rng.vecs(1, -0.03, 0.03)[0];
+        for (vec3<double>& v : motion->transl) v += rng.vecs(1, -0.005, 0.005)[0];
+    }
+    const CaptureCheck result = clothed.check();
+    CHECK(texts(result) == "");
+    CHECK(result.mean_iou().value() < 0.85);
+    displace(clothed.bob, {0.15, 0.2, -0.1});
+    const CaptureFinding moved = mended(clothed.check(), "displaced-body", 0.7);
+    CHECK(moved.people == std::vector<std::string>{"bob"});
+}
+
+TEST_CASE("two people: what both have in common, and faults that come together") {
+    Two both = two();
+    write_degrees(both.ann), write_degrees(both.bob);
+    const CaptureFinding degrees = mended(both.check(), "degrees");
+    CHECK(degrees.people.empty());
+    CHECK(degrees.text.find("(poses)") != std::string::npos);
+
+    Two each = two();
+    write_degrees(each.ann), write_units(each.bob, 100);
+    const CaptureCheck result = each.check();
+    INFO(texts(result));
+    REQUIRE(result.findings.size() == 2);
+    CHECK(result.findings[0].fault == "degrees");
+    CHECK(result.findings[0].people == std::vector<std::string>{"ann"});
+    CHECK(result.findings[1].fault == "translation-units");
+    CHECK(result.findings[1].people == std::vector<std::string>{"bob"});
+    CHECK(result.findings[1].mended == 1);
+}
+
+TEST_CASE("two people: faults of cameras concern everybody") {
+    Two inverse = two();
+    for (NamedCamera& named : inverse.capture.cameras)
+        named.camera.t = named.camera.center(), named.camera.R = transpose(named.camera.R);
+    const CaptureFinding finding = mended(inverse.check(), "camera-to-world");
+    CHECK(finding.cameras.size() == 2);
+    CHECK(finding.people.empty());
+
+    Two moved = two();
+    moved.capture.cameras[1].camera.cx += 6;
+    CHECK(mended(moved.check(), "principal-point").cameras == std::vector<std::size_t>{1});
+}
+
+TEST_CASE("poses of somebody who is not in the images") {
+    const Motion nobody = Two::placed(3, {-0.2, 0, 1.1});
+    std::vector<CheckedPerson> people = two().people();
+    people.push_back({"cleo", &scene().body, &nobody});
+    const auto absent = [&](const Capture& capture) {
+        const CaptureCheck result = check(capture, people);
+        const CaptureFinding finding = only(result, "absent-person");
+        CHECK(finding.people == std::vector<std::string>{"cleo"});
+        CHECK(finding.text.find("(poses of cleo)") != std::string::npos);
+        CHECK(finding.mended == 1);
+        for (const ViewCheck& v : result.views) CHECK(v.people[0].covered == 1);
+        return finding;
+    };
+    CHECK(absent(two().capture).measure == "IoU");
+
+    BodyModel doll = scene().body; // so small that it hardly changes the overlap
+    for (auto& v : doll.v_template) v *= 0.15;
+    for (auto& v : doll.shapedirs) v *= 0.15;
+    people[2].body = &doll;
+    CHECK(absent(two().capture).given < 0.5);
+    Motion away = nobody; // in no image at all
+    displace(away, {100, 0, 0});
+    people[2].motion = &away;
+    CHECK(absent(two().capture).given == 0);
+    CHECK(absent(two().capture).measure.find("in the masks") != std::string::npos);
+}
+
+TEST_CASE("people who do not fit the capture or their bodies") {
+    Two other = two();
+    other.bob.joint_count = 24;
+    other.bob.pose.resize(6 * 24);
+    const CaptureFinding finding = only(other.check(), "another-body");
+    CHECK(finding.people == std::vector<std::string>{"bob"});
+    CHECK(finding.text.find("(poses of bob)") != std::string::npos);
+
+    other.bob = dance(scene().body, 5);
+    test::check_throws<ShapeError>([&] { (void)other.check(); }, {"check_capture", "5", "6"});
+    test::check_throws<ValueError>([&] { (void)check(two().capture, std::vector<CheckedPerson>{}); },
+                                   {"check_capture", "nobody"});
+}

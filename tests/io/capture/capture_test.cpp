@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/io/capture/capture.hpp>
+
+#include "io/small_body.hpp"
+#include "io/temporary.hpp"
+
+#include <gsh/backend/threads.hpp>
+
+#include <functional>
+#include <string>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+
+constexpr std::size_t capture_frames = 3;
+
+Camera<double> front_camera(double turn) {
+    const double c = std::cos(turn), s = std::sin(turn);
+    Camera<double> camera;
+    camera.R = mat3<double>(vec3<double>(c, 0, s), vec3<double>(0, -1, 0), vec3<double>(s, 0, -c)); // columns
+    camera.t = {0, 1.3, 5};
+    camera.fx = 100, camera.fy = 101, camera.cx = 33, camera.cy = 30;
+    camera.width = 64, camera.height = 60;
+    return camera;
+}
+
+/// A person of 55 joints in a column, seen by two training cameras and one test camera.
+Capture make_capture(const BodyModel& body) {
+    Capture capture;
+    test::Rng rng(4);
+    for (int i = 0; i < 3; ++i) {
+        NamedCamera camera;
+        camera.name = "cam" + std::to_string(i);
+        camera.role = i == 2 ? NamedCamera::Role::test : NamedCamera::Role::train;
+        camera.camera = front_camera(0.4 * i);
+        capture.cameras.push_back(camera);
+    }
+    capture.fps = 10;
+    capture.floor_y = 0;
+    Motion& motion = capture.motion;
+    motion.joint_count = body.joint_count(), motion.expression_count = static_cast<std::size_t>(body.expression_count);
+    motion.betas.assign(static_cast<std::size_t>(body.shape_count), 0.1);
+    motion.pose = rng.vecs(capture_frames * body.joint_count(), -0.01, 0.01);
+    motion.expression.assign(capture_frames * motion.expression_count, 0.0);
+    for (std::size_t f = 0; f < capture_frames; ++f) {
+        motion.transl.emplace_back(0.05 * static_cast<double>(f), 0, 0);
+        motion.timestamps.push_back(0.1 * static_cast<double>(f));
+    }
+    for (const NamedCamera& camera : capture.cameras)
+        for (std::size_t f = 0; f < capture_frames; ++f) {
+            PixelImage image(4, camera.camera.height, camera.camera.width);
+            for (const auto& point : detail::bone_points(body, motion, f)) {
+                const vec2<double> p = to_pixel(camera.camera, to_camera(camera.camera, point));
+                for (int y = std::max(0, int(p.y) - 2); y <= std::min(image.height - 1, int(p.y) + 2); ++y)
+                    for (int x = std::max(0, int(p.x) - 2); x <= std::min(image.width - 1, int(p.x) + 2); ++x) {
+                        image.pixel(y, x)[0] = static_cast<std::uint8_t>(100 + 10 * f);
+                        image.pixel(y, x)[3] = 255;
+                    }
+            }
+            capture.images.push_back(image);
+        }
+    return capture;
+}
+
+struct StoredCapture {
+    test::Temporary folder;
+    BodyModel body = test::small_body(55, 3, 2);
+    Capture capture = make_capture(body);
+    std::filesystem::path path = folder / "person";
+    cpu::Serial serial;
+
+    StoredCapture() { save_capture(path, capture); }
+    [[nodiscard]] Capture load(std::vector<std::string>* warnings = nullptr) {
+        return load_capture(serial, path, body, {}, warnings);
+    }
+    [[nodiscard]] std::string only_warning() {
+        std::vector<std::string> warnings;
+        (void)load(&warnings);
+        REQUIRE(!warnings.empty());
+        CHECK(warnings[0].find(path.string()) == 0);
+        return warnings[0];
+    }
+    [[nodiscard]] std::string image(int camera, int frame) const {
+        return (path / "images" / ("cam" + std::to_string(camera)) / ("000" + std::to_string(frame) + ".png")).string();
+    }
+};
+
+} // namespace
+
+TEST_CASE_FIXTURE(StoredCapture, "a capture comes back as it was saved, on any number of threads") {
+    std::vector<std::string> warnings;
+    const Capture read = load(&warnings);
+    CHECK(warnings.empty());
+    CHECK(read.name == "person");
+    REQUIRE(read.cameras.size() == 3);
+    CHECK(read.cameras[1].name == "cam1");
+    CHECK(read.fps == 10);
+    CHECK(read.floor_y == 0.0);
+    CHECK(read.motion.pose == capture.motion.pose);
+    REQUIRE(read.images.size() == 9);
+    for (std::size_t i = 0; i < 9; ++i) CHECK(read.images[i].data == capture.images[i].data);
+    CHECK(read.views(false).size() == 6);
+    CHECK(read.views(true).size() == 3);
+    CHECK(read.is_test({2, 0}));
+    CHECK(!read.is_test({1, 2}));
+    for (const std::size_t count : {1, 2, 3, 7}) {
+        cpu::Threads threads(count);
+        const Capture other = load_capture(threads, path, body);
+        for (std::size_t i = 0; i < 9; ++i) CHECK(other.images[i].data == read.images[i].data);
+    }
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "test frames leave training in every camera") {
+    capture.test_frames = {1};
+    capture.cameras[2].role = NamedCamera::Role::train;
+    write_cameras(path / "cameras.json", {capture.cameras, 10, {}, capture.test_frames});
+    const Capture read = load();
+    CHECK(read.views(false).size() == 6);
+    CHECK(read.views(true).size() == 3);
+    CHECK(read.views(true)[1].camera == 1);
+    CHECK(read.views(true)[1].frame == 1);
+    write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {3}});
+    test::check_throws<ValueError>([&] { (void)load(); }, {"cameras.json", "test_frames holds 3", "below 3"});
+    write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {0, 1, 2}});
+    test::check_throws<ValueError>([&] { (void)load(); }, {"cameras.json", "no view", "training"});
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "poses of another name, in the folder or elsewhere") {
+    Motion noisy = capture.motion;
+    noisy.transl[0].x += 0.125;
+    save_motion(path / "poses_noisy.npz", noisy);
+    CHECK(load_capture(serial, path, body, {"poses_noisy.npz", {}}).motion.transl[0].x == 0.125);
+    save_motion(folder / "else.npz", noisy);
+    CHECK(load_capture(serial, path, body, {(folder / "else.npz").string(), {}}).motion.transl[0].x == 0.125);
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "masks from a folder of their own replace alpha") {
+    for (int c = 0; c < 3; ++c) {
+        std::filesystem::create_directories(path / "masks" / ("cam" + std::to_string(c)));
+        for (int f = 0; f < 3; ++f) {
+            PixelImage mask(1, 60, 64);
+            for (std::size_t i = 0; i < mask.data.size(); ++i) mask.data[i] = static_cast<std::uint8_t>(i % 251);
+            write_png(path / "masks" / ("cam" + std::to_string(c)) / ("000" + std::to_string(f) + ".png"), mask);
+        }
+    }
+    const Capture read = load();
+    CHECK(int(read.images[4].pixel(1, 7)[3]) == 71);
+    CHECK(read.images[4].pixel(1, 7)[0] == capture.images[4].pixel(1, 7)[0]);
+    std::filesystem::remove(path / "masks/cam1/0002.png");
+    test::check_throws<ShapeError>([&] { (void)load(); }, {"masks/cam1", "2 images"});
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "backgrounds are opaque, one per camera, and make a whole photograph no mistake") {
+    for (PixelImage& image : capture.images)
+        for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 255;
+    save_capture(path, capture);
+    CHECK(only_warning().find("without a mask") != std::string::npos);
+    for (int c = 0; c < 3; ++c) {
+        PixelImage plate(4, 60, 64);
+        for (std::size_t i = 0; i < plate.data.size(); ++i)
+            plate.data[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(40 * c + 1);
+        capture.backgrounds.push_back(plate);
+    }
+    save_capture(path, capture);
+    std::vector<std::string> warnings;
+    const Capture read = load(&warnings);
+    CHECK(warnings.empty());
+    REQUIRE(read.backgrounds.size() == 3);
+    CHECK(read.background(2)->data == capture.backgrounds[2].data);
+    CHECK(make_capture(body).background(2) == nullptr);
+
+    // The lens bends the plate as it bends the photographs; what lies beyond stays opaque.
+    capture.cameras[0].distortion = Distortion<double>{0.8, 0, 0, 0, 0};
+    write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
+    const Capture straight = load();
+    CHECK(straight.background(0)->data != capture.backgrounds[0].data);
+    CHECK(int(straight.background(0)->pixel(0, 0)[3]) == 255);
+    capture.cameras[0].distortion.reset();
+    write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
+
+    PixelImage hole = capture.backgrounds[1];
+    hole.pixel(3, 3)[3] = 254;
+    write_png(path / "backgrounds/cam1.png", hole);
+    test::check_throws<ValueError>([&] { (void)load(); }, {"backgrounds/cam1.png", "transparent"});
+    write_png(path / "backgrounds/cam1.png", PixelImage(4, 64, 60));
+    test::check_throws<ShapeError>([&] { (void)load(); }, {"backgrounds/cam1.png", "60 x 64"});
+    std::filesystem::remove(path / "backgrounds/cam1.png");
+    test::check_throws<IoError>([&] { (void)load(); }, {"backgrounds/cam1.png"});
+    capture.backgrounds.pop_back();
+    CHECK_THROWS_AS(save_capture(folder / "b", capture), ShapeError);
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "an image that was not taken is in no view") {
+    capture.images[0] = PixelImage();
+    capture.images[4] = PixelImage();
+    CHECK(capture.views(false).size() == 4);
+    CHECK(capture.views(true).size() == 3);
+    CHECK(!capture.is_taken({1, 1}));
+    CHECK(capture_warnings(capture, body).empty());
+    for (std::size_t f = 0; f < 3; ++f) capture.images[f] = PixelImage();
+    CHECK(capture_warnings(capture, body).empty());
+    test::check_throws<ValueError>([&] { save_capture(folder / "c", capture); }, {"cam0", "frame 0"});
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "distorted images are straightened when they are loaded") {
+    // A point that the lens moves comes back to where a pinhole would have put it.
+    const Distortion<double> lens{-0.8, 0.05, 0.002, -0.001, 0};
+    const Camera<double>& camera = capture.cameras[0].camera;
+    const vec2<double> straight(8.5, 10.5);
+    const vec2<double> bent =
+        distort(lens, vec2<double>((straight.x - camera.cx) / camera.fx, (straight.y - camera.cy) / camera.fy));
+    const int x = int(camera.fx * bent.x + camera.cx), y = int(camera.fy * bent.y + camera.cy);
+    CHECK(std::abs(x - 8) + std::abs(y - 10) >= 2);
+    PixelImage photo(4, 60, 64);
+    for (int dy = -1; dy <= 1; ++dy)
+        for (int dx = -1; dx <= 1; ++dx) photo.pixel(y + dy, x + dx)[1] = photo.pixel(y + dy, x + dx)[3] = 255;
+    write_png(image(0, 0), photo);
+    capture.cameras[0].distortion = lens;
+    write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
+    const Capture read = load();
+    CHECK(!read.cameras[0].distortion);
+    CHECK(int(read.images[0].pixel(10, 8)[3]) == 255);
+    CHECK(int(read.images[0].pixel(10, 8)[1]) == 255);
+    CHECK(read.images[3].data == capture.images[3].data);
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "files that do not belong together") {
+    SUBCASE("no folder") {
+        test::check_throws<IoError>([&] { (void)load_capture(serial, folder / "none", body); },
+                                    {"none", "not a folder"});
+    }
+    SUBCASE("no cameras") {
+        std::filesystem::remove(path / "cameras.json");
+        test::check_throws<IoError>([&] { (void)load(); }, {"cameras.json", "No such file"});
+    }
+    SUBCASE("no poses") {
+        std::filesystem::remove(path / "poses.npz");
+        test::check_throws<IoError>([&] { (void)load(); }, {"poses.npz", "No such file"});
+    }
+    SUBCASE("no images of a camera") {
+        std::filesystem::remove_all(path / "images/cam1");
+        test::check_throws<IoError>([&] { (void)load(); }, {"images/cam1", "No such file"});
+    }
+    SUBCASE("an image is missing in the row") {
+        std::filesystem::remove(image(1, 1));
+        test::check_throws<IoError>([&] { (void)load(); }, {image(1, 1), "missing"});
+    }
+    SUBCASE("the last image is missing") {
+        std::filesystem::remove(image(1, 2));
+        test::check_throws<ShapeError>([&] { (void)load(); }, {"images/cam1", "2 images, expected 3", "poses.npz"});
+    }
+    SUBCASE("more poses than frames") {
+        Motion& m = capture.motion;
+        m.pose.resize(4 * 55), m.expression.resize(8), m.transl.resize(4), m.timestamps.push_back(1);
+        save_motion(path / "poses.npz", m);
+        test::check_throws<ShapeError>([&] { (void)load(); }, {"images/cam0", "3 images, expected 4", "poses.npz"});
+    }
+    SUBCASE("an image of another size") {
+        write_png(image(1, 1), PixelImage(4, 64, 60));
+        test::check_throws<ShapeError>([&] { (void)load(); }, {image(1, 1), "60 x 64", "64 x 60", "cam1"});
+    }
+    SUBCASE("an empty mask; the first in order is named on any number of threads") {
+        for (const int frame : {1, 2}) write_png(image(0, frame), PixelImage(4, 60, 64));
+        test::check_throws<ValueError>([&] { (void)load(); }, {image(0, 1), "mask", "empty"});
+        cpu::Threads threads(3);
+        test::check_throws<ValueError>([&] { (void)load_capture(threads, path, body); },
+                                       {image(0, 1), "mask", "empty"});
+    }
+    SUBCASE("a truncated image") {
+        test::truncate_file(image(2, 0), 30);
+        test::check_throws<IoError>([&] { (void)load(); }, {image(2, 0), "truncated"});
+    }
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "what is probably wrong is warned of with its likely cause") {
+    SUBCASE("a camera that looks away") {
+        capture.cameras[1].camera.t = {20, 1.3, 5};
+        write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
+        const std::string text = only_warning();
+        CHECK(text.find("cam1") != std::string::npos);
+        CHECK(text.find("far off the body") != std::string::npos);
+    }
+    SUBCASE("a camera behind the body") {
+        capture.cameras[1].camera.t = {0, 1.3, -5};
+        write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
+        CHECK(only_warning().find("far off the body") != std::string::npos);
+    }
+    SUBCASE("millimetres") {
+        capture.cameras[1].camera.t = {0, 1300, 5000};
+        capture.cameras[1].camera.cy = 4;
+        write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
+        CHECK(only_warning().find("metres") != std::string::npos);
+    }
+    SUBCASE("an inverted mask") {
+        for (int f = 0; f < 3; ++f) {
+            PixelImage inverted = capture.images[static_cast<std::size_t>(3 + f)];
+            for (std::size_t i = 3; i < inverted.data.size(); i += 4)
+                inverted.data[i] = static_cast<std::uint8_t>(255 - inverted.data[i]);
+            write_png(image(1, f), inverted);
+        }
+        const std::string text = only_warning();
+        CHECK(text.find("cam1") != std::string::npos);
+        CHECK(text.find("inverted") != std::string::npos);
+    }
+    SUBCASE("no mask at all") {
+        for (int f = 0; f < 3; ++f) {
+            PixelImage opaque = capture.images[static_cast<std::size_t>(f)];
+            for (std::size_t i = 3; i < opaque.data.size(); i += 4) opaque.data[i] = 255;
+            write_png(image(0, f), opaque);
+        }
+        CHECK(only_warning().find("without a mask") != std::string::npos);
+    }
+    SUBCASE("masks of somebody else") {
+        for (int f = 0; f < 3; ++f) {
+            PixelImage other(4, 60, 64);
+            for (int y = 0; y < 60; ++y) other.pixel(y, 60)[3] = 255;
+            write_png(image(0, f), other);
+        }
+        CHECK(only_warning().find("belong together") != std::string::npos);
+    }
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "a capture that cannot be saved") {
+    capture.images.pop_back();
+    CHECK_THROWS_AS(save_capture(folder / "b", capture), ShapeError);
+    capture.images.push_back(PixelImage(4, 3, 3));
+    CHECK_THROWS_AS(save_capture(folder / "b", capture), ShapeError);
+    write_file(folder / "file", "");
+    test::check_throws<IoError>([&] { save_capture(folder / "file", make_capture(body)); },
+                                {"file", "cannot be created"});
+}

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/io/file/atomic_file.hpp>
+
+#include "io/temporary.hpp"
+
+#include <sys/resource.h>
+
+#include <csignal>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+/// Files may not grow beyond `bytes` while this lives: what a full disk looks like.
+class FileSizeLimit {
+public:
+    explicit FileSizeLimit(rlim_t bytes) {
+        handler_ = std::signal(SIGXFSZ, SIG_IGN);
+        getrlimit(RLIMIT_FSIZE, &before_);
+        const rlimit limit{bytes, before_.rlim_max};
+        setrlimit(RLIMIT_FSIZE, &limit);
+    }
+    ~FileSizeLimit() {
+        setrlimit(RLIMIT_FSIZE, &before_);
+        std::signal(SIGXFSZ, handler_);
+    }
+
+private:
+    rlimit before_{};
+    void (*handler_)(int) = nullptr;
+};
+} // namespace
+
+TEST_CASE("a file appears on commit and not before") {
+    const test::Temporary folder;
+    const auto path = folder / "a.txt";
+    {
+        AtomicFile file(path);
+        file.write("hello ");
+        file.write("world");
+        CHECK(file.size() == 11);
+        CHECK(!std::filesystem::exists(path));
+        file.commit();
+    }
+    CHECK(read_file(path) == "hello world");
+    CHECK(folder.file_count() == 1);
+}
+
+TEST_CASE("an abandoned write leaves the old file and nothing else") {
+    const test::Temporary folder;
+    const auto path = folder / "a.txt";
+    write_file(path, "old");
+    {
+        AtomicFile file(path);
+        file.write("new");
+    }
+    CHECK(read_file(path) == "old");
+    CHECK(folder.file_count() == 1);
+}
+
+TEST_CASE("large and small writes arrive in order") {
+    const test::Temporary folder;
+    std::string expected;
+    AtomicFile file(folder / "a");
+    for (std::size_t i = 0; i < 40; ++i) {
+        const std::string block(i * i * 97, static_cast<char>('a' + i % 26));
+        file.write(block);
+        expected += block;
+    }
+    file.commit();
+    CHECK(read_file(folder / "a") == expected);
+}
+
+TEST_CASE("a disk that fills up names the file and leaves no partial output") {
+    const test::Temporary folder;
+    const auto path = folder / "big";
+    write_file(path, "old");
+    const std::vector<char> block(300000, 'x');
+    {
+        const FileSizeLimit limit(100000);
+        test::check_throws<IoError>([&] { AtomicFile(path).write(block.data(), block.size()); },
+                                    {path.string(), "too large"});
+        test::check_throws<IoError>(
+            [&] {
+                AtomicFile file(path);
+                for (int i = 0; i < 3000; ++i) file.write(block.data(), 100);
+                file.commit();
+            },
+            {path.string()});
+    }
+    CHECK(read_file(path) == "old");
+    CHECK(folder.file_count() == 1);
+}
+
+TEST_CASE("a full device is reported, and a device is never replaced") {
+    if (!std::filesystem::exists("/dev/full")) return;
+    test::check_throws<IoError>([] { write_file("/dev/full", "text"); }, {"/dev/full", "No space left"});
+    CHECK(std::filesystem::is_character_file("/dev/full"));
+}
+
+TEST_CASE("a symbolic link keeps pointing where it did") {
+    const test::Temporary folder;
+    write_file(folder / "real", "old");
+    std::filesystem::create_symlink("real", folder / "link");
+    write_file(folder / "link", "new");
+    CHECK(std::filesystem::is_symlink(folder / "link"));
+    CHECK(read_file(folder / "real") == "new");
+}
+
+TEST_CASE("paths that cannot be written or read") {
+    const test::Temporary folder;
+    test::check_throws<IoError>([&] { write_file(folder / "none/a", ""); }, {"none/a", "No such file"});
+    test::check_throws<IoError>([&] { write_file(folder / "", ""); }, {"directory"});
+    test::check_throws<IoError>([&] { (void)read_file(folder / "b"); }, {"/b", "No such file"});
+    test::check_throws<IoError>([&] { (void)read_file(folder / ""); }, {"directory"});
+    write_file(folder / "c", "12345");
+    CHECK(read_file(folder / "c", 5) == "12345");
+    test::check_throws<IoError>([&] { (void)read_file(folder / "c", 4); }, {"/c", "larger than 4"});
+}

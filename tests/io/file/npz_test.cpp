@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/io/file/npz.hpp>
+
+#include "io/npz_files.hpp"
+#include "io/temporary.hpp"
+
+#include <cstring>
+#include <limits>
+#include <numeric>
+#include <vector>
+
+using namespace gsh;
+using test::ZipFile;
+
+namespace {
+
+std::string npy(const std::string& dtype, const std::string& shape, const std::string& data, bool fortran = false,
+                int version = 1) {
+    return test::npy_bytes(dtype, shape, data, fortran, version);
+}
+template <class T>
+std::string bytes_of(const std::vector<T>& values) {
+    return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
+}
+
+} // namespace
+
+TEST_CASE("what NpzWriter writes, NpzReader reads") {
+    const test::Temporary folder;
+    const auto path = folder / "a.npz";
+    std::vector<double> numbers(1000);
+    std::iota(numbers.begin(), numbers.end(), -3.25);
+    const std::vector<float> singles{1.5f, -2.5f, 3.5f, 4.5f, 5.5f, 6.5f};
+    {
+        NpzWriter file(path);
+        file.add("numbers", numbers, {10, 100});
+        file.add("singles", singles);
+        file.add("ids", std::vector<std::int64_t>{-1, 4294967295});
+        file.add("bytes", std::vector<std::uint8_t>{0, 255});
+        file.add("count", 7);
+        file.add("nothing", std::vector<float>{}, {0, 3});
+        file.add_text("kind", "gsh Zoë 人 \xF0\x9F\x99\x82");
+        file.add_text("silence", "");
+        file.add_texts("names", {"pelvis", "left_hip", ""});
+        CHECK(!std::filesystem::exists(path));
+        file.commit();
+    }
+    const NpzReader file(path);
+    CHECK(file.keys().size() == 9);
+    CHECK(file.has("ids"));
+    CHECK(!file.has("id"));
+    CHECK(file.has_array("ids"));
+    CHECK(!file.has_array("kin"));
+    const auto read = file.read<double>("numbers", {-1, 100});
+    CHECK(read.shape == Shape{10, 100});
+    CHECK(read.data == numbers);
+    CHECK(file.read<double>("singles", {6}).data[1] == -2.5);
+    CHECK(file.read<std::int64_t>("ids", {2}).data == std::vector<std::int64_t>{-1, 4294967295});
+    CHECK(file.read<int>("bytes").data == std::vector<int>{0, 255});
+    CHECK(file.read_number<int>("count") == 7);
+    CHECK(file.read_number<double>("count", Numbers::any) == 7.0);
+    CHECK(file.read<float>("nothing", {-1, 3}).size() == 0);
+    CHECK(file.read_texts("kind") == std::vector<std::string>{"gsh Zoë 人 \xF0\x9F\x99\x82"});
+    CHECK(file.read_texts("silence") == std::vector<std::string>{""});
+    CHECK(file.read_texts("names") == std::vector<std::string>{"pelvis", "left_hip", ""});
+    CHECK(file.header("numbers").dtype == "<f8");
+}
+
+TEST_CASE("the same arrays give the same bytes") {
+    const test::Temporary folder;
+    for (const char* name : {"a.npz", "b.npz"}) {
+        NpzWriter file(folder / name);
+        file.add("x", std::vector<float>{1, 2, 3});
+        file.commit();
+    }
+    CHECK(read_file(folder / "a.npz") == read_file(folder / "b.npz"));
+}
+
+TEST_CASE("deflated members, Fortran order, header versions and every width of number") {
+    const test::Temporary folder;
+    const auto path = folder / "a.npz";
+    const std::vector<float> counted{0, 3, 1, 4, 2, 5}; // [[0 1 2] [3 4 5]] by columns
+    {
+        ZipFile zip(path);
+        zip.add("fortran.npy", npy("<f4", "(2, 3)", bytes_of(counted), true), true);
+        zip.add("v2.npy", npy("<f8", "(2,)", bytes_of<double>({1, 2}), false, 2), true);
+        zip.add("v3.npy", npy("<f8", "()", bytes_of<double>({3}), false, 3), false);
+        zip.add("half.npy", npy("<f2", "(4,)", bytes_of<std::uint16_t>({0x3C00, 0xC100, 0x0001, 0x7BFF}), false),
+                false);
+        zip.add("i1.npy", npy("|i1", "(2,)", bytes_of<std::int8_t>({-1, 2})), false);
+        zip.add("i2.npy", npy("<i2", "(2,)", bytes_of<std::int16_t>({-1, 2})), false);
+        zip.add("u2.npy", npy("<u2", "(2,)", bytes_of<std::uint16_t>({65535, 2})), false);
+        zip.add("i4.npy", npy("<i4", "(2,)", bytes_of<std::int32_t>({-1, 2})), false);
+        zip.add("u4.npy", npy("<u4", "(2,)", bytes_of<std::uint32_t>({4294967295u, 2})), false);
+        zip.add("u8.npy", npy("<u8", "(2,)", bytes_of<std::uint64_t>({1, 2})), false);
+        zip.add("b1.npy", npy("|b1", "(2,)", bytes_of<std::uint8_t>({1, 0})), false);
+    }
+    const NpzReader file(path);
+    CHECK(file.read<double>("fortran", {2, 3}).data == std::vector<double>{0, 1, 2, 3, 4, 5});
+    CHECK(file.read<float>("v2").data == std::vector<float>{1, 2});
+    CHECK(file.read_number<float>("v3") == 3);
+    CHECK(file.read<float>("half").data == std::vector<float>{1, -2.5, 0x1p-24f, 65504});
+    CHECK(file.read<int>("i1").data == std::vector<int>{-1, 2});
+    CHECK(file.read<int>("i2").data == std::vector<int>{-1, 2});
+    CHECK(file.read<int>("u2").data == std::vector<int>{65535, 2});
+    CHECK(file.read<int>("i4").data == std::vector<int>{-1, 2});
+    CHECK(file.read<std::int64_t>("u4").data == std::vector<std::int64_t>{4294967295, 2});
+    CHECK(file.read<int>("u8").data == std::vector<int>{1, 2});
+    CHECK(file.read<int>("b1").data == std::vector<int>{1, 0});
+    test::check_throws<ValueError>([&] { (void)file.read<int>("u4"); }, {path.string(), "u4[0]", "4294967295"});
+    test::check_throws<ValueError>([&] { (void)file.read<std::uint32_t>("i4"); }, {"i4[0]", "-1"});
+}
+
+TEST_CASE("a three-dimensional array in Fortran order") {
+    const test::Temporary folder;
+    std::vector<double> columns;
+    for (int k = 0; k < 4; ++k)
+        for (int j = 0; j < 3; ++j)
+            for (int i = 0; i < 2; ++i) columns.push_back(100 * i + 10 * j + k);
+    {
+        ZipFile zip(folder / "a.npz");
+        zip.add("x.npy", npy("<f8", "(2, 3, 4)", bytes_of(columns), true), true);
+    }
+    const auto x = NpzReader(folder / "a.npz").read<double>("x", {2, 3, 4});
+    std::size_t n = 0;
+    for (int i = 0; i < 2; ++i)
+        for (int j = 0; j < 3; ++j)
+            for (int k = 0; k < 4; ++k) CHECK(x.data[n++] == 100 * i + 10 * j + k);
+}
+
+TEST_CASE("files that are no archive") {
+    const test::Temporary folder;
+    test::check_throws<IoError>([&] { NpzReader(folder / "none.npz"); }, {"none.npz", "No such file"});
+    test::check_throws<IoError>([&] { NpzReader(folder / ""); }, {"directory"});
+    write_file(folder / "empty.npz", "");
+    test::check_throws<IoError>([&] { NpzReader(folder / "empty.npz"); }, {"empty.npz", "empty"});
+    write_file(folder / "text.npz", std::string(5000, 'x'));
+    test::check_throws<IoError>([&] { NpzReader(folder / "text.npz"); }, {"text.npz", "not an .npz"});
+    {
+        NpzWriter file(folder / "cut.npz");
+        file.add("x", std::vector<double>(1000, 1.0));
+        file.commit();
+    }
+    test::truncate_file(folder / "cut.npz", 100);
+    test::check_throws<IoError>([&] { NpzReader(folder / "cut.npz"); }, {"cut.npz", "truncated"});
+}
+
+TEST_CASE("members that cannot be read name the file and the key") {
+    const test::Temporary folder;
+    const auto path = folder / "a.npz";
+    {
+        ZipFile zip(path);
+        zip.add("x.npy", npy("<f8", "(2, 2)", bytes_of<double>({1, 2, 3, std::numeric_limits<double>::quiet_NaN()})),
+                true);
+        zip.add("big.npy", npy("<f8", "(1,)", bytes_of<double>({1e300})), true);
+        zip.add("object.npy", npy("|O", "()", "\x80\x04N."), true);
+        zip.add("text.npy", npy("<U2", "(1,)", std::string("a\0\0\0b\0\0\0", 8)), true);
+        zip.add("swapped.npy", npy(">f4", "(1,)", "abcd"), true);
+        zip.add("complex.npy", npy("<c8", "(1,)", "abcdefgh"), true);
+        zip.add("ids.npy", npy("<i4", "(1,)", "abcd"), true);
+        zip.add("short.npy", npy("<f8", "(3,)", bytes_of<double>({1, 2})), true);
+        zip.add("long.npy", npy("<f8", "(1,)", bytes_of<double>({1, 2})), true);
+        zip.add("absurd.npy", npy("<f8", "(4611686018427387904, 4)", ""), true);
+        zip.add("huge.npy", npy("<f8", "(99999999999999999999999,)", ""), true);
+        zip.add("version.npy", npy("<f8", "()", bytes_of<double>({1}), false, 9), true);
+        zip.add("headless.npy", "nothing of the kind", true);
+        zip.add("tiny.npy", "\x93NUM", true);
+        zip.add("keyless.npy", test::npy_bytes_of_header("{'descr': '<f8', 'shape': (1,)}", bytes_of<double>({1})),
+                true);
+        zip.add("structured.npy",
+                test::npy_bytes_of_header("{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': ()}",
+                                          bytes_of<double>({1})),
+                true);
+        zip.add("readme.txt", "not an array", true);
+    }
+    const NpzReader file(path);
+    const auto read = [&](const char* key) { return [&file, key] { (void)file.read<float>(key); }; };
+    test::check_throws<IoError>(read("y"), {path.string(), "y is missing", "big"});
+    test::check_throws<ShapeError>([&] { (void)file.read<double>("x", {-1, 3}); },
+                                   {path.string(), "x", "(2, 2)", "(*, 3)"});
+    test::check_throws<ShapeError>([&] { (void)file.read_number<double>("x"); }, {"x"});
+    test::check_throws<ValueError>(read("x"), {path.string(), "x[1, 1]", "NaN"});
+    test::check_throws<ValueError>(read("big"), {path.string(), "big[0]", "<f4"});
+    test::check_throws<IoError>(read("object"), {path.string(), "object", "pickled"});
+    test::check_throws<IoError>(read("text"), {"text", "<U2", "real numbers"});
+    test::check_throws<IoError>(read("swapped"), {"swapped", ">f4"});
+    test::check_throws<IoError>(read("complex"), {"complex", "<c8"});
+    test::check_throws<IoError>(read("ids"), {"ids", "<i4", "real numbers"});
+    test::check_throws<IoError>([&] { (void)file.read<int>("x"); }, {"x", "<f8", "integers"});
+    test::check_throws<IoError>(read("short"), {path.string(), "short", "truncated"});
+    test::check_throws<IoError>(read("long"), {path.string(), "long", "(1,)"});
+    test::check_throws<IoError>(read("absurd"), {path.string(), "absurd"});
+    test::check_throws<IoError>(read("huge"), {path.string(), "huge", "absurd"});
+    test::check_throws<IoError>(read("version"), {path.string(), "version", "9"});
+    test::check_throws<IoError>(read("headless"), {path.string(), "headless"});
+    test::check_throws<IoError>(read("tiny"), {path.string(), "tiny", "truncated"});
+    test::check_throws<IoError>(read("keyless"), {path.string(), "keyless", "fortran_order"});
+    test::check_throws<IoError>(read("structured"), {path.string(), "structured"});
+    test::check_throws<IoError>([&] { (void)file.read_texts("x"); }, {path.string(), "x", "text"});
+    CHECK(!file.has_array("object"));
+    CHECK(file.has_array("text"));
+    CHECK(file.keys().size() == 16);
+}
+
+TEST_CASE("a damaged member does not pass its checksum") {
+    const test::Temporary folder;
+    {
+        NpzWriter file(folder / "a.npz");
+        file.add("x", std::vector<double>(100, 1.0));
+        file.commit();
+    }
+    std::string bytes = read_file(folder / "a.npz");
+    bytes[400] ^= 1; // within the numbers
+    write_file(folder / "a.npz", bytes);
+    const NpzReader file(folder / "a.npz");
+    test::check_throws<IoError>([&] { (void)file.read<double>("x"); }, {"a.npz", "x", "damaged"});
+}
+
+TEST_CASE("a compressed-size bomb is refused before it inflates") {
+    const test::Temporary folder;
+    const auto path = folder / "bomb.npz";
+    {
+        ZipFile zip(path);
+        zip.add("honest.npy", npy("<f4", "(25000000,)", std::string(100000000, '\0')), true);
+    }
+    CHECK(std::filesystem::file_size(path) < 200000);
+    test::check_throws<IoError>([&] { (void)NpzReader(path).read<float>("honest"); },
+                                {path.string(), "honest", "inflates"});
+    NpzReader::Limits limits;
+    limits.member_bytes = 1 << 20;
+    test::check_throws<IoError>([&] { (void)NpzReader(path, limits).read<float>("honest"); },
+                                {path.string(), "honest", "100000128", "1048576"});
+    limits.member_bytes = std::size_t(1) << 30, limits.ratio = 2000;
+    CHECK(NpzReader(path, limits).read<float>("honest").size() == 25000000);
+
+    // A directory that claims less than the member holds.
+    std::string bytes = read_file(path);
+    const std::uint32_t truth = 100000128, claim = 1000;
+    for (std::size_t i = 0; i + 4 <= bytes.size(); ++i)
+        if (std::memcmp(&bytes[i], &truth, 4) == 0) std::memcpy(&bytes[i], &claim, 4);
+    write_file(path, bytes);
+    test::check_throws<Error>([&] { (void)NpzReader(path).read<float>("honest"); }, {path.string()});
+}
+
+TEST_CASE("numbers that widen beyond the limit are refused") {
+    const test::Temporary folder;
+    {
+        NpzWriter file(folder / "a.npz");
+        file.add("x", std::vector<std::uint8_t>(1000, 1));
+        file.commit();
+    }
+    NpzReader::Limits limits;
+    limits.member_bytes = 2000;
+    const NpzReader file(folder / "a.npz", limits);
+    CHECK(file.read<std::uint8_t>("x").size() == 1000);
+    test::check_throws<IoError>([&] { (void)file.read<std::int64_t>("x"); }, {"x", "(1000,)", "2000"});
+}
+
+TEST_CASE("a writer's own mistakes") {
+    const test::Temporary folder;
+    NpzWriter file(folder / "a.npz");
+    CHECK_THROWS_AS(file.add("x", std::vector<float>(3), {2, 2}), ShapeError);
+    file.add("x", std::vector<float>(3));
+    test::check_throws<ValueError>([&] { file.add("x", 1); }, {"x", "twice"});
+}
+
+TEST_CASE("a single array in a file of its own") {
+    const test::Temporary folder;
+    const auto path = folder / "image.npy";
+    const std::vector<float> pixels{0, 0.25f, 0.5f, 0.75f, 1, 2};
+    write_npy<float>(path, pixels, {1, 2, 3});
+    const auto read = read_npy<float>(path);
+    CHECK(read.shape == Shape{1, 2, 3});
+    CHECK(read.data == pixels);
+    test::truncate_file(path, 1);
+    test::check_throws<IoError>([&] { (void)read_npy<float>(path); }, {path.string(), "truncated"});
+    test::check_throws<IoError>([&] { (void)read_npy<float>(folder / "none.npy"); }, {"none.npy", "No such file"});
+    CHECK_THROWS_AS(write_npy<float>(path, pixels, {7}), ShapeError);
+}

@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/threads.hpp>
+#include <gsh/io/model/avatar_file.hpp>
+#include <gsh/train/avatar_model.hpp>
+#include <gsh/train/trainer.hpp>
+
+#include "io/npz_files.hpp"
+#include "support/bodies.hpp"
+#include "support/small_training.hpp"
+
+#include <unistd.h>
+#include <zip.h>
+
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+
+AvatarData small_avatar() {
+    const BodyModel body = test::tube(4, 6, 6);
+    const std::vector<double> betas{0.3, -0.1};
+    const auto samples =
+        sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 2.0), 3);
+    AvatarData avatar{make_rig(body, betas, samples), GaussianCloud<float>(samples.size(), 2), ColorClamp::below};
+    test::Rng rng(6);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+        avatar.gaussians.means[i] = vec3<float>(samples.positions[i]);
+        avatar.gaussians.log_scales[i] = vec3<float>(rng.vec(-4, -3));
+        avatar.gaussians.opacity_logits[i] = static_cast<float>(rng.uniform(-1, 1));
+    }
+    for (auto& value : avatar.gaussians.sh) value = vec3<float>(rng.vec());
+    return avatar;
+}
+
+std::filesystem::path temporary(const char* name) {
+    return std::filesystem::temp_directory_path() / ("gsh-avatar-" + std::to_string(getpid()) + "-" + name);
+}
+
+template <class F>
+std::string message_of(const F& work) {
+    try {
+        work();
+    } catch (const Error& error) {
+        return error.what();
+    }
+    return {};
+}
+
+/// Puts other bytes in a member's place, or, where there are none, takes it out.
+void replace_member(const std::filesystem::path& path, const std::string& member, const std::string& bytes) {
+    int error = 0;
+    zip_t* archive = zip_open(path.c_str(), 0, &error);
+    REQUIRE(archive != nullptr);
+    const zip_int64_t index = zip_name_locate(archive, member.c_str(), 0);
+    REQUIRE(index >= 0);
+    if (bytes.empty())
+        CHECK(zip_delete(archive, static_cast<zip_uint64_t>(index)) == 0);
+    else
+        CHECK(zip_file_replace(archive, static_cast<zip_uint64_t>(index),
+                               zip_source_buffer(archive, bytes.data(), bytes.size(), 0), 0) == 0);
+    CHECK(zip_close(archive) == 0);
+}
+
+using Model = AvatarModel<cpu::Serial, float, 4, 2, 1>;
+
+/// A few steps of training, the last of them past the start of ambient occlusion.
+struct ShadedTraining {
+    test::SmallScene scene;
+    cpu::Serial backend;
+    SurfaceSamples samples = sample_surface(scene.body, shaped_vertices(scene.body, scene.betas),
+                                            std::vector<double>(scene.body.vertex_count(), 4.0), 3);
+    RigData rig = make_rig(scene.body, scene.betas, samples);
+    Model model;
+    Trainer<cpu::Serial, float, Model> trainer;
+
+    explicit ShadedTraining(AmbientOcclusion ao, int hidden_layers = 2)
+        : model(backend, rig, samples, 3,
+                {.hash_base = 4,
+                 .hash_growth = 2,
+                 .hash_table_size = 1024,
+                 .mlp_width = 16,
+                 .mlp_hidden_layers = hidden_layers,
+                 .ao = ao,
+                 .ao_table_size = 1024,
+                 .largest_ao = 1.2}),
+          trainer(backend, model, scene.photos, scene.motion, 3) {
+        for (int i = 0; i < 12; ++i) trainer.step(0.9);
+    }
+};
+
+/// Splats of frame 0 of a motion, number after number.
+template <class B, class Shown>
+std::vector<float> splats_of(B& backend, Shown& shown, const Motion& motion, const auto&... code) {
+    RigPose<B, float> pose;
+    shown.rig().upload_pose(motion, 0, pose);
+    Splats<B, float> splats;
+    splats.resize(shown.size());
+    typename std::remove_const_t<Shown>::Cache cache;
+    shown.pose(pose, {0, 1, 3.5}, splats.view(), cache, code...);
+    backend.synchronize();
+    std::vector<float> all;
+    const auto add = [&](const auto& values) {
+        const std::size_t before = all.size(), bytes = values.size() * sizeof(values[0]);
+        all.resize(before + bytes / sizeof(float));
+        std::memcpy(all.data() + before, values.data(), bytes);
+    };
+    add(splats.means), add(splats.covariances), add(splats.opacities), add(splats.colors);
+    return all;
+}
+
+} // namespace
+
+TEST_CASE("an avatar comes back from its file as it was, and poses the same") {
+    const AvatarData avatar = small_avatar();
+    const auto path = temporary("round.gsh");
+    save_avatar(path, avatar);
+    const AvatarData back = load_avatar(path);
+    CHECK(back.rig.betas == avatar.rig.betas);
+    CHECK(back.rig.triangles == avatar.rig.triangles);
+    CHECK(back.rig.skin.weights == avatar.rig.skin.weights);
+    CHECK(back.gaussians.sh == avatar.gaussians.sh);
+    CHECK(back.gaussians.opacity_logits == avatar.gaussians.opacity_logits);
+    CHECK(back.clamping == ColorClamp::below);
+
+    cpu::Serial backend;
+    Motion motion = rest_motion(avatar.rig);
+    test::Rng rng(2);
+    motion.pose = rng.vecs(4);
+    const auto posed = [&](const AvatarData& data) {
+        const Avatar<cpu::Serial> shown(backend, data);
+        RigPose<cpu::Serial, float> pose;
+        shown.rig().upload_pose(motion, 0, pose);
+        Splats<cpu::Serial, float> splats;
+        splats.resize(shown.size());
+        Avatar<cpu::Serial>::Cache cache;
+        shown.pose(pose, {0, 0, 3}, splats.view(), cache);
+        return std::vector<vec3<float>>(splats.means.begin(), splats.means.end());
+    };
+    CHECK(posed(back) == posed(avatar));
+    std::filesystem::remove(path);
+}
+
+TEST_CASE("shadows that follow the pose come back from a file and fall on a new motion as in training") {
+    for (const int hidden_layers : {1, 2}) {
+        CAPTURE(hidden_layers);
+        ShadedTraining training(AmbientOcclusion::pose, hidden_layers);
+        const auto path = temporary("shaded.gsh");
+        save_avatar(path, training.trainer.avatar(training.rig));
+        const AvatarData data = load_avatar(path);
+        REQUIRE(data.occlusion);
+        CHECK(data.ao.size() == training.model.size()); // the mean, for what knows no poses
+        CHECK(data.occlusion->largest == 1.2);
+        const Avatar<cpu::Serial> avatar(training.backend, data);
+        cpu::Threads threads(3);
+        const Avatar<cpu::Threads> threaded(threads, data);
+        AvatarData without = data;
+        without.occlusion.reset();
+        const Avatar<cpu::Serial> meant(training.backend, without);
+
+        Motion motion = training.scene.motion;
+        test::Rng rng(4);
+        for (int i = 0; i < 3; ++i) {
+            if (i) motion.pose = rng.vecs(8, -0.9, 0.9); // poses that training has not seen
+            training.model.update_canonical(training.trainer.cache());
+            const auto expected = splats_of(training.backend, training.model, motion, training.trainer.frame_code(0));
+            CHECK(splats_of(training.backend, avatar, motion) == expected);
+            CHECK(splats_of(threads, threaded, motion) == expected);
+            CHECK(splats_of(training.backend, meant, motion) != expected);
+        }
+        std::filesystem::remove(path);
+    }
+}
+
+TEST_CASE("shadows that know only the time are a mean in the file, and none before they are learned") {
+    ShadedTraining training(AmbientOcclusion::time);
+    const AvatarData data = training.trainer.avatar(training.rig);
+    CHECK(!data.occlusion);
+    CHECK(data.ao == training.trainer.mean_occlusion());
+    CHECK(data.ao.size() == training.model.size());
+    const auto [least, most] = std::minmax_element(data.ao.begin(), data.ao.end());
+    CHECK(*least < *most);
+    training.trainer.set_progress(0); // before ao_start
+    CHECK(training.trainer.avatar(training.rig).ao.empty());
+
+    ShadedTraining bent(AmbientOcclusion::pose);
+    bent.trainer.set_progress(0); // before ao_start
+    CHECK(!bent.trainer.avatar(bent.rig).occlusion);
+    ShadedTraining flat(AmbientOcclusion::pose, 0); // a single matrix has no first layer to bake
+    CHECK(!flat.trainer.avatar(flat.rig).occlusion);
+    CHECK(!flat.trainer.avatar(flat.rig).ao.empty());
+}
+
+TEST_CASE("a field of shadows that does not fit its avatar is refused by name") {
+    ShadedTraining training(AmbientOcclusion::pose);
+    const AvatarData good = training.trainer.avatar(training.rig);
+    const auto path = temporary("shades.gsh");
+    const auto save_error = [&](const auto& change) {
+        AvatarData avatar = good;
+        change(*avatar.occlusion);
+        return message_of([&] { save_avatar(path, avatar); });
+    };
+    CHECK(save_error([](auto& field) { field.neurons.pop_back(); }).find("neurons") != std::string::npos);
+    CHECK(save_error([](auto& field) { field.width = 0; }).find("width") != std::string::npos);
+    CHECK(!std::filesystem::exists(path));
+
+    // What another program may have made of the file.
+    const auto load_error = [&](const std::string& member, const std::string& bytes) {
+        save_avatar(path, good);
+        replace_member(path, member + ".npy", bytes);
+        const std::string message = message_of([&] { (void)load_avatar(path); });
+        CHECK(message.find(path.string()) != std::string::npos);
+        return message;
+    };
+    const std::string zeros(1 << 16, '\0'), N = std::to_string(training.model.size());
+    const auto floats = [&](const std::string& shape, std::size_t count) {
+        return test::npy_bytes("<f4", shape, zeros.substr(0, 4 * count));
+    };
+    const auto names = [&](const std::string& message, const char* word) {
+        CAPTURE(message);
+        CHECK(message.find(word) != std::string::npos);
+    };
+    names(load_error("occlusion_neurons", floats("(" + N + ",)", training.model.size())), "two axes");
+    names(load_error("occlusion_neurons", floats("(3, 16)", 48)), "neurons has 48 elements");
+    names(load_error("occlusion_neurons", floats("(" + N + ", 0)", 0)), "columns");
+    names(load_error("occlusion_neurons", test::npy_bytes("<f8", "(1, 1)", zeros.substr(0, 8))), "occlusion_neurons");
+    names(load_error("occlusion_pose_weights", floats("(16, 18)", 288)), "pose_weights has 288 elements");
+    names(load_error("occlusion_weights", floats("(5,)", 5)), "weights has 5 elements");
+    names(load_error("occlusion_weights", ""), "occlusion_weights");
+    names(load_error("occlusion_weights", test::npy_bytes("<f4", "(272,)", zeros.substr(0, 1084) + "\xff\xff\xff\xff")),
+          "weights[271]");
+    names(load_error("occlusion_hidden_layers", test::npy_bytes("<i4", "()", "\xff\xff\xff\x7f")), "hidden_layers");
+    names(load_error("occlusion_largest", test::npy_bytes("<f8", "()", zeros.substr(0, 8))), "largest");
+    std::filesystem::remove(path);
+}
+
+TEST_CASE("occlusion that holds in every pose, deformation and filter come back from the file") {
+    const auto path = temporary("parts.gsh");
+    for (const Deformation deformation : {Deformation::linear, Deformation::polar, Deformation::dual_quaternion}) {
+        AvatarData avatar = small_avatar();
+        avatar.deformation = deformation;
+        avatar.filter = {.dilation = 0.17, .compensate_opacity = deformation != Deformation::polar};
+        test::Rng rng(9);
+        if (deformation != Deformation::linear)
+            for (std::size_t i = 0; i < avatar.gaussians.size(); ++i)
+                avatar.ao.push_back(static_cast<float>(rng.uniform(0, 1.5)));
+        save_avatar(path, avatar);
+        const AvatarData back = load_avatar(path);
+        CHECK(back.deformation == deformation);
+        CHECK(back.ao == avatar.ao);
+        CHECK(!back.occlusion);
+        CHECK(back.filter.dilation == 0.17);
+        CHECK(back.filter.compensate_opacity == avatar.filter.compensate_opacity);
+    }
+    AvatarData avatar = small_avatar();
+    avatar.ao.assign(avatar.gaussians.size() - 1, 1.0f);
+    save_avatar(path, avatar);
+    CHECK(message_of([&] { (void)load_avatar(path); }).find("ao has") != std::string::npos);
+    avatar.ao.assign(avatar.gaussians.size(), std::numeric_limits<float>::infinity());
+    save_avatar(path, avatar);
+    CHECK(message_of([&] { (void)load_avatar(path); }).find("ao[0]") != std::string::npos);
+    save_avatar(path, small_avatar());
+    replace_member(path, "deformation.npy", test::npy_bytes("<i4", "()", std::string("\3\0\0\0", 4)));
+    CHECK(message_of([&] { (void)load_avatar(path); }).find("deformation is 3, expected 0 to 2") != std::string::npos);
+    std::filesystem::remove(path);
+}
+
+TEST_CASE("what cannot be an avatar is refused by name") {
+    const auto path = temporary("bad.gsh");
+    AvatarData avatar = small_avatar();
+    avatar.gaussians.means[3].y = std::numeric_limits<float>::quiet_NaN();
+    save_avatar(path, avatar);
+    const std::string nan = message_of([&] { (void)load_avatar(path); });
+    CHECK(nan.find("means[10]") != std::string::npos);
+    CHECK(nan.find(path.string()) != std::string::npos);
+
+    avatar = small_avatar();
+    avatar.rig.skin.joints[0] = 4;
+    save_avatar(path, avatar);
+    CHECK(message_of([&] { (void)load_avatar(path); }).find("joint 4") != std::string::npos);
+
+    avatar = small_avatar();
+    avatar.gaussians.resize(avatar.gaussians.size() - 1, 2);
+    CHECK_THROWS_AS(save_avatar(path, avatar), ShapeError);
+
+    std::filesystem::resize_file(path, 1000);
+    CHECK_THROWS_AS((void)load_avatar(path), IoError);
+    std::filesystem::remove(path);
+    CHECK_THROWS_AS((void)load_avatar(path), IoError);
+}

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/io/motion/any_motion.hpp>
+
+#include "io/npz_files.hpp"
+#include "io/sample_files.hpp"
+#include "io/small_body.hpp"
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+
+TEST_CASE("motions are known by their members or their folder") {
+    const test::Temporary folder;
+    const BodyModel body = test::small_body(24, 3, 0), smplx = test::small_body(55, 3, 2);
+    const auto write = [&](const char* name, const std::vector<std::pair<const char*, std::size_t>>& members) {
+        NpzWriter file(folder / name);
+        for (const auto& [key, width] : members) file.add(key, std::vector<double>(2 * width, 0.125), {2, width});
+        file.add("betas", std::vector<double>(3, 0.0));
+        file.commit();
+        return folder / name;
+    };
+    const auto amass = write("amass.npz", {{"poses", 72}, {"trans", 3}});
+    CHECK(recognise_motion(amass) == MotionLayout::amass);
+    CHECK(load_any_motion(amass, body).pose[3].x == 0.125);
+    const auto split = write("split.npz", {{"root_orient", 3}, {"pose_body", 63}, {"trans", 3}});
+    CHECK(recognise_motion(split) == MotionLayout::amass);
+    CHECK(load_any_motion(split, smplx).pose[3].x == 0.125);
+    const auto snapshot = write("snapshot.npz", {{"thetas", 72}, {"transl", 3}});
+    CHECK(recognise_motion(snapshot) == MotionLayout::snapshot);
+    CHECK(load_any_motion(snapshot, body).timestamps[1] == doctest::Approx(1 / 30.0));
+    const auto fits = write("fits.npz", {{"global_orient", 3}, {"body_pose", 63}, {"camera_translation", 3}});
+    CHECK(recognise_motion(fits) == MotionLayout::smplifyx);
+    CHECK(load_any_motion(fits, smplx).transl[0].x == doctest::Approx(0.125));
+    save_motion(folder / "ours.npz", test::still_motion(body, 3));
+    CHECK(recognise_motion(folder / "ours.npz") == MotionLayout::gsh);
+    CHECK(load_any_motion(folder / "ours.npz", body).pose == test::still_motion(body, 3).pose);
+
+    const detail::Json none = detail::Json::array({0, 0, 0}), person = {{"id", 0},
+                                                                        {"Rh", none},
+                                                                        {"Th", none},
+                                                                        {"poses", std::vector<double>(72, 0.0)},
+                                                                        {"shapes", none}};
+    std::filesystem::create_directories(folder / "easymocap");
+    test::write_text(folder / "easymocap/000000.json", detail::Json::array({person}).dump());
+    CHECK(recognise_motion(folder / "easymocap") == MotionLayout::easymocap);
+    CHECK(load_any_motion(folder / "easymocap", body).frame_count() == 1);
+    std::filesystem::create_directories(folder / "lhm");
+    const detail::Json frame = {
+        {"root_pose", none}, {"body_pose", std::vector<double>(63, 0.0)}, {"trans", none}, {"betas", none}};
+    test::write_text(folder / "lhm/00001.json", frame.dump());
+    CHECK(recognise_motion(folder / "lhm") == MotionLayout::smplx_json);
+    CHECK(load_any_motion(folder / "lhm", smplx).frame_count() == 1);
+    std::filesystem::create_directories(folder / "gala/pose");
+    test::write_text(folder / "gala/pose/0000.txt", "0,0,0\n");
+    CHECK(recognise_motion(folder / "gala") == MotionLayout::gala);
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "gala", body); }, {"model/jointParent.txt"});
+    std::filesystem::create_directories(folder / "empty");
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "empty", body); }, {"empty", "no motion"});
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "none.npz", body); }, {"none.npz"});
+}
+
+TEST_CASE("a pose that is split, or a word on hands, counts for more than what AMASS also has") {
+    const test::Temporary folder;
+    const BodyModel body = test::small_body(55, 3, 2, true);
+    const auto write = [&](const char* name, const auto& add) {
+        NpzWriter file(folder / name);
+        file.add("betas", std::vector<double>(3, 0.0));
+        file.add("trans", std::vector<double>(6, 0.0), {2, 3});
+        file.add("poses", std::vector<double>(330, 0.125), {2, 165});
+        add(file);
+        file.commit();
+        return folder / name;
+    };
+    const auto both = write("both.npz", [](NpzWriter& file) {
+        file.add("global_orient", std::vector<double>(6, 0.5), {2, 3});
+        file.add("body_pose", std::vector<double>(126, 0.5), {2, 63});
+    });
+    CHECK(recognise_motion(both) == MotionLayout::gsh);
+    CHECK(load_any_motion(both, body).pose[0].x == 0.5);
+    const auto plain = write("plain.npz", [](NpzWriter&) {}),
+               counted = write("counted.npz", [](NpzWriter& file) { file.add("flat_hand", std::uint8_t(0)); });
+    CHECK(load_any_motion(plain, body).pose[25] == vec3<double>(0.125));
+    CHECK(load_any_motion(counted, body).pose[25] == vec3<double>(0.125) + body.hands_mean_left[0]);
+    CHECK(load_any_motion(counted, body).pose == load_motion(counted, body).pose);
+}
