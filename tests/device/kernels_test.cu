@@ -16,7 +16,7 @@
 #include <gsh/optim/adam.hpp>
 #include <gsh/render/tiles.hpp>
 #include <gsh/train/avatar_model.hpp>
-#include <gsh/train/density_control.hpp>
+#include <gsh/pipeline/density_control.hpp>
 #include <gsh/train/parameters.hpp>
 #include <gsh/train/refinement.hpp>
 #include <gsh/train/static_trainer.hpp>

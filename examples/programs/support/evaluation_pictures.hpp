@@ -4,7 +4,7 @@
 
 #include <gsh/image/image.hpp>
 #include <gsh/io/image/image_file.hpp>
-#include <gsh/train/photo.hpp>
+#include <gsh/pipeline/photo.hpp>
 
 #include <cstddef>
 #include <string>

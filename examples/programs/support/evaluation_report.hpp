@@ -5,7 +5,7 @@
 #include "support/evaluation_pictures.hpp"
 #include "support/evaluation_result.hpp"
 
-#include <gsh/train/photo.hpp>
+#include <gsh/pipeline/photo.hpp>
 
 #include <string>
 #include <vector>

@@ -9,7 +9,7 @@
 #include "support/source.hpp"
 
 #include <gsh/backend/threads.hpp>
-#include <gsh/train/photo.hpp>
+#include <gsh/pipeline/photo.hpp>
 
 #include <cstddef>
 #include <string>

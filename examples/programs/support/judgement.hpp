@@ -8,7 +8,7 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/loss/lpips.hpp>
 #include <gsh/train/evaluation.hpp>
-#include <gsh/train/photo.hpp>
+#include <gsh/pipeline/photo.hpp>
 #include <gsh/train/region_labels.hpp>
 
 #include <filesystem>

@@ -11,7 +11,7 @@
 #include <gsh/train/canonical_setup.hpp>
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/evaluation.hpp>
-#include <gsh/train/photo.hpp>
+#include <gsh/pipeline/photo.hpp>
 #include <gsh/train/refinement.hpp>
 #include <gsh/train/trainer.hpp>
 

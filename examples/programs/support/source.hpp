@@ -11,7 +11,7 @@
 #include <gsh/io/capture/capture.hpp>
 #include <gsh/io/capture/people_capture.hpp>
 #include <gsh/prior/estimated_view.hpp>
-#include <gsh/train/photo.hpp>
+#include <gsh/pipeline/photo.hpp>
 
 #include <cstddef>
 #include <string>

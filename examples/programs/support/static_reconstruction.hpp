@@ -10,9 +10,9 @@
 #include <gsh/image/image.hpp>
 #include <gsh/io/capture/capture.hpp>
 #include <gsh/io/image/image_file.hpp>
-#include <gsh/train/density_control.hpp>
+#include <gsh/pipeline/density_control.hpp>
 #include <gsh/train/evaluation.hpp>
-#include <gsh/train/photo.hpp>
+#include <gsh/pipeline/photo.hpp>
 #include <gsh/train/static_start.hpp>
 #include <gsh/train/static_trainer.hpp>
 

@@ -4,6 +4,7 @@
 
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
+#include <gsh/avatar/poser.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
@@ -46,30 +47,27 @@ struct AvatarData {
     return cloud;
 }
 
-/// Poses an avatar. The parameter fields were queried when it was made, so a frame costs skinning and shading, and
-/// where shadows follow the pose most of one small network.
+/// Poses an avatar. Its fields were evaluated when it was made, so a frame costs skinning and shading, and most of one
+/// small network where shadows follow the pose.
 ///
 /// Frame   see RigData (canonical) and Camera (world).
 /// Errors  ShapeError if rig and Gaussians differ in number, or if the occlusion field is another body's.
 template <Backend B, std::floating_point T = float>
 class Avatar {
 public:
+    template <class U>
+    using Buffer = typename B::template Buffer<U>;
+
     /// One per frame in flight.
     struct Cache {
-        typename Rig<B, T>::Cache rig;
-        typename B::template Buffer<vec3<T>> means; // [N]
-        typename B::template Buffer<T> ao;          // [N] of this pose, where it follows the pose
+        typename Poser<B, T>::Cache poser;
+        Buffer<T> ao, dL_dao;           // [N] of this pose, where shadows follow it
+        Buffer<mat3<T>> dL_drotations;  // [J], likewise
         typename OcclusionField<B, T>::Cache occlusion;
-        // gradients on their way back
-        typename B::template Buffer<vec3<T>> dL_dmeans, dL_djoints;
-        typename B::template Buffer<Affine<T>> dL_dbones;
-        typename B::template Buffer<T> dL_dao;
-        typename B::template Buffer<mat3<T>> dL_drotations;
-        SkinnedSplatsWorkspace<B, T> workspace;
     };
 
     Avatar(B& backend, const AvatarData& data)
-        : backend_(&backend), rig_(backend, data.rig), clamping_(data.clamping), deformation_(data.deformation) {
+        : backend_(&backend), poser_(backend, data.rig, data.clamping, data.deformation) {
         check_size("Avatar", "gaussians", data.gaussians.size(), data.rig.point_count(), "one per point of the rig");
         if (!data.ao.empty())
             check_size("Avatar", "ao", data.ao.size(), data.rig.point_count(), "one per Gaussian, or none");
@@ -77,7 +75,7 @@ public:
             occlusion_.emplace(backend, *data.occlusion, data.rig.point_count(), data.rig.joint_count());
         const std::vector<T> ao(data.ao.begin(), data.ao.end());
         ao_.resize(ao.size());
-        backend.upload(Span<const T>(ao), ao_);
+        backend.upload(Span<const T>(ao), Span<T>(ao_));
         GaussianCloud<T> cloud;
         const auto cast = [](const auto& from, auto& to) {
             using To = typename std::remove_cvref_t<decltype(to)>::value_type;
@@ -94,74 +92,57 @@ public:
         joints_.resize(data.rig.joints.size());
         std::vector<vec3<T>> joints;
         for (const auto& joint : data.rig.joints) joints.push_back(vec3<T>(joint));
-        backend.upload(Span<const vec3<T>>(joints), joints_);
+        backend.upload(Span<const vec3<T>>(joints), Span<vec3<T>>(joints_));
     }
 
     [[nodiscard]] std::size_t size() const { return gaussians_.size(); }
-    [[nodiscard]] const Rig<B, T>& rig() const { return rig_; }
+    [[nodiscard]] const Rig<B, T>& rig() const { return poser_.rig(); }
 
     /// Splats of a pose as seen from `center` (Camera::center()); splats must have size() elements.
     void pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) const {
-        rig_.forward(pose, joints_, cache.rig);
-        cache.means.resize(size());
-        backend_->copy(Span<const vec3<T>>(gaussians_.means), cache.means);
-        rig_.add_offsets(cache.rig, cache.means);
+        poser_.bones(pose, joints_, cache.poser);
+        backend_->copy(Span<const vec3<T>>(gaussians_.means), Span<vec3<T>>(cache.poser.means));
         if (occlusion_) {
             cache.ao.resize(size());
-            occlusion_->forward(rig_.skeleton(), cache.rig.rotations, cache.ao, cache.occlusion);
+            occlusion_->forward(rig().skeleton(), cache.poser.rig.rotations, cache.ao, cache.occlusion);
         }
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
-            skinned_splats_forward<decltype(degree)::value>(*backend_, view(cache), cache.rig.bones, center, splats,
-                                                            cache.workspace, clamping_, deformation_);
+            poser_.template forward<decltype(degree)::value>(view(cache), center, splats, cache.poser);
         });
     }
 
-    /// Adjoint of pose with respect to the pose alone, the avatar being what it is: adds to what is asked for in
-    /// dL_dpose, and to dL_dcenter [1] if given. The other arguments are those of the forward pass that filled the
-    /// cache.
-    void pose_backward(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
-                       Cache& cache, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
-        const auto zeros = [&](auto& buffer, std::size_t count, auto zero) {
-            buffer.resize(count);
-            backend_->fill(Span(buffer.data(), count), zero);
-        };
-        zeros(cache.dL_dmeans, size(), vec3<T>(T(0)));
-        zeros(cache.dL_djoints, joints_.size(), vec3<T>(T(0)));
-        zeros(cache.dL_dbones, joints_.size(), Affine<T>::zero());
+    /// Adjoint of pose with respect to the pose alone: adds to what is asked for in dL_dpose, and to dL_dcenter [1] if
+    /// it is given. The other arguments are those of the forward pass that filled the cache.
+    void backward_to_pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
+                          Cache& cache, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
         const bool shadows_move = occlusion_ && !dL_dpose.pose.empty();
-        zeros(cache.dL_dao, shadows_move ? size() : 0, T(0));
-        const SkinnedView<T> dL_dgaussians{.means = cache.dL_dmeans,
-                                           .quats = {},
-                                           .log_scales = {},
-                                           .opacity_logits = {},
-                                           .sh = {},
-                                           .ao = cache.dL_dao};
+        cache.dL_dao.resize(shadows_move ? size() : 0);
+        backend_->fill(Span<T>(cache.dL_dao), T(0));
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
-            skinned_splats_backward<decltype(degree)::value>(*backend_, view(cache), cache.rig.bones, center,
-                                                             dL_dsplats, cache.workspace, dL_dgaussians,
-                                                             cache.dL_dbones, dL_dcenter, clamping_, deformation_);
+            poser_.template backward<decltype(degree)::value>(pose, view(cache), center, dL_dsplats, cache.poser,
+                                                              {.ao = cache.dL_dao}, {}, dL_dpose, dL_dcenter);
         });
-        rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans, cache.dL_djoints, dL_dpose);
-        if (shadows_move) {
-            zeros(cache.dL_drotations, joints_.size(), mat3<T>(T(0)));
-            occlusion_->backward(rig_.skeleton(), cache.ao, cache.dL_dao, cache.occlusion, cache.dL_drotations);
-            rig_.skeleton().rotations_backward(pose.pose, cache.dL_drotations, dL_dpose.pose);
-        }
+        if (!shadows_move) return;
+        cache.dL_drotations.resize(rig().joint_count());
+        backend_->fill(Span<mat3<T>>(cache.dL_drotations), mat3<T>(T(0)));
+        occlusion_->backward(rig().skeleton(), cache.ao, cache.dL_dao, cache.occlusion, cache.dL_drotations);
+        rig().skeleton().rotations_backward(pose.pose, cache.dL_drotations, dL_dpose.pose);
     }
 
 private:
     [[nodiscard]] SkinnedView<const T> view(const Cache& cache) const {
-        return {cache.means,   gaussians_.quats, gaussians_.log_scales, gaussians_.opacity_logits,
-                gaussians_.sh, occlusion_ ? Span<const T>(cache.ao) : Span<const T>(ao_), rig_.skin()};
+        return {.quats = gaussians_.quats,
+                .log_scales = gaussians_.log_scales,
+                .opacity_logits = gaussians_.opacity_logits,
+                .sh = gaussians_.sh,
+                .ao = occlusion_ ? Span<const T>(cache.ao) : Span<const T>(ao_)};
     }
 
     B* backend_;
-    Rig<B, T> rig_;
+    Poser<B, T> poser_;
     Gaussians<B, T> gaussians_;
-    typename B::template Buffer<vec3<T>> joints_;
-    ColorClamp clamping_;
-    Deformation deformation_;
-    typename B::template Buffer<T> ao_; // [N] or empty
+    Buffer<vec3<T>> joints_;
+    Buffer<T> ao_; // [N] or empty
     std::optional<OcclusionField<B, T>> occlusion_;
 };
 

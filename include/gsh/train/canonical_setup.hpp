@@ -15,7 +15,7 @@
 #include <gsh/prior/estimated_view.hpp>
 #include <gsh/prior/prior_features.hpp>
 #include <gsh/prior/prior_view.hpp>
-#include <gsh/train/avatar_model.hpp>
+#include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/posed_priors.hpp>
 

@@ -7,7 +7,7 @@
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/prior/prior_features.hpp>
-#include <gsh/train/avatar_config.hpp>
+#include <gsh/pipeline/avatar_config.hpp>
 #include <gsh/train/refinement_config.hpp>
 #include <gsh/train/setting.hpp>
 #include <gsh/train/train_config.hpp>
@@ -146,22 +146,22 @@ void for_each_setting(C& c, const F& f) {
     f("ao.table_size", c.avatar.ao_table_size, R::power_of_two());
     f("ao.initial", c.avatar.initial_ao, R::above(0));
     f("ao.largest", c.avatar.largest_ao, R::above(0));
-    f("ao.start", c.train.ao_start, share);
+    f("ao.start", c.avatar.ao_start, share);
     f("deformation", c.avatar.deformation, any);
     f("initial_opacity", c.avatar.initial_opacity, R::above(0).below(1));
     f("initial_thickness", c.avatar.initial_thickness, R::above(0).up_to(1));
     f("bounds", c.avatar.bounds, any);
     f("bounds_margin", c.avatar.bounds_margin, R::at_least(1));
     f("color_clamp", c.avatar.clamping, any);
-    f("rate.joints", c.train.rates.joints, R::at_least(0));
-    f("rate.quats", c.train.rates.quats, R::at_least(0));
-    f("rate.log_scales", c.train.rates.log_scales, R::at_least(0));
-    f("rate.opacity_logits", c.train.rates.opacity_logits, R::at_least(0));
-    f("rate.displacement", c.train.rates.displacement, R::at_least(0));
-    f("rate.sh", c.train.rates.sh, R::at_least(0));
-    f("rate.stored_displacements", c.train.rates.stored_displacements, R::at_least(0));
-    f("rate.stored_sh", c.train.rates.stored_sh, R::at_least(0));
-    f("rate.ao", c.train.rates.ao, R::at_least(0));
+    f("rate.joints", c.avatar.rates.joints, R::at_least(0));
+    f("rate.quats", c.avatar.rates.quats, R::at_least(0));
+    f("rate.log_scales", c.avatar.rates.log_scales, R::at_least(0));
+    f("rate.opacity_logits", c.avatar.rates.opacity_logits, R::at_least(0));
+    f("rate.displacement", c.avatar.rates.displacement, R::at_least(0));
+    f("rate.sh", c.avatar.rates.sh, R::at_least(0));
+    f("rate.stored_displacements", c.avatar.rates.stored_displacements, R::at_least(0));
+    f("rate.stored_sh", c.avatar.rates.stored_sh, R::at_least(0));
+    f("rate.ao", c.avatar.rates.ao, R::at_least(0));
     f("rate.decay_start", c.train.decay_start, share);
     f("rate.final", c.train.final_rate, R::above(0).up_to(1));
     f("ssim_weight", c.train.ssim_weight, share);
@@ -211,6 +211,8 @@ void for_each_setting(C& c, const F& f) {
         c.avatar.hash_growth = 1.5;
         c.avatar.initial_thickness = 1;
         c.avatar.sh_dc_scale = 20;
+        c.avatar.rates = baseline_rates();
+        c.avatar.ao_start = 0.4;
         c.train = baseline_config();
     };
     if (name == "paper") return c;

@@ -4,7 +4,7 @@
 
 #include <gsh/image/image.hpp>
 #include <gsh/loss/metrics.hpp>
-#include <gsh/train/photo.hpp>
+#include <gsh/pipeline/photo.hpp>
 
 #include <cmath>
 #include <cstddef>

@@ -1,39 +1,105 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A trained scene in which one person's pose may still move: what test-time refinement fits.
+/// @file  Scenes in which one person's pose moves and nothing else: what test-time refinement fits.
 #pragma once
 
+#include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/rig.hpp>
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/math/vec.hpp>
-#include <gsh/train/avatar_model.hpp>
+#include <gsh/pipeline/learned_array.hpp>
+#include <gsh/pipeline/splat_scene.hpp>
+#include <gsh/render/raster_cache.hpp>
+#include <gsh/train/avatar_scene.hpp>
+#include <gsh/train/refinement.hpp>
 
+#include <concepts>
 #include <cstddef>
+#include <cstdint>
+#include <string>
 
 namespace gsh {
 
-/// All people of a trainer at one frame, fields queried, appearance as it is; `person` takes the pose that PoseFit asks
-/// for, the others, if there are any, stand where the trainer has them and hide or are hidden as they do.
-template <class TrainerType>
-struct FrozenScene {
-    using Model = typename TrainerType::ModelType;
-    using Cache = typename Model::Cache;
-    using T = typename TrainerType::Scalar;
+/// A scene whose gradient reaches a motion alone. Its arrays are the motion's own, which take their steps in after_step,
+/// so learned() is empty.
+template <class S, class B, class T>
+concept FrozenScene = SplatScene<S, B, T> && requires(S& scene) {
+    { scene.motion() } -> std::same_as<MotionRefinement<B, T>&>;
+};
 
-    TrainerType* trainer;
-    std::size_t frame;
-    std::size_t person = 0;
+/// What frozen scenes have in common: the motion that moves.
+template <Backend B, std::floating_point T>
+class FrozenSceneBase : public PlainScene<B, T> {
+public:
+    explicit FrozenSceneBase(MotionRefinement<B, T>& motion) : motion_(&motion) {}
 
-    [[nodiscard]] std::size_t size() const { return trainer->splat_count(); }
-    void pose(const auto& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) const {
-        for (std::size_t other = 0; other < trainer->person_count(); ++other)
-            if (other != person) trainer->pose_person(other, frame, center, splats);
-        trainer->model(person).pose(pose, center, trainer->part(person, splats), cache,
-                                    trainer->frame_code(frame, person));
+    [[nodiscard]] MotionRefinement<B, T>& motion() { return *motion_; }
+    [[nodiscard]] std::size_t frame_count() const { return motion_->frame_count(); }
+    void come_to(std::uint64_t /*step*/, double progress) { motion_->come_to(progress); }
+    [[nodiscard]] LearnedArrays<T> learned() { return {}; }
+    void after_step(const RasterCache<B, T>&) { motion_->step(); }
+
+private:
+    MotionRefinement<B, T>* motion_;
+};
+
+/// A finished avatar in the poses of `motion`. Both must outlive it.
+template <Backend B, std::floating_point T = float>
+class FrozenAvatar : public FrozenSceneBase<B, T> {
+public:
+    FrozenAvatar(Avatar<B, T>& avatar, MotionRefinement<B, T>& motion)
+        : FrozenSceneBase<B, T>(motion), avatar_(&avatar) {}
+
+    [[nodiscard]] std::size_t size() const { return avatar_->size(); }
+    void forward(std::size_t frame, const vec3<T>& center, const SplatView<T>& splats) {
+        this->motion().pose(frame, pose_);
+        avatar_->pose(pose_, center, splats, cache_);
     }
-    void pose_backward(const auto& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Cache& cache,
-                       const RigPoseGradient<T>& dL_dpose) const {
-        trainer->model(person).pose_backward(pose, center, trainer->part(person, dL_dsplats), cache, dL_dpose);
+    void backward(std::size_t frame, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Span<vec3<T>>) {
+        const RigPoseGradient<T> dL_dpose = this->motion().pose_gradient();
+        avatar_->backward_to_pose(pose_, center, dL_dsplats, cache_, dL_dpose);
+        this->motion().accumulate(frame, dL_dpose);
     }
+
+private:
+    Avatar<B, T>* avatar_;
+    RigPose<B, T> pose_;
+    typename Avatar<B, T>::Cache cache_;
+};
+
+/// One person of a scene that is being trained, everything else as it is: the other people stay in their poses, and hide
+/// or are hidden. The person's refinement in the scene is the motion that moves. The scene must outlive it.
+template <class Scene, Backend B, std::floating_point T = typename Scene::Scalar>
+class FrozenPerson : public FrozenSceneBase<B, T> {
+public:
+    /// Errors  ValueError if the person's poses are not refined.
+    FrozenPerson(Scene& scene, std::size_t person)
+        : FrozenSceneBase<B, T>(refinement_of(scene, person)), scene_(&scene), person_(person) {}
+
+    [[nodiscard]] std::size_t size() const { return scene_->size(); }
+    void prepare(std::size_t frame) { scene_->prepare(frame); }
+    void forward(std::size_t frame, const vec3<T>& center, const SplatView<T>& splats) {
+        scene_->forward(frame, center, splats);
+    }
+    void backward(std::size_t frame, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Span<vec3<T>>) {
+        const RigPoseGradient<T> dL_dpose = this->motion().pose_gradient();
+        scene_->model(person_).backward_to_pose(scene_->pose(frame, person_), frame, center,
+                                                scene_->part(person_, dL_dsplats), dL_dpose);
+        this->motion().accumulate(frame, dL_dpose);
+    }
+
+private:
+    [[nodiscard]] static MotionRefinement<B, T>& refinement_of(Scene& scene, std::size_t person) {
+        MotionRefinement<B, T>* motion = scene.refinement(person);
+        check_value(motion != nullptr, "FrozenPerson",
+                    "person " + std::to_string(person) + " has no refinement; call AvatarScene::refine first");
+        return *motion;
+    }
+
+    Scene* scene_;
+    std::size_t person_;
 };
 
 } // namespace gsh

@@ -3,7 +3,7 @@
 #pragma once
 
 #include <gsh/math/sh.hpp>
-#include <gsh/train/avatar_config.hpp>
+#include <gsh/pipeline/avatar_config.hpp>
 
 #include <cstddef>
 #include <cstdint>

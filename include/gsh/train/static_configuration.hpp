@@ -2,14 +2,30 @@
 /// @file  The settings of a static scene under their names, for files and command lines.
 #pragma once
 
+#include <gsh/core/rng.hpp>
+#include <gsh/pipeline/static_model.hpp>
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/setting.hpp>
-#include <gsh/train/static_trainer.hpp>
+#include <gsh/train/train_config.hpp>
 
 #include <concepts>
 #include <type_traits>
 
 namespace gsh {
+
+/// How a Trainer trains a static scene: the model's own schedule moves the rates, and the background is always the same.
+[[nodiscard]] inline TrainConfig train_config_of(const StaticConfig& config) {
+    return {.decay_start = 1,
+            .final_rate = 1,
+            .ssim_weight = config.ssim_weight,
+            .background = config.background,
+            .random_background = false,
+            .filter = config.filter};
+}
+
+/// The seed of a static scene's Trainer, which the order of the photographs follows from; the model draws from `seed`
+/// itself.
+[[nodiscard]] inline std::uint64_t static_order_seed(std::uint64_t seed) { return random_bits(seed, 2); }
 
 /// Calls f(name, value, range) for every setting of a static scene but its length and its largest number of Gaussians,
 /// which belong to the input.

@@ -4,7 +4,8 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/archive.hpp>
-#include <gsh/train/parameters.hpp>
+#include <gsh/pipeline/learned_array.hpp>
+#include <gsh/train/avatar_scene.hpp>
 
 #include <array>
 #include <cstddef>
@@ -16,33 +17,22 @@
 
 namespace gsh {
 
-inline constexpr int checkpoint_version = 2;
+inline constexpr int checkpoint_version = 3;
 
 namespace detail {
 
-/// What a person's keys begin with. The first one's have no number, so that a file of one person is what it always was.
-[[nodiscard]] inline std::string person_key(std::size_t person) {
-    return person == 0 ? std::string() : "person" + std::to_string(person) + "/";
-}
-
-/// Calls f(name, parameters) for each array of numbers that training changes.
-template <class TrainerType, class F>
-void for_each_trained(TrainerType& trainer, const F& f) {
-    for (std::size_t person = 0; person < trainer.person_count(); ++person) {
-        f(person_key(person) + "parameters", trainer.model(person).parameters());
-        f(person_key(person) + "first_moment", trainer.first_moment(person));
-        f(person_key(person) + "second_moment", trainer.second_moment(person));
-    }
-}
-
-[[nodiscard]] inline std::string trained_key(std::string_view what, std::size_t group) {
-    return std::string(what).append("/").append(parameter_group_names[group]);
+/// Calls f(key, numbers) for each span of numbers that steps of a learned array change.
+template <class T, class F>
+void for_each_state(const LearnedArray<T>& array, const F& f) {
+    f("learned/" + array.name + "/values", array.values);
+    f("learned/" + array.name + "/first_moment", array.first_moment);
+    f("learned/" + array.name + "/second_moment", array.second_moment);
 }
 
 } // namespace detail
 
-/// Adds a trainer's state to an archive: everybody's parameters and moments, steps, and the seed by which load_trainer
-/// tells whose it is.
+/// Adds a trainer's state to an archive: all learned arrays with their moments, the steps, and the seed by which
+/// load_trainer recognises the run.
 template <class TrainerType>
 void add_trainer(ArchiveWriter& file, TrainerType& trainer) {
     using T = typename TrainerType::Scalar;
@@ -50,22 +40,19 @@ void add_trainer(ArchiveWriter& file, TrainerType& trainer) {
     file.add("steps", std::uint64_t(trainer.step_count()));
     file.add("progress", trainer.progress());
     file.add("seed", std::uint64_t(trainer.seed()));
-    if (trainer.person_count() > 1) file.add("people", std::uint64_t(trainer.person_count()));
-    detail::for_each_trained(trainer, [&](std::string_view what, auto& parameters) {
-        for (std::size_t g = 0; g < parameter_group_count; ++g) {
-            const Span<const T> values = parameters[static_cast<ParameterGroup>(g)];
-            host.resize(values.size());
-            trainer.backend().download(values, Span<T>(host));
-            file.add(detail::trained_key(what, g), host);
-        }
-    });
+    for (const LearnedArray<T>& array : trainer.scene().learned())
+        detail::for_each_state(array, [&](const std::string& key, Span<const T> numbers) {
+            host.resize(numbers.size());
+            trainer.backend().download(numbers, Span<T>(host));
+            file.add(key, host);
+        });
 }
 
 /// Adds the state of a person's refinement to an archive.
 template <class Refinement>
 void add_refinement(ArchiveWriter& file, const Refinement& refinement, std::size_t person = 0) {
     const auto state = refinement.state();
-    const std::string key = detail::person_key(person) + "refinement/";
+    const std::string key = person_prefix(person) + "refinement/";
     file.add(key + "steps", std::uint64_t(state.steps));
     file.add(key + "updates", state.updates);
     file.add(key + "increments", state.increments);
@@ -78,7 +65,7 @@ void add_refinement(ArchiveWriter& file, const Refinement& refinement, std::size
 template <class Refinement>
 void load_refinement(const ArchiveReader& file, Refinement& refinement, std::size_t person = 0) {
     using T = typename Refinement::Scalar;
-    const std::string key = detail::person_key(person) + "refinement/";
+    const std::string key = person_prefix(person) + "refinement/";
     refinement.set_state({.steps = file.read_number<std::uint64_t>(key + "steps"),
                           .updates = file.read<std::uint64_t>(key + "updates").data,
                           .increments = file.read<T>(key + "increments").data,
@@ -87,39 +74,32 @@ void load_refinement(const ArchiveReader& file, Refinement& refinement, std::siz
 }
 
 /// Brings a trainer that was made from the same input to the state that add_trainer kept.
-/// Errors  ShapeError or ValueError if the file is of another training: another seed, another number of people or of
-///         anything else.
+/// Errors  ShapeError, ValueError or IoError if the file is of another training: another seed, or other arrays. Nothing
+///         is taken over then.
 template <class TrainerType>
 void load_trainer(const ArchiveReader& file, TrainerType& trainer) {
     using T = typename TrainerType::Scalar;
+    const std::string path = file.file().path().string();
     const auto seed = file.read_number<std::uint64_t>("seed");
-    check_value(seed == trainer.seed(), file.file().path().string(),
+    check_value(seed == trainer.seed(), path,
                 "was made with seed " + std::to_string(seed) + ", not " + std::to_string(trainer.seed()) +
                     "; resume with that seed");
-    const std::uint64_t people = file.has("people") ? file.read_number<std::uint64_t>("people") : 1;
-    check_value(people == trainer.person_count(), file.file().path().string(),
-                "was made for a scene of " + std::to_string(people) + " people, not " +
-                    std::to_string(trainer.person_count()) + "; resume with the poses of the first run");
-    // All of it is read before any of it is taken over.
-    std::vector<std::vector<T>> values;
-    detail::for_each_trained(trainer, [&](std::string_view what, auto& parameters) {
-        for (std::size_t g = 0; g < parameter_group_count; ++g) {
-            const std::string key = detail::trained_key(what, g);
-            values.push_back(file.read<T>(key).data);
-            check_size(file.file().path().string(), key, values.back().size(),
-                       parameters[static_cast<ParameterGroup>(g)].size(),
+    const LearnedArrays<T> arrays = trainer.scene().learned();
+    std::vector<std::vector<T>> kept; // all is read before any of it is taken over
+    for (const LearnedArray<T>& array : arrays)
+        detail::for_each_state(array, [&](const std::string& key, Span<const T> numbers) {
+            kept.push_back(file.read<T>(key).data);
+            check_size(path, key, kept.back().size(), numbers.size(),
                        "resume with the options and the input of the first run");
-        }
-    });
+        });
     const auto steps = file.read_number<std::uint64_t>("steps");
     const auto progress = file.read_number<double>("progress");
     std::size_t next = 0;
-    detail::for_each_trained(trainer, [&](std::string_view, auto& parameters) {
-        for (std::size_t g = 0; g < parameter_group_count; ++g)
-            trainer.backend().upload(Span<const T>(values[next++]), parameters[static_cast<ParameterGroup>(g)]);
-    });
-    trainer.set_step_count(steps);
-    trainer.set_progress(progress);
+    for (const LearnedArray<T>& array : arrays)
+        detail::for_each_state(array, [&](const std::string&, Span<T> numbers) {
+            trainer.backend().upload(Span<const T>(kept[next++]), numbers);
+        });
+    trainer.resume(steps, progress);
 }
 
 } // namespace gsh

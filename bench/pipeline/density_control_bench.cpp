@@ -3,7 +3,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
-#include <gsh/train/density_control.hpp>
+#include <gsh/pipeline/density_control.hpp>
 
 #include <benchmark/benchmark.h>
 

@@ -4,7 +4,7 @@
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/render/rasterizer.hpp>
-#include <gsh/train/density_control.hpp>
+#include <gsh/pipeline/density_control.hpp>
 
 #include "io/temporary.hpp"
 #include "support/gradient.hpp"

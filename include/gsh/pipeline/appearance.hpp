@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Appearance policies: where an avatar's colours and displacements come from, and any of them behind one type.
+#pragma once
+
+#include <gsh/core/span.hpp>
+#include <gsh/math/sh.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/pipeline/learned_array.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <memory>
+#include <type_traits>
+#include <utility>
+
+namespace gsh {
+
+/// Colours and displacements of N Gaussians, where the policy keeps them; `AppearanceView<const T>` is an input.
+///
+/// Shapes  sh [N, sh_stride] RGB coefficients, of which the first (degree + 1)² of each row count; displacements: every
+///         displacement_stride-th of the span is a Gaussian's δx, metres in the canonical frame.
+template <class T>
+struct AppearanceView {
+    Span<const vec3<T>> sh;
+    std::size_t sh_stride = 0;
+    Span<const vec3<T>> displacements;
+    std::size_t displacement_stride = 1;
+};
+
+/// Where the gradient with respect to the colours is collected: rows as those of AppearanceView::sh.
+template <class T>
+struct ColorGradient {
+    Span<vec3<T>> sh;
+    std::size_t sh_stride = 0;
+};
+
+/// An appearance: colours as spherical harmonics, and the canonical displacement of each Gaussian.
+///
+///     forward(frame)              evaluates both at a frame; only fields that read the time depend on it
+///     view()                      what forward left
+///     start_gradient()            where skinning adds the gradient of the colours; zeros, or an array's own gradient
+///     backward(frame, dL_dmeans)  takes over that gradient and the one of the displacements; adds to learned()
+///     reads_time()                whether forward depends on the frame
+///     lookups()                   table rows that forward reads
+template <class A, class T>
+concept AppearancePolicy = requires(A& appearance, const A& constant, std::size_t frame, Span<vec3<T>> dL_dmeans) {
+    requires std::same_as<std::remove_cvref_t<decltype(A::sh_degree)>, int>;
+    appearance.forward(frame);
+    { constant.view() } -> std::same_as<AppearanceView<T>>;
+    { appearance.start_gradient() } -> std::same_as<ColorGradient<T>>;
+    appearance.backward(frame, dL_dmeans);
+    { appearance.learned() } -> std::same_as<LearnedArrays<T>>;
+    { constant.reads_time() } -> std::same_as<bool>;
+    { constant.lookups() } -> std::convertible_to<std::size_t>;
+};
+
+/// Any appearance of one degree, chosen while running: a virtual call for each pass.
+template <std::floating_point T, int Degree>
+class AnyAppearance {
+public:
+    static constexpr int sh_degree = Degree;
+
+    template <class A>
+        requires(!std::same_as<std::remove_cvref_t<A>, AnyAppearance> && AppearancePolicy<std::remove_cvref_t<A>, T> &&
+                 std::remove_cvref_t<A>::sh_degree == Degree)
+    AnyAppearance(A&& appearance)
+        : self_(std::make_unique<Model<std::remove_cvref_t<A>>>(std::forward<A>(appearance))) {}
+
+    void forward(std::size_t frame) { self_->forward(frame); }
+    [[nodiscard]] AppearanceView<T> view() const { return self_->view(); }
+    [[nodiscard]] ColorGradient<T> start_gradient() { return self_->start_gradient(); }
+    void backward(std::size_t frame, Span<vec3<T>> dL_dmeans) { self_->backward(frame, dL_dmeans); }
+    [[nodiscard]] LearnedArrays<T> learned() { return self_->learned(); }
+    [[nodiscard]] bool reads_time() const { return self_->reads_time(); }
+    [[nodiscard]] std::size_t lookups() const { return self_->lookups(); }
+
+private:
+    struct Interface {
+        virtual ~Interface() = default;
+        virtual void forward(std::size_t frame) = 0;
+        [[nodiscard]] virtual AppearanceView<T> view() const = 0;
+        [[nodiscard]] virtual ColorGradient<T> start_gradient() = 0;
+        virtual void backward(std::size_t frame, Span<vec3<T>> dL_dmeans) = 0;
+        [[nodiscard]] virtual LearnedArrays<T> learned() = 0;
+        [[nodiscard]] virtual bool reads_time() const = 0;
+        [[nodiscard]] virtual std::size_t lookups() const = 0;
+    };
+    template <class A>
+    struct Model final : Interface {
+        A policy;
+        explicit Model(A appearance) : policy(std::move(appearance)) {}
+        void forward(std::size_t frame) override { policy.forward(frame); }
+        [[nodiscard]] AppearanceView<T> view() const override { return policy.view(); }
+        [[nodiscard]] ColorGradient<T> start_gradient() override { return policy.start_gradient(); }
+        void backward(std::size_t frame, Span<vec3<T>> dL_dmeans) override { policy.backward(frame, dL_dmeans); }
+        [[nodiscard]] LearnedArrays<T> learned() override { return policy.learned(); }
+        [[nodiscard]] bool reads_time() const override { return policy.reads_time(); }
+        [[nodiscard]] std::size_t lookups() const override { return policy.lookups(); }
+    };
+    std::unique_ptr<Interface> self_;
+};
+
+} // namespace gsh

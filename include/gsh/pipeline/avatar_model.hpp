@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The trainable avatar: appearance, shadow, rig and skinning composed; learned arrays in, posed splats out.
+#pragma once
+
+#include <gsh/avatar/deformation.hpp>
+#include <gsh/avatar/poser.hpp>
+#include <gsh/avatar/rig.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/surface_samples.hpp>
+#include <gsh/core/config.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/gaussian/shade.hpp>
+#include <gsh/gaussian/splats.hpp>
+#include <gsh/math/activation.hpp>
+#include <gsh/math/quat.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/pipeline/appearance.hpp>
+#include <gsh/pipeline/canonical_points.hpp>
+#include <gsh/pipeline/learned_array.hpp>
+#include <gsh/pipeline/shadow.hpp>
+
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Settings of an avatar's own arrays, and of how its Gaussians are posed.
+struct AvatarModelParams {
+    double initial_opacity = 0.2;
+    /// Standard deviation along the surface's normal, in shares of that along the surface. 1 starts with round, unturned
+    /// Gaussians, as do samples without a normal.
+    double initial_thickness = 0.1;
+    ColorClamp clamping = ColorClamp::both;
+    Deformation deformation = Deformation::linear;
+    double shadow_start = 0.1;        ///< share of the run after which the shadow is used and learned
+    double joint_rate = 5e-4;         ///< metres
+    double quat_rate = 1e-3;
+    double log_scale_rate = 5e-3;
+    double opacity_logit_rate = 0.05;
+};
+
+namespace detail {
+
+/// means = positions + every stride-th displacement.
+template <class T>
+struct DisplacedMeans {
+    Span<const vec3<T>> positions, displacements;
+    std::size_t stride;
+    Span<vec3<T>> means;
+    GSH_HD void operator()(std::size_t i) const { means[i] = positions[i] + displacements[i * stride]; }
+};
+
+/// What the Gaussians of an avatar start with: flat on the surface, turned to its normal.
+template <class T>
+struct GaussianStart {
+    std::vector<T> joints, quats, log_scales, opacity_logits;
+
+    /// Errors  ShapeError, ValueError: samples must be of the rig's points, settings must make sense.
+    GaussianStart(const RigData& rig, const SurfaceSamples& samples, const AvatarModelParams& params) {
+        constexpr const char* where = "AvatarModel";
+        check_size(where, "samples", samples.size(), rig.point_count(), "the rig must be made of these samples");
+        check_size(where, "samples.normals", samples.normals.size(), samples.size(), "one per sample");
+        check_value(samples.size() > 0, where, "there are no samples, expected at least one");
+        check_value(params.initial_opacity > 0 && params.initial_opacity < 1, where,
+                    "initial_opacity must lie between 0 and 1");
+        check_value(params.initial_thickness > 0 && params.initial_thickness <= 1, where,
+                    "initial_thickness must lie above 0 and be at most 1");
+        for (const auto& joint : rig.joints) joints.insert(joints.end(), {T(joint.x), T(joint.y), T(joint.z)});
+        for (std::size_t i = 0; i < samples.size(); ++i) {
+            const double scale = samples.scales[i];
+            const bool round = params.initial_thickness == 1 || samples.normals[i] == vec3<double>(0);
+            const quat<double> q = round ? quat<double>() : quat_from_z_axis(samples.normals[i]);
+            const double thickness = round ? scale : scale * params.initial_thickness;
+            log_scales.insert(log_scales.end(), {T(std::log(scale)), T(std::log(scale)), T(std::log(thickness))});
+            quats.insert(quats.end(), {T(q.w), T(q.x), T(q.y), T(q.z)});
+        }
+        opacity_logits.assign(samples.size(), static_cast<T>(logit(params.initial_opacity)));
+    }
+};
+
+} // namespace detail
+
+/// Splats of an avatar in a pose, from arrays that a gradient step can move:
+///
+///     SH, δx   = appearance(x₀)
+///     x̂₀       = x₀ + δx + the body's own offsets at this pose and expression (Rig)
+///     ao       = shadow(x₀, frame or pose)
+///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH, ao; Σ w B(pose))
+///
+/// Two stages, so that several views of a frame evaluate the fields once: `update_canonical` runs the appearance,
+/// `pose` the rest. backward runs both in reverse.
+///
+/// Shapes  N points, J joints of the rig.
+/// Source  paper §3.3 to §3.5; with SeparateFields and neither regions nor prior features its direct baseline,
+///         Liu et al., "Animatable 3D Gaussian", 2024.
+template <Backend B, class Appearance, class Shadow = NoShadow<B>, std::floating_point T = float>
+    requires AppearancePolicy<Appearance, T> && ShadowPolicy<Shadow, B, T>
+class AvatarModel {
+public:
+    using Scalar = T;
+    using Params = AvatarModelParams;
+    template <class U>
+    using Buffer = typename B::template Buffer<U>;
+
+    static constexpr int sh_degree = Appearance::sh_degree;
+
+    /// What the passes leave for each other.
+    struct Cache {
+        typename Poser<B, T>::Cache poser;
+        Buffer<T> ao, dL_dao; // [N], or empty without a shadow
+    };
+
+    /// The rig's points become the Gaussians; `samples` gives their normals and initial scales. Appearance and shadow
+    /// must be made of the same points.
+    AvatarModel(B& backend, const RigData& rig, const SurfaceSamples& samples, SharedPoints<B, T> points,
+                Appearance appearance, Shadow shadow = {}, const Params& params = {})
+        : AvatarModel(backend, rig, detail::GaussianStart<T>(rig, samples, params), std::move(points),
+                      std::move(appearance), std::move(shadow), params) {}
+
+    [[nodiscard]] std::size_t size() const { return points_->size(); }
+    [[nodiscard]] const Params& params() const { return params_; }
+    [[nodiscard]] const Rig<B, T>& rig() const { return poser_.rig(); }
+    [[nodiscard]] Appearance& appearance() { return appearance_; }
+    [[nodiscard]] const Appearance& appearance() const { return appearance_; }
+    [[nodiscard]] Shadow& shadow() { return shadow_; }
+    [[nodiscard]] const Shadow& shadow() const { return shadow_; }
+    [[nodiscard]] const Cache& cache() const { return cache_; }
+
+    /// progress in [0, 1] is the share of the run that is over: the shadow joins at Params::shadow_start.
+    void come_to(double progress) { shadow_joined_ = progress >= params_.shadow_start; }
+    [[nodiscard]] bool casts_shadow() const { return shadow_.casts() && shadow_joined_; }
+
+    /// Colours and displacements at a frame of the motion that is trained on.
+    void update_canonical(std::size_t frame = 0) { appearance_.forward(frame); }
+
+    /// Splats in a pose, which is the one of `frame`, as seen from `center` (the camera's, in the world).
+    void pose(const RigPose<B, T>& pose, std::size_t frame, const vec3<T>& center, const SplatView<T>& splats) {
+        poser_.bones(pose, joints(), cache_.poser);
+        write_means(cache_.poser.means);
+        cache_.ao.resize(casts_shadow() ? size() : 0);
+        if (casts_shadow()) shadow_.forward(shadow_input(pose, frame), cache_.ao);
+        poser_.template forward<sh_degree>(gaussians(), center, splats, cache_.poser);
+    }
+
+    /// Adjoint of update_canonical and pose: adds to the gradients of learned(), and to what is asked for of the pose
+    /// and the camera's centre [1].
+    void backward(const RigPose<B, T>& pose, std::size_t frame, const vec3<T>& center,
+                  const SplatView<const T>& dL_dsplats, RigPoseGradient<T> dL_dpose = {},
+                  Span<vec3<T>> dL_dcenter = {}) {
+        const Span<T> dL_dao = zeros(cache_.dL_dao, cache_.ao.size());
+        const ColorGradient<T> dL_dcolors = appearance_.start_gradient();
+        poser_.template backward<sh_degree>(
+            pose, gaussians(), center, dL_dsplats, cache_.poser,
+            {.quats = view_as<quat<T>>(quats_.gradient()),
+             .log_scales = view_as<vec3<T>>(log_scales_.gradient()),
+             .opacity_logits = opacity_logits_.gradient(),
+             .sh = dL_dcolors.sh,
+             .ao = dL_dao,
+             .sh_stride = dL_dcolors.sh_stride},
+            view_as<vec3<T>>(joints_.gradient()), dL_dpose, dL_dcenter);
+        if (!dL_dao.empty()) shadow_.backward(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
+        appearance_.backward(frame, cache_.poser.dL_dmeans);
+    }
+
+    /// Adjoint of pose with respect to the pose alone.
+    void backward_to_pose(const RigPose<B, T>& pose, std::size_t frame, const vec3<T>& center,
+                          const SplatView<const T>& dL_dsplats, const RigPoseGradient<T>& dL_dpose,
+                          Span<vec3<T>> dL_dcenter = {}) {
+        const bool shadow_moves = shadow_.follows_pose() && !cache_.ao.empty() && !dL_dpose.pose.empty();
+        const Span<T> dL_dao = zeros(cache_.dL_dao, shadow_moves ? size() : 0);
+        poser_.template backward<sh_degree>(pose, gaussians(), center, dL_dsplats, cache_.poser, {.ao = dL_dao}, {},
+                                            dL_dpose, dL_dcenter);
+        if (shadow_moves) shadow_.backward_to_pose(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
+    }
+
+    /// The joints, the Gaussians' own attributes, then what appearance and shadow announce.
+    [[nodiscard]] LearnedArrays<T> learned() {
+        LearnedArrays<T> arrays{joints_.announce("joints", params_.joint_rate),
+                                quats_.announce("quats", params_.quat_rate),
+                                log_scales_.announce("log_scales", params_.log_scale_rate),
+                                opacity_logits_.announce("opacity_logits", params_.opacity_logit_rate)};
+        append(arrays, appearance_.learned());
+        append(arrays, shadow_.learned());
+        return arrays;
+    }
+
+    /// Ambient occlusion [N] of a pose or frame, whether the shadow has joined or not.
+    /// Errors  ValueError without a shadow.
+    [[nodiscard]] Span<const T> occlusion(const RigPose<B, T>& pose, std::size_t frame) {
+        check_value(shadow_.casts(), "AvatarModel::occlusion", "the model has no shadow");
+        poser_.bones(pose, joints(), cache_.poser);
+        cache_.ao.resize(size());
+        shadow_.forward(shadow_input(pose, frame), cache_.ao);
+        return cache_.ao;
+    }
+
+    /// The learned joints [J], in the backend's memory.
+    [[nodiscard]] Span<const vec3<T>> joints() const { return view_as<const vec3<T>>(joints_.values()); }
+    /// The canonical Gaussians as they are, but for their means and weights; colours of the last update_canonical.
+    [[nodiscard]] SkinnedView<const T> gaussians() const {
+        const AppearanceView<T> appearance = appearance_.view();
+        return {.quats = view_as<const quat<T>>(quats_.values()),
+                .log_scales = view_as<const vec3<T>>(log_scales_.values()),
+                .opacity_logits = opacity_logits_.values(),
+                .sh = appearance.sh,
+                .ao = cache_.ao,
+                .sh_stride = appearance.sh_stride};
+    }
+    /// means[i] = x₀ + δx of the last update_canonical; [N] in the backend's memory.
+    void write_means(Span<vec3<T>> means) const {
+        const AppearanceView<T> appearance = appearance_.view();
+        backend_->for_each(size(), detail::DisplacedMeans<T>{points_->positions(), appearance.displacements,
+                                                             appearance.displacement_stride, means});
+    }
+
+private:
+    AvatarModel(B& backend, const RigData& rig, const detail::GaussianStart<T>& start, SharedPoints<B, T> points,
+                Appearance appearance, Shadow shadow, const Params& params)
+        : backend_(&backend), params_(params), poser_(backend, rig, params.clamping, params.deformation),
+          points_(std::move(points)), appearance_(std::move(appearance)), shadow_(std::move(shadow)),
+          joints_(backend, start.joints), quats_(backend, start.quats), log_scales_(backend, start.log_scales),
+          opacity_logits_(backend, start.opacity_logits) {
+        check_size("AvatarModel", "points", points_->size(), rig.point_count(), "one per point of the rig");
+    }
+
+    [[nodiscard]] ShadowInput<B, T> shadow_input(const RigPose<B, T>& pose, std::size_t frame) const {
+        return {frame, rig().skeleton(), pose.pose, cache_.poser.rig.rotations};
+    }
+    [[nodiscard]] Span<T> zeros(Buffer<T>& buffer, std::size_t count) {
+        buffer.resize(count);
+        backend_->fill(Span<T>(buffer), T(0));
+        return buffer;
+    }
+
+    B* backend_;
+    Params params_;
+    Poser<B, T> poser_;
+    SharedPoints<B, T> points_; // x₀
+    Appearance appearance_;
+    Shadow shadow_;
+    LearnedBuffer<B, T> joints_, quats_, log_scales_, opacity_logits_; // [J, 3], [N, 4], [N, 3], [N]
+    bool shadow_joined_ = params_.shadow_start <= 0;
+    Cache cache_;
+};
+
+} // namespace gsh

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The canonical points of an avatar as its fields read them: places, the unit cube, regions, prior features.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+namespace gsh {
+
+/// What fields read of the canonical points beside their places. Either may be empty.
+///
+/// Shapes  region [N], τ of a RegionMask in [0, 1]; features [N, any number] row-major: depths and normals of prior
+///         views.
+struct CanonicalPriors {
+    std::vector<double> region;
+    std::vector<double> features;
+};
+
+/// What becomes the unit cube in which fields live.
+enum class FieldBounds {
+    cube, ///< the points' bounding cube: a hash level's cells are as wide as they are high and deep
+    box   ///< the points' bounding box, stretched along each axis: Animatable 3D Gaussian's
+};
+
+/// How places become the unit cube in which fields live, and how strong prior features are.
+struct CanonicalPointsParams {
+    FieldBounds bounds = FieldBounds::cube;
+    double bounds_margin = 1.05; ///< the fields' cube or box, in sizes of the points'
+    /// Factor on CanonicalPriors::features. Adam moves all weights equally fast, so this is how fast a network comes to
+    /// lean on them: at 1 they drown what the encoding learns point by point.
+    double prior_scale = 0.1;
+};
+
+/// Canonical points in a backend's memory. They never change, and several fields of one avatar share them.
+///
+/// Shapes  positions [N] metres; unit [N] in [0, 1]^3; region [N] or empty; features [N, feature_count()], scaled.
+/// Errors  ShapeError, ValueError: priors must be of these points.
+template <Backend B, std::floating_point T = float>
+class CanonicalPoints {
+public:
+    template <class U>
+    using Buffer = typename B::template Buffer<U>;
+
+    CanonicalPoints(B& backend, Span<const vec3<double>> positions, const CanonicalPriors& priors = {},
+                    const CanonicalPointsParams& params = {}) {
+        constexpr const char* where = "CanonicalPoints";
+        check_value(!positions.empty(), where, "there are no points, expected at least one");
+        check_value(params.prior_scale > 0 && std::isfinite(params.prior_scale), where, "prior_scale must be above 0");
+        check_value(params.bounds_margin >= 1 && std::isfinite(params.bounds_margin), where,
+                    "bounds_margin must be at least 1: all points lie within the fields' bounds");
+        if (!priors.region.empty())
+            check_size(where, "priors.region", priors.region.size(), positions.size(), "one τ per point, or none");
+        check_value(priors.features.size() % positions.size() == 0, where,
+                    "priors.features must hold the same number of features for every point");
+
+        vec3<double> low = positions[0], high = positions[0];
+        for (const auto& p : positions)
+            for (int axis = 0; axis < 3; ++axis) {
+                low[axis] = std::min(low[axis], p[axis]);
+                high[axis] = std::max(high[axis], p[axis]);
+            }
+        const vec3<double> center = (low + high) * 0.5, extent = high - low;
+        constexpr double least = 1e-6; // metres, for points that all lie in a plane
+        vec3<double> edges(std::max({extent.x, extent.y, extent.z, least}));
+        if (params.bounds == FieldBounds::box)
+            for (int axis = 0; axis < 3; ++axis) edges[axis] = std::max(extent[axis], least);
+        edges *= params.bounds_margin;
+
+        std::vector<vec3<T>> here, unit;
+        for (const auto& p : positions) {
+            here.push_back(vec3<T>(p));
+            unit.push_back(vec3<T>((p - center) / edges + vec3<double>(0.5)));
+        }
+        const std::vector<T> region(priors.region.begin(), priors.region.end());
+        std::vector<T> features;
+        for (const double feature : priors.features) features.push_back(static_cast<T>(params.prior_scale * feature));
+        put(backend, here, positions_);
+        put(backend, unit, unit_);
+        put(backend, region, region_);
+        put(backend, features, features_);
+    }
+
+    [[nodiscard]] std::size_t size() const { return positions_.size(); }
+    [[nodiscard]] std::size_t feature_count() const { return features_.size() / size(); }
+    [[nodiscard]] Span<const vec3<T>> positions() const { return positions_; }
+    [[nodiscard]] Span<const vec3<T>> unit() const { return unit_; }
+    [[nodiscard]] Span<const T> region() const { return region_; }
+    [[nodiscard]] Span<const T> features() const { return features_; }
+
+private:
+    template <class U>
+    static void put(B& backend, const std::vector<U>& from, Buffer<U>& to) {
+        to.resize(from.size());
+        backend.upload(Span<const U>(from), Span<U>(to));
+    }
+
+    Buffer<vec3<T>> positions_, unit_;
+    Buffer<T> region_, features_;
+};
+
+/// Points that the parts of one avatar hold together.
+template <Backend B, std::floating_point T = float>
+using SharedPoints = std::shared_ptr<const CanonicalPoints<B, T>>;
+
+} // namespace gsh

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  An avatar whose parts are chosen while running: names of a configuration become types here.
+#pragma once
+
+#include <gsh/avatar/rig.hpp>
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/surface_samples.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/pipeline/appearance.hpp>
+#include <gsh/pipeline/avatar_config.hpp>
+#include <gsh/pipeline/avatar_model.hpp>
+#include <gsh/pipeline/canonical_points.hpp>
+#include <gsh/pipeline/field_appearance.hpp>
+#include <gsh/pipeline/field_shadow.hpp>
+#include <gsh/pipeline/shadow.hpp>
+#include <gsh/pipeline/shared_field.hpp>
+#include <gsh/pipeline/split_appearance.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+namespace gsh {
+
+/// The avatar of a configuration. Its type is the same for every choice of parts, so a trainer of it is compiled once;
+/// whoever knows the parts when writing names them in AvatarModel and pays no virtual call.
+template <Backend B, std::floating_point T = float, int Degree = 2>
+using ConfiguredAvatar = AvatarModel<B, AnyAppearance<T, Degree>, AnyShadow<B, T>, T>;
+
+/// Settings of the appearance, the shadow and the model's own arrays as a configuration has them.
+[[nodiscard]] inline FieldParams field_params(const AvatarConfig& config, std::uint32_t table_size) {
+    return {.base = config.hash_base,
+            .growth = config.hash_growth,
+            .table_size = table_size,
+            .width = config.mlp_width,
+            .hidden_layers = config.mlp_hidden_layers};
+}
+[[nodiscard]] inline AppearanceParams appearance_params(const AvatarConfig& config, std::size_t frame_count,
+                                                        std::uint64_t seed) {
+    return {.field = field_params(config, config.hash_table_size),
+            .fine_level = config.fine_level,
+            .separate_tables = config.separate_tables,
+            .sh_dc_scale = config.sh_dc_scale,
+            .time_frames = config.head_time ? frame_count : 0,
+            .sh_rate = config.rates.sh,
+            .displacement_rate = config.rates.displacement,
+            .stored_sh_rate = config.rates.stored_sh,
+            .stored_sh_band_rate = config.rates.stored_sh / 20,
+            .stored_displacement_rate = config.rates.stored_displacements,
+            .seed = seed};
+}
+[[nodiscard]] inline FieldShadowParams shadow_params(const AvatarConfig& config, std::uint64_t seed) {
+    return {.field = field_params(config, config.ao_table_size),
+            .largest = config.largest_ao,
+            .initial = config.initial_ao,
+            .rate = config.rates.ao,
+            .seed = seed};
+}
+[[nodiscard]] inline AvatarModelParams model_params(const AvatarConfig& config) {
+    return {.initial_opacity = config.initial_opacity,
+            .initial_thickness = config.initial_thickness,
+            .clamping = config.clamping,
+            .deformation = config.deformation,
+            .shadow_start = config.ao_start,
+            .joint_rate = config.rates.joints,
+            .quat_rate = config.rates.quats,
+            .log_scale_rate = config.rates.log_scales,
+            .opacity_logit_rate = config.rates.opacity_logits};
+}
+
+/// The avatar that a configuration describes, on a rig and the samples that the rig was made of. `frame_count` is the
+/// length of the motion that it is trained on, for parts that depend on the time.
+/// Errors  ShapeError, ValueError: samples and priors must be of the rig's points, the configuration must make sense.
+template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4, int Degree = 2>
+[[nodiscard]] ConfiguredAvatar<B, T, Degree> make_avatar(B& backend, const RigData& rig, const SurfaceSamples& samples,
+                                                         std::size_t frame_count, std::uint64_t seed,
+                                                         const AvatarConfig& config = {},
+                                                         const CanonicalPriors& priors = {}) {
+    check_value(!config.head_time || config.hash_sh || config.hash_displacement, "AvatarConfig",
+                "head_time needs a field that reads it");
+    check_value(config.initial_ao > 0 && config.initial_ao < config.largest_ao, "AvatarConfig",
+                "initial_ao must lie between 0 and largest_ao");
+    check_size("make_avatar", "samples", samples.size(), rig.point_count(), "the rig must be made of these samples");
+    const auto points = std::make_shared<const CanonicalPoints<B, T>>(
+        backend, samples.positions, priors,
+        CanonicalPointsParams{config.bounds, config.bounds_margin, config.prior_scale});
+
+    const AppearanceParams params = appearance_params(config, frame_count, seed);
+    const auto appearance = [&]() -> AnyAppearance<T, Degree> {
+        if (config.has_joint_head()) return SharedField<B, T, Degree, Levels, Features>(backend, points, params);
+        if (config.hash_sh && config.hash_displacement)
+            return SeparateFields<B, T, Degree, Levels, Features>(backend, points, params);
+        if (config.hash_sh)
+            return FieldColorsStoredDisplacements<B, T, Degree, Levels, Features>(backend, points, params);
+        if (config.hash_displacement)
+            return StoredColorsFieldDisplacements<B, T, Degree, Levels, Features>(backend, points, params);
+        return StoredAttributes<B, T, Degree, Levels, Features>(backend, points, params);
+    };
+    const auto shadow = [&]() -> AnyShadow<B, T> {
+        switch (config.ao) {
+        case AmbientOcclusion::time:
+            return TimeShadow<B, T, Levels, Features>(backend, *points, frame_count, shadow_params(config, seed));
+        case AmbientOcclusion::pose:
+            return PoseShadow<B, T, Levels, Features>(backend, *points, rig.body.pose_feature_count(),
+                                                      shadow_params(config, seed));
+        case AmbientOcclusion::none: break;
+        }
+        return NoShadow<B, T>();
+    };
+    return {backend, rig, samples, points, appearance(), shadow(), model_params(config)};
+}
+
+} // namespace gsh

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The time of each frame as fields read it: γ(t) of the paper.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/field/frequency.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace gsh {
+
+/// γ(t): four octaves of sines and cosines, and the time itself.
+using TimeEncoding = FrequencyEncoding<4>;
+
+/// γ(t) of every frame of a motion, t = frame / frames, in the backend's memory. Without frames every code is empty:
+/// that is a field which does not read the time.
+///
+/// Source  paper, equations 15 and 24.
+template <Backend B, std::floating_point T = float>
+class FrameCodes {
+public:
+    FrameCodes() = default;
+    FrameCodes(B& backend, std::size_t frame_count) : frame_count_(frame_count) {
+        std::vector<T> values(frame_count * TimeEncoding::output_count);
+        for (std::size_t frame = 0; frame < frame_count; ++frame)
+            TimeEncoding::forward(T(frame) / T(frame_count), values.data() + frame * TimeEncoding::output_count);
+        codes_.resize(values.size());
+        backend.upload(Span<const T>(values), Span<T>(codes_));
+    }
+
+    /// Numbers of a code.
+    [[nodiscard]] std::size_t size() const { return frame_count_ ? TimeEncoding::output_count : 0; }
+    /// Errors  ValueError for a frame that the motion does not have.
+    [[nodiscard]] Span<const T> operator[](std::size_t frame) const {
+        if (frame_count_ == 0) return {};
+        check_value(frame < frame_count_, "FrameCodes",
+                    "frame " + std::to_string(frame) + " is asked for, expected one of " +
+                        std::to_string(frame_count_));
+        return Span<const T>(codes_).subspan(frame * size(), size());
+    }
+
+private:
+    std::size_t frame_count_ = 0;
+    typename B::template Buffer<T> codes_; // [frames, size()]
+};
+
+} // namespace gsh

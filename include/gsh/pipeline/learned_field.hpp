@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A hash field that learns: table and network with their gradients and moments, and what its passes leave.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/field/hash_field.hpp>
+#include <gsh/pipeline/learned_array.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Sizes of a field's hash grid and network.
+struct FieldParams {
+    double base = 4;                     ///< cells on the coarsest level, along the unit cube's edge
+    double growth = 1.6;                 ///< from one level to the next
+    std::uint32_t table_size = 1u << 17; ///< most entries of a level
+    int width = 64;                      ///< neurons of a hidden layer
+    int hidden_layers = 2;
+};
+
+/// What a field starts with.
+struct FieldStart {
+    std::uint64_t seed = 0;
+    std::uint64_t stream = 0; ///< of random numbers: fields of one avatar differ in it
+};
+
+/// HashField with the memory that learning it takes. The query is the caller's, so that fields over the same points
+/// share it; query and inputs of backward are those of forward.
+///
+/// Shapes  outputs, dL_doutputs [N, outputs] row-major in the backend's memory.
+template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>
+class LearnedField {
+public:
+    using Field = HashField<Levels, Features>;
+    using Grid = typename Field::Grid;
+    using Query = typename Field::template Query<B, T>;
+    using Cache = typename Field::template Cache<B, T>;
+
+    /// `tables` is the number of the query's grids.
+    LearnedField(B& backend, std::string name, const FieldParams& params, int outputs, std::size_t point_inputs,
+                 std::size_t shared_inputs, std::size_t tables, const FieldStart& start)
+        : backend_(&backend), name_(std::move(name)),
+          field_({.base = params.base, .growth = params.growth, .table_size = params.table_size},
+                 {.outputs = outputs, .width = params.width, .hidden_layers = params.hidden_layers}, point_inputs,
+                 shared_inputs),
+          table_(backend, initial_tables(tables, start)), network_(backend, initial_weights(start)) {}
+
+    [[nodiscard]] const Field& field() const { return field_; }
+    [[nodiscard]] const Mlp& mlp() const { return field_.mlp(); }
+    [[nodiscard]] Span<const T> table() const { return table_.values(); }
+    [[nodiscard]] Span<const T> weights() const { return network_.values(); }
+    /// Where the passes leave what they remember.
+    [[nodiscard]] Cache& cache() { return cache_; }
+
+    /// Sets the last layer's weights to zero, so that the field starts as the constant 0.
+    void silence_outputs() {
+        const std::size_t last = mlp().layer_inputs(mlp().layer_count() - 1) * mlp().outputs();
+        backend_->fill(network_.values().subspan(network_.size() - last, last), T(0));
+    }
+    /// Sets the first layer's weights of everything beside the encoding to zero. The encoding starts near zero, and so
+    /// do the outputs; inputs of order one would make them jump.
+    void silence_other_inputs() {
+        std::vector<T> weights(network_.size());
+        backend_->download(this->weights(), Span<T>(weights));
+        for (std::size_t o = 0; o < mlp().layer_outputs(0); ++o)
+            for (std::size_t i = Grid::output_count; i < mlp().inputs(); ++i) weights[o * mlp().inputs() + i] = T(0);
+        backend_->upload(Span<const T>(weights), network_.values());
+    }
+
+    void forward(const Query& query, Span<T> outputs, const FieldInputs<T>& inputs) {
+        field_.forward(*backend_, table(), weights(), query, outputs, cache_, inputs);
+    }
+    /// Adds to the gradients of table and network, and to dL_dshared unless it is empty.
+    void backward(const Query& query, Span<const T> dL_doutputs, const FieldInputs<T>& inputs,
+                  Span<T> dL_dshared = {}) {
+        field_.backward(*backend_, weights(), query, dL_doutputs, cache_, table_.gradient(), network_.gradient(),
+                        inputs, dL_dshared);
+    }
+
+    /// The table, then the network; both at one rate.
+    [[nodiscard]] LearnedArrays<T> learned(const Query& query, double rate) {
+        LearnedArrays<T> arrays{table_.announce(name_ + ".table", rate), network_.announce(name_ + ".network", rate)};
+        arrays[0].touched_rows = query.touched;
+        arrays[0].row_size = Grid::feature_count;
+        return arrays;
+    }
+
+private:
+    [[nodiscard]] std::vector<T> initial_tables(std::size_t tables, const FieldStart& start) const {
+        std::vector<T> entries;
+        for (std::size_t t = 0; t < tables; ++t) {
+            const auto more = field_.grid().template initial_table<T>(mix_bits(start.seed + start.stream + 100 * t));
+            entries.insert(entries.end(), more.begin(), more.end());
+        }
+        return entries;
+    }
+    [[nodiscard]] std::vector<T> initial_weights(const FieldStart& start) const {
+        return field_.mlp().template initial_weights<T>(mix_bits(start.seed + start.stream + 1));
+    }
+
+    B* backend_;
+    std::string name_;
+    Field field_;
+    LearnedBuffer<B, T> table_, network_;
+    Cache cache_;
+};
+
+} // namespace gsh

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A photograph to train on or to judge by.
+#pragma once
+
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+namespace gsh {
+
+/// One photograph of a scene: its camera, the frame of the motion that it shows, and its pixels.
+///
+/// Shapes  rgba [height, width, 4], straight alpha; alpha is the mask of what is to be learned. plate likewise, opaque:
+///         what the camera sees without the person; empty for a plain background. The caller owns the memory of both.
+struct Photo {
+    std::string name;
+    Camera<double> camera;
+    std::size_t frame = 0; ///< of the motion
+    Span<const std::uint8_t> rgba;
+    std::size_t camera_index = 0; ///< among the capture's cameras
+    Span<const std::uint8_t> plate = {};
+};
+
+/// Throws ShapeError unless the photograph and its plate have their camera's size, ValueError unless the scene has the
+/// photograph's frame.
+inline void check_photo(std::string_view where, const Photo& photo, std::size_t frame_count) {
+    check_camera(where, photo.name, photo.camera);
+    check_value(photo.frame < frame_count, where,
+                photo.name + " is of frame " + std::to_string(photo.frame) + ", expected one of " +
+                    std::to_string(frame_count) + " frames");
+    check_size(where, photo.name, photo.rgba.size(),
+               4 * static_cast<std::size_t>(photo.camera.width) * static_cast<std::size_t>(photo.camera.height),
+               "the image must have its camera's size");
+    if (!photo.plate.empty())
+        check_size(where, photo.name + "'s plate", photo.plate.size(), photo.rgba.size(),
+                   "a plate is as large as its photograph");
+}
+
+} // namespace gsh

@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Avatars in their motions as a scene that learns: one person, or several in the same photographs.
+#pragma once
+
+#include <gsh/avatar/rig.hpp>
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/gaussian/splats.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/pipeline/learned_array.hpp>
+#include <gsh/pipeline/photo.hpp>
+#include <gsh/pipeline/splat_scene.hpp>
+#include <gsh/render/raster_cache.hpp>
+#include <gsh/train/refinement.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace gsh {
+
+/// One of the people of a scene: the model to be trained, and the person's poses. The caller owns both.
+template <class Model>
+struct CastMember {
+    Model* model = nullptr;
+    const Motion* motion = nullptr;
+};
+
+/// What the names of a person's arrays begin with, in a scene of several people and in its files. Those of the first
+/// person have no prefix.
+[[nodiscard]] inline std::string person_prefix(std::size_t person) {
+    return person == 0 ? std::string() : "person" + std::to_string(person) + "/";
+}
+
+/// People in the frames of their motions. They share photographs and frames and nothing else: each has a model, a
+/// motion, and perhaps a refinement of the motion.
+///
+/// Splats lie one person after the other in one scene that is rendered in one pass, so that people hide each other. On
+/// the way back each model reads its own part of the gradient. Functions about one person take that person's number.
+template <Backend B, class Model, std::floating_point T = typename Model::Scalar>
+class AvatarScene {
+public:
+    using Scalar = T;
+    using ModelType = Model;
+
+    /// Several people. Every motion covers every frame: in frames before a person enters, place the person outside
+    /// every camera's view.
+    /// Errors  ValueError: no people, or one model twice. ShapeError: motions of different lengths.
+    AvatarScene(B& backend, const std::vector<CastMember<Model>>& cast) : backend_(&backend), people_(cast.size()) {
+        check_value(!cast.empty(), "AvatarScene", "there are no people");
+        for (std::size_t i = 0; i < cast.size(); ++i) {
+            Person& person = people_[i];
+            person.model = cast[i].model, person.motion = cast[i].motion, person.first_splat = size_;
+            for (std::size_t k = 0; k < i; ++k)
+                check_value(people_[k].model != person.model, "AvatarScene",
+                            "person " + std::to_string(i) + " has the model of person " + std::to_string(k) +
+                                ", expected a model of its own");
+            check_size("AvatarScene", "poses of person " + std::to_string(i), person.motion->frame_count(),
+                       frame_count(), "every motion must cover every frame");
+            size_ += person.model->size();
+        }
+    }
+    /// One person.
+    AvatarScene(B& backend, Model& model, const Motion& motion)
+        : AvatarScene(backend, std::vector<CastMember<Model>>{{&model, &motion}}) {}
+
+    [[nodiscard]] std::size_t size() const { return size_; }
+    [[nodiscard]] std::size_t frame_count() const { return people_.front().motion->frame_count(); }
+    [[nodiscard]] std::size_t person_count() const { return people_.size(); }
+    [[nodiscard]] B& backend() { return *backend_; }
+    [[nodiscard]] Model& model(std::size_t person = 0) { return *at(person).model; }
+    /// A person's part of the scene's splats, or of their gradient.
+    template <class View>
+    [[nodiscard]] View part(std::size_t person, const View& scene) const {
+        return scene.subview(at(person).first_splat, at(person).model->size());
+    }
+    /// A person's pose at a frame as it is now; it holds until the next call.
+    [[nodiscard]] const RigPose<B, T>& pose(std::size_t frame, std::size_t person = 0) {
+        Person& of = at(person);
+        of.refinement ? of.refinement->pose(frame, of.pose)
+                      : of.model->rig().upload_pose(*of.motion, frame, of.pose);
+        return of.pose;
+    }
+
+    /// From here on the person's poses, and the cameras if it holds any, are `refinement`'s, and learn with the
+    /// avatars. It must outlive the scene.
+    /// Errors  ValueError if another person's refinement holds the cameras already: they are the same for all.
+    void refine(MotionRefinement<B, T>& refinement, std::size_t person = 0) {
+        for (std::size_t i = 0; i < people_.size(); ++i)
+            check_value(i == person || !refinement.camera_count() || !people_[i].refinement ||
+                            !people_[i].refinement->camera_count(),
+                        "AvatarScene::refine",
+                        "cameras learn with person " + std::to_string(i) + "; give them to one person's refinement");
+        at(person).refinement = &refinement;
+    }
+    [[nodiscard]] MotionRefinement<B, T>* refinement(std::size_t person = 0) const { return at(person).refinement; }
+
+    // SplatScene ------------------------------------------------------------------------------------------------------
+
+    void come_to(std::uint64_t /*step*/, double progress) {
+        for (Person& person : people_) {
+            person.model->come_to(progress);
+            if (person.refinement) person.refinement->come_to(progress);
+        }
+    }
+    void prepare(std::size_t frame) {
+        for (Person& person : people_) person.model->update_canonical(frame);
+    }
+    void forward(std::size_t frame, const vec3<T>& center, const SplatView<T>& splats) {
+        for (std::size_t p = 0; p < people_.size(); ++p)
+            people_[p].model->pose(pose(frame, p), frame, center, part(p, splats));
+    }
+    void backward(std::size_t frame, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
+                  Span<vec3<T>> dL_dcenter) {
+        for (std::size_t p = 0; p < people_.size(); ++p) {
+            Person& person = people_[p];
+            MotionRefinement<B, T>* refinement = person.refinement;
+            const RigPoseGradient<T> dL_dpose = refinement && refinement->learns_motion(frame)
+                                                    ? refinement->pose_gradient()
+                                                    : RigPoseGradient<T>();
+            person.model->backward(person.pose, frame, center, part(p, dL_dsplats), dL_dpose, dL_dcenter);
+            if (!dL_dpose.empty()) refinement->accumulate(frame, dL_dpose);
+        }
+    }
+    /// Only cameras of training photographs are refined; a test view keeps its own, see Trainer::render.
+    [[nodiscard]] Camera<T> camera(const Photo& photo) const {
+        const auto* cameras = camera_refinement();
+        return cameras ? cameras->template camera<T>(photo.camera_index) : photo.camera.template cast<T>();
+    }
+    [[nodiscard]] CameraGradientView<T> camera_gradient(const Photo& photo) {
+        const auto* cameras = camera_refinement();
+        const bool learns = cameras && cameras->learns_camera(photo.camera_index);
+        dL_dcamera_.resize(learns ? 1 : 0);
+        dL_dcenter_.resize(learns ? 1 : 0);
+        backend_->fill(Span<CameraGradient<T>>(dL_dcamera_), CameraGradient<T>{});
+        backend_->fill(Span<vec3<T>>(dL_dcenter_), vec3<T>(T(0)));
+        return {dL_dcamera_, dL_dcenter_};
+    }
+    void camera_backward(const Photo& photo) {
+        if (dL_dcenter_.size())
+            camera_refinement()->accumulate_camera(photo.camera_index, Span<const CameraGradient<T>>(dL_dcamera_),
+                                                   Span<const vec3<T>>(dL_dcenter_));
+    }
+    [[nodiscard]] LearnedArrays<T> learned() {
+        LearnedArrays<T> arrays;
+        for (std::size_t p = 0; p < people_.size(); ++p) append(arrays, people_[p].model->learned(), person_prefix(p));
+        return arrays;
+    }
+    /// Refinements take their own steps: only the rows that were seen move.
+    void after_step(const RasterCache<B, T>&) {
+        for (Person& person : people_)
+            if (person.refinement) person.refinement->step();
+    }
+
+private:
+    struct Person {
+        Model* model = nullptr;
+        const Motion* motion = nullptr;
+        std::size_t first_splat = 0;
+        RigPose<B, T> pose;
+        MotionRefinement<B, T>* refinement = nullptr;
+    };
+    void check_person(std::size_t person) const {
+        check_value(person < people_.size(), "AvatarScene",
+                    "person " + std::to_string(person) + " is asked for, expected one of " +
+                        std::to_string(people_.size()));
+    }
+    [[nodiscard]] Person& at(std::size_t person) { return check_person(person), people_[person]; }
+    [[nodiscard]] const Person& at(std::size_t person) const { return check_person(person), people_[person]; }
+    /// The refinement that holds the cameras, or null.
+    [[nodiscard]] MotionRefinement<B, T>* camera_refinement() const {
+        for (const Person& person : people_)
+            if (person.refinement && person.refinement->camera_count()) return person.refinement;
+        return nullptr;
+    }
+
+    B* backend_;
+    std::vector<Person> people_;
+    std::size_t size_ = 0; // of all people's splats
+    typename B::template Buffer<CameraGradient<T>> dL_dcamera_; // [1] or empty
+    typename B::template Buffer<vec3<T>> dL_dcenter_;           // likewise
+};
+
+} // namespace gsh
