@@ -13,8 +13,8 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/pipeline/learned_array.hpp>
 #include <gsh/train/configuration.hpp>
-#include <gsh/train/parameters.hpp>
 
 #include <malloc.h>
 
@@ -86,17 +86,16 @@ void resume(const Run& run, Reconstruction& reconstruction, TrainingRecord& reco
 RunCost cost_of_run(Reconstruction& reconstruction, const TrainingRecord& record, std::size_t threads) {
     RunCost cost{.gaussians = reconstruction.gaussian_count(), .memory = resident_bytes()};
     for (auto& person : reconstruction.people) {
-        auto& model = person.model;
-        cost.lookups += model.lookups();
-        for (std::size_t g = 0; g < parameter_group_count; ++g) {
-            const auto group = static_cast<ParameterGroup>(g);
-            const auto* touched = model.touched_entries(group);
-            const std::size_t entries = model.parameters()[group].size() / Reconstruction::Model::Grid::feature_count;
-            if (!touched || entries == 0) continue;
-            const bool ao = group == ParameterGroup::ao_table;
-            (ao ? cost.ao_entries : cost.entries) += entries;
-            (ao ? cost.ao_touched : cost.touched) += touched->size();
-        }
+        cost.lookups += person.model.appearance().lookups();
+        const auto count_tables = [](const LearnedArrays<float>& arrays, auto& entries, auto& touched) {
+            for (const LearnedArray<float>& array : arrays) {
+                if (!array.is_table()) continue;
+                entries += array.values.size() / array.row_size;
+                touched += array.touched_rows.size();
+            }
+        };
+        count_tables(person.model.appearance().learned(), cost.entries, cost.touched);
+        count_tables(person.model.shadow().learned(), cost.ao_entries, cost.ao_touched);
     }
     cost.ms_per_step = 1e3 * record.seconds / static_cast<double>(std::max<std::uint64_t>(1, record.steps));
     for (std::size_t s = 0; s < stage_names.size(); ++s)
@@ -130,7 +129,7 @@ std::string training_protocol(const Run& run, std::uint64_t steps, std::size_t t
     const double share =
         static_cast<double>(steps - 1) / static_cast<double>(std::max<std::uint64_t>(1, run.options.steps));
     if (!run.scene && run.options.seconds == 0 && run.configuration.avatar.ao != AmbientOcclusion::none &&
-        share < run.configuration.train.ao_start)
+        share < run.configuration.avatar.ao_start)
         text += "; ambient occlusion, which joins later, is not part of it yet";
     return text + "; " + (run.scene ? "at most " : "") + detail::grouped(run.options.gaussians) + " Gaussians, seed " +
            std::to_string(run.options.seed) + ".";
@@ -228,7 +227,7 @@ bool Evaluator::evaluate_scene(const Run& run, EvaluationFolder& folder, const s
                         " images), the only frame in training: no body, no poses, " +
                         std::to_string(scene.training.size()) + " images; white background in training and test, " +
                         measures_of(judge_) + " " + training_protocol(run, goal, backend_.thread_count());
-        result.cost.gaussians = reconstruction.trainer.size();
+        result.cost.gaussians = reconstruction.scene.size();
         result.cost.memory = resident_bytes();
         result.cost.ms_per_step = 1e3 * reconstruction.seconds / static_cast<double>(goal);
         result.cost.threads = backend_.thread_count();

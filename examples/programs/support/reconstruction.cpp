@@ -8,6 +8,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/train/avatar_export.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/memory.hpp>
 #include <gsh/train/pose_fit.hpp>
@@ -48,7 +49,8 @@ std::size_t gaussian_count(const Source& source, const Configuration& configurat
 Reconstruction::Person::Person(Backend& backend, std::string called, CanonicalSetup made, std::uint64_t seed,
                                const AvatarConfig& config)
     : name(std::move(called)), setup(std::move(made)),
-      model(backend, setup.rig, setup.samples, seed, config, setup.priors) {}
+      model(make_avatar<Backend>(backend, setup.rig, setup.samples, setup.motion.frame_count(), seed, config,
+                                  setup.priors)) {}
 
 Reconstruction::Reconstruction(Backend& backend, const Source& source, const Configuration& chosen,
                                const ReconstructOptions& o)
@@ -56,14 +58,15 @@ Reconstruction::Reconstruction(Backend& backend, const Source& source, const Con
       regions_checksum(chosen.has_regions() ? source.regions_checksum : std::string()),
       priors_checksum(chosen.has_priors() ? source.priors_checksum : std::string()),
       test_photos(test_photos_of(source.capture)),
-      trainer(backend, cast_of(backend, source, o), photos_of(source.capture, false), o.seed, configuration.train) {
+      scene(backend, cast_of(backend, source, o)),
+      trainer(backend, scene, photos_of(source.capture, false), o.seed, configuration.train) {
     if (!o.refine) return;
     check_value(configuration.test_mask_weight >= 0, "refine.test_mask_weight",
                 "must not be negative"); // before training, not after
     RefinementConfig config = configuration.refinement;
     std::set<std::size_t> seen;
     for (const Photo& photo : trainer.photos()) seen.insert(photo.frame);
-    for (std::size_t frame = 0; frame < trainer.frame_count(); ++frame)
+    for (std::size_t frame = 0; frame < scene.frame_count(); ++frame)
         if (!seen.contains(frame)) config.left_out.push_back(frame);
     std::vector<Camera<double>> cameras; // the same for all, so that one person's refinement holds them
     if (o.refine_cameras)
@@ -74,13 +77,13 @@ Reconstruction::Reconstruction(Backend& backend, const Source& source, const Con
             joint_rates(person.setup.rig.joint_count(), configuration.finger_rate, configuration.face_rate);
         person.refinement.emplace(backend, person.setup.rig, person.setup.motion,
                                   p == 0 ? cameras : std::vector<Camera<double>>(), config);
-        trainer.refine(*person.refinement, p);
+        scene.refine(*person.refinement, p);
     }
 }
 
 Reconstruction::~Reconstruction() = default;
 
-void Reconstruction::step(double progress) { trainer.step(progress); }
+void Reconstruction::step(double progress) { trainer.step(progress, clock); }
 double Reconstruction::last_loss() const { return trainer.last_loss().loss; }
 double Reconstruction::last_psnr() const { return trainer.last_psnr(); }
 
@@ -88,7 +91,9 @@ Comparison<float> Reconstruction::compare(const Photo& photo) { return gsh::comp
 
 std::vector<AvatarData> Reconstruction::avatars() {
     std::vector<AvatarData> result;
-    for (std::size_t p = 0; p < people.size(); ++p) result.push_back(trainer.avatar(people[p].setup.rig, p));
+    const std::vector<std::size_t> frames = photographed_frames(trainer.photos());
+    for (std::size_t p = 0; p < people.size(); ++p)
+        result.push_back(export_avatar(scene, people[p].setup.rig, frames, trainer.config().filter, p));
     return result;
 }
 
@@ -98,28 +103,27 @@ bool Reconstruction::refine_test_poses(Backend& backend) {
         person.refinement->carry_to_left_out();
         person.test_refinement.emplace(backend, person.setup.rig, person.refinement->motion(),
                                        std::vector<Camera<double>>(), test_time_config(person.refinement->config()));
-        trainer.refine(*person.test_refinement, p);
+        scene.refine(*person.test_refinement, p);
     }
     std::set<std::size_t> frames;
     for (const Photo& photo : test_photos) frames.insert(photo.frame);
     const std::size_t rounds = people.size() > 1 ? 2 : 1, steps = (configuration.test_steps + rounds - 1) / rounds;
+    PoseFit<Backend> fit(backend, configuration.train.filter,
+                         {.steps = steps,
+                          .ssim_weight = configuration.train.ssim_weight,
+                          .mask_weight = configuration.test_mask_weight,
+                          .background = configuration.train.background,
+                          .stop = [] { return interrupted.load(); }});
     Progress shown("fitting test poses");
     std::size_t done = 0;
     for (const std::size_t frame : frames) {
         shown.show(static_cast<double>(done++) / static_cast<double>(frames.size()), "frame " + std::to_string(frame));
-        trainer.query(frame);
-        std::vector<Observation> observations;
+        std::vector<Photo> photos;
         for (const Photo& photo : test_photos)
-            if (photo.frame == frame) observations.push_back({photo.camera, photo.rgba, photo.plate});
+            if (photo.frame == frame) photos.push_back(photo);
         for (std::size_t turn = 0; turn < rounds * people.size(); ++turn) {
-            FrozenScene<TrainerType> frozen{&trainer, frame, turn % people.size()};
-            PoseFit<Backend, float, FrozenScene<TrainerType>> fit(backend, frozen, configuration.train.filter,
-                                                                  {.steps = steps,
-                                                                   .ssim_weight = configuration.train.ssim_weight,
-                                                                   .mask_weight = configuration.test_mask_weight,
-                                                                   .background = configuration.train.background,
-                                                                   .stop = [] { return interrupted.load(); }});
-            fit.fit(*people[frozen.person].test_refinement, frame, observations);
+            FrozenPerson<Scene, Backend> frozen(scene, turn % people.size());
+            fit.fit(frozen, frame, photos);
             if (interrupted) return false;
         }
     }
@@ -128,7 +132,7 @@ bool Reconstruction::refine_test_poses(Backend& backend) {
 }
 
 void Reconstruction::end_test_refinement() {
-    for (std::size_t p = 0; p < people.size(); ++p) trainer.refine(*people[p].refinement, p);
+    for (std::size_t p = 0; p < people.size(); ++p) scene.refine(*people[p].refinement, p);
 }
 
 std::vector<CastMember<Reconstruction::Model>> Reconstruction::cast_of(Backend& backend, const Source& source,

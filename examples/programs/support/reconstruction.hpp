@@ -7,12 +7,14 @@
 
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/backend/threads.hpp>
-#include <gsh/train/avatar_model.hpp>
+#include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/pipeline/photo.hpp>
+#include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/canonical_setup.hpp>
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/evaluation.hpp>
-#include <gsh/pipeline/photo.hpp>
 #include <gsh/train/refinement.hpp>
+#include <gsh/train/stage.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include <array>
@@ -29,9 +31,10 @@ namespace gsh::examples {
 /// The models and their trainer, ready for the first step.
 struct Reconstruction {
     using Backend = cpu::Threads;
-    using Model = AvatarModel<Backend, float>;
+    using Model = ConfiguredAvatar<Backend>;
     using Refinement = MotionRefinement<Backend, float>;
-    using TrainerType = Trainer<Backend, float, Model>;
+    using Scene = AvatarScene<Backend, Model>;
+    using TrainerType = Trainer<Backend, Scene>;
 
     /// One of the people.
     struct Person {
@@ -48,7 +51,9 @@ struct Reconstruction {
     std::string regions_checksum, priors_checksum; ///< of the source; empty where none are used
     std::deque<Person> people;                     ///< they stay where they are
     std::vector<Photo> test_photos;
-    TrainerType trainer; ///< to ask and to keep; what computes is below, for it is compiled once
+    Scene scene;
+    TrainerType trainer; ///< to read and to keep; what computes is below, so that it is compiled once
+    StageClock clock;    ///< of this run's steps
 
     /// source must outlive this: photographs are not copied.
     Reconstruction(Backend& backend, const Source& source, const Configuration& chosen, const ReconstructOptions& o);
@@ -56,7 +61,7 @@ struct Reconstruction {
     ~Reconstruction();
 
     /// Everybody's Gaussians.
-    [[nodiscard]] std::size_t gaussian_count() const { return trainer.splat_count(); }
+    [[nodiscard]] std::size_t gaussian_count() const { return scene.size(); }
 
     /// Trainer::step; then what it came to.
     void step(double progress);

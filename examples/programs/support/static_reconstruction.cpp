@@ -106,7 +106,10 @@ StaticSource load_static_source(const std::filesystem::path& folder, std::size_t
 
 StaticReconstruction::StaticReconstruction(cpu::Threads& backend, const StaticSource& source,
                                            const StaticOptions& options)
-    : trainer(backend, start_of(source, options), source.training, options.seed, options.config),
+    : scene(backend, start_of(source, options),
+            options.config.extent != 0 ? options.config.extent : scene_extent(source.training), options.seed,
+            options.config),
+      trainer(backend, scene, source.training, static_order_seed(options.seed), train_config_of(options.config)),
       steps_(static_cast<std::uint64_t>(options.config.steps)) {}
 StaticReconstruction::~StaticReconstruction() = default;
 
@@ -122,7 +125,7 @@ void StaticReconstruction::train(std::uint64_t until, const std::string& title) 
         seconds = seconds_before + spent;
         char text[96];
         std::snprintf(text, sizeof text, "step %llu  %zu Gaussians  %.1f steps/s",
-                      static_cast<unsigned long long>(trainer.step_count()), trainer.size(),
+                      static_cast<unsigned long long>(trainer.step_count()), scene.size(),
                       static_cast<double>(trainer.step_count() - steps_before) / spent);
         progress.show(static_cast<double>(trainer.step_count()) / static_cast<double>(steps_), text);
     }
@@ -133,19 +136,18 @@ Comparison<float> StaticReconstruction::compare(const Photo& photo) { return gsh
 StaticResult reconstruct_static(cpu::Threads& backend, const StaticSource& source, const StaticOptions& options) {
     StaticReconstruction reconstruction(backend, source, options);
     reconstruction.train(static_cast<std::uint64_t>(options.config.steps));
-    auto& trainer = reconstruction.trainer;
     StaticResult result;
     result.seconds = reconstruction.seconds;
-    result.steps = trainer.step_count();
+    result.steps = reconstruction.trainer.step_count();
     result.threads = backend.thread_count();
-    result.change = trainer.total_change();
+    result.change = reconstruction.scene.total_change();
     for (const Photo& photo : source.test) {
         const auto comparison = reconstruction.compare(photo);
         result.scores.push_back(comparison.score);
         result.pictures.push_back(comparison_picture(comparison.render, comparison.truth));
     }
     result.mean = mean_score(result.scores);
-    result.scene = trainer.cloud();
+    result.scene = reconstruction.scene.cloud();
     return result;
 }
 

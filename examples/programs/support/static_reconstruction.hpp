@@ -11,10 +11,11 @@
 #include <gsh/io/capture/capture.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/pipeline/density_control.hpp>
-#include <gsh/train/evaluation.hpp>
 #include <gsh/pipeline/photo.hpp>
+#include <gsh/pipeline/static_model.hpp>
+#include <gsh/train/evaluation.hpp>
 #include <gsh/train/static_start.hpp>
-#include <gsh/train/static_trainer.hpp>
+#include <gsh/train/trainer.hpp>
 
 #include <cstddef>
 #include <cstdint>
@@ -68,8 +69,9 @@ StaticSource load_static_source(const std::filesystem::path& folder, std::size_t
 /// A scene in training.
 class StaticReconstruction {
 public:
-    StaticTrainer<cpu::Threads> trainer; ///< to ask; what computes is below, for it is compiled once
-    double seconds = 0;                  ///< of training alone
+    StaticModel<cpu::Threads> scene;
+    Trainer<cpu::Threads, StaticModel<cpu::Threads>> trainer; ///< what computes is below, so that it is compiled once
+    double seconds = 0;                                       ///< of training alone
 
     /// Errors  ValueError for a source that cannot be trained on; source must outlive this.
     StaticReconstruction(cpu::Threads& backend, const StaticSource& source, const StaticOptions& options);

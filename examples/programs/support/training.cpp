@@ -16,14 +16,15 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
            const std::string& title, std::uint64_t until) {
     using Clock = std::chrono::steady_clock;
     const auto& trainer = reconstruction.trainer;
+    const StageClock& clock = reconstruction.clock;
     const double seconds_before = record.seconds;
-    const std::uint64_t steps_before = trainer.step_count(), timed_before = record.timed_steps - trainer.timed_steps();
+    const std::uint64_t steps_before = trainer.step_count(), timed_before = record.timed_steps - clock.steps();
     auto stages_before = record.stage_seconds;
-    for (std::size_t s = 0; s < stages_before.size(); ++s) stages_before[s] -= trainer.stage_seconds()[s];
+    for (std::size_t s = 0; s < stages_before.size(); ++s) stages_before[s] -= clock.seconds()[s];
     const auto checkpoint = [&] {
-        record.timed_steps = timed_before + trainer.timed_steps();
+        record.timed_steps = timed_before + clock.steps();
         for (std::size_t s = 0; s < stages_before.size(); ++s)
-            record.stage_seconds[s] = stages_before[s] + trainer.stage_seconds()[s];
+            record.stage_seconds[s] = stages_before[s] + clock.seconds()[s];
         save_checkpoint(options, reconstruction, record);
     };
     auto last_checkpoint = Clock::now();
