@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Dual quaternions as rigid motions, with adjoints. Blending them keeps the result rigid, unlike matrices.
+/// @file  Dual quaternions as rigid motions, with adjoints; unlike blended matrices, their blends stay rigid.
 #pragma once
 
 #include <gsh/core/config.hpp>
