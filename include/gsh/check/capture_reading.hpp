@@ -120,7 +120,7 @@ struct CaptureReading {
 [[nodiscard]] inline PosedBody pose_as(const BodyModel& body, const Motion& motion, std::size_t pose,
                                        const MotionReading& reading, Span<const int> counterparts);
 
-/// First joint of the left hand; the right hand's 15 joints follow. No value for bodies without such hands.
+/// First joint of the left hand, which has 15 joints; those of the right hand follow. No value for other bodies.
 [[nodiscard]] inline std::optional<std::size_t> first_hand_joint(std::size_t joint_count) {
     if (joint_count == 55) return 25;
     if (joint_count == 52) return 22;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The state of training in a file: stop anywhere, go on bit for bit.
+/// @file  Stores the state of training in a file, so that it can be resumed with bit-identical results.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -20,7 +20,7 @@ inline constexpr int checkpoint_version = 2;
 
 namespace detail {
 
-/// What a person's keys begin with. The first one's have no number, so that a file of one person is what it always was.
+/// Prefix of a person's keys. The first person has none, so files of one person keep their original layout.
 [[nodiscard]] inline std::string person_key(std::size_t person) {
     return person == 0 ? std::string() : "person" + std::to_string(person) + "/";
 }
@@ -41,8 +41,8 @@ void for_each_trained(TrainerType& trainer, const F& f) {
 
 } // namespace detail
 
-/// Adds a trainer's state to an archive: everybody's parameters and moments, steps, and the seed by which load_trainer
-/// tells whose it is.
+/// Adds a trainer's state to an archive: all people's parameters and moments, the step count, and the seed, by which
+/// load_trainer identifies the training.
 template <class TrainerType>
 void add_trainer(ArchiveWriter& file, TrainerType& trainer) {
     using T = typename TrainerType::Scalar;
@@ -73,8 +73,9 @@ void add_refinement(ArchiveWriter& file, const Refinement& refinement, std::size
     file.add(key + "second_moment", state.second_moment);
 }
 
-/// Brings a refinement that was made from the same input to the state that add_refinement kept.
-/// Errors  ShapeError if the file is of another motion or number of cameras.
+/// Restores the state stored by add_refinement; the refinement must have been made from the same input.
+///
+/// Errors  ShapeError if the file belongs to another motion or number of cameras.
 template <class Refinement>
 void load_refinement(const ArchiveReader& file, Refinement& refinement, std::size_t person = 0) {
     using T = typename Refinement::Scalar;
@@ -86,9 +87,10 @@ void load_refinement(const ArchiveReader& file, Refinement& refinement, std::siz
                           .second_moment = file.read<T>(key + "second_moment").data});
 }
 
-/// Brings a trainer that was made from the same input to the state that add_trainer kept.
-/// Errors  ShapeError or ValueError if the file is of another training: another seed, another number of people or of
-///         anything else.
+/// Restores the state stored by add_trainer; the trainer must have been made from the same input.
+///
+/// Errors  ShapeError or ValueError if the file belongs to another training: another seed, number of people, or size of
+///         an array.
 template <class TrainerType>
 void load_trainer(const ArchiveReader& file, TrainerType& trainer) {
     using T = typename TrainerType::Scalar;
@@ -100,7 +102,7 @@ void load_trainer(const ArchiveReader& file, TrainerType& trainer) {
     check_value(people == trainer.person_count(), file.file().path().string(),
                 "was made for a scene of " + std::to_string(people) + " people, not " +
                     std::to_string(trainer.person_count()) + "; resume with the poses of the first run");
-    // All of it is read before any of it is taken over.
+    // Everything is read before the trainer is changed.
     std::vector<std::vector<T>> values;
     detail::for_each_trained(trainer, [&](std::string_view what, auto& parameters) {
         for (std::size_t g = 0; g < parameter_group_count; ++g) {
