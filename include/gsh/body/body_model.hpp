@@ -72,8 +72,8 @@ inline void validate(const BodyModel& model, std::string_view where);
 [[nodiscard]] inline std::vector<vec3<double>> regress_joints(const BodyModel& model,
                                                               Span<const vec3<double>> vertices);
 
-/// The change of the joints per unit of each coefficient: J_regressor * directions, [J, count] for directions [V,
-/// count]. Since regression is linear, joints(β, ψ) = joints(0, 0) + joint_directions · (β, ψ).
+/// The change of the joints per unit of each coefficient, J_regressor * directions: [J, count] for [V, count]
+/// directions. Since regression is linear, joints(β, ψ) = joints(0, 0) + joint_directions · (β, ψ).
 [[nodiscard]] inline std::vector<vec3<double>> joint_directions(const BodyModel& model,
                                                                 Span<const vec3<double>> directions);
 

@@ -50,8 +50,8 @@ struct SurfaceSamples {
 /// triangle at v, this part is the region nearer to v than to the other two corners (the Voronoi part of the one-ring).
 ///
 /// Fractional K are rounded by error diffusion from a random start. Each vertex's expected count is exact, and the sum
-/// over any run of vertices differs from the sum of their K by less than one. Initial scales are sqrt(mean squared
-/// distance from v to its 3 nearest vertices / K(v)).
+/// over any run of vertices differs from the sum of their K by less than one. The initial scale of a
+/// sample is sqrt(d² / K(v)), where d² is the mean squared distance from v to its 3 nearest vertices.
 ///
 /// Shapes  vertices [V] positions to sample on (the shaped mesh), samples_per_vertex [V].
 /// Errors  ShapeError; ValueError for no triangles, a negative or infinite K, or no area to draw from if `total` > 0.

@@ -17,8 +17,8 @@
 
 namespace gsh {
 
-/// One sample per vertex, with its weights (those of the max_influences heaviest joints; 0: all) and the scale
-/// sqrt(mean squared distance to the 3 nearest vertices). A sample's triangle repeats its vertex three times, so no
+/// One sample per vertex, with its weights (those of the max_influences heaviest joints; 0: all) and the root mean
+/// square distance to the 3 nearest vertices as its scale. A sample's triangle repeats its vertex three times, so no
 /// faces are needed.
 ///
 /// Shapes  vertices [V], the shaped mesh; normals [V], or empty, in which case the samples' normals are zero.

@@ -187,7 +187,7 @@ private:
             finding->given = static_cast<double>(finding->views.size()) / static_cast<double>(result_.views.size());
             add(*finding, "usual",
                 finding == &empty
-                    ? "segment these images anew or leave them out; training would learn that nobody is there"
+                    ? "segment these images again or leave them out; training would learn an empty scene"
                     : "store the person's mask as alpha, or in masks/");
         }
     }
@@ -290,13 +290,13 @@ private:
         if (!far.cameras.empty()) {
             far.given = far_sum / static_cast<double>(far.cameras.size());
             add(far, "usual",
-                "no reading that we know brings it back; check R and t (world to camera, metres) and that the poses "
+                "no known convention explains it; check R and t (world to camera, metres) and that the poses "
                 "belong to these images");
         }
         if (!apart.cameras.empty()) {
             apart.given = apart_sum / static_cast<double>(apart.cameras.size());
             add(apart, "expected at least",
-                "no reading that we know explains it; poses, cameras, masks and body probably do not belong together");
+                "no known convention explains it; poses, cameras, masks and body probably do not belong together");
         }
     }
 
@@ -354,7 +354,7 @@ template <CpuBackend B>
 CaptureCheck check_capture(B& backend, const Capture& capture, const std::vector<CheckedPerson>& people,
                            const CaptureCheckParams& params) {
     constexpr auto where = "check_capture";
-    check_value(!people.empty(), where, "there is nobody to look for; name at least one person");
+    check_value(!people.empty(), where, "there is no person to check; give at least one");
     for (const CheckedPerson& person : people) validate(*person.body, where);
     check_value(!capture.cameras.empty() && capture.frame_count() > 0, where,
                 "the capture has no cameras or no frames");

@@ -97,9 +97,9 @@ std::string finding_text(const Capture& capture, const Finding& finding, const s
            "; " + remedy;
 }
 
-inline constexpr auto absence_remedy = "nobody in the images moves so: leave these poses out, look for a fault of "
-                                       "theirs that we do not know, or for masks "
-                                       "that leave somebody out";
+inline constexpr auto absence_remedy = "nobody in the images has these poses: leave them out, or look for another "
+                                       "fault of these poses, or for masks that "
+                                       "omit a person";
 
 /// Calls visit(kind, member) for each aspect of a MotionReading.
 template <class Visit>

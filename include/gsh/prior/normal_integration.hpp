@@ -37,7 +37,7 @@ struct IntegratedDepth {
 ///
 /// Every pixel has a slope from its normal, which is compared with two one-sided differences of depth along each axis:
 ///     minimise  Σ w⁺ (n_z Δ⁺z + n_x)² + w⁻ (n_z Δ⁻z + n_x)²  (and likewise for y with n_y)  +  λ (z - z_prior)²,
-///     w⁺ = sigmoid(k ((n_z Δ⁻z)² - (n_z Δ⁺z)²)),  w⁻ = 1 - w⁺,
+///     w⁺ = sigmoid(k ((n_z Δ⁻z)² - (n_z Δ⁺z)²)),  w⁻ = 1 - w⁺.
 /// The solver alternates between computing the weights from the last z and solving for z. At a depth discontinuity each
 /// pixel is coupled to the neighbour on its own surface, and the jump adds nothing to the energy. z is in pixels. For a
 /// pinhole camera z is the logarithm of depth times the focal length, and n_z becomes n·ray. A difference across the

@@ -77,7 +77,7 @@ AnyCapture load_any_capture(B& backend, const std::filesystem::path& folder, con
         result.rig = std::move(scene.rig);
         return result;
     }
-    if (!body) throw IoError(folder.string() + ": its poses need a body model, which this layout does not bring");
+    if (!body) throw IoError(folder.string() + ": its poses need a body model, which this layout does not contain");
     result.capture =
         *layout == CaptureLayout::people_snapshot ? load_people_snapshot(backend, folder, *body, options, warnings)
         : *layout == CaptureLayout::easymocap     ? load_easymocap_capture(backend, folder, *body, options, warnings)

@@ -160,7 +160,7 @@ inline std::vector<std::filesystem::path> list_frames(const std::filesystem::pat
                                                       const std::filesystem::path& poses) {
     const auto files = list_images(folder);
     if (const std::string missing = missing_in_row(files); !missing.empty())
-        throw IoError((folder / missing).string() + ": is missing, the files around it are there");
+        throw IoError((folder / missing).string() + ": is missing from the numbered files");
     if (files.size() != frames)
         throw ShapeError(folder.string() + ": holds " + std::to_string(files.size()) + " images, expected " +
                          std::to_string(frames) + ", one per pose of " + poses.string());
@@ -184,7 +184,7 @@ inline void apply_mask(const PixelImage& mask, PixelImage& image) {
 inline void check_mask(const std::filesystem::path& path, const PixelImage& image) {
     for (std::size_t i = 3; i < image.data.size(); i += 4)
         if (image.data[i] != 0) return;
-    throw ValueError(path.string() + ": its mask (alpha) is empty everywhere, expected the person to be somewhere");
+    throw ValueError(path.string() + ": its mask (alpha) is empty everywhere, expected the person in it");
 }
 
 /// The image at 1/factor of its size: each pixel is the mean of a square. Colours and alpha are averaged separately, as

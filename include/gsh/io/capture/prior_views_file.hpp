@@ -111,7 +111,7 @@ inline PriorCamera read_prior_camera(const JsonObject& view, Span<const NamedCam
     if (!object.has("scale")) {
         const NamedCamera camera = read_camera_entry(json, where);
         check_value(!camera.distortion, where,
-                    "has distortion, expected a camera that sees straight; straighten the map");
+                    "has distortion, expected a camera without distortion; undistort the map");
         return camera.camera;
     }
     object.expect_only({"width", "height", "scale", "cx", "cy", "R", "t"});
@@ -315,7 +315,7 @@ private:
         if (across != width || down != height)
             throw ShapeError(object_.where() + ": " + file.string() + " is " + std::to_string(width) + " x " +
                              std::to_string(height) + " pixels, its camera " + std::to_string(across) + " x " +
-                             std::to_string(down) + "; say by crop what part of the image it shows");
+                             std::to_string(down) + "; give the part of the image that it shows as crop");
         std::string counting = file.string();
         if (object_.has("mask")) {
             const auto mask = folder_ / object_.text("mask");

@@ -66,7 +66,7 @@ struct RawNormals {
 
     RawNormals(const std::string& name, std::size_t rows, std::size_t columns) {
         constexpr std::size_t most = std::numeric_limits<int>::max();
-        if (rows > most || columns > most) throw ShapeError(name + ": the map has an absurd size");
+        if (rows > most || columns > most) throw ShapeError(name + ": the map is too large");
         check_pixel_count(name, static_cast<std::int64_t>(columns), static_cast<std::int64_t>(rows));
         height = static_cast<int>(rows), width = static_cast<int>(columns);
         values.assign(4 * rows * columns, 1.0);
@@ -85,7 +85,7 @@ struct RawNormals {
 inline RawNormals read_normal_png(const std::filesystem::path& path) {
     const std::string name = path.string(), bytes = read_file(path);
     if (!bytes.starts_with("\x89PNG\r\n\x1a\n"))
-        throw IoError(name + ": is not a PNG image; normals do not survive JPEG, and EXR is not read (save as .npy)");
+        throw IoError(name + ": is not a PNG image; JPEG damages normals, and EXR is not read (save as .npy)");
     if (const std::string fault = png_fault(bytes); !fault.empty()) throw IoError(name + ": the image is " + fault);
     check_pixel_count(name, png_number(bytes, 16), png_number(bytes, 20));
     const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());

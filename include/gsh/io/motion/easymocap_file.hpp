@@ -79,7 +79,7 @@ inline EasyMocapPerson read_easymocap_person(const std::filesystem::path& path, 
                 optional("expression"), optional("handl"),       optional("handr")};
     }
     throw IoError(path.string() + ": person " + std::to_string(person) + " is missing, there are " + known +
-                  "; name one who is in every frame, or leave out the frames without");
+                  "; choose a person who is in every frame, or leave out the other frames");
 }
 
 } // namespace detail

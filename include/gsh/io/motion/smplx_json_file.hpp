@@ -145,7 +145,7 @@ inline Motion load_smplx_json_motion(const std::filesystem::path& folder, const 
         const auto shape = std::filesystem::weakly_canonical(place, ignored).parent_path() / "shape_param.json";
         if (!std::filesystem::exists(shape, ignored))
             throw IoError(place.string() + ": betas are in no file, and " + shape.string() +
-                          " is missing; one of them must tell the shape");
+                          " is missing; one of them must give the shape");
         const detail::Json json = {{"shape_param", detail::read_json(shape)}};
         const std::vector<double> betas = detail::JsonObject(json, shape.string()).numbers("shape_param");
         table.add("betas", "shape_param.json", betas, {betas.size()});
