@@ -54,7 +54,7 @@ struct SurfaceSamples {
 /// sample is sqrt(d² / K(v)), where d² is the mean squared distance from v to its 3 nearest vertices.
 ///
 /// Shapes  vertices [V] positions to sample on (the shaped mesh), samples_per_vertex [V].
-/// Errors  ShapeError; ValueError for no triangles, a negative or infinite K, or no area to draw from if `total` > 0.
+/// Errors  ShapeError; ValueError for no triangles, a negative or infinite K, or all K zero if `total` > 0.
 [[nodiscard]] inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<double>> vertices,
                                                    Span<const double> samples_per_vertex, std::uint64_t seed,
                                                    const SurfaceSampleOptions& options = {});

@@ -33,7 +33,7 @@ namespace gsh {
 namespace detail {
 
 /// The name that ends in one of `endings`; earlier endings take precedence. Throws IoError if two names have the same
-/// ending or none has any.
+/// ending, or if no name matches.
 inline std::string find_tensor(const std::vector<std::string>& keys, const std::vector<std::string>& endings,
                                const std::string& file) {
     for (const std::string& ending : endings) {

@@ -53,9 +53,9 @@ struct SmplifyxFits {
 
 /// Reads the arrays of the pickles results/ID/000.pkl, stacked in the order of the images: global_orient [T, 3],
 /// body_pose [T, 63], betas, and optionally jaw_pose, leye_pose, reye_pose, left_hand_pose and right_hand_pose (45, or
-/// principal components), expression, transl. The camera's pose is camera_rotation [T, 3, 3] and camera_translation [T,
-/// 3], or camera_transform [T, 4, 4]. Its intrinsics are focal_length (SMPLify-X's default is 5000) and camera_center,
-/// or camera_matrix [T, 4, 4]. frame_ids is [T]. Axes of length 1 are ignored.
+/// principal components), expression, transl. The camera's pose is camera_rotation [T, 3, 3] with
+/// camera_translation [T, 3], or camera_transform [T, 4, 4]. Its intrinsics are focal_length (SMPLify-X's default is
+/// 5000) and camera_center, or camera_matrix [T, 4, 4]. frame_ids is [T]. Axes of length 1 are ignored.
 ///
 /// The camera's pose is applied to the motion, so that one camera at the origin sees all frames. Shapes that vary over
 /// the frames are averaged. Hand poses are relative to the mean hand unless flat_hand or options specify otherwise.
