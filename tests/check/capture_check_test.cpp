@@ -768,5 +768,5 @@ TEST_CASE("people who do not fit the capture or their bodies") {
     other.bob = dance(scene().body, 5);
     test::check_throws<ShapeError>([&] { (void)other.check(); }, {"check_capture", "5", "6"});
     test::check_throws<ValueError>([&] { (void)check(two().capture, std::vector<CheckedPerson>{}); },
-                                   {"check_capture", "nobody"});
+                                   {"check_capture", "no person"});
 }

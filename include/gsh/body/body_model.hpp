@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A skinned, blend-shaped mesh: SMPL, SMPL-H, SMPL-X, or any rig that is described by the same arrays.
+/// @file  A skinned, blend-shaped body mesh: SMPL, SMPL-H, SMPL-X, or any rig described by the same arrays.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -21,17 +21,17 @@ struct RegressorEntry {
     double weight = 0;
 };
 
-/// The body prior, on the host and in double whatever the file held.
+/// The body model, stored on the host in double precision regardless of the file's number type.
 ///
-/// Shapes  stand at each member; V vertices, J joints, S shape and E expression directions, F triangles. Direction
-///         k of vertex v is at [v * count + k], as in the files.
+/// Shapes  given at each member; V vertices, J joints, S shape and E expression directions, F triangles. Direction k of
+///         vertex v is at [v * count + k], as in the files.
 /// Frame   y up, subject facing +z, its left at +x; the template's zero pose is the canonical pose.
 /// Units   metres; directions in metres per unit coefficient.
 struct BodyModel {
     std::vector<vec3<double>> v_template;                 // [V]
     std::vector<vec3<double>> shapedirs;                  // [V, S]
     std::vector<vec3<double>> exprdirs;                   // [V, E]
-    std::vector<vec3<double>> posedirs;                   // [V, 9 (J - 1)], or empty: no pose correctives
+    std::vector<vec3<double>> posedirs;                   // [V, 9 (J - 1)], or empty: no pose blend shapes
     std::vector<std::vector<RegressorEntry>> J_regressor; // [J] sparse rows, applied to the shaped mesh
     std::vector<double> weights;                          // [V, J], rows sum to 1
     std::vector<int> parents;                             // [J], the root's is -1; a parent precedes its children
@@ -39,30 +39,31 @@ struct BodyModel {
     int shape_count = 0;                                  ///< S
     int expression_count = 0;                             ///< E
 
-    // What some files hold besides; empty where they do not.
+    // Optional contents of a model file; empty if the file does not have them.
     std::vector<vec2<double>> vt;                // texture coordinates, v up
     std::vector<std::array<int, 3>> ft;          // [F] triples into vt
     std::vector<std::string> joint_names;        // [J]
-    std::vector<vec3<double>> hands_mean_left;   // [15] axis-angle, added unless the pose says flat_hand
+    std::vector<vec3<double>> hands_mean_left;   // [15] axis-angle, added unless the pose is marked flat_hand
     std::vector<vec3<double>> hands_mean_right;  // [15]
     std::vector<double> hands_components_left;   // [C, 45] principal components of the hand pose, a row each
     std::vector<double> hands_components_right;  // [C, 45]
-    std::vector<int> face_vertices;              // region lists: vertex indices
+    std::vector<int> face_vertices;              // vertex indices of the regions
     std::vector<int> left_hand_vertices;
     std::vector<int> right_hand_vertices;
 
     [[nodiscard]] std::size_t vertex_count() const { return v_template.size(); }
     [[nodiscard]] std::size_t joint_count() const { return parents.size(); }
-    /// Numbers in the pose feature vec(R - I) of the non-root joints.
+    /// Length of the pose feature vec(R - I) of the non-root joints.
     [[nodiscard]] std::size_t pose_feature_count() const { return parents.empty() ? 0 : 9 * (parents.size() - 1); }
 };
 
-/// Throws ShapeError or ValueError, in the name of `where` (a file, a function), at the first thing that cannot be
-/// a body: array sizes that disagree, NaN, weights that do not sum to 1 (within 1e-3), a tree with a cycle, two
-/// roots, or a child before its parent, an index out of range.
+/// Throws ShapeError or ValueError at the first inconsistency: array sizes that disagree, NaN, weights that do not sum
+/// to 1 (within 1e-3), a tree with a cycle, two roots, a child before its parent, or an index out of range. `where` (a
+/// file or a function) appears in the message.
 inline void validate(const BodyModel& model, std::string_view where);
 
 /// v_template + shapedirs betas + exprdirs expression; missing trailing coefficients count as 0.
+///
 /// Errors  ShapeError if there are more coefficients than directions.
 [[nodiscard]] inline std::vector<vec3<double>> shaped_vertices(const BodyModel& model, Span<const double> betas,
                                                                Span<const double> expression = {});
@@ -71,8 +72,8 @@ inline void validate(const BodyModel& model, std::string_view where);
 [[nodiscard]] inline std::vector<vec3<double>> regress_joints(const BodyModel& model,
                                                               Span<const vec3<double>> vertices);
 
-/// What a unit of each coefficient does to the joints: J_regressor * directions, [J, count] for directions
-/// [V, count]. Since regression is linear, joints(β, ψ) = joints(0, 0) + these times (β, ψ).
+/// The change of the joints per unit of each coefficient, J_regressor * directions: [J, count] for [V, count]
+/// directions. Since regression is linear, joints(β, ψ) = joints(0, 0) + joint_directions · (β, ψ).
 [[nodiscard]] inline std::vector<vec3<double>> joint_directions(const BodyModel& model,
                                                                 Span<const vec3<double>> directions);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  How far it is along a surface: exact shortest paths over a triangle mesh from a set of its vertices.
+/// @file  Geodesic distance: exact shortest paths over a triangle mesh from a set of its vertices.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -23,15 +23,17 @@ namespace gsh {
 
 /// Lengths of the shortest paths over a mesh from a set of its vertices to all others, exact up to rounding.
 ///
-/// A shortest path is straight across triangles that are unfolded into a plane, and turns only at sources, at
-/// vertices whose angles exceed 2π, and at the border. So light is sent out from there: a window is the part of an
-/// edge that one source sees through a chain of unfolded triangles. Windows cross triangles in the order of their
-/// distance, and end where a vertex of their edge offers a shorter way to all that they could reach.
+/// A shortest path is straight across triangles that are unfolded into a plane. It bends only at sources, at vertices
+/// whose angles sum to more than 2π, and at the border; these points act as secondary sources. The algorithm propagates
+/// windows. A window is the part of an edge that is visible from one source through a chain of unfolded triangles.
+/// Windows are processed in order of their distance. A window is discarded if a path through a vertex of its edge is
+/// shorter for every point behind it.
 ///
-/// Any triangles will do: open, not manifold, turned either way, obtuse, without area. Surfaces that touch without
-/// sharing vertices are apart. The object does not change; calls with several source sets may share it.
+/// The mesh may be open, non-manifold or inconsistently oriented, and may have obtuse or degenerate triangles. Surfaces
+/// that touch without shared vertices are not connected. The object is immutable; calls with different sources may
+/// share it.
 ///
-/// Errors  ValueError: a coordinate that is not finite, an index out of range, a reach that is negative or NaN.
+/// Errors  ValueError for a coordinate that is not finite, an index out of range, or a reach that is negative or NaN.
 /// Source  Chen and Han, "Shortest paths on a polyhedron", 1990, in the order and with the filter of Xin and Wang,
 ///         "Improving Chen and Han's algorithm on the discrete geodesic problem", 2009.
 class GeodesicDistance {
@@ -40,28 +42,28 @@ public:
 
     GeodesicDistance(Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces);
 
-    /// Metres to the nearest source [V]; infinity where no path leads, or none shorter than `reach`.
+    /// Metres to the nearest source [V]; infinity if there is no path, or none shorter than `reach`.
     [[nodiscard]] std::vector<double> from(Span<const int> sources, double reach = unreachable) const;
 
     [[nodiscard]] std::size_t vertex_count() const { return turns_.size(); }
 
 private:
-    /// A triangle at an edge, which runs from the triangle's corner `corner` + 1 to `corner` + 2.
+    /// A triangle at an edge. The edge runs from the triangle's corner `corner` + 1 to `corner` + 2.
     struct Side {
         std::uint32_t face, corner;
     };
-    /// A triangle laid into the plane: the edge on the x axis from 0 to `length`, the third corner at (x, y), y >= 0.
+    /// A triangle in the plane: the edge on the x axis from 0 to `length`, the third corner at (x, y), y >= 0.
     struct Apex {
         double length, x, y;
     };
-    /// What a source sees of an edge, about to cross the triangle behind it.
+    /// The part of an edge that is visible from a source; the window enters the triangle `side.face` next.
     struct Window {
-        double nearest; ///< metres from a vertex of the set to the window's nearest point: the order of work
-        Side side;        ///< in the triangle that lies ahead
-        double low, high; ///< the seen part of the edge
+        double nearest; ///< metres from a source vertex to the window's nearest point; the order of processing
+        Side side;        ///< the edge, as seen from the triangle that is entered
+        double low, high; ///< the visible part of the edge
         double x, y;      ///< the source in the plane of `Apex`, y < 0
-        double passed;    ///< metres from the set to the source
-        bool operator<(const Window& other) const { return nearest > other.nearest; } // the queue's top is the least
+        double passed;    ///< metres from the source vertices to the window's source
+        bool operator<(const Window& other) const { return nearest > other.nearest; } // priority_queue: smallest first
     };
     struct Arrival {
         double distance;
@@ -72,12 +74,12 @@ private:
 
     std::vector<std::array<std::uint32_t, 3>> faces_; // [F]
     std::vector<std::array<Apex, 3>> planes_;         // [F] one for each edge
-    std::vector<std::array<std::uint32_t, 3>> edges_; // [F] the edge across from each corner
+    std::vector<std::array<std::uint32_t, 3>> edges_; // [F] the edge opposite each corner
     std::vector<Side> sides_;                         // grouped by edge
     std::vector<std::uint32_t> edge_starts_;          // [E + 1]
     std::vector<Side> corners_;                       // grouped by vertex
     std::vector<std::uint32_t> corner_starts_;        // [V + 1]
-    std::vector<char> turns_;                         // [V] may a shortest path bend here?
+    std::vector<char> turns_;                         // [V] nonzero where a shortest path may bend
 
     void find_edges();
     void find_turns();
@@ -91,7 +93,7 @@ inline GeodesicDistance::GeodesicDistance(Span<const vec3<double>> vertices, Spa
     detail::check_coordinates(where, "vertices", vertices);
     for (const auto& face : faces) {
         detail::check_index_range(where, "a triangle", face, vertices.size());
-        if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) continue; // joins nothing
+        if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) continue; // degenerate
         std::array<std::uint32_t, 3> corners{};
         std::array<vec3<double>, 3> p;
         for (std::size_t k = 0; k < 3; ++k) {
@@ -145,7 +147,7 @@ inline void GeodesicDistance::find_turns() {
         double angle = 0;
         for (std::uint32_t n = corner_starts_[v]; n < corner_starts_[v + 1]; ++n) {
             const auto [f, k] = corners_[n];
-            const Apex& plane = planes_[f][(k + 2) % 3]; // of the edge that starts at v, so the angle at the origin
+            const Apex& plane = planes_[f][(k + 2) % 3]; // its edge starts at v; its angle at 0 is the one at v
             angle += std::atan2(plane.y, plane.x);
             for (const std::uint32_t other : {(k + 1) % 3, (k + 2) % 3}) {
                 const std::uint32_t edge = edges_[f][other];
@@ -170,7 +172,7 @@ struct GeodesicDistance::Search {
         arrivals.push({distance, vertex});
     }
 
-    /// A vertex whose distance is final: along its edges, and, where paths may bend, out over the triangles about it.
+    /// Propagates a vertex whose distance is final: along its edges and, where paths may bend, across its triangles.
     void leave(std::uint32_t v) {
         const double passed = distances[v];
         for (std::uint32_t n = mesh.corner_starts_[v]; n < mesh.corner_starts_[v + 1]; ++n) {
@@ -184,29 +186,29 @@ struct GeodesicDistance::Search {
         }
     }
 
-    /// What a window sees beyond its triangle: one of the other two edges, or both and the corner between them.
+    /// Propagates a window across its triangle, to one of the other two edges or to both and the corner between them.
     void cross_face(const Window& w) {
         const auto [f, k] = w.side;
         const auto& face = mesh.faces_[f];
         const Apex& plane = mesh.planes_[f][k];
-        const double shadow = w.x + (plane.x - w.x) * -w.y / (plane.y - w.y); // the corner as the source sees it
+        const double shadow = w.x + (plane.x - w.x) * -w.y / (plane.y - w.y); // the corner, projected onto the edge
         const double slack = 1e-10 * plane.length;
         if (w.low - slack <= shadow && shadow <= w.high + slack)
             arrive(face[k], w.passed + std::hypot(plane.x - w.x, plane.y - w.y));
         if (w.low < shadow)
             leave_face(f, (k + 2) % 3, face[(k + 1) % 3], plane.x, plane.y, w.low, std::min(w.high, shadow), w.x, w);
-        if (w.high > shadow) { // the same in a mirror
+        if (w.high > shadow) { // the mirror image of the case above
             const double L = plane.length;
             leave_face(f, (k + 1) % 3, face[(k + 2) % 3], L - plane.x, plane.y, L - w.high,
                        L - std::max(w.low, shadow), L - w.x, w);
         }
     }
 
-    /// Over the edge from the origin, the vertex `first`, to the apex at (apex_x, apex_y); the source is at (x, w.y)
-    /// and sees it between the rays through (low, 0) and (high, 0).
+    /// Propagates a window to the edge from the origin (vertex `first`) to the apex at (apex_x, apex_y). The source is
+    /// at (x, w.y); its visible range lies between the rays through (low, 0) and (high, 0).
     void leave_face(std::uint32_t f, std::uint32_t corner, std::uint32_t first, double apex_x, double apex_y,
                     double low, double high, double x, const Window& w) {
-        const auto share = [&](double b) { // of the edge, from the origin to where the ray through (b, 0) meets it
+        const auto share = [&](double b) { // fraction of the edge up to the ray through (b, 0)
             const double scale = (b - x) * apex_y + w.y * apex_x;
             return scale < 0 ? std::clamp(b * w.y / scale, 0.0, 1.0) : 1.0;
         };
@@ -217,11 +219,11 @@ struct GeodesicDistance::Search {
         cross_edge({f, corner}, first, {0, {}, share(low) * size, share(high) * size, along, behind, w.passed});
     }
 
-    /// Into all triangles at an edge but the one that the window comes from; `first` is the vertex at its origin.
+    /// Propagates a window into all triangles at an edge except `from`; `first` is the vertex at the edge's origin.
     void cross_edge(Side from, std::uint32_t first, Window w) {
         const std::uint32_t edge = mesh.edges_[from.face][from.corner];
         const double length = mesh.planes_[from.face][from.corner].length;
-        if (!(w.low < w.high) || !(w.y < 0)) return; // seen along its line, if at all
+        if (!(w.low < w.high) || !(w.y < 0)) return; // empty, or the edge is collinear with the source
         w.nearest = w.passed + std::hypot(std::clamp(w.x, w.low, w.high) - w.x, w.y);
         for (std::uint32_t n = mesh.edge_starts_[edge]; n < mesh.edge_starts_[edge + 1]; ++n) {
             w.side = mesh.sides_[n];
@@ -233,7 +235,8 @@ struct GeodesicDistance::Search {
         }
     }
 
-    /// May a shortest path pass? Not if the window's far end is nearer by way of one of the edge's vertices.
+    /// Whether a shortest path may pass through the window. It cannot if a path through a vertex of the edge is
+    /// shorter.
     [[nodiscard]] bool counts(const Window& w) const {
         const auto& face = mesh.faces_[w.side.face];
         const double length = mesh.planes_[w.side.face][w.side.corner].length;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  How far the joints of one motion are from those of another: the figure by which estimated poses are judged.
+/// @file  Joint position errors between two motions, the measure for estimated poses.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -19,24 +19,23 @@
 
 namespace gsh {
 
-/// What is taken out before joints are compared.
+/// The alignment applied before joints are compared.
 enum class RootAlignment {
-    none,     ///< nothing: where the body stands counts, too
-    position, ///< each frame is shifted so that the roots coincide: the usual root-aligned error
-    rotation, ///< and turned about the root so that the roots' orientations coincide: the limbs' own error
+    none,     ///< none: the body's position counts
+    position, ///< each frame is translated so that the roots coincide: the usual root-aligned error
+    rotation, ///< each frame is also rotated so that the roots' orientations coincide: the limbs' own error
 };
 
 /// Distances between joints, in millimetres.
 ///
-/// Shapes  per_joint [J] means over frames, the root's among them; per_frame: means over joints, one per compared
-/// frame.
+/// Shapes  per_joint [J] means over frames, including the root; per_frame: means over joints, one per compared frame.
 struct JointErrors {
     double mean_mm = 0; ///< over frames and joints; 0 if there are none
     double worst_mm = 0;
     std::vector<double> per_joint_mm;
     std::vector<double> per_frame_mm;
 
-    /// Mean over some joints, for instance those of one hand.
+    /// Mean over a subset of the joints, for instance those of one hand.
     [[nodiscard]] double mean_of_mm(Span<const std::size_t> joints) const {
         double sum = 0;
         for (const std::size_t joint : joints) {
@@ -50,7 +49,8 @@ struct JointErrors {
 };
 
 /// World positions of a motion's joints, [T, J], with the motion's own betas and expressions.
-/// Errors  as validate(Motion) has them.
+///
+/// Errors  those of validate(Motion).
 [[nodiscard]] inline std::vector<vec3<double>> motion_joints(const BodyModel& model, const Motion& motion) {
     validate(motion, model, "motion_joints");
     const std::size_t J = model.joint_count(), E = static_cast<std::size_t>(model.expression_count);
@@ -75,12 +75,13 @@ struct JointErrors {
 
 /// Mean per-joint position error between two motions of one body, frame by frame.
 ///
-/// Each motion is posed with its own shape and expression. Learned joints of an avatar play no part: two motions are
-/// compared on one and the same model.
+/// Each motion is posed with its own shape and expression. An avatar's learned joints are not used: both motions are
+/// compared on the same model.
+///
 /// Shapes  frames: those to compare, or empty for all.
-/// Errors  ShapeError if the motions differ in frames or are not of this body; ValueError for a frame that is not
-/// there. Source  MPJPE, Ionescu et al., "Human3.6M", 2014, §4; root included in the mean, where alignment makes it
-/// zero.
+/// Errors  ShapeError if the motions differ in frames or are not of this body; ValueError for a frame out of range.
+/// Source  MPJPE, Ionescu et al., "Human3.6M", 2014, §4. The mean includes the root, whose error is zero under
+///         alignment.
 [[nodiscard]] inline JointErrors joint_errors(const BodyModel& model, const Motion& motion, const Motion& truth,
                                               RootAlignment alignment = RootAlignment::position,
                                               Span<const std::size_t> frames = {}) {

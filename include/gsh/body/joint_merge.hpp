@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A body with fewer joints: some merged into their parents, with the motion to match.
+/// @file  A body with fewer joints: selected joints merged into their parents, for models and motions.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -15,33 +15,34 @@
 
 namespace gsh {
 
-/// The first 22 joints, those of trunk and limbs, which SMPL, SMPL-H and SMPL-X have in common: without fingers, jaw
-/// and eyes. (SMPL's two more, of the hands, never turn.) A body with no more than that many keeps all of them.
+/// The first 22 joints, those of trunk and limbs, which SMPL, SMPL-H and SMPL-X have in common. They exclude fingers,
+/// jaw and eyes, and also SMPL's two hand joints, which stay at rest in its motions. A body with at most 22 joints
+/// keeps all of them.
 [[nodiscard]] inline std::vector<int> trunk_and_limbs(const BodyModel& model) {
     std::vector<int> joints(std::min<std::size_t>(model.joint_count(), 22));
     std::iota(joints.begin(), joints.end(), 0);
     return joints;
 }
 
-/// The body with the `kept` joints alone. Every other joint becomes rigid with its nearest kept ancestor, which takes
-/// over its skinning weights; pose correctives of joints that are gone go too. Expression directions stay only where
-/// asked for: a body without a jaw has no use for them.
+/// The body with only the `kept` joints. Every other joint becomes rigid with its nearest kept ancestor, which receives
+/// its skinning weights. Pose blend shapes of removed joints are removed as well. Expression directions are kept only
+/// if `keep_expression` is set, since they are of little use on a body without a jaw.
 ///
-/// Shapes  kept: joints in ascending order, the root among them.
-/// Errors  ValueError for a list that is not so.
+/// Shapes  kept: joints in ascending order, including the root.
+/// Errors  ValueError for any other list.
 [[nodiscard]] inline BodyModel merge_joints(const BodyModel& model, Span<const int> kept,
                                             bool keep_expression = false) {
     constexpr auto where = "merge_joints";
     const std::size_t V = model.vertex_count(), J = model.joint_count(), K = kept.size();
     check_value(K > 0 && kept[0] == 0, where, "kept must begin with the root, joint 0");
-    std::vector<int> place(J, -1); // of a joint among the kept ones
+    std::vector<int> place(J, -1); // index of a joint among the kept ones
     for (std::size_t k = 0; k < K; ++k) {
         check_value(kept[k] >= 0 && static_cast<std::size_t>(kept[k]) < J && (k == 0 || kept[k] > kept[k - 1]), where,
                     "kept[" + std::to_string(k) + "] is " + std::to_string(kept[k]) +
                         ", expected ascending joints below " + std::to_string(J));
         place[static_cast<std::size_t>(kept[k])] = static_cast<int>(k);
     }
-    std::vector<int> owner = place; // the kept joint that a joint moves with; parents come first
+    std::vector<int> owner = place; // the kept joint that a joint follows; parents precede children
     for (std::size_t j = 1; j < J; ++j)
         if (owner[j] < 0) owner[j] = owner[static_cast<std::size_t>(model.parents[j])];
 
@@ -73,7 +74,7 @@ namespace gsh {
     return merged;
 }
 
-/// What is left of a motion for merge_joints' body.
+/// The motion of merge_joints' body: the poses of the kept joints.
 [[nodiscard]] inline Motion merge_joints(const Motion& motion, Span<const int> kept, bool keep_expression = false) {
     Motion merged = motion;
     merged.joint_count = kept.size();

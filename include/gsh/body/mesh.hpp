@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Small questions asked of a triangle mesh: normals, and which part of a triangle is nearest to a corner.
+/// @file  Operations on a triangle mesh: vertex normals, and the part of a triangle nearest to each corner.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -14,8 +14,8 @@
 
 namespace gsh {
 
-/// Unit normals [V], the area-weighted mean over the triangles at each vertex; outward where triangles are
-/// counter-clockwise seen from outside. A vertex of no triangle, or of degenerate ones only, gets zero.
+/// Unit normals [V], the area-weighted mean over the triangles at each vertex. They point outward if triangles are
+/// counter-clockwise seen from outside. A vertex without triangles, or with degenerate ones only, has normal zero.
 [[nodiscard]] inline std::vector<vec3<double>> vertex_normals(Span<const vec3<double>> vertices,
                                                               Span<const std::array<int, 3>> faces) {
     std::vector<vec3<double>> normals(vertices.size(), vec3<double>(0));
@@ -30,29 +30,30 @@ namespace gsh {
     return normals;
 }
 
-/// The part of a triangle that is nearer to its first corner than to the other two: a convex polygon, given by
-/// barycentric coordinates. Exact for obtuse triangles too, where the bisectors meet outside.
+/// The part of a triangle that is nearer to its first corner than to the other two: a convex polygon in barycentric
+/// coordinates. It is also exact for obtuse triangles, whose bisectors meet outside.
 struct CornerRegion {
     std::array<vec3<double>, 6> points; ///< barycentric coordinates with respect to (a, b, c); the first is a
-    std::size_t count = 0;              ///< at least 3; 5 suffice but for a rounding error on the boundary
+    std::size_t count = 0;              ///< at least 3; at most 5, or 6 after a rounding error on the boundary
 
     CornerRegion(const vec3<double>& a, const vec3<double>& b, const vec3<double>& c) {
         points = {vec3<double>(1, 0, 0), vec3<double>(0, 1, 0), vec3<double>(0, 0, 1), {}, {}, {}};
         count = 3;
-        // Nearer to a than to b: 0 <= |x - b|² - |x - a|², which is linear in x; its values at the corners.
+        // Nearer to a than to b: 0 <= |x - b|² - |x - a|², which is linear in x. The arguments are its values at the
+        // corners.
         const auto squared = [](const vec3<double>& v) { return dot(v, v); };
         clip({squared(a - b), -squared(a - b), squared(c - b) - squared(c - a)});
         clip({squared(a - c), squared(b - c) - squared(b - a), -squared(a - c)});
     }
 
-    /// Share of the triangle's area: an affine map takes barycentric coordinates to any triangle.
+    /// Fraction of the triangle's area. It is the same for every triangle with the same barycentric polygon.
     [[nodiscard]] double fraction() const {
         double sum = 0;
         for (std::size_t k = 2; k < count; ++k) sum += fan_fraction(k);
         return sum;
     }
 
-    /// The point at (u, v) of the unit square, area-uniform in the region for uniform u, v.
+    /// The point at (u, v) of the unit square. Uniform u, v give points uniform by area.
     [[nodiscard]] vec3<double> at(double u, double v) const {
         double left = u * fraction();
         std::size_t k = 2;
@@ -62,13 +63,13 @@ struct CornerRegion {
     }
 
 private:
-    /// Area of triangle (0, k - 1, k) of the fan, as a share of the whole triangle.
+    /// Area of triangle (0, k - 1, k) of the fan, as a fraction of the whole triangle.
     [[nodiscard]] double fan_fraction(std::size_t k) const {
         const vec3<double> p = points[k - 1] - points[0], q = points[k] - points[0];
         return std::abs(p.y * q.z - p.z * q.y);
     }
 
-    /// Keeps the side where the linear function with these corner values is not negative.
+    /// Clips the polygon to the half-plane in which the linear function with these corner values is not negative.
     void clip(const vec3<double>& corner_values) {
         std::array<vec3<double>, 6> kept{};
         std::size_t n = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Poses over time, and the ways other programs write them down.
+/// @file  Motions: body poses over time, and their conversion from other parametrisations.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -17,9 +17,9 @@
 
 namespace gsh {
 
-/// What a body does over T frames, on the host and in double.
+/// The motion of a body over T frames, stored on the host in double precision.
 ///
-/// Shapes  stand at each member; J joints, E expression coefficients, S shape coefficients.
+/// Shapes  given at each member; J joints, E expression coefficients, S shape coefficients.
 /// Units   radians (axis times angle, relative to the parent joint), metres, seconds.
 struct Motion {
     std::size_t joint_count = 0;      ///< J
@@ -39,18 +39,19 @@ struct Motion {
     }
 };
 
-/// Throws ShapeError or ValueError, in the name of `where`, unless the motion's arrays agree with each other and with
-/// the body: one pose per frame and joint, no more coefficients than directions, no NaN.
+/// Throws ShapeError or ValueError unless the motion's arrays agree with each other and with the body: one pose per
+/// frame and joint, no more coefficients than directions, no NaN. `where` appears in the message.
 inline void validate(const Motion& motion, const BodyModel& model, std::string_view where);
 
-/// A motion as the files of the SMPL family hold it: one array per part of the body, a row per frame. An empty part
+/// A motion in the layout of the SMPL family's files: one array per part of the body, one row per frame. An empty part
 /// is at rest.
 ///
 /// Shapes  T rows each; body_pose 63 numbers for bodies of 52 or 55 joints, 3 (J - 1) for all others (SMPL: 69);
-///         hands 45 numbers of axis-angle, or fewer principal components; or everything in `poses`, 3 J numbers.
+///         hands 45 numbers of axis-angle, or fewer principal components; alternatively all joints in `poses`, 3 J
+///         numbers.
 /// Units   radians, metres, seconds.
 struct MotionParts {
-    Span<const double> poses = {};           // [T, 3 J], in place of the parts
+    Span<const double> poses = {};           // [T, 3 J], instead of the parts
     Span<const double> global_orient = {};   // [T, 3]
     Span<const double> body_pose = {};       // [T, 63], [T, 69], …
     Span<const double> jaw_pose = {};        // [T, 3]
@@ -62,15 +63,16 @@ struct MotionParts {
     Span<const double> transl = {};          // [T, 3]
     Span<const double> timestamps = {};      // [T]; empty: frame / frames_per_second
     Span<const double> betas = {};           // [S]
-    std::size_t frame_count = 0;             ///< T; 0 asks poses, or global_orient
+    std::size_t frame_count = 0;             ///< T; 0: taken from poses or global_orient
     double frames_per_second = 30;
-    bool flat_hand = false;       ///< the hand pose counts from the flat hand: the body's mean hand is not added
-    bool hand_components = false; ///< 45 hand numbers are principal components too (fewer always are)
+    bool flat_hand = false;       ///< the hand pose is relative to the flat hand: the body's mean hand is not added
+    bool hand_components = false; ///< 45 hand numbers are principal components (fewer than 45 always are)
 };
 
-/// Puts the parts into the body's joint order: root, body, jaw, left eye, right eye, left hand, right hand for 55
+/// Assembles the parts in the body's joint order: root, body, jaw, left eye, right eye, left hand, right hand for 55
 /// joints (SMPL-X); root, body, left hand, right hand for 52 (SMPL-H); root, body for all others.
-/// Errors  ShapeError where a part has another size, is not one of this body, or where frames are missing.
+///
+/// Errors  ShapeError if a part has the wrong size or does not exist in this body, or if frames are missing.
 [[nodiscard]] inline Motion assemble_motion(const BodyModel& model, const MotionParts& parts);
 
 /// Axis-angle vectors from Euler angles in radians; the order names the factors, as in rotation_from_euler.
@@ -78,7 +80,7 @@ struct MotionParts {
                                                                       EulerOrder order);
 /// Axis-angle vectors from quaternions of any length but zero.
 [[nodiscard]] inline std::vector<vec3<double>> axis_angles_from_quats(Span<const quat<double>> quats);
-/// Axis-angle vectors from rotation matrices. Errors  ValueError at a matrix that is no rotation within 1e-3.
+/// Axis-angle vectors from rotation matrices. Throws ValueError for a matrix that is not a rotation within 1e-3.
 [[nodiscard]] inline std::vector<vec3<double>> axis_angles_from_matrices(Span<const mat3<double>> rotations);
 
 // -------------------------------------------------------------------------------------------------------------
@@ -108,7 +110,7 @@ inline void place_joints(Motion& motion, Span<const double> numbers, std::size_t
             motion.pose[t * motion.joint_count + first_joint + n / 3][static_cast<int>(n % 3)] = numbers[t * width + n];
 }
 
-/// One hand: axis-angle numbers or principal components, and the mean unless it is in the numbers already.
+/// Writes one hand's joints from axis-angle numbers or principal components, and adds the mean hand unless flat_hand.
 inline void place_hand(Motion& motion, std::string_view part, Span<const double> numbers, const MotionParts& parts,
                        const std::vector<vec3<double>>& mean, const std::vector<double>& components,
                        std::size_t first_joint) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Motions seen from another frame: a rigid change of the world, and the way up.
+/// @file  Motions under a rigid change of the world frame, and their alignment with the y axis.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -15,21 +15,23 @@
 
 namespace gsh {
 
-/// Rest position J₀ of the root joint, which the root's rotation turns about; costs only the vertices it hangs on.
+/// Rest position J₀ of the root joint, the centre of the root's rotation. Evaluates only the vertices of its regressor.
+///
 /// Errors  ShapeError for more coefficients than the body has directions.
 [[nodiscard]] inline vec3<double> root_joint(const BodyModel& model, Span<const double> betas,
                                              Span<const double> expression = {});
 
-/// Carries one frame of a motion into another world: a posed point that was at x is then at new_from_old(x).
+/// Transforms one frame of a motion to another world frame: a posed point at x moves to new_from_old(x).
 ///
 ///     R' = A R,   t' = A (J₀ + t) + a - J₀   for new_from_old(x) = A x + a,
 ///
-/// since the body turns about J₀ and not about the origin.
-/// Errors  ValueError unless A is a rotation (a mirror would need a mirrored body).
+/// because the body rotates about J₀ and not about the origin.
+///
+/// Errors  ValueError unless A is a rotation (a reflection would need a mirrored body).
 inline void move_frame(const BodyModel& model, Motion& motion, std::size_t frame, const Affine<double>& new_from_old);
 
-/// Turns the world so that the coordinate axis along which the body stands, on average over the frames, becomes +y.
-/// Returns false, and changes nothing, where that is no axis: a motion on the floor, or somersaults.
+/// Rotates the world so that the axis along which the body stands, on average over the frames, becomes +y. Returns
+/// false and leaves the motion unchanged if no coordinate axis qualifies, as for motions on the floor or somersaults.
 inline bool stand_upright(const BodyModel& model, Motion& motion);
 
 // -------------------------------------------------------------------------------------------------------------
@@ -77,11 +79,11 @@ inline bool stand_upright(const BodyModel& model, Motion& motion) {
     if (!(std::abs(up[axis]) > 0.6)) return false;
     const double sign = up[axis] > 0 ? 1 : -1;
     if (axis == 1 && sign > 0) return true;
-    mat3<double> A(0.0); // columns: where x, y and z go
+    mat3<double> A(0.0); // columns: the images of x, y and z
     if (axis == 1) {
         A = mat3<double>(vec3<double>(1, 0, 0), vec3<double>(0, -1, 0), vec3<double>(0, 0, -1));
     } else {
-        const int other = 2 - axis; // the horizontal axis that stays
+        const int other = 2 - axis; // the horizontal axis that stays fixed
         A[other][other] = 1;
         A[axis][1] = sign;
         A[1][axis] = -sign;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The nearest neighbours of points in space, by a uniform grid.
+/// @file  Nearest neighbours of points in space by a uniform grid.
 #pragma once
 
 #include <gsh/core/span.hpp>
@@ -16,10 +16,9 @@
 
 namespace gsh {
 
-/// Points sorted into the cells of a uniform grid, about one a cell along a surface.
+/// Points sorted into the cells of a uniform grid, with about one point per cell along a surface.
 ///
-/// A grid, since the points of a body mesh lie a near-constant distance apart, and since forty lines spare a
-/// dependency.
+/// A grid suits the points of a body mesh, whose spacing is nearly constant, and avoids a dependency.
 class NearestPoints {
 public:
     explicit NearestPoints(Span<const vec3<double>> points) : points_(points.begin(), points.end()) {
@@ -29,7 +28,7 @@ public:
             for (int k = 0; k < 3; ++k) low_[k] = std::min(low_[k], p[k]), high[k] = std::max(high[k], p[k]);
         const vec3<double> extent = high - low_;
         const double largest = std::max({extent.x, extent.y, extent.z, std::numeric_limits<double>::min()});
-        // Points on a surface fill about n² of n³ cells; the cap bounds the memory of any other set.
+        // Points on a surface occupy about n² of n³ cells. The upper bound limits the memory for any other set.
         const double n = std::clamp(std::floor(std::sqrt(static_cast<double>(points_.size()))), 1.0, 256.0);
         cell_size_ = largest / n;
         for (int k = 0; k < 3; ++k) size_[static_cast<std::size_t>(k)] = cell(extent[k]) + 1;
@@ -58,7 +57,7 @@ public:
         return nearest.empty() ? 0 : sum / static_cast<double>(nearest.size());
     }
 
-    /// Squared distance from any (finite) place to the nearest point; infinite if there are none.
+    /// Squared distance from any (finite) position to the nearest point; infinite if there are no points.
     [[nodiscard]] double squared_distance(const vec3<double>& place) const {
         double nearest = std::numeric_limits<double>::infinity();
         visit_around(
@@ -71,7 +70,7 @@ private:
     using Cells = std::array<std::int64_t, 3>;
 
     [[nodiscard]] std::int64_t cell(double offset) const { return static_cast<std::int64_t>(offset / cell_size_); }
-    /// The cell that holds a place, or, of one outside the grid, the nearest.
+    /// The cell that contains a position, or the nearest cell for a position outside the grid.
     [[nodiscard]] Cells cells(const vec3<double>& place) const {
         Cells result;
         for (int k = 0; k < 3; ++k) {
@@ -84,15 +83,15 @@ private:
     [[nodiscard]] std::size_t index(const Cells& c) const {
         return static_cast<std::size_t>((c[2] * size_[1] + c[1]) * size_[0] + c[0]);
     }
-    /// Calls visit(point, squared distance) for points ever farther from a place, cells ring by ring, until
-    /// found(squared distance that all others have at least) or there are no more.
+    /// Calls visit(point, squared distance) for points around a position, cells ring by ring. Stops when the points are
+    /// exhausted or when found(d) is true, where d is a lower bound on the squared distance of all unvisited points.
     template <class Found, class Visit>
     void visit_around(const vec3<double>& place, const Found& found, const Visit& visit) const {
         if (points_.empty()) return;
         const Cells center = cells(place);
         const std::int64_t reach = std::max({size_[0], size_[1], size_[2]});
         for (std::int64_t ring = 0; ring <= reach; ++ring) {
-            // Everything not yet seen is at least ring - 1 whole cells away.
+            // Every unvisited point is at least ring - 1 whole cells away.
             const double unseen = static_cast<double>(std::max<std::int64_t>(ring - 1, 0)) * cell_size_;
             if (found(unseen * unseen)) return;
             visit_ring(center, ring, [&](std::size_t point) {
@@ -101,7 +100,7 @@ private:
             });
         }
     }
-    /// Calls visit(point) for the points in the cells whose largest coordinate distance from `center` is `ring`.
+    /// Calls visit(point) for the points in the cells at Chebyshev distance `ring` from `center`.
     template <class Visit>
     void visit_ring(const Cells& center, std::int64_t ring, const Visit& visit) const {
         const auto range = [&](std::size_t axis) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A whole body in a pose, evaluated plainly on the host: the reference that faster paths are compared with.
+/// @file  A body evaluated in one pose on the host: a simple reference for the faster paths.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -22,13 +22,13 @@ struct PosedBody {
     std::vector<vec3<double>> vertices; // [V]
 };
 
-/// Shape and expression → joints by the regressor → pose correctives from R - I → kinematics → linear blend
-/// skinning → + transl.
+/// Evaluates shape and expression, joints by the regressor, pose blend shapes from R - I, forward kinematics and linear
+/// blend skinning, and adds transl.
 ///
 /// Shapes  pose [J] axis-angle; betas and expression as for shaped_vertices; rest_joints [J], or empty for the
 ///         regressor's.
 /// Units   radians, metres.
-/// Errors  ShapeError where a size does not fit.
+/// Errors  ShapeError if a size is wrong.
 /// Source  Loper et al., "SMPL", 2015, equations 2 to 10; Pavlakos et al., "SMPL-X", 2019, equation 1.
 [[nodiscard]] inline PosedBody pose_body(const BodyModel& model, Span<const vec3<double>> pose,
                                          const vec3<double>& transl = vec3<double>(0), Span<const double> betas = {},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Which parts of a body deserve more: face and hands, how much of that their surroundings share, and K from it.
+/// @file  Face and hand regions of a body, their importance mask, and the number of samples per vertex derived from it.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -25,78 +25,83 @@ namespace gsh {
 
 enum class BodyRegion : std::uint8_t { body, face, left_hand, right_hand };
 
-/// Vertex indices of the regions, ascending; empty where the body has none, or none could be told.
+/// Vertex indices of the regions, ascending; empty if the body has no such region or it could not be determined.
 struct BodyRegions {
     std::vector<int> face, left_hand, right_hand;
 
     /// V_high, the union of all three, ascending.
     [[nodiscard]] std::vector<int> high() const;
-    /// The region of each vertex [V]; where lists overlap, the face wins.
-    /// Errors  ValueError at an index that is not below `vertex_count`.
+    /// The region of each vertex [V]. Where lists overlap, the face takes precedence.
+    ///
+    /// Errors  ValueError for an index that is not below `vertex_count`.
     [[nodiscard]] std::vector<BodyRegion> labels(std::size_t vertex_count) const;
 };
 
-/// What a user says about regions (io/body/region_file.hpp reads it); what is left out comes from the body.
+/// Regions given by the user (read by io/body/region_file.hpp). Members that are not set are derived from the body.
 struct RegionLists {
     std::optional<std::vector<int>> face, left_hand, right_hand;
-    std::optional<std::vector<int>> high; ///< V_high itself, in place of the union of the three
-    std::vector<double> importance;       ///< [V] in [0, 1], in place of τ; empty: τ from V_high
+    std::optional<std::vector<int>> high; ///< V_high itself, instead of the union of the three
+    std::vector<double> importance;       ///< [V] in [0, 1], instead of τ; if empty, τ is computed from V_high
 };
 
-/// The regions of a body: a list of the user's wins over one in the model, and that over `derive_regions`. `high` and
-/// `importance` of the user's lists are no regions and stay unread.
-/// Errors  ValueError at an index that the model does not have; those of derive_regions where it is asked.
+/// The regions of a body. A user's list takes precedence over one in the model, and that over `derive_regions`. `high`
+/// and `importance` of the user's lists are not used here.
+///
+/// Errors  ValueError for an index that the model does not have; those of derive_regions if it is called.
 [[nodiscard]] inline BodyRegions body_regions(const BodyModel& model, const RegionLists& lists = {});
 
-/// The regions told from weights, joints and expression directions alone.
+/// The regions derived from weights, joints and expression directions alone.
 ///
-/// Hand  weight on the wrist and all joints below it, summed, exceeds the weight on any other joint, and the vertex
+/// Hand  The summed weight of the wrist and all joints below it exceeds the weight of any other joint, and the vertex
 ///       lies beyond the wrist (less 1 cm) as seen from the elbow.
-/// Face  the heaviest joint is the head or below it, and either the jaw and the eyes weigh more than half, or the
-///       vertex's expression directions have more than 1/20 of the largest norm that a vertex has.
+/// Face  The joint with the largest weight is the head or below it. In addition, either jaw and eyes have more than
+///       half of the weight, or the vertex's expression directions have more than 1/20 of the largest norm of any
+///       vertex.
 ///
-/// Joints are found by name ("left_wrist", "L_Wrist", "wrist.L", "head", "jaw", "left_eye"), or where the tree is that
-/// of SMPL, SMPL-H or SMPL-X by number. A region whose joints are not found stays empty: SMPL (24 joints) has
-/// hands and no face.
+/// Joints are found by name ("left_wrist", "L_Wrist", "wrist.L", "head", "jaw", "left_eye"), or by number if the tree
+/// is that of SMPL, SMPL-H or SMPL-X. A region whose joints are not found stays empty: SMPL (24 joints) has hands and
+/// no face.
 ///
 /// Errors  ShapeError for weights or expression directions that do not fit the model's vertices.
 [[nodiscard]] inline BodyRegions derive_regions(const BodyModel& model);
 
 struct RegionMaskParams {
-    double sigma = 0.03;      ///< metres along the surface over which importance fades
+    double sigma = 0.03;      ///< metres along the surface; the width of the Gaussian falloff
     double samples_base = 15; ///< K_b, samples per vertex far from V_high
     double samples_high = 20; ///< K_m, within V_high
 };
 
-/// Importance τ in [0, 1] over the surface: τ(x) = exp(-d(x, V_high)² / 2σ²), d along the surface to the nearest vertex
-/// of V_high, or whatever a user paints.
+/// Importance τ in [0, 1] over the surface: τ(x) = exp(-d(x, V_high)² / 2σ²), where d is the distance along the surface
+/// to the nearest vertex of V_high; or values painted by a user.
 ///
-/// A part of the mesh without connection to a vertex of V_high has τ = 0: eyes and teeth fade by themselves, never
-/// across a gap. Beyond 6σ, where τ < 2e-8, it counts as 0 too.
+/// A part of the mesh without a connection to V_high has τ = 0. Importance therefore never crosses a gap, for instance
+/// to eyes and teeth. Beyond 6σ, where τ < 2e-8, τ is set to 0 as well.
 ///
-/// Source  paper §3.3, equation 8 (τ) and equation 10 (K); σ and the end at 6σ are ours, the paper names neither.
+/// Source  paper §3.3, equation 8 (τ) and equation 10 (K). σ and the cutoff at 6σ are ours; the paper gives neither.
 class RegionMask {
 public:
-    /// Shapes  vertices [V] of the mesh to measure on, in metres; high: V_high, any of their indices, none: τ = 0
+    /// Shapes  vertices [V] of the mesh to measure on, in metres; high: vertex indices of V_high; if empty, τ = 0
     ///         everywhere.
-    /// Errors  as GeodesicDistance, and ValueError: σ not positive, K negative or not finite.
+    /// Errors  those of GeodesicDistance; ValueError if σ is not positive or K is negative or not finite.
     RegionMask(Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces, Span<const int> high,
                RegionMaskParams params = {});
 
     /// Painted importance [V].
+    ///
     /// Errors  ValueError outside [0, 1], and for σ and K as above.
     explicit RegionMask(std::vector<double> importance, RegionMaskParams params = {});
 
     [[nodiscard]] Span<const double> tau() const { return tau_; } // [V]
-    /// [V] metres from V_high, infinite beyond 6σ; empty if importance was painted.
+    /// [V] metres from V_high, infinite beyond 6σ; empty for painted importance.
     [[nodiscard]] Span<const double> distances() const { return distances_; }
     [[nodiscard]] const RegionMaskParams& params() const { return params_; }
 
-    /// K = K_b + (K_m - K_b) τ for sample_surface [V]; a total asked of that scales it and keeps K_b : K_m.
+    /// K = K_b + (K_m - K_b) τ for sample_surface [V]. A total given to sample_surface scales K and keeps K_b : K_m.
     [[nodiscard]] std::vector<double> samples_per_vertex() const;
 
-    /// τ at the samples [N], between the vertices of their triangles.
-    /// Errors  as interpolate.
+    /// τ at the samples [N], interpolated between the vertices of their triangles.
+    ///
+    /// Errors  those of interpolate.
     [[nodiscard]] std::vector<double> at(const SurfaceSamples& samples) const { return interpolate(samples, tau_); }
 
 private:
@@ -106,11 +111,11 @@ private:
     void check_params() const;
 };
 
-/// The mask of a body on its shaped mesh: importance if the user paints it, else τ from V_high, which is the user's own
-/// or the union of `body_regions`.
+/// The mask of a body on its shaped mesh. Painted importance takes precedence; otherwise τ is computed from V_high,
+/// which is the user's own list or the union of `body_regions`.
 ///
 /// Shapes  vertices [V] of the model in metres, in its canonical pose.
-/// Errors  ShapeError for vertices, or importance, of another number than the model's; else those of RegionMask and
+/// Errors  ShapeError if vertices or importance differ in number from the model's vertices; those of RegionMask and
 ///         body_regions.
 [[nodiscard]] inline RegionMask region_mask(const BodyModel& model, Span<const vec3<double>> vertices,
                                             const RegionLists& lists = {}, RegionMaskParams params = {});
@@ -140,7 +145,7 @@ inline std::vector<BodyRegion> BodyRegions::labels(std::size_t vertex_count) con
 
 inline BodyRegions body_regions(const BodyModel& model, const RegionLists& lists) {
     BodyRegions regions;
-    std::optional<BodyRegions> derived; // only if something is missing
+    std::optional<BodyRegions> derived; // computed only if a region is missing
     const auto choose = [&](const char* name, std::vector<int> BodyRegions::*region,
                             const std::optional<std::vector<int>>& users, const std::vector<int>& models) {
         std::vector<int>& list = regions.*region;
@@ -164,7 +169,7 @@ inline BodyRegions body_regions(const BodyModel& model, const RegionLists& lists
 
 namespace detail {
 
-/// The joints that regions hang on; -1 where they are not known.
+/// The joints that define the regions; -1 if not found.
 struct RegionJoints {
     int left_wrist = -1, right_wrist = -1, head = -1;
     std::vector<int> face; ///< jaw and eyes
@@ -197,7 +202,7 @@ struct RegionJoints {
     }
 };
 
-/// Is each joint the given one, or below it? [J]
+/// For each joint, whether it is the given one or one of its descendants [J].
 [[nodiscard]] inline std::vector<char> joints_below(Span<const int> parents, int joint) {
     std::vector<char> below(parents.size(), 0);
     for (std::size_t j = 0; j < parents.size(); ++j)
@@ -213,7 +218,7 @@ struct RegionJoints {
     const vec3<double> origin = joints[static_cast<std::size_t>(wrist)];
     const int elbow = model.parents[static_cast<std::size_t>(wrist)];
     const vec3<double> forearm = origin - joints[static_cast<std::size_t>(elbow)];
-    constexpr double margin = 0.01; // metres: the joint lies within the wrist, whose skin belongs to the hand
+    constexpr double margin = 0.01; // metres: the joint is inside the wrist, and the skin above it counts as hand
     for (std::size_t v = 0; v < model.vertex_count(); ++v) {
         double on_hand = 0, elsewhere = 0;
         for (std::size_t j = 0; j < J; ++j) {

@@ -16,11 +16,11 @@
 
 namespace gsh {
 
-/// Bone transforms B_j = G_j(pose) G_j(rest)⁻¹: what carries a canonical point that hangs on joint j into the pose.
+/// Bone transforms B_j = G_j(pose) G_j(rest)⁻¹. B_j carries canonical points attached to joint j into the pose.
 ///
-/// A bone turns about its joint's rest position and then follows its parent, B_j(x) = B_parent(R_j (x - J_j) + J_j);
-/// the root's parent is the shift by transl. That recursion is the quotient of the two chains of local transforms
-/// [R_j | J_j - J_parent], without ever forming them, so it needs no scratch memory.
+/// A bone rotates about its joint's rest position and then follows its parent: B_j(x) = B_parent(R_j (x - J_j) + J_j).
+/// The root's parent is the translation by transl. The recursion equals the quotient of the two chains of local
+/// transforms [R_j | J_j - J_parent] but does not form them, so it needs no scratch memory.
 ///
 /// Shapes  parents [J] (the root first, with -1; a parent before its children), rotations [J] relative to the parent,
 ///         joints [J], transl [3], bones [J].
@@ -40,8 +40,8 @@ GSH_HD void bone_transforms(Span<const int> parents, Span<const mat3<T>> rotatio
     }
 }
 
-/// Adjoint of bone_transforms, given its bones: adds to dL_drotations, dL_djoints and dL_dtransl. The scratch [J]
-/// collects what the children hand to their parents.
+/// Adjoint of bone_transforms, given its bones: adds to dL_drotations, dL_djoints and dL_dtransl. The scratch array [J]
+/// accumulates the gradients that children pass to their parents.
 template <Lane T>
 GSH_HD void bone_transforms_backward(Span<const int> parents, Span<const mat3<T>> rotations,
                                      Span<const vec3<T>> joints, Span<const Affine<T>> bones,
@@ -63,8 +63,8 @@ GSH_HD void bone_transforms_backward(Span<const int> parents, Span<const mat3<T>
     }
 }
 
-/// The pose feature vec(R_j - I) of the non-root joints, row by row, nine numbers each: what pose blend shapes
-/// are driven by. One call per joint j >= 1 writes feature[9 (j - 1)] onwards.
+/// The pose feature vec(R_j - I) of the non-root joints, row-major, nine numbers each: the input of the pose blend
+/// shapes. A call for joint j >= 1 writes feature[9 (j - 1)] onwards.
 template <Lane T>
 GSH_HD void pose_feature(std::size_t joint, const mat3<T>& rotation, Span<T> feature) {
     for (int row = 0; row < 3; ++row)
@@ -81,7 +81,7 @@ GSH_HD void pose_feature_backward(std::size_t joint, Span<const T> dL_dfeature, 
             dL_drotation[column][row] += dL_dfeature[9 * (joint - 1) + static_cast<std::size_t>(3 * row + column)];
 }
 
-// The same over a backend's arrays --------------------------------------------------------------------------------
+// The same operations over a backend's arrays ---------------------------------------------------------------------
 
 namespace detail {
 
@@ -116,7 +116,7 @@ struct PoseFeatureBackward {
     GSH_HD void operator()(std::size_t i) const { pose_feature_backward(i + 1, dL_dfeature, dL_drotations[i + 1]); }
 };
 
-/// A chain is walked in order: one element does all of it.
+/// One element processes the whole chain, because a bone depends on its parent.
 template <class T>
 struct BoneTransforms {
     Span<const int> parents;
@@ -143,17 +143,17 @@ struct BoneTransformsBackward {
 
 } // namespace detail
 
-/// A skeleton of known parents whose joints, pose and translation are arrays of the backend.
+/// A skeleton with fixed parents whose joints, pose and translation are arrays of the backend.
 ///
-/// Three small stages, each with its adjoint: rotations (axis-angle pose to matrices), feature (what pose blend
-/// shapes read), bones (the chain). A pose given as matrices starts at the second.
+/// It has three stages, each with its adjoint: rotations (axis-angle pose to matrices), feature (input of the pose
+/// blend shapes) and bones (forward kinematics). A pose given as matrices starts at the second stage.
 template <Backend B, std::floating_point T = float>
 class Skeleton {
 public:
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
-    /// parents must be as validate (body_model.hpp) accepts them.
+    /// parents must satisfy validate (body_model.hpp).
     Skeleton(B& backend, Span<const int> parents)
         : backend_(&backend), parents_(parents.size()), scratch_(parents.size()) {
         for (std::size_t j = 0; j < parents.size(); ++j)
@@ -165,7 +165,7 @@ public:
     [[nodiscard]] std::size_t joint_count() const { return parents_.size(); }
     [[nodiscard]] std::size_t pose_feature_count() const { return joint_count() ? 9 * (joint_count() - 1) : 0; }
 
-    /// pose [J] axis-angle, rotations [J].
+    /// Shapes  pose [J] axis-angle, rotations [J].
     void rotations(Span<const vec3<T>> pose, Span<mat3<T>> rotations) const {
         check("rotations", "pose", pose.size());
         check("rotations", "rotations", rotations.size());
@@ -179,7 +179,7 @@ public:
         backend_->for_each(joint_count(), detail::PoseRotationsBackward<T>{pose, dL_drotations, dL_dpose});
     }
 
-    /// rotations [J], feature [9 (J - 1)].
+    /// Shapes  rotations [J], feature [9 (J - 1)].
     void feature(Span<const mat3<T>> rotations, Span<T> feature) const {
         check("feature", "rotations", rotations.size());
         check_size("Skeleton::feature", "feature", feature.size(), pose_feature_count());
@@ -192,7 +192,7 @@ public:
             backend_->for_each(joint_count() - 1, detail::PoseFeatureBackward<T>{dL_dfeature, dL_drotations});
     }
 
-    /// rotations [J], joints [J], transl [1], bones [J].
+    /// Shapes  rotations [J], joints [J], transl [1], bones [J].
     void bones(Span<const mat3<T>> rotations, Span<const vec3<T>> joints, Span<const vec3<T>> transl,
                Span<Affine<T>> bones) const {
         check("bones", "rotations", rotations.size());
@@ -201,7 +201,7 @@ public:
         check("bones", "bones", bones.size());
         backend_->for_each(1, detail::BoneTransforms<T>{parents_, rotations, joints, transl, bones});
     }
-    /// bones as written by the forward pass.
+    /// bones are those written by the forward pass.
     void bones_backward(Span<const mat3<T>> rotations, Span<const vec3<T>> joints, Span<const Affine<T>> bones,
                         Span<const Affine<T>> dL_dbones, Span<mat3<T>> dL_drotations, Span<vec3<T>> dL_djoints,
                         Span<vec3<T>> dL_dtransl) {

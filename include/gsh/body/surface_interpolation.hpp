@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Per-vertex vectors carried to points on the mesh by barycentric interpolation, and gradients carried back.
+/// @file  Barycentric interpolation of per-vertex vectors at points on the mesh, with adjoint.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -18,7 +18,7 @@ namespace gsh {
 
 namespace detail {
 
-/// A weight and the index that it belongs to.
+/// An index and its weight.
 template <class T>
 struct Contribution {
     std::uint32_t index;
@@ -55,17 +55,17 @@ struct SurfaceScatter {
 
 /// points[i] += Σ_c barycentric[i][c] values[triangle_i[c]].
 ///
-/// The attachment is fixed, so its transpose is sorted once (compressed rows, one per vertex): backward is a gather
-/// like forward, each vertex summing its samples in a fixed order, and needs neither atomics nor partial sums.
-/// Carrying a gradient from N samples to C coefficients costs 3N + VC products this way; going straight there
-/// would cost NC, with per-sample directions to store.
+/// The triangles and barycentric coordinates are fixed, so the transpose is sorted once (compressed rows, one per
+/// vertex). backward is then a gather like forward: each vertex sums its samples in a fixed order, without atomics or
+/// partial sums. Propagating a gradient from N samples to C coefficients costs 3N + VC products this way. The direct
+/// way would cost NC products and would store directions per sample.
 ///
 /// Shapes  values [V], points [N].
 template <Backend B, std::floating_point T = float>
 class SurfaceInterpolation {
 public:
-    /// triangles [N] vertex indices, barycentric [N].
-    /// Errors  ShapeError if they differ in size, ValueError at a vertex index out of range.
+    /// Shapes  triangles [N] vertex indices, barycentric [N].
+    /// Errors  ShapeError if they differ in size, ValueError for a vertex index out of range.
     SurfaceInterpolation(B& backend, std::size_t vertex_count, Span<const std::array<int, 3>> triangles,
                          Span<const vec3<double>> barycentric)
         : backend_(&backend), vertex_count_(vertex_count), point_count_(triangles.size()) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Where the Gaussians start: points on the body's surface, K to a vertex, with weights and scales.
+/// @file  Initial positions of the Gaussians: K samples per vertex on the body's surface, with weights and scales.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -21,45 +21,45 @@
 
 namespace gsh {
 
-/// Where a sample takes its skinning weights from: the vertex that it was drawn for, or all three of its triangle.
-/// Copied weights move each vertex's samples as one rigid plate, and plates of neighbours drift apart or overlap
-/// where the body bends; interpolated weights follow the posed mesh.
+/// The source of a sample's skinning weights: the vertex that it was drawn for, or all three vertices of its triangle.
+/// With copied weights the samples of each vertex move as one rigid piece, and neighbouring pieces separate or overlap
+/// where the body bends. Interpolated weights follow the posed mesh.
 enum class SampleWeights { barycentric, copied };
 
 struct SurfaceSampleOptions {
-    std::size_t total = 0; ///< scales K so that there are exactly so many samples; 0: as many as K says
+    std::size_t total = 0; ///< scales K so that there are exactly this many samples; 0: no scaling
     SampleWeights weights = SampleWeights::barycentric;
-    std::size_t max_influences = 8; ///< joints a sample may hang on (the heaviest stay); 0: no bound
-    double jitter = 0;              ///< largest displacement along each axis, as a share of the local vertex distance
+    std::size_t max_influences = 8; ///< joints per sample (those with the largest weights are kept); 0: no limit
+    double jitter = 0;              ///< largest displacement along an axis, as a fraction of the local vertex distance
 };
 
 /// N points on a mesh, sorted along a Morton curve so that neighbours in memory are neighbours in space.
 struct SurfaceSamples {
     std::vector<vec3<double>> positions;       // [N] metres
-    std::vector<vec3<double>> normals;         // [N] unit, outward; zero where nobody knows
+    std::vector<vec3<double>> normals;         // [N] unit, outward; zero if unknown
     std::vector<std::array<int, 3>> triangles; // [N] vertex indices of the triangle
     std::vector<vec3<double>> barycentric;     // [N] of the position before jitter
     std::vector<int> sources;                  // [N] the vertex it was drawn for, nearest in its triangle
-    std::vector<double> scales;                // [N] metres, standard deviation of an isotropic Gaussian to start with
+    std::vector<double> scales;                // [N] metres, initial standard deviation of an isotropic Gaussian
     SkinWeightTable<double> weights;           // [N, influences]
 
     [[nodiscard]] std::size_t size() const { return positions.size(); }
 };
 
-/// Draws K(v) points in expectation for each vertex v, area-uniform over the vertex's own part of the surface: in
-/// each triangle at v, what is nearer to v than to the other two corners (the Voronoi part of the one-ring).
+/// Draws K(v) points in expectation for each vertex v, uniform by area over the vertex's part of the surface. In each
+/// triangle at v, this part is the region nearer to v than to the other two corners (the Voronoi part of the one-ring).
 ///
-/// Fractional K are rounded by error diffusion from a random start, so that each vertex's expected count is exact
-/// and the sum over any run of vertices is within one of its own. Initial scales are
-/// sqrt(mean squared distance from v to its 3 nearest vertices / K(v)).
+/// Fractional K are rounded by error diffusion from a random start. Each vertex's expected count is exact, and the sum
+/// over any run of vertices differs from the sum of their K by less than one. The initial scale of a
+/// sample is sqrt(d² / K(v)), where d² is the mean squared distance from v to its 3 nearest vertices.
 ///
 /// Shapes  vertices [V] positions to sample on (the shaped mesh), samples_per_vertex [V].
-/// Errors  ShapeError, ValueError: no triangles, a negative or infinite K, nothing to draw where `total` asks for some.
+/// Errors  ShapeError; ValueError for no triangles, a negative or infinite K, or all K zero if `total` > 0.
 [[nodiscard]] inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<double>> vertices,
                                                    Span<const double> samples_per_vertex, std::uint64_t seed,
                                                    const SurfaceSampleOptions& options = {});
 
-/// The same number of points for each vertex.
+/// The same with one K for all vertices.
 [[nodiscard]] inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<double>> vertices,
                                                    double samples_per_vertex, std::uint64_t seed,
                                                    const SurfaceSampleOptions& options = {}) {
@@ -67,8 +67,9 @@ struct SurfaceSamples {
     return sample_surface(model, vertices, K, seed, options);
 }
 
-/// Numbers given at the vertices [V], at the samples [N]: barycentric in each sample's triangle.
-/// Errors  ValueError if a triangle names a vertex that has no number.
+/// Numbers given at the vertices [V], interpolated at the samples [N] with their barycentric coordinates.
+///
+/// Errors  ValueError if a triangle refers to a vertex without a number.
 [[nodiscard]] inline std::vector<double> interpolate(const SurfaceSamples& samples, Span<const double> values);
 
 // -------------------------------------------------------------------------------------------------------------
@@ -107,7 +108,7 @@ namespace detail {
     return order;
 }
 
-/// Whole numbers whose expectations over `start` in [0, 1) are the given ones; if `total` is not 0 they add up to it.
+/// Integers whose expectations over `start` in [0, 1) are the given numbers. If `total` is not 0, they sum to it.
 [[nodiscard]] inline std::vector<std::size_t> diffuse_counts(Span<const double> expected, std::size_t total,
                                                              double start) {
     const double sum = std::accumulate(expected.begin(), expected.end(), 0.0);
@@ -118,14 +119,14 @@ namespace detail {
         cumulative += expected[v];
         const double target = total ? cumulative / sum * static_cast<double>(total) : cumulative;
         auto reached = static_cast<std::size_t>(target + start);
-        if (total) reached = std::min(reached, total); // start + total may round up
+        if (total) reached = std::min(reached, total); // rounding may carry start + total too far
         counts[v] = reached - drawn;
         drawn = reached;
     }
     return counts;
 }
 
-/// The corners that meet at each vertex, and the areas of their regions.
+/// The triangle corners that meet at each vertex, and the areas of their regions.
 struct OneRings {
     struct Corner {
         std::size_t face;
@@ -183,7 +184,7 @@ inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<dou
     for (std::size_t v = 0; v < V; ++v) {
         check_value(samples_per_vertex[v] >= 0, where, "samples_per_vertex holds a negative count");
         for (std::size_t n = rings.starts[v]; n < rings.starts[v + 1]; ++n) ring_areas[v] += rings.corners[n].area;
-        if (ring_areas[v] > 0) expected[v] = samples_per_vertex[v]; // a vertex of no surface cannot hold samples
+        if (ring_areas[v] > 0) expected[v] = samples_per_vertex[v]; // a vertex without surface has no samples
     }
     const double sum = std::accumulate(expected.begin(), expected.end(), 0.0);
     check_value(options.total == 0 || sum > 0, where, "every K is 0, so no samples can be drawn; raise some");
@@ -192,7 +193,7 @@ inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<dou
     Rng rng(seed);
     const std::vector<std::size_t> counts = detail::diffuse_counts(expected, options.total, rng.uniform());
 
-    // Draw, vertex by vertex: stratified along the ring, a golden-ratio sequence across, both from random starts.
+    // Draw vertex by vertex: stratified along the ring, a golden-ratio sequence across it, both from random starts.
     SurfaceSamples drawn;
     std::vector<double> spacing; // per sample: distance to the next vertices
     const NearestPoints neighbours(vertices);
@@ -202,7 +203,7 @@ inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<dou
         const double squared = counts[v] ? std::max(neighbours.mean_squared_distance(v, 3), smallest_squared) : 0;
         const double across = rng.uniform();
         std::size_t n = rings.starts[v];
-        double passed = 0; // area of the ring's corners before n
+        double passed = 0; // total area of the ring's corners before n
         for (std::size_t k = 0; k < counts[v]; ++k) {
             const double along = (static_cast<double>(k) + rng.uniform()) / K * ring_areas[v];
             while (n + 1 < rings.starts[v + 1] && along >= passed + rings.corners[n].area)
@@ -213,7 +214,7 @@ inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<dou
             const vec3<double> turned =
                 CornerRegion(a, b, c).at(corner.area > 0 ? std::clamp((along - passed) / corner.area, 0.0, 1.0) : 0,
                                          v_across - std::floor(v_across));
-            vec3<double> weights; // back to the order of the face
+            vec3<double> weights; // in the order of the face's vertices
             for (int t = 0; t < 3; ++t) weights[(corner.corner + t) % 3] = turned[t];
             drawn.positions.push_back(a * turned.x + b * turned.y + c * turned.z);
             drawn.triangles.push_back(model.faces[corner.face]);
@@ -224,7 +225,7 @@ inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<dou
         }
     }
 
-    // Sort, then fill in what follows from the attachment.
+    // Sort the samples, then compute what depends on their triangles.
     const auto vertex_normal = vertex_normals(vertices, model.faces);
     const auto order = detail::morton_order(drawn.positions);
     const auto sorted = [&](auto& values) {

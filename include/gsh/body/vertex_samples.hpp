@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A Gaussian on each vertex: where a mesh comes without triangles.
+/// @file  Initial positions of the Gaussians for a mesh without triangles: one on each vertex.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -17,10 +17,11 @@
 
 namespace gsh {
 
-/// One sample per vertex, with its weights (the heaviest max_influences joints; 0: all) and a scale of sqrt(mean
-/// squared distance to the 3 nearest vertices). A sample's triangle is three times its vertex, so nothing needs a face.
+/// One sample per vertex, with its weights (those of the max_influences heaviest joints; 0: all) and the root mean
+/// square distance to the 3 nearest vertices as its scale. A sample's triangle repeats its vertex three times, so no
+/// faces are needed.
 ///
-/// Shapes  vertices [V], the shaped mesh; normals [V], or empty: the samples' are zero then.
+/// Shapes  vertices [V], the shaped mesh; normals [V], or empty, in which case the samples' normals are zero.
 /// Errors  ShapeError.
 /// Source  Liu et al., "Animatable 3D Gaussian", 2023, as its code places Gaussians on the bodies of GalaBasketball.
 [[nodiscard]] inline SurfaceSamples sample_vertices(const BodyModel& model, Span<const vec3<double>> vertices,

@@ -10,11 +10,12 @@
 
 namespace gsh {
 
-/// What is to be added to a camera; zero changes nothing, bit for bit. A gradient has the same form.
+/// An increment to a camera's parameters. A zero increment leaves the camera unchanged, bit for bit. A gradient with
+/// respect to the parameters has the same type.
 ///
-/// The camera turns about a pivot in the scene, not about its own centre: a turn then shows the subject from another
-/// side and a shift moves it in the image. About its centre both would move it in the image, and each would undo the
-/// other.
+/// The camera rotates about a pivot in the scene, not about its own centre. A rotation then shows the subject from
+/// another side, and a translation moves it in the image. About the camera's centre both would move the subject in the
+/// image, so the two parameters would be nearly redundant.
 ///
 /// Frame   rotation about the camera's axes, translation along them.
 /// Units   radians, metres, logarithm of a factor on both focal lengths, pixels.

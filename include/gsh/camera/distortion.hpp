@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Lens distortion after Brown and Conrady: forward, adjoint, inverse, and the map that straightens an image.
+/// @file  Lens distortion after Brown and Conrady: forward, adjoint, inverse, and the map that undistorts an image.
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
@@ -12,7 +12,7 @@
 
 namespace gsh {
 
-/// What a lens does to a normalised image point (x, y) = (X/Z, Y/Z), with r² = x² + y²:
+/// Distortion coefficients. A normalised image point (x, y) = (X/Z, Y/Z), with r² = x² + y², is mapped to
 ///
 ///     x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)
 ///     y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y
@@ -23,7 +23,7 @@ struct Distortion {
     T k1 = T(0), k2 = T(0), p1 = T(0), p2 = T(0), k3 = T(0);
 };
 
-/// Where the lens puts an ideal normalised point.
+/// The distorted position of an ideal normalised point.
 template <Lane T>
 [[nodiscard]] GSH_HD vec2<T> distort(const Distortion<T>& d, const vec2<T>& p) {
     const T xx = p.x * p.x, yy = p.y * p.y, xy = p.x * p.y, r2 = xx + yy;
@@ -47,7 +47,7 @@ template <Lane T>
             radial + twice_slope * p.y * p.y + T(6) * d.p1 * p.y + T(2) * d.p2 * p.x};
 }
 
-/// Adjoint of distort: adds to dL_dp and, number by number, to dL_dd.
+/// Adjoint of distort: adds to dL_dp and to each coefficient of dL_dd.
 template <Lane T>
 GSH_HD void distort_backward(const Distortion<T>& d, const vec2<T>& p, const vec2<T>& dL_dout, vec2<T>& dL_dp,
                              Distortion<T>& dL_dd) {
@@ -63,15 +63,15 @@ GSH_HD void distort_backward(const Distortion<T>& d, const vec2<T>& p, const vec
     dL_dd.p2 += (r2 + T(2) * xx) * dL_dout.x + T(2) * xy * dL_dout.y;
 }
 
-/// An inverse and how far it is from being one: |distort(point) - input|, in normalised units.
+/// An undistorted point and its residual |distort(point) - input|, in normalised units.
 template <Lane T>
 struct Undistorted {
     vec2<T> point;
     T residual;
 };
 
-/// The ideal point that the lens puts at `distorted`, by Newton's method from there: ten steps, the same for every
-/// element. A point beyond the ring in which the model is one to one keeps a large residual (or a NaN).
+/// The ideal point whose distorted position is `distorted`. Newton's method starts at `distorted` and takes ten steps
+/// for every element. Outside the region in which the model is one to one, the residual stays large or is NaN.
 template <Lane T>
 [[nodiscard]] GSH_HD Undistorted<T> undistort(const Distortion<T>& d, const vec2<T>& distorted) {
     vec2<T> p = distorted;
@@ -85,8 +85,8 @@ template <Lane T>
     return {p, sqrt(e.x * e.x + e.y * e.y)};
 }
 
-/// The same with a promise: throws ValueError unless the point is inverted to within `tolerance` (normalised units)
-/// on the sheet that holds the image's centre, where the Jacobian is positive definite.
+/// undistort with a check: throws ValueError unless the residual is within `tolerance` (normalised units) and the
+/// Jacobian is positive definite, as it is on the branch that contains the image's centre.
 template <std::floating_point T>
 [[nodiscard]] vec2<T> undistort_checked(const Distortion<T>& d, const vec2<T>& distorted, T tolerance = T(1e-6)) {
     const Undistorted<T> result = undistort(d, distorted);
@@ -99,8 +99,8 @@ template <std::floating_point T>
     return result.point;
 }
 
-/// Pixel of the straightened image -> pixel of the photographed one: hand it to resample (image/resample.hpp).
-/// `straight` and `photographed` may differ in K and size; only their intrinsics count.
+/// Maps a pixel of the undistorted image to a pixel of the photograph; pass it to resample (image/resample.hpp).
+/// `straight` and `photographed` may differ in intrinsics and size. Their extrinsics are not used.
 template <Lane T>
 struct UndistortMap {
     Camera<T> straight, photographed;
@@ -113,8 +113,8 @@ struct UndistortMap {
     }
 };
 
-/// Throws ValueError unless the coefficients are finite and the model is one to one over the whole image: its
-/// Jacobian positive definite on a grid that covers the straightened image and its border.
+/// Throws ValueError unless the coefficients are finite and the model is one to one over the whole image. The test is a
+/// positive definite Jacobian on a grid that covers the undistorted image and its border.
 template <std::floating_point T>
 void check_distortion(std::string_view where, std::string_view name, const Camera<T>& straight,
                       const Distortion<T>& d) {

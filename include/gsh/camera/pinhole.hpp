@@ -14,8 +14,8 @@ namespace gsh {
 
 /// A calibrated camera, x_cam = R x_world + t, pixel = (fx x/z + cx, fy y/z + cy).
 ///
-/// Frame   camera x right, y down, z forward (OpenCV); the image's corner is (0, 0), its first pixel's centre (0.5,
-///         0.5).
+/// Frame   camera x right, y down, z forward (OpenCV); the image's corner is (0, 0), the centre of the first pixel is
+///         (0.5, 0.5).
 /// Units   metres; pixels.
 template <class T>
 struct Camera {
@@ -33,7 +33,7 @@ struct Camera {
     }
 };
 
-/// Gradient with respect to a camera's numbers; the nine of R count as independent.
+/// Gradient with respect to a camera's parameters; the nine entries of R count as independent.
 template <class T>
 struct CameraGradient {
     mat3<T> dL_dR = mat3<T>(T(0));
@@ -54,7 +54,7 @@ template <Lane T>
     return camera.R * point + camera.t;
 }
 
-/// Camera point (z > 0) to pixel coordinates.
+/// Projects a camera-space point (z > 0) to pixel coordinates.
 template <Lane T>
 [[nodiscard]] GSH_HD vec2<T> to_pixel(const Camera<T>& camera, const vec3<T>& p) {
     const T inverse_z = T(1) / p.z;
@@ -91,7 +91,7 @@ GSH_HD void center_backward(const Camera<T>& camera, const vec3<T>& dL_dcenter, 
 }
 
 /// Throws ValueError unless every number is finite, R is a rotation, the focal lengths are positive and the image has a
-/// size. `where` and `name` go into the message; R may be off by what four printed digits lose.
+/// size. `where` and `name` appear in the message. The tolerance on R allows for matrices printed with four digits.
 template <std::floating_point T>
 void check_camera(std::string_view where, std::string_view name, const Camera<T>& camera) {
     const auto require = [&](bool condition, const std::string& what) {
@@ -116,7 +116,7 @@ void check_camera(std::string_view where, std::string_view name, const Camera<T>
 /// A camera from the usual 3x3 intrinsic matrix.
 ///
 /// Shapes  K [9], row-major: fx 0 cx, 0 fy cy, 0 0 1; a common factor other than 1 is divided out.
-/// Errors  ShapeError for another size; ValueError for a singular K, skew, and whatever check_camera refuses.
+/// Errors  ShapeError for another size; ValueError for a singular K, for skew, and for whatever check_camera rejects.
 template <std::floating_point T>
 [[nodiscard]] Camera<T> camera_from_K(Span<const T> K, const mat3<T>& R, const vec3<T>& t, int width, int height,
                                       std::string_view name = "camera") {
@@ -137,7 +137,7 @@ template <std::floating_point T>
     return camera;
 }
 
-/// A camera at `eye` that looks at `target`, the principal point in the middle, `up` upwards in the image.
+/// A camera at `eye` that looks at `target`. The principal point is the image's centre; `up` points up in the image.
 ///
 /// Units   vertical_fov in radians.
 /// Errors  ValueError where the direction is undefined or parallel to up, or the field of view is not in (0, pi).
@@ -161,7 +161,7 @@ template <std::floating_point T>
     return camera;
 }
 
-/// A camera that sees the whole sphere, from the side that `from_center` points to.
+/// A camera that sees a whole sphere. It is placed from `center` in the direction `from_center`.
 template <std::floating_point T>
 [[nodiscard]] Camera<T> frame_sphere(const vec3<T>& center, T radius, const vec3<T>& from_center, const vec3<T>& up,
                                      T vertical_fov, int width, int height) {

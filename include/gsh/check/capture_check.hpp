@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Whether a capture's images, cameras, poses and body belong together, and which usual mistake was made if not.
+/// @file  Checks whether a capture's images, cameras, poses and body agree, and names the usual mistake if they do not.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -23,46 +23,46 @@
 namespace gsh {
 
 struct CaptureCheckParams {
-    std::size_t frames = 0; ///< how many to look at, evenly spaced; 0: all
+    std::size_t frames = 0; ///< number of frames to check, evenly spaced; 0: all
     CaptureSearchParams search;
 };
 
-/// What one image shows.
+/// The result for one image.
 struct ViewCheck {
     enum class Mask {
         usable,
-        empty,  ///< no pixel is the person
-        opaque, ///< all pixels are: there is no mask
+        empty,  ///< no pixel shows the person
+        opaque, ///< all pixels do: there is no mask
     };
     struct Person {
-        double inside = 0;                  ///< of the body's vertices, how many project into the image
-        std::optional<double> covered = {}; ///< of the body's pixels, how many the mask covers; where there are both
+        double inside = 0;                  ///< fraction of the body's vertices that project into the image
+        std::optional<double> covered = {}; ///< fraction of the body's pixels that the mask covers; if there are both
     };
     CaptureView view;
     Mask mask = Mask::usable;
-    double iou = 0;             ///< of mask and posed bodies, as given; 0 without a usable mask
+    double iou = 0;             ///< of mask and posed bodies, with the files as given; 0 without a usable mask
     double inside = 0;          ///< mean over people
     std::vector<Person> people; ///< in the order in which they were given
 };
 
-/// Something that is probably wrong.
+/// A probable mistake in the capture.
 struct CaptureFinding {
-    std::string fault = {};                ///< in a word: "mirrored-images"
-    std::vector<std::size_t> cameras = {}; ///< it concerns; empty: the poses, and so all of them
-    std::vector<std::string> people = {};  ///< whose poses it concerns; empty: everybody's, or no poses
-    std::vector<CaptureView> views = {};   ///< single images that it concerns, if it does not concern all
-    std::string measure = {};              ///< what `given` and `mended` are: "IoU", "IoU around the hands", …
-    double given = 0;                      ///< as the files are, all other findings being mended
-    double mended = 0;                     ///< under the hypothesis, or what would be usual
+    std::string fault = {};                ///< its name: "mirrored-images"
+    std::vector<std::size_t> cameras = {}; ///< the cameras concerned; empty: the poses are wrong, so all cameras
+    std::vector<std::string> people = {};  ///< the people whose poses are concerned; empty: everybody's, or no poses
+    std::vector<CaptureView> views = {};   ///< the images concerned, if the finding is about single images
+    std::string measure = {};              ///< the quantity in `given` and `mended`: "IoU", "IoU around the hands", …
+    double given = 0;                      ///< with the files as given, all other findings being corrected
+    double mended = 0;                     ///< under the hypothesis, or the usual value
     std::string text = {};                 ///< one line: the fault, both numbers, the remedy
 };
 
 struct CaptureCheck {
-    std::vector<ViewCheck> views;         ///< all that were looked at, camera by camera
-    std::vector<CaptureFinding> findings; ///< none: nothing is suspicious
-    CaptureReading reading;               ///< the capture with all findings mended that a reading mends
+    std::vector<ViewCheck> views;         ///< all images that were checked, camera by camera
+    std::vector<CaptureFinding> findings; ///< empty if nothing is suspicious
+    CaptureReading reading;               ///< the capture with all findings corrected that a reading can correct
 
-    /// Mean IoU of the images with a usable mask, as given; nothing if there is none.
+    /// Mean IoU of the images with a usable mask, with the files as given; no value if there is none.
     [[nodiscard]] std::optional<double> mean_iou() const {
         double sum = 0, count = 0;
         for (const ViewCheck& v : views)
@@ -71,13 +71,13 @@ struct CaptureCheck {
     }
 };
 
-/// Compares masks with the silhouettes of the posed bodies, all people's together, as given and as other conventions
-/// would have them. A hypothesis is named where it makes the overlap clearly better: by an absolute amount and by a
-/// share of what is missing, so that loose clothes and an estimator's errors are no faults. With several people, poses
-/// are also tried person by person. The capture's own motion counts its frames, and is not looked at.
+/// Compares masks with the silhouettes of all posed bodies, with the files as given and under other conventions. A
+/// hypothesis is reported if it improves the overlap clearly: by an absolute amount and by a share of the missing
+/// overlap. Loose clothes and an estimator's errors are therefore not reported. With several people, hypotheses about
+/// poses are also tried person by person. The capture's own motion supplies only the number of frames.
 ///
-/// Errors  ShapeError, ValueError for a capture or a body that is none. Motions for another number of joints are
-///         findings, and then the only ones.
+/// Errors  ShapeError, ValueError for an invalid capture or body. Motions for another number of joints are reported as
+///         findings, and no others then.
 template <CpuBackend B>
 [[nodiscard]] CaptureCheck check_capture(B& backend, const Capture& capture, const std::vector<CheckedPerson>& people,
                                          const CaptureCheckParams& params = {});
@@ -90,7 +90,7 @@ template <CpuBackend B>
 
 namespace detail {
 
-/// `count` of `total` frames, first and last among them; all if count is 0.
+/// `count` of `total` frames, including first and last; all if count is 0.
 inline std::vector<std::size_t> spread_frames(std::size_t total, std::size_t count) {
     if (count == 0 || count > total) count = total;
     std::vector<std::size_t> frames;
@@ -130,10 +130,10 @@ private:
     CaptureSearch<B> search_;
     CaptureCheck result_;
     std::vector<CaptureView> usable_;
-    std::vector<ViewLook> looks_;   ///< of the usable views: as given, in the end with all faults mended
-    std::vector<std::size_t> lost_; ///< cameras that no reading brings to the bodies
+    std::vector<ViewLook> looks_;   ///< of the usable views: with the files as given, finally with all faults corrected
+    std::vector<std::size_t> lost_; ///< cameras for which no reading gives an overlap with the bodies
 
-    /// Every image as it is given.
+    /// Evaluates every image with the files as given.
     void look() {
         std::vector<CaptureView> views;
         for (std::size_t c = 0; c < capture_.cameras.size(); ++c)
@@ -161,7 +161,7 @@ private:
         }
     }
 
-    /// Names of some people, or none for all of them.
+    /// Names of some people; an empty list if they are all people.
     [[nodiscard]] std::vector<std::string> names(const std::vector<std::size_t>& people) const {
         std::vector<std::string> result;
         if (people.size() < people_.size())
@@ -187,13 +187,13 @@ private:
             finding->given = static_cast<double>(finding->views.size()) / static_cast<double>(result_.views.size());
             add(*finding, "usual",
                 finding == &empty
-                    ? "segment these images anew or leave them out; training would learn that nobody is there"
+                    ? "segment these images again or leave them out; training would learn an empty scene"
                     : "store the person's mask as alpha, or in masks/");
         }
     }
 
-    /// What the reading changes, if it proves to be worth it: without it, the rest being mended, the overlap is clearly
-    /// worse. What does not is dropped, and the others are measured anew.
+    /// Reports each aspect of the reading without which the overlap is clearly worse, the others being corrected. An
+    /// aspect without such an effect is dropped, and the others are measured again.
     void name_faults(const std::vector<CaptureView>& chosen) {
         std::vector<CaptureFinding> named;
         for (bool dropped = true; dropped;) {
@@ -257,7 +257,7 @@ private:
                            [&](std::size_t c) { return search_.border_share(c) > params_.search.inverted_border; });
     }
 
-    /// Cameras that no reading brings to the bodies.
+    /// Finds cameras for which no reading gives an overlap with the bodies.
     void find_lost_cameras() {
         CaptureFinding far{.fault = "camera-far-off", .measure = "share of the body in the image", .mended = 1};
         CaptureFinding apart{.fault = "no-overlap", .measure = "IoU", .mended = params_.search.convincing};
@@ -274,7 +274,7 @@ private:
                 for (std::size_t p = 0; p < people_.size(); ++p) inside[p] += v.people[p].inside;
                 seen += 1;
             }
-            const double most = *std::max_element(inside.begin(), inside.end()); // somebody else may stand elsewhere
+            const double most = *std::max_element(inside.begin(), inside.end()); // other people may be out of view
             const bool usable =
                 std::any_of(usable_.begin(), usable_.end(), [&](const auto& v) { return v.camera == c; });
             const double iou = search_.looks().means(usable_, overlaps, overlaps, {c}).first;
@@ -290,17 +290,17 @@ private:
         if (!far.cameras.empty()) {
             far.given = far_sum / static_cast<double>(far.cameras.size());
             add(far, "usual",
-                "no reading that we know brings it back; check R and t (world to camera, metres) and that the poses "
+                "no known convention explains it; check R and t (world to camera, metres) and that the poses "
                 "belong to these images");
         }
         if (!apart.cameras.empty()) {
             apart.given = apart_sum / static_cast<double>(apart.cameras.size());
             add(apart, "expected at least",
-                "no reading that we know explains it; poses, cameras, masks and body probably do not belong together");
+                "no known convention explains it; poses, cameras, masks and body probably do not belong together");
         }
     }
 
-    /// People whose bodies the masks leave out, where bodies and masks agree else.
+    /// Finds people whose bodies the masks omit, in views where bodies and masks otherwise agree.
     void find_lost_people() {
         if (people_.size() == 1) return;
         for (std::size_t p = 0; p < people_.size(); ++p) {
@@ -321,7 +321,7 @@ private:
         }
     }
 
-    /// Images far below the others of their camera: a pose or a mask that failed there.
+    /// Finds images far below the others of their camera, where a pose or a mask is wrong.
     void find_single_images() {
         if (usable_.empty()) return;
         CaptureFinding single{.fault = "single-images", .measure = "IoU there"};
@@ -354,7 +354,7 @@ template <CpuBackend B>
 CaptureCheck check_capture(B& backend, const Capture& capture, const std::vector<CheckedPerson>& people,
                            const CaptureCheckParams& params) {
     constexpr auto where = "check_capture";
-    check_value(!people.empty(), where, "there is nobody to look for; name at least one person");
+    check_value(!people.empty(), where, "there is no person to check; give at least one");
     for (const CheckedPerson& person : people) validate(*person.body, where);
     check_value(!capture.cameras.empty() && capture.frame_count() > 0, where,
                 "the capture has no cameras or no frames");

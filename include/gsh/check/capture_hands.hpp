@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Whether a capture's hands were posed with the body's mean hand, judged by the pixels around them.
+/// @file  Tests whether a capture's hand poses include the body's mean hand, from the pixels around the hands.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -19,7 +19,7 @@ namespace gsh {
 
 namespace detail {
 
-/// 1 for each vertex of a hand; empty for a body that has no hands or no mean hand.
+/// 1 for each vertex of a hand; empty for a body without hands or without a mean hand.
 inline std::vector<std::uint8_t> hand_vertices(const BodyModel& body) {
     const auto first = first_hand_joint(body.joint_count());
     if (!first || (body.hands_mean_left.empty() && body.hands_mean_right.empty())) return {};
@@ -34,21 +34,21 @@ inline std::vector<std::uint8_t> hand_vertices(const BodyModel& body) {
 
 } // namespace detail
 
-/// For each person the overlap of mask and bodies as read, with the mean hand added to that person's poses, and with it
-/// taken away, over the pixels where one of the three shows a hand of theirs. All are empty for a body that has no
-/// hands or no mean hand.
+/// For each person three overlaps of mask and bodies: with the poses as read, with the mean hand added to that person's
+/// poses, and with it subtracted. They count the pixels where at least one of the three shows the person's hands. All
+/// are empty for a body without hands or without a mean hand.
 template <CpuBackend B>
 [[nodiscard]] std::vector<std::array<Overlap, 3>>
 hand_overlaps(CaptureLooks<B>& looks, const std::vector<CaptureView>& views, const CaptureReading& reading, int size) {
     constexpr std::array<int, 3> times{0, 1, -1};
     constexpr std::uint8_t hand = 1 << times.size();
     const std::size_t P = looks.people().size();
-    std::vector<std::vector<std::uint8_t>> of_hand; // of each person, per vertex
+    std::vector<std::vector<std::uint8_t>> of_hand; // [person, vertex] whether the vertex is part of a hand
     for (const CheckedPerson& person : looks.people()) of_hand.push_back(detail::hand_vertices(*person.body));
     std::vector<std::array<Overlap, 3>> sums(P);
     if (std::all_of(of_hand.begin(), of_hand.end(), [](const auto& v) { return v.empty(); })) return sums;
 
-    // [view, person, pixel] a bit for each of the three that covers the pixel, and one if any of them shows a hand.
+    // [view, person, pixel] bits 0 to 2: covered under each of the three hypotheses; bit 3: one of them shows a hand.
     std::vector<std::vector<std::vector<std::uint8_t>>> seen(views.size());
     for (std::size_t h = 0; h < times.size(); ++h) {
         CaptureReading tried = reading;
@@ -59,7 +59,7 @@ hand_overlaps(CaptureLooks<B>& looks, const std::vector<CaptureView>& views, con
             for (std::size_t p = 0; p < P; ++p) {
                 std::vector<std::uint8_t>& own = seen[i][p];
                 own.resize(static_cast<std::size_t>(camera.height) * static_cast<std::size_t>(camera.width));
-                if (everybody[p].empty() || (h > 0 && of_hand[p].empty())) continue; // absent; nothing changes
+                if (everybody[p].empty() || (h > 0 && of_hand[p].empty())) continue; // absent, or no difference
                 const auto& faces = looks.people()[p].body->faces;
                 cpu::Serial serial;
                 const MeshImage image = rasterize_mesh(serial, everybody[p], faces, camera);
@@ -73,7 +73,7 @@ hand_overlaps(CaptureLooks<B>& looks, const std::vector<CaptureView>& views, con
         });
     }
     for (std::size_t i = 0; i < views.size(); ++i) {
-        if (seen[i].empty()) continue; // no pose
+        if (seen[i].empty()) continue; // the view has no pose
         const Silhouette mask = looks.mask(views[i], reading, size);
         for (std::size_t p = 0; p < P; ++p)
             for (std::size_t pixel = 0; pixel < mask.inside.size(); ++pixel) {

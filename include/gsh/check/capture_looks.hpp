@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Masks and posed bodies of a capture side by side, as any reading of its files would have them.
+/// @file  Comparison of a capture's masks with its posed bodies under a given reading of its files.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -18,29 +18,29 @@
 
 namespace gsh {
 
-/// What one of the posed bodies has to do with a mask that may show others, too.
+/// Comparison of one posed body with a mask that may contain other people.
 struct PersonLook {
-    double inside = 0;                 ///< of the vertices, how many project into the image
+    double inside = 0;                 ///< fraction of the vertices that project into the image
     std::size_t area = 0, covered = 0; ///< pixels of the body, and how many of them the mask covers
-    double own = 0;                    ///< pixels, one of several people counted in equal parts
+    double own = 0;                    ///< pixels of the body; a pixel of several people counts in equal parts
 };
 
-/// What the posed bodies and a mask have to do with each other in one image.
+/// Comparison of all posed bodies with the mask of one image.
 struct ViewLook {
-    bool valid = false; ///< the image has a pose
+    bool valid = false; ///< whether the image has a pose
     Overlap overlap;
-    double mask_share = 0, border_share = 0; ///< of the image's pixels, of those at its border
+    double mask_share = 0, border_share = 0; ///< fraction inside the mask, of all pixels and of those at the border
     vec2<double> mask_center = vec2<double>(0.0), body_center = vec2<double>(0.0); ///< pixels of the reduced image
-    std::size_t mask_area = 0, body_area = 0;                                      ///< of everybody
+    std::size_t mask_area = 0, body_area = 0;                                      ///< of all people
     std::vector<PersonLook> people;
 };
 
-/// Evaluates readings. Sizes are pixels along the longer side, to which images are reduced.
+/// Evaluates readings of a capture. A `size` is the length of the longer side in pixels to which images are reduced.
 template <CpuBackend B>
 class CaptureLooks {
 public:
     using Views = std::vector<CaptureView>;
-    using Vertices = Span<const vec3<double>>; ///< of one body; none of somebody who is absent
+    using Vertices = Span<const vec3<double>>; ///< of one body; empty for a person who is absent
 
     CaptureLooks(B& backend, const Capture& capture, const std::vector<CheckedPerson>& people)
         : backend_(backend), capture_(capture), people_(people), posed_(people.size()) {
@@ -52,7 +52,7 @@ public:
     [[nodiscard]] const Capture& capture() const { return capture_; }
     [[nodiscard]] const std::vector<CheckedPerson>& people() const { return people_; }
 
-    /// Poses under this reading of the motions are kept until another is started from.
+    /// Keeps the poses under this reading of the motions until the next call.
     void start_from(const std::vector<MotionReading>& readings) {
         for (std::size_t p = 0; p < people_.size(); ++p) {
             auto& [start, tried] = posed_[p];
@@ -72,7 +72,7 @@ public:
         return {sum_a / std::max(1.0, count), sum_b / std::max(1.0, count)};
     }
 
-    /// IoU of each, -1 where the view has no pose.
+    /// IoU of each view, -1 if the view has no pose.
     [[nodiscard]] static std::vector<double> overlaps(const std::vector<ViewLook>& looks) {
         std::vector<double> result;
         for (const ViewLook& look : looks) result.push_back(look.valid ? look.overlap.iou() : -1);
@@ -93,8 +93,8 @@ public:
         return reduced_camera(read_as(capture_.cameras[c].camera, reading.cameras[c]), reduction(c, size));
     }
 
-    /// Calls see(index, vertices of each person) for every view that has a pose, in parallel, not too many poses at a
-    /// time.
+    /// Calls see(index, vertices of each person) for every view that has a pose, in parallel. Poses are processed in
+    /// batches to limit memory.
     template <class See>
     void for_views(const Views& views, const CaptureReading& reading, const See& see) {
         constexpr std::size_t batch = 32; // poses
@@ -109,7 +109,7 @@ public:
                 poses.push_back(first->first);
                 for (const std::size_t i : first->second) work.emplace_back(i, first->first);
             }
-            std::vector<const Poses*> posed; // of each person
+            std::vector<const Poses*> posed; // [person]
             for (std::size_t p = 0; p < people_.size(); ++p) posed.push_back(&pose(p, poses, reading.motions[p]));
             backend_.for_chunks(work.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
                 for (std::size_t k = begin; k < end; ++k) {
@@ -121,7 +121,7 @@ public:
         }
     }
 
-    /// What each person covers.
+    /// The silhouette of each person.
     [[nodiscard]] std::vector<Silhouette> silhouettes(const std::vector<Vertices>& everybody,
                                                       const Camera<double>& seen_by) const {
         std::vector<Silhouette> result;
@@ -169,19 +169,19 @@ private:
     B& backend_;
     const Capture& capture_;
     std::vector<CheckedPerson> people_;
-    std::vector<std::vector<int>> counterparts_; // of each person
+    std::vector<std::vector<int>> counterparts_; // [person]
 
     using Poses = std::map<std::size_t, std::vector<vec3<double>>>; ///< vertices by pose
     struct Posed {
         MotionReading reading;
         Poses vertices;
     };
-    /// Of each person: under the reading that others start from, and under the one that is tried.
+    /// [person] under the reading that is kept, and under the one that is tried.
     std::vector<std::array<Posed, 2>> posed_;
 
-    /// Vertices of a person's poses under a reading; what was posed before is kept.
+    /// Vertices of a person's poses under a reading; poses that were evaluated before are reused.
     const Poses& pose(std::size_t p, const std::vector<std::size_t>& poses, const MotionReading& reading) {
-        constexpr std::size_t most = 96; // poses that are kept, of everybody together
+        constexpr std::size_t most = 96; // largest number of poses kept, of all people together
         Posed& slot = posed_[p][posed_[p][0].reading == reading ? 0 : 1];
         if (!(slot.reading == reading) || slot.vertices.size() * people_.size() > most) slot.vertices.clear();
         slot.reading = reading;
@@ -198,7 +198,7 @@ private:
         return slot.vertices;
     }
 
-    /// Of all vertices, how many project into the image.
+    /// Fraction of the vertices that project into the image.
     [[nodiscard]] static double share_inside(Vertices vertices, const Camera<double>& seen_by) {
         std::size_t count = 0;
         for (const auto& v : vertices) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Other ways to read a capture's files: what its numbers mean if its author followed other conventions.
+/// @file  Alternative readings of a capture's files: their meaning under other conventions.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -23,46 +23,46 @@
 
 namespace gsh {
 
-/// Somebody who is said to be in a capture. The motion has a pose for each of its frames.
+/// A person in a capture. The motion has a pose for each of its frames.
 struct CheckedPerson {
-    std::string name; ///< in findings, where there are several people
+    std::string name; ///< in findings, if there are several people
     const BodyModel* body = nullptr;
     const Motion* motion = nullptr;
 };
 
-/// What R and t of a camera file may be.
+/// Possible meanings of R and t in a camera file.
 enum class Extrinsics {
     world_to_camera,        ///< ours: x_cam = R x_world + t, x right, y down, z forward
     camera_to_world,        ///< x_world = R x_cam + t
     opengl,                 ///< world to camera, but y up and z backward
     opengl_camera_to_world, ///< camera to world, y up and z backward
-    transposed,             ///< R was written by columns
-    position,               ///< t is the camera's place in the world
+    transposed,             ///< R is stored by columns
+    position,               ///< t is the camera's position in the world
 };
 
-/// Which pose belongs to which image.
+/// The assignment of poses to images.
 struct FrameOrder {
     enum class Kind {
         offset,       ///< pose = frame + offset
         reversed,     ///< the last pose belongs to the first image
-        names_from_0, ///< images are numbered 0, 1, …, 10, and sorted as words: 0, 1, 10, 2
-        names_from_1, ///< images are numbered 1, 2, …, and sorted as words
+        names_from_0, ///< images are numbered 0, 1, …, 10 and sorted as strings: 0, 1, 10, 2
+        names_from_1, ///< images are numbered 1, 2, … and sorted as strings
     };
     Kind kind = Kind::offset;
     int offset = 0;
 
-    /// The pose of an image, or nothing if there is none.
+    /// The pose of an image; no value if it has none.
     [[nodiscard]] std::optional<std::size_t> pose_of(std::size_t frame, std::size_t frames) const;
     friend bool operator==(const FrameOrder&, const FrameOrder&) = default;
 };
 
-/// How a camera's entry and its images are to be read. The default is as our files say.
+/// The interpretation of a camera's entry and images. The default is our own convention.
 struct CameraReading {
     Extrinsics extrinsics = Extrinsics::world_to_camera;
-    double unit = 1;                        ///< metres in a unit of t
-    double resolution = 1;                  ///< K is for images so many times as wide
+    double unit = 1;                        ///< metres per unit of t
+    double resolution = 1;                  ///< K refers to images this many times as wide
     double zoom = 1;                        ///< factor on both focal lengths
-    vec2<double> shift = vec2<double>(0.0); ///< pixels, onto the principal point
+    vec2<double> shift = vec2<double>(0.0); ///< pixels, added to the principal point
     bool inverted_mask = false;
     bool mirrored_image = false;
     FrameOrder order = {};
@@ -70,56 +70,57 @@ struct CameraReading {
     friend bool operator==(const CameraReading&, const CameraReading&) = default;
 };
 
-/// How a person's poses are to be read. The default is as our files say.
+/// The interpretation of a person's poses. The default is our own convention.
 struct MotionReading {
     enum class Sides {
         as_given,
-        mirrored, ///< left and right change places, rotations are reflected; the root stays
-        swapped,  ///< left and right change places, rotations stay: joints were listed in another order
+        mirrored, ///< left and right are exchanged and rotations reflected; the root is unchanged
+        swapped,  ///< left and right are exchanged, rotations are not reflected: another joint order
     };
     enum class Translation {
-        of_canonical_origin, ///< ours: added to a body that turned about its root joint
-        of_root_joint,       ///< transl is where the root joint is
-        of_turned_body,      ///< added to a body that turned about the canonical origin (EasyMocap)
+        of_canonical_origin, ///< ours: added to a body rotated about its root joint
+        of_root_joint,       ///< transl is the position of the root joint
+        of_turned_body,      ///< added to a body rotated about the canonical origin (EasyMocap)
     };
     enum class World {
         as_given,
-        z_up,       ///< poses count height along z, cameras along y
-        minus_z_up, ///< along -z
-        y_down,     ///< y and z point the other way
+        z_up,       ///< up is z in the poses and y in the cameras
+        minus_z_up, ///< up is -z in the poses
+        y_down,     ///< y and z are negated
     };
-    bool absent = false; ///< nobody in the images has these poses
+    bool absent = false; ///< the images do not show the person with these poses
     Sides sides = Sides::as_given;
     Translation translation = Translation::of_canonical_origin;
     World world = World::as_given;
     bool degrees = false;
-    double translation_unit = 1;             ///< metres in a unit of transl
-    double size = 1;                         ///< factor on the body
+    double translation_unit = 1;             ///< metres per unit of transl
+    double size = 1;                         ///< scale of the body
     vec3<double> offset = vec3<double>(0.0); ///< metres, in the world
-    int mean_hands = 0;                      ///< times the body's mean hand is added to the hand poses
+    int mean_hands = 0;                      ///< multiple of the body's mean hand that is added to the hand poses
 
     friend bool operator==(const MotionReading&, const MotionReading&) = default;
 };
 
 struct CaptureReading {
-    std::vector<MotionReading> motions; ///< of each person
+    std::vector<MotionReading> motions; ///< [person]
     std::vector<CameraReading> cameras;
 };
 
-/// The camera in our convention. Only its numbers: masks are up to whoever holds the images.
+/// The camera in our convention. Only its parameters change; the caller transforms the masks.
 [[nodiscard]] inline Camera<double> read_as(const Camera<double>& camera, const CameraReading& reading);
 
-/// The joint on the other side of the body, [J]; a joint of the middle is its own. Found by the joints' places at rest,
-/// mirrored in x, and their parents.
+/// The corresponding joint on the other side of the body, [J]; a joint on the middle plane maps to itself. It is found
+/// by the parents and the rest positions mirrored in x.
 [[nodiscard]] inline std::vector<int> joint_counterparts(const BodyModel& body, Span<const double> betas = {});
 
-/// A pose of the motion, read so. `counterparts` as of joint_counterparts; only `joints` and `vertices` of the result
-/// follow the reading, its bones do not.
-/// Errors  as pose_body.
+/// Evaluates a pose of the motion under the reading. `counterparts` is the result of joint_counterparts. `joints` and
+/// `vertices` of the result follow the reading, `bones` do not.
+///
+/// Errors  those of pose_body.
 [[nodiscard]] inline PosedBody pose_as(const BodyModel& body, const Motion& motion, std::size_t pose,
                                        const MotionReading& reading, Span<const int> counterparts);
 
-/// First joint of the left and of the right hand, 15 each, for bodies that have such hands.
+/// First joint of the left hand, which has 15 joints; those of the right hand follow. No value for other bodies.
 [[nodiscard]] inline std::optional<std::size_t> first_hand_joint(std::size_t joint_count) {
     if (joint_count == 55) return 25;
     if (joint_count == 52) return 22;
@@ -136,7 +137,7 @@ inline std::optional<std::size_t> FrameOrder::pose_of(std::size_t frame, std::si
         return static_cast<std::size_t>(pose);
     }
     const std::size_t first = kind == Kind::names_from_1;
-    std::vector<std::size_t> order(frames); // frames in order of their names
+    std::vector<std::size_t> order(frames); // frames in order of their file names
     std::iota(order.begin(), order.end(), std::size_t(0));
     std::sort(order.begin(), order.end(),
               [&](std::size_t a, std::size_t b) { return std::to_string(a + first) < std::to_string(b + first); });
@@ -191,7 +192,7 @@ inline std::vector<int> joint_counterparts(const BodyModel& body, Span<const dou
         }
         result.push_back(best);
     }
-    for (std::size_t j = 0; j < result.size(); ++j) // those that do not agree are nobody's
+    for (std::size_t j = 0; j < result.size(); ++j) // pairs that are not mutual map to themselves
         if (result[static_cast<std::size_t>(result[j])] != static_cast<int>(j)) result[j] = static_cast<int>(j);
     return result;
 }

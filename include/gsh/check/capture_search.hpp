@@ -22,19 +22,20 @@
 namespace gsh {
 
 struct CaptureSearchParams {
-    std::size_t views = 48;       ///< images that hypotheses are tried on; at least 3 of each camera
+    std::size_t views = 48;       ///< number of images on which hypotheses are tried; at least 3 of each camera
     int coarse_size = 256;        ///< pixels along the longer side while hypotheses are tried
-    int fine_size = 1080;         ///< the same for figures that are reported; larger images are reduced
-    double gain = 0.04;           ///< of IoU, that a hypothesis must bring
-    double remaining = 0.7;       ///< of 1 - IoU, that it may leave
-    double convincing = 0.6;      ///< IoU below which nothing is believed
-    double inverted_border = 0.6; ///< share of the border inside the mask that says that the mask is inverted
-    int rounds = 6;               ///< faults that may come together
+    int fine_size = 1080;         ///< the same for the reported values; larger images are reduced
+    double gain = 0.04;           ///< smallest improvement of the IoU for a hypothesis to be accepted
+    double remaining = 0.7;       ///< largest remaining fraction of 1 - IoU for a hypothesis to be accepted
+    double convincing = 0.6;      ///< IoU below which no hypothesis is accepted
+    double inverted_border = 0.6; ///< a mask is taken as inverted if it covers more than this fraction of the border
+    int rounds = 6;               ///< largest number of combined faults
 };
 
-/// Every hypothesis is rendered: conventions of cameras, of poses and of images each on their own, and sizes and shifts
-/// that a few steps of a line search find. What concerns poses is tried for everybody's, and for each person's alone.
-/// The one that gains most is taken, for the cameras where its gain is clear, and the search goes on from there.
+/// Greedy search over readings. Each round renders every hypothesis: single conventions of cameras, poses and images,
+/// and sizes and shifts from a short line search. Hypotheses about poses are tried for all people together and for each
+/// person alone. The hypothesis with the largest gain is accepted for the cameras where its gain is clear, and the next
+/// round starts from the result.
 template <CpuBackend B>
 class CaptureSearch {
 public:
@@ -55,7 +56,7 @@ public:
         return mended - given >= params_.gain && 1 - mended <= params_.remaining * (1 - given);
     }
 
-    /// The images, as given.
+    /// Evaluates the images with the files as given.
     [[nodiscard]] std::vector<ViewLook> look(const Views& views) {
         auto looks = looks_.look(views, as_given(), params_.fine_size);
         std::vector<double> count(border_.size(), 0);
@@ -64,10 +65,10 @@ public:
         for (std::size_t c = 0; c < border_.size(); ++c) border_[c] /= std::max(1.0, count[c]);
         return looks;
     }
-    /// Mean over the images of the last look, as given.
+    /// Mean over the images of the last call of look.
     [[nodiscard]] double border_share(std::size_t camera) const { return border_[camera]; }
 
-    /// A few views of each camera, evenly spread.
+    /// A few views of each camera, evenly spaced.
     [[nodiscard]] Views choose_views(const Views& usable) const {
         Views chosen;
         const std::size_t cameras = std::max<std::size_t>(1, capture_.cameras.size());
@@ -82,7 +83,7 @@ public:
         return chosen;
     }
 
-    /// IoU of each view under a reading, -1 where it has no pose.
+    /// IoU of each view under a reading, -1 if it has no pose.
     [[nodiscard]] std::vector<double> fine(const Views& views, const CaptureReading& reading) {
         return looks_.overlaps(looks_.look(views, reading, params_.fine_size));
     }
@@ -110,7 +111,7 @@ private:
     };
     using People = std::vector<std::size_t>;
 
-    /// Whose poses may have a fault in common: everybody's, or one person's. Somebody who is absent has none.
+    /// Groups of people whose poses may share a fault: all people, and each one alone. Absent people are left out.
     [[nodiscard]] static std::vector<People> suspects(const CaptureReading& reading) {
         std::vector<People> result(1);
         for (std::size_t p = 0; p < reading.motions.size(); ++p)
@@ -120,10 +121,10 @@ private:
         return result;
     }
 
-    /// Takes the candidate that gains most. False if none is clearly better.
+    /// Accepts the candidate with the largest gain; returns false if none is clearly better.
     bool improve(const Views& views, CaptureReading& reading);
 
-    /// Conventions, one at a time; those on top are preferred where two do equally well.
+    /// Readings that change one convention each; earlier ones are preferred when two are equally good.
     [[nodiscard]] std::vector<Candidate> conventions(const CaptureReading& reading) const;
 
     [[nodiscard]] static double resolution(const Camera<double>& camera);
@@ -196,8 +197,8 @@ bool CaptureSearch<B>::improve(const Views& views, CaptureReading& reading) {
     return true;
 }
 
-/// A principal point is near the middle: how many times as wide the images are that K is for. Usual factors are
-/// preferred, and what is near 1 is 1.
+/// Estimates how many times as wide the images are that K refers to, assuming a principal point near the image's
+/// centre. Common factors are preferred, and values near 1 are set to 1.
 template <CpuBackend B>
 double CaptureSearch<B>::resolution(const Camera<double>& camera) {
     const double wide = 2 * camera.cx / camera.width, high = 2 * camera.cy / camera.height;
@@ -235,7 +236,7 @@ auto CaptureSearch<B>::conventions(const CaptureReading& reading) const -> std::
     using Sides = MotionReading::Sides;
     using World = MotionReading::World;
     using Translation = MotionReading::Translation;
-    of_motion([](MotionReading& r) { r.absent = true; }, 1); // not everybody is
+    of_motion([](MotionReading& r) { r.absent = true; }, 1); // at least one person must be present
     of_motion([](MotionReading& r) { r.degrees = true; });
     for (const Sides sides : {Sides::mirrored, Sides::swapped}) of_motion([&](MotionReading& r) { r.sides = sides; });
     for (const double unit : {0.01, 0.001}) {
@@ -273,7 +274,8 @@ void CaptureSearch<B>::add_measured(const Views& views, const CaptureReading& re
     candidates.push_back({zoomed(views, reading, looks), false});
 }
 
-/// The first guess leaves to others what they cover, and what their masks lack or have too much to the suspects.
+/// Fits the size of `people`. The first estimate attributes the whole difference between mask area and silhouette area
+/// to them.
 template <CpuBackend B>
 CaptureReading CaptureSearch<B>::resized(const Views& views, const CaptureReading& reading,
                                          const std::vector<ViewLook>& looks, const People& people) {
@@ -328,9 +330,9 @@ CaptureReading CaptureSearch<B>::zoomed(const Views& views, const CaptureReading
     return best;
 }
 
-/// The displacement d of some people that brings the middles of everybody's silhouettes onto the masks': with J the
-/// derivative of such a middle, which is that of the projection at each body times the body's share of the silhouette,
-/// sum Jᵀ J d = sum Jᵀ (mask - silhouette).
+/// The displacement d of `people` that moves the centroids of the combined silhouettes onto those of the masks. It
+/// solves sum Jᵀ J d = sum Jᵀ (mask - silhouette). J is the derivative of a centroid: the projection's derivative at
+/// each body, weighted by the body's share of the silhouette.
 template <CpuBackend B>
 CaptureReading CaptureSearch<B>::displaced(const Views& views, const CaptureReading& reading,
                                            std::vector<ViewLook> looks, const People& people) {
@@ -371,8 +373,8 @@ CaptureReading CaptureSearch<B>::displaced(const Views& views, const CaptureRead
     return result;
 }
 
-/// Where each camera's silhouettes fall best onto its masks, from the given step in pixels of the reduced image down to
-/// one. A moved principal point moves the silhouette and does nothing else.
+/// The shift of each camera's silhouettes that fits its masks best, searched from the given step in pixels of the
+/// reduced image down to one. Moving the principal point only shifts the silhouette.
 template <CpuBackend B>
 CaptureReading CaptureSearch<B>::shifted(const Views& views, const CaptureReading& reading, int size, int first_step) {
     std::vector<std::pair<Silhouette, Silhouette>> pairs(views.size());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  How a reading of a capture differs from the files, fault by fault, in words that a user can act on.
+/// @file  Descriptions of the differences between a reading and a capture's files: fault, hypothesis and remedy.
 #pragma once
 
 #include <gsh/check/capture_reading.hpp>
@@ -15,7 +15,7 @@
 
 namespace gsh {
 
-/// One respect in which a reading is not what the files say, and the cameras or people that it concerns.
+/// One respect in which a reading differs from the files, and the cameras or people concerned.
 struct Aspect {
     enum class Kind {
         inverted_mask,
@@ -25,7 +25,7 @@ struct Aspect {
         order,
         shift,
         zoom,
-        // from here on of motions
+        // the kinds below concern motions
         absent,
         sides,
         degrees,
@@ -36,20 +36,20 @@ struct Aspect {
         offset,
     };
     Kind kind;
-    std::vector<std::size_t> cameras;     ///< all of them, if it concerns motions
-    std::vector<std::size_t> people = {}; ///< none, if it does not
+    std::vector<std::size_t> cameras;     ///< all of them if the aspect concerns motions
+    std::vector<std::size_t> people = {}; ///< empty if the aspect concerns cameras
 
     [[nodiscard]] bool of_motion() const { return kind >= Kind::absent; }
 };
 
-/// All respects in which a reading differs; cameras and people that differ alike stand together. Mean hands are not
-/// among them.
+/// All respects in which a reading differs from the files. Cameras and people that differ in the same way are grouped.
+/// Mean hands are not included.
 [[nodiscard]] inline std::vector<Aspect> aspects_of(const CaptureReading& reading);
 
-/// Takes one respect back.
+/// Resets one aspect of the reading to the default.
 inline void reset(CaptureReading& reading, const Aspect& aspect);
 
-/// The fault in a word, the hypothesis that mends it ("with …"), and what its author can do.
+/// The fault's name, the hypothesis that corrects it ("with …"), and the remedy for the capture's author.
 [[nodiscard]] inline std::string fault_name(const Aspect& aspect, const CaptureReading& reading);
 [[nodiscard]] inline std::string hypothesis_text(const Aspect& aspect, const CaptureReading& reading);
 [[nodiscard]] inline std::string remedy_text(const Aspect& aspect, const CaptureReading& reading,
@@ -73,7 +73,7 @@ std::string listing(std::size_t count, std::size_t most, const Name& name) {
     return text + (count > most ? " and " + std::to_string(count - most) + " more" : "");
 }
 
-/// What a finding concerns: images, cameras, or poses.
+/// The images, cameras or poses that a finding concerns.
 template <class Finding>
 std::string place_text(const Capture& capture, const Finding& finding) {
     const auto camera = [&](std::size_t c) { return capture.cameras[c].name; };
@@ -97,11 +97,11 @@ std::string finding_text(const Capture& capture, const Finding& finding, const s
            "; " + remedy;
 }
 
-inline constexpr auto absence_remedy = "nobody in the images moves so: leave these poses out, look for a fault of "
-                                       "theirs that we do not know, or for masks "
-                                       "that leave somebody out";
+inline constexpr auto absence_remedy = "nobody in the images has these poses: leave them out, or look for another "
+                                       "fault of these poses, or for masks that "
+                                       "omit a person";
 
-/// Calls visit(kind, member) for each respect in which motions are read otherwise.
+/// Calls visit(kind, member) for each aspect of a MotionReading.
 template <class Visit>
 void for_motion_aspects(const Visit& visit) {
     using Kind = Aspect::Kind;
@@ -197,7 +197,7 @@ inline void reset(CaptureReading& reading, const Aspect& aspect) {
 
 inline std::string fault_name(const Aspect& aspect, const CaptureReading& reading) {
     const CameraReading& camera = reading.cameras[aspect.cameras.front()];
-    const bool own = camera.extrinsics == Extrinsics::world_to_camera; // then the unit alone
+    const bool own = camera.extrinsics == Extrinsics::world_to_camera; // then only the unit differs
     switch (aspect.kind) {
     case Aspect::Kind::inverted_mask:
         return "inverted-masks";
@@ -314,7 +314,7 @@ inline std::string remedy_text(const Aspect& aspect, const CaptureReading& readi
     using Kind = Aspect::Kind;
     const CameraReading& camera = reading.cameras[aspect.cameras.front()];
     const MotionReading motion = aspect.of_motion() ? reading.motions[aspect.people.front()] : MotionReading();
-    /// One short phrase a camera, for those that fit on a line.
+    // One short phrase per camera, for as many cameras as fit on a line.
     const auto each = [&](const auto& phrase) {
         constexpr std::size_t most = 8;
         std::string text;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Silhouettes: which pixels a mask calls the person, which a posed mesh covers, and how far both agree.
+/// @file  Silhouettes of masks and of posed meshes, and their overlap.
 #pragma once
 
 #include <gsh/backend/serial.hpp>
@@ -21,7 +21,7 @@ namespace gsh {
 
 struct Silhouette {
     int height = 0, width = 0;
-    std::vector<std::uint8_t> inside; // [height, width] 1 on the person, else 0
+    std::vector<std::uint8_t> inside; // [height, width] 1 inside the silhouette, else 0
 
     [[nodiscard]] const std::uint8_t* row(int y) const {
         return inside.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
@@ -31,11 +31,11 @@ struct Silhouette {
         for (const std::uint8_t pixel : inside) sum += pixel;
         return sum;
     }
-    /// Of all pixels, how many are inside.
+    /// Fraction of all pixels that are inside.
     [[nodiscard]] double share() const {
         return static_cast<double>(area()) / static_cast<double>(std::max<std::size_t>(1, inside.size()));
     }
-    /// The same along the image's border.
+    /// Fraction of the pixels on the image's border that are inside.
     [[nodiscard]] double border_share() const {
         double sum = 0, count = 0;
         for (int y = 0; y < height; ++y)
@@ -43,7 +43,7 @@ struct Silhouette {
                 sum += row(y)[x], count += 1;
         return sum / std::max(1.0, count);
     }
-    /// Mean position of what is inside, pixels; zero where nothing is.
+    /// Mean position of the pixels inside; zero if there are none.
     [[nodiscard]] vec2<double> centroid() const {
         vec2<double> sum(0);
         double count = 0;
@@ -55,7 +55,7 @@ struct Silhouette {
     void invert() {
         for (std::uint8_t& pixel : inside) pixel ^= 1;
     }
-    /// Left becomes right.
+    /// Mirrors the silhouette in x.
     void mirror() {
         for (int y = 0; y < height; ++y) {
             const auto first = inside.begin() + static_cast<std::ptrdiff_t>(y) * width;
@@ -64,8 +64,8 @@ struct Silhouette {
     }
 };
 
-/// The camera of an image whose pixels are means over reduction x reduction of the given one's; what is left over at
-/// the right and at the bottom falls away.
+/// The camera of an image reduced by averaging reduction x reduction pixels. Incomplete blocks at the right and at the
+/// bottom are dropped.
 [[nodiscard]] inline Camera<double> reduced_camera(const Camera<double>& camera, int reduction) {
     Camera<double> result = camera;
     result.fx /= reduction, result.fy /= reduction, result.cx /= reduction, result.cy /= reduction;
@@ -73,7 +73,8 @@ struct Silhouette {
     return result;
 }
 
-/// Where the mean alpha of reduction x reduction pixels is at least 1/2.
+/// The pixels at which the mean alpha of reduction x reduction pixels is at least 1/2.
+///
 /// Shapes  image RGBA.
 [[nodiscard]] inline Silhouette mask_silhouette(const PixelImage& image, int reduction = 1) {
     check_value(image.channels == 4, "mask_silhouette",
@@ -92,7 +93,7 @@ struct Silhouette {
     return result;
 }
 
-/// What a mesh covers of an image, by its pixels' centres.
+/// The pixels whose centres a mesh covers.
 [[nodiscard]] inline Silhouette mesh_silhouette(Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces,
                                                 const Camera<double>& camera) {
     cpu::Serial serial;
@@ -100,7 +101,7 @@ struct Silhouette {
     return {mask.height, mask.width, std::move(mask.data)};
 }
 
-/// What at least one of several silhouettes of one size covers.
+/// The union of several silhouettes of the same size.
 [[nodiscard]] inline Silhouette united(const std::vector<Silhouette>& silhouettes) {
     Silhouette result = silhouettes.front();
     for (const Silhouette& other : silhouettes)
@@ -108,7 +109,7 @@ struct Silhouette {
     return result;
 }
 
-/// Intersection over union, kept as its two counts, so that several can be summed.
+/// Intersection over union, stored as two counts, so that overlaps can be summed.
 struct Overlap {
     std::size_t both = 0, either = 0;
 
@@ -119,7 +120,8 @@ struct Overlap {
     [[nodiscard]] double iou() const { return either ? static_cast<double>(both) / static_cast<double>(either) : 0.0; }
 };
 
-/// Overlap of `a`, moved by (dx, dy) pixels within its image, with `b`.
+/// Overlap of `a`, shifted by (dx, dy) pixels within its image, with `b`.
+///
 /// Errors  ShapeError if their sizes differ.
 [[nodiscard]] inline Overlap overlap(const Silhouette& a, const Silhouette& b, int dx = 0, int dy = 0) {
     check_size("overlap", "rows of the second silhouette", static_cast<std::size_t>(b.height),

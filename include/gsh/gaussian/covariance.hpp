@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The covariance of a Gaussian from its quaternion and log-scales.
+/// @file  The covariance of a Gaussian from its quaternion and log-scales, with adjoint.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -12,7 +12,7 @@ namespace gsh {
 
 namespace detail {
 
-/// What the covariance and its adjoint share: F = R S and its parts, with three exponentials and one root.
+/// The terms that the covariance and its adjoint share: F = R S and its factors (three exponentials, one square root).
 template <Lane T>
 struct CovarianceFactor {
     quat<T> unit;
@@ -23,7 +23,7 @@ struct CovarianceFactor {
         : unit(normalize(q)), scale(exp(log_scale.x), exp(log_scale.y), exp(log_scale.z)), R(rotation_matrix(unit)),
           F(R[0] * scale.x, R[1] * scale.y, R[2] * scale.z) {}
 
-    /// A unit of log-scale k scales column k of F by itself.
+    /// The derivative of column k of F with respect to log-scale k is the column itself.
     GSH_HD void backward(const quat<T>& q, const mat3<T>& dL_dF, quat<T>& dL_dq, vec3<T>& dL_dlog_scale) const {
         dL_dlog_scale += vec3<T>(dot(F[0], dL_dF[0]), dot(F[1], dL_dF[1]), dot(F[2], dL_dF[2]));
         quat<T> dL_dunit{T(0), T(0), T(0), T(0)};
@@ -34,7 +34,7 @@ struct CovarianceFactor {
 
 } // namespace detail
 
-/// F = R diag(exp s), whose gram F Fᵀ is the covariance. A linear map M of space turns F into M F.
+/// F = R diag(exp s); the covariance is F Fᵀ. A linear map M of space turns F into M F.
 ///
 /// Shapes  q [4] of any length but zero, log_scale [3].
 /// Units   log_scale: logarithm of metres; F: metres.

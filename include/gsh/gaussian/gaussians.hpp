@@ -19,7 +19,7 @@
 namespace gsh {
 
 /// Views of N Gaussians; `GaussiansView<const T>` is an input, `GaussiansView<T>` an output or a gradient. In a
-/// gradient an attribute may be left empty: nobody asks for it, nothing is written.
+/// gradient an empty attribute is not written.
 ///
 /// Shapes  means [N], quats [N] of any length but zero, log_scales [N], opacity_logits [N], sh [N, (sh_degree+1)²] RGB.
 /// Units   metres, logarithm of metres; opacities before the sigmoid; display-referred sRGB.
@@ -37,7 +37,7 @@ struct GaussiansView {
     int sh_degree = 0;
 
     [[nodiscard]] GSH_HD std::size_t size() const { return means.size(); }
-    template <std::same_as<T> U> // a template, since nvcc warns of a conversion to one's own type
+    template <std::same_as<T> U> // a template, because nvcc warns about a conversion to the same type
         requires(!std::is_const_v<T>)
     [[nodiscard]] operator GaussiansView<const U>() const
     {
@@ -45,8 +45,8 @@ struct GaussiansView {
     }
 };
 
-/// Every number of every attribute becomes zero, as a gradient or a moment of Adam starts; a quat{} would be the
-/// identity instead.
+/// Sets every number of every attribute to zero, the initial value of a gradient or of a moment of Adam. The default
+/// quat{} is the identity rotation and would be wrong here.
 template <Backend B, std::floating_point T>
 void fill_zero(B& backend, const GaussiansView<T>& gradient) {
     backend.fill(gradient.means, vec3<T>(T(0)));
@@ -56,7 +56,8 @@ void fill_zero(B& backend, const GaussiansView<T>& gradient) {
     backend.fill(gradient.sh, vec3<T>(T(0)));
 }
 
-/// Throws ShapeError unless every attribute fits `count` Gaussians; where `optional`, an empty attribute passes.
+/// Throws ShapeError unless every attribute has the size for `count` Gaussians. If `optional`, an attribute may be
+/// empty.
 template <class T>
 void check_gaussians(std::string_view where, std::string_view argument, const GaussiansView<T>& view,
                      std::size_t count, bool optional = false) {
@@ -100,7 +101,7 @@ struct Gaussians {
     }
 };
 
-/// Gaussians in host memory, as files hold them.
+/// Gaussians in host memory, in the form in which files store them.
 template <class T>
 struct GaussianCloud {
     std::vector<vec3<T>> means;
@@ -113,7 +114,7 @@ struct GaussianCloud {
     GaussianCloud() = default;
     GaussianCloud(std::size_t count, int degree) { resize(count, degree); }
 
-    /// New Gaussians stand at the origin with scale 1, opacity 1/2 and grey.
+    /// New Gaussians are at the origin with scale 1, opacity 1/2 and grey colour.
     void resize(std::size_t count, int degree) {
         means.resize(count, vec3<T>(T(0)));
         quats.resize(count);
@@ -129,7 +130,7 @@ struct GaussianCloud {
     }
 };
 
-/// Copies a cloud into the backend's memory, resizing `gaussians` to it.
+/// Copies a cloud into the backend's memory and resizes `gaussians` to match.
 template <Backend B, std::floating_point T = float>
 void upload(B& backend, const GaussianCloud<T>& cloud, Gaussians<B, T>& gaussians) {
     check_gaussians("upload", "cloud", cloud.view(), cloud.size());

@@ -9,10 +9,10 @@
 
 namespace gsh {
 
-/// Where colours stop: at 0 and 1, or at 0 only as in a plain 3DGS scene.
+/// The range to which colours are clamped: [0, 1], or [0, ∞) as in a plain 3DGS scene.
 enum class ColorClamp { both, below };
 
-/// The constant coefficient of a Gaussian that has this colour from everywhere, the others being zero:
+/// The constant SH coefficient that gives this colour from every direction if the other coefficients are zero:
 /// (color - 0.5) / Y_0.
 template <Lane T>
 [[nodiscard]] GSH_HD vec3<T> sh_of_color(const vec3<T>& color) {
@@ -33,7 +33,7 @@ template <Lane T>
     return clamping == ColorClamp::both ? min(above, T(1)) : above;
 }
 
-/// The gradient where clamp_color let c through, else 0; the ends themselves count as inside.
+/// The gradient where clamp_color did not clamp c, else 0. The interval's ends count as not clamped.
 template <Lane T>
 [[nodiscard]] GSH_HD T clamp_color_gradient(T c, T dL_dclamped, ColorClamp clamping) {
     const T above = select(c >= T(0), dL_dclamped, T(0));
@@ -54,8 +54,8 @@ template <int Degree, Lane T>
                    detail::clamp_color(c.z, clamping)) * ao;
 }
 
-/// Adjoint of shade: adds to dL_dsh, dL_ddir (x, y, z independent) and dL_dao. A clamped channel passes nothing to
-/// sh and dir; ao receives dL_dcolor times the colour before ao.
+/// Adjoint of shade: adds to dL_dsh, dL_ddir (x, y, z independent) and dL_dao. A clamped channel adds nothing to dL_dsh
+/// and dL_ddir. dL_dao receives dL_dcolor times the colour before occlusion.
 template <int Degree, Lane T>
 GSH_HD void shade_backward(const vec3<T>* sh, const vec3<T>& dir, T ao, ColorClamp clamping, const vec3<T>& dL_dcolor,
                            vec3<T>* dL_dsh, vec3<T>& dL_ddir, T& dL_dao) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Gaussians as the rasterizer sees them: posed, activated, coloured.
+/// @file  Gaussians in the form that the rasterizer takes: posed, activated and coloured.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -12,10 +12,10 @@
 
 namespace gsh {
 
-/// How a splat meets the pixel grid; what a scene was trained with is part of the scene.
+/// How splats are filtered on the pixel grid. A scene must be rendered with the filter that it was trained with.
 struct PixelFilter {
     double dilation = 0.3;           ///< square pixels, added to both variances of a projected splat
-    bool compensate_opacity = false; ///< keep a splat's total weight when the dilation widens it
+    bool compensate_opacity = false; ///< reduce the opacity so that dilation preserves a splat's total weight
 };
 
 /// Views of N Gaussians in world space; `SplatView<const T>` is an input, `SplatView<T>` an output or a gradient.
@@ -34,12 +34,12 @@ struct SplatView {
     Span<Like<vec3<Scalar>>> colors;
 
     [[nodiscard]] GSH_HD std::size_t size() const { return means.size(); }
-    /// `count` splats from number `first` on: one person's part of a scene.
+    /// `count` splats starting at index `first`, for instance one person's part of a scene.
     [[nodiscard]] GSH_HD SplatView subview(std::size_t first, std::size_t count) const {
         return {means.subspan(first, count), covariances.subspan(first, count), opacities.subspan(first, count),
                 colors.subspan(first, count)};
     }
-    template <std::same_as<T> U> // a template, since nvcc warns of a conversion to one's own type
+    template <std::same_as<T> U> // a template, because nvcc warns about a conversion to the same type
         requires(!std::is_const_v<T>)
     [[nodiscard]] operator SplatView<const U>() const
     {
@@ -47,7 +47,7 @@ struct SplatView {
     }
 };
 
-/// Every number of every attribute becomes zero, as a gradient starts.
+/// Sets every number of every attribute to zero, the initial value of a gradient.
 template <Backend B, std::floating_point T>
 void fill_zero(B& backend, const SplatView<T>& gradient) {
     backend.fill(gradient.means, vec3<T>(T(0)));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A static 3DGS scene as splats: activations, covariance, and the colour seen from a camera centre.
+/// @file  Turns a static 3DGS scene into splats: activations, covariance, and the colour seen from a camera centre.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -18,8 +18,8 @@
 
 namespace gsh {
 
-/// The unit vector from the camera's centre to a mean. A Gaussian at the centre itself, which no camera can see, gets
-/// the z axis in place of a NaN.
+/// The unit vector from the camera's centre to a mean. For a Gaussian at the centre, which is never visible, the result
+/// is the z axis instead of NaN.
 template <Lane T>
 [[nodiscard]] GSH_HD vec3<T> view_direction(const vec3<T>& mean, const vec3<T>& center) {
     const vec3<T> offset = mean - center;
@@ -65,7 +65,7 @@ struct StaticSplatBackward {
     ColorClamp clamping;
     SplatView<const T> dL_dsplats;
     GaussiansView<T> dL_dgaussians;
-    Span<vec3<T>> dL_dcenters; // what each Gaussian adds to dL_dcenter; may be empty
+    Span<vec3<T>> dL_dcenters; // contribution of each Gaussian to dL_dcenter; may be empty
 
     GSH_HD void operator()(std::size_t i) const {
         constexpr std::size_t basis_count = static_cast<std::size_t>(sh_basis_count(Degree));
@@ -111,14 +111,13 @@ inline void check_degree(std::string_view where, int found, int expected) {
 
 } // namespace detail
 
-/// Scratch of static_splats_backward; keep it from step to step.
+/// Temporary storage of static_splats_backward; reuse it between steps to avoid allocation.
 template <Backend B, std::floating_point T = float>
 struct StaticSplatsWorkspace {
     typename B::template Buffer<vec3<T>> dL_dcenters, partials;
 };
 
-/// Gaussians as the rasterizer wants them: opacity = sigmoid, covariance = R S Sᵀ Rᵀ, colour from the SH along the
-/// view.
+/// Gaussians to splats: opacity = sigmoid(logit), covariance = R S Sᵀ Rᵀ, colour from the SH along the view direction.
 ///
 /// Shapes  gaussians and splats of equal size; center [3].
 /// Frame   all in the world; center is the camera's centre, Camera::center().
@@ -135,8 +134,8 @@ void static_splats_forward(B& backend, const std::type_identity_t<GaussiansView<
     backend.for_each(gaussians.size(), detail::StaticSplatForward<Degree, T>{gaussians, center, clamping, splats});
 }
 
-/// Adjoint of static_splats_forward: adds to the attributes of dL_dgaussians that are not empty and, where given, to
-/// dL_dcenter, one vector in the backend's memory.
+/// Adjoint of static_splats_forward: adds to the attributes of dL_dgaussians that are not empty. If dL_dcenter is
+/// given, it is one vector in the backend's memory and is added to as well.
 template <int Degree, Backend B, class T>
 void static_splats_backward(B& backend, const std::type_identity_t<GaussiansView<const T>>& gaussians,
                             const std::type_identity_t<vec3<T>>& center,

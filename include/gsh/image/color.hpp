@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Colour: the sRGB curve, and 8-bit pixels with alpha composited into the planes that training compares with.
+/// @file  The sRGB curve and its adjoint, and compositing of 8-bit RGBA pixels over a background.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -15,11 +15,12 @@
 
 namespace gsh {
 
-/// Display-referred sRGB in [0, 1] to linear light. Below 0 the straight part goes on.
+/// Display-referred sRGB in [0, 1] to linear light. The linear segment continues below 0.
+///
 /// Source  IEC 61966-2-1.
 template <Lane T>
 [[nodiscard]] GSH_HD T srgb_to_linear(T s) {
-    const T base = (max(s, T(0.04045)) + T(0.055)) * T(1 / 1.055); // positive also where the other branch is taken
+    const T base = (max(s, T(0.04045)) + T(0.055)) * T(1 / 1.055); // positive even where not selected
     return select(s <= T(0.04045), s * T(1 / 12.92), exp(T(2.4) * log(base)));
 }
 /// Adjoint of srgb_to_linear: adds to dL_ds.
@@ -58,7 +59,7 @@ struct ImageBackground {
     }
 };
 
-/// One pixel: c α + background (1 - α). Exact at both ends: α = 0 gives the background's bits, α = 1 the colour's.
+/// One pixel: c α + background (1 - α). α = 0 gives exactly the background, α = 1 exactly the colour.
 template <class T, class Background>
 struct CompositeRgba8 {
     const std::uint8_t* rgba;
@@ -92,11 +93,11 @@ void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int 
 
 } // namespace detail
 
-/// Straight-alpha bytes over a plain background: color = c α + background (1 - α), all in display-referred sRGB, as
-/// the renderer composites.
+/// Composites straight-alpha bytes over a plain background: color = c α + background (1 - α). All values are
+/// display-referred sRGB, as in the renderer.
 ///
 /// Shapes  rgba [height, width, 4] in the backend's memory; out_color [3, height, width]; out_alpha [1, height, width]
-///         or a default ImageView where it is not wanted.
+///         or a default ImageView if it is not needed.
 /// Errors  ShapeError.
 template <Backend B, std::floating_point T>
 void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int width,
@@ -106,7 +107,7 @@ void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int 
                             out_alpha);
 }
 
-/// The same over a picture [3, height, width].
+/// Composites over a background image [3, height, width].
 template <Backend B, std::floating_point T>
 void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int width,
                      const std::type_identity_t<ImageView<const T>>& background, const ImageView<T>& out_color,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Images as planes: one contiguous plane of rows per channel.
+/// @file  Planar images: one contiguous plane of rows per channel.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -12,8 +12,8 @@
 
 namespace gsh {
 
-/// View of a planar image, [channels, height, width]; `ImageView<const T>` is an input. Planes, not pixels, because
-/// filters and losses work a channel at a time and rows of one channel fill a register.
+/// View of a planar image, [channels, height, width]; `ImageView<const T>` is an input. The layout is planar because
+/// filters and losses process one channel at a time and load consecutive pixels of a row into one register.
 template <class T>
 struct ImageView {
     Span<T> data;
@@ -31,7 +31,7 @@ struct ImageView {
     }
     [[nodiscard]] GSH_HD T& at(int channel, int y, int x) const { return row(channel, y)[x]; }
 
-    template <std::same_as<T> U> // a template, since nvcc warns of a conversion to one's own type
+    template <std::same_as<T> U> // a template, because nvcc warns about a conversion to the same type
         requires(!std::is_const_v<T>)
     [[nodiscard]] operator ImageView<const U>() const
     {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  An image seen through a map of pixels: bilinear, for straightening photographs and changing their size.
+/// @file  Bilinear resampling of an image through a pixel map, for undistorting photographs and changing their size.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -15,13 +15,13 @@
 
 namespace gsh {
 
-/// Pixel coordinates of the output -> pixel coordinates of the source; the first pixel's centre is (0.5, 0.5).
+/// Maps pixel coordinates of the output to pixel coordinates of the source; the first pixel's centre is (0.5, 0.5).
 template <class M, class T>
 concept PixelMap = requires(const M& map, vec2<T> pixel) {
     { map(pixel) } -> std::convertible_to<vec2<T>>;
 };
 
-/// Source = output scaled about the corner: shrinking by more than 2 skips pixels, so go by halves.
+/// Scales about the image's corner. A reduction by more than 2 skips source pixels; reduce in steps of 2 instead.
 template <class T>
 struct ScaleMap {
     T x = T(1), y = T(1);
@@ -30,7 +30,7 @@ struct ScaleMap {
 
 namespace detail {
 
-/// The four source pixels around a point and their weights; those outside the source weigh nothing.
+/// The four source pixels around a point and their weights. Pixels outside the source have weight 0.
 template <class T>
 struct BilinearTaps {
     std::size_t index[4] = {};
@@ -104,10 +104,10 @@ private:
 
 } // namespace detail
 
-/// out(p) = source(map(p)), bilinear; what lies outside the source counts as 0.
+/// out(p) = source(map(p)), bilinear; pixels outside the source count as 0.
 ///
 /// Shapes  source [channels, h, w]; out [channels, height, width] of any size.
-/// Errors  ShapeError for channels that differ or views that are too short.
+/// Errors  ShapeError if the numbers of channels differ or a view is too short.
 template <Backend B, std::floating_point T, PixelMap<T> Map>
 void resample(B& backend, const std::type_identity_t<ImageView<const T>>& source, const Map& map,
               const ImageView<T>& out) {
@@ -120,8 +120,8 @@ void resample(B& backend, const std::type_identity_t<ImageView<const T>>& source
     backend.for_each(out.plane_size(), detail::ResamplePlanes<T, Map>{source, map, out});
 }
 
-/// The same for bytes with straight alpha: colours are weighted by alpha while filtering, so that the colour under
-/// transparent pixels stays out of the picture, and come out straight again. Outside the source alpha is 0.
+/// The same for RGBA bytes with straight alpha. The filter weights colours by alpha, so the colour of transparent
+/// pixels does not affect the result, and converts back to straight alpha. Outside the source alpha is 0.
 ///
 /// Shapes  source [source_height, source_width, 4], out [height, width, 4], in the backend's memory.
 /// Errors  ShapeError.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Activations and their adjoints; each adjoint takes the activated value, which the forward pass left behind.
+/// @file  Activation functions, and their adjoints, which take the activated value from the forward pass.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -7,7 +7,7 @@
 
 namespace gsh {
 
-/// 1 / (1 + e^-x); exact 0 and 1 where the number type can no longer tell.
+/// 1 / (1 + e^-x). Returns exactly 0 or 1 where rounding reaches it.
 template <Lane T>
 [[nodiscard]] GSH_HD T sigmoid(T x) {
     return T(1) / (T(1) + exp(-x));

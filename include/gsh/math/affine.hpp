@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Affine maps of space, x ↦ L x + t: bone transforms, cameras, blends of them.
+/// @file  Affine maps x ↦ L x + t: bone transforms, camera extrinsics and their weighted sums.
 #pragma once
 
 #include <gsh/math/vec.hpp>
 
 namespace gsh {
 
-/// A 3x4 matrix [linear | translation]. Sums and scalings are those of the matrix, so blends are plain arithmetic.
+/// A 3x4 matrix [linear | translation]. Addition and scaling act on the matrix entries, as linear blending requires.
 template <class T>
 struct Affine {
     mat3<T> linear;
     vec3<T> translation;
 
-    // Constructors, not initialisers of the members: nvcc 13.0 turns those into constants whose types its own verifier
-    // rejects ("Invalid bitcast") without failing.
+    // Constructors instead of member initialisers: nvcc 13.0 turns the initialisers into constants whose types its own
+    // verifier rejects ("Invalid bitcast") without failing.
     GSH_HD Affine() : linear(T(1)), translation(T(0)) {}
     GSH_HD Affine(const mat3<T>& linear_, const vec3<T>& translation_) : linear(linear_), translation(translation_) {}
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Dual quaternions as rigid motions, with adjoints: what may be blended where matrices would shrink.
+/// @file  Dual quaternions as rigid motions, with adjoints; unlike blended matrices, their blends stay rigid.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -13,8 +13,8 @@
 
 namespace gsh {
 
-/// real + ε dual with ε² = 0. The motion x ↦ R x + t is real = the quaternion of R, dual = ½ (0, t) real; both signs,
-/// and any positive multiple, stand for the same motion.
+/// real + ε dual with ε² = 0. The motion x ↦ R x + t has real = quaternion of R and dual = ½ (0, t) real. The negative
+/// and every positive multiple of a dual quaternion represent the same motion.
 template <class T>
 struct dual_quat {
     quat<T> real, dual;
@@ -39,12 +39,12 @@ template <std::floating_point T>
     return {q, {dot(t, v) * T(-0.5), d.x, d.y, d.z}};
 }
 
-/// Adjoint of dual_quat_from_rigid, which gave `value`: adds to dL_drigid.
+/// Adjoint of dual_quat_from_rigid, given its result `value`: adds to dL_drigid.
 ///
-/// A rotation can only turn, so only the gradient along turns [ω]x R has a meaning. What is added to the nine numbers
-/// is that one and nothing else, ½ [τ]x R with τ the gradient with respect to ω: it is the gradient of the function
-/// of the nearest rotation (math/polar.hpp), and any chain that moves a matrix among rotations, as kinematics does,
-/// takes exactly the right number from it.
+/// A rotation matrix can only change along the tangent directions [ω]x R, so only that part of the gradient is defined.
+/// The function adds ½ [τ]x R, where τ is the gradient with respect to ω. This equals the gradient of the function
+/// composed with the nearest rotation (math/polar.hpp). It is exact for every chain in which the matrix stays a
+/// rotation, as in forward kinematics.
 template <std::floating_point T>
 GSH_HD void dual_quat_from_rigid_backward(const Affine<T>& rigid, const dual_quat<T>& value,
                                           const dual_quat<T>& dL_dvalue, Affine<T>& dL_drigid) {
@@ -59,11 +59,11 @@ GSH_HD void dual_quat_from_rigid_backward(const Affine<T>& rigid, const dual_qua
     dL_drigid.linear += mat3<T>(cross(half_tau, R[0]), cross(half_tau, R[1]), cross(half_tau, R[2]));
 }
 
-/// The rigid map of a dual quaternion of any length, and its adjoint. A real part of length zero gives the identity
-/// and no gradient.
+/// The rigid map of a dual quaternion of any length, and its adjoint. If the real part has length zero, the map is the
+/// identity and the gradient is zero.
 ///
-/// Source  Kavan et al., "Skinning with Dual Quaternions", 2007, algorithm 1: b / |b.real|, whose dual part need not be
-///         orthogonal to its real part, since the translation takes only the orthogonal part of it.
+/// Source  Kavan et al., "Skinning with Dual Quaternions", 2007, algorithm 1: b / |b.real|. The dual part need not be
+///         orthogonal to the real part, because the translation uses only its orthogonal component.
 template <Lane T>
 class RigidFromDualQuat {
 public:
@@ -80,7 +80,7 @@ public:
         map.translation = (e * unit_.real.w - v * unit_.dual.w + cross(v, e)) * T(2);
     }
 
-    /// Adds to dL_db. Of dL_dmap.linear only the part along turns counts: R cannot move otherwise.
+    /// Adds to dL_db. Only the tangential part of dL_dmap.linear contributes, because R stays a rotation.
     GSH_HD void backward(const Affine<T>& dL_dmap, dual_quat<T>& dL_db) const {
         const quat<T>&n = unit_.real, &m = unit_.dual;
         const vec3<T> v(n.x, n.y, n.z), e(m.x, m.y, m.z), g = dL_dmap.translation * T(2);

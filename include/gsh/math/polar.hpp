@@ -13,10 +13,11 @@ namespace gsh {
 
 namespace detail {
 
-/// K⁻¹ for K = tr(B) I - sym(B): how far a turn must go to take up a given skew part, [ω]x S + S [ω]x = [K ω]x.
+/// K⁻¹ for K = tr(B) I - sym(B). It returns the rotation vector ω with a given skew part: [ω]x S + S [ω]x = [K ω]x.
 ///
-/// K's eigenvalues are the sums of two of B's. Their product is held above a floor, so that the inverse stays bounded
-/// where a sum vanishes, which is where more than one rotation is nearest.
+/// The eigenvalues of K are the pairwise sums of B's eigenvalues. K is singular where such a sum vanishes, which is
+/// where the nearest rotation is not unique. The determinant of K is bounded from below, so the inverse stays finite
+/// there.
 template <Lane T>
 struct TurnResponse {
     sym3<T> adjugate;
@@ -29,7 +30,7 @@ struct TurnResponse {
         adjugate = {k.yy * k.zz - k.yz * k.yz, k.xz * k.yz - k.xy * k.zz, k.xy * k.yz - k.xz * k.yy,
                     k.xx * k.zz - k.xz * k.xz, k.xy * k.xz - k.xx * k.yz, k.xx * k.yy - k.xy * k.xy};
         const T determinant = k.xx * adjugate.xx + k.xy * adjugate.xy + k.xz * adjugate.xz;
-        inverse_determinant = T(1) / max(determinant, T(1e-3)); // of a rotation: 8
+        inverse_determinant = T(1) / max(determinant, T(1e-3)); // the determinant is 8 for a rotation
     }
 
     [[nodiscard]] GSH_HD vec3<T> operator()(const vec3<T>& v) const {
@@ -49,7 +50,7 @@ struct QuatForm {
         return {{dot(w, w), wx, wy, wz}, {wx, dot(x, x), xy, xz}, {wy, xy, dot(y, y), yz}, {wz, xz, yz, dot(z, z)}};
     }
 
-    /// The column with the largest number on the diagonal.
+    /// The column with the largest diagonal element.
     [[nodiscard]] GSH_HD quat<T> longest_column() const {
         quat<T> longest = w;
         T largest = w.w;
@@ -66,13 +67,15 @@ struct QuatForm {
 
 } // namespace detail
 
-/// R = argmax tr(Rᵀ M) over rotations: the nearest rotation, and the factor R of M = R S with S symmetric.
+/// R = argmax tr(Rᵀ M) over rotations: the rotation nearest to M, and the factor R of M = R S with S symmetric.
 ///
-/// With q the quaternion of R, tr(Rᵀ M) = qᵀ N q for a symmetric 4x4 matrix N, so q is N's eigenvector of the largest
-/// eigenvalue. Six squarings of N + c point close to it, Newton's method on the rotations does the rest:
-/// each step cubes the error. R is a rotation for every finite M: also for det M < 0, where S has a negative
-/// eigenvalue, and where several rotations are equally near (M = 0, or two of S's eigenvalues sum to zero, as for the
-/// even blend of opposed rotations) it is one of them; there the adjoint, which grows beyond bounds, is held back.
+/// With q the quaternion of R, tr(Rᵀ M) = qᵀ N q for a symmetric 4x4 matrix N, so q is the eigenvector of N's largest
+/// eigenvalue. Six squarings of N + c I give a first estimate. Newton's method on the rotations refines it; each step
+/// cubes the error.
+///
+/// R is a rotation for every finite M. If det M < 0, S has a negative eigenvalue. If several rotations are equally near
+/// (M = 0, or two eigenvalues of S sum to zero, as in the even blend of opposite rotations), R is one of them. The
+/// exact adjoint is unbounded there; the one computed here is bounded.
 ///
 /// Units   any: R does not depend on M's scale, and dL_dM is orthogonal to M.
 /// Source  the 4x4 form: Davenport, 1968; for M = Σ w_i R_i, N + 1 is 4 Σ w_i q_i q_iᵀ, the matrix of Markley et al.,
@@ -92,7 +95,7 @@ public:
     }
 
 private:
-    T scale_; // of M to Frobenius norm sqrt(3), that of a rotation; 0 for M = 0
+    T scale_; // scales M to Frobenius norm sqrt(3), that of a rotation; 0 for M = 0
     detail::TurnResponse<T> response_;
 
     GSH_HD PolarRotation(const mat3<T>& M, T squared)
@@ -101,9 +104,9 @@ private:
 
     /// Sets R, and returns Rᵀ m.
     GSH_HD mat3<T> nearest(const mat3<T>& m) {
-        // With a >= b >= |c| the eigenvalues of S, N's run from a + b + c down to c - a - b. A shift by more than
-        // -c <= 1, here 3/2, makes the wanted one the largest in magnitude; the factor keeps its powers in float's
-        // range.
+        // Let a >= b >= |c| be the eigenvalues of S. Those of N lie between c - a - b and a + b + c. A shift larger
+        // than -c <= 1, here 3/2, makes the largest of them the largest in magnitude. The factor h keeps its powers
+        // within the range of float.
         const T h = T(ScalarOf<T>(1 / 2.6)), shift = T(1.5) * h;
         const T xx = m[0].x * h, yy = m[1].y * h, zz = m[2].z * h;
         const vec3<T> a = detail::axial(m) * h;

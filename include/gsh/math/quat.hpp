@@ -39,10 +39,10 @@ GSH_HD void normalize_backward(const quat<T>& q, const quat<T>& dL_dn, quat<T>& 
                      (dL_dn.z - n.z * along) * s};
 }
 
-/// The unit quaternion that turns +z to the unit vector n by the shortest way; half a turn about x where n is -z.
+/// The unit quaternion of the shortest rotation from +z to the unit vector n; half a turn about x where n is -z.
 template <Lane T>
 [[nodiscard]] GSH_HD quat<T> quat_from_z_axis(const vec3<T>& n) {
-    // |(1 + n.z, -n.y, n.x)|² = 2 (1 + n.z). At n.z near -1 that cancels, and the vector part is its own length.
+    // |(1 + n.z, -n.y, n.x)|² = 2 (1 + n.z). Near n.z = -1 this cancels, so the length comes from the vector part.
     const T sine = sqrt(n.x * n.x + n.y * n.y);
     const T real = select(n.z > T(0), T(1) + n.z, sine * sine / max(T(1) - n.z, T(1)));
     const MaskOf<T> opposite = real * real + sine * sine < T(1e-30);
@@ -62,7 +62,7 @@ template <Lane T>
     return mat3<T>(column0, column1, column2);
 }
 
-/// Adjoint of rotation_matrix: w, x, y, z count as independent (normalize_backward owns the rest).
+/// Adjoint of rotation_matrix: w, x, y, z count as independent; normalize_backward covers the unit length.
 template <Lane T>
 GSH_HD void rotation_matrix_backward(const quat<T>& q, const mat3<T>& dL_dm, quat<T>& dL_dq) {
     const T two = T(2);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Rotation matrices from axis-angle vectors, Euler angles and quaternions, with adjoints; the way back.
+/// @file  Rotation matrices from axis-angle vectors, Euler angles and quaternions, with adjoints, and their inverses.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -15,8 +15,10 @@ namespace gsh {
 namespace detail {
 
 /// The Stumpff functions c_k(u) = sum_n (-u)^n / (2n + k)! at u = angle², u >= 0: c1 = sin(a)/a, c2 = (1 - cos a)/a².
-/// They are smooth at 0, c_k = 1/k! - u c_(k+2), and their derivatives are combinations of each other:
-/// c1' = (c3 - c2)/2, c2' = c4 - c3/2. Below one radian the series, above it the closed forms.
+///
+/// They are smooth at 0, satisfy c_k = 1/k! - u c_(k+2), and their derivatives are combinations of each other:
+/// c1' = (c3 - c2)/2, c2' = c4 - c3/2. The series is used below one radian, the closed forms above.
+///
 /// Source  Stumpff, "Himmelsmechanik" I, 1959.
 template <Lane T>
 struct Stumpff {
@@ -24,7 +26,7 @@ struct Stumpff {
 
     GSH_HD explicit Stumpff(T u) {
         const T s = min(u, T(1)), one = T(1);
-        // c3 = 1/3! (1 - u/(4·5) (1 - u/(6·7) (…))), c4 = 1/4! (1 - u/(5·6) (1 - u/(7·8) (…))): 3e-18 at u = 1.
+        // c3 = 1/3! (1 - u/(4·5) (1 - u/(6·7) (…))), c4 = 1/4! (1 - u/(5·6) (1 - u/(7·8) (…))); error 3e-18 at u = 1.
         T series3 = one, series4 = one;
         for (int k = 18; k >= 4; k -= 2) {
             series3 = one - s * T(ScalarOf<T>(1) / ScalarOf<T>(k * (k + 1))) * series3;
@@ -77,8 +79,8 @@ GSH_HD void rotation_from_axis_angle_backward(const vec3<T>& v, const mat3<T>& d
     dL_dv += skew * c.c1 + (forth + back) * c.c2 + v * (T(2) * dL_du);
 }
 
-/// The order of the factors: xyz means R = Rx(angles[0]) Ry(angles[1]) Rz(angles[2]), turning about the body's own
-/// axes from left to right. The same turns about fixed axes are the reversed order with reversed angles.
+/// The order of the factors: xyz means R = Rx(angles[0]) Ry(angles[1]) Rz(angles[2]), intrinsic rotations from left to
+/// right. The same rotations about fixed axes have the reversed order and the reversed angles.
 enum class EulerOrder { xyz, xzy, yxz, yzx, zxy, zyx };
 
 namespace detail {
@@ -119,8 +121,8 @@ template <Lane T>
 
 /// Adjoint of rotation_from_euler: adds to dL_dangles.
 ///
-/// A small turn about the first factor's axis e multiplies R by I + da [e]x from the left, so dL_da = <dL_dR Rᵀ, [e]x>;
-/// the later axes are carried along by the factors before them.
+/// A small turn about the first factor's axis e multiplies R by I + da [e]x from the left, so dL_da = <dL_dR Rᵀ, [e]x>.
+/// The later axes are rotated by the factors before them.
 template <Lane T>
 GSH_HD void rotation_from_euler_backward(const vec3<T>& angles, EulerOrder order, const mat3<T>& dL_dR,
                                          vec3<T>& dL_dangles) {
@@ -147,7 +149,8 @@ GSH_HD void rotation_from_quat_backward(const quat<T>& q, const mat3<T>& dL_dR, 
 }
 
 /// The unit quaternion of a rotation matrix, w >= 0.
-/// Source  Shepperd, "Quaternion from rotation matrix", 1978: divide by the largest of the four numbers.
+///
+/// Source  Shepperd, "Quaternion from rotation matrix", 1978: divide by the largest of the four components.
 template <std::floating_point T>
 [[nodiscard]] GSH_HD quat<T> quat_from_rotation(const mat3<T>& R) {
     const T trace = R[0].x + R[1].y + R[2].z;
@@ -168,14 +171,14 @@ template <std::floating_point T>
     return {q.w * scale, q.x * scale, q.y * scale, q.z * scale};
 }
 
-/// The log map: the axis-angle vector of a rotation matrix, of length at most pi; the inverse of
-/// rotation_from_axis_angle. At pi, where v and -v turn alike, it returns one of them.
+/// The logarithm of a rotation matrix: its axis-angle vector, of length at most pi. This is the inverse of
+/// rotation_from_axis_angle. At length pi, v and -v give the same rotation, and the function returns one of them.
 template <std::floating_point T>
 [[nodiscard]] GSH_HD vec3<T> axis_angle_from_rotation(const mat3<T>& R) {
     const quat<T> q = quat_from_rotation(R);
     const vec3<T> v(q.x, q.y, q.z);
     const T sine = length(v); // of half the angle
-    // 2 atan2(s, w) / s tends to 2/w; below the square root of the machine epsilon the difference is lost anyway.
+    // 2 atan2(s, w) / s tends to 2/w. Below the square root of the machine epsilon the two are equal after rounding.
     const T scale = sine > T(1e-8) ? T(2) * std::atan2(sine, q.w) / sine : T(2) / q.w;
     return v * scale;
 }

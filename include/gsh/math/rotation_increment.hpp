@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Small turns on top of rotations: how an axis-angle vector moves when its rotation is turned, with adjoints.
+/// @file  Composition of an axis-angle rotation with a small rotation, with adjoints.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -43,8 +43,8 @@ private:
     }
 };
 
-/// The axis-angle vector of exp(v) exp(increment), of length at most pi; v itself, bit for bit, where the increment is
-/// zero.
+/// The axis-angle vector of exp(v) exp(increment), of length at most pi. If the increment is zero, the result is v, bit
+/// for bit.
 template <std::floating_point T>
 [[nodiscard]] GSH_HD vec3<T> turned(const vec3<T>& v, const vec3<T>& increment) {
     if (increment.x == T(0) && increment.y == T(0) && increment.z == T(0)) return v;
@@ -53,7 +53,7 @@ template <std::floating_point T>
 
 /// Adjoint of turned with respect to the increment, given its result: adds to dL_dincrement.
 ///
-/// A first-order change x of the increment turns the result by J(increment) x, which moves its vector by
+/// A first-order change x of the increment rotates the result by J(increment) x, which changes its axis-angle vector by
 /// J(result)⁻¹ J(increment) x.
 template <Lane T>
 GSH_HD void turned_backward(const vec3<T>& increment, const vec3<T>& result, const vec3<T>& dL_dresult,
@@ -62,8 +62,8 @@ GSH_HD void turned_backward(const vec3<T>& increment, const vec3<T>& result, con
     dL_dincrement += ExponentialJacobian<T>(increment).transposed_times(dL_dturn);
 }
 
-/// The vector of the same rotation as v that lies nearest to `reference`: v plus a multiple of 2 pi along its axis, so
-/// that a sequence of vectors does not jump where their rotations do not.
+/// The axis-angle vector of the same rotation as v that is nearest to `reference`: v plus a multiple of 2 pi along its
+/// axis. A sequence of vectors made this way is continuous wherever its rotations are.
 template <std::floating_point T>
 [[nodiscard]] GSH_HD vec3<T> nearest_axis_angle(const vec3<T>& v, const vec3<T>& reference) {
     const T angle = length(v), whole = T(6.283185307179586);

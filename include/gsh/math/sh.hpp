@@ -18,7 +18,7 @@ namespace gsh {
 /// Units   display-referred sRGB, as in the images; the +0.5 offset and the clamp at zero live in gaussian/shade.hpp.
 /// Errors  none, this is kernel code.
 /// Source  Sloan, "Stupid Spherical Harmonics (SH) Tricks", 2008, appendix; order and signs
-///         as in Kerbl et al., "3D Gaussian Splatting", 2023. Every function is written as a homogeneous polynomial.
+///         as in Kerbl et al., "3D Gaussian Splatting", 2023. Each basis function is a homogeneous polynomial.
 template <int Degree>
     requires(0 <= Degree && Degree <= 4)
 struct SHEval {
@@ -32,8 +32,8 @@ struct SHEval {
         return color;
     }
 
-    /// Adds to dL_dsh and dL_ddir. x, y, z count as independent: whoever normalised dir owns
-    /// the adjoint of that (normalize_backward, math/vec.hpp).
+    /// Adds to dL_dsh and dL_ddir. x, y, z count as independent; normalize_backward (math/vec.hpp) covers the
+    /// normalisation of dir.
     template <Lane T>
     GSH_HD static void backward(const vec3<T>* sh, const vec3<T>& dir, const vec3<T>& dL_dcolor, vec3<T>* dL_dsh,
                                 vec3<T>& dL_ddir) {
@@ -86,7 +86,7 @@ private:
                 const T a = n(2.50334294179670454), b = n(1.77013076977993053), c = n(0.94617469575755997);
                 const T d = n(0.66904654355728917), e = n(0.10578554691520431), g = n(0.47308734787877998);
                 const T h = n(0.62583573544917614);
-                const T r = xx + yy, s = n(6)*zz - r, t = n(4)*zz - n(3)*r; // 7zz - 1 and 7zz - 3 on the sphere
+                const T r = xx + yy, s = n(6)*zz - r, t = n(4)*zz - n(3)*r; // 7zz - 1 and 7zz - 3 on the unit sphere
                 const T p = n(3)*xx - yy, q = xx - n(3)*yy;
                 add( a * x*y*(xx - yy), a * y*p, a * x*q, o);
                 add(-b * y*z*p, n(-6)*b * x*y*z, n(-3)*b * z*(xx - yy), -b * y*p);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Packed symmetric matrices: covariances and conics.
 ///
-/// A gradient with respect to a packed symmetric matrix is the gradient with respect to its packed numbers: an
-/// off-diagonal number stands for two entries, so its gradient is the sum of both.
+/// Gradients are taken with respect to the packed numbers. An off-diagonal number stands for two matrix entries, so
+/// its gradient is the sum of both entries' gradients.
 #pragma once
 
 #include <gsh/math/vec.hpp>
@@ -36,7 +36,7 @@ template <Lane T>
     return mat3<T>(vec3<T>(s.xx, s.xy, s.xz), vec3<T>(s.xy, s.yy, s.yz), vec3<T>(s.xz, s.yz, s.zz));
 }
 
-/// Packed gradient as the symmetric matrix G of dL = <G, dS>: off-diagonals carry half each.
+/// The symmetric matrix G of dL = <G, dS> for a packed gradient: each off-diagonal entry is half the packed number.
 template <Lane T>
 [[nodiscard]] GSH_HD mat3<T> full_gradient(const sym3<T>& dL_ds) {
     const T half = T(0.5);

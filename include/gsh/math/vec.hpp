@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Small vectors and matrices over a lane type: GLM's storage, our products and adjoints.
+/// @file  Small vectors and matrices over a lane type: GLM's storage with our own products and adjoints.
 ///
-/// GLM's own geometric functions insist on built-in floats; these accept every Lane, and being more specialised
-/// they win overload resolution wherever both are visible.
+/// GLM's own geometric functions require built-in floating-point types. The functions here accept every Lane. They are
+/// more specialised, so overload resolution prefers them where both are visible.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -87,7 +87,7 @@ template <Lane T>
     return dot(m[0], cross(m[1], m[2]));
 }
 
-/// m⁻¹; m must be regular.
+/// m⁻¹; m must be invertible.
 template <Lane T>
 [[nodiscard]] GSH_HD mat3<T> inverse(const mat3<T>& m) {
     const vec3<T> r0 = cross(m[1], m[2]), r1 = cross(m[2], m[0]), r2 = cross(m[0], m[1]);
@@ -102,8 +102,8 @@ GSH_HD void inverse_backward(const mat3<T>& inverse_m, const mat3<T>& dL_dinvers
     dL_dm -= inverse_transposed * dL_dinverse * inverse_transposed;
 }
 
-/// The same memory seen as another type: numbers as vectors (quaternions, matrices, …) of them, or back. Both must
-/// be made of the same kind of number and nothing else.
+/// Reinterprets an array as another type, for instance scalars as vectors or quaternions, or back. Both types must
+/// consist of the same scalar type only.
 template <class To, class From>
 [[nodiscard]] GSH_HD Span<To> view_as(Span<From> values) {
     static_assert(alignof(To) == alignof(From) && std::is_const_v<To> >= std::is_const_v<From>);

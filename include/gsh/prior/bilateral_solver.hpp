@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The least squares behind bilateral normal integration, with weights that follow the solution.
+/// @file  The iteratively re-weighted least-squares solver of bilateral normal integration.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -9,7 +9,7 @@
 
 #if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Warray-bounds" // as in math/linalg.hpp
+#pragma GCC diagnostic ignored "-Warray-bounds" // see math/linalg.hpp
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #endif
 #include <Eigen/IterativeLinearSolvers>
@@ -29,17 +29,17 @@
 namespace gsh {
 
 struct NormalIntegrationParams {
-    double sharpness = 2;             ///< k: how decidedly a pixel sides with one neighbour, per squared pixel of step
-    double prior_weight = 1e-4;       ///< of a squared pixel between depth and prior, against the residuals of slopes
-    int max_iterations = 100;         ///< re-weighted solves
-    double tolerance = 1e-4;          ///< relative change of the energy that ends them
-    int largest_direct = 50000;       ///< pixels that are solved for by factorisation; more go to conjugate gradients,
-    double solver_tolerance = 1e-3;   ///< which end at this relative residual and go on from there in the next solve
+    double sharpness = 2;             ///< k: how strongly a pixel prefers one neighbour, per squared pixel of step
+    double prior_weight = 1e-4;       ///< λ: weight of (depth - prior)² in pixels, relative to the slope residuals
+    int max_iterations = 100;         ///< largest number of re-weighted solves
+    double tolerance = 1e-4;          ///< relative change of the energy at which they stop
+    int largest_direct = 50000;       ///< pixels for a direct factorisation; larger problems use conjugate gradients,
+    double solver_tolerance = 1e-3;   ///< which stop at this relative residual and resume in the next solve
 };
 
 namespace detail {
 
-/// The pixels that count, numbered row by row; a neighbour that does not count is -1.
+/// The valid pixels, numbered row by row; the index of an invalid neighbour is -1.
 struct IntegrationGrid {
     enum Direction : std::size_t { left, right, up, down };
     std::vector<std::size_t> pixels;
@@ -60,7 +60,7 @@ struct IntegrationGrid {
 
     [[nodiscard]] std::size_t size() const { return pixels.size(); }
 
-    /// Calls body with the members of each connected piece.
+    /// Calls body with the members of each connected component.
     template <class Body>
     void for_each_piece(const Body& body) const {
         std::vector<bool> seen(size(), false);
@@ -78,12 +78,12 @@ struct IntegrationGrid {
     }
 };
 
-/// One pixel's equations a_axis Δz + b_axis = 0, z in pixels.
+/// The equations a_axis Δz + b_axis = 0 of one pixel, z in pixels.
 struct SlopeEquations {
     double a[2], b[2];
 };
 
-/// How a search ended.
+/// The final state of a solve.
 struct IntegrationReport {
     double energy = 0;
     int iterations = 0;
@@ -93,7 +93,7 @@ struct IntegrationReport {
 /// Iteratively re-weighted least squares on the grid.
 class BilateralIntegrator {
 public:
-    /// prior_weights [grid.size()] are λ where the prior counts, else 0; prior likewise; z is where the search begins.
+    /// prior_weights [grid.size()] are λ where the prior is valid, else 0; prior [grid.size()]; z is the initial value.
     BilateralIntegrator(const IntegrationGrid& grid, Span<const SlopeEquations> equations, Eigen::VectorXd prior,
                         Eigen::VectorXd prior_weights, const NormalIntegrationParams& params, Eigen::VectorXd z)
         : grid_(grid), equations_(equations), weights_(grid.size()), prior_(std::move(prior)),
@@ -103,10 +103,10 @@ public:
 
     [[nodiscard]] const Eigen::VectorXd& z() const { return z_; }
 
-    /// Runs until the energy settles.
+    /// Iterates until the energy converges.
     [[nodiscard]] IntegrationReport run() {
         IntegrationReport result;
-        const double nothing = 1e-12 * static_cast<double>(grid_.size()); // squared residuals that rounding leaves
+        const double nothing = 1e-12 * static_cast<double>(grid_.size()); // squared residuals at rounding level
         double last = weigh();
         while (result.iterations < params_.max_iterations && !result.converged) {
             assemble();
@@ -124,15 +124,15 @@ private:
     static constexpr std::size_t directions = 4;
 
     [[nodiscard]] double at(std::size_t i) const { return z_[static_cast<Eigen::Index>(i)]; }
-    /// z ahead minus z behind along the direction's axis; 0 where there is no neighbour.
+    /// The difference of z along the direction's axis, later pixel minus earlier; 0 if there is no neighbour.
     [[nodiscard]] double difference(std::size_t i, std::size_t direction) const {
         const int neighbor = grid_.neighbors[i][direction];
         if (neighbor < 0) return 0;
         const double step = at(static_cast<std::size_t>(neighbor)) - at(i);
-        return direction % 2 ? step : -step; // right and down lie ahead
+        return direction % 2 ? step : -step; // right and down are later
     }
 
-    /// The matrix's pattern never changes: its lower triangle, a column per pixel, rows ascending.
+    /// Sets up the matrix's constant pattern: its lower triangle, one column per pixel, rows ascending.
     void lay_out() {
         const auto n = static_cast<Eigen::Index>(grid_.size());
         std::vector<Eigen::Triplet<double>> triplets;
@@ -146,7 +146,7 @@ private:
         matrix_.makeCompressed();
     }
 
-    /// Weights of the current z; returns the energy with them.
+    /// Computes the weights for the current z; returns the energy with these weights.
     double weigh() {
         double energy = 0;
         for (std::size_t i = 0; i < grid_.size(); ++i) {
@@ -165,7 +165,8 @@ private:
     }
 
     void assemble() {
-        // Left to itself a constant of each piece is free; this much pull to where it is keeps the matrix definite.
+        // A constant offset per component is undetermined. A weak pull towards the current value keeps the matrix
+        // definite.
         constexpr double gauge = 1e-9;
         double* values = matrix_.valuePtr();
         const int* starts = matrix_.outerIndexPtr();
@@ -182,7 +183,7 @@ private:
                 const double a = equations_[i].a[d / 2], b = equations_[i].b[d / 2], w = weights_[i][d];
                 const std::size_t behind = d % 2 ? i : j, ahead = d % 2 ? j : i;
                 values[starts[i]] += w * a * a, values[starts[j]] += w * a * a;
-                // In the earlier pixel's column the neighbour to the right stands before the one below.
+                // In the earlier pixel's column, the entry of the right neighbour precedes that of the lower one.
                 const bool second = d / 2 == 1 && grid_.neighbors[behind][IntegrationGrid::right] >= 0;
                 values[starts[behind] + 1 + second] -= w * a * a;
                 rhs_[static_cast<Eigen::Index>(ahead)] -= w * a * b;
@@ -199,7 +200,7 @@ private:
             using Preconditioner = Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::NaturalOrdering<int>>;
             Eigen::ConjugateGradient<Matrix, Eigen::Lower, Preconditioner> solver;
             solver.setTolerance(params_.solver_tolerance);
-            solver.setMaxIterations(2000); // then the next weights are due anyway
+            solver.setMaxIterations(2000); // the weights are updated then anyway
             solver.compute(matrix_);
             z_ = solver.solveWithGuess(rhs_, z_);
         }

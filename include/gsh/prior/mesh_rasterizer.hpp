@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What a triangle mesh shows at each pixel: nearest triangle, depth, barycentric coordinates, by a z-buffer.
+/// @file  A z-buffer for triangle meshes: the nearest triangle at each pixel, its depth and barycentric coordinates.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -23,19 +23,19 @@
 namespace gsh {
 
 struct MeshRasterParams {
-    double near = 0.01; ///< metres; a pinhole camera sees nothing nearer. An orthographic one sees all, behind it too
+    double near = 0.01; ///< metres; near plane of a pinhole camera. An orthographic camera has none
 };
 
-/// The nearest surface at each pixel's centre; triangles are seen from both sides.
+/// The nearest surface at each pixel's centre. Triangles are visible from both sides.
 struct MeshImage {
     int height = 0, width = 0;
-    std::vector<int> triangle;             // [height, width] index into faces, -1 where there is nothing
-    std::vector<double> depth;             // [height, width] camera z, metres; 0 where there is nothing
-    std::vector<vec3<double>> barycentric; // [height, width] on the triangle in space; zero where there is nothing
+    std::vector<int> triangle;             // [height, width] index into faces; -1 for background
+    std::vector<double> depth;             // [height, width] camera z, metres; 0 for background
+    std::vector<vec3<double>> barycentric; // [height, width] in 3D space; zero for background
 
     [[nodiscard]] std::size_t size() const { return triangle.size(); }
     [[nodiscard]] bool covers(std::size_t pixel) const { return triangle[pixel] >= 0; }
-    /// 1 where the mesh is seen, else 0.
+    /// 1 where the mesh covers the pixel, else 0.
     [[nodiscard]] Image<std::uint8_t> mask() const {
         Image<std::uint8_t> result(1, height, width);
         for (std::size_t i = 0; i < size(); ++i) result.data[i] = covers(i);
@@ -45,12 +45,12 @@ struct MeshImage {
 
 /// Rasterizes a mesh for an orthographic or a pinhole camera.
 ///
-/// Corners are rounded to 2^-14 pixel, and coverage is decided in integers by the top-left rule, so that a pixel on an
-/// edge or a corner belongs to exactly one of the triangles around it. Of surfaces at equal depth the first face is
-/// seen. Serial and Threads agree bit for bit: a row of pixels depends on the faces and their order alone.
+/// Vertices are rounded to 2^-14 pixel, and coverage is decided in integers by the top-left rule. A pixel on an edge or
+/// a vertex therefore belongs to exactly one of the triangles around it. At equal depth the first face is kept. Serial
+/// and Threads agree bit for bit, because a row of pixels depends only on the faces and their order.
 ///
 /// Shapes  vertices [V]; faces [F] indices into them, of either orientation.
-/// Errors  ValueError for an unusable camera, vertices that are not finite, indices out of range, an image wider or
+/// Errors  ValueError for an invalid camera, vertices that are not finite, indices out of range, or an image wider or
 ///         higher than 16384 pixels.
 template <CpuBackend B>
 [[nodiscard]] MeshImage rasterize_mesh(B& backend, Span<const vec3<double>> vertices,
@@ -60,7 +60,8 @@ template <CpuBackend B>
                                        Span<const std::array<int, 3>> faces, const Camera<double>& camera,
                                        const MeshRasterParams& params = {});
 
-/// A vertex attribute (number or vector) at each pixel, [height, width]; zero where there is nothing.
+/// A vertex attribute (number or vector) at each pixel, [height, width]; zero for background.
+///
 /// Errors  ShapeError if an attribute is missing, ValueError if `faces` are not those of the image.
 template <class V>
 [[nodiscard]] std::vector<V> interpolate_attribute(const MeshImage& image, Span<const std::array<int, 3>> faces,
@@ -88,21 +89,21 @@ namespace detail {
 
 inline constexpr int subpixel_bits = 14;
 inline constexpr int largest_raster = 1 << 14;   // pixels along a side of the image
-inline constexpr double raster_guard = 1 << 15;  // pixels: beyond, triangles are cut, so that products fit 62 bits
+inline constexpr double raster_guard = 1 << 15;  // pixels: triangles are clipped there, so that products fit 62 bits
 
-/// A corner before the division: pixel = (x, y) / w. w is the depth of a pinhole camera and 1 for an orthographic one.
+/// A vertex before the perspective division: pixel = (x, y) / w. w is the depth of a pinhole camera, 1 if orthographic.
 struct RasterCorner {
     double x = 0, y = 0, w = 1, z = 0;
     vec3<double> barycentric = vec3<double>(0);
 };
 
-/// A convex polygon: a triangle that at most five planes have cut.
+/// A convex polygon: a triangle clipped by at most five planes.
 struct RasterPolygon {
     std::array<RasterCorner, 9> corners;
     std::size_t count = 0;
 
     /// Keeps the side where `distance`, linear in the corners, is not negative. New corners are computed from the
-    /// inside to the outside, so that both triangles at an edge get the same one.
+    /// inside to the outside, so that both triangles at an edge get identical ones.
     template <class Distance>
     void clip(const Distance& distance) {
         RasterPolygon kept;
@@ -124,7 +125,7 @@ private:
     }
 };
 
-/// A triangle on the raster, turned so that its edge functions are positive inside.
+/// A triangle in integer raster coordinates, oriented so that its edge functions are positive inside.
 struct RasterTriangle {
     std::int64_t x[3], y[3]; ///< 2^-subpixel_bits pixels
     double inverse_w[3], z[3], inverse_area;
@@ -136,14 +137,14 @@ struct RasterTriangle {
         const int a = (k + 1) % 3, b = (k + 2) % 3;
         return (x[b] - x[a]) * (py - y[a]) - (y[b] - y[a]) * (px - x[a]);
     }
-    /// 0 for a top or left edge, whose points are inside, else 1: the least value of edge(k) inside.
+    /// The smallest value of edge(k) inside: 0 for a top or left edge, whose points are inside, else 1.
     [[nodiscard]] std::int64_t least(int k) const {
         const int a = (k + 1) % 3, b = (k + 2) % 3;
         return y[b] < y[a] || (y[b] == y[a] && x[b] > x[a]) ? 0 : 1;
     }
 };
 
-/// Puts a triangle on the raster; false where it covers no pixel's centre for certain.
+/// Converts a triangle to raster coordinates; false if it certainly covers no pixel's centre.
 inline bool place_triangle(const RasterCorner& a, const RasterCorner& b, const RasterCorner& c, int face, int height,
                            int width, RasterTriangle& result) {
     const RasterCorner* corners[3] = {&a, &b, &c};
@@ -157,7 +158,7 @@ inline bool place_triangle(const RasterCorner& a, const RasterCorner& b, const R
         std::swap(corners[1], corners[2]), std::swap(result.x[1], result.x[2]), std::swap(result.y[1], result.y[2]);
         area = -area;
     }
-    // First and last pixel whose centre lies between the extremes; shifts of negative numbers round downwards.
+    // First and last pixel whose centre lies within the bounds; a right shift of a negative number rounds down.
     const auto range = [&](const std::int64_t* v, int size, int& begin, int& end) {
         constexpr std::int64_t half = std::int64_t(1) << (subpixel_bits - 1);
         const auto [low, high] = std::minmax({v[0], v[1], v[2]});
@@ -189,13 +190,13 @@ inline void draw_triangle(const RasterTriangle& t, int row_begin, int row_end, M
         for (int column = t.column_begin; column < t.column_end;
              ++column, ++pixel, e[0] += step[0], e[1] += step[1], e[2] += step[2]) {
             if (e[0] < least[0] || e[1] < least[1] || e[2] < least[2]) continue;
-            double share[3], sum = 0, depth = 0; // linear in space, not on the screen
+            double share[3], sum = 0, depth = 0; // linear in 3D space, not in image space
             for (int k = 0; k < 3; ++k) {
                 share[k] = static_cast<double>(e[k]) * t.inverse_area * t.inverse_w[k];
                 sum += share[k], depth += share[k] * t.z[k];
             }
             depth /= sum;
-            if (image.covers(pixel) && !(depth < image.depth[pixel])) continue; // faces come in order
+            if (image.covers(pixel) && !(depth < image.depth[pixel])) continue; // faces are processed in order
             image.depth[pixel] = depth, image.triangle[pixel] = t.face;
             image.barycentric[pixel] =
                 (t.barycentric[0] * share[0] + t.barycentric[1] * share[1] + t.barycentric[2] * share[2]) * (1 / sum);
@@ -203,7 +204,7 @@ inline void draw_triangle(const RasterTriangle& t, int row_begin, int row_end, M
     }
 }
 
-/// `corners` [V] are the projected vertices; those with w below `near` are cut off.
+/// `corners` [V] are the projected vertices. Parts with w below `near` are clipped.
 template <CpuBackend B>
 MeshImage rasterize_corners(B& backend, Span<const RasterCorner> corners, Span<const std::array<int, 3>> faces,
                             int height, int width, double near) {
@@ -252,7 +253,7 @@ MeshImage rasterize_corners(B& backend, Span<const RasterCorner> corners, Span<c
     return image;
 }
 
-/// Projects the vertices by `corner(point in the camera)` and checks what the caller gave.
+/// Projects the vertices by `corner(point in camera coordinates)` and validates the inputs.
 template <class AnyCamera, class Corner>
 std::vector<RasterCorner> raster_corners(Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces,
                                          const AnyCamera& camera, const Corner& corner) {
@@ -269,7 +270,7 @@ std::vector<RasterCorner> raster_corners(Span<const vec3<double>> vertices, Span
     std::vector<RasterCorner> corners(vertices.size());
     for (std::size_t v = 0; v < vertices.size(); ++v) {
         corners[v] = corner(to_camera(camera, vertices[v]));
-        if (!(std::abs(corners[v].x) + std::abs(corners[v].y) + std::abs(corners[v].z) < 1e30)) // so for NaN too
+        if (!(std::abs(corners[v].x) + std::abs(corners[v].y) + std::abs(corners[v].z) < 1e30)) // also true for NaN
             throw ValueError(std::string(where) + ": vertices[" + std::to_string(v) +
                              "] is not finite or absurdly far away; check the mesh and its units (metres)");
     }

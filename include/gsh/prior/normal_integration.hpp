@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Bilateral normal integration: from a normal map to depth, with its discontinuities kept.
+/// @file  Bilateral normal integration: a depth map from a normal map, with discontinuities preserved.
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
@@ -27,30 +27,30 @@
 namespace gsh {
 
 struct IntegratedDepth {
-    PriorView view;         ///< depth where the normals count; camera and bones are those of the normals
+    PriorView view;         ///< depth where the normals are valid; camera and bones are those of the normals
     double energy = 0;      ///< weighted squared residuals, pixels
     int iterations = 0;     ///< solves
-    bool converged = false; ///< tolerance was reached
+    bool converged = false; ///< whether the tolerance was reached
 };
 
-/// The depth whose slopes fit a normal map.
+/// Computes the depth whose slopes fit a normal map.
 ///
-/// Every pixel has a slope from its normal, and two one-sided differences of depth along each axis to compare it with:
-///     minimise  Σ w⁺ (n_z Δ⁺z + n_x)² + w⁻ (n_z Δ⁻z + n_x)²  (and so for y with n_y)  +  λ (z - z_prior)²,
-///     w⁺ = sigmoid(k ((n_z Δ⁻z)² - (n_z Δ⁺z)²)),  w⁻ = 1 - w⁺,
-/// by solving for z with the weights of the last z, over and over. Where depth jumps between two pixels, each sides
-/// with its neighbour on its own surface, and the jump costs nothing. z is in pixels; for a pinhole camera it is log
-/// depth times the focal length, and n_z becomes n·ray. A difference that leaves the mask counts as 0 in w and has no
-/// residual. The search starts from the solution at half the resolution, and so on down to 16 pixels: it finds long
-/// steps in a few solves, and a lower energy.
+/// Every pixel has a slope from its normal, which is compared with two one-sided differences of depth along each axis:
+///     minimise  Σ w⁺ (n_z Δ⁺z + n_x)² + w⁻ (n_z Δ⁻z + n_x)²  (and likewise for y with n_y)  +  λ (z - z_prior)²,
+///     w⁺ = sigmoid(k ((n_z Δ⁻z)² - (n_z Δ⁺z)²)),  w⁻ = 1 - w⁺.
+/// The solver alternates between computing the weights from the last z and solving for z. At a depth discontinuity each
+/// pixel is coupled to the neighbour on its own surface, and the jump adds nothing to the energy. z is in pixels. For a
+/// pinhole camera z is the logarithm of depth times the focal length, and n_z becomes n·ray. A difference across the
+/// mask's border counts as 0 in w and has no residual. A pyramid starts at 16 pixels and doubles the resolution. Coarse
+/// levels find long steps in a few solves and reach a lower energy.
 ///
-/// The normals alone leave one offset open in each connected piece of the mask: without a prior a piece has mean depth
-/// 0 (orthographic) or mean log depth 0 (pinhole: one metre). A prior, such as the mesh's depth in the same camera,
-/// settles it where its mask counts, and holds pieces together that only jumps connect.
+/// Normals alone leave one offset undetermined per connected component of the mask. Without a prior, each component has
+/// mean depth 0 (orthographic) or mean log depth 0 (pinhole: one metre). A prior, such as the mesh's depth in the same
+/// camera, determines the offset where its mask is set. It also relates components that only discontinuities connect.
 ///
-/// Frame   normals as in PriorView; a map of the far side integrates as well.
-/// Errors  ShapeError or ValueError for a map that is not normals, an empty mask, a prior of another camera, params out
-///         of range; Error if a solve breaks down.
+/// Frame   normals as in PriorView; a map of the far side can be integrated as well.
+/// Errors  ShapeError or ValueError for a map that does not contain normals, an empty mask, a prior of another camera,
+///         or params out of range; Error if a solve fails.
 /// Source  Cao et al., "Bilateral Normal Integration", 2022, equations 8 to 16; the prior's term as in Xiu et al.,
 ///         "ECON", 2023.
 [[nodiscard]] inline IntegratedDepth integrate_normals(const PriorView& normals, const PriorView* depth_prior = nullptr,
@@ -71,9 +71,9 @@ namespace detail {
     return {{facing, facing * camera.fy / camera.fx}, {n.x, n.y}};
 }
 
-/// At a silhouette smooth normals turn away from the viewer, and slopes grow without bound: little weight in a sum, but
-/// much harm where they are all that connects a piece. Normals that face another way than most are not used, and none
-/// is taken for steeper than 84 degrees.
+/// Limits the slopes at silhouettes. There, smooth normals turn away from the viewer and slopes grow without bound,
+/// which distorts components that are connected only by such pixels. Equations of normals that face the other way than
+/// the majority are dropped, and slopes are limited to 84 degrees.
 inline void tame(std::vector<SlopeEquations>& equations) {
     constexpr double steepest = 10;
     double facing = 0;
@@ -86,23 +86,23 @@ inline void tame(std::vector<SlopeEquations>& equations) {
         }
 }
 
-/// Depth in metres to z of the equations and back.
+/// Conversion between depth in metres and z of the equations.
 [[nodiscard]] inline double pixels_from_depth(const OrthographicCamera& c, double depth) { return depth * c.scale; }
 [[nodiscard]] inline double depth_from_pixels(const OrthographicCamera& c, double z) { return z / c.scale; }
 [[nodiscard]] inline double pixels_from_depth(const Camera<double>& c, double depth) { return std::log(depth) * c.fx; }
 [[nodiscard]] inline double depth_from_pixels(const Camera<double>& c, double z) { return std::exp(z / c.fx); }
 
-/// What a level of the pyramid integrates.
+/// The input at one level of the pyramid.
 template <class AnyCamera>
 struct IntegrationLevel {
     AnyCamera camera;
-    PriorMap normals, prior; ///< prior's mask is 0 everywhere where there is none
+    PriorMap normals, prior; ///< without a prior its mask is 0 everywhere
     double prior_weight;
 
-    /// The same at half the resolution: means of what counts in each 2 x 2 block. Normals are left short where they
-    /// disagree, which makes their equations weak.
+    /// The level at half the resolution: means of the valid values in each 2 x 2 block. Means of differing normals are
+    /// shorter than 1 and are not normalised, which reduces the weight of their equations.
     [[nodiscard]] IntegrationLevel halved() const {
-        IntegrationLevel half{camera, halved(normals), halved(prior), 4 * prior_weight}; // a pixel is twice as deep
+        IntegrationLevel half{camera, halved(normals), halved(prior), 4 * prior_weight}; // z in pixels halves
         half.camera.cx /= 2, half.camera.cy /= 2;
         half.camera.width = half.normals.mask.width, half.camera.height = half.normals.mask.height;
         if constexpr (requires { camera.scale; }) half.camera.scale /= 2;
@@ -130,7 +130,8 @@ private:
     }
 };
 
-/// z of the pixels that count; coarse levels first, so that jumps are found while they are few pixels long.
+/// z of the valid pixels. Coarse levels are solved first, so that discontinuities are found while they are few pixels
+/// long.
 template <class AnyCamera>
 [[nodiscard]] Eigen::VectorXd integrate_level(const IntegrationLevel<AnyCamera>& level, const IntegrationGrid& grid,
                                               const NormalIntegrationParams& params, IntegrationReport& report) {
@@ -157,7 +158,7 @@ template <class AnyCamera>
         std::vector<Eigen::Index> number(half.normals.mask.data.size());
         for (std::size_t i = 0; i < half_grid.size(); ++i) number[half_grid.pixels[i]] = static_cast<Eigen::Index>(i);
         for (std::size_t i = 0; i < grid.size(); ++i) {
-            // From the block's centre each pixel follows its own slope, half a pixel each way.
+            // From the block's centre each pixel follows its own slope, half a pixel along each axis.
             const std::size_t x = grid.pixels[i] % width, y = grid.pixels[i] / width;
             const auto& [a, b] = equations[i];
             double& own = z[static_cast<Eigen::Index>(i)];

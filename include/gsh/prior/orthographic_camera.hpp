@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The orthographic camera of prior views, and the one that frames a body from its front, back, left or right.
+/// @file  The orthographic camera of prior views, and cameras that frame a body from the front, back, left or right.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -13,7 +13,7 @@
 
 namespace gsh {
 
-/// Parallel rays, x_cam = R x_world + t, pixel = scale (x, y)_cam + (cx, cy); the depth of a point is its camera z.
+/// Parallel projection, x_cam = R x_world + t, pixel = scale (x, y)_cam + (cx, cy); a point's depth is its camera z.
 ///
 /// Frame   camera x right, y down, z forward, as for Camera; the first pixel's centre is (0.5, 0.5).
 /// Units   metres; scale in pixels per metre.
@@ -24,12 +24,12 @@ struct OrthographicCamera {
     int width = 0, height = 0;
 };
 
-/// World point in camera coordinates.
+/// Transforms a world point to camera coordinates.
 [[nodiscard]] inline vec3<double> to_camera(const OrthographicCamera& camera, const vec3<double>& point) {
     return camera.R * point + camera.t;
 }
 
-/// Camera point to pixel coordinates.
+/// Projects a camera-space point to pixel coordinates.
 [[nodiscard]] inline vec2<double> to_pixel(const OrthographicCamera& camera, const vec3<double>& p) {
     return {camera.scale * p.x + camera.cx, camera.scale * p.y + camera.cy};
 }
@@ -52,19 +52,20 @@ inline void check_camera(std::string_view where, std::string_view name, const Or
     require(orthonormal, "has an R that is not a rotation (orthonormal, determinant +1); x_cam = R x_world + t");
 }
 
-/// Where a camera stands about a body that faces +z, its left at +x: on +z, -z, +x or -x.
+/// The position of a camera around a body that faces +z, its left at +x: on +z, -z, +x or -x.
 enum class BodySide { front, back, left, right };
 
 struct SideViewParams {
     int resolution = 512;  ///< pixels along each side of the square image
-    double margin = 0.05;  ///< share of the image left free at each of its four borders, in the longest direction
+    double margin = 0.05;  ///< fraction of the image left free at each border, along the longest direction
 };
 
-/// The camera that sees a body from one side, y up in the image.
+/// The camera that frames a body from one side, y up in the image.
 ///
-/// All four sides share one frame: a cube about the centre of the bounding box, whose longest edge leaves `margin` free
-/// at either end. Cameras lie on the faces of the cube, so that depths are positive: half the cube's edge at its
-/// centre.
+/// All four sides share one frame: a cube centred at the bounding box. The longest edge of the box leaves `margin` free
+/// at either end. Each camera lies on a face of the cube, so depths are positive. The depth of the cube's centre is
+/// half its edge length.
+///
 /// Errors  ValueError for no vertices, no extent, or params out of range.
 [[nodiscard]] inline OrthographicCamera side_camera(Span<const vec3<double>> vertices, BodySide side,
                                                     const SideViewParams& params = {}) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What prior views say about canonical points: the depth and normal features of the paper.
+/// @file  The paper's depth and normal features: prior views sampled at canonical points.
 #pragma once
 
 #include <gsh/body/skinning.hpp>
@@ -22,41 +22,43 @@
 
 namespace gsh {
 
-/// What a depth feature is.
+/// The definition of the depth feature.
 enum class DepthFeature {
-    difference, ///< depth of the map minus the point's own: how far the point stands in front of the visible surface
-    raw,        ///< depth of the map, as in the paper
+    difference, ///< the map's depth minus the point's: how far the point lies in front of the visible surface
+    raw,        ///< the map's depth, as in the paper
 };
 
 struct PriorFeatureParams {
     DepthFeature depth = DepthFeature::difference;
-    double depth_unit = 0.1; ///< metres that make a feature of 1: a limb's thickness, so that inputs are of order 1
+    double depth_unit = 0.1; ///< metres per unit of the feature; a limb's thickness, so that inputs are of order 1
 };
 
-/// φ_d: for each point and view, what the view's depth map says where the point falls.
+/// φ_d: for each point and view, the feature from the view's depth map at the point's projection.
 ///
-/// A point is posed with the view's bones, projected, and the map is sampled bilinearly. Pixels outside the mask do not
-/// count: the weights of the others are scaled to a sum of 1, and where no pixel of the four counts the feature is 0.
+/// A point is posed with the view's bones and projected, and the map is sampled bilinearly. Pixels outside the mask are
+/// ignored, and the weights of the others are scaled to a sum of 1. If none of the four pixels is valid, the feature is
+/// 0.
 ///
-/// Shapes  points [N]; skin [N], read by views with bones only; result [N, views] row-major.
+/// Shapes  points [N]; skin [N], used only for views with bones; result [N, views] row-major.
 /// Frame   points in the canonical frame.
-/// Units   params.depth_unit metres make 1; the sign is positive where the point stands before the surface.
-/// Errors  ShapeError or ValueError for views that are not depth, weights that do not fit, a unit that is not positive.
+/// Units   params.depth_unit metres correspond to 1; the sign is positive if the point lies in front of the surface.
+/// Errors  ShapeError or ValueError for views that are not depth, weights of the wrong size, or a unit that is not
+///         positive.
 /// Source  paper §3.4, equation 13: d_v = D_v(π_v(x₀)), which is DepthFeature::raw with a unit of 1.
 [[nodiscard]] inline std::vector<double> depth_features(Span<const vec3<double>> points, Span<const PriorView> views,
                                                         const SkinWeights<double>& skin = {},
                                                         const PriorFeatureParams& params = {});
 
-/// φ_n: for each point and view, the unit normal that the view's map holds where the point falls, in the canonical
-/// frame; sampled as depth is, 0 where nothing counts.
+/// φ_n: for each point and view, the unit normal of the view's map at the point's projection, in the canonical frame.
+/// It is sampled as the depth is, and is 0 where no pixel is valid.
 ///
-/// Normals go from the canonical pose to the view's by M⁻ᵀ, M the point's own blended transform; so a map's normal n
-/// comes back as Mᵀ n, made unit.
+/// Normals transform from the canonical pose to the view's by M⁻ᵀ, where M is the point's blended transform. A map's
+/// normal n therefore transforms back to Mᵀ n, which is then normalised.
 ///
-/// Shapes  points [N]; skin [N], read by views with bones only; result [N, 3 views] row-major.
-/// Frame   points in the canonical frame, as the result.
-/// Errors  ShapeError or ValueError for views that are not normals, weights that do not fit.
-/// Source  paper §3.4, equation 14; that normals come back by Mᵀ is ours, the paper's views are canonical.
+/// Shapes  points [N]; skin [N], used only for views with bones; result [N, 3 views] row-major.
+/// Frame   points and result in the canonical frame.
+/// Errors  ShapeError or ValueError for views that are not normals, or weights of the wrong size.
+/// Source  paper §3.4, equation 14. The transform by Mᵀ is ours; the paper's views are canonical.
 [[nodiscard]] inline std::vector<double> normal_features(Span<const vec3<double>> points, Span<const PriorView> views,
                                                          const SkinWeights<double>& skin = {});
 
@@ -64,8 +66,8 @@ struct PriorFeatureParams {
 
 namespace detail {
 
-/// The bilinear mean of the pixels that count, per channel; nothing where none does. A pinhole camera sees nothing at
-/// or behind its plane.
+/// The bilinear mean of the valid pixels, per channel; no value if there are none. Points at or behind a pinhole
+/// camera's plane have no sample.
 template <int Channels, class AnyCamera>
 [[nodiscard]] std::optional<vec3<double>> sample_prior(const PriorMap& map, const AnyCamera& camera,
                                                        const vec3<double>& p) {
@@ -82,9 +84,10 @@ template <int Channels, class AnyCamera>
     return sum * (1 / weight);
 }
 
-/// Calls body(i, view index, camera, blended transform, point in the camera, sample) for every point and view where
-/// the map says something.
-/// Errors  ShapeError or ValueError for views that do not have `Channels`, weights that do not fit.
+/// Calls body(i, view index, camera, blended transform, point in camera coordinates, sample) for every point and view
+/// with a valid sample.
+///
+/// Errors  ShapeError or ValueError for views without `Channels` channels, or weights of the wrong size.
 template <int Channels, class Body>
 void visit_prior_views(std::string_view where, Span<const vec3<double>> points, Span<const PriorView> views,
                        const SkinWeights<double>& skin, const Body& body) {
@@ -140,7 +143,7 @@ inline std::vector<double> normal_features(Span<const vec3<double>> points, Span
             const vec3<double>& sample) {
             const vec3<double> normal = transposed_times(M.linear, transposed_times(camera.R, sample));
             const double size = length(normal);
-            if (!(size > 0)) return; // opposite normals, or a transform that is flat there
+            if (!(size > 0)) return; // opposite normals, or a singular transform
             for (int k = 0; k < 3; ++k)
                 features[(i * views.size() + v) * 3 + static_cast<std::size_t>(k)] = normal[k] / size;
         });

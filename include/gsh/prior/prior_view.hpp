@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A prior view: a map of depth or normals, the camera that it was seen by, and the pose of the body in it.
+/// @file  A prior view: a depth or normal map with its camera and the pose of the body in it.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -26,29 +26,28 @@
 
 namespace gsh {
 
-/// Estimators that crop a person work in parallel projection; those that keep the photograph's pixels see through its
-/// own camera.
+/// Estimators that crop a person use parallel projection; those that keep the photograph's pixels use its pinhole
+/// camera.
 using PriorCamera = std::variant<OrthographicCamera, Camera<double>>;
 
-/// Numbers at pixels, and which of them count.
+/// Values at pixels, and a mask of the valid ones.
 struct PriorMap {
     Image<double> values;     // [channels, height, width]; 0 where the mask is 0
-    Image<std::uint8_t> mask; // [1, height, width]; 1 where the value counts
+    Image<std::uint8_t> mask; // [1, height, width]; 1 where the value is valid
 };
 
-/// One source of geometric knowledge about a body, whoever made it: a renderer or an estimator.
+/// A depth or normal map of a body, made by a renderer or an estimator.
 ///
 /// Shapes  map of 1 channel: depth, camera z in metres. Of 3: unit normals.
-/// Frame   normals are in the camera's own frame (x right, y down, z forward): what faces the viewer has n·ray < 0. A
-///         map of the far side, laid in the front view's pixels as ICON and ECON do it, is such a map too, with
-///         n·ray > 0.
+/// Frame   normals are in the camera's frame (x right, y down, z forward): a surface that faces the viewer has
+///         n·ray < 0. A map of the far side in the front view's pixels, as in ICON and ECON, has n·ray > 0.
 struct PriorView {
     PriorCamera camera;
     PriorMap map;
-    std::vector<Affine<double>> bones; // [J] world from canonical in the frame that was seen; empty: the canonical pose
+    std::vector<Affine<double>> bones; // [J] world from canonical in the view's frame; empty: the canonical pose
 };
 
-/// Throws unless camera and map fit each other, the map has `channels`, and all that counts is finite.
+/// Throws unless camera and map have the same size, the map has `channels`, and all valid values are finite.
 inline void check_prior_view(std::string_view where, std::string_view name, const PriorView& view, int channels) {
     const auto [height, width] = std::visit(
         [&](const auto& camera) {
@@ -65,8 +64,9 @@ inline void check_prior_view(std::string_view where, std::string_view name, cons
                              "] is not finite; clear its mask");
 }
 
-/// The depth of a mesh. `bones` say in which pose the mesh is; give none for the canonical mesh.
-/// Errors  as for rasterize_mesh.
+/// The depth of a mesh. `bones` give the mesh's pose; leave them empty for the canonical mesh.
+///
+/// Errors  those of rasterize_mesh.
 template <CpuBackend B>
 [[nodiscard]] PriorView depth_view(B& backend, Span<const vec3<double>> vertices,
                                    Span<const std::array<int, 3>> faces, const PriorCamera& camera,
@@ -78,8 +78,8 @@ template <CpuBackend B>
     return view;
 }
 
-/// The smooth normals of a mesh, area-weighted at the vertices. A face seen from behind (the inside of a sleeve) shows
-/// the normal of the side that is seen.
+/// The smooth normals of a mesh, area-weighted at the vertices. A face seen from behind (the inside of a sleeve) has
+/// the normal of its visible side.
 template <CpuBackend B>
 [[nodiscard]] PriorView normal_view(B& backend, Span<const vec3<double>> vertices,
                                     Span<const std::array<int, 3>> faces, const PriorCamera& camera,
@@ -111,7 +111,7 @@ template <CpuBackend B>
 
 namespace detail {
 
-/// The direction in which a camera point is seen.
+/// The direction of the ray to a camera-space point.
 [[nodiscard]] inline vec3<double> sight(const OrthographicCamera&, const vec3<double>&) { return {0, 0, 1}; }
 [[nodiscard]] inline vec3<double> sight(const Camera<double>&, const vec3<double>& p) { return p; }
 
@@ -132,7 +132,7 @@ PriorView normal_view(B& backend, Span<const vec3<double>> vertices, Span<const 
                 for (std::size_t k = 0; k < 3; ++k) corners[k] = vertices[static_cast<std::size_t>(face[k])];
                 const vec3<double> flat = any.R * cross(corners[1] - corners[0], corners[2] - corners[0]);
                 vec3<double> normal = any.R * normals[i];
-                if (!(length(normal) > 0)) normal = flat; // smooth normals that cancel out
+                if (!(length(normal) > 0)) normal = flat; // if the smooth normals cancel out
                 if (dot(flat, detail::sight(any, to_camera(any, corners[0]))) > 0) normal = -normal;
                 normal = normalize(normal);
                 for (int k = 0; k < 3; ++k) view.map.values.view().row(k, 0)[i] = normal[k];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A person made by code alone: mesh, joints, weights, shape and expression, laid out as SMPL-X is.
+/// @file  A procedural person: mesh, joints, weights, shape and expression directions in the layout of SMPL-X.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -31,8 +31,8 @@ struct ActorParams {
 
 namespace detail {
 
-/// Positive weights of the vertices near `target` that average to it exactly: Gaussian weights, tilted by the factor
-/// exp(tilt·(x - target)) that makes the mean right (Newton on a convex function). The radius grows until that works.
+/// Positive weights of vertices near `target` whose weighted mean is exactly `target`. They are Gaussian weights times
+/// exp(tilt·(x - target)); Newton's method on a convex function finds the tilt. The radius grows until that succeeds.
 inline std::vector<RegressorEntry> regressor_row(Span<const vec3<double>> vertices, const vec3<double>& target) {
     double nearest = 1;
     for (const auto& v : vertices) nearest = std::min(nearest, length(v - target));
@@ -66,7 +66,7 @@ inline std::vector<RegressorEntry> regressor_row(Span<const vec3<double>> vertic
     }
 }
 
-/// The front of the head from chin to hair line.
+/// Whether a point is on the front of the head, between chin and hair line.
 inline bool on_face(const Point& p) {
     return p.z > 0.045 && p.y > 0.550 + 0.5 * std::max(0.0, 0.09 - p.z) && std::abs(p.x) < 0.074 &&
            hair_amount({std::abs(p.x), p.y, p.z}) < 0.5;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What the actor's shape and expression coefficients do to a point of its surface.
+/// @file  The actor's shape and expression directions: displacements of a surface point per unit coefficient.
 #pragma once
 
 #include <gsh/synthetic/actor_weights.hpp>
@@ -21,13 +21,13 @@ inline constexpr std::array<std::string_view, 10> actor_expression_names = {
 
 namespace detail {
 
-/// 1 at the centre, 0 from `radius` on, smooth.
+/// Smooth, 1 at the centre and 0 from `radius` on.
 inline double bump(const Point& p, const Point& centre, double radius) {
     const double t = std::max(0.0, 1 - dot(p - centre, p - centre) / (radius * radius));
     return t * t;
 }
 
-/// Offset from the axis of the bone that ends in each joint, blended by the weights: the direction of growing fat.
+/// Offset from the axis of the bone that ends in each joint, blended by the weights: the direction of increasing girth.
 inline Point from_bones(const Point& p, const ActorWeights& weights) {
     Point sum(0);
     for (int j = 0; j < smplx::jaw; ++j) {
@@ -44,7 +44,7 @@ inline Point from_bones(const Point& p, const ActorWeights& weights) {
 
 } // namespace detail
 
-/// Displacements per unit of each shape coefficient; about -2..2 stays human.
+/// Displacements per unit of each shape coefficient. Coefficients between about -2 and 2 give plausible bodies.
 [[nodiscard]] inline std::array<vec3<double>, 10> actor_shape_directions(const vec3<double>& p,
                                                                          const ActorWeights& weights) {
     using namespace detail;
@@ -66,7 +66,7 @@ inline Point from_bones(const Point& p, const ActorWeights& weights) {
     return d;
 }
 
-/// Displacements per unit of each expression coefficient, 0..1; exactly zero outside the face.
+/// Displacements per unit of each expression coefficient in [0, 1]; exactly zero outside the face.
 [[nodiscard]] inline std::array<vec3<double>, 10> actor_expression_directions(const vec3<double>& point) {
     using namespace detail;
     std::array<vec3<double>, 10> d{};
@@ -74,7 +74,7 @@ inline Point from_bones(const Point& p, const ActorWeights& weights) {
     const Point p(std::abs(point.x), point.y, point.z), eye = actor_joint(smplx::left_eye);
     if (p.z < 0.03 || p.y < 0.54) return d;
 
-    // Which lip: 1 on the jaw's side of the mouth, 0 above, soft beyond the corners.
+    // Lower-lip share: 1 on the jaw's side of the mouth, 0 above, smooth beyond the corners.
     const double lower = jaw_share(p), upper = 1 - lower;
     const Point corner(0.0230, 0.6045, 0.1215), cheek(0.042, 0.632, 0.105), brow(0.028, 0.690, 0.120);
     const double at_corner = bump(p, corner, 0.026), at_mouth = bump(p, {0, 0.606, 0.130}, 0.040);
@@ -89,7 +89,7 @@ inline Point from_bones(const Point& p, const ActorWeights& weights) {
     d[8] = Point(0, 0.0065, 0.0008) * bump(p, {0.008, 0.612, 0.133}, 0.022) * upper;
     d[9] = Point(0.0075, 0.0005, 0.0025) * bump(p, {0.042, 0.612, 0.098}, 0.034);
 
-    // The upper lid turns about the eye, most in the middle, least far above its edge.
+    // The upper lid rotates about the eye: most in its middle, least far above its edge.
     const Point q = p - eye;
     const double r = length(q), u = q.x / 0.0140, arc = std::max(0.0, 1 - u * u);
     if (q.z > 0 && arc > 0 && r < 0.026) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The actor's surface as one closed mesh: fine on hands and face, coarse on the back.
+/// @file  The actor's surface as one closed mesh, with short edges on hands and face and long ones on the back.
 #pragma once
 
 #include <gsh/synthetic/actor_shape.hpp>
@@ -10,7 +10,7 @@
 
 namespace gsh {
 
-/// Wished edge length at a T-pose point, metres, times `scale`.
+/// Target edge length at a T-pose point, metres, times `scale`.
 [[nodiscard]] inline double actor_edge_length(vec3<double> p, double scale) {
     p.x = std::abs(p.x);
     const auto within = [&](const vec3<double>& centre, double length_there, double radius) {
@@ -28,7 +28,7 @@ namespace gsh {
     return h * scale;
 }
 
-/// Polygonises actor_distance; edges are `scale` times as long as by default (0.7 .. 1.5 is tried).
+/// Polygonises actor_distance. Edges are `scale` times the default length; 0.7 to 1.5 is tested.
 [[nodiscard]] inline TriangleMesh actor_mesh(double scale = 1) {
     const auto between = [](double low, double high, double x) { return x > low && x < high; };
     const double grid = std::min(scale, 1.0); // coarser cells would lose the gaps between lips, lids and fingers

@@ -13,25 +13,25 @@
 
 namespace gsh {
 
-/// talk: both arms, each finger, jaw, face, head, torso and knees move, feet stay; good for a capture.
-/// stride: a dancing step on the spot, arms swinging high; unlike talk everywhere, good for animating the result.
+/// talk: moves both arms, each finger, jaw, face, head, torso and knees; the feet stay. Suitable for a capture. stride:
+/// steps on the spot with high arm swings. Its poses differ from talk's, so it suits animating the result.
 enum class ActorMotion { talk, stride };
 
 namespace detail {
 
-/// One frame of an actor's pose, by name of the joint.
+/// Writes one frame of an actor's pose, joint by joint.
 class ActorPose {
 public:
     ActorPose(Span<vec3<double>> pose, Span<double> expression) : pose_(pose), expression_(expression) {}
 
     vec3<double>& at(int joint) { return pose_[static_cast<std::size_t>(joint)]; }
     double& expression(int k) { return expression_[static_cast<std::size_t>(k)]; }
-    /// A left body joint and its twin: the mirrored rotation has y and z turned round.
+    /// Sets a left body joint and the right one; the mirrored rotation has y and z negated.
     void both(int joint, const vec3<double>& left, const vec3<double>& right) {
         at(joint) = left;
         at(joint + 1) = vec3<double>(right.x, -right.y, -right.z);
     }
-    /// Curls a finger (0 index, 1 middle, 2 pinky, 3 ring, 4 thumb) of each hand; 0 straight, 1 nearly a fist.
+    /// Curls one finger (0 index, 1 middle, 2 pinky, 3 ring, 4 thumb) of each hand; 0 straight, 1 nearly a fist.
     void curl(int finger, double left, double right) {
         const vec3<double> bend = finger == 4 ? vec3<double>(0.68, 0.73, -0.07) * 0.55 : vec3<double>(0, 0, -1.15);
         for (int k = 0; k < 3; ++k) {
@@ -40,7 +40,8 @@ public:
             at(smplx::right_index1 + 3 * finger + k) = vec3<double>(r.x, -r.y, -r.z);
         }
     }
-    /// Bends hips by `hip` and knees by `knee` with level soles; returns how far the body sinks on that leg.
+    /// Bends hips by `hip` and knees by `knee` with level soles. Returns the distance by which the body sinks on that
+    /// leg.
     double leg(int side, double hip, double knee) {
         at(smplx::left_hip + side).x = -hip;
         at(smplx::left_knee + side).x = knee;
@@ -104,7 +105,7 @@ inline vec3<double> stride(ActorPose pose, double a) {
 
 } // namespace detail
 
-/// One loop of a motion in `frames` even steps; the frame after the last would be the first.
+/// One loop of a motion in `frames` even steps; a frame after the last would equal the first.
 ///
 /// Frame   the pelvis starts at the origin, soles stay on y = ActorOutfit::sole_y for betas of zero.
 /// Errors  ValueError if frames or fps is not positive.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The actor's form in its T-pose, as a signed distance: a dressed adult of 1.7 m.
+/// @file  The actor's shape in T-pose as a signed distance: a dressed adult, 1.7 m tall.
 #pragma once
 
 #include <gsh/synthetic/actor_skeleton.hpp>
@@ -10,7 +10,7 @@
 
 namespace gsh {
 
-/// Where garments end, in T-pose metres: the form is a little thicker there, the colours change there.
+/// Borders of the garments, in T-pose metres. The shape is slightly thicker under a garment and its colour differs.
 struct ActorOutfit {
     static constexpr double sleeve_x = 0.335, shirt_hem_y = -0.045, collar_y = 0.487, trouser_hem_y = -0.825;
     static constexpr double sole_y = -0.918, shirt_thickness = 0.006, trouser_thickness = 0.005;
@@ -22,7 +22,7 @@ inline Point joint_point(const std::array<double, 3>& p) {
     return {p[0], p[1], p[2]};
 }
 
-/// Distance to one left finger; finger counts as the joints do: index, middle, pinky, ring, thumb.
+/// Distance to one left finger; `finger` follows the joint order: index, middle, pinky, ring, thumb.
 inline double finger_distance(const Point& p, int finger) {
     constexpr double radius[5][4] = {{0.0094, 0.0082, 0.0075, 0.0062}, // at each joint and at the tip
                                      {0.0096, 0.0084, 0.0077, 0.0064},
@@ -80,7 +80,7 @@ inline double leg_distance(const Point& p) {
                    smooth_step(ActorOutfit::trouser_hem_y - 0.002, ActorOutfit::trouser_hem_y + 0.004, p.y);
 }
 
-/// A shoe, its toe turned outward by 8 degrees.
+/// A shoe whose toe points outward by 8 degrees.
 inline double shoe_distance(Point p) {
     const Point ankle = actor_joint(smplx::left_ankle);
     const double c = std::cos(0.14), s = std::sin(0.14), dx = p.x - ankle.x, dz = p.z - ankle.z;
@@ -90,7 +90,7 @@ inline double shoe_distance(Point p) {
                                 {0.040, 0.002, -0.874, 0.042, 0.054},  {0.090, 0.003, -0.888, 0.048, 0.042},
                                 {0.140, 0.002, -0.895, 0.050, 0.034},  {0.180, -0.002, -0.899, 0.042, 0.029}};
     const double d = loft(shoe, 0.028, p.z, p.x, p.y);
-    return -smooth_union(-d, -(ActorOutfit::sole_y - p.y), 0.008); // flat below
+    return -smooth_union(-d, -(ActorOutfit::sole_y - p.y), 0.008); // flat sole
 }
 
 inline double torso_distance(const Point& p) {
@@ -119,14 +119,14 @@ inline double neck_distance(const Point& p) {
     return loft(neck, 0.02, p.y, p.x, p.z);
 }
 
-/// Front outline of the open eye about its centre: negative between the lids, which are arcs from corner to corner.
+/// Front outline of the open eye around its centre: negative between the lids, which are arcs from corner to corner.
 inline double eye_opening(const Point& p) {
     const Point eye = actor_joint(smplx::left_eye);
     const double u = (p.x - eye.x) / 0.0140, v = p.y - eye.y - 0.0012 * u, arc = 1 - u * u;
     return std::max({v - 0.0058 * arc, -v - 0.0046 * arc, eye.z + 0.001 - p.z});
 }
 
-/// The gap between the lips with the hollow behind it, bent so that the corners lie a little lower.
+/// The gap between the lips and the cavity behind it, curved so that the corners are a little lower.
 inline double mouth_opening(const Point& p) {
     const double bend = 0.0030 * (p.x / 0.024) * (p.x / 0.024);
     const Point q(p.x, p.y - actor_mouth_y + bend, p.z);
@@ -151,7 +151,7 @@ inline double ear_distance(Point p) {
     return smooth_difference(d, ellipsoid(p - Point(0.009, 0.003, 0.001), {0.006, 0.019, 0.010}), 0.004);
 }
 
-/// How much a point belongs under the hair, 0..1.
+/// The degree to which a point is covered by hair, in [0, 1].
 inline double hair_amount(const Point& p) {
     const double front = 0.735 - 0.35 * std::max(0.0, 0.085 - p.z) - 0.6 * std::max(0.0, std::abs(p.x) - 0.045);
     const double line = p.z > 0.03 ? front : std::max(0.605, front - 1.6 * (0.03 - p.z));
@@ -184,18 +184,18 @@ inline double head_distance(const Point& p) {
 
 } // namespace detail
 
-/// Signed distance to the actor's skin and clothes at a T-pose point, negative inside; x and -x agree.
+/// Signed distance to the actor's skin and clothes at a T-pose point, negative inside; symmetric in x.
 [[nodiscard]] inline double actor_distance(vec3<double> p) {
     using namespace detail;
     p.x = std::abs(p.x);
-    // Each group is left out where the point is too far from its bounding sphere to matter, seams included.
+    // A group is skipped if the point is too far from its bounding sphere to affect the result, including the seams.
     const auto near = [&](const Point& centre, double radius, double d) {
         return length(p - centre) - radius < std::max(d, 0.0) + 0.08;
     };
     double d = torso_distance(p);
     if (near({0.40, 0.455, 0}, 0.33, d)) d = smooth_union(d, arm_distance(p), 0.035);
     if (near({0.115, -0.45, 0}, 0.53, d)) {
-        // Thighs meet in the middle without a crease: distance to the plane x = 0 is rounded there.
+        // The thighs join in the middle without a crease, because the distance to the plane x = 0 is rounded there.
         const Point q(std::sqrt(p.x * p.x + 1e-5), p.y, p.z);
         d = smooth_union(d, leg_distance(q), 0.045);
     }

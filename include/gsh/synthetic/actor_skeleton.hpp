@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The procedural actor's skeleton: the 55 joints of SMPL-X, in their order, in our own proportions.
+/// @file  The actor's skeleton: the 55 joints of SMPL-X in the same order, with our own proportions.
 #pragma once
 
 #include <gsh/math/vec.hpp>
@@ -10,8 +10,8 @@
 
 namespace gsh {
 
-/// Joint numbers in SMPL-X's order. Joints of the right side follow those of the left: body joints by one, hand joints
-/// by actor_finger_joints.
+/// Joint numbers in SMPL-X's order. A right body joint follows its left one; a right hand joint follows its left one by
+/// actor_finger_joints.
 namespace smplx {
 // clang-format off
 enum Joint : int {
@@ -95,7 +95,7 @@ inline constexpr std::array<ActorJointInfo, actor_joint_count> actor_joints = {{
     return {p[0], p[1], p[2]};
 }
 
-/// Where the last bone of each left finger ends, in the order of the joints: index, middle, pinky, ring, thumb.
+/// End of the last bone of each left finger, in the joint order: index, middle, pinky, ring, thumb.
 inline constexpr std::array<std::array<double, 3>, 5> actor_fingertips = {{
     {0.8370, 0.4470, 0.0425},
     {0.8510, 0.4470, 0.0122},
@@ -104,7 +104,7 @@ inline constexpr std::array<std::array<double, 3>, 5> actor_fingertips = {{
     {0.7600, 0.4330, 0.0900},
 }};
 
-/// The mouth's opening: where the lips meet (y), where its corners lie (±x).
+/// The mouth: y where the lips meet, and ±x of its corners.
 inline constexpr double actor_mouth_y = 0.6065, actor_mouth_corner_x = 0.0235;
 
 } // namespace gsh

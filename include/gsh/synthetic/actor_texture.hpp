@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The actor's colours: patterns over its T-pose surface, as sharp as one looks.
+/// @file  The actor's colours: procedural patterns over its T-pose surface, sharp at any resolution.
 #pragma once
 
 #include <gsh/core/rng.hpp>
@@ -11,15 +11,15 @@
 
 namespace gsh {
 
-/// How a spot of the surface answers light.
+/// Reflectance of a surface point.
 struct SurfaceColor {
     vec3<double> albedo{0.5}; ///< linear, 0..1
-    double gloss = 0;         ///< share of a weak highlight
+    double gloss = 0;         ///< strength of a weak highlight
 };
 
 namespace detail {
 
-/// Smooth noise in -1..1 whose features are about one unit wide.
+/// Smooth noise in [-1, 1] with features about one unit wide.
 inline double value_noise(const Point& p, std::uint64_t seed) {
     const Point cell = glm::floor(p), f = p - cell;
     const Point s = f * f * (Point(3) - f * 2.0);
@@ -41,7 +41,7 @@ inline Point mix(const Point& a, const Point& b, double t) {
     return a + (b - a) * t;
 }
 
-/// 1 within half_width of a multiple of period, edges soft over `soft`.
+/// 1 within half_width of a multiple of period, with edges of width `soft`.
 inline double stripe(double x, double period, double half_width, double soft = 0.0008) {
     const double off = std::abs(x - period * std::round(x / period));
     return smooth_step(half_width + soft, half_width - soft, off);
@@ -85,19 +85,19 @@ inline SurfaceColor eye_color(const Point& p, const Point& eye) {
     return {mix(c, Point(0.004), smooth_step(0.0027, 0.0023, off)), 1.0};
 }
 
-inline SurfaceColor head_color(const Point& p, double x) { // p.x >= 0; x signed
+inline SurfaceColor head_color(const Point& p, double x) { // p.x >= 0; x is signed
     const Point eye = actor_joint(smplx::left_eye);
     if (length(p - eye) < 0.0140 && p.z > eye.z && eye_opening(p) < 0.0004)
         return eye_color({x, p.y, p.z}, {x < 0 ? -eye.x : eye.x, eye.y, eye.z});
     const double bend = 0.0030 * (p.x / 0.024) * (p.x / 0.024);
     SurfaceColor c = skin_color({x, p.y, p.z});
-    // Cheeks and nose are redder, the chin carries a shadow of beard.
+    // Cheeks and nose are redder; the chin has a trace of beard.
     c.albedo *=
         mix(Point(1), Point(1.10, 0.86, 0.84), smooth_step(0.030, 0.005, length(p - Point(0.045, 0.640, 0.10))));
     c.albedo *= mix(Point(1), Point(1.03, 0.93, 0.92), smooth_step(0.016, 0.004, length(p - Point(0, 0.640, 0.146))));
     c.albedo *= mix(Point(1), Point(0.82, 0.84, 0.88),
                     smooth_step(0.612, 0.590, p.y - 0.5 * std::max(0.0, p.x - 0.02)) * smooth_step(0.04, 0.075, p.z));
-    // Behind the lips: upper teeth before a dark hollow.
+    // Behind the lips: upper teeth in front of a dark cavity.
     const double dy = p.y - actor_mouth_y + bend,
                  lip_front = 0.1385 - 0.0145 * (p.x / actor_mouth_corner_x) * (p.x / actor_mouth_corner_x);
     const bool hollow = p.z > 0.075 && p.z < lip_front - 0.006 && mouth_opening(p) < 0.004;
@@ -131,11 +131,12 @@ inline SurfaceColor head_color(const Point& p, double x) { // p.x >= 0; x signed
     return c;
 }
 
-/// A checked shirt with a breast pocket, a placket of buttons and a number on the back.
+/// A checked shirt with a breast pocket, a button placket, and a figure on the back.
 inline SurfaceColor shirt_color(const Point& p) {
     const double x = std::abs(p.x);
     const bool sleeve = p.y > 0.35 && x > 0.175 - 0.9 * std::max(0.0, p.y - 0.40); // cut as a raglan
-    // Around and along: the radii make the pattern close after 18 checks about the body, 6 about the arm.
+    // Coordinates around and along: with these radii the pattern closes after 18 checks around the body, 6 around the
+    // arm.
     const double u = sleeve ? 0.0477465 * std::atan2(p.z + 0.008, p.y - 0.455) : 0.1432394 * std::atan2(p.x, p.z);
     const double v = sleeve ? x : p.y;
     const double wide_u = stripe(u, 0.050, 0.011), wide_v = stripe(v, 0.050, 0.011);
@@ -148,12 +149,12 @@ inline SurfaceColor shirt_color(const Point& p) {
         c *= 1 - 0.45 * smooth_step(0.0014, 0.0006, std::abs(x - 0.016)) * smooth_step(0.475, 0.470, p.y);
         const double button = std::hypot(p.x, p.y - 0.07 * std::round(p.y / 0.07));
         c = mix(c, Point(0.80, 0.78, 0.72), smooth_step(0.0058, 0.0048, button));
-        const Point pocket(p.x - 0.082, p.y - 0.345, 0); // on its left
+        const Point pocket(p.x - 0.082, p.y - 0.345, 0); // on the wearer's left
         const double edge = std::max(std::abs(pocket.x) - 0.038, std::abs(pocket.y) - 0.044);
         c *= 1 - 0.55 * smooth_step(0.0016, 0.0006, std::abs(edge));
         c = mix(c, Point(0.06, 0.16, 0.36), 0.8 * smooth_step(0.001, -0.001, std::max(edge, 0.030 - pocket.y)));
     }
-    if (p.z < -0.02 && !sleeve) { // a ring and a bar, so that the back has a way up
+    if (p.z < -0.02 && !sleeve) { // a ring and a bar, so that the back has a visible orientation
         const double ring = std::abs(std::hypot(p.x - 0.045, p.y - 0.30) - 0.040) - 0.009;
         const double bar = std::max(std::abs(p.x + 0.055) - 0.010, std::abs(p.y - 0.30) - 0.050);
         c = mix(c, Point(0.75, 0.42, 0.03), smooth_step(0.001, -0.001, std::min(ring, bar)));
@@ -163,7 +164,7 @@ inline SurfaceColor shirt_color(const Point& p) {
     return {c * (1 - 0.5 * smooth_step(0.013, 0.011, hem) * smooth_step(0.009, 0.010, hem)), 0.04};
 }
 
-inline SurfaceColor trouser_color(const Point& p, double x) { // p.x >= 0; x signed
+inline SurfaceColor trouser_color(const Point& p, double x) { // p.x >= 0; x is signed
     const Point from_axis(p.x - 0.115, p.y, p.z + 0.01);
     const double weave = value_noise(Point(x, p.y, p.z) * 900.0, 61),
                  fade = value_noise(Point(x, p.y * 0.5, p.z) * 22.0, 62);
@@ -190,7 +191,7 @@ inline SurfaceColor shoe_color(const Point& p) { // p.x >= 0
         stripe(p.z, 0.018, 0.0035) * smooth_step(0.030, 0.027, std::abs(p.x - 0.145 - 0.14 * (p.z - 0.03))) *
         smooth_step(0.030, 0.040, p.z) * smooth_step(0.125, 0.120, p.z) * smooth_step(0.050, 0.055, height);
     c = mix(c, Point(0.75), lace);
-    c = mix(c, Point(0.70), stripe(p.z - 0.004, 10, 0.006) * smooth_step(0.020, 0.024, height)); // a flash on the side
+    c = mix(c, Point(0.70), stripe(p.z - 0.004, 10, 0.006) * smooth_step(0.020, 0.024, height)); // a stripe on the side
     c = mix(c, Point(0.70, 0.69, 0.66), smooth_step(0.0200, 0.0190, height));
     c = mix(c, Point(0.05), smooth_step(0.0060, 0.0050, height));
     return {c, 0.2};
@@ -198,7 +199,7 @@ inline SurfaceColor shoe_color(const Point& p) { // p.x >= 0
 
 } // namespace detail
 
-/// Colour of a point of the actor's T-pose surface (v_template, interpolated where a ray hits).
+/// Colour of a point of the actor's T-pose surface (v_template, interpolated at the ray's hit).
 [[nodiscard]] inline SurfaceColor actor_color(const vec3<double>& point) {
     using namespace detail;
     const Point p(std::abs(point.x), point.y, point.z);

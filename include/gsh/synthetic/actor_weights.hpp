@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Skinning weights of the actor: each vertex hangs on a few neighbouring bones of one chain.
+/// @file  Skinning weights of the actor: each vertex is influenced by a few neighbouring bones of one chain.
 #pragma once
 
 #include <gsh/synthetic/actor_shape.hpp>
@@ -15,17 +15,17 @@ using ActorWeights = std::array<double, actor_joint_count>;
 
 namespace detail {
 
-/// 0..1 across a plane through `at` with unit normal n, over a band of half-width w.
+/// Smooth step from 0 to 1 across a plane through `at` with unit normal n, over a band of half-width w.
 inline double beyond(const Point& p, const Point& at, const Point& n, double w) {
     return smooth_step(-w, w, dot(p - at, n));
 }
 
-/// What share of its parent's weight passes to the left (or middle) joint; x >= 0. A joint's share is a soft step
-/// across a plane through it, and zero wherever another limb could cross that plane.
+/// The share of its parent's weight that passes to the left (or middle) joint; x >= 0. It is a smooth step across a
+/// plane through the joint, and zero wherever another limb could cross that plane.
 inline double body_share(const Point& p, int joint) {
     const Point at = actor_joint(joint);
     switch (joint) {
-    case smplx::left_hip: // the groin's crease: from the crotch up to the hip bone
+    case smplx::left_hip: // the crease of the groin, from the crotch to the hip bone
         return beyond(p, at + Point(0, -0.010, 0), normalize(Point(0.50, -0.86, 0)), 0.055) *
                smooth_step(-0.026, 0.026, p.x) * smooth_step(0.16, 0.10, p.y);
     case smplx::left_knee:
@@ -43,7 +43,7 @@ inline double body_share(const Point& p, int joint) {
                smooth_step(0.135, 0.060, p.x - std::max(0.0, p.y - 0.51));
     case smplx::head:
         return beyond(p, at, normalize(Point(0, 1, 0.55)), 0.028);
-    case smplx::left_collar: // reaches lower towards the armpit
+    case smplx::left_collar: // lower towards the armpit
         return smooth_step(0.005, 0.110, p.x) * smooth_step(0.34, 0.42, p.y + std::max(0.0, p.x - 0.13));
     case smplx::left_shoulder:
         return beyond(p, at + Point(0.004, 0, 0), {1, 0, 0}, 0.055);
@@ -56,7 +56,7 @@ inline double body_share(const Point& p, int joint) {
     }
 }
 
-/// Lower lip, chin and the cheeks below the line from the mouth's corner to the hinge.
+/// Share of the jaw: lower lip, chin, and the cheeks below the line from the mouth's corner to the hinge.
 inline double jaw_share(const Point& p) {
     const double bend = 0.0030 * (p.x / 0.024) * (p.x / 0.024);
     const double line = p.z > 0.118 ? actor_mouth_y - std::min(bend, 0.003) : 0.6035 + 0.38 * (0.118 - p.z);
@@ -65,7 +65,7 @@ inline double jaw_share(const Point& p) {
     return smooth_step(-1, 1, (line - p.y) / std::min(soft, 0.025)) * smooth_step(0.035, 0.080, p.z);
 }
 
-/// Share of the wrist's weight that passes to a finger: beyond the knuckle, and nearest to that finger.
+/// Share of the wrist's weight that passes to a finger: for points beyond the knuckle and nearest to that finger.
 inline double finger_share(const Point& p, int finger) {
     constexpr double softness = 0.0018;
     const int first = smplx::left_index1 + 3 * finger;
@@ -80,10 +80,10 @@ inline double finger_share(const Point& p, int finger) {
 
 } // namespace detail
 
-/// Weights of a T-pose point of the surface: never negative, sum 1, at most five of them non-zero.
+/// Weights of a T-pose surface point: non-negative, with sum 1, at most five of them non-zero.
 ///
-/// They flow down the tree: the root starts with all, then each joint takes its share of what its parent holds, so a
-/// finger can only ever share with its own hand.
+/// Weights are distributed down the tree. The root starts with weight 1, and each joint takes its share of its parent's
+/// weight. A finger can therefore share weight only with its own hand.
 [[nodiscard]] inline ActorWeights actor_weights(const vec3<double>& point) {
     using namespace detail;
     ActorWeights weights{};
@@ -94,7 +94,7 @@ inline double finger_share(const Point& p, int finger) {
         if (parent < 1e-6) continue;
         const bool right = info.position[0] < 0;
         const Point p(right ? -point.x : info.position[0] > 0 ? point.x : std::abs(point.x), point.y, point.z);
-        int twin = joint; // the left joint that carries the table
+        int twin = joint; // the corresponding left joint, for which the shares are defined
         if (right) twin = joint >= smplx::right_index1 ? joint - actor_finger_joints : joint - 1;
         double share = 0;
         if (twin == smplx::jaw)
@@ -110,7 +110,7 @@ inline double finger_share(const Point& p, int finger) {
         weights[static_cast<std::size_t>(joint)] = parent * share;
         parent -= parent * share;
     }
-    // Keep the five largest of some weight.
+    // Keep at most five weights, and drop negligible ones.
     ActorWeights sorted = weights;
     std::nth_element(sorted.begin(), sorted.begin() + 5, sorted.end(), [](double a, double b) { return a > b; });
     const double cut = std::max(sorted[5], 5e-3);

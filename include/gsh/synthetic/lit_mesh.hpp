@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A posed mesh under a lamp and a sky: what a ray of sight brings back.
+/// @file  Shading of a posed mesh by a lamp and a sky, ray by ray.
 #pragma once
 
 #include <gsh/body/mesh.hpp>
@@ -17,17 +17,17 @@
 
 namespace gsh {
 
-/// A round lamp, and a hemisphere of sky over a dim floor. Linear light: a white surface that faces the lamp at the
-/// distance of the origin sends out `lamp`, one that sees only sky sends out `sky`.
+/// A disc lamp, and a hemisphere of sky over a dim floor, in linear light. A white surface that faces the lamp from the
+/// origin reflects the radiance `lamp`; one that is lit by the sky alone reflects `sky`.
 struct StudioLight {
-    vec3<float> position{1.1f, 2.5f, 2.3f}; ///< of the lamp's centre, metres
-    float radius = 0.35f;                   ///< metres; larger is softer
+    vec3<float> position{1.1f, 2.5f, 2.3f}; ///< centre of the lamp, metres
+    float radius = 0.35f;                   ///< metres; a larger lamp casts softer shadows
     vec3<float> lamp{1.02f, 0.97f, 0.88f};
     vec3<float> sky{0.27f, 0.30f, 0.35f};
     vec3<float> floor{0.13f, 0.11f, 0.09f};
 };
 
-/// Numbers in [0, 1) that fill the square evenly for successive `index`, shifted per `key`: Roberts' R2 sequence.
+/// Points in [0, 1)² that cover the square evenly for successive `index`, shifted by `key`: Roberts' R2 sequence.
 [[nodiscard]] inline std::array<float, 2> even_sample(std::uint64_t key, std::uint64_t index) {
     const auto wrap = [](double x) { return static_cast<float>(std::min(x - std::floor(x), 0.999999)); };
     const double i = static_cast<double>(index);
@@ -35,16 +35,16 @@ struct StudioLight {
             wrap(random_uniform(key, 1) + 0.5698402909980532 * i)};
 }
 
-/// A mesh that is seen by rays and lit by a lamp whose soft shadows it casts upon itself.
+/// A mesh for ray casting, lit by a lamp that casts soft shadows of the mesh onto itself.
 class LitMesh {
 public:
-    /// Light that a ray brings back. Not found: the ray passed.
+    /// The radiance along a ray; not found if the ray misses the mesh.
     struct Sight {
         bool found = false;
         vec3<float> radiance{0.0f};
     };
 
-    /// vertices and canonical [V] belong together; colours are read at canonical positions. Keeps references to
+    /// vertices and canonical [V] correspond; colours are evaluated at canonical positions. Keeps references to
     /// canonical and faces.
     LitMesh(Span<const vec3<double>> vertices, Span<const vec3<double>> canonical, Span<const std::array<int, 3>> faces,
             const StudioLight& light)
@@ -54,9 +54,9 @@ public:
         for (const auto& normal : vertex_normals(vertices, faces)) normals_.emplace_back(normal);
     }
 
-    /// Follows one ray of sight; `key` and `index` choose the lamp's and the sky's sample. `color` is called with the
-    /// canonical position, and with the face if it takes one: of several people in one mesh, each has their own
-    /// colours.
+    /// Traces one camera ray. `key` and `index` select the samples of the lamp and the sky. `color` is called with the
+    /// canonical position. If it takes two arguments, it also receives the face, so that several people in one mesh can
+    /// have their own colours.
     template <class Color>
     [[nodiscard]] Sight look(const vec3<float>& eye, const vec3<float>& direction, const Color& color,
                              std::uint64_t key, std::uint64_t index) const {
@@ -72,7 +72,7 @@ public:
         const vec3<float> position = between(vertices_), to_eye = normalize(eye - position);
         vec3<float> normal = normalize(between(normals_));
         const float facing = dot(normal, to_eye);
-        if (facing < 0) normal = normalize(normal - to_eye * (facing * 1.01f)); // silhouettes of a faceted mesh
+        if (facing < 0) normal = normalize(normal - to_eye * (facing * 1.01f)); // at silhouettes of a faceted mesh
         const vec3<double> canonical = between(canonical_);
         const SurfaceColor surface = [&] {
             if constexpr (std::is_invocable_v<const Color&, vec3<double>, unsigned>) return color(canonical, hit.face);
@@ -94,7 +94,7 @@ public:
         return {true, radiance};
     }
 
-    /// Share of the lamp, 0..1, that a point of the surface sees, over `samples` rays.
+    /// Visible fraction of the lamp, in [0, 1], from a point of the surface, over `samples` rays.
     [[nodiscard]] float lamp_visibility(std::size_t face, const vec3<float>& barycentric, int samples) const {
         const auto& f = faces_[face];
         const auto between = [&](const auto& values) {
@@ -113,7 +113,7 @@ public:
 private:
     static std::size_t corner(const std::array<int, 3>& f, std::size_t k) { return static_cast<std::size_t>(f[k]); }
 
-    /// To a point of the lamp's disc, which faces the surface.
+    /// The direction to a point of the lamp's disc, which faces the surface.
     [[nodiscard]] vec3<float> lamp_direction(const vec3<float>& from, const std::array<float, 2>& sample) const {
         const vec3<float> axis = light_.position - from;
         const auto [u, v] = frame(normalize(axis));
@@ -121,7 +121,7 @@ private:
         return axis + u * (r * std::cos(angle)) + v * (r * std::sin(angle));
     }
 
-    /// One cosine-weighted ray: what it meets of sky or floor, nothing where the body is in the way.
+    /// One cosine-weighted ray: the radiance of sky or floor, or zero if the mesh occludes it.
     [[nodiscard]] vec3<float> sky_light(const vec3<float>& position, const vec3<float>& normal,
                                         const std::array<float, 2>& sample) const {
         const auto [u, v] = frame(normal);
@@ -136,7 +136,7 @@ private:
         return !scene_.occluded(position + normal * 5e-4f, direction, 1e-4f, far);
     }
 
-    /// Two unit vectors that complete n.
+    /// Two unit vectors that form an orthonormal basis with n.
     [[nodiscard]] static std::pair<vec3<float>, vec3<float>> frame(const vec3<float>& n) {
         const vec3<float> u = normalize(cross(std::abs(n.x) < 0.7f ? vec3<float>(1, 0, 0) : vec3<float>(0, 1, 0), n));
         return {u, cross(n, u)};

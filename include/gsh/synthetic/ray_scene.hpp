@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Rays against one triangle mesh, by Embree: the only header of the library that includes it.
+/// @file  Ray casting against one triangle mesh with Embree; the only header that includes Embree.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -17,24 +17,25 @@
 
 namespace gsh {
 
-/// Where a ray meets a mesh: the point is (1 - u - v) a + u b + v c of the triangle.
+/// A ray's intersection with a mesh: the point is (1 - u - v) a + u b + v c of the triangle.
 struct RayHit {
     bool found = false;
     unsigned face = 0;
     float u = 0, v = 0, distance = 0;
 };
 
-/// A mesh that rays can be sent at, from many threads at once.
+/// A mesh for ray queries from many threads at once.
 ///
-/// Built on one thread, so that the hierarchy, and with it every tie between two triangles, is always the same.
+/// It is built on one thread, so that the hierarchy is deterministic, and with it the result where two triangles tie.
 class RayScene {
 public:
-    /// Keeps a copy of vertices [V] and faces [F], indices below V.
-    /// Errors  DeviceError if Embree refuses.
+    /// Copies vertices [V] and faces [F]; indices must be below V.
+    ///
+    /// Errors  DeviceError if Embree fails to create a scene.
     RayScene(Span<const vec3<float>> vertices, Span<const std::array<int, 3>> faces)
         : device_(rtcNewDevice("threads=1")), scene_(device_ ? rtcNewScene(device_.get()) : nullptr) {
         if (!device_ || !scene_) throw DeviceError("RayScene: Embree made no device; " + error());
-        rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST); // no leaks between neighbouring triangles
+        rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST); // watertight between neighbouring triangles
         rtcSetSceneBuildQuality(scene_.get(), RTC_BUILD_QUALITY_MEDIUM);
         const std::unique_ptr<std::remove_pointer_t<RTCGeometry>, Release> geometry(
             rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
@@ -54,7 +55,7 @@ public:
             throw DeviceError("RayScene: Embree built no hierarchy");
     }
 
-    /// The nearest hit beyond `near`; direction need not be a unit vector, distance counts in its lengths.
+    /// The nearest hit beyond `near`. `direction` need not be a unit vector; distances are in multiples of its length.
     [[nodiscard]] RayHit closest(const vec3<float>& origin, const vec3<float>& direction, float near = 0) const {
         RTCRayHit query{};
         query.ray = ray(origin, direction, near, std::numeric_limits<float>::infinity());
@@ -67,13 +68,13 @@ public:
         return {true, query.hit.primID, query.hit.u, query.hit.v, query.ray.tfar};
     }
 
-    /// Whether anything lies between `near` and `far` along the ray.
+    /// Whether the ray hits anything between `near` and `far`.
     [[nodiscard]] bool occluded(const vec3<float>& origin, const vec3<float>& direction, float near, float far) const {
         RTCRay query = ray(origin, direction, near, far);
         RTCIntersectContext context;
         rtcInitIntersectContext(&context);
         rtcOccluded1(scene_.get(), &context, &query);
-        return query.tfar < 0; // Embree's way to say so
+        return query.tfar < 0; // Embree sets tfar to -inf on a hit
     }
 
 private:

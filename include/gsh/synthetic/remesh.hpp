@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Coarsens a closed mesh of a signed distance to wished edge lengths, with well-shaped triangles.
+/// @file  Coarsens the closed mesh of a signed distance to given edge lengths, with well-shaped triangles.
 #pragma once
 
 #include <gsh/synthetic/surface_nets.hpp>
@@ -25,8 +25,8 @@ template <class Distance>
 
 namespace detail {
 
-/// Triangles with the faces around each vertex kept at hand, so that edges can collapse and flip.
-/// A collapse leaves dead faces (first index -1); every operation keeps a closed manifold closed and manifold.
+/// A mesh with a list of the faces around each vertex, for edge collapses and flips. A collapse leaves deleted faces
+/// (first index -1). Every operation preserves a closed manifold.
 class EditableMesh {
 public:
     explicit EditableMesh(TriangleMesh mesh) : mesh_(std::move(mesh)), around_(mesh_.vertices.size()) {
@@ -55,15 +55,15 @@ public:
         return n;
     }
 
-    /// Merges b into a at `to`; refuses where that would pinch the surface, turn a triangle over or make an edge
-    /// longer than longest(midpoint).
+    /// Merges b into a at position `to`. Returns false and changes nothing if that would pinch the surface, invert a
+    /// triangle or make an edge longer than longest(midpoint).
     template <class Longest>
     bool collapse(int a, int b, const vec3<double>& to, const Longest& longest) {
         const std::vector<int> ring_a = neighbours(a), ring_b = neighbours(b);
         std::size_t shared = 0;
         for (int w : ring_b) {
             shared += static_cast<std::size_t>(std::count(ring_a.begin(), ring_a.end(), w));
-            // A third neighbour must keep three neighbours of its own.
+            // A third neighbour must keep at least three neighbours.
             if (around_[index(w)].size() <= 3 && std::count(ring_a.begin(), ring_a.end(), w)) return false;
         }
         if (shared != 2) return false; // the link condition
@@ -95,7 +95,7 @@ public:
         return true;
     }
 
-    /// Turns edge ab of faces (a, b, c) and (b, a, d) into cd where that brings valences nearer to six.
+    /// Replaces edge ab of faces (a, b, c) and (b, a, d) by cd if that brings valences closer to six.
     void flip_if_better(int a, int b) {
         int first = -1, second = -1;
         for (int f : around_[index(a)])
@@ -112,7 +112,7 @@ public:
         const vec3<double> n1 = face_normal({a, d, c}), n2 = face_normal({d, b, c});
         const double l = 0.5 * length(old_normal);
         if (dot(n1, old_normal) < 0.5 * length(n1) * l || dot(n2, old_normal) < 0.5 * length(n2) * l) return;
-        if (length(n1) < 0.05 * l || length(n2) < 0.05 * l) return; // no slivers
+        if (length(n1) < 0.05 * l || length(n2) < 0.05 * l) return; // avoid slivers
         face(first) = {a, d, c};
         face(second) = {d, b, c};
         std::erase(around_[index(a)], second);
@@ -121,7 +121,7 @@ public:
         around_[index(d)].push_back(first);
     }
 
-    /// The live vertices and faces, renumbered in order.
+    /// The remaining vertices and faces, renumbered in order.
     [[nodiscard]] TriangleMesh compact() const {
         TriangleMesh result;
         std::vector<int> renumbered(vertex_count(), -1);
@@ -156,8 +156,9 @@ private:
 
 } // namespace detail
 
-/// Brings the edges of a mesh of distance(p) = 0 to about edge_length(p): collapses the short ones, flips towards
-/// valence six, spreads vertices along the surface and puts them back onto it. Never splits, so start finer.
+/// Brings the edges of a mesh of distance(p) = 0 to about edge_length(p). Each round collapses short edges, flips edges
+/// towards valence six, moves vertices along the surface to even out their spacing, and projects them back onto it.
+/// Edges are never split, so the input must be finer than the target.
 ///
 /// Source  after Botsch and Kobbelt, "A Remeshing Approach to Multiresolution Modeling", 2004.
 template <class Distance, class EdgeLength>
@@ -172,7 +173,7 @@ template <class Distance, class EdgeLength>
         return p + step * std::min(1.0, limit / std::max(length(step), 1e-12));
     };
     for (int round = 0; round < rounds; ++round) {
-        const double shortest = round == 0 ? 0.6 : 0.8; // of the wished length; gently at first
+        const double shortest = round == 0 ? 0.6 : 0.8; // of the target length; smaller in the first round
         for (int a = 0; a < count; ++a)
             for (bool again = mesh.alive(a); again;) {
                 again = false;
@@ -197,7 +198,7 @@ template <class Distance, class EdgeLength>
             for (int w : ring) mean += mesh.position(w);
             vec3<double> move = mean / static_cast<double>(ring.size()) - mesh.position(v);
             const vec3<double> n = mesh.normal(v);
-            move -= n * (dot(n, move) / std::max(dot(n, n), 1e-30)); // along the surface only
+            move -= n * (dot(n, move) / std::max(dot(n, n), 1e-30)); // tangential component only
             mesh.position(v) = project(mesh.position(v) + move * 0.6);
         }
     }

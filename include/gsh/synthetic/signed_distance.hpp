@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Soft solids as signed distances: the clay that the actor is modelled in.
+/// @file  Smooth solids as signed distances, the modelling primitives of the actor.
 ///
-/// Values are first-order distance estimates (f / |∇f|), negative inside: exact on the surface, good near it,
-/// which is all that polygonising asks for.
+/// Values are first-order distance estimates (f / |∇f|), negative inside. They are exact on the surface and accurate
+/// near it, which is sufficient for polygonisation.
 #pragma once
 
 #include <gsh/core/span.hpp>
@@ -16,7 +16,7 @@ namespace gsh::detail {
 
 using Point = vec3<double>;
 
-/// 0 below 0, 1 above 1, smooth between.
+/// 0 below 0, 1 above 1, smooth in between.
 [[nodiscard]] inline double smooth_step(double t) {
     t = std::clamp(t, 0.0, 1.0);
     return t * t * (3 - 2 * t);
@@ -26,12 +26,12 @@ using Point = vec3<double>;
     return smooth_step((x - low) / (high - low));
 }
 
-/// Union whose seam is rounded over a width of about k: Quílez's quadratic smooth minimum.
+/// Union with a seam rounded over a width of about k: Quílez's quadratic smooth minimum.
 [[nodiscard]] inline double smooth_union(double a, double b, double k) {
     const double h = std::max(k - std::abs(a - b), 0.0) / k;
     return std::min(a, b) - h * h * k * 0.25;
 }
-/// a without b, its edge rounded alike.
+/// a minus b, with the edge rounded in the same way.
 [[nodiscard]] inline double smooth_difference(double a, double b, double k) {
     return -smooth_union(-a, b, k);
 }
@@ -43,19 +43,19 @@ using Point = vec3<double>;
     return k1 < 1e-9 ? -std::min({r.x, r.y, r.z}) : k0 * (k0 - 1) / k1;
 }
 
-/// Capsule from a to b whose radius goes linearly from ra to rb.
+/// Capsule from a to b whose radius changes linearly from ra to rb.
 [[nodiscard]] inline double capsule(const Point& p, const Point& a, const Point& b, double ra, double rb) {
     const Point ab = b - a;
     const double t = std::clamp(dot(p - a, ab) / dot(ab, ab), 0.0, 1.0);
     return length(p - a - ab * t) - (ra + (rb - ra) * t);
 }
 
-/// One cross-section of a loft: an ellipse about (u, v) with radii (a, b), at s along the axis.
+/// One cross-section of a loft: an ellipse centred at (u, v) with radii (a, b), at s along the axis.
 struct Station {
     double s, u, v, a, b;
 };
 
-/// Cross-section at s between stations in rising order: a cubic through all of them (Catmull and Rom, 1974).
+/// Cross-section at s between stations in ascending order: a cubic through all of them (Catmull and Rom, 1974).
 [[nodiscard]] inline Station section(Span<const Station> stations, double s) {
     const std::size_t n = stations.size();
     std::size_t i = 0;
@@ -71,8 +71,8 @@ struct Station {
     return {s, mix(&Station::u), mix(&Station::v), mix(&Station::a), mix(&Station::b)};
 }
 
-/// Elliptic cross-sections strung along a coordinate axis, closed by half ellipsoids of the given length.
-/// `s` is the point's coordinate along the axis, (u, v) the other two.
+/// A solid with elliptic cross-sections along a coordinate axis, closed by half ellipsoids of length `cap`. `s` is the
+/// point's coordinate along the axis, (u, v) the other two.
 [[nodiscard]] inline double loft(Span<const Station> stations, double cap, double s, double u, double v) {
     const double inside = std::clamp(s, stations[0].s, stations[stations.size() - 1].s);
     const Station e = section(stations, inside);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The studio: a ring of cameras films a moving body by ray casting, sharing nothing with the rasterizer.
+/// @file  Renders captures of moving bodies from a ring of cameras by ray casting, independently of the rasterizer.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -25,21 +25,22 @@ struct StudioParams {
     int train_cameras = 6;  ///< evenly around the subject
     int test_cameras = 1;   ///< the k-th between training cameras k and k + 1
     int image_size = 320;   ///< pixels, square
-    int samples = 25;       ///< rays of sight per pixel, each with one to the lamp and one to the sky
-    double distance = 3.0;  ///< metres from the subject's middle
-    std::uint64_t seed = 1; ///< of cameras and samples
+    int samples = 25;       ///< camera rays per pixel, each with one ray to the lamp and one to the sky
+    double distance = 3.0;  ///< metres from the subject's centre
+    std::uint64_t seed = 1; ///< of camera placement and of samples
     StudioLight light;
-    std::vector<NamedCamera> cameras = {}; ///< instead of the ring: the same view of other people
+    std::vector<NamedCamera> cameras = {}; ///< used instead of the ring, e.g. for the views of another capture
 };
 
-/// Cameras that see all of `points`: focal lengths and principal points differ from one to the next, heights wave up
-/// and down; test cameras stand half-way between training cameras. Named cam00…, test00…
+/// Cameras that each see all of `points`. Focal lengths, principal points and heights vary from one to the next. Test
+/// cameras lie half-way between training cameras. Names are cam00…, test00…
 [[nodiscard]] inline std::vector<NamedCamera> camera_ring(Span<const vec3<double>> points, const StudioParams& params);
 
-/// Films a body in motion: a capture with the true motion, alpha from the share of rays that met the body, and colour
-/// 0 where that is 0. The images are the same for any backend and thread count.
+/// Films a body in motion. The capture holds the true motion; alpha is the fraction of rays that hit the body, and
+/// colour is 0 where alpha is 0. The images are the same for any backend and thread count.
 ///
 /// color(p) is the SurfaceColor at canonical position p of v_template.
+///
 /// Errors  ValueError for parameters out of range, ShapeError if the motion is not for this body.
 template <CpuBackend B, class Color>
 [[nodiscard]] Capture film(B& backend, const BodyModel& body, const Motion& motion, const StudioParams& params,
@@ -51,16 +52,17 @@ template <CpuBackend B>
     return film(backend, actor, motion, params, actor_color);
 }
 
-/// Somebody in front of the cameras. The caller owns body and motion.
+/// A person to be filmed. The caller owns body and motion.
 struct StudioActor {
     const BodyModel* body = nullptr;
     const Motion* motion = nullptr;
     std::function<SurfaceColor(const vec3<double>&)> color = [](const vec3<double>& p) { return actor_color(p); };
 };
 
-/// Films several people at once: they hide each other, and throw shadows on each other. The capture's motion is the
-/// first one's, its alpha everybody's.
-/// Errors  as film; ShapeError unless all motions have the same number of frames.
+/// Films several people at once, who occlude each other and cast shadows on each other. The capture's motion is that of
+/// the first person; its alpha covers all people.
+///
+/// Errors  those of film; ShapeError unless all motions have the same number of frames.
 template <CpuBackend B>
 [[nodiscard]] Capture film(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params = {});
 
@@ -90,7 +92,7 @@ inline std::vector<NamedCamera> camera_ring(Span<const vec3<double>> points, con
         camera.width = camera.height = params.image_size;
         camera.cx = size * (0.5 + 0.02 * vary(0));
         camera.cy = size * (0.5 + 0.02 * vary(1));
-        double widest = 0; // in half images at unit focal length
+        double widest = 0; // half image widths at unit focal length
         for (const auto& p : points) {
             const vec3<double> c = to_camera(camera, p);
             check_value(c.z > 0.1, "camera_ring", "the subject reaches the cameras; increase the distance");
@@ -108,7 +110,7 @@ inline std::vector<NamedCamera> camera_ring(Span<const vec3<double>> points, con
 
 namespace detail {
 
-/// One pixel: stratified rays, averaged in linear light, written as sRGB.
+/// One pixel: stratified rays, averaged in linear light and stored as sRGB.
 template <class Color>
 void film_pixel(const LitMesh& mesh, const Camera<float>& camera, const vec3<float>& eye, int x, int y,
                 std::uint64_t key, int samples, const Color& color, std::uint8_t* rgba) {
@@ -119,7 +121,7 @@ void film_pixel(const LitMesh& mesh, const Camera<float>& camera, const vec3<flo
         const auto draw = [&](int axis) {
             return static_cast<float>(random_uniform(key, static_cast<std::uint64_t>(2 * k + axis)));
         };
-        const bool in_grid = k < side * side; // leftovers fall anywhere
+        const bool in_grid = k < side * side; // the remaining samples are placed at random
         const float u = in_grid ? (static_cast<float>(k % side) + draw(0)) / static_cast<float>(side) : draw(0);
         const float v = in_grid ? (static_cast<float>(k / side) + draw(1)) / static_cast<float>(side) : draw(1);
         const vec3<float> d((static_cast<float>(x) + u - camera.cx) / camera.fx,
@@ -138,7 +140,7 @@ void film_pixel(const LitMesh& mesh, const Camera<float>& camera, const vec3<flo
     rgba[3] = alpha;
 }
 
-/// Columns and rows that the vertices may touch, so that the empty rest costs nothing.
+/// Bounding box of the vertices in pixels; rays outside it are skipped.
 struct PixelBox {
     int x0, x1, y0, y1;
 
@@ -159,7 +161,7 @@ struct PixelBox {
 
 namespace detail {
 
-/// Films people whose meshes lie in one; color(p, face) is that of canonical position p on a face of all.
+/// Films people whose meshes are combined into one; color(p, face) is the colour of canonical position p on that face.
 template <CpuBackend B, class Color>
 Capture film_people(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params,
                     const Color& color) {
@@ -239,7 +241,7 @@ Capture film(B& backend, const BodyModel& body, const Motion& motion, const Stud
 
 template <CpuBackend B>
 Capture film(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params) {
-    std::vector<std::size_t> actor_of; // of each face
+    std::vector<std::size_t> actor_of; // index of the person for each face
     for (std::size_t i = 0; i < actors.size(); ++i) actor_of.insert(actor_of.end(), actors[i].body->faces.size(), i);
     return detail::film_people(backend, actors, params, [&](const vec3<double>& p, unsigned face) {
         return actors[actor_of[face]].color(p);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Triangles from a signed distance: surface nets on a grid of lines at any spacing.
+/// @file  Surface nets: a triangle mesh from a signed distance on a rectilinear grid of any spacing.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -21,12 +21,12 @@ struct TriangleMesh {
     std::vector<std::array<int, 3>> faces;
 };
 
-/// Grid lines of a rectilinear grid, rising, per axis.
+/// Grid lines of a rectilinear grid per axis, ascending.
 struct GridLines {
     std::vector<double> x, y, z;
 };
 
-/// Lines from low to high whose spacing follows spacing(position).
+/// Grid lines from low to high whose local spacing is spacing(position).
 template <class Spacing>
 [[nodiscard]] std::vector<double> graded_lines(double low, double high, const Spacing& spacing) {
     std::vector<double> lines{low};
@@ -39,10 +39,10 @@ template <class Spacing>
 
 namespace detail {
 
-/// For each set of inside corners of a cell: how many sheets of surface pass through it, and to which of them each of
-/// the twelve edges belongs (-1: not crossed). Corner bits are x, y << 1, z << 2. Edge e lies along axis e / 4; bits
-/// 0 and 1 of e are its offsets along the next two axes. Where inside corners face each other across a square, the
-/// surface passes between them, whichever of the two cells asks.
+/// For each set of inside corners of a cell: the number of sheets of the surface in the cell, and the sheet of each of
+/// the twelve edges (-1: not crossed). Corner bits are x, y << 1, z << 2. Edge e lies along axis e / 4; bits 0 and 1 of
+/// e are its offsets along the next two axes. Where inside corners are diagonally opposite on a square, the surface
+/// passes between them. The rule is symmetric, so both cells at the square agree.
 class CellSheets {
 public:
     CellSheets() {
@@ -71,7 +71,7 @@ private:
             group[static_cast<std::size_t>(e)] = inside(a) != inside(b) ? e : -1;
         }
         for (unsigned axis = 0; axis < 3; ++axis)
-            for (unsigned side = 0; side < 2; ++side) { // a square of four edges
+            for (unsigned side = 0; side < 2; ++side) { // a face of the cell, with four edges
                 std::vector<int> crossed;
                 for (int e = 0; e < 12; ++e) {
                     const auto [a, b] = corners(e);
@@ -104,23 +104,23 @@ private:
 
 } // namespace detail
 
-/// Polygonises distance(p) = 0: a vertex in each cell for each sheet of the surface in it, a quad (two triangles)
-/// around each grid edge that it crosses. Blocks of cells that the distance proves empty are skipped.
+/// Polygonises distance(p) = 0. Each cell has one vertex per sheet of the surface in it, and each crossed grid edge has
+/// a quad (two triangles) around it. Blocks of cells that cannot contain the surface are skipped.
 ///
-/// Errors  ValueError if the surface reaches the grid's border, where the mesh would stay open.
-/// Source  Gibson, "Constrained Elastic Surface Nets", 1998, without the relaxation; the sheets keep apart what
-///         passes through one cell twice, as in Nielson, "Dual Marching Cubes", 2004.
+/// Errors  ValueError if the surface reaches the grid's border, where the mesh would be open.
+/// Source  Gibson, "Constrained Elastic Surface Nets", 1998, without the relaxation. Several vertices per cell separate
+///         sheets of the surface, as in Nielson, "Dual Marching Cubes", 2004.
 template <class Distance>
 [[nodiscard]] TriangleMesh surface_nets(const GridLines& lines, const Distance& distance) {
     constexpr std::size_t block = 8;
-    constexpr double safety = 1.7; // distances are estimates; skip a block only well away from the surface
+    constexpr double safety = 1.7; // distances are estimates, so blocks near the surface are kept
     const std::size_t nx = lines.x.size(), ny = lines.y.size(), nz = lines.z.size();
     const auto at = [&](std::size_t i, std::size_t j, std::size_t k) { return i + nx * (j + ny * k); };
     const auto point = [&](std::size_t i, std::size_t j, std::size_t k) {
         return vec3<double>(lines.x[i], lines.y[j], lines.z[k]);
     };
 
-    // Values at grid points; in skipped blocks only their sign counts.
+    // Values at grid points; in skipped blocks only their sign is used.
     std::vector<float> values(nx * ny * nz);
     for (std::size_t k0 = 0; k0 < nz; k0 += block)
         for (std::size_t j0 = 0; j0 < ny; j0 += block)
@@ -147,7 +147,7 @@ template <class Distance>
         return mask;
     };
     TriangleMesh mesh;
-    std::vector<std::int32_t> first_vertex(nx * ny * nz, -1); // of the cell's sheets, by the cell's low corner
+    std::vector<std::int32_t> first_vertex(nx * ny * nz, -1); // of a cell, by its low corner
     for (std::size_t k = 0; k + 1 < nz; ++k)
         for (std::size_t j = 0; j + 1 < ny; ++j)
             for (std::size_t i = 0; i + 1 < nx; ++i) {
@@ -176,7 +176,7 @@ template <class Distance>
                     mesh.vertices.push_back(sum[sheet] / crossings[sheet]);
             }
 
-    // A crossed edge along `axis` from low to high corner: its four cells, in the order that faces outward.
+    // A crossed edge along `axis` from low to high corner: its four cells, in outward-facing order.
     for (std::size_t k = 1; k + 1 < nz; ++k)
         for (std::size_t j = 1; j + 1 < ny; ++j)
             for (std::size_t i = 1; i + 1 < nx; ++i)
@@ -185,7 +185,7 @@ template <class Distance>
                     const bool inside = values[here] < 0;
                     if (inside == (values[here + step[axis]] < 0)) continue;
                     const std::size_t u = step[(axis + 1) % 3], v = step[(axis + 2) % 3];
-                    const auto vertex = [&](std::size_t cell, int offset) { // offset of the edge in that cell
+                    const auto vertex = [&](std::size_t cell, int offset) { // offset of the edge within that cell
                         const int sheet = sheets.sheet(inside_mask(cell), static_cast<int>(4 * axis) + offset);
                         return first_vertex[cell] + sheet;
                     };

@@ -186,7 +186,7 @@ TEST_CASE("what cannot be meant is refused, with the file, the view and the fiel
     refuse(
         R"({"camera": {"width": 8, "height": 6, "K": [9, 0, 4, 0, 9, 3, 0, 0, 1], "distortion": [0.1, 0, 0, 0, 0], )" +
             level + "}}",
-        {"distortion", "straight"});
+        {"distortion", "undistort"});
     refuse(R"({"crop": [0, 0, 4]})", {"crop has 3 numbers", "expected 4"});
     refuse(R"({"crop": [0, 0, 0, 4]})", {"crop", "no extent"});
     refuse(R"({"mask": "none.png"})", {"none.png"});

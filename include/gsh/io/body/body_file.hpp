@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Body models as .npz files in the layout of SMPL, SMPL-H and SMPL-X.
+/// @file  Reads and writes body models as .npz files in the layout of SMPL, SMPL-H and SMPL-X.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -17,19 +17,21 @@
 
 namespace gsh {
 
-/// Reads v_template, f, shapedirs, J_regressor, weights, kintree_table, and where they are there posedirs, vt, ft,
-/// hands_meanl, hands_meanr, hands_componentsl, hands_componentsr, joint_names, face_vertices, left_hand_vertices,
+/// Reads v_template, f, shapedirs, J_regressor, weights, kintree_table and, if present, posedirs, vt, ft, hands_meanl,
+/// hands_meanr, hands_componentsl, hands_componentsr, joint_names, face_vertices, left_hand_vertices,
 /// right_hand_vertices. Pickled members of the second group are skipped.
 ///
-/// Where shape ends and expression begins in shapedirs: num_betas and num_expressions say it; else, in a body of 55
-/// joints, 400 directions are 300 + 100 and 20 are 10 + 10, as SMPL-X has it; else all are shape.
-/// Errors  IoError, ShapeError or ValueError, naming file and key, for anything that makes it no body.
+/// shapedirs holds shape directions followed by expression directions. num_betas and num_expressions give their numbers
+/// if present. Otherwise, in a body of 55 joints, 400 directions are 300 + 100 and 20 are 10 + 10, as in SMPL-X. In all
+/// other cases all directions are shape.
+///
+/// Errors  IoError, ShapeError or ValueError, naming file and key, for anything that makes the model invalid.
 [[nodiscard]] inline BodyModel load_body_model(const std::filesystem::path& path);
 
-/// Writes the same layout in double, atomically; the model comes back as it was.
+/// Writes the same layout in double precision, atomically; reading it back gives the same model.
 inline void save_body_model(const std::filesystem::path& path, const BodyModel& model);
 
-/// The same as part of an archive, each key after a prefix.
+/// The same as part of an archive, with a prefix before each key.
 [[nodiscard]] inline BodyModel read_body_model(const NpzReader& file, const std::string& prefix = {});
 inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::string& prefix = {});
 
@@ -64,7 +66,7 @@ inline std::vector<vec3<double>> directions_of(const NpyArray<double>& array, st
     return directions;
 }
 
-/// How many of C directions are shape; the others are expression.
+/// The number of shape directions among C; the others are expression.
 inline std::size_t count_shape_directions(const NpzReader& file, const std::string& prefix, std::size_t C,
                                           std::size_t joint_count) {
     const std::string num_betas = prefix + "num_betas", num_expressions = prefix + "num_expressions";

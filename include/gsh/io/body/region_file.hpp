@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Regions of a body as JSON: lists of vertices, or importance painted on each.
+/// @file  Reads regions of a body from JSON: lists of vertices, or an importance per vertex.
 #pragma once
 
 #include <gsh/body/region_mask.hpp>
@@ -17,11 +17,11 @@
 namespace gsh {
 
 /// Reads {"face_vertices": [...], "left_hand_vertices": [...], "right_hand_vertices": [...], "high": [...],
-/// "importance": [...]}, each of them optional, at least one there. The lists hold vertex indices below
-/// `vertex_count`, "importance" one number in [0, 1] for each vertex; RegionLists says which wins.
+/// "importance": [...]}; at least one of them must be present. The lists hold vertex indices below `vertex_count`,
+/// "importance" one number in [0, 1] per vertex. RegionLists states their precedence.
 ///
-/// Errors  IoError: no such file, not JSON, an unknown field (a misspelt list must not go unseen), a list of something
-///         else; ValueError: an index or importance out of range; ShapeError: importance of another size.
+/// Errors  IoError: a missing file, invalid JSON, an unknown field (it may be misspelt), a list of another type;
+///         ValueError: an index or importance out of range; ShapeError: importance of another size.
 [[nodiscard]] inline RegionLists read_regions(const std::filesystem::path& path, std::size_t vertex_count);
 
 // -------------------------------------------------------------------------------------------------------------

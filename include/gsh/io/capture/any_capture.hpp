@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Captures in whatever layout they come: recognised by what lies in the folder.
+/// @file  Loads captures in any supported layout, which is detected from the files in the folder.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -27,18 +27,19 @@ enum class CaptureLayout {
     easymocap,       ///< intri.yml, extri.yml: io/capture/easymocap_capture.hpp
 };
 
-/// What a folder holds, told by its files; nothing if they are of no layout that we read.
+/// Detects the layout of a folder from its files; no value if it is not supported.
 [[nodiscard]] inline std::optional<CaptureLayout> recognise_capture(const std::filesystem::path& folder);
 
 struct AnyCapture {
     CaptureLayout layout = CaptureLayout::gsh;
     Capture capture;
-    std::vector<Motion> people; ///< everybody in the scene, where the layout tells; else the capture's motion alone
-    std::optional<GalaRig> rig; ///< the body, where the layout brings its own; else it is the caller's
+    std::vector<Motion> people; ///< all people of the scene if the layout has them; else the capture's motion alone
+    std::optional<GalaRig> rig; ///< the body, if the layout contains one; else the caller's body is used
 };
 
-/// Loads a capture in any layout. `body` may be null for layouts that bring their own.
-/// Errors  IoError for a folder of no known layout, or a body that is missing; else as the layout's own function.
+/// Loads a capture in any layout. `body` may be null for layouts that contain their own.
+///
+/// Errors  IoError for a folder of unknown layout, or a missing body; those of the layout's own function.
 template <CpuBackend B>
 [[nodiscard]] AnyCapture load_any_capture(B& backend, const std::filesystem::path& folder, const BodyModel* body,
                                           const CaptureOptions& options = {},
@@ -76,7 +77,7 @@ AnyCapture load_any_capture(B& backend, const std::filesystem::path& folder, con
         result.rig = std::move(scene.rig);
         return result;
     }
-    if (!body) throw IoError(folder.string() + ": its poses need a body model, which this layout does not bring");
+    if (!body) throw IoError(folder.string() + ": its poses need a body model, which this layout does not contain");
     result.capture =
         *layout == CaptureLayout::people_snapshot ? load_people_snapshot(backend, folder, *body, options, warnings)
         : *layout == CaptureLayout::easymocap     ? load_easymocap_capture(backend, folder, *body, options, warnings)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Calibrated cameras as JSON: one by one, or the list of a capture.
+/// @file  Reads and writes calibrated cameras as JSON: a single camera, or the list of a capture.
 #pragma once
 
 #include <gsh/camera/distortion.hpp>
@@ -22,34 +22,35 @@
 
 namespace gsh {
 
-/// A camera of a capture. Its images are straight once `distortion` is empty.
+/// A camera of a capture. If `distortion` is empty, its images are free of distortion.
 struct NamedCamera {
     enum class Role { train, test };
 
     std::string name;
     Role role = Role::train;
     Camera<double> camera;
-    std::optional<Distortion<double>> distortion; ///< of the photographed images, if they are not straightened yet
+    std::optional<Distortion<double>> distortion; ///< of the photographs, if they are not undistorted yet
 };
 
-/// A capture's `cameras.json`.
+/// The contents of a capture's `cameras.json`.
 struct CameraList {
     std::vector<NamedCamera> cameras;
-    double fps = 0;                ///< frames per second; 0 where the file does not say
+    double fps = 0;                ///< frames per second; 0 if the file does not give it
     std::optional<double> floor_y; ///< height of the floor, metres
-    std::vector<int> test_frames;  ///< left out of training in every camera
+    std::vector<int> test_frames;  ///< excluded from training in every camera
 };
 
-/// Reads {"cameras": [...], "fps", "floor_y", "test_frames"}, or a bare list of cameras.
+/// Reads {"cameras": [...], "fps", "floor_y", "test_frames"}, or a list of cameras alone.
 ///
-/// A camera holds K, R (3x3, row by row), t, width, height, and perhaps name, role ("train", "test") and distortion
-/// [k1, k2, p1, p2, k3]; x_cam = R x_world + t, OpenCV axes. What else stands beside the list is left alone.
-/// Errors  IoError for a file that is missing or truncated, and for a camera that lacks a field or has an unknown one;
-///         ValueError for numbers that are no camera: a singular K, skew, an R that does not rotate. Messages name the
-///         file, the camera and the field.
+/// A camera has K, R (3x3, row by row), t, width, height, and optionally name, role ("train", "test") and distortion
+/// [k1, k2, p1, p2, k3]; x_cam = R x_world + t, OpenCV axes. Other entries beside the list are ignored.
+///
+/// Errors  IoError for a file that is missing or truncated, and for a camera with a missing or unknown field;
+///         ValueError for numbers that do not form a camera: a singular K, skew, an R that is not a rotation. Messages
+///         name the file, the camera and the field.
 [[nodiscard]] inline CameraList read_cameras(const std::filesystem::path& path);
 
-/// Reads one camera: a file with a single entry, or the entry `name` of a list (the only one, if `name` is empty).
+/// Reads one camera: from a file with a single entry, or the entry `name` of a list (if `name` is empty, the only one).
 [[nodiscard]] inline NamedCamera read_camera(const std::filesystem::path& path, std::string_view name = {});
 
 inline void write_cameras(const std::filesystem::path& path, const CameraList& list);
@@ -71,7 +72,7 @@ inline Json read_json(const std::filesystem::path& path) {
     }
 }
 
-/// A JSON object and where it stands, for messages.
+/// A JSON object and its place in the file, for messages.
 class JsonObject {
 public:
     JsonObject(const Json& json, std::string where) : json_(json), where_(std::move(where)) {
@@ -93,7 +94,7 @@ public:
         if (!value.is_string()) throw wrong(field, value, "text");
         return value.get<std::string>();
     }
-    /// Numbers in a list, or in a list of rows; `count` of them where that is given.
+    /// The numbers of a list, or of a list of rows.
     [[nodiscard]] std::vector<double> numbers(const char* field) const {
         std::vector<double> values;
         gather(field, at(field), values, 2);
@@ -115,7 +116,7 @@ public:
     }
     [[nodiscard]] const std::string& where() const { return where_; }
 
-    /// Throws IoError for a field that is not known: a misspelt one must not go unseen.
+    /// Throws IoError for an unknown field, which may be misspelt.
     void expect_only(std::initializer_list<std::string_view> known) const {
         for (const auto& item : json_.items()) {
             if (std::find(known.begin(), known.end(), item.key()) != known.end()) continue;
@@ -202,7 +203,7 @@ inline NamedCamera read_camera_entry(const Json& json, const std::string& where)
     Camera<double>& camera = result.camera;
     camera.width = object.integer("width");
     camera.height = object.integer("height");
-    constexpr std::int64_t most = std::int64_t(1) << 26; // pixels, as of image files
+    constexpr std::int64_t most = std::int64_t(1) << 26; // pixels, as for image files
     check_value(camera.width > 0 && camera.height > 0 && std::int64_t(camera.width) * camera.height <= most,
                 object.where(),
                 "width x height is " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
@@ -229,7 +230,7 @@ inline CameraList read_camera_list(const Json& json, const std::string& name) {
         const std::string where = name + ": cameras[" + std::to_string(i) + "]";
         NamedCamera camera = read_camera_entry(list[i], where);
         if (camera.name.empty()) throw IoError(where + ": name is missing");
-        // A name is a folder's name, too.
+        // The name is also the name of a folder.
         if (camera.name == "." || camera.name == ".." || camera.name.find('/') != std::string::npos)
             throw ValueError(where + ": name is '" + camera.name + "', expected a plain folder name");
         for (const NamedCamera& other : result.cameras)

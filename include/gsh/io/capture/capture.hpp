@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Captures: a folder of images with masks, cameras and poses.
+/// @file  Captures: a folder with images, masks, cameras and poses of a person.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -34,30 +34,30 @@ struct CaptureView {
     std::size_t camera = 0, frame = 0;
 };
 
-/// A person seen by calibrated cameras, all of it in memory.
+/// A person filmed by calibrated cameras, held in memory.
 ///
-/// Shapes  images [cameras * frames], RGBA with straight alpha (the mask), straightened; image (c, f) is at
-///         c * frame_count() + f, and one without pixels was not taken. motion holds one pose per frame. backgrounds
-///         [cameras], opaque RGBA of the cameras' sizes, or empty.
+/// Shapes  images [cameras * frames], RGBA with straight alpha (the mask), undistorted; image (c, f) has index
+///         c * frame_count() + f and is empty if it was not taken. motion holds one pose per frame. backgrounds
+///         [cameras], opaque RGBA in the cameras' sizes, or empty.
 struct Capture {
     std::string name;
     std::vector<NamedCamera> cameras;
     Motion motion;
     std::vector<PixelImage> images;
-    /// What each camera sees without the person: photographs and renders of it are composited over this. Empty: over a
-    /// colour of the user's choice.
+    /// Each camera's view without the person. Photographs and renderings are composited over it. If empty, they are
+    /// composited over a plain colour of the user's choice.
     std::vector<PixelImage> backgrounds;
-    std::vector<int> test_frames;  ///< left out of training, in every camera
-    double fps = 0;                ///< 0 where nobody said
+    std::vector<int> test_frames;  ///< excluded from training, in every camera
+    double fps = 0;                ///< 0 if unknown
     std::optional<double> floor_y; ///< metres
 
     [[nodiscard]] std::size_t frame_count() const { return motion.frame_count(); }
     [[nodiscard]] const PixelImage& image(CaptureView view) const {
         return images[view.camera * frame_count() + view.frame];
     }
-    /// Whether the image was taken; before images are loaded, all count as such.
+    /// Whether the image was taken. Before images are loaded, all count as taken.
     [[nodiscard]] bool is_taken(CaptureView view) const { return images.empty() || !image(view).data.empty(); }
-    /// The camera's background, or nothing.
+    /// The camera's background; null if there is none.
     [[nodiscard]] const PixelImage* background(std::size_t camera) const {
         return backgrounds.empty() ? nullptr : &backgrounds[camera];
     }
@@ -65,7 +65,7 @@ struct Capture {
         return cameras[view.camera].role == NamedCamera::Role::test ||
                std::find(test_frames.begin(), test_frames.end(), static_cast<int>(view.frame)) != test_frames.end();
     }
-    /// All views to train on, or (`test`) to judge by: cameras with the role, and frames that are kept for it.
+    /// All views for training, or for evaluation if `test`: test cameras, and test frames of every camera.
     [[nodiscard]] std::vector<CaptureView> views(bool test) const {
         std::vector<CaptureView> result;
         for (std::size_t c = 0; c < cameras.size(); ++c)
@@ -75,7 +75,7 @@ struct Capture {
     }
 };
 
-/// Every step-th frame from first to last, both included.
+/// Every step-th frame from first to last, both inclusive.
 struct FrameRange {
     int first = 0, last = 0, step = 1;
 
@@ -85,37 +85,37 @@ struct FrameRange {
 };
 
 struct CaptureOptions {
-    std::string poses = "poses.npz"; ///< file or folder in the capture's, or a path: whatever load_any_motion reads
+    std::string poses = "poses.npz"; ///< file or folder, relative to the capture or absolute; see load_any_motion
     MotionFileOptions::Hands hands = MotionFileOptions::Hands::automatic;
-    bool empty_masks = false; ///< images whose mask is empty everywhere are taken, not refused
+    bool empty_masks = false; ///< accept images whose mask is empty
 
-    // What only foreign layouts ask (io/capture/any_capture.hpp); our own says it in its files.
+    // Only for foreign layouts (io/capture/any_capture.hpp); our own layout stores these in its files.
     std::optional<FrameRange> train_frames = {}, test_frames = {}; ///< instead of the data set's own split
     std::vector<std::string> test_cameras = {};                    ///< names; empty: the data set's own
-    int downscale = 0;                                             ///< whole factor; 0: as its other readers do
-    int person = 0;                                                ///< whose motion, where poses hold several people
-    std::filesystem::path model = {}; ///< folder of the rig that a data set brings; empty: its usual place
+    int downscale = 0;                                             ///< whole factor; 0: as the data set's other readers
+    int person = 0;                                                ///< selects the motion if poses hold several people
+    std::filesystem::path model = {}; ///< folder of the data set's own rig; empty: its default place
 };
 
-/// Loads DIR/cameras.json, DIR/poses.npz (or other poses) and the images DIR/images/CAMERA/FRAME.png (or .jpg), in
-/// order of their names. The mask is the images' alpha, or DIR/masks/CAMERA/FRAME.png, where white is the person.
-/// DIR/backgrounds/CAMERA.png (or .jpg), for all cameras or none, shows what is there without the person. Images of
-/// cameras with distortion are straightened. `body` says what the poses mean.
+/// Loads DIR/cameras.json, DIR/poses.npz (or other poses) and the images DIR/images/CAMERA/FRAME.png (or .jpg), in the
+/// order of their names. The mask is the images' alpha, or DIR/masks/CAMERA/FRAME.png with a white person.
+/// DIR/backgrounds/CAMERA.png (or .jpg), for all cameras or none, shows the scene without the person. Images of cameras
+/// with distortion are undistorted. `body` is the body model of the poses.
 ///
-/// Errors    IoError, ShapeError, ValueError naming the file: images, poses and cameras that do not belong together,
-///           a mask that is empty everywhere, no view to train on, and all that the single files can be guilty of.
-/// Warnings  what is probably wrong, one sentence each with its likely cause; see capture_warnings.
+/// Errors    IoError, ShapeError, ValueError naming the file: images, poses and cameras that do not match, a mask that
+///           is empty everywhere, no view to train on, and all errors of the readers of the single files.
+/// Warnings  probable mistakes, one sentence each with the likely cause; see capture_warnings.
 template <CpuBackend B>
 [[nodiscard]] Capture load_capture(B& backend, const std::filesystem::path& folder, const BodyModel& body,
                                    const CaptureOptions& options = {}, std::vector<std::string>* warnings = nullptr);
 
-/// Writes the same layout: what a studio made by code hands to programs for real captures. Creates the folder.
+/// Writes the same layout and creates the folder.
 inline void save_capture(const std::filesystem::path& folder, const Capture& capture);
 
-/// Looks at the body's posed joints in the images: a camera that does not see them, or sees them absurdly small; masks
-/// that are full where the body is not, or do not lie where it is; images without alpha.
+/// Projects the body's posed joints into the images and warns about cameras that do not see them or see them far too
+/// small, masks that are full outside the body or do not cover it, and images without alpha.
 [[nodiscard]] inline std::vector<std::string> capture_warnings(const Capture& capture, const BodyModel& body);
-/// The same for another person in it, whose motion covers the same frames.
+/// The same for another person in the capture, whose motion covers the same frames.
 [[nodiscard]] inline std::vector<std::string> capture_warnings(const Capture& capture, const BodyModel& body,
                                                                const Motion& motion);
 
@@ -123,7 +123,7 @@ inline void save_capture(const std::filesystem::path& folder, const Capture& cap
 
 namespace detail {
 
-/// Image files of a folder in order of their names.
+/// Image files of a folder in the order of their names.
 inline std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder) {
     std::error_code error;
     std::vector<std::filesystem::path> files;
@@ -138,7 +138,7 @@ inline std::vector<std::filesystem::path> list_images(const std::filesystem::pat
     return files;
 }
 
-/// The one that is missing in a numbered row of files, or nothing.
+/// The missing file in a numbered sequence; empty if there is none.
 inline std::string missing_in_row(const std::vector<std::filesystem::path>& files) {
     long expected = -1;
     for (const auto& file : files) {
@@ -160,7 +160,7 @@ inline std::vector<std::filesystem::path> list_frames(const std::filesystem::pat
                                                       const std::filesystem::path& poses) {
     const auto files = list_images(folder);
     if (const std::string missing = missing_in_row(files); !missing.empty())
-        throw IoError((folder / missing).string() + ": is missing, the files around it are there");
+        throw IoError((folder / missing).string() + ": is missing from the numbered files");
     if (files.size() != frames)
         throw ShapeError(folder.string() + ": holds " + std::to_string(files.size()) + " images, expected " +
                          std::to_string(frames) + ", one per pose of " + poses.string());
@@ -174,7 +174,7 @@ inline void check_image_size(const std::filesystem::path& path, const PixelImage
                          std::to_string(camera.camera.height) + " as camera '" + camera.name + "' says");
 }
 
-/// Alpha from a mask's red channel, or from its alpha where it has one.
+/// Sets alpha from a mask's alpha channel if it has transparency, else from its red channel.
 inline void apply_mask(const PixelImage& mask, PixelImage& image) {
     bool opaque = true;
     for (std::size_t i = 3; i < mask.data.size(); i += 4) opaque = opaque && mask.data[i] == 255;
@@ -184,11 +184,11 @@ inline void apply_mask(const PixelImage& mask, PixelImage& image) {
 inline void check_mask(const std::filesystem::path& path, const PixelImage& image) {
     for (std::size_t i = 3; i < image.data.size(); i += 4)
         if (image.data[i] != 0) return;
-    throw ValueError(path.string() + ": its mask (alpha) is empty everywhere, expected the person to be somewhere");
+    throw ValueError(path.string() + ": its mask (alpha) is empty everywhere, expected the person in it");
 }
 
-/// The image at 1/factor of its size: each pixel the mean of a square. Colours and alpha on their own, as readers of
-/// these data sets shrink photograph and mask before they join them.
+/// The image at 1/factor of its size: each pixel is the mean of a square. Colours and alpha are averaged separately, as
+/// other readers of these data sets reduce photograph and mask before combining them.
 inline PixelImage shrink(const PixelImage& image, int factor) {
     if (factor == 1) return image;
     PixelImage small(image.channels, image.height / factor, image.width / factor);
@@ -203,7 +203,8 @@ inline PixelImage shrink(const PixelImage& image, int factor) {
     return small;
 }
 
-/// The camera of shrunk images.
+/// The camera of reduced images.
+///
 /// Errors  ValueError for a factor that does not divide the size.
 inline Camera<double> shrink(const Camera<double>& camera, int factor, const std::string& where) {
     check_value(factor >= 1 && camera.width % factor == 0 && camera.height % factor == 0, where,
@@ -216,7 +217,7 @@ inline Camera<double> shrink(const Camera<double>& camera, int factor, const std
 }
 
 inline void check_range(const FrameRange& range, const std::string& where) {
-    constexpr int most = 100'000'000; // room to count on
+    constexpr int most = 100'000'000; // so that counting up to it cannot overflow
     check_value(range.first >= 0 && range.step >= 1 && range.step <= most && range.last >= range.first &&
                     range.last <= most,
                 where,
@@ -224,7 +225,7 @@ inline void check_range(const FrameRange& range, const std::string& where) {
                     std::to_string(range.step) + " are none; expected first <= last and a step of at least 1");
 }
 
-/// Runs load(i) for all i. The first in order that fails is the one that is reported, whichever thread finds it.
+/// Runs load(i) for all i. If several fail, the first in order is reported, independently of the threads.
 template <CpuBackend B, class Load>
 void load_all(B& backend, std::size_t count, const Load& load) {
     std::vector<std::exception_ptr> failures(count);
@@ -239,7 +240,7 @@ void load_all(B& backend, std::size_t count, const Load& load) {
         if (failure) std::rethrow_exception(failure);
 }
 
-/// FOLDER/NAME.png, or .jpg, or .jpeg: the first that is there; the .png if none is, for whoever reports it.
+/// FOLDER/NAME.png, .jpg or .jpeg, the first that exists; the .png if none does, for the error message.
 inline std::filesystem::path image_path(const std::filesystem::path& folder, const std::string& name) {
     std::error_code ignored;
     for (const char* extension : {".png", ".jpg", ".jpeg"})
@@ -247,7 +248,7 @@ inline std::filesystem::path image_path(const std::filesystem::path& folder, con
     return folder / (name + ".png");
 }
 
-/// A background has no transparent part.
+/// Throws ValueError if a background has a transparent pixel.
 inline void check_opaque(const std::filesystem::path& path, const PixelImage& image) {
     for (std::size_t i = 3; i < image.data.size(); i += 4)
         check_value(image.data[i] == 255, path.string(), "is transparent somewhere, expected an opaque background");
@@ -262,7 +263,7 @@ inline PixelImage straighten(const PixelImage& image, const NamedCamera& camera)
     return straight;
 }
 
-/// Joints in the world, and points along the bones to their parents: they lie inside the body.
+/// Joint positions in the world, and points along the bones to their parents; all lie inside the body.
 inline std::vector<vec3<double>> bone_points(const BodyModel& body, const Motion& motion, std::size_t frame) {
     const auto joints = regress_joints(body, shaped_vertices(body, motion.betas, motion.expression_at(frame)));
     std::vector<mat3<double>> rotations;
@@ -281,9 +282,9 @@ inline std::vector<vec3<double>> bone_points(const BodyModel& body, const Motion
     return points;
 }
 
-/// What one image says about body, camera and mask.
+/// Statistics of one image with respect to body, camera and mask.
 struct MaskStatistics {
-    double inside = 0;  ///< share of body points that fall into the image
+    double inside = 0;  ///< fraction of body points that project into the image
     double extent = 0;  ///< of the body points, pixels
     double on_body = 0; ///< mean alpha at the body points
     double border = 0;  ///< mean alpha along the image's border
@@ -377,7 +378,7 @@ Capture load_capture(B& backend, const std::filesystem::path& folder, const Body
             if (camera.distortion) {
                 image = detail::straighten(image, camera);
                 for (std::size_t i = 3; i < image.data.size(); i += 4)
-                    image.data[i] = 255; // black beyond the photograph
+                    image.data[i] = 255; // pixels outside the photograph become black
             }
             capture.backgrounds.push_back(std::move(image));
         }
@@ -396,7 +397,7 @@ inline std::vector<std::string> capture_warnings(const Capture& capture, const B
     std::vector<std::string> warnings;
     const std::size_t frames = capture.frame_count();
     if (frames == 0) return warnings;
-    std::map<std::size_t, std::vector<vec3<double>>> points; // of the frames that are looked at
+    std::map<std::size_t, std::vector<vec3<double>>> points; // by frame, for the frames that are checked
 
     const auto percent = [](double share) { return std::to_string(static_cast<int>(100 * share + 0.5)) + "%"; };
     for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
@@ -425,7 +426,7 @@ inline std::vector<std::string> capture_warnings(const Capture& capture, const B
             warnings.push_back(camera + " sees a body " + std::to_string(static_cast<int>(mean.extent + 0.5)) +
                                " pixels tall; t is probably not in metres");
         else if (mean.opaque && capture.background(c))
-            continue; // the whole photograph is the person over the background
+            continue; // with a background the whole photograph is opaque
         else if (mean.opaque)
             warnings.push_back(
                 camera +

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Reconstructions of COLMAP: cameras, images and points, binary or text.
+/// @file  Reads reconstructions of COLMAP: cameras, images and points, binary or text.
 #pragma once
 
 #include <gsh/backend/serial.hpp>
@@ -31,17 +31,17 @@
 
 namespace gsh {
 
-/// One registered image: its file's name, and the camera that took it where it stood.
+/// One registered image: its file name and its posed camera.
 struct ColmapImage {
     std::string name;                             ///< relative to the folder of images
-    Camera<double> camera;                        ///< of the photographed image
-    std::optional<Distortion<double>> distortion; ///< empty for SIMPLE_PINHOLE and PINHOLE, or if all of it is zero
+    Camera<double> camera;                        ///< of the original photograph
+    std::optional<Distortion<double>> distortion; ///< empty for SIMPLE_PINHOLE and PINHOLE, or if it is all zero
 };
 
-/// What COLMAP's mapper found.
+/// A reconstruction by COLMAP's mapper.
 ///
 /// Shapes  images in the order of their names; points, colors [N] in the order of their ids.
-/// Frame   x_cam = R x_world + t, x right, y down, z forward; the image's corner is (0, 0): COLMAP's frame is ours.
+/// Frame   x_cam = R x_world + t, x right, y down, z forward; the image's corner is (0, 0). These are our conventions.
 /// Units   the reconstruction's own; display-referred sRGB in [0, 1].
 struct ColmapScene {
     std::vector<ColmapImage> images;
@@ -49,30 +49,30 @@ struct ColmapScene {
 };
 
 /// Reads cameras, images and points3D (.bin, or else .txt) of a folder, of its sparse/0 or of its sparse. Features and
-/// tracks are skipped. Camera models: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV.
+/// tracks are skipped. Supported camera models: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV.
 ///
-/// Errors  IoError for a file that is missing, truncated or longer than it says; ValueError for another camera model
-///         and for numbers that are no camera, no rotation or not finite. Messages name file and entry.
+/// Errors  IoError for a file that is missing, truncated or has excess bytes; ValueError for another camera model, an
+///         invalid camera or rotation, or numbers that are not finite. Messages name file and entry.
 /// Source  COLMAP's documentation, "Output Format".
 [[nodiscard]] inline ColmapScene read_colmap(const std::filesystem::path& folder);
 
-/// The pinhole camera of a distorted one's straightened image: the same pose and focal lengths, and the largest picture
-/// between the straightened borders, so that no pixel looks beyond the photograph.
+/// The pinhole camera of the undistorted image: the same pose and focal lengths, and the largest image rectangle inside
+/// the undistorted borders, so that no pixel lies outside the photograph.
 ///
-/// Errors  ValueError where the distortion has no inverse at the border, or leaves nothing.
+/// Errors  ValueError if the distortion has no inverse at the border, or the image would be empty.
 [[nodiscard]] inline Camera<double> straight_camera(std::string_view name, const Camera<double>& camera,
                                                     const Distortion<double>& distortion);
 
-/// A photograph of a reconstruction as training wants it: straight, with the camera that fits it.
+/// An undistorted photograph for training, with its camera.
 struct StraightImage {
     PixelImage image; ///< RGBA
     Camera<double> camera;
 };
 
-/// Reads an image of the reconstruction and straightens it. The mask is its alpha, or the image of the same name
-/// (NAME.png, or NAME with .png in place of its ending) in `masks`, if given: white is what to keep.
+/// Reads an image of the reconstruction and undistorts it. The mask is the image's alpha or, if `masks` is given, the
+/// image of the same name (NAME.png, or NAME with the extension .png) in that folder. White pixels are kept.
 ///
-/// Errors  as read_image; ShapeError unless image and mask have the camera's size.
+/// Errors  those of read_image; ShapeError unless image and mask have the camera's size.
 [[nodiscard]] inline StraightImage read_colmap_image(const ColmapImage& entry, const std::filesystem::path& images,
                                                      const std::filesystem::path& masks = {});
 
@@ -80,7 +80,7 @@ struct StraightImage {
 
 namespace detail {
 
-/// The number of a camera model's parameters, and what they are.
+/// A camera model and its number of parameters.
 struct ColmapModel {
     std::string_view name;
     std::int32_t id;
@@ -93,7 +93,7 @@ inline constexpr std::array<ColmapModel, 5> colmap_models{{{"SIMPLE_PINHOLE", 0,
                                                            {"OPENCV", 4, 8}}};
 
 struct ColmapCamera {
-    Camera<double> camera; // pose unset
+    Camera<double> camera; // the pose is not set
     std::optional<Distortion<double>> distortion;
 };
 
@@ -120,7 +120,7 @@ inline ColmapCamera colmap_camera(const std::string& where, const ColmapModel& m
     return result;
 }
 
-/// A pose as COLMAP writes it: the quaternion of x_cam = R x_world + t.
+/// Sets the pose from a quaternion and a translation, x_cam = R x_world + t.
 inline void set_colmap_pose(const std::string& where, Camera<double>& camera, const std::array<double, 7>& v) {
     check_finite(where, "pose", Span<const double>(v));
     const quat<double> q{v[0], v[1], v[2], v[3]};
@@ -129,7 +129,7 @@ inline void set_colmap_pose(const std::string& where, Camera<double>& camera, co
     camera.t = {v[4], v[5], v[6]};
 }
 
-/// The numbers of a binary file one after another.
+/// Sequential reader of a binary file.
 class ColmapBytes {
 public:
     explicit ColmapBytes(std::filesystem::path path)
@@ -156,7 +156,8 @@ public:
         if (count > (bytes_.size() - at_) / size) fail("is truncated");
         at_ += static_cast<std::size_t>(count) * size;
     }
-    /// How many entries follow; each takes at least `size` bytes, which is checked before anything is allocated.
+    /// Reads the number of entries that follow. Each takes at least `size` bytes, which is checked before any
+    /// allocation.
     std::uint64_t count(std::size_t size) {
         const auto n = next<std::uint64_t>();
         if (n > (bytes_.size() - at_) / size)
@@ -179,13 +180,13 @@ private:
     std::size_t at_ = 0;
 };
 
-/// The lines of a text file, without comments, as words.
+/// Reads a text file line by line and word by word, without comments.
 class ColmapLines {
 public:
     explicit ColmapLines(std::filesystem::path path)
         : path_(std::move(path)), text_(read_file(path_, std::size_t(1) << 34)) {}
 
-    /// The next line that says something; false at the end of the file.
+    /// Advances to the next line that is not empty; false at the end of the file.
     bool next() {
         do
             if (!advance()) return false;
@@ -194,7 +195,7 @@ public:
         rest_ = line_;
         return true;
     }
-    /// Passes over the next line, whatever it says.
+    /// Skips the next line, even if it is empty.
     void skip() { advance(); }
 
     std::string_view word() {
@@ -205,7 +206,7 @@ public:
         rest_.remove_prefix(end);
         return result;
     }
-    /// What is left of the line; names of images may hold blanks.
+    /// The rest of the line; names of images may contain blanks.
     std::string remainder() {
         const std::size_t begin = rest_.find_first_not_of(" \t\r");
         if (begin == std::string_view::npos) fail("ends too early");
@@ -338,7 +339,7 @@ inline ColmapScene read_colmap_text(const std::filesystem::path& folder) {
     ColmapCameras cameras;
     for (ColmapLines file(folder / "cameras.txt"); file.next();) cameras.insert(read_camera_entry(file));
 
-    for (ColmapLines file(folder / "images.txt"); file.next(); file.skip()) { // features stand on a line of their own
+    for (ColmapLines file(folder / "images.txt"); file.next(); file.skip()) { // features are on a line of their own
         (void)file.number<std::uint32_t>();
         std::array<double, 7> pose;
         for (double& number : pose) number = file.number<double>();
@@ -398,7 +399,7 @@ inline Camera<double> straight_camera(std::string_view name, const Camera<double
         top = std::max(top, straight(x, 0).y), bottom = std::min(bottom, straight(x, height).y);
     }
     Camera<double> result = camera;
-    constexpr double inside = 1e-3; // pixels: what the steps between border points may hide
+    constexpr double inside = 1e-3; // pixels: tolerance for the border between the sampled points
     result.cx = -left * camera.fx - inside, result.cy = -top * camera.fy - inside;
     const double columns = std::floor((right - left) * camera.fx - 2 * inside);
     const double rows = std::floor((bottom - top) * camera.fy - 2 * inside);

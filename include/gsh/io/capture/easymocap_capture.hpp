@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A capture of several cameras in EasyMocap's folders.
+/// @file  Loads a capture of several cameras in EasyMocap's layout.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -27,14 +27,16 @@
 
 namespace gsh {
 
-/// Loads intri.yml and extri.yml, images/CAMERA/NUMBER.jpg (or .png), masks/CAMERA/NUMBER.png (or mask/…, where the
-/// person is white), and a person's poses, NUMBER.json. Frames are those of the poses: options.poses names their
-/// folder, else output/smplx/smplx, output/smplx, output/smpl, smplx or smpl, the first that is there. It may also name
-/// what else load_any_motion reads; poses that have no numbers are those of the first camera's images, in order.
+/// Loads intri.yml and extri.yml, images/CAMERA/NUMBER.jpg (or .png), masks/CAMERA/NUMBER.png (or mask/…; the person is
+/// white), and a person's poses, NUMBER.json. The capture's frames are those of the poses. options.poses names their
+/// folder; the default is the first that exists of output/smplx/smplx, output/smplx, output/smpl, smplx and smpl. It
+/// may also name any other input of load_any_motion. Poses without numbers belong to the first camera's images, in
+/// order.
 ///
-/// options.test_cameras and test_frames (counted from the first pose file) are for judging; where nobody says, the last
-/// camera is, if there are at least three. Images are straightened as ours are.
-/// Errors  as load_capture and load_easymocap_motion.
+/// options.test_cameras and test_frames (counted from the first pose file) are used for evaluation. Without these
+/// options the last camera is the test camera if there are at least three. Images are undistorted.
+///
+/// Errors  those of load_capture and load_easymocap_motion.
 template <CpuBackend B>
 [[nodiscard]] Capture load_easymocap_capture(B& backend, const std::filesystem::path& folder, const BodyModel& body,
                                              const CaptureOptions& options = {},
@@ -55,7 +57,7 @@ inline std::filesystem::path easymocap_poses(const std::filesystem::path& folder
     throw IoError(folder.string() + ": no folder of poses (output/smplx, output/smpl, …) is there; name it");
 }
 
-/// Images of a folder by their numbers.
+/// Images of a folder by number.
 inline std::map<long, std::filesystem::path> images_by_number(const std::filesystem::path& folder) {
     std::map<long, std::filesystem::path> files;
     for (const auto& path : list_images(folder))
@@ -63,7 +65,7 @@ inline std::map<long, std::filesystem::path> images_by_number(const std::filesys
     return files;
 }
 
-/// Which image belongs to each of `count` poses: its number is the pose file's, or else its place in a row of images.
+/// The image number of each of `count` poses: the pose file's number, or else its position in the sequence of images.
 inline std::vector<long> pose_numbers(const std::filesystem::path& poses, const std::filesystem::path& images,
                                       std::size_t count) {
     std::vector<long> numbers;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  GalaBasketball as Animatable 3D Gaussian reads it: text files, a rig of 27 joints, static background plates.
+/// @file  Loads scenes of GalaBasketball: text files, a rig of 27 joints, static backgrounds.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -40,20 +40,20 @@ struct GalaScene {
     std::vector<Motion> people; ///< all of them
 };
 
-/// Loads a scene. Its layout, beside options.model (empty: FOLDER/../model) with the rig:
+/// Loads a scene. Its layout, in addition to the rig in options.model (default: FOLDER/../model):
 ///
 ///     FOLDER/camera/ID.txt      vertical field of view in degrees, width, height; position;
 ///                               quaternion x, y, z, w; scale
-///     FOLDER/bg/ID.png          what the camera sees without people: Capture::backgrounds
-///     FOLDER/ID/NUMBER.png      photographs (four digits), used whole; NUMBER_mask.png is not read
+///     FOLDER/bg/ID.png          the camera's view without people: Capture::backgrounds
+///     FOLDER/ID/NUMBER.png      photographs (four digits), used as a whole; NUMBER_mask.png is not read
 ///     FOLDER/pose/NUMBER.txt    load_gala_motions
 ///
-/// Frames and their split are those in use for the published scenes (idle, dribble, …), known by the folder's name;
-/// elsewhere all frames, unless options say otherwise. Camera 6 (or the last one) is for judging. Images that a camera
-/// need not have, because the split does not use them, are not taken. options.poses may name another motion of
+/// For the published scenes (idle, dribble, …), identified by the folder's name, frames and split are those in use.
+/// Otherwise all frames are used unless options specify them. Camera 6 (or the last one) is the test camera. Images
+/// that the split does not use are not read and count as not taken. options.poses may name another motion for
 /// options.person, with a pose for each of these frames.
 ///
-/// Errors  as load_capture. A scene without frames to train on (gymnastics) has only motions: load_gala_motions.
+/// Errors  those of load_capture. A scene without training frames (gymnastics) has only motions: use load_gala_motions.
 template <CpuBackend B>
 [[nodiscard]] GalaScene load_gala_scene(B& backend, const std::filesystem::path& folder,
                                         const CaptureOptions& options = {},
@@ -63,7 +63,7 @@ template <CpuBackend B>
 
 namespace detail {
 
-/// The split that published figures are measured on: frames of the training cameras and of the test camera.
+/// The split of published results: frames of the training cameras and of the test camera.
 struct GalaSplit {
     std::optional<FrameRange> train, test;
 };
@@ -81,7 +81,7 @@ inline GalaSplit known_gala_split(std::string_view scene) {
     return {};
 }
 
-/// A camera file; the left-handed camera looks along +z with y up, ours has y down.
+/// Reads a camera file. The files' left-handed camera looks along +z with y up; ours has y down.
 inline Camera<double> read_gala_camera(const std::filesystem::path& path) {
     const NumberLines lines(path);
     const std::vector<double>& view = lines.at(0, 3, "field of view, width, height");
@@ -104,7 +104,7 @@ inline Camera<double> read_gala_camera(const std::filesystem::path& path) {
     camera.fx = camera.fy = camera.height / (2 * std::tan(half));
     camera.cx = camera.width / 2.0, camera.cy = camera.height / 2.0;
     const mat3<double> world_from_camera = mirrored(rotation_from_quat(quat<double>{q[3], q[0], q[1], q[2]}));
-    // M R M carries a mirrored camera frame, x to the left: turning that by half a turn about z gives x right, y down.
+    // M R M is a mirrored camera frame with x to the left. Half a turn about z gives x right, y down.
     const mat3<double> half_turn(vec3<double>(-1, 0, 0), vec3<double>(0, -1, 0), vec3<double>(0, 0, 1));
     camera.R = half_turn * transpose(world_from_camera);
     camera.t = -(camera.R * mirrored(position));
@@ -192,7 +192,7 @@ GalaScene load_gala_scene(B& backend, const std::filesystem::path& folder, const
     for (std::size_t c = 0; c < C; ++c)
         for (const auto& file : detail::list_numbered(folder / full[c].name, ".png")) files[c][file.number] = file.path;
     capture.backgrounds.resize(C);
-    detail::load_all(backend, C * (F + 1), [&](std::size_t i) { // backgrounds first
+    detail::load_all(backend, C * (F + 1), [&](std::size_t i) { // backgrounds come first
         const std::size_t c = i < C ? i : (i - C) / F;
         std::filesystem::path path = folder / "bg" / (full[c].name + ".png");
         PixelImage* image = &capture.backgrounds[c];
@@ -208,7 +208,7 @@ GalaScene load_gala_scene(B& backend, const std::filesystem::path& folder, const
         }
         *image = read_image(path);
         detail::check_image_size(path, *image, full[c]);
-        for (std::size_t n = 3; n < image->data.size(); n += 4) image->data[n] = 255; // photographs are used whole
+        for (std::size_t n = 3; n < image->data.size(); n += 4) image->data[n] = 255; // photographs are used as a whole
         *image = detail::shrink(*image, factor);
     });
     check_value(!capture.views(false).empty(), folder.string(),

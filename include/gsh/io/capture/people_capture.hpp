@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Several people in one capture: a name, poses and perhaps masks for each.
+/// @file  Captures with several people, each with a name, poses and optional masks.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -25,16 +25,16 @@
 
 namespace gsh {
 
-/// Somebody in a capture.
+/// A person in a capture.
 struct CapturePerson {
-    std::string name;     ///< of files and in tables
-    std::size_t body = 0; ///< which of the body models
+    std::string name;     ///< used in file names and tables
+    std::size_t body = 0; ///< index of the body model
     Motion motion;        ///< a pose for each of the capture's frames
-    /// 1 where a view shows this person: [cameras * frames] as Capture::images, empty ones where there is no mask; or
-    /// no images at all. Only views to judge by have masks.
+    /// 1 where a view shows this person: [cameras * frames] as Capture::images, empty where there is no mask; or no
+    /// images at all. Only views for evaluation have masks.
     std::vector<Image<std::uint8_t>> masks = {};
 
-    /// The mask of a view, or nothing.
+    /// The mask of a view; null if there is none.
     [[nodiscard]] const Image<std::uint8_t>* mask(CaptureView view) const {
         if (masks.empty()) return nullptr;
         const auto& mask = masks[view.camera * motion.frame_count() + view.frame];
@@ -42,27 +42,28 @@ struct CapturePerson {
     }
 };
 
-/// A capture with everybody in it.
+/// A capture with all its people.
 struct PeopleCapture {
-    AnyCapture any; ///< its motion is the first person's, or CaptureOptions::person's
+    AnyCapture any; ///< its motion is that of the first person, or of CaptureOptions::person
     std::vector<CapturePerson> people;
 };
 
-/// What to call the people of some pose files: the files' names without extension, or those of folders; where two are
-/// called alike, the later one gets a number, "poses-2".
-/// Errors  ValueError for a file that is named twice.
+/// Names of people derived from pose files: the files' names without extension, or the names of folders. Duplicates get
+/// a number, "poses-2".
+///
+/// Errors  ValueError for a file that is given twice.
 [[nodiscard]] inline std::vector<std::string> person_names(const std::vector<std::filesystem::path>& poses);
 
-/// Loads a capture with one or several people: in our own layout one per pose file or folder (in the capture's, or a
-/// path; any that load_any_motion reads), in a layout that holds several people all of them. `bodies` is one model for
-/// all, or one per pose file; none where the layout brings its own. With several people,
-/// FOLDER/person_masks/NAME/CAMERA/FRAME.png says which pixels are whose: optional for each person and camera, white
-/// (or opaque) where the person is seen, as many as the camera has images.
+/// Loads a capture with one or several people. In our own layout there is one pose file or folder per person, relative
+/// to the capture or absolute, in any layout of load_any_motion. A layout with several people supplies all of them.
+/// `bodies` is one model for all people or one per pose file; none if the layout contains its own. With several people,
+/// FOLDER/person_masks/NAME/CAMERA/FRAME.png marks each person's pixels in white (or opaque). These masks are optional
+/// for each person and camera, and there must be as many as the camera has images.
 ///
-/// Errors    as load_any_capture, and ShapeError for poses of another number of frames than the first one's, ValueError
-///           for numbers of bodies and poses that do not match, somebody named twice, several pose files where the
-///           layout does not take them; IoError for masks of a person or camera that there is not.
-/// Warnings  capture_warnings for each person, beginning with the name where there are several.
+/// Errors    those of load_any_capture; ShapeError for poses whose number of frames differs from the first one's;
+///           ValueError for numbers of bodies and poses that do not match, a name given twice, or several pose files in
+///           a layout that does not accept them; IoError for masks of an unknown person or camera.
+/// Warnings  capture_warnings for each person, with the name first if there are several.
 template <CpuBackend B>
 [[nodiscard]] PeopleCapture
 load_people_capture(B& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
@@ -73,7 +74,7 @@ load_people_capture(B& backend, const std::filesystem::path& folder, Span<const 
 
 namespace detail {
 
-/// Masks of one person in the views to judge by, straightened as photographs are. Nothing if the folder is not there.
+/// Masks of one person in the views for evaluation, undistorted as the photographs are; empty without a folder.
 template <CpuBackend B>
 std::vector<Image<std::uint8_t>> load_person_masks(B& backend, const std::filesystem::path& folder,
                                                    const Capture& capture, const std::vector<NamedCamera>& cameras,
@@ -142,11 +143,11 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
     check_value(poses.size() <= 1 || recognise_capture(folder).value_or(CaptureLayout::gsh) == CaptureLayout::gsh,
                 folder.string(), "only a capture in our own layout takes several pose files; see docs/captures.md");
     if (!poses.empty()) options.poses = poses.front().string();
-    if (poses.size() > 1) options.person = 0; // of each file, not of the row of files
+    if (poses.size() > 1) options.person = 0; // it refers to one file, not to the list of files
     std::vector<std::string> of_first;
     result.any = load_any_capture(backend, folder, bodies.empty() ? nullptr : &bodies[0], options, &of_first);
     const Capture& capture = result.any.capture;
-    if (result.any.people.size() > 1) { // the layout says who is there
+    if (result.any.people.size() > 1) { // the layout contains several people
         for (std::size_t p = 0; p < result.any.people.size(); ++p)
             result.people.push_back({"person-" + std::to_string(p), 0, result.any.people[p]});
     } else {
@@ -184,7 +185,7 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
         for (const CapturePerson& person : result.people) known += (known.empty() ? "" : ", ") + person.name;
         throw IoError(entry.path().string() + ": there is no such person; the people are " + known);
     }
-    const bool ours = result.any.layout == CaptureLayout::gsh; // a capture's cameras have no distortion any more
+    const bool ours = result.any.layout == CaptureLayout::gsh; // the capture's cameras have lost their distortion
     const auto cameras = ours ? read_cameras(folder / "cameras.json").cameras : capture.cameras;
     for (std::size_t p = 0; p < result.people.size(); ++p)
         result.people[p].masks =

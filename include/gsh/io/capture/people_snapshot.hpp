@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  PeopleSnapshot as InstantAvatar preprocesses it, and own videos in the same layout.
+/// @file  Loads PeopleSnapshot as preprocessed by InstantAvatar, and other videos in the same layout.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -30,26 +30,27 @@
 
 namespace gsh {
 
-/// Loads one person, turning before one camera.
+/// Loads a person who turns in front of one camera.
 ///
 ///     FOLDER/cameras.npz               intrinsic [3, 3], extrinsic [4, 4] (world to camera), height, width
-///     FOLDER/images/*.png              frame n is the n-th in order of the names (image_0000.png, …)
+///     FOLDER/images/*.png              frame n is the n-th in the order of the names (image_0000.png, …)
 ///     FOLDER/masks/*.npy or *.png      [height, width], 0 or 1 (or 0 to 255), one per image
 ///     FOLDER/poses/anim_nerf_train.npz, …_test.npz
 ///                                      betas, global_orient, body_pose [n, 69], transl: frames of the split only;
 ///                                      or poses/train.npz, poses/test.npz
 ///     FOLDER/poses.npz                 or, for all frames, betas, thetas [F, 72], transl; or poses_optimized.npz
-///     FOLDER/smplx.npz                 SMPL-X fits (io/motion/smplifyx_file.hpp), read instead for a body of 55 joints
+///     FOLDER/smplx.npz                 SMPL-X fits (io/motion/smplifyx_file.hpp), used instead for a body of 55 joints
 ///
-/// The capture holds the frames of the split, and no others, in order of their numbers. The split is
-/// options.train_frames and test_frames, or FOLDER/split.json, {"train": [first, last, step], "test": […]}, or the one
-/// in use for the four subjects (male-3-casual, …), known by the folder's name; where nobody says, the last fifth of
-/// the video is left for testing. options.poses names other poses, for all frames or for those of the split.
+/// The capture holds only the frames of the split, ordered by number. The split comes from options.train_frames and
+/// test_frames, or from FOLDER/split.json, {"train": [first, last, step], "test": […]}. For the four subjects
+/// (male-3-casual, …), identified by the folder's name, the published split is used. Otherwise the last fifth of the
+/// video is the test set. options.poses names other poses, for all frames or for those of the split.
 ///
 /// Frame   the camera's; the principal point is kept. options.downscale 0 halves images above 800 pixels (1080 to 540).
-/// Units   this layout's pixels count from the first one's centre, at the size in use, as its poses were fitted: half a
-///         pixel is added to the principal point. timestamps are frame / 30.
-/// Errors  as load_capture.
+/// Units   the layout's pixel coordinates have their origin at the centre of the first pixel of the reduced image, as
+///         used when its poses were fitted. Half a pixel is therefore added to the principal point. timestamps are
+///         frame / 30.
+/// Errors  those of load_capture.
 template <CpuBackend B>
 [[nodiscard]] Capture load_people_snapshot(B& backend, const std::filesystem::path& folder, const BodyModel& body,
                                            const CaptureOptions& options = {},
@@ -63,7 +64,7 @@ struct SnapshotSplit {
     std::optional<FrameRange> train, test;
 };
 
-/// The split that published figures are measured on, by the subject's name.
+/// The split of published results for a subject's name.
 inline SnapshotSplit known_split(std::string_view subject) {
     struct Row {
         std::string_view subject;
@@ -96,7 +97,7 @@ inline SnapshotSplit read_split(const std::filesystem::path& path) {
     return split;
 }
 
-/// Files of a folder with one of two endings, in order of their names; the first ending that is there counts.
+/// Files of a folder with one of two extensions, in the order of their names; the first extension found is used.
 inline std::vector<std::filesystem::path> list_masks(const std::filesystem::path& folder) {
     std::error_code error;
     std::vector<std::filesystem::path> files;
@@ -108,7 +109,7 @@ inline std::vector<std::filesystem::path> list_masks(const std::filesystem::path
     return files.empty() ? list_images(folder) : files;
 }
 
-/// A mask as alpha, from an array of 0 and 1 (or up to 255) or from an image.
+/// Sets alpha from a mask: an array of 0 and 1 (or up to 255), or an image.
 inline void apply_mask_file(const std::filesystem::path& path, PixelImage& image) {
     const auto fail = [&](const std::string& found) {
         throw ShapeError(path.string() + ": is " + found + " pixels, expected " + std::to_string(image.width) + " x " +
@@ -132,7 +133,7 @@ inline void apply_mask_file(const std::filesystem::path& path, PixelImage& image
     for (std::size_t i = 0; i < pixels; ++i) image.data[4 * i + 3] = static_cast<std::uint8_t>(mask[i] * scale + 0.5f);
 }
 
-/// The camera of cameras.npz, at full size and with pixels counted from the corner.
+/// The camera of cameras.npz at full size, with pixel coordinates counted from the image's corner.
 inline Camera<double> read_snapshot_camera(const std::filesystem::path& path) {
     const NpzReader file(path);
     const auto K = file.read<double>("intrinsic", {3, 3}, Numbers::any),
@@ -149,8 +150,8 @@ inline Camera<double> read_snapshot_camera(const std::filesystem::path& path) {
                                  path.string());
 }
 
-/// Motion of fits (io/motion/smplifyx_file.hpp, or whatever load_any_motion reads) for these frames of a video of
-/// `images` frames; `camera` becomes the fits' camera where the file holds one.
+/// Motion of fits (io/motion/smplifyx_file.hpp, or any input of load_any_motion) for these frames of a video with
+/// `images` frames. `camera` is replaced by the fits' camera if the file contains one.
 inline Motion snapshot_fits(const std::filesystem::path& path, const BodyModel& body,
                             const std::vector<SnapshotFrame>& frames, std::size_t images,
                             MotionFileOptions::Hands hands, Camera<double>& camera,
@@ -164,7 +165,7 @@ inline Motion snapshot_fits(const std::filesystem::path& path, const BodyModel& 
     else
         fits.motion = load_any_motion(path, body, options, warnings);
     const std::size_t T = fits.motion.frame_count();
-    if (layout == MotionLayout::smplx_json && T != images && T != frames.size()) // then the files' numbers count
+    if (layout == MotionLayout::smplx_json && T != images && T != frames.size()) // use the files' numbers
         for (const double time : fits.motion.timestamps)
             fits.frame_ids.push_back(static_cast<int>(std::lround(time * options.fps)));
     if (fits.frame_ids.empty() && T != images && T != frames.size())
@@ -190,7 +191,7 @@ inline Motion snapshot_fits(const std::filesystem::path& path, const BodyModel& 
         motion.timestamps.push_back(frames[i].number / 30.0);
     }
     if (fits.has_camera()) camera = fits.camera(camera.width, camera.height);
-    camera.R = mat3<double>(1.0), camera.t = vec3<double>(0); // fits are made in the camera's frame
+    camera.R = mat3<double>(1.0), camera.t = vec3<double>(0); // the fits are in the camera's frame
     return motion;
 }
 
@@ -215,7 +216,7 @@ Capture load_people_snapshot(B& backend, const std::filesystem::path& folder, co
                          std::to_string(images.size()) + ", one per image");
     const int count = static_cast<int>(images.size());
 
-    // Which frames.
+    // Select the frames.
     detail::SnapshotSplit split{options.train_frames, options.test_frames};
     const auto split_file = folder / "split.json";
     if (!split.train && !split.test)
@@ -246,7 +247,7 @@ Capture load_people_snapshot(B& backend, const std::filesystem::path& folder, co
     const bool even = named.camera.width % 2 == 0 && named.camera.height % 2 == 0;
     const int factor = options.downscale > 0 ? options.downscale : longest > 800 && even ? 2 : 1;
 
-    // Their poses.
+    // Load their poses.
     const bool named_fits = options.poses != "poses.npz";
     const auto fits = named_fits ? folder / options.poses : folder / "smplx.npz";
     named.camera.cx += 0.5 * factor, named.camera.cy += 0.5 * factor;
@@ -257,7 +258,7 @@ Capture load_people_snapshot(B& backend, const std::filesystem::path& folder, co
         capture.motion = detail::snapshot_motion(folder, body, frames, images.size(), options.hands, warnings);
     }
 
-    // Their images.
+    // Load their images.
     const NamedCamera full = named;
     named.camera = detail::shrink(named.camera, factor, folder.string());
     capture.cameras.push_back(named);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Which maps of an estimator belong to which frame, camera and person of a capture, as JSON.
+/// @file  Reads a JSON list that assigns an estimator's maps to frames, cameras and people of a capture.
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
@@ -32,33 +32,35 @@
 
 namespace gsh {
 
-/// Reads {"views": [...]}, or the bare list. A view holds
+/// Reads {"views": [...]}, or the list alone. The fields of a view are
 ///
-///   normals    a normal map, PNG or npy as read_normal_map takes it; with it "encoding" (y_up unless given, y_down,
+///   normals    a normal map, PNG or npy as accepted by read_normal_map; with it "encoding" (y_up by default, y_down,
 ///              opencv, x_left), "facing" (viewer, away) and "integrate": true for a depth view from these normals
-///   depth      an .npy of (height, width) real numbers, camera z in metres; NaN and 0, and what lies behind a pinhole
-///              camera, are nothing. A view has normals or depth, or both
-///   mask       an image of the map's size: where it is white (or, if it has alpha, opaque) the map counts
-///   frame      from 0, or "canonical", as without it
+///   depth      an .npy of (height, width) real numbers, camera z in metres; NaN, 0 and points behind a pinhole camera
+///              are invalid. A view has normals or depth, or both
+///   mask       an image of the map's size; the map is valid where it is white (or opaque, if it has alpha)
+///   frame      a number from 0, or "canonical" (the default)
 ///   camera     a name out of `cameras`; or as in cameras.json (width, height, K, R, t); or orthographic (width,
 ///              height, scale in pixels per metre, cx, cy, R, t)
-///   crop       [x, y, width, height] in the camera's pixels: what the map shows, at whatever size; else all of it, in
-///              its size
-///   person     a name out of `people`, or a number from 0, as without it
+///   crop       [x, y, width, height] in the camera's pixels: the part that the map shows, at any resolution; by
+///              default the map shows the whole image at its size
+///   person     a name out of `people`, or a number from 0 (the default)
 ///
-/// Paths begin at the file's folder. Cameras see straight: a map of a distorted photograph must be straightened first.
+/// Paths are relative to the file's folder. Cameras have no distortion, so a map of a distorted photograph must be
+/// undistorted first.
 ///
 /// Shapes  result [max(1, people)], in their order.
-/// Errors  IoError, ShapeError, ValueError naming file, view and field: no such file, an unknown field, word, camera,
-///         person or frame, fields that exclude each other, sizes that do not match, a map in which nothing counts;
-///         what the readers of the maps say.
+/// Errors  IoError, ShapeError, ValueError naming file, view and field: a missing file, an unknown field, word, camera,
+///         person or frame, fields that exclude each other, sizes that do not match, a map without a valid pixel; those
+///         of the readers of the maps.
 [[nodiscard]] inline std::vector<EstimatedPriors> read_prior_views(const std::filesystem::path& path,
                                                                    Span<const NamedCamera> cameras,
                                                                    std::size_t frame_count,
                                                                    Span<const std::string> people = {});
 
-/// CRC-32 of the file and of all files that it names: whether views are still what they were.
-/// Errors  IoError as of read_prior_views.
+/// CRC-32 of the file and of all files that it names, to detect changes.
+///
+/// Errors  the IoErrors of read_prior_views.
 [[nodiscard]] inline std::uint32_t prior_views_checksum(const std::filesystem::path& path);
 
 // -------------------------------------------------------------------------------------------------------------
@@ -79,7 +81,7 @@ inline std::string prior_view_name(const std::filesystem::path& path, std::size_
     return path.string() + ": views[" + std::to_string(view) + "]";
 }
 
-/// The value that a word stands for; the first one where there is no such field.
+/// The value of a word; the first value if the field is missing.
 template <class Value>
 Value prior_word(const JsonObject& object, const char* field,
                  std::initializer_list<std::pair<const char*, Value>> values) {
@@ -109,7 +111,7 @@ inline PriorCamera read_prior_camera(const JsonObject& view, Span<const NamedCam
     if (!object.has("scale")) {
         const NamedCamera camera = read_camera_entry(json, where);
         check_value(!camera.distortion, where,
-                    "has distortion, expected a camera that sees straight; straighten the map");
+                    "has distortion, expected a camera without distortion; undistort the map");
         return camera.camera;
     }
     object.expect_only({"width", "height", "scale", "cx", "cy", "R", "t"});
@@ -126,7 +128,7 @@ inline PriorCamera read_prior_camera(const JsonObject& view, Span<const NamedCam
     return camera;
 }
 
-/// The camera of a map of width x height pixels that shows the crop of a camera's image.
+/// The camera of a map of width x height pixels that shows a crop of another camera's image.
 inline PriorCamera crop_camera(const PriorCamera& whole, const std::vector<double>& crop, int width, int height,
                                const std::string& where) {
     const double across = width / crop[2], down = height / crop[3]; // pixels of the map in one of the camera
@@ -173,7 +175,7 @@ inline PriorMap read_prior_depth(const std::filesystem::path& path, bool behind_
     return map;
 }
 
-/// Takes away what the mask of a file does not show.
+/// Removes the pixels outside the mask of a file.
 inline void restrict_prior(PriorMap& map, const std::filesystem::path& path) {
     const PixelImage mask = read_image(path);
     if (mask.width != map.mask.width || mask.height != map.mask.height)
@@ -189,7 +191,7 @@ inline void restrict_prior(PriorMap& map, const std::filesystem::path& path) {
         }
 }
 
-/// What f returns; of what it throws, the entry's name stands before the file's.
+/// Calls f. If it throws, the entry's name is prepended to the message.
 template <class F>
 auto read_for(const std::string& entry, const F& f) {
     try {
@@ -304,7 +306,7 @@ private:
                     "integrate needs normals that face the viewer: the mesh's depth beside them is of the near side");
         return integrate;
     }
-    /// A map with its camera, and what its mask leaves.
+    /// The view of a map with its camera, restricted to the mask.
     [[nodiscard]] PriorView view(PriorMap map, const std::filesystem::path& file) const {
         const int width = map.mask.width, height = map.mask.height;
         PriorView result{crop_.empty() ? camera_ : crop_camera(camera_, crop_, width, height, object_.where()), {}, {}};
@@ -313,7 +315,7 @@ private:
         if (across != width || down != height)
             throw ShapeError(object_.where() + ": " + file.string() + " is " + std::to_string(width) + " x " +
                              std::to_string(height) + " pixels, its camera " + std::to_string(across) + " x " +
-                             std::to_string(down) + "; say by crop what part of the image it shows");
+                             std::to_string(down) + "; give the part of the image that it shows as crop");
         std::string counting = file.string();
         if (object_.has("mask")) {
             const auto mask = folder_ / object_.text("mask");

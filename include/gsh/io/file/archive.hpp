@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Our own files: .npz archives that say what they are and which version of it.
+/// @file  The library's own .npz archives, which store their kind and format version.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -16,15 +16,15 @@
 
 namespace gsh {
 
-/// Writes an archive of a kind ("avatar", "checkpoint") and version; NumPy opens it like any .npz. Its member
-/// gsh_format reads "KIND VERSION". The file appears on commit.
+/// Writes an archive of a kind ("avatar", "checkpoint") and version. NumPy opens it like any .npz. The member
+/// gsh_format holds "KIND VERSION". The file appears on commit.
 class ArchiveWriter : public NpzWriter {
 public:
     ArchiveWriter(std::filesystem::path path, std::string_view kind, int version) : NpzWriter(std::move(path)) {
         add_text("gsh_format", std::string(kind) + " " + std::to_string(version));
     }
 
-    /// Structs made of nothing but T, such as vectors and quaternions, as an array [rows, numbers per row].
+    /// Adds structs that consist only of T, such as vectors and quaternions, as an array [rows, numbers per row].
     template <class T, class Row>
         requires std::is_trivially_copyable_v<Row> && (sizeof(Row) % sizeof(T) == 0)
     void add_rows(std::string_view key, Span<const Row> rows) {
@@ -37,8 +37,9 @@ public:
     }
 };
 
-/// Reads what ArchiveWriter wrote, bit for bit: an array comes back as the type it was, NaN and all.
-/// Errors  IoError, naming the file, for one that is not ours, of another kind or of another version; then as
+/// Reads an ArchiveWriter's file, bit for bit: an array is returned in the type in which it was written, including NaN.
+///
+/// Errors  IoError, naming the file, for a file without gsh_format, of another kind or of another version; those of
 ///         NpzReader.
 class ArchiveReader {
 public:
@@ -62,7 +63,7 @@ public:
             throw ShapeError(file_.name_of(key) + " holds " + std::to_string(texts.size()) + " texts, expected one");
         return texts[0];
     }
-    /// What add_rows wrote.
+    /// Reads an array written by add_rows.
     template <class T, class Row>
         requires std::is_trivially_copyable_v<Row> && (sizeof(Row) % sizeof(T) == 0)
     [[nodiscard]] std::vector<Row> read_rows(std::string_view key) const {
@@ -77,13 +78,13 @@ private:
     NpzReader file_;
 };
 
-/// The kind of an archive ("avatar"), or nothing for a file that is not one of ours.
+/// The kind of an archive ("avatar"); empty for a file that is not an archive of this library.
 [[nodiscard]] inline std::string archive_kind(const std::filesystem::path& path);
 
 // -------------------------------------------------------------------------------------------------------------
 
 namespace detail {
-/// The text of gsh_format, or nothing.
+/// The text of gsh_format, or empty.
 inline std::string archive_format(const NpzReader& file) {
     if (!file.has("gsh_format") || !file.header("gsh_format").is_text()) return {};
     const auto texts = file.read_texts("gsh_format");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Files that appear whole or not at all.
+/// @file  Atomic file writing: a file appears completely or not at all.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -22,19 +22,21 @@
 
 namespace gsh {
 
-/// What a commit waits for.
+/// Whether a commit waits for the disk.
 enum class Sync {
-    disk, ///< a power cut right afterwards loses nothing
-    none, ///< the system writes when it likes: for many files that can be made again
+    disk, ///< yes: the file survives a power failure right after the commit
+    none, ///< no: faster, for many files that can be regenerated
 };
 
-/// Writes beside the wanted file (`NAME.partial`), and on commit syncs that to the disk and renames it over `NAME`.
-/// A reader sees the old file or the new one; a crash, a full disk or an exception leaves the old one as it was.
+/// Writes to a file beside the target (`NAME.partial`). On commit it syncs that file to the disk and renames it to
+/// `NAME`. A reader sees the old file or the new one. A crash, a full disk or an exception leaves the old file
+/// unchanged.
 ///
-/// A `path` that is a symbolic link keeps pointing where it did; a device or a pipe is written directly.
-/// One writer at a time for a given path.
-/// Errors  IoError naming the file and what the system said. A limit on file sizes (ulimit -f) counts as a full disk
-///         in programs that ignore SIGXFSZ.
+/// If `path` is a symbolic link, the link is kept and its target is replaced; a device or a pipe is written directly.
+/// Only one writer at a time may use a path.
+///
+/// Errors  IoError with the file and the system's message. A limit on file sizes (ulimit -f) counts as a full disk in
+///         programs that ignore SIGXFSZ.
 class AtomicFile {
 public:
     explicit AtomicFile(std::filesystem::path path);
@@ -44,7 +46,7 @@ public:
 
     void write(const void* data, std::size_t size);
     void write(std::string_view text) { write(text.data(), text.size()); }
-    /// Makes the file appear. Without it the destructor removes what was written.
+    /// Makes the file appear. Without a commit, the destructor removes what was written.
     void commit(Sync sync = Sync::disk);
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
@@ -52,10 +54,10 @@ public:
     [[nodiscard]] std::size_t size() const { return size_; }
 
 private:
-    std::filesystem::path path_;      // as the caller named it, for messages
+    std::filesystem::path path_;      // as given by the caller, for messages
     std::filesystem::path target_;    // with links resolved
     std::filesystem::path temporary_; // empty when writing directly
-    std::vector<char> pending_;       // small writes wait here
+    std::vector<char> pending_;       // buffer for small writes
     std::size_t size_ = 0;
     int descriptor_ = -1;
 
@@ -67,14 +69,15 @@ private:
     [[noreturn]] void fail(std::string_view deed, int error);
 };
 
-/// Writes `text` as the whole content of a file.
+/// Writes `text` as the whole contents of a file.
 inline void write_file(const std::filesystem::path& path, std::string_view text, Sync sync = Sync::disk) {
     AtomicFile file(path);
     file.write(text);
     file.commit(sync);
 }
 
-/// The whole content of a file.
+/// The whole contents of a file.
+///
 /// Errors  IoError if it cannot be read, or is larger than `limit` bytes.
 [[nodiscard]] inline std::string read_file(const std::filesystem::path& path, std::size_t limit = std::size_t(1) << 30);
 
@@ -94,7 +97,7 @@ inline AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path
     descriptor_ = ::open(opened.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
     if (descriptor_ < 0) {
         const int code = errno;
-        temporary_.clear(); // not ours to remove
+        temporary_.clear(); // not a file that this object may remove
         fail("cannot be created", code);
     }
 }
@@ -118,7 +121,7 @@ inline void AtomicFile::commit(Sync sync) {
     if (std::rename(temporary_.c_str(), target_.c_str()) != 0) fail("cannot be renamed into place", errno);
     temporary_.clear();
     if (sync == Sync::none) return;
-    // The new name itself lives in the directory; a file system that cannot sync one has nothing to lose here.
+    // The rename is stored in the directory, so that is synced too. Errors are ignored: some file systems cannot do it.
     const auto folder = target_.has_parent_path() ? target_.parent_path() : std::filesystem::path(".");
     if (const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); directory >= 0) {
         ::fsync(directory);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The checksum of zip archives and PNG images.
+/// @file  CRC-32, the checksum of zip archives and PNG images.
 #pragma once
 
 #include <array>
@@ -10,6 +10,7 @@
 namespace gsh {
 
 /// CRC-32 of IEEE 802.3, eight bytes at a time.
+///
 /// Source  Kounavis and Berry, "A Systematic Approach to Building High Performance Software-based CRC Generators",
 ///         2005.
 class Crc32 {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  NumPy's array format: one array, its shape and its numbers.
+/// @file  NumPy's array format, .npy: one array with its shape and type.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -29,7 +29,7 @@ static_assert(std::endian::native == std::endian::little, "the file formats here
 
 using Shape = std::vector<std::size_t>;
 
-/// An array in C order (the last index runs fastest); an empty shape is a single number.
+/// An array in C order (the last index varies fastest); an empty shape is a single number.
 template <class T>
 struct NpyArray {
     Shape shape;
@@ -41,29 +41,31 @@ struct NpyArray {
     [[nodiscard]] const T& operator[](std::size_t i) const { return data[i]; }
 };
 
-/// What an array's header says.
+/// The contents of an array's header.
 struct NpyHeader {
     char kind = 0; ///< as in NumPy: 'f' real, 'i' signed, 'u' unsigned, 'b' bool, 'U' text, 'O' a pickled object
     std::size_t width = 0; ///< bytes per element
     bool fortran_order = false;
     Shape shape;
-    std::string dtype; ///< as the file spells it, for messages
+    std::string dtype; ///< as written in the file, for messages
 
     [[nodiscard]] bool is_real() const { return kind == 'f'; }
     [[nodiscard]] bool is_integer() const { return kind == 'i' || kind == 'u' || kind == 'b'; }
     [[nodiscard]] bool is_text() const { return kind == 'U'; }
 };
 
-/// Which stored numbers an element type may be read from.
+/// The stored types that may be converted to the requested element type.
 enum class Numbers {
     same_kind, ///< integers from integers, reals from reals of any width: a wrong dtype is an error
-    any,       ///< integers serve as reals too
-    exact,     ///< the very type, bit for bit; NaN and infinities pass
+    any,       ///< integers may be read as reals too
+    exact,     ///< only the same type, bit for bit; NaN and infinities are accepted
 };
 
 /// Reads a file that holds one array.
+///
 /// Errors  IoError for a file that is missing, truncated or of another kind or dtype; ShapeError for a shape that does
-///         not fit `pattern`, in which -1 stands for any length; ValueError for NaN, infinities and numbers beyond T.
+///         not fit `pattern`, in which -1 stands for any length; ValueError for NaN, infinities and numbers out of T's
+///         range.
 template <class T>
 [[nodiscard]] NpyArray<T> read_npy(const std::filesystem::path& path, Numbers numbers = Numbers::same_kind);
 
@@ -75,7 +77,7 @@ void write_npy(const std::filesystem::path& path, Span<const T> data, const Shap
 
 namespace detail {
 
-/// Reads up to `size` bytes, returns how many; 0 at the end.
+/// Reads up to `size` bytes and returns the number read; 0 at the end.
 using ByteSource = std::function<std::size_t(void* data, std::size_t size)>;
 
 /// "(10475, 3)"; -1 is written as *.
@@ -89,7 +91,7 @@ std::string shape_text(const Lengths& shape) {
     return text + (std::size(shape) == 1 ? ",)" : ")");
 }
 
-/// Product of the lengths times `width`, or no value where that overflows.
+/// Computes the product of the lengths times `width`; returns false if it overflows.
 inline bool checked_bytes(const Shape& shape, std::size_t width, std::size_t& bytes) {
     bytes = width;
     bool empty = false;
@@ -115,12 +117,12 @@ inline void read_exactly(const ByteSource& source, void* data, std::size_t size,
     }
 }
 
-/// A reader for the small part of Python in which a header is written.
+/// A parser for the subset of Python in which a header is written.
 class HeaderText {
 public:
     HeaderText(std::string_view text, const std::string& what) : text_(text), what_(what) {}
 
-    /// Steps behind `'key':`.
+    /// Advances past `'key':`.
     void find(std::string_view key) {
         for (const char quote : {'\'', '"'}) {
             const std::size_t place = text_.find(quote + std::string(key) + quote);
@@ -158,7 +160,7 @@ public:
             if (__builtin_mul_overflow(value, std::size_t(10), &value) ||
                 __builtin_add_overflow(value, static_cast<std::size_t>(text_[position_] - '0'), &value))
                 fail("its header claims an absurd length");
-        take('L'); // Python 2 wrote long integers so
+        take('L'); // the suffix of Python 2's long integers
         return value;
     }
     [[noreturn]] void fail(const std::string& reason) const { throw IoError(what_ + " is not an array: " + reason); }
@@ -169,7 +171,7 @@ private:
     std::size_t position_ = 0;
 };
 
-/// Reads magic, version and header; `size` is what the whole member holds. `what` names file and key.
+/// Reads magic, version and header. `size` is the size of the whole member; `what` names file and key.
 inline NpyHeader read_npy_header(const ByteSource& source, std::size_t size, const std::string& what) {
     unsigned char start[12] = {};
     read_exactly(source, start, 8, what);
@@ -191,7 +193,7 @@ inline NpyHeader read_npy_header(const ByteSource& source, std::size_t size, con
     NpyHeader header;
     HeaderText parser(text, what);
     parser.find("descr");
-    if (parser.peek() == '[') { // a structured type: no plain numbers
+    if (parser.peek() == '[') { // a structured type, which is not supported
         header.dtype = "structured";
     } else {
         header.dtype = parser.quoted();
@@ -202,7 +204,7 @@ inline NpyHeader read_npy_header(const ByteSource& source, std::size_t size, con
         for (std::size_t i = 2; i < d.size() && d[i] >= '0' && d[i] <= '9' && header.width < longest; ++i)
             header.width = header.width * 10 + static_cast<std::size_t>(d[i] - '0');
         if (header.kind == 'U') header.width *= 4;
-        if (d[0] == '>' && header.width > 1) header.kind = '>'; // big-endian: nothing that we read
+        if (d[0] == '>' && header.width > 1) header.kind = '>'; // big-endian, which is not supported
     }
     parser.find("fortran_order");
     header.fortran_order = parser.take_word("True");
@@ -214,7 +216,7 @@ inline NpyHeader read_npy_header(const ByteSource& source, std::size_t size, con
         if (!parser.take(',') && parser.peek() != ')') parser.fail("its header is damaged");
         if (header.shape.size() > 32) parser.fail("it has more than 32 axes");
     }
-    if (header.kind == 'O') return header; // its size says nothing
+    if (header.kind == 'O') return header; // its size is unknown
 
     std::size_t bytes = 0;
     const std::size_t present = size - (8 + length_bytes + length);
@@ -224,7 +226,7 @@ inline NpyHeader read_npy_header(const ByteSource& source, std::size_t size, con
     return header;
 }
 
-/// Shape pattern of a caller; -1 stands for any length.
+/// Throws unless the shape fits the caller's pattern; -1 stands for any length.
 inline void check_shape(const std::string& what, const Shape& shape, Span<const std::int64_t> pattern) {
     bool fits = shape.size() == pattern.size();
     for (std::size_t i = 0; fits && i < pattern.size(); ++i)
@@ -251,7 +253,7 @@ inline float half_to_float(std::uint16_t half) {
     return half & 0x8000 ? -magnitude : magnitude;
 }
 
-/// "f[12, 2]" for the element that stands at `position` in the file.
+/// "f[12, 2]" for the element at `position` in the file.
 inline std::string element_name(const NpyHeader& header, std::size_t position) {
     std::vector<std::size_t> index(header.shape.size());
     for (std::size_t k = 0; k < index.size(); ++k) {
@@ -308,7 +310,7 @@ std::vector<T> to_c_order(const std::vector<T>& columns, const Shape& shape) {
     return rows;
 }
 
-/// Throws unless numbers of this header may become T.
+/// Throws unless numbers of this type may be converted to T.
 template <NpyNumber T>
 void check_dtype(const NpyHeader& header, const std::string& what, Numbers numbers) {
     const std::string found = what + " has dtype " + header.dtype;
@@ -327,7 +329,7 @@ void check_dtype(const NpyHeader& header, const std::string& what, Numbers numbe
                   (std::floating_point<T> ? "real numbers (<f4 or <f8)" : "integers (<i4, <u4, <i8 or similar)"));
 }
 
-/// The numbers behind a header that read_npy_header and check_dtype have approved.
+/// The numbers after a header that read_npy_header and check_dtype have accepted.
 template <NpyNumber T>
 std::vector<T> read_npy_numbers(const ByteSource& source, const NpyHeader& header, const std::string& what,
                                 Numbers numbers) {
@@ -352,7 +354,7 @@ std::vector<T> read_npy_numbers(const ByteSource& source, const NpyHeader& heade
     return header.fortran_order && header.shape.size() > 1 ? to_c_order(data, header.shape) : std::move(data);
 }
 
-/// Magic, version 1.0 and header, padded to 64 bytes as NumPy does.
+/// Magic, version 1.0 and header, padded to 64 bytes as in NumPy.
 inline std::string npy_header_bytes(const std::string& dtype, const Shape& shape) {
     std::string text = "{'descr': '" + dtype + "', 'fortran_order': False, 'shape': " + shape_text(shape) + ", }";
     const std::size_t unpadded = 10 + text.size() + 1;
@@ -362,7 +364,7 @@ inline std::string npy_header_bytes(const std::string& dtype, const Shape& shape
            text;
 }
 
-/// Text as one unicode scalar ('<U5'), so that str(array) gives it back in Python.
+/// Text as one unicode scalar ('<U5'), so that str(array) returns it in Python.
 inline std::string utf8_to_utf32(std::string_view text) {
     std::string result;
     for (std::size_t i = 0; i < text.size();) {

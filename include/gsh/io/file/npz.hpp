@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  NumPy's .npz archives: named arrays in one file.
+/// @file  NumPy's archives, .npz: named arrays in one zip file.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -24,13 +24,14 @@ namespace gsh {
 
 /// Reads members by name; stored or deflated, C or Fortran order, .npy versions 1 to 3.
 ///
-/// Nothing is inflated before it is asked for, and nothing is allocated before a member's header agrees with its
-/// size. A pickled member is an error only for whoever asks for its numbers.
-/// Errors  as read_npy; each message begins with the file and names the key.
+/// A member is inflated only when it is read, and memory is allocated only after its header agrees with its size. A
+/// pickled member is an error only if its numbers are read.
+///
+/// Errors  those of read_npy; each message begins with the file and names the key.
 class NpzReader {
 public:
-    /// What a file may make us allocate. Real body models stay below 200 MiB a member; weights and regressors, sparse
-    /// but stored densely, inflate 150 times and are small.
+    /// Limits on allocation. Members of real body models stay below 200 MiB. Weights and regressors, sparse but stored
+    /// densely, inflate 150 times and are small.
     struct Limits {
         std::size_t member_bytes = std::size_t(1) << 30; ///< per member, inflated, and again as read
         std::size_t ratio = 200;                         ///< inflated to deflated, for members above ratio_free_bytes
@@ -43,7 +44,7 @@ public:
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
     [[nodiscard]] std::vector<std::string> keys() const;
     [[nodiscard]] bool has(std::string_view key) const { return locate(key) >= 0; }
-    /// True for a member that is there and not pickled: the test for keys that one can do without.
+    /// True for a member that exists and is not pickled; for optional keys.
     [[nodiscard]] bool has_array(std::string_view key) const;
     /// Type and shape, without reading the numbers.
     [[nodiscard]] NpyHeader header(std::string_view key) const;
@@ -60,7 +61,7 @@ public:
     /// An array of unicode texts, or a single one.
     [[nodiscard]] std::vector<std::string> read_texts(std::string_view key) const;
 
-    /// "FILE: key", the beginning of every message about a member.
+    /// "FILE: key", the prefix of every message about a member.
     [[nodiscard]] std::string name_of(std::string_view key) const { return path_.string() + ": " + std::string(key); }
 
 private:
@@ -88,16 +89,16 @@ private:
     NpyArray<T> read_checked(std::string_view key, const Span<const std::int64_t>* pattern, Numbers numbers) const;
 };
 
-/// Writes members one after the other, not deflated: fast, and the same arrays always give the same bytes.
+/// Writes members one after the other, uncompressed: writing is fast, and equal arrays give equal bytes.
 ///
-/// The file appears on commit. Holds at most 4 GiB in all.
+/// The file appears on commit. It holds at most 4 GiB in total.
 class NpzWriter {
 public:
     explicit NpzWriter(std::filesystem::path path) : file_(std::move(path)) {}
 
     template <class T>
     void add(std::string_view key, Span<const T> data, const Shape& shape);
-    /// One axis.
+    /// A one-dimensional array.
     template <class T>
     void add(std::string_view key, const std::vector<T>& data) {
         add<T>(key, Span<const T>(data), {data.size()});
@@ -213,7 +214,7 @@ inline NpzReader::Member NpzReader::open(std::string_view key) const {
 
 inline void NpzReader::finish(Member& member, const std::string& what) const {
     char more = 0;
-    if (member.source(&more, 1) != 0) // the end, where the checksum is compared
+    if (member.source(&more, 1) != 0) // at the end libzip compares the checksum
         throw IoError(what + " is damaged: it is longer than it claims");
 }
 
@@ -288,7 +289,7 @@ void NpzWriter::add(std::string_view key, Span<const T> data, const Shape& shape
 
 inline void NpzWriter::add_text(std::string_view key, std::string_view text) {
     std::string codes = detail::utf8_to_utf32(text);
-    if (codes.empty()) codes.resize(4, '\0'); // NumPy has no text of width 0
+    if (codes.empty()) codes.resize(4, '\0'); // NumPy does not support text of width 0
     add_member(key, detail::npy_header_bytes("<U" + std::to_string(codes.size() / 4), {}), codes.data(), codes.size());
 }
 
@@ -310,7 +311,7 @@ inline void NpzWriter::add_member(std::string_view key, const std::string& heade
     if (std::find(names_.begin(), names_.end(), name) != names_.end())
         throw ValueError(file_.path().string() + ": " + std::string(key) + " is added twice");
     names_.push_back(name);
-    constexpr std::size_t limit = 0xFFFFFFFFu - (1u << 20); // room for the directory
+    constexpr std::size_t limit = 0xFFFFFFFFu - (1u << 20); // leaves room for the directory
     const std::size_t offset = file_.size(), total = header.size() + size;
     if (total > limit || offset + total > limit)
         throw IoError(file_.path().string() + ": " + std::string(key) +

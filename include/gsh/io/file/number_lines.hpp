@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Text files that are lines of numbers, separated by commas or blanks.
+/// @file  Text files with lines of numbers separated by commas or blanks.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -18,7 +18,8 @@
 
 namespace gsh {
 
-/// Lines that are empty count for nothing.
+/// The lines of a file as numbers; empty lines are skipped.
+///
 /// Errors  IoError, ShapeError naming file and line.
 class NumberLines {
 public:
@@ -48,7 +49,7 @@ public:
         if (lines_.empty()) throw IoError(path.string() + ": holds no numbers");
     }
     [[nodiscard]] std::size_t size() const { return lines_.size(); }
-    /// The numbers of a line, `count` of them; any where that is 0.
+    /// The numbers of a line; throws unless there are `count` of them (0: any number).
     [[nodiscard]] const std::vector<double>& at(std::size_t i, std::size_t count, const char* what) const {
         if (i >= lines_.size())
             throw IoError(path_.string() + ": ends after " + std::to_string(lines_.size()) +

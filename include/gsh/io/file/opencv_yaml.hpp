@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The little YAML that OpenCV's FileStorage writes: numbers, matrices with a list of data, lists of texts.
+/// @file  Reads the subset of YAML that OpenCV's FileStorage writes: numbers, matrices and lists of strings.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -17,7 +17,8 @@
 
 namespace gsh {
 
-/// The entries of a file by their keys.
+/// The entries of a file by key.
+///
 /// Errors  IoError, ShapeError naming file and key.
 class OpenCvYaml {
 public:
@@ -31,7 +32,7 @@ public:
             if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
             if (line.empty() || line[0] == '%' || line[0] == '#' || line.starts_with("---") || line.starts_with("..."))
                 continue;
-            if (line[0] != ' ' && line[0] != '-') { // a new entry at the margin
+            if (line[0] != ' ' && line[0] != '-') { // a new entry starts in the first column
                 const std::size_t colon = line.find(':');
                 if (colon == std::string_view::npos)
                     throw IoError(path_.string() + ": '" + std::string(line.substr(0, 40)) +
@@ -48,7 +49,7 @@ public:
         if (values.size() != 1) throw IoError(name_of(key) + " is not a number");
         return values[0];
     }
-    /// The data of a matrix of `count` numbers; a count of 0 takes any.
+    /// The data of a matrix with `count` numbers; 0 accepts any number.
     [[nodiscard]] std::vector<double> matrix(const std::string& key, std::size_t count) const {
         const std::string& text = at(key);
         const std::size_t open = text.find('['), close = text.find(']', open);
@@ -60,7 +61,7 @@ public:
                              std::to_string(count));
         return values;
     }
-    /// A list of texts: dashes, or brackets.
+    /// A list of strings, with dashes or in brackets.
     [[nodiscard]] std::vector<std::string> texts(const std::string& key) const {
         std::vector<std::string> result;
         std::string word;
@@ -82,7 +83,7 @@ public:
 private:
     std::filesystem::path path_;
     std::string text_;
-    std::map<std::string, std::string> entries_; // the text behind each key, lines joined
+    std::map<std::string, std::string> entries_; // the text after each key, lines joined
 
     [[nodiscard]] const std::string& at(const std::string& key) const {
         const auto entry = entries_.find(key);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Safetensors: named arrays in one file, as PyTorch's users keep their networks.
+/// @file  Reads safetensors files: named arrays in one file, a common format for PyTorch networks.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -27,21 +27,22 @@
 
 namespace gsh {
 
-/// What the file says of a tensor.
+/// A tensor's entry in the file's header.
 struct TensorHeader {
-    std::string dtype;                ///< as the file spells it: "F32", "BF16", ...
+    std::string dtype;                ///< as written in the file: "F32", "BF16", ...
     Shape shape;                      ///< in C order
-    std::size_t begin = 0, bytes = 0; ///< where its numbers lie, from the end of the file's header
+    std::size_t begin = 0, bytes = 0; ///< position of its numbers, from the end of the file's header
 };
 
 /// Reads tensors by name.
 ///
-/// The file is a length (8 bytes), that much JSON, then the numbers. The constructor believes nothing: the JSON must
-/// be small, flat and without doubled names, each tensor's bytes must equal its shape times its type and lie in the
-/// file, and no two may overlap. Numbers are read only when asked for.
-/// Errors  IoError for a file that is missing, truncated, damaged or of another kind, for a name that is not there and
-///         a dtype other than F16, BF16, F32 and F64; ShapeError for a shape that does not fit; ValueError for NaN,
-///         infinities and numbers beyond T. Messages begin with the file and name the tensor.
+/// The file consists of a length (8 bytes), a JSON header of that length, and the numbers. The constructor validates
+/// the header. The JSON must be small, flat and without duplicate names. Each tensor's size in bytes must agree with
+/// its shape and type, and the tensors must lie within the file without overlap. Numbers are read only on request.
+///
+/// Errors  IoError for a file that is missing, truncated, damaged or of another kind, for a name that does not exist
+///         and for a dtype other than F16, BF16, F32 and F64; ShapeError for a shape that does not fit; ValueError for
+///         NaN, infinities and numbers out of T's range. Messages begin with the file and name the tensor.
 /// Source  huggingface/safetensors, "Format".
 class SafetensorsReader {
 public:
@@ -68,7 +69,7 @@ public:
         return read<T>(name);
     }
 
-    /// "FILE: name", the beginning of every message about a tensor.
+    /// "FILE: name", the prefix of every message about a tensor.
     [[nodiscard]] std::string name_of(std::string_view name) const { return path_.string() + ": " + std::string(name); }
 
 private:
@@ -79,7 +80,7 @@ private:
 
     std::filesystem::path path_;
     Limits limits_;
-    std::size_t data_begin_ = 0; // in the file
+    std::size_t data_begin_ = 0; // offset in the file
     std::map<std::string, TensorHeader, std::less<>> tensors_;
 
     [[nodiscard]] File open() const;
@@ -90,10 +91,10 @@ private:
 
 namespace detail {
 
-/// Upper half of a float.
+/// Converts a bfloat16, the upper half of a float.
 inline float bfloat_to_float(std::uint16_t upper) { return std::bit_cast<float>(std::uint32_t(upper) << 16); }
 
-/// Bytes per number; 0 for a type that the format does not know.
+/// Bytes per number; 0 for an unknown type.
 inline std::size_t safetensors_width(std::string_view dtype) {
     for (const auto& [name, width] :
          {std::pair{"F32", 4}, {"F16", 2}, {"BF16", 2}, {"F64", 8}, {"I64", 8}, {"U64", 8}, {"I32", 4}, {"U32", 4},
@@ -102,7 +103,7 @@ inline std::size_t safetensors_width(std::string_view dtype) {
     return 0;
 }
 
-/// The file's header; refuses what is deep or names a tensor twice while it parses, before it is built.
+/// Parses the file's header. Deep nesting and duplicate names are rejected during parsing, before the tree is built.
 inline nlohmann::json parse_safetensors_header(const std::string& text, const std::string& what) {
     std::set<std::string> names;
     const auto guard = [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
@@ -119,7 +120,7 @@ inline nlohmann::json parse_safetensors_header(const std::string& text, const st
         return header;
     } catch (const nlohmann::json::exception& error) {
         throw IoError(what + " is not a safetensors file, or damaged: " +
-                      std::string(error.what()).substr(0, 200)); // it quotes the file
+                      std::string(error.what()).substr(0, 200)); // the message quotes the file
     }
 }
 
@@ -249,7 +250,7 @@ NpyArray<T> SafetensorsReader::read(std::string_view name) const {
     const detail::ByteSource source = [&](void* data, std::size_t count) {
         return std::fread(data, 1, count, file.get());
     };
-    if (brain) { // widened to float, then as any other
+    if (brain) { // converted to float first, then treated as any other type
         std::vector<std::uint16_t> upper(detail::element_count(tensor.shape));
         detail::read_exactly(source, upper.data(), tensor.bytes, what);
         std::vector<float> wide(upper.size());

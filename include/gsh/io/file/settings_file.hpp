@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Flat JSON files of settings: names and values, as text.
+/// @file  Reads flat JSON files of settings as pairs of name and value, as text.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -13,7 +13,8 @@
 namespace gsh {
 
 /// Reads {"name": 0.5, "other": true, "third": "text"} in the file's order.
-/// Errors  IoError for a file that is no JSON object, or a member that is a list, an object or null.
+///
+/// Errors  IoError for a file that is not a JSON object, or for a member that is a list, an object or null.
 [[nodiscard]] inline std::vector<std::pair<std::string, std::string>> read_settings(const std::filesystem::path& path) {
     const detail::Json json = detail::read_json(path);
     if (!json.is_object()) throw IoError(path.string() + ": must hold one JSON object, names and values");

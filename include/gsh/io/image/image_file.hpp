@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  PNG and JPEG images: bytes in, bytes out.
+/// @file  Reads PNG and JPEG images and writes PNG images.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -22,7 +22,7 @@
 
 namespace gsh {
 
-/// Pixels as files hold them: rows of interleaved 8-bit channels, [height, width, channels]; alpha is straight.
+/// Pixels in file order: rows of interleaved 8-bit channels, [height, width, channels]; alpha is straight.
 struct PixelImage {
     std::vector<std::uint8_t> data;
     int channels = 0, height = 0, width = 0;
@@ -43,19 +43,20 @@ private:
     }
 };
 
-/// Reads a PNG or JPEG as RGBA; an image without alpha is opaque, 16-bit samples lose their lower half.
-/// Errors  IoError for a file that is missing, truncated, damaged, no image, or larger than 2^26 pixels.
+/// Reads a PNG or JPEG as RGBA. An image without alpha is opaque; 16-bit samples are truncated to 8 bits.
+///
+/// Errors  IoError for a file that is missing, truncated, damaged, not an image, or larger than 2^26 pixels.
 [[nodiscard]] inline PixelImage read_image(const std::filesystem::path& path);
 
 /// The bytes of a PNG file with 1 (grey), 3 (RGB) or 4 (RGBA) channels.
 [[nodiscard]] inline std::string encode_png(const PixelImage& image);
 
-/// Writes a PNG: whole or not at all, but without waiting for the disk.
+/// Writes a PNG atomically, without waiting for the disk.
 inline void write_png(const std::filesystem::path& path, const PixelImage& image) {
     write_file(path, encode_png(image), Sync::none);
 }
 
-/// Planar numbers in [0, 1] as bytes: rounded to nearest, clamped; NaN becomes 0.
+/// Planar numbers in [0, 1] as bytes: rounded to nearest and clamped; NaN becomes 0.
 template <class T>
 [[nodiscard]] PixelImage quantise(const ImageView<T>& image);
 
@@ -86,7 +87,7 @@ inline std::uint32_t png_number(std::string_view bytes, std::size_t at) {
     return value;
 }
 
-/// Walks the chunks of a PNG, which stb_image takes on trust; returns what is wrong, or nothing.
+/// Checks the chunks of a PNG, which stb_image does not validate. Returns the fault, or an empty text.
 inline std::string png_fault(std::string_view bytes) {
     for (std::size_t at = 8; at + 12 <= bytes.size();) {
         const std::size_t length = png_number(bytes, at);
@@ -100,7 +101,7 @@ inline std::string png_fault(std::string_view bytes) {
     return "truncated";
 }
 
-/// A JPEG must end after its last scan; stb_image would fill up with grey.
+/// Checks that a JPEG ends after its last scan; stb_image would fill a truncated image with grey. Returns as above.
 inline std::string jpeg_fault(std::string_view bytes) {
     const std::size_t end = bytes.rfind("\xFF\xD9"), scan = bytes.rfind("\xFF\xDA");
     const bool whole = end != std::string_view::npos && scan != std::string_view::npos && scan < end;

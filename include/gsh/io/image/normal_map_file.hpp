@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Normal maps that other programs wrote, as PNG or npy, brought into the frame of prior views.
+/// @file  Reads normal maps of other programs, PNG or npy, and converts them to the frame of prior views.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -25,53 +25,53 @@
 
 namespace gsh {
 
-/// Which way the three channels point. In an image file a channel holds (component + 1) / 2 of its full range.
+/// The axes of the three channels. An image file stores (component + 1) / 2 of a channel's full range.
 enum class NormalEncoding {
-    y_up,    ///< x right, y up, z towards the viewer: ICON, ECON, Sapiens, OpenGL; a face looks lilac, (128, 128, 255)
+    y_up,    ///< x right, y up, z towards the viewer: ICON, ECON, Sapiens, OpenGL; a facing surface is (128, 128, 255)
     y_down,  ///< x right, y down, z towards the viewer: "DirectX" maps
-    opencv,  ///< x right, y down, z away from the viewer, as our cameras
+    opencv,  ///< x right, y down, z away from the viewer, as in our cameras
     x_left,  ///< x left, y up, z away from the viewer: PyTorch3D's camera frame
 };
 
-/// Which side of the body a map shows.
+/// The side of the body that a map shows.
 enum class NormalFacing {
-    viewer, ///< what the camera sees
-    away,   ///< the far side in the front view's pixels and frame, as ICON's and ECON's back maps: use the front camera
+    viewer, ///< the side visible to the camera
+    away,   ///< the far side in the front view's pixels and frame, as in ICON and ECON; use the front camera
 };
 
 struct NormalMapParams {
     NormalEncoding encoding = NormalEncoding::y_up;
     NormalFacing facing = NormalFacing::viewer;
-    double shortest = 0.5, longest = 1.5; ///< lengths of a normal that counts: grey, black and white grounds do not
-    double alpha = 0.5;                   ///< pixels more transparent than this do not count
+    double shortest = 0.5, longest = 1.5; ///< lengths of a valid normal; this excludes grey, black and white
+    double alpha = 0.5;                   ///< pixels with smaller alpha are invalid
 };
 
-/// Reads a normal map: unit normals in the camera's frame (x right, y down, z forward), and where they count.
+/// Reads a normal map: unit normals in the camera's frame (x right, y down, z forward), and a mask of the valid pixels.
 ///
-/// PNG: 8 or 16 bits, RGB or RGBA. npy: (height, width, 3), or 4 with alpha, or (3, height, width); real numbers are
-/// the components themselves, with NaN for "nothing", unsigned 8 or 16-bit integers are as in a PNG.
-/// Errors  IoError for a file that is missing, damaged or of another kind, ShapeError for another shape; ValueError
-///         where no normal counts, where real numbers look like colours in [0, 1], and where most normals face the
-///         wrong way.
+/// PNG: 8 or 16 bits, RGB or RGBA. npy: (height, width, 3), or 4 with alpha, or (3, height, width). Real numbers are
+/// the components themselves, with NaN for invalid pixels; unsigned 8 or 16-bit integers are encoded as in a PNG.
+///
+/// Errors  IoError for a file that is missing, damaged or of another kind; ShapeError for another shape; ValueError if
+///         no normal is valid, if real numbers look like colours in [0, 1], or if most normals face the wrong way.
 [[nodiscard]] inline PriorMap read_normal_map(const std::filesystem::path& path, const NormalMapParams& params = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
 namespace detail {
 
-/// Components in [-1, 1] as the file means them, alpha in [0, 1], pixel by pixel.
+/// Components in [-1, 1] in the file's axes, and alpha in [0, 1], pixel by pixel.
 struct RawNormals {
     std::vector<double> values; // [height, width, 4]
     int height = 0, width = 0;
 
     RawNormals(const std::string& name, std::size_t rows, std::size_t columns) {
         constexpr std::size_t most = std::numeric_limits<int>::max();
-        if (rows > most || columns > most) throw ShapeError(name + ": the map has an absurd size");
+        if (rows > most || columns > most) throw ShapeError(name + ": the map is too large");
         check_pixel_count(name, static_cast<std::int64_t>(columns), static_cast<std::int64_t>(rows));
         height = static_cast<int>(rows), width = static_cast<int>(columns);
         values.assign(4 * rows * columns, 1.0);
     }
-    /// Fills channel c of every pixel with value(pixel, c); whole numbers up to `full` are colours.
+    /// Sets channel c of every pixel to value(pixel, c) / full. If full > 1, colour channels are mapped to [-1, 1].
     template <class Value>
     void fill(std::size_t channels, double full, const Value& value) {
         for (std::size_t i = 0; i < values.size() / 4; ++i)
@@ -85,7 +85,7 @@ struct RawNormals {
 inline RawNormals read_normal_png(const std::filesystem::path& path) {
     const std::string name = path.string(), bytes = read_file(path);
     if (!bytes.starts_with("\x89PNG\r\n\x1a\n"))
-        throw IoError(name + ": is not a PNG image; normals do not survive JPEG, and EXR is not read (save as .npy)");
+        throw IoError(name + ": is not a PNG image; JPEG damages normals, and EXR is not read (save as .npy)");
     if (const std::string fault = png_fault(bytes); !fault.empty()) throw IoError(name + ": the image is " + fault);
     check_pixel_count(name, png_number(bytes, 16), png_number(bytes, 20));
     const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
@@ -109,7 +109,7 @@ inline RawNormals read_normal_png(const std::filesystem::path& path) {
     return raw;
 }
 
-/// What an .npy file holds.
+/// The header of an .npy file.
 inline NpyHeader npy_header_of(const std::filesystem::path& path) {
     const std::string name = path.string();
     std::ifstream file(path, std::ios::binary);
@@ -169,7 +169,7 @@ inline PriorMap read_normal_map(const std::filesystem::path& path, const NormalM
         const double* pixel = &raw.values[4 * i];
         const vec3<double> n(pixel[0], pixel[1], pixel[2]);
         const double size = length(n);
-        if (!(pixel[3] >= params.alpha && size >= params.shortest && size <= params.longest)) continue; // NaN, too
+        if (!(pixel[3] >= params.alpha && size >= params.shortest && size <= params.longest)) continue; // also for NaN
         for (int k = 0; k < 3; ++k) {
             map.values.view().row(k, 0)[i] = sign[k] * n[k] / size;
             least = std::fmin(least, n[k]);

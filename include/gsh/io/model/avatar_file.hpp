@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Avatars as files (.gsh): everything that animating needs, in one archive.
+/// @file  Writes and reads avatars as files (.gsh) with everything that animation needs.
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
@@ -80,7 +80,8 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     file.commit();
 }
 
-/// Reads what save_avatar wrote.
+/// Reads a file written by save_avatar.
+///
 /// Errors  IoError, ShapeError, ValueError naming the file and the member that is missing or does not fit.
 [[nodiscard]] inline AvatarData load_avatar(const std::filesystem::path& path) {
     const ArchiveReader file(path, "avatar", avatar_file_version);

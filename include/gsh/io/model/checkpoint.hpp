@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The state of training in a file: stop anywhere, go on bit for bit.
+/// @file  Stores the state of training in a file, so that it can be resumed with bit-identical results.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -40,7 +40,9 @@ void add_trainer(ArchiveWriter& file, TrainerType& trainer) {
     file.add("steps", std::uint64_t(trainer.step_count()));
     file.add("progress", trainer.progress());
     file.add("seed", std::uint64_t(trainer.seed()));
-    for (const LearnedArray<T>& array : trainer.scene().learned())
+    const LearnedArrays<T> arrays = trainer.scene().learned();
+    file.add("arrays", std::uint64_t(arrays.size()));
+    for (const LearnedArray<T>& array : arrays)
         detail::for_each_state(array, [&](const std::string& key, Span<const T> numbers) {
             host.resize(numbers.size());
             trainer.backend().download(numbers, Span<T>(host));
@@ -60,8 +62,9 @@ void add_refinement(ArchiveWriter& file, const Refinement& refinement, std::size
     file.add(key + "second_moment", state.second_moment);
 }
 
-/// Brings a refinement that was made from the same input to the state that add_refinement kept.
-/// Errors  ShapeError if the file is of another motion or number of cameras.
+/// Restores the state stored by add_refinement; the refinement must have been made from the same input.
+///
+/// Errors  ShapeError if the file belongs to another motion or number of cameras.
 template <class Refinement>
 void load_refinement(const ArchiveReader& file, Refinement& refinement, std::size_t person = 0) {
     using T = typename Refinement::Scalar;
@@ -85,6 +88,10 @@ void load_trainer(const ArchiveReader& file, TrainerType& trainer) {
                 "was made with seed " + std::to_string(seed) + ", not " + std::to_string(trainer.seed()) +
                     "; resume with that seed");
     const LearnedArrays<T> arrays = trainer.scene().learned();
+    const auto stored = file.read_number<std::uint64_t>("arrays");
+    check_value(stored == arrays.size(), path,
+                "holds " + std::to_string(stored) + " learned arrays, this training has " +
+                    std::to_string(arrays.size()) + "; resume with the options and the input of the first run");
     std::vector<std::vector<T>> kept; // all is read before any of it is taken over
     for (const LearnedArray<T>& array : arrays)
         detail::for_each_state(array, [&](const std::string& key, Span<const T> numbers) {

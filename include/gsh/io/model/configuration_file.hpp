@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Configurations in JSON files: a name to start from, and the settings that differ.
+/// @file  Configurations in JSON files: the name of a base configuration and the settings that differ from it.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -18,7 +18,7 @@ namespace gsh {
 
 namespace detail {
 
-/// A file of settings: where it starts from, empty if it does not say, and what differs.
+/// A file of settings: the name of its base configuration (empty if not given), and the settings that differ.
 struct SettingsFile {
     std::string path, configuration;
     std::vector<std::pair<std::string, std::string>> settings;
@@ -37,13 +37,13 @@ struct SettingsFile {
     }
 };
 
-/// What looks like a path is one.
+/// Whether the text is a path: it has a folder or the extension .json.
 [[nodiscard]] inline bool is_configuration_file(const std::string& name_or_path) {
     const std::filesystem::path path(name_or_path);
     return path.extension() == ".json" || path.has_parent_path();
 }
 
-/// named_configuration, where a static scene has a name, too. `or_else` says what may stand in a name's place.
+/// named_configuration with "static" rejected by a message of its own. `or_else` lists further alternatives to a name.
 [[nodiscard]] inline Configuration configuration_of_person(const std::string& name, std::string_view where,
                                                            const std::string& or_else = {}) {
     check_value(name != "static", where, "static is no person's configuration; find_static_configuration reads it");
@@ -53,8 +53,9 @@ struct SettingsFile {
 } // namespace detail
 
 /// Reads {"configuration": "paper", "rate.sh": 0.001, "hash_sh": false, …}. All members are optional.
-/// Errors  IoError for a file that is no flat JSON object; ValueError, which names the file, for a configuration or a
-///         setting that does not exist or cannot be.
+///
+/// Errors  IoError for a file that is not a flat JSON object; ValueError, naming the file, for an unknown configuration
+///         or setting, or an invalid value.
 [[nodiscard]] inline Configuration read_configuration(const std::filesystem::path& path) {
     const detail::SettingsFile file(path);
     Configuration configuration =
@@ -64,7 +65,7 @@ struct SettingsFile {
     return configuration;
 }
 
-/// A configuration by name, or of a file: what looks like a path is one. `where` says who asks, for messages.
+/// A configuration by name or by path (see is_configuration_file). `where` is the caller's name, for messages.
 [[nodiscard]] inline Configuration find_configuration(const std::string& name_or_path,
                                                       std::string_view where = "find_configuration") {
     return detail::is_configuration_file(name_or_path)
@@ -72,15 +73,16 @@ struct SettingsFile {
                : detail::configuration_of_person(name_or_path, where, ", or a JSON file of settings");
 }
 
-/// Whether a name or a file stands for a static scene, which is configured apart: "static", or {"configuration":
-/// "static", …}.
+/// Whether a name or a file denotes a static scene, which has its own configuration: "static", or a file with
+/// {"configuration": "static", …}.
 [[nodiscard]] inline bool is_static_configuration(const std::string& name_or_path) {
     if (!detail::is_configuration_file(name_or_path)) return name_or_path == "static";
     return detail::SettingsFile(name_or_path).configuration == "static";
 }
 
-/// The settings of a static scene for a run of so many steps, and those that differ in a file, if it is one.
-/// Errors  as for read_configuration.
+/// The settings of a static scene for a run of `steps` steps, changed by those in a file if the argument is a path.
+///
+/// Errors  those of read_configuration.
 [[nodiscard]] inline StaticConfig find_static_configuration(const std::string& name_or_path, std::int64_t steps) {
     StaticConfig config = static_config(steps);
     if (detail::is_configuration_file(name_or_path)) detail::SettingsFile(name_or_path).set(config);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  LPIPS weights as a user has them: a .safetensors or .npz file with PyTorch's names.
+/// @file  Reads LPIPS weights from a .safetensors or .npz file with PyTorch's names.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -18,21 +18,22 @@
 
 namespace gsh {
 
-/// Reads AlexNet or VGG16, whichever the file's first convolution is.
+/// Reads AlexNet or VGG16, which is determined by the file's first convolution.
 ///
 /// Names, with any prefix before a dot: features.N.weight and .bias (torchvision), or sliceK.N.weight and .bias
-/// (lpips); linK.model.1.weight or lins.K.model.1.weight (lpips), or plainly linK.weight or linK. Other tensors, such
-/// as torchvision's classifier, are not read. docs/components/lpips.md has the five lines of Python that write it.
-/// Errors  IoError for a file that is missing, damaged, or lacks a tensor; ShapeError for a shape that is neither
-///         network's; ValueError for NaN.
+/// (lpips); linK.model.1.weight or lins.K.model.1.weight (lpips), or simply linK.weight or linK. Other tensors, such as
+/// torchvision's classifier, are not read. docs/components/lpips.md has five lines of Python that write such a file.
+///
+/// Errors  IoError for a file that is missing, damaged, or lacks a tensor; ShapeError for a shape of neither network;
+///         ValueError for NaN.
 [[nodiscard]] inline LpipsNetwork read_lpips(const std::filesystem::path& path);
 
 // -------------------------------------------------------------------------------------------------------------
 
 namespace detail {
 
-/// The names that end in one of `endings`, of which the first that is there counts; two owners of one ending are one
-/// too many.
+/// The name that ends in one of `endings`; earlier endings take precedence. Throws IoError if two names have the same
+/// ending, or if no name matches.
 inline std::string find_tensor(const std::vector<std::string>& keys, const std::vector<std::string>& endings,
                                const std::string& file) {
     for (const std::string& ending : endings) {
@@ -55,7 +56,7 @@ inline std::string find_tensor(const std::vector<std::string>& keys, const std::
                   "; docs/components/lpips.md says how to export the weights");
 }
 
-/// Names that features.`number` goes by; `slice` counts compared steps from 1.
+/// Possible names of features.`number`; `slice` counts the compared layers from 1.
 inline std::vector<std::string> lpips_convolution_names(int number, std::size_t slice, const std::string& what) {
     const std::string tail = std::to_string(number) + "." + what;
     return {"features." + tail, "slice" + std::to_string(slice) + "." + tail};
@@ -92,7 +93,7 @@ LpipsNetwork read_lpips_tensors(const Reader& file) {
                                              {lin + ".model.1.weight", "lins." + k + ".model.1.weight",
                                               lin + ".model.0.weight", lin + ".weight", lin},
                                              path);
-        const Shape found = file.header(name).shape; // (1, C, 1, 1) of a convolution, or what is left of it
+        const Shape found = file.header(name).shape; // (1, C, 1, 1) of a convolution, or with axes of length 1 removed
         std::size_t longest = 1, count = 1;
         for (const std::size_t length : found) longest = std::max(longest, length);
         if (!checked_bytes(found, 1, count) || count != longest || count != std::size_t(inputs))

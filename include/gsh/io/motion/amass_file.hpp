@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Motions of AMASS and of programs that write as it does: whole poses, or split as its SMPL-X release has them.
+/// @file  Reads motions of AMASS and of programs with the same layout: whole poses, or split as in its SMPL-X release.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -19,13 +19,13 @@
 namespace gsh {
 
 /// Reads trans [T, 3] with poses [T, 3 J] (SMPL+H 156, SMPL-X 165, SMPL 72, body 66), or with root_orient [T, 3],
-/// pose_body [T, 63] and, where they are there, pose_jaw [T, 3], pose_eye [T, 6], pose_hand [T, 90]; poses go first.
-/// betas, expression(s) and mocap_framerate or mocap_frame_rate may be missing. Everything else (gender, dmpls,
-/// markers and their pickled names) is left alone.
+/// pose_body [T, 63] and optionally pose_jaw [T, 3], pose_eye [T, 6], pose_hand [T, 90]. poses takes precedence. betas,
+/// expression(s) and mocap_framerate or mocap_frame_rate are optional. All other members (gender, dmpls, markers and
+/// their pickled names) are ignored.
 ///
-/// Frame   z is up in AMASS: with options.world = upright the body stands along +y. Hands hold their mean already,
+/// Frame   z is up in AMASS; with options.world = upright the body stands along +y. Hand poses include the mean hand
 ///         unless the file's flat_hand (or flat_hand_mean) is 0.
-/// Errors  as load_motion.
+/// Errors  those of load_motion.
 [[nodiscard]] inline Motion load_amass_motion(const std::filesystem::path& path, const BodyModel& model,
                                               const MotionFileOptions& options = {},
                                               std::vector<std::string>* warnings = nullptr);
@@ -34,18 +34,18 @@ namespace gsh {
 
 namespace detail {
 
-/// Members of a file as a table with one row per frame, under other names.
+/// Copies members of a file to a table with one row per frame, under other names.
 class TableOfNpz {
 public:
     TableOfNpz(const NpzReader& file, MotionTable& table) : file_(file), table_(table) {}
 
-    /// A member [T, width] as it is; any width where that is 0. False if it is not there.
+    /// Copies a member [T, width]; a width of 0 accepts any. Returns false if the member is missing.
     bool take(std::string_view member, std::string_view key, std::size_t width = 0) {
         if (!file_.has_array(member)) return false;
         put(key, member, rows(member, width), 0, 0);
         return true;
     }
-    /// Numbers [from, from + count) of each row of a member.
+    /// Copies numbers [from, from + count) of each row of a member.
     bool take_part(std::string_view member, std::string_view key, std::size_t width, std::size_t from,
                    std::size_t count) {
         if (!file_.has_array(member)) return false;
@@ -82,7 +82,7 @@ private:
     }
 };
 
-/// A shape that a file does not tell is the body's mean shape.
+/// Sets zero betas, the body's mean shape, for a file without betas.
 inline void add_mean_shape(MotionTable& table, std::vector<std::string>* warnings) {
     table.add("betas", "betas", std::vector<double>{0.0}, {1});
     if (warnings) warnings->push_back(table.path().string() + ": betas are missing, the body's mean shape is taken");

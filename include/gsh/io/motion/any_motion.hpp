@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Motions in whatever layout they come: recognised by the members of a file, or by the files of a folder.
+/// @file  Loads motions in any supported layout, detected from a file's members or a folder's files.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -27,7 +27,7 @@
 namespace gsh {
 
 enum class MotionLayout {
-    gsh,        ///< .npz, split as SMPL-X programs have it, or poses: io/motion/motion_file.hpp
+    gsh,        ///< .npz, split as in SMPL-X programs, or poses: io/motion/motion_file.hpp
     amass,      ///< .npz with poses and trans, or root_orient and pose_body: io/motion/amass_file.hpp
     smplifyx,   ///< .npz with camera_translation or camera_transform: io/motion/smplifyx_file.hpp
     snapshot,   ///< .npz with thetas: io/motion/people_snapshot_poses.hpp
@@ -36,13 +36,15 @@ enum class MotionLayout {
     gala,       ///< folder of a GalaBasketball scene: io/motion/gala_rig.hpp
 };
 
-/// What a file or a folder holds, told by its members or files; nothing if they are of no layout that we read.
-/// Errors  IoError for what is neither a folder nor an archive.
+/// Detects the layout of a file or a folder; no value if it is not supported.
+///
+/// Errors  IoError for a path that is neither a folder nor an archive.
 [[nodiscard]] inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path& path);
 
-/// Loads a motion in any layout, from a file or a folder; for a folder with poses.npz (a capture), from that.
-/// Frame   as the file has it, or options.world.
-/// Errors  IoError for what is of no known layout; else as the layout's own function.
+/// Loads a motion in any layout from a file or a folder. For a folder with poses.npz (a capture), that file is read.
+///
+/// Frame   that of the file, or options.world.
+/// Errors  IoError for an unknown layout; those of the layout's own function.
 [[nodiscard]] inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel& body,
                                             const MotionFileOptions& options = {},
                                             std::vector<std::string>* warnings = nullptr);
@@ -51,7 +53,7 @@ enum class MotionLayout {
 
 namespace detail {
 
-/// The file of a motion: of a folder its poses.npz, where it has one.
+/// The file that holds the motion: poses.npz in a folder if it exists, else the path itself.
 inline std::filesystem::path motion_file_of(const std::filesystem::path& path) {
     std::error_code ignored;
     const auto inside = path / "poses.npz";
@@ -78,7 +80,7 @@ inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path&
     if (has("thetas")) return MotionLayout::snapshot;
     if (has("global_orient") && (has("camera_translation") || has("camera_transform") || has("camera_rotation")))
         return MotionLayout::smplifyx;
-    if (has("global_orient")) return MotionLayout::gsh; // it splits the pose, whatever else is there
+    if (has("global_orient")) return MotionLayout::gsh; // the pose is split, regardless of other members
     if (has("root_orient") || (has("poses") && has("trans"))) return MotionLayout::amass;
     return MotionLayout::gsh;
 }

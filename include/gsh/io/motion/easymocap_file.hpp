@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  EasyMocap's results: bodies as JSON, a list of people per frame; calibration as OpenCV's YAML.
+/// @file  Reads EasyMocap's results: bodies as JSON, a list of people per frame; calibration as OpenCV's YAML.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -26,28 +26,29 @@
 
 namespace gsh {
 
-/// Reads FOLDER/NUMBER.json, each a list of people (or {"annots": list}): id, Rh [3], Th [3], poses, shapes [10], and
-/// perhaps expression, handl, handr. options.person is the id; a file with a single person needs none.
+/// Reads FOLDER/NUMBER.json, each a list of people (or {"annots": list}) with id, Rh [3], Th [3], poses, shapes [10],
+/// and optionally expression, handl, handr. options.person is the id; it is not needed if there is only one person.
 ///
-/// poses holds 72 numbers (SMPL), 69 (without the root), 78 (SMPL+H: 66, then 6 principal components a hand), 87
-/// (SMPL-X: 66, two hands of 6, then jaw and eyes), 156 or 165 (whole). Short hands count from the mean hand, whole
-/// ones do not.
+/// poses holds 72 numbers (SMPL), 69 (without the root), 78 (SMPL+H: 66, then 6 principal components per hand), 87
+/// (SMPL-X: 66, two hands of 6, then jaw and eyes), 156 or 165 (all joints). Principal components are relative to the
+/// mean hand; hands given by all joints are not.
 ///
-/// Frame   EasyMocap turns the posed body about the origin, x = Rh body + Th, the SMPL family about the root's rest
-///         position J₀: so transl = Th + Rh J₀ - J₀, with J₀ of this body, shape and expression.
-/// Units   timestamps are NUMBER / fps (30 where options do not say).
-/// Errors  IoError, ShapeError, ValueError naming file and field; a person who is missing in a frame.
+/// Frame   EasyMocap rotates the posed body about the origin, x = Rh body + Th. The SMPL family rotates it about the
+///         root's rest position J₀. Hence transl = Th + Rh J₀ - J₀, with J₀ of this body, shape and expression.
+/// Units   timestamps are NUMBER / fps (30 by default).
+/// Errors  IoError, ShapeError, ValueError naming file and field; also for a person who is missing in a frame.
 [[nodiscard]] inline Motion load_easymocap_motion(const std::filesystem::path& folder, const BodyModel& model,
                                                   const MotionFileOptions& options = {},
                                                   std::vector<std::string>* warnings = nullptr);
 
 /// Reads FOLDER/intri.yml (K_NAME, dist_NAME or D_NAME; H_NAME, W_NAME) and FOLDER/extri.yml (Rot_NAME or R_NAME,
-/// T_NAME), for each of intri.yml's `names`. Where a file does not tell the image's size, width and height stay 0: the
-/// images know.
+/// T_NAME), for each of intri.yml's `names`. If a file does not give the image's size, width and height are 0 and must
+/// be set from the images.
 ///
-/// Units   EasyMocap's T is in the unit of its calibration board, metres as a rule. Its pixels count from the first
-///         one's centre, ours from the corner: half a pixel is added to the principal point.
-/// Errors  IoError for a file that is missing or lacks an entry; ValueError for what is no camera.
+/// Units   EasyMocap's T has the unit of its calibration board, usually metres. The origin of its pixel coordinates is
+///         the centre of the first pixel, ours is the image's corner. Half a pixel is therefore added to the principal
+///         point.
+/// Errors  IoError for a file that is missing or lacks an entry; ValueError for an invalid camera.
 [[nodiscard]] inline CameraList read_easymocap_cameras(const std::filesystem::path& folder);
 
 // -------------------------------------------------------------------------------------------------------------
@@ -78,7 +79,7 @@ inline EasyMocapPerson read_easymocap_person(const std::filesystem::path& path, 
                 optional("expression"), optional("handl"),       optional("handr")};
     }
     throw IoError(path.string() + ": person " + std::to_string(person) + " is missing, there are " + known +
-                  "; name one who is in every frame, or leave out the frames without");
+                  "; choose a person who is in every frame, or leave out the other frames");
 }
 
 } // namespace detail
@@ -110,7 +111,7 @@ inline Motion load_easymocap_motion(const std::filesystem::path& folder, const B
                                 from.begin() + static_cast<std::ptrdiff_t>(first + count));
             column.second = count;
         };
-        // Newer versions leave the root out: 69, 63, …
+        // Newer versions omit the root: 69, 63, …
         const bool rooted = width == 72 || width == 66 || width == 78 || width == 87 || width == 156 || width == 165;
         const std::size_t body = rooted ? 3 : 0;
         const std::vector<double> no_turn(3, 0.0);
@@ -156,7 +157,7 @@ inline Motion load_easymocap_motion(const std::filesystem::path& folder, const B
     table.add("timestamps", "timestamps", std::move(timestamps), {T});
     table.add("flat_hand", "flat_hand", std::vector<double>{whole_hands ? 1.0 : 0.0}, {});
     MotionFileOptions as_stored = options;
-    as_stored.world = MotionFileOptions::World::as_stored; // only once the body is where it belongs
+    as_stored.world = MotionFileOptions::World::as_stored; // the change of world follows move_frame
     Motion motion = detail::MotionReader<MotionTable>(std::move(table), model, as_stored, warnings).read();
     for (std::size_t t = 0; t < T; ++t)
         move_frame(model, motion, t,
@@ -191,7 +192,7 @@ inline CameraList read_easymocap_cameras(const std::filesystem::path& folder) {
             R = rotation_from_axis_angle(vec3<double>(v[0], v[1], v[2]));
         }
         const std::vector<double> t = extrinsics.matrix("T_" + name, 3);
-        // The size may come later, from the images: any will do for the check.
+        // The size may be set later from the images; the check accepts any positive size.
         const int width = camera.width, height = camera.height;
         camera = camera_from_K<double>(K, R, vec3<double>(t[0], t[1], t[2]), width > 0 ? width : 1,
                                        height > 0 ? height : 1, folder.string() + ": " + name);

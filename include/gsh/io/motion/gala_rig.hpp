@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The rig of GalaBasketball, 27 joints with turned rest frames, and its poses in Euler angles.
+/// @file  The rig of GalaBasketball, 27 joints with rotated rest frames, and its poses in Euler angles.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -28,7 +28,7 @@
 
 namespace gsh {
 
-/// The data set's own body: no shapes, no expression, no triangles. Place Gaussians with sample_vertices
+/// The data set's own body, without shapes, expressions or triangles. Place Gaussians with sample_vertices
 /// (body/vertex_samples.hpp), one per vertex, as the direct baseline does.
 struct GalaRig {
     BodyModel body;                           ///< the mesh in its T pose, right-handed, facing +z
@@ -36,22 +36,22 @@ struct GalaRig {
     std::vector<mat3<double>> rest_rotations; // [J] world_from_joint in the T pose; poses are given in these axes
 };
 
-/// Reads a folder of mesh.txt (per vertex five lines: position, normal, uv, weights, joints), tpose.txt (per joint
-/// three: position in the parent's frame, rotation, scale), tpose_mat.txt (16 numbers a joint: joint_from_world in the
-/// T pose, row by row), jointParent.txt (-1 for the root) and weights.npy [V, J], which may be missing: then mesh.txt's
-/// count.
+/// Reads a folder with mesh.txt (five lines per vertex: position, normal, uv, weights, joints), tpose.txt (three lines
+/// per joint: position in the parent's frame, rotation, scale), tpose_mat.txt (16 numbers per joint: joint_from_world
+/// in the T pose, row by row), jointParent.txt (-1 for the root) and optionally weights.npy [V, J]. Without
+/// weights.npy, the weights of mesh.txt are used.
 ///
 /// Frame   the files are left-handed, y up, facing +z. Mirroring x gives our frame, left at +x: v' = M v, R' = M R M.
-///         joints come from tpose_mat.txt; the regressor reproduces them as weighted sums of near vertices.
+///         Joints come from tpose_mat.txt; the regressor reproduces them as weighted sums of nearby vertices.
 /// Errors  IoError, ShapeError, ValueError naming file and line.
 [[nodiscard]] inline GalaRig load_gala_rig(const std::filesystem::path& folder,
                                            std::vector<std::string>* warnings = nullptr);
 
-/// Reads pose files FOLDER/NUMBER.txt: for each person and joint three lines, position, Euler angles in degrees with
-/// R = Ry Rx Rz, scale. Of the positions only the roots' count. All people, frames as listed.
+/// Reads pose files FOLDER/NUMBER.txt: for each person and joint three lines, position, Euler angles in degrees with R
+/// = Ry Rx Rz, and scale. Only the roots' positions are used. Returns all people, with the frames as listed.
 ///
-/// Frame   a joint's angles hold its rest rotation Q: relative to the T pose it turns by Q_parent E Q⁻¹.
-/// Units   timestamps are NUMBER / fps (30 where that is 0).
+/// Frame   a joint's angles E include its rest rotation Q: the rotation relative to the T pose is Q_parent E Q⁻¹.
+/// Units   timestamps are NUMBER / fps (30 if fps is 0).
 [[nodiscard]] inline std::vector<Motion> load_gala_motions(const std::filesystem::path& folder, const GalaRig& rig,
                                                            const std::vector<int>& frames, double fps = 0);
 
@@ -59,7 +59,7 @@ struct GalaRig {
 
 namespace detail {
 
-/// From the left-handed frame of the files to ours, and back.
+/// Converts between the files' left-handed frame and ours.
 inline vec3<double> mirrored(const vec3<double>& v) {
     return {-v.x, v.y, v.z};
 }
@@ -72,9 +72,9 @@ inline double inner(const std::vector<double>& a, const std::vector<double>& b) 
     return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
 }
 
-/// The shortest w with rows[r] · w = sums[r]; equations that depend on earlier ones are left out, and may not hold.
-/// Gram-Schmidt: the part of a row that is orthogonal to the rows before it settles its own equation and leaves theirs
-/// as they are. Two passes, because one loses digits where rows are almost parallel.
+/// The w of smallest norm with rows[r] · w = sums[r]. Equations whose rows depend linearly on earlier ones are skipped
+/// and may be violated. The method is Gram-Schmidt: the part of a row orthogonal to the earlier rows satisfies its
+/// equation and leaves theirs unchanged. It runs twice, because one pass loses precision if rows are almost parallel.
 template <std::size_t R>
 std::vector<double> smallest_solution(const std::array<std::vector<double>, R>& rows,
                                       const std::array<double, R>& sums) {
@@ -96,8 +96,9 @@ std::vector<double> smallest_solution(const std::array<std::vector<double>, R>& 
     return w;
 }
 
-/// The smallest weights, adding up to 1, with which near vertices give a point exactly.
-/// Errors  ValueError where the vertices all lie in a plane that misses it.
+/// The weights of smallest norm, with sum 1, with which nearby vertices give a point exactly.
+///
+/// Errors  ValueError if the vertices lie in a plane that does not contain the point.
 inline std::vector<RegressorEntry> affine_weights(const std::vector<vec3<double>>& vertices, const vec3<double>& point,
                                                   const std::string& where) {
     std::vector<std::pair<double, int>> by_distance;
@@ -148,7 +149,7 @@ inline GalaRig load_gala_rig(const std::filesystem::path& folder, std::vector<st
         throw ShapeError(tpose.path().string() + ": holds " + std::to_string(tpose.size()) + " lines, expected " +
                          std::to_string(3 * J) + ", three for each joint of jointParent.txt");
 
-    // Where the joints are, and how they are turned.
+    // Positions and rotations of the joints.
     const NumberLines bind_file(folder / "tpose_mat.txt");
     const std::vector<double> bind = bind_file.all();
     if (bind.size() != 16 * J)
@@ -212,7 +213,7 @@ inline GalaRig load_gala_rig(const std::filesystem::path& folder, std::vector<st
     } else {
         weights_path = mesh.path();
     }
-    for (std::size_t v = 0; v < V; ++v) { // text is rounded
+    for (std::size_t v = 0; v < V; ++v) { // the text's numbers are rounded
         double sum = 0;
         for (std::size_t j = 0; j < J; ++j) sum += body.weights[v * J + j];
         check_value(std::abs(sum - 1) < 0.02, weights_path.string(),
@@ -255,7 +256,7 @@ inline std::vector<Motion> load_gala_motions(const std::filesystem::path& folder
             for (std::size_t j = 0; j < J; ++j) {
                 const std::size_t line = 3 * (p * J + j);
                 const vec3<double> degrees = lines.vector(line + 1, "Euler angles");
-                (void)lines.vector(line + 2, "scale"); // there, but of no effect
+                (void)lines.vector(line + 2, "scale"); // read and ignored
                 const vec3<double> a = degrees * (std::numbers::pi / 180);
                 const mat3<double> E = mirrored(rotation_from_euler(vec3<double>(a.y, a.x, a.z), EulerOrder::yxz));
                 const mat3<double> before =

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Motions as .npz files: split by body part as SMPL-X programs write them, or whole as in AMASS.
+/// @file  Reads and writes motions as .npz files: split by body part as in SMPL-X programs, or whole as in AMASS.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -25,42 +25,41 @@ namespace gsh {
 struct MotionFileOptions {
     /// Whether the model's mean hand is added to the file's hand poses.
     enum class Hands {
-        automatic, ///< what the file's flat_hand (or flat_hand_mean) says; else added to split files, not to whole ones
+        automatic, ///< by the file's flat_hand (or flat_hand_mean); default: added to split files, not to whole ones
         add_mean,
-        flat, ///< the file's numbers are the whole hand
+        flat, ///< the file's numbers are the complete hand pose
     };
     Hands hands = Hands::automatic;
-    double fps = 0; ///< of files that hold neither timestamps nor a frame rate; 0: one frame a second
+    double fps = 0; ///< for files without timestamps and frame rate; 0: one frame per second
 
-    /// Which way is up. Poses that belong to cameras must stay as they are; motions from elsewhere often count height
-    /// along z (AMASS) or lie in a camera's frame, y down.
+    /// The up direction. Poses that belong to cameras must remain as stored. Motions from elsewhere often have z up
+    /// (AMASS) or lie in a camera's frame, y down.
     enum class World {
         as_stored,
         upright, ///< the coordinate axis that the body stands along becomes +y
     };
     World world = World::as_stored;
-    int person = 0; ///< whose motion, in formats that hold several people: an id, or a place in the list
+    int person = 0; ///< the motion to read if there are several people: an id, or an index in the list
 };
 
 /// Reads a motion for a body.
 ///
-/// Split files  global_orient [T, 3], body_pose [T, 3 n], transl [T, 3], betas [S]; where they are there jaw_pose,
-///              leye_pose, reye_pose [T, 3], left_hand_pose, right_hand_pose [T, 45] or [T, C] PCA coefficients,
+/// Split files  global_orient [T, 3], body_pose [T, 3 n], transl [T, 3], betas [S]; optionally jaw_pose, leye_pose,
+///              reye_pose [T, 3], left_hand_pose, right_hand_pose [T, 45] or [T, C] PCA coefficients,
 ///              expression [T, E], timestamps [T].
-/// Whole files  poses [T, 3 J], trans [T, 3], betas, mocap_framerate. Files for 22, 24, 52 or 55 joints serve bodies
-///              of any of these: the common joints are taken.
+/// Whole files  poses [T, 3 J], trans [T, 3], betas, mocap_framerate. Files for 22, 24, 52 or 55 joints can be used for
+///              bodies of any of these: the common joints are read.
 /// Units        axis-angle in radians, metres, seconds.
-/// Errors       IoError, ShapeError, ValueError naming file and key. What is probably, but not surely, wrong goes to
-///              `warnings`: parts that are missing or left over, degrees, a mean hand that was forgotten or added
-///              twice.
+/// Errors       IoError, ShapeError, ValueError naming file and key. Probable mistakes are added to `warnings`: missing
+///              or unused parts, degrees, a mean hand that is missing or was added twice.
 [[nodiscard]] inline Motion load_motion(const std::filesystem::path& path, const BodyModel& model,
                                         const MotionFileOptions& options = {},
                                         std::vector<std::string>* warnings = nullptr);
 
-/// Writes a motion in double, atomically: split for 55 joints, whole otherwise. load_motion gives it back as it was.
+/// Writes a motion in double precision, atomically: split for 55 joints, whole otherwise. load_motion restores it.
 inline void save_motion(const std::filesystem::path& path, const Motion& motion);
 
-/// What is suspicious about the hands, or nothing. `mean_added` says how the motion was made.
+/// A warning about implausible hand poses, or an empty text. `mean_added` tells whether the mean hand was added.
 [[nodiscard]] inline std::string hand_mean_warning(const BodyModel& model, const Motion& motion, bool mean_added);
 
 // -------------------------------------------------------------------------------------------------------------
@@ -111,7 +110,7 @@ private:
         if (warnings_ && !text.empty()) warnings_->push_back(file_.path().string() + ": " + text);
     }
 
-    /// Numbers of every frame, [T, anything]; the first call decides T.
+    /// The numbers of every frame, [T, any width]; the first call determines T.
     NpyArray<double> read_frames(std::string_view key, std::size_t width = 0) {
         const Shape shape = file_.header(key).shape;
         std::size_t found = 1;
@@ -130,7 +129,7 @@ private:
         return array;
     }
 
-    /// Joints [from, from + count) of each frame of `array` to joints [to, to + count).
+    /// Copies joints [from, from + count) of each frame of `array` to joints [to, to + count).
     void place(const NpyArray<double>& array, std::size_t from, std::size_t to, std::size_t count) {
         const std::size_t width = array.dim(1);
         for (std::size_t t = 0; t < frames_; ++t)
@@ -312,7 +311,7 @@ inline Motion load_motion(const std::filesystem::path& path, const BodyModel& mo
 inline std::string hand_mean_warning(const BodyModel& model, const Motion& motion, bool mean_added) {
     const std::size_t J = motion.joint_count, T = motion.frame_count();
     if ((J != 55 && J != 52) || T == 0) return {};
-    // The average hand in units of the model's mean hand: about 1 for relaxed hands.
+    // The average hand as a multiple of the model's mean hand: about 1 for relaxed hands.
     const std::size_t first = J == 55 ? 25 : 22;
     double along = 0, norm = 0;
     const auto add = [&](const std::vector<vec3<double>>& mean, std::size_t start) {
@@ -363,7 +362,7 @@ inline void save_motion(const std::filesystem::path& path, const Motion& motion)
     }
     file.add<double>("transl", {T ? &motion.transl[0].x : nullptr, 3 * T}, {T, 3});
     file.add("timestamps", motion.timestamps);
-    file.add("flat_hand", std::uint8_t(1)); // a Motion holds whole hand poses
+    file.add("flat_hand", std::uint8_t(1)); // a Motion holds complete hand poses
     file.commit();
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A motion's arrays under the names of SMPL-X programs, gathered from files that call them otherwise.
+/// @file  A motion's arrays under the names of SMPL-X programs, collected from files with other names.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -18,14 +18,14 @@
 
 namespace gsh {
 
-/// Answers the questions that are asked of an NpzReader. A reader of a foreign format fills a table with
-/// global_orient, body_pose, …, or with poses, and from there on a motion is assembled as from our own files.
+/// Has the reading interface of NpzReader. A reader of a foreign format fills a table with global_orient, body_pose, …,
+/// or with poses; the motion is then assembled as from our own files.
 class MotionTable {
 public:
-    /// `path` is what messages begin with.
+    /// `path` is the prefix of messages.
     explicit MotionTable(std::filesystem::path path) : path_(std::move(path)) {}
 
-    /// `name` is what the file calls the array.
+    /// `name` is the array's name in the file.
     void add(std::string key, std::string name, NpyArray<double> array) {
         check_size(path_.string(), name, array.size(), detail::element_count(array.shape), "the shape says so");
         columns_[std::move(key)] = {std::move(name), std::move(array)};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The poses of PeopleSnapshot: SMPL's, of all frames or of a split's.
+/// @file  Reads the SMPL poses of PeopleSnapshot, for all frames or for those of a split.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -23,7 +23,7 @@
 
 namespace gsh::detail {
 
-/// A frame of the video that is used.
+/// A frame of the video that the capture uses.
 struct SnapshotFrame {
     int number = 0;
     bool test = false;
@@ -60,7 +60,7 @@ inline SnapshotPoses read_snapshot_poses(const std::filesystem::path& path) {
     return poses;
 }
 
-/// The poses as parts of SMPL, under the names that they are read by.
+/// Adds the poses to a table as parts of SMPL, under the names that MotionReader expects.
 inline void add_snapshot_poses(MotionTable& table, const SnapshotPoses& poses) {
     const std::size_t T = poses.size();
     std::vector<double> root, rest;
@@ -75,7 +75,7 @@ inline void add_snapshot_poses(MotionTable& table, const SnapshotPoses& poses) {
     table.add("betas", "betas", poses.betas);
 }
 
-/// A motion file of this layout on its own, 30 frames a second where options do not say.
+/// Loads a motion file of this layout alone; 30 frames per second by default.
 inline Motion load_snapshot_motion(const std::filesystem::path& path, const BodyModel& body, MotionFileOptions options,
                                    std::vector<std::string>* warnings) {
     MotionTable table(path);
@@ -84,7 +84,7 @@ inline Motion load_snapshot_motion(const std::filesystem::path& path, const Body
     return MotionReader<MotionTable>(std::move(table), body, options, warnings).read();
 }
 
-/// Motion of SMPL poses for these frames: from the files of the split, else from that of all frames.
+/// Motion of SMPL poses for these frames, from the files of the split or else from the file of all frames.
 inline Motion snapshot_motion(const std::filesystem::path& folder, const BodyModel& body,
                               const std::vector<SnapshotFrame>& frames, std::size_t images,
                               MotionFileOptions::Hands hands, std::vector<std::string>* warnings) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Fits of SMPLify-X, and of HAHA in its layout, exported from pickles to one .npz.
+/// @file  Reads fits of SMPLify-X, and of HAHA in its layout, exported from pickles to one .npz.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -24,16 +24,16 @@
 
 namespace gsh {
 
-/// A motion in the frame of the camera that it was fitted to, and what the file tells of that camera.
+/// A motion in the frame of the camera that it was fitted to, and the file's data about that camera.
 struct SmplifyxFits {
     Motion motion;                                      ///< in the camera's frame: R = 1, t = 0
-    std::vector<int> frame_ids;                         ///< [T] which image each row belongs to; empty: in order
+    std::vector<int> frame_ids;                         ///< [T] image of each row; empty: in order
     std::optional<std::array<double, 2>> focal_length;  ///< pixels
-    std::optional<std::array<double, 2>> camera_center; ///< pixels; else the middle of the image
+    std::optional<std::array<double, 2>> camera_center; ///< pixels; if not set, the centre of the image
     std::optional<std::array<double, 4>> ndc;           ///< HAHA's camera_matrix: [0, 0], [1, 1], [0, 2], [1, 2]
 
     [[nodiscard]] bool has_camera() const { return ndc || focal_length; }
-    /// The camera for images of this size, as they were fitted to; only where has_camera().
+    /// The camera of the fits for images of this size; requires has_camera().
     [[nodiscard]] Camera<double> camera(int width, int height) const {
         Camera<double> camera;
         camera.width = width, camera.height = height;
@@ -51,15 +51,17 @@ struct SmplifyxFits {
     }
 };
 
-/// Reads the arrays of the pickles results/ID/000.pkl, stacked in order of the images: global_orient [T, 3], body_pose
-/// [T, 63], betas, and where they are there jaw_pose, leye_pose, reye_pose, left_hand_pose and right_hand_pose (45, or
-/// principal components), expression, transl; the place of the camera as camera_rotation [T, 3, 3] and
-/// camera_translation [T, 3], or as camera_transform [T, 4, 4]; its intrinsics as focal_length (SMPLify-X guesses 5000
-/// unless told) and camera_center, or as camera_matrix [T, 4, 4]; frame_ids [T]. Axes of length 1 do not matter.
+/// Reads the arrays of the pickles results/ID/000.pkl, stacked in the order of the images: global_orient [T, 3],
+/// body_pose [T, 63], betas, and optionally jaw_pose, leye_pose, reye_pose, left_hand_pose and right_hand_pose (45, or
+/// principal components), expression, transl. The camera's pose is camera_rotation [T, 3, 3] with
+/// camera_translation [T, 3], or camera_transform [T, 4, 4]. Its intrinsics are focal_length (SMPLify-X's default is
+/// 5000) and camera_center, or camera_matrix [T, 4, 4]. frame_ids is [T]. Axes of length 1 are ignored.
 ///
-/// The camera's place goes into the motion, so that one camera at the origin sees all frames. Shapes that change from
-/// frame to frame are averaged. Hands count from the mean hand unless flat_hand or options say otherwise.
-/// Errors  as load_motion; a body_pose of 32 numbers, which is VPoser's code and no pose; intrinsics that change.
+/// The camera's pose is applied to the motion, so that one camera at the origin sees all frames. Shapes that vary over
+/// the frames are averaged. Hand poses are relative to the mean hand unless flat_hand or options specify otherwise.
+///
+/// Errors  those of load_motion; also for a body_pose of 32 numbers (VPoser's latent code instead of a pose) and for
+///         intrinsics that vary.
 [[nodiscard]] inline SmplifyxFits load_smplifyx_fits(const std::filesystem::path& path, const BodyModel& model,
                                                      const MotionFileOptions& options = {},
                                                      std::vector<std::string>* warnings = nullptr);
@@ -68,7 +70,7 @@ struct SmplifyxFits {
 
 namespace detail {
 
-/// `count` numbers that a member [*, count], [count] or, for pairs, [*] or () repeats: the same in all frames.
+/// The `count` numbers that a member [*, count], [count] or, for pairs, [*] or () repeats identically in all frames.
 inline std::vector<double> constant_member(const NpzReader& file, const char* key, std::size_t count) {
     const auto array = file.read<double>(key, Numbers::any);
     const std::size_t width = array.size() > 0 && array.size() % count == 0 ? count : 0;
@@ -120,7 +122,7 @@ inline SmplifyxFits load_smplifyx_fits(const std::filesystem::path& path, const 
     as_stored.world = MotionFileOptions::World::as_stored;
     fits.motion = detail::MotionReader<MotionTable>(std::move(table), model, as_stored, warnings).read();
 
-    // Where the camera stood: into the motion.
+    // Apply the camera's pose to the motion.
     std::vector<double> rotation, translation;
     std::size_t stride = 3;
     const auto read_rows = [&](const char* key, std::size_t width) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Motions as a folder of JSON files, one per frame: ExAvatar's fits, and the motions of LHM.
+/// @file  Reads motions from a folder of JSON files, one per frame: ExAvatar's fits and LHM's motions.
 #pragma once
 
 #include <gsh/body/body_model.hpp>
@@ -20,18 +20,18 @@
 
 namespace gsh {
 
-/// Reads FOLDER/NUMBER.json in order of the numbers. A file holds root_pose [3], body_pose [21, 3] and trans [3], and
-/// perhaps jaw_pose, leye_pose, reye_pose [3], lhand_pose, rhand_pose [15, 3], expr [E], betas [S]; those that the
-/// first one holds are expected in all.
+/// Reads FOLDER/NUMBER.json in the order of the numbers. A file holds root_pose [3], body_pose [21, 3] and trans [3],
+/// and optionally jaw_pose, leye_pose, reye_pose [3], lhand_pose, rhand_pose [15, 3], expr [E], betas [S]. All files
+/// must have the same optional fields as the first one.
 ///
-/// ExAvatar keeps the shape in shape_param.json beside the folder, and counts hands from the mean hand; LHM keeps betas
-/// in every file, and its hands are whole. The folder may also be the one above: smplx_params_smoothed and smplx_params
-/// are looked for, in it and in smplx_optimized.
+/// ExAvatar stores the shape in shape_param.json beside the folder, and its hands are relative to the mean hand. LHM
+/// stores betas in every file, and its hands are complete. FOLDER may also be a parent folder: smplx_params_smoothed
+/// and smplx_params are searched for in it and in smplx_optimized.
 ///
-/// Frame   the camera's: x right, y down, z forward; options.world = upright turns y up.
-/// Units   timestamps are NUMBER / fps (30 where options do not say).
+/// Frame   the camera's: x right, y down, z forward; options.world = upright makes y point up.
+/// Units   timestamps are NUMBER / fps (30 by default).
 /// Errors  IoError, ShapeError, ValueError naming file and field. ExAvatar's offsets of joints and face are not part of
-///         a motion; a warning says so where they are there.
+///         a motion; if they are present, a warning is added.
 [[nodiscard]] inline Motion load_smplx_json_motion(const std::filesystem::path& folder, const BodyModel& model,
                                                    const MotionFileOptions& options = {},
                                                    std::vector<std::string>* warnings = nullptr);
@@ -40,21 +40,22 @@ namespace gsh {
 
 namespace detail {
 
-/// A file whose name is a number.
+/// A file with a number as its name.
 struct NumberedFile {
     long number = 0;
     std::filesystem::path path;
 };
 
-/// The number that a file's name spells, or -1.
+/// The number in a file's name, or -1.
 inline long number_of(const std::filesystem::path& path) {
     const std::string stem = path.stem().string();
     const bool digits = !stem.empty() && stem.size() <= 9 && stem.find_first_not_of("0123456789") == std::string::npos;
     return digits ? std::stol(stem) : -1;
 }
 
-/// Files NUMBER.EXTENSION of a folder in order of their numbers; others are passed over.
-/// Errors  IoError for a folder that cannot be listed, or a number that stands there twice (1.json, 01.json).
+/// Files NUMBER.EXTENSION of a folder in the order of their numbers; other files are ignored.
+///
+/// Errors  IoError for a folder that cannot be listed, or a number that occurs twice (1.json, 01.json).
 inline std::vector<NumberedFile> list_numbered(const std::filesystem::path& folder, std::string_view extension) {
     std::error_code error;
     std::vector<NumberedFile> files;
@@ -72,7 +73,7 @@ inline std::vector<NumberedFile> list_numbered(const std::filesystem::path& fold
     return files;
 }
 
-/// The folder with the files of the frames, for a folder that may be a few steps above it; empty if there is none.
+/// The folder that contains the frames' files, which may be a few levels below `folder`; empty if there is none.
 inline std::filesystem::path smplx_json_folder(const std::filesystem::path& folder) {
     std::error_code ignored;
     for (const char* below : {".", "smplx_params_smoothed", "smplx_params", "smplx_optimized/smplx_params_smoothed",
@@ -85,11 +86,11 @@ inline std::filesystem::path smplx_json_folder(const std::filesystem::path& fold
     return {};
 }
 
-/// Rows of a field, gathered file by file.
+/// The rows of a field, collected from all files.
 struct JsonColumn {
     const char* field;
-    const char* key;   ///< what SMPL-X programs call it
-    std::size_t width; ///< 0: as many as the first file holds
+    const char* key;   ///< its name in SMPL-X programs
+    std::size_t width; ///< 0: that of the first file
     bool needed;
     std::vector<double> data = {};
 };
@@ -138,13 +139,13 @@ inline Motion load_smplx_json_motion(const std::filesystem::path& folder, const 
     }
     table.add("timestamps", "timestamps", std::move(timestamps), {files.size()});
     table.add("flat_hand", "flat_hand", std::vector<double>{own_betas ? 1.0 : 0.0},
-              {}); // LHM's are whole, ExAvatar's are not
+              {}); // LHM's hands are complete, ExAvatar's are not
     if (!own_betas) {
         std::error_code ignored;
         const auto shape = std::filesystem::weakly_canonical(place, ignored).parent_path() / "shape_param.json";
         if (!std::filesystem::exists(shape, ignored))
             throw IoError(place.string() + ": betas are in no file, and " + shape.string() +
-                          " is missing; one of them must tell the shape");
+                          " is missing; one of them must give the shape");
         const detail::Json json = {{"shape_param", detail::read_json(shape)}};
         const std::vector<double> betas = detail::JsonObject(json, shape.string()).numbers("shape_param");
         table.add("betas", "shape_param.json", betas, {betas.size()});

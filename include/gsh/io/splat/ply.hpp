@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Gaussians as PLY files in the layout of the 3D Gaussian splatting reference code.
+/// @file  Reads and writes Gaussians as PLY files in the layout of the reference code of 3D Gaussian splatting.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -26,17 +26,18 @@
 
 namespace gsh {
 
-/// Reads x y z, f_dc_0..2, f_rest_*, opacity (logit), scale_0..2 (log), rot_0..3 (w, x, y, z) by name, in any order
-/// and of any number type, among any other properties; binary little-endian or ASCII.
+/// Reads x y z, f_dc_0..2, f_rest_*, opacity (logit), scale_0..2 (log), rot_0..3 (w, x, y, z) by name, in any order and
+/// of any number type; other properties are ignored. Binary little-endian or ASCII.
 ///
 /// f_rest holds 0, 9, 24, 45 or 72 numbers (degrees 0 to 4), channel by channel: all of red, then green, then blue.
-/// Errors  IoError for a file that is missing, truncated, no PLY, or lacks a property; ShapeError for another number of
-///         f_rest; ValueError for NaN, infinities, numbers beyond float and a quaternion of length 0.
-/// Source  Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023, their code's files.
+///
+/// Errors  IoError for a file that is missing, truncated, not PLY, or lacks a property; ShapeError for another number
+///         of f_rest; ValueError for NaN, infinities, numbers beyond float and a quaternion of length 0.
+/// Source  Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023, the files of their code.
 [[nodiscard]] inline GaussianCloud<float> read_gaussian_ply(const std::filesystem::path& path);
 
-/// Writes x y z nx ny nz f_dc f_rest opacity scale rot as floats, atomically. Bands up to `pad_to_degree` that the
-/// cloud lacks are zero: many viewers know degree 3 alone. Normals are zero.
+/// Writes x y z nx ny nz f_dc f_rest opacity scale rot as floats, atomically. SH bands up to `pad_to_degree` that the
+/// cloud lacks are written as zero, because many viewers support only degree 3. Normals are zero.
 inline void write_gaussian_ply(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
                                int pad_to_degree = 3);
 
@@ -44,7 +45,7 @@ inline void write_gaussian_ply(const std::filesystem::path& path, const Gaussian
 
 namespace detail {
 
-/// One number of each vertex: where it stands in a row, and as what.
+/// One number of each vertex: its type and its position in a row.
 struct PlyProperty {
     std::string name;
     char kind = 'f';        // as in NumPy: f, i, u
@@ -80,7 +81,7 @@ public:
         return nullptr;
     }
 
-    /// Calls visit(vertex, values) for each vertex, with the wanted properties in the order asked for.
+    /// Calls visit(vertex, values) for each vertex, with the values in the order of `wanted`.
     template <class Visit>
     void read_rows(const std::vector<PlyProperty>& wanted, const Visit& visit) {
         std::vector<float> values(wanted.size());
@@ -118,7 +119,7 @@ private:
 
     [[noreturn]] void fail(const std::string& reason) const { throw IoError(name_ + ": " + reason); }
 
-    /// The next line's words; nothing at the end of the file.
+    /// The words of the next line; empty at the end of the file.
     std::vector<std::string> words() {
         std::string line;
         int c = 0;
@@ -206,7 +207,7 @@ private:
         header_.row_size += header_.ascii ? 1 : type->width;
     }
 
-    /// Before anything is allocated: do that many vertices fit into the file?
+    /// Checks before any allocation that the file is large enough for the vertices in its header.
     void check_count() const {
         const std::uintmax_t present = size_ - std::min<std::uintmax_t>(size_, header_.data_begin);
         const std::size_t least = header_.ascii ? 2 * header_.row_size : header_.row_size; // a digit and a blank each
