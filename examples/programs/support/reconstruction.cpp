@@ -8,6 +8,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/io/capture/photos.hpp>
 #include <gsh/train/avatar_export.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/memory.hpp>

@@ -5,13 +5,13 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/io/capture/photos.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
 
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
 #include <utility>
 
@@ -65,19 +65,6 @@ Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
         source.priors_checksum = priors_checksum(o.priors);
     }
     return source;
-}
-
-std::vector<Photo> photos_of(const Capture& capture, bool test) {
-    std::vector<Photo> photos;
-    for (const CaptureView& view : capture.views(test)) {
-        const NamedCamera& camera = capture.cameras[view.camera];
-        char frame[16];
-        std::snprintf(frame, sizeof frame, "%04zu", view.frame);
-        const PixelImage* plate = capture.background(view.camera);
-        photos.push_back({camera.name + "_" + frame, camera.camera, view.frame, capture.image(view).data, view.camera,
-                          plate ? Span<const std::uint8_t>(plate->data) : Span<const std::uint8_t>()});
-    }
-    return photos;
 }
 
 std::vector<Photo> test_photos_of(const Capture& capture) {

@@ -10,8 +10,8 @@
 #include <gsh/body/region_mask.hpp>
 #include <gsh/io/capture/capture.hpp>
 #include <gsh/io/capture/people_capture.hpp>
-#include <gsh/prior/estimated_view.hpp>
 #include <gsh/pipeline/photo.hpp>
+#include <gsh/prior/estimated_view.hpp>
 
 #include <cstddef>
 #include <string>
@@ -41,9 +41,6 @@ Source load_people(cpu::Threads& backend, const PeopleOptions& o, const CaptureO
 
 /// The same with regions and estimated priors, or the built-in actor, filmed.
 Source load_source(cpu::Threads& backend, const ReconstructOptions& o);
-
-/// Photographs of a capture's training or test views; they point into the capture.
-std::vector<Photo> photos_of(const Capture& capture, bool test);
 
 /// Photographs to judge by. What cannot be judged had better be known before training than after it.
 /// Errors  ValueError for a photograph that is smaller than the SSIM window, or whose mask nowhere exceeds 1/2.

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Story 7: a part that gsh lacks, plugged into its trainer. Every second frame of a capture was taken in dimmer
+/// light. A factor per frame takes the place of the avatar's shadow, and training finds how dim the frames were.
+#include <gsh/gsh.hpp>
+#include <gsh/io/capture/photos.hpp>
+#include <gsh/synthetic/actor.hpp>
+#include <gsh/synthetic/actor_motion.hpp>
+#include <gsh/synthetic/studio.hpp>
+
+#include <story.hpp>
+using namespace gsh;
+using Device = cpu::Threads; // another backend is a change of this line
+
+// 1. The part: ao = exp(g[frame]) for every Gaussian. NoShadow has the calls that need no change.
+struct Exposure : NoShadow<Device> {
+    Device* backend;
+    LearnedBuffer<Device> g; // [frames]
+    Device::Buffer<float> partials;
+
+    Exposure(Device& where, std::size_t frames) : backend(&where), g(where, std::vector<float>(frames, 0)) {}
+    bool casts() const { return true; }
+    void forward(const ShadowInput<Device, float>& input, Span<float> ao) {
+        const Span<const float> g_frame = g.values().subspan(input.frame, 1);
+        backend->for_each(ao.size(), [=](std::size_t i) { ao[i] = std::exp(g_frame[0]); });
+    }
+    void backward(const ShadowInput<Device, float>& input, Span<const float> ao, Span<float> dL_dao, Span<vec3<float>>) {
+        backend->for_each(ao.size(), [=](std::size_t i) { dL_dao[i] *= ao[i]; }); // exp' = exp
+        add_sum(*backend, Span<const float>(dL_dao), g.gradient().subspan(input.frame, 1), partials);
+    }
+    LearnedArrays<float> learned() { return {g.announce("exposure", 5e-3)}; }
+};
+
+void story(const std::filesystem::path&) {
+    // 2. The built-in actor, filmed in four frames; the odd ones are darkened to 60%.
+    Device backend;
+    const BodyModel body = make_actor({.edge_scale = 1.5});
+    const Motion motion = actor_motion(ActorMotion::talk, 4);
+    Capture capture = film(backend, body, motion, {.image_size = 128, .samples = 4, .light = {}});
+    for (std::size_t image = 1; image < capture.images.size(); image += 2) // frames follow each other
+        for (std::size_t i = 0; i < capture.images[image].data.size(); ++i)
+            if (std::uint8_t& byte = capture.images[image].data[i]; i % 4 < 3) byte = std::uint8_t(0.6 * byte + 0.5);
+
+    // 3. gsh's parts, ours among them, and gsh's trainer.
+    const auto vertices = shaped_vertices(body, motion.betas);
+    const SurfaceSamples skin = sample_surface(body, vertices, std::vector(vertices.size(), 1.0), 1, {.total = 4000});
+    const auto points = std::make_shared<const CanonicalPoints<Device>>(backend, skin.positions);
+    AvatarModel model(backend, make_rig(body, motion.betas, skin), skin, points, SharedField<Device>(backend, points),
+                      Exposure(backend, motion.frame_count()), {.shadow_start = 0});
+    AvatarScene scene(backend, model, motion);
+    Trainer trainer(backend, scene, photos_of(capture, false), 1);
+    for (int step = 0; step < 200; ++step) trainer.step(step / 200.0);
+
+    // 4. What it found.
+    std::vector<float> g(motion.frame_count());
+    backend.download(Span<const float>(model.shadow().g.values()), Span<float>(g));
+    const double ratio = std::exp(0.5 * (g[1] + g[3] - g[0] - g[2]));
+    examples::claim(std::abs(ratio - 0.6) < 0.05, "dim frames have 0.6 of the light, found " + std::to_string(ratio));
+}
+
+int main(int argc, char** argv) { return examples::tell(argc, argv, story); }
