@@ -19,11 +19,11 @@ struct Exposure : NoShadow<Device> {
 
     Exposure(Device& where, std::size_t frames) : backend(&where), g(where, std::vector<float>(frames, 0)) {}
     bool casts() const { return true; }
-    void forward(const ShadowInput<Device, float>& input, Span<float> ao) {
+    void forward(const ShadowInput<Device>& input, Span<float> ao) {
         const Span<const float> g_frame = g.values().subspan(input.frame, 1);
         backend->for_each(ao.size(), [=](std::size_t i) { ao[i] = std::exp(g_frame[0]); });
     }
-    void backward(const ShadowInput<Device, float>& input, Span<const float> ao, Span<float> dL_dao, Span<vec3<float>>) {
+    void backward(const ShadowInput<Device>& input, Span<const float> ao, Span<float> dL_dao, Span<vec3<float>>) {
         backend->for_each(ao.size(), [=](std::size_t i) { dL_dao[i] *= ao[i]; }); // exp' = exp
         add_sum(*backend, Span<const float>(dL_dao), g.gradient().subspan(input.frame, 1), partials);
     }

@@ -21,7 +21,7 @@ namespace gsh {
 /// What a shadow may depend on.
 ///
 /// Shapes  pose [J] axis-angle; rotations [J] of the joints relative to their parents; both in the backend's memory.
-template <Backend B, std::floating_point T>
+template <Backend B, std::floating_point T = float>
 struct ShadowInput {
     std::size_t frame = 0; ///< of the motion that is trained on
     const Skeleton<B, T>& skeleton;
