@@ -114,7 +114,6 @@
 #include <gsh/loss/photometric_cache.hpp>
 #include <gsh/loss/ssim.hpp>
 
-
 #include <gsh/train/avatar_config.hpp>
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/backdrop.hpp>
