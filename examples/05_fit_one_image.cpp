@@ -83,6 +83,7 @@ public:
 
     // 5. A step of Adam, each attribute at its own pace. Used gradients are zeroed on the way.
     void step(int number) {
+        using examples::numbers;
         const auto move = [&](auto& values, auto& gradients, auto& m, auto& v, double rate) {
             adam_.step(backend_, numbers(values), numbers(gradients), numbers(m), numbers(v), rate, number,
                        UsedGradients::zero);
@@ -99,12 +100,6 @@ public:
     [[nodiscard]] const Image<float>& render() const { return render_; }
 
 private:
-    // Vectors, quaternions and the like as the numbers that they are made of.
-    template <class T>
-    static Span<float> numbers(cpu::Buffer<T>& values) {
-        return view_as<float>(Span<T>(values));
-    }
-
     Backend& backend_;
     Rasterizer<Backend> rasterizer_;
     PhotometricLoss<Backend> loss_;

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What the numbered stories share: where pictures go, what a claim is, and a landscape painted by a formula.
+/// @file  What the numbered stories share: where pictures go, what a claim is, how memory moves, and a landscape painted by a formula.
 #pragma once
 
+#include <gsh/backend/backend.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/math/vec.hpp>
+#include <gsh/optim/adam.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -13,6 +16,8 @@
 #include <filesystem>
 #include <initializer_list>
 #include <string>
+#include <type_traits>
+#include <vector>
 
 namespace gsh::examples {
 
@@ -34,6 +39,47 @@ int tell(int argc, char** argv, const Story& story) {
 inline void claim(bool holds, const std::string& what) {
     check_value(holds, "broken claim", what);
     std::printf("holds: %s\n", what.c_str());
+}
+
+/// Vectors, quaternions and the like in a backend's memory, as the numbers that they are made of.
+template <class Buffer>
+[[nodiscard]] Span<float> numbers(Buffer& buffer) {
+    return view_as<float>(Span<std::remove_pointer_t<decltype(buffer.data())>>(buffer));
+}
+
+/// A buffer of a backend with the host's values.
+template <Backend B, class T>
+[[nodiscard]] typename B::template Buffer<T> on_backend(B& backend, const std::vector<T>& host) {
+    typename B::template Buffer<T> buffer;
+    buffer.resize(host.size());
+    backend.upload(Span<const T>(host), Span<T>(buffer));
+    return buffer;
+}
+
+/// An array that learns, in a backend's memory: values, their gradient, and Adam's two moments.
+template <Backend B, class T>
+struct Learned {
+    typename B::template Buffer<T> values, gradient, m, v;
+
+    Learned(B& backend, const std::vector<T>& start) : values(on_backend(backend, start)) {
+        for (auto* buffer : {&gradient, &m, &v}) {
+            buffer->resize(start.size());
+            backend.fill(numbers(*buffer), 0.0f);
+        }
+    }
+    /// A step of Adam, counted from 1. The gradient is zero afterwards.
+    void step(B& backend, double rate, int number) {
+        Adam().step(backend, numbers(values), numbers(gradient), numbers(m), numbers(v), rate, number,
+                    UsedGradients::zero);
+    }
+};
+
+/// The host's copy of an image in a backend's memory.
+template <Backend B, class T>
+[[nodiscard]] Image<T> on_host(B& backend, const ImageView<T>& image) {
+    Image<T> host(image.channels, image.height, image.width);
+    backend.download(Span<const T>(image.data), Span<T>(host.data));
+    return host;
 }
 
 /// Pictures of one height next to each other.

@@ -12,6 +12,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace fs = std::filesystem;
@@ -242,4 +243,44 @@ TEST_CASE("docs/architecture.md lists every header with its sentence") {
         const std::string row = "| `" + header.path + "` | " + header.lines[1].substr(11) + " |";
         CHECK_MESSAGE(lines.contains(row), "docs/architecture.md lacks '", row, "'; run scripts/house");
     }
+}
+
+TEST_CASE("the picture of docs/architecture.md shows the tree as it is") {
+    std::map<std::string, int> expected_headers, shown_headers;
+    std::map<std::pair<std::string, std::string>, int> expected_includes, shown_includes;
+    for (const auto& [folder, floor] : floor_of()) expected_headers[folder] = 0;
+    for (const auto& header : headers()) {
+        if (is_umbrella(header)) continue;
+        ++expected_headers[header.folder()];
+        std::set<std::string> targets;
+        for (const auto& include : header.includes)
+            if (const std::string target = ours(include.path); !target.empty())
+                targets.insert(target.substr(0, target.find('/')));
+        targets.erase(header.folder());
+        for (const auto& target : targets) ++expected_includes[{header.folder(), target}];
+    }
+
+    const std::regex folder("<g data-folder=\"([a-z]+)\" data-floor=\"([0-9])\" data-headers=\"([0-9]+)\">"),
+        includes("<g data-from=\"([a-z]+)\" data-to=\"([a-z]+)\" data-count=\"([0-9]+)\">"),
+        named_header("<text class=\"path\".*>([a-z_/]+\\.hpp)</text>");
+    const fs::path root = fs::path(GSH_SOURCE_DIR);
+    std::size_t named = 0;
+    for (const std::string& line : lines_of(root / "docs" / "images" / "architecture.svg")) {
+        std::smatch part;
+        if (std::regex_match(line, part, folder)) {
+            shown_headers[part[1]] = std::stoi(part[3]);
+            const auto floor = floor_of().find(part[1].str());
+            CHECK_MESSAGE((floor != floor_of().end() && floor->second == std::stoi(part[2])), part[1].str(),
+                          " stands on another floor in the picture; run scripts/house");
+        } else if (std::regex_match(line, part, includes)) {
+            shown_includes[{part[1], part[2]}] = std::stoi(part[3]);
+        } else if (std::regex_match(line, part, named_header)) {
+            ++named;
+            CHECK_MESSAGE(fs::exists(root / "include" / "gsh" / part[1].str()), part[1].str(),
+                          " does not exist; correct scripts/draw-architecture");
+        }
+    }
+    CHECK_MESSAGE(shown_headers == expected_headers, "headers per folder differ; run scripts/house");
+    CHECK_MESSAGE(shown_includes == expected_includes, "includes between folders differ; run scripts/house");
+    CHECK(named == 7); // stages on the way of the means
 }
