@@ -7,6 +7,7 @@
 ///        - depths are apart by construction, and transmittance stops only where the test wants it to.
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/render/cpu/rasterizer.hpp>
 #include <gsh/render/rasterizer.hpp>
 
 #include "support/gradient.hpp"

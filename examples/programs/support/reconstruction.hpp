@@ -6,7 +6,7 @@
 #include "support/source.hpp"
 
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/canonical_setup.hpp>
 #include <gsh/train/configuration.hpp>

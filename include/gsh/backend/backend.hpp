@@ -17,6 +17,10 @@ struct NoOp {
 struct NoOpChunk {
     void operator()(std::size_t, std::size_t, std::size_t) const {}
 };
+
+/// False for every backend. A component asserts it where it would run a backend's overload and finds none.
+template <class B>
+inline constexpr bool overload_is_included = false;
 } // namespace detail
 
 /// An object that owns threads or a stream, hands out storage and runs function objects over index ranges.
