@@ -82,7 +82,7 @@ struct RotatedDirection {
 /// a blend, holds what it does to a Gaussian:
 ///     map()   the affine map that moves the mean
 ///     turn()  the matrix that covariance and direction turn by
-/// A Transform's Gradient is made of the place dL_dblend to add to and takes the same two names; complete() carries what
+/// A Transform's Gradient is made of the place dL_dblend to add to and has the same two names; complete() carries what
 /// it collected on to that place.
 template <class D>
 concept DeformationPolicy = requires(const typename D::template Transform<float>& transform,

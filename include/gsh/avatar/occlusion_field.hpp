@@ -115,19 +115,22 @@ struct PoseOfNeuronsBackward {
 template <Backend B, std::floating_point T>
 struct OcclusionFieldScratch {
     static_assert(detail::overload_is_included<B>,
-                  "OcclusionField: include its backend's overloads, <gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
+                  "OcclusionField: include its backend's overloads, "
+                  "<gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
 };
 
 /// Where a backend's overloads are not included.
 template <Backend B, class... Arguments>
 void occlusion_forward(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
-                  "OcclusionField: include its backend's overloads, <gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
+                  "OcclusionField: include its backend's overloads, "
+                  "<gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
 }
 template <Backend B, class... Arguments>
 void occlusion_backward(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
-                  "OcclusionField: include its backend's overloads, <gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
+                  "OcclusionField: include its backend's overloads, "
+                  "<gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
 }
 
 /// ao_i(R) = largest · sigmoid(Mlp([h_i, vec(R - I)]) + bias), R the rotations of the non-root joints relative to their

@@ -27,7 +27,8 @@ namespace gsh {
 template <Backend B, std::floating_point T>
 struct SkinnedSplatsScratch {
     static_assert(detail::overload_is_included<B>,
-                  "SkinnedGaussian: include its backend's overloads, <gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
+                  "SkinnedGaussian: include its backend's overloads, "
+                  "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
 };
 
 /// Working storage of both passes; keep it from step to step.
@@ -110,7 +111,8 @@ void skinned_splats_pose(B& backend, const detail::SkinnedSplatForward<Degree, T
 template <Backend B, class... Arguments>
 void skinned_splats_accumulate(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
-                  "SkinnedGaussian: include its backend's overloads, <gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
+                  "SkinnedGaussian: include its backend's overloads, "
+                  "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
 }
 
 /// Poses an avatar's Gaussians. The bones are blended anew for each Gaussian, here and in backward: that reads less

@@ -98,7 +98,8 @@ void occlusion_forward(B& backend, const Network& network, Span<const T> weights
 /// which is cheaper than keeping what it leaves.
 template <CpuBackend B, class Network, class T>
 void occlusion_backward(B& backend, const Network& network, Span<const T> weights, Span<const T> neurons,
-                        Span<const T> pose, Span<const T> dL_dlogits, OcclusionFieldScratch<B, T>& scratch, Span<T> dL_dpose) {
+                        Span<const T> pose, Span<const T> dL_dlogits, OcclusionFieldScratch<B, T>& scratch,
+                        Span<T> dL_dpose) {
     const detail::MlpLayout<T, Network> layout{network};
     const detail::OcclusionTile<T, Network> sizes{layout, neurons, pose, nullptr};
     const std::size_t rows = dL_dlogits.size(), grain = detail::mlp_chunk_rows(rows), W = dL_dpose.size();

@@ -274,7 +274,8 @@ void photometric_backward(B& backend, const ImageView<const T>& render, const Im
                 reached = reached || tiles.active(scratch.active, tile.channel, j, i);
         if (!reached) return;
         detail::PhotometricBackwardTile<T> work;
-        work.run(window, render, truth, tiles, tile, scratch.partials, scratch.active, ssim_scale, l1_scale, dL_drender);
+        work.run(window, render, truth, tiles, tile, scratch.partials, scratch.active, ssim_scale, l1_scale,
+                 dL_drender);
     });
 }
 

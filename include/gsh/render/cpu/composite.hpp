@@ -134,7 +134,7 @@ void blend_tiles(B& backend, const Background<T>& background, const RasterParams
         const Span<const TileInstance> list = instances.subspan(begin, scratch.tile_begin[index + 1] - begin);
         detail::BlendBlock<T> blocks[detail::blocks_of_tile];
         scratch.tile_used[index] = with_depth ? detail::blend_tile<true>(tile, splats, list, limits, blocks)
-                                            : detail::blend_tile<false>(tile, splats, list, limits, blocks);
+                                              : detail::blend_tile<false>(tile, splats, list, limits, blocks);
         T* const pixels = scratch.pixels.data() + rank * record;
         for (int b = 0; b < detail::blocks_of_tile; ++b) {
             const detail::BlendBlock<T>& block = blocks[b];

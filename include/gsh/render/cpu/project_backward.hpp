@@ -131,7 +131,8 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
             if (!cache.visible[i]) continue;
             T sum[slot_size<true>] = {};
             for (std::size_t slot = scratch.slot_begin[i]; slot < scratch.slot_begin[i + 1]; ++slot)
-                for (std::size_t k = 0; k < scratch.slot_size; ++k) sum[k] += scratch.slots[slot * scratch.slot_size + k];
+                for (std::size_t k = 0; k < scratch.slot_size; ++k)
+                    sum[k] += scratch.slots[slot * scratch.slot_size + k];
             const ScreenSplat<T>& s = scratch.splats[i];
             cache.screen_radii[i] = static_cast<T>(screen_radius(s.w));
             if (!dL_dsplats.opacities.empty()) {
