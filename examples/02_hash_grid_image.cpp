@@ -4,7 +4,7 @@
 /// HashField maps points of the unit cube to numbers; avatars keep colour and displacement in such fields. Here it
 /// learns a landscape, hung up in the cube as the slice z = 1/2, from 128 x 128 points, and is then asked for the spots
 /// in between. Writes 02_hash_grid_image.png: truth | learned.
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/field/hash_field.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/loss/metrics.hpp>

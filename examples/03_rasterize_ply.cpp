@@ -4,7 +4,7 @@
 /// Two translucent balls inside a necklace of beads. The file has the layout that other viewers and trainers use, so
 /// the same lines render anybody's scene. What the middle pixel and the silhouette must be we compute by hand. Writes
 /// 03_rasterize_ply.ply and 03_rasterize_ply.png: front | behind.
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>

@@ -6,12 +6,12 @@
 /// 04_pose_a_body.png: rest | pose.
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/rig.hpp>
-#include <gsh/backend/threads.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/math/activation.hpp>

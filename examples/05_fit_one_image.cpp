@@ -4,8 +4,8 @@
 /// Fifteen hundred Gaussians, thrown at random before a camera, are moved, turned, stretched and coloured until they
 /// look like a landscape. It is the training step of every splatting program as ordinary code: forwards in order,
 /// backwards in reverse. Writes 05_fit_one_image.png: truth | start | after 20 steps | end.
-#include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/io/image/image_file.hpp>

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  A frame of an avatar of 170,000 Gaussians, from pose to splats, without and with shadows by pose.
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/synthetic/actor.hpp>
 
 #include <benchmark/benchmark.h>

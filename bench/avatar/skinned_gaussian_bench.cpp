@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Posing 170,000 Gaussians on 55 bones, SH of degree 2, and the way back, in every deformation.
+#include <gsh/avatar/cpu/skinned_gaussian.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>

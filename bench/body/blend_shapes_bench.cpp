@@ -3,6 +3,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/blend_shapes.hpp>
+#include <gsh/body/cpu/blend_shapes.hpp>
 #include <gsh/core/rng.hpp>
 
 #include <benchmark/benchmark.h>

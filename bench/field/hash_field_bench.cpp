@@ -2,6 +2,8 @@
 #include "body_points.hpp"
 
 #include <gsh/backend/threads.hpp>
+#include <gsh/field/cpu/hash_grid.hpp>
+#include <gsh/field/cpu/mlp.hpp>
 #include <gsh/field/hash_field.hpp>
 
 #include <benchmark/benchmark.h>

@@ -2,6 +2,7 @@
 #include "body_points.hpp"
 
 #include <gsh/backend/threads.hpp>
+#include <gsh/field/cpu/hash_grid.hpp>
 #include <gsh/field/hash_grid.hpp>
 
 #include <benchmark/benchmark.h>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/backend/threads.hpp>
+#include <gsh/field/cpu/mlp.hpp>
 #include <gsh/field/mlp.hpp>
 
 #include <benchmark/benchmark.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>

@@ -2,6 +2,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/loss/lpips.hpp>
 
 #include <benchmark/benchmark.h>

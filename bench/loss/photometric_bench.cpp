@@ -2,6 +2,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/loss/cpu/photometric.hpp>
 #include <gsh/loss/photometric.hpp>
 
 #include <benchmark/benchmark.h>

@@ -2,6 +2,7 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/optim/adam.hpp>
+#include <gsh/optim/cpu/adam.hpp>
 
 #include <benchmark/benchmark.h>
 

@@ -4,6 +4,7 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/pipeline/density_control.hpp>
+#include <gsh/render/cpu/rasterizer.hpp>
 
 #include <benchmark/benchmark.h>
 
@@ -24,16 +25,15 @@ struct Load {
 
     Load() {
         GaussianCloud<float> cloud(count, 3);
-        cache.grid = {540, 540};
+        cache.width = cache.height = 540;
         cache.visible.resize(count);
         cache.screen_gradient_norms.resize(count);
-        cache.splats.resize(count);
+        cache.screen_radii.resize(count);
         for (std::size_t i = 0; i < count; ++i) {
             cloud.log_scales[i] = vec3<float>(i % 2 ? -6.0f : -3.0f);
             cache.visible[i] = random_uniform(1, i) < 0.6;
             cache.screen_gradient_norms[i] = static_cast<float>(random_uniform(2, i) * 8e-7);
-            cache.splats[i] = {};
-            cache.splats[i].w = {0.5, 0.1, 0.4};
+            cache.screen_radii[i] = 6;
         }
         for (auto* set : {&gaussians, &m, &v}) upload(backend, cloud, *set);
         control.restart(count);

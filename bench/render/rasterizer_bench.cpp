@@ -4,6 +4,7 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/math/quat.hpp>
+#include <gsh/render/cpu/rasterizer.hpp>
 #include <gsh/render/rasterizer.hpp>
 
 #include <benchmark/benchmark.h>
@@ -146,8 +147,8 @@ struct Setup {
     void report(benchmark::State& state, std::size_t bytes) {
         std::size_t covered = 0;
         for (std::size_t i = 0; i < color.view().plane_size(); ++i) covered += color.data[i] != 1.0f;
-        state.counters["pairs"] = static_cast<double>(cache.instances.size());
-        state.counters["tiles"] = cache.active_tiles;
+        state.counters["pairs"] = static_cast<double>(cache.scratch.instances.size());
+        state.counters["tiles"] = cache.scratch.active_tiles;
         state.counters["covered"] = static_cast<double>(covered) / static_cast<double>(color.view().plane_size());
         state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(N));
         state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(bytes));

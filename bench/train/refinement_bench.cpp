@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/backend/serial.hpp>
+#include <gsh/body/cpu/blend_shapes.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/optim/cpu/adam.hpp>
 #include <gsh/train/refinement.hpp>
 
 #include <benchmark/benchmark.h>

@@ -20,13 +20,11 @@
 #include <gsh/math/sh.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
-#include <gsh/math/wide.hpp>
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/host_buffer.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/sum.hpp>
-#include <gsh/backend/threads.hpp>
 
 #include <gsh/camera/camera_increment.hpp>
 #include <gsh/camera/distortion.hpp>
@@ -55,9 +53,6 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 
-#include <gsh/field/cpu/gemm.hpp>
-#include <gsh/field/cpu/hash_grid.hpp>
-#include <gsh/field/cpu/mlp.hpp>
 #include <gsh/field/features.hpp>
 #include <gsh/field/frequency.hpp>
 #include <gsh/field/hash_field.hpp>
@@ -70,12 +65,9 @@
 #include <gsh/image/resample.hpp>
 
 #include <gsh/optim/adam.hpp>
-#include <gsh/optim/cpu/adam.hpp>
 #include <gsh/optim/schedule.hpp>
 
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/avatar/cpu/occlusion_field.hpp>
-#include <gsh/avatar/cpu/skinned_gaussian.hpp>
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/poser.hpp>
@@ -83,14 +75,6 @@
 #include <gsh/avatar/skinned_element.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 
-#include <gsh/render/cpu/arithmetic.hpp>
-#include <gsh/render/cpu/bin.hpp>
-#include <gsh/render/cpu/composite.hpp>
-#include <gsh/render/cpu/composite_backward.hpp>
-#include <gsh/render/cpu/project.hpp>
-#include <gsh/render/cpu/project_backward.hpp>
-#include <gsh/render/cpu/radix_sort.hpp>
-#include <gsh/render/cpu/tile.hpp>
 #include <gsh/render/projection.hpp>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/render/rasterizer.hpp>
@@ -105,8 +89,6 @@
 #include <gsh/prior/prior_features.hpp>
 #include <gsh/prior/prior_view.hpp>
 
-#include <gsh/loss/cpu/lpips.hpp>
-#include <gsh/loss/cpu/photometric.hpp>
 #include <gsh/loss/lpips.hpp>
 #include <gsh/loss/lpips_network.hpp>
 #include <gsh/loss/metrics.hpp>
@@ -154,3 +136,5 @@
 #include <gsh/train/static_start.hpp>
 #include <gsh/train/train_config.hpp>
 #include <gsh/train/trainer.hpp>
+
+#include <gsh/cpu.hpp>

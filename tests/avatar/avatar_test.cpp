@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/backend/serial.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/cpu.hpp>
 
 #include "support/bodies.hpp"
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/cpu.hpp>
 
 #include "support/bodies.hpp"
 #include "support/gradient.hpp"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/avatar/rig.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/body/cpu/blend_shapes.hpp>
 #include <gsh/body/posed_body.hpp>
 
 #include "support/gradient.hpp"

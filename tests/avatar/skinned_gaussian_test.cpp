@@ -2,6 +2,7 @@
 #include "support/gradient.hpp"
 #include "support/skinned_scene.hpp"
 
+#include <gsh/avatar/cpu/skinned_gaussian.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>

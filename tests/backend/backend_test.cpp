@@ -5,14 +5,24 @@
 
 #include <doctest/doctest.h>
 
+#include <cstddef>
+
 using namespace gsh;
 
 namespace {
 struct NotABackend {
     void for_each(std::size_t, detail::NoOp) {}
 };
+
+/// Readers of files need no more.
+struct ChunksAlone {
+    void for_chunks(std::size_t n, std::size_t, const auto& body) {
+        if (n) body(std::size_t(0), std::size_t(0), n);
+    }
+};
 } // namespace
 
+static_assert(HostExecutor<ChunksAlone> && !Backend<ChunksAlone> && !CpuBackend<ChunksAlone>);
 static_assert(!Backend<NotABackend>);
 static_assert(Backend<cpu::Serial> && CpuBackend<cpu::Serial>);
 static_assert(Backend<cpu::Threads> && CpuBackend<cpu::Threads>);

@@ -4,6 +4,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/blend_shapes.hpp>
+#include <gsh/body/cpu/blend_shapes.hpp>
 
 #include <cstring>
 

@@ -3,6 +3,7 @@
 
 #include <gsh/backend/serial.hpp>
 #include <gsh/body/blend_shapes.hpp>
+#include <gsh/body/cpu/blend_shapes.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>

@@ -126,7 +126,7 @@ TEST_CASE("blend_backward is the gradient of blend, and adds") {
     std::vector<Affine<double>> dL_dbones(joint_count, Affine<double>::zero());
     const auto backward = [&] {
         for (std::size_t i = 0; i < point_count; ++i)
-            blend_backward<double>(table.view(), i, dL_dblended[i], dL_dbones);
+            blend_backward<double>(table.view(), i, bones, dL_dblended[i], dL_dbones);
     };
     backward();
     test::check_gradient(loss, test::scalars(bones), test::scalars(dL_dbones));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/field/cpu/hash_grid.hpp>
+#include <gsh/field/cpu/mlp.hpp>
 #include <gsh/field/hash_field.hpp>
 
 #include "support/gradient.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/backend/threads.hpp>
+#include <gsh/field/cpu/hash_grid.hpp>
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/simd/pack.hpp>
 

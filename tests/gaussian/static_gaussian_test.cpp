@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/gaussian/static_gaussian.hpp>
+#include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/gaussian/static_gaussian.hpp>
 
 #include "support/gradient.hpp"
 

@@ -131,6 +131,23 @@ std::string ours(const std::string& include) { return include.starts_with("gsh/"
 
 bool is_umbrella(const Header& header) { return header.folder().empty(); }
 
+/// Headers of the CPU backends. A translation unit for another backend is to compile without them, so that no header
+/// but another of them and gsh/cpu.hpp includes them.
+bool is_of_cpu(const std::string& path) {
+    return path.find("/cpu/") != std::string::npos || path == "backend/threads.hpp" || path == "math/wide.hpp";
+}
+
+/// The headers of ours that an umbrella includes, each once.
+std::set<std::string> listed_by(const std::string& umbrella) {
+    std::set<std::string> listed;
+    const auto header = std::ranges::find(headers(), umbrella, &Header::path);
+    REQUIRE(header != headers().end());
+    for (const auto& include : header->includes)
+        CHECK_MESSAGE(listed.insert(ours(include.path)).second, header->at(include.line), include.path,
+                      " stands here twice");
+    return listed;
+}
+
 } // namespace
 
 TEST_CASE("headers include their own folder and lower floors only") {
@@ -193,22 +210,33 @@ TEST_CASE("opt-in libraries stay in their folders") {
                               header.at(include.line), "<", include.path, "> belongs elsewhere");
 }
 
-TEST_CASE("gsh.hpp lists every header that gsh::gsh can serve, and no other") {
-    const auto umbrella = std::ranges::find(headers(), "gsh.hpp", &Header::path);
-    REQUIRE(umbrella != headers().end());
+TEST_CASE("no component includes what belongs to the CPU backends") {
+    for (const auto& header : headers()) {
+        if (is_of_cpu(header.path) || is_umbrella(header)) continue;
+        for (const auto& include : header.includes) {
+            const std::string target = ours(include.path);
+            CHECK_MESSAGE(!is_of_cpu(target), header.at(include.line), "a translation unit for another backend would ",
+                          "compile ", include.path, "; its user includes it, or gsh/cpu.hpp");
+            CHECK_MESSAGE(target != "cpu.hpp", header.at(include.line), "umbrellas are for users");
+            CHECK_MESSAGE(!include.path.starts_with("tbb/"), header.at(include.line), "oneTBB belongs to cpu::Threads");
+        }
+    }
+}
+
+TEST_CASE("gsh.hpp and cpu.hpp list every header that gsh::gsh can serve, and no other") {
     REQUIRE(opt_in_folders().contains("io"));
-    std::set<std::string> expected, listed;
+    std::set<std::string> of_gsh{"cpu.hpp"}, of_cpu{"backend/serial.hpp"};
     for (const auto& header : headers())
         if (!is_umbrella(header) && header.path.ends_with(".hpp") && !opt_in_folders().contains(header.folder()))
-            expected.insert(header.path);
-    for (const auto& include : umbrella->includes) {
-        const std::string target = ours(include.path);
-        CHECK_MESSAGE(expected.contains(target), umbrella->at(include.line), include.path,
-                      " is not a header of gsh::gsh");
-        CHECK_MESSAGE(listed.insert(target).second, umbrella->at(include.line), include.path, " stands here twice");
+            (is_of_cpu(header.path) ? of_cpu : of_gsh).insert(header.path);
+    for (const auto& [umbrella, expected] : {std::pair("gsh.hpp", of_gsh), std::pair("cpu.hpp", of_cpu)}) {
+        const std::set<std::string> listed = listed_by(umbrella);
+        for (const auto& path : listed)
+            CHECK_MESSAGE(expected.contains(path), "include/gsh/", umbrella, ": <gsh/", path, "> does not belong there");
+        for (const auto& path : expected)
+            CHECK_MESSAGE(listed.contains(path), "include/gsh/", umbrella, ": <gsh/", path,
+                          "> is missing; run scripts/house");
     }
-    for (const auto& path : expected)
-        CHECK_MESSAGE(listed.contains(path), "include/gsh/gsh.hpp: <gsh/", path, "> is missing; run scripts/house");
 }
 
 TEST_CASE("every function object that backends run is among those that nvcc compiles") {

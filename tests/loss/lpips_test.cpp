@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/loss/lpips.hpp>
 
 #include "loss/lpips_networks.hpp"

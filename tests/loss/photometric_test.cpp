@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/loss/cpu/photometric.hpp>
 #include <gsh/loss/photometric.hpp>
 
 #include "support/gradient.hpp"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/backend/threads.hpp>
 #include <gsh/optim/adam.hpp>
+#include <gsh/optim/cpu/adam.hpp>
 
 #include "support/gradient.hpp"
 

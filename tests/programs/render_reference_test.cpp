@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// gsh-render on a standard 3DGS file against a plain double-precision evaluation of what such a file means: the
 /// activations and the colour are written out here, the compositing in support/reference_rasterizer.hpp.
+#include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -8,6 +9,7 @@
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/splat/ply.hpp>
+#include <gsh/render/cpu/rasterizer.hpp>
 #include <gsh/render/rasterizer.hpp>
 
 #include "programs/process.hpp"

@@ -33,7 +33,7 @@ struct Weights {
             rng.uniform(-1, 1),
             true} {}
     double operator()(const Projection<double>& p) const {
-        return w.center.x * p.center.x + w.center.y * p.center.y + w.depth * p.depth +
+        return w.mean2d.x * p.mean2d.x + w.mean2d.y * p.mean2d.y + w.depth * p.depth +
                w.covariance.xx * p.covariance.xx + w.covariance.xy * p.covariance.xy +
                w.covariance.yy * p.covariance.yy + w.opacity_factor * p.opacity_factor;
     }
@@ -106,8 +106,8 @@ TEST_CASE("project agrees with the plain definition") {
         const Projection<double> p = project(camera, means[0], covariances[0], params);
         REQUIRE(p.in_front == visible);
         if (!visible) continue;
-        CHECK(p.center.x == doctest::Approx(reference.px).epsilon(1e-12));
-        CHECK(p.center.y == doctest::Approx(reference.py).epsilon(1e-12));
+        CHECK(p.mean2d.x == doctest::Approx(reference.px).epsilon(1e-12));
+        CHECK(p.mean2d.y == doctest::Approx(reference.py).epsilon(1e-12));
         CHECK(p.depth == doctest::Approx(reference.z).epsilon(1e-12));
         const double det = determinant(p.covariance);
         CHECK(p.covariance.yy / det == doctest::Approx(reference.conic_a).epsilon(1e-9));
@@ -155,7 +155,7 @@ TEST_CASE("a pack of Gaussians projects lane by lane as scalars do") {
         INFO("lane " << i);
         const Projection<double> one = project(camera, means[i], covariances[i], params);
         CHECK(p.in_front.get(i) == one.in_front);
-        CHECK(p.center.x.get(i) == doctest::Approx(one.center.x).epsilon(1e-12));
+        CHECK(p.mean2d.x.get(i) == doctest::Approx(one.mean2d.x).epsilon(1e-12));
         CHECK(p.covariance.xy.get(i) == doctest::Approx(one.covariance.xy).epsilon(1e-12));
         CHECK(p.opacity_factor.get(i) == doctest::Approx(one.opacity_factor).epsilon(1e-12));
         vec3<double> one_mean(0);

@@ -7,6 +7,7 @@
 ///        - depths are apart by construction, and transmittance stops only where the test wants it to.
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/render/cpu/rasterizer.hpp>
 #include <gsh/render/rasterizer.hpp>
 
 #include "support/gradient.hpp"
@@ -635,7 +636,7 @@ TEST_CASE("what does not fit is refused with a name") {
         R::Cache fresh;
         CHECK_FALSE(cpu::project_splats(backend, scene.camera, scene.view(), params, fresh));
         CHECK(fresh.status[0].pairs > 60u * 1250 * 1250);
-        CHECK(fresh.instances.size() == 0);
+        CHECK(fresh.scratch.instances.size() == 0);
         RasterParams<double> few;
         few.max_pairs = 3;
         CHECK(message(good, few).find("tiles in all, expected at most 3") != std::string::npos);

@@ -89,3 +89,8 @@ TEST_CASE("what lies off the image or on no pixel centre has no tiles") {
     CHECK(corner.x1 == 3);
     CHECK(corner.y1 == 3);
 }
+
+TEST_CASE("a splat's radius on the screen is three standard deviations along its longer axis") {
+    CHECK(screen_radius(whiten(sym2<double>{9, 0, 4})) == doctest::Approx(9));
+    CHECK(screen_radius(whiten(sym2<double>{6.5, 2.5, 6.5})) == doctest::Approx(9)); // turned by 45 degrees
+}

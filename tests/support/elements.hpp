@@ -316,7 +316,7 @@ struct CameraIncrementElement {
         CameraIncrement<T> dL_dincrement;
         moved_camera_backward(camera, pivot, increment, dL_dmoved, dL_dincrement);
         out.put(dL_dincrement.rotation), out.put(dL_dincrement.translation);
-        out.put(dL_dincrement.log_focal), out.put(dL_dincrement.center);
+        out.put(dL_dincrement.log_focal), out.put(dL_dincrement.principal_point);
     }
 };
 
@@ -372,7 +372,7 @@ struct ProjectionElement {
         const vec3<T> mean = in.vector() * T(4) + vec3<T>(T(0), T(0), T(3.5));
         const sym3<T> covariance = gram(in.matrix() * T(0.1)), dL_dcovariance3 = in.symmetric();
         Projection<T> dL_dprojection;
-        dL_dprojection.center = in.vector2();
+        dL_dprojection.mean2d = in.vector2();
         dL_dprojection.depth = in.number();
         dL_dprojection.covariance = {dL_dcovariance3.xx, dL_dcovariance3.xy, dL_dcovariance3.yy};
         dL_dprojection.opacity_factor = in.number();
@@ -385,7 +385,7 @@ struct ProjectionElement {
             CameraGradient<T> dL_dcamera;
             project_backward(camera, mean, covariance, params, dL_dprojection, dL_dmean, dL_dcovariance, &dL_dcamera);
             const T seen = select(p.in_front, T(1), T(0)); // what lies behind means nothing
-            out.put(seen), out.put(p.center * seen), out.put(p.depth * seen), out.put(p.opacity_factor * seen);
+            out.put(seen), out.put(p.mean2d * seen), out.put(p.depth * seen), out.put(p.opacity_factor * seen);
             out.put(p.covariance.xx * seen), out.put(p.covariance.xy * seen), out.put(p.covariance.yy * seen);
             out.put(dL_dmean * seen), out.put(dL_dcamera.dL_dR * seen), out.put(dL_dcamera.dL_dt * seen);
             out.put(dL_dcovariance.xx * seen), out.put(dL_dcovariance.xz * seen), out.put(dL_dcovariance.yz * seen);

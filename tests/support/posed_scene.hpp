@@ -4,9 +4,9 @@
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/backend/serial.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/train/pose_fit.hpp>

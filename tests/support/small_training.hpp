@@ -2,8 +2,8 @@
 /// @file  A training small enough for tests: a coloured tube of a body, filmed by two cameras in two poses.
 #pragma once
 
-#include <gsh/backend/serial.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/train/avatar_model.hpp>
 #include <gsh/train/trainer.hpp>

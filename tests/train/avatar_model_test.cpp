@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/train/avatar_model.hpp>

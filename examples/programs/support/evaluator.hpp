@@ -9,6 +9,7 @@
 #include "support/source.hpp"
 
 #include <gsh/backend/threads.hpp>
+#include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/pipeline/photo.hpp>
 
 #include <cstddef>

@@ -6,6 +6,7 @@
 #include "support/source.hpp"
 
 #include <gsh/backend/threads.hpp>
+#include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/loss/lpips.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/pipeline/photo.hpp>

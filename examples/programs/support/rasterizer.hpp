@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/threads.hpp>
+#include <gsh/render/cpu/rasterizer.hpp>
 #include <gsh/render/rasterizer.hpp>
 
 namespace gsh::cpu {

@@ -6,7 +6,7 @@
 #include "support/source.hpp"
 
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/train/avatar_scene.hpp>

@@ -3,9 +3,9 @@
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/backend/threads.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/image.hpp>

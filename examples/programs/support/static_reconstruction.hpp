@@ -5,7 +5,7 @@
 #include "support/output_folder.hpp"
 #include "support/reconstruct_options.hpp"
 
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/capture/capture.hpp>

@@ -78,21 +78,21 @@ struct RotatedDirection {
     }
 };
 
-/// A policy of skinning. Its bones and their blends are Bone<T>, with zero() and add_scaled(); a Motion<T> made of a
-/// blend says what it does to a Gaussian:
+/// A policy of skinning. Its bones and their blends are Bone<T>, with zero() and add_scaled(); a Transform<T>, made of
+/// a blend, holds what it does to a Gaussian:
 ///     map()   the affine map that moves the mean
 ///     turn()  the matrix that covariance and direction turn by
-/// A Motion's Gradient is made of the place dL_dblend to add to and takes the same two names; complete() carries what
+/// A Transform's Gradient is made of the place dL_dblend to add to and has the same two names; complete() carries what
 /// it collected on to that place.
 template <class D>
-concept DeformationPolicy = requires(const typename D::template Motion<float>& motion,
-                                     typename D::template Motion<float>::Gradient& gradient,
+concept DeformationPolicy = requires(const typename D::template Transform<float>& transform,
+                                     typename D::template Transform<float>::Gradient& gradient,
                                      typename D::template Bone<float>& dL_dblend) {
-    { motion.map() } -> std::convertible_to<const Affine<float>&>;
-    { motion.turn() } -> std::convertible_to<const mat3<float>&>;
+    { transform.map() } -> std::convertible_to<const Affine<float>&>;
+    { transform.turn() } -> std::convertible_to<const mat3<float>&>;
     { gradient.map() } -> std::same_as<Affine<float>&>;
     { gradient.turn() } -> std::same_as<mat3<float>&>;
-    motion.complete(gradient, dL_dblend);
+    transform.complete(gradient, dL_dblend);
     typename D::template Direction<float>;
 };
 
@@ -105,9 +105,9 @@ struct LinearBlend {
     using Direction = CanonicalDirection<T>;
 
     template <Lane T>
-    class Motion {
+    class Transform {
     public:
-        GSH_HD explicit Motion(const Affine<T>& M) : M_(M) {}
+        GSH_HD explicit Transform(const Affine<T>& M) : M_(M) {}
         [[nodiscard]] GSH_HD const Affine<T>& map() const { return M_; }
         [[nodiscard]] GSH_HD const mat3<T>& turn() const { return M_.linear; }
 
@@ -137,9 +137,9 @@ struct PolarBlend {
     using Direction = RotatedDirection<T>;
 
     template <Lane T>
-    class Motion {
+    class Transform {
     public:
-        GSH_HD explicit Motion(const Affine<T>& M) : M_(M), rotation_(M.linear) {}
+        GSH_HD explicit Transform(const Affine<T>& M) : M_(M), rotation_(M.linear) {}
         [[nodiscard]] GSH_HD const Affine<T>& map() const { return M_; }
         [[nodiscard]] GSH_HD const mat3<T>& turn() const { return rotation_.R; }
 
@@ -174,9 +174,9 @@ struct DualQuaternionBlend {
     using Direction = RotatedDirection<T>;
 
     template <Lane T>
-    class Motion {
+    class Transform {
     public:
-        GSH_HD explicit Motion(const dual_quat<T>& b) : rigid_(b) {}
+        GSH_HD explicit Transform(const dual_quat<T>& b) : rigid_(b) {}
         [[nodiscard]] GSH_HD const Affine<T>& map() const { return rigid_.map; }
         [[nodiscard]] GSH_HD const mat3<T>& turn() const { return rigid_.map.linear; }
 

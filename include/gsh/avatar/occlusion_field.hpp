@@ -2,7 +2,6 @@
 /// @file  Ambient occlusion that follows the pose: a field over Gaussians and joints' rotations, baked for showing.
 #pragma once
 
-#include <gsh/avatar/cpu/occlusion_field.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/core/config.hpp>
@@ -111,6 +110,29 @@ struct PoseOfNeuronsBackward {
 
 } // namespace detail
 
+/// What a backend keeps for itself: weights in the form of its products, intermediate results, partial sums. Each
+/// backend specialises it beside its overloads.
+template <Backend B, std::floating_point T>
+struct OcclusionFieldScratch {
+    static_assert(detail::overload_is_included<B>,
+                  "OcclusionField: include its backend's overloads, "
+                  "<gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
+};
+
+/// Where a backend's overloads are not included.
+template <Backend B, class... Arguments>
+void occlusion_forward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "OcclusionField: include its backend's overloads, "
+                  "<gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
+}
+template <Backend B, class... Arguments>
+void occlusion_backward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "OcclusionField: include its backend's overloads, "
+                  "<gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
+}
+
 /// ao_i(R) = largest · sigmoid(Mlp([h_i, vec(R - I)]) + bias), R the rotations of the non-root joints relative to their
 /// parents: a shadow comes back whenever the body bends that way again, whichever way it faces.
 ///
@@ -130,10 +152,10 @@ public:
 
     /// What the passes leave for each other, and working storage.
     struct Cache {
-        Buffer<T> feature, dL_dfeature;   // [P]
-        Buffer<T> neurons, dL_dneurons;   // [W] the pose's part
-        Buffer<T> dL_dlogits;             // [N]
-        Buffer<T> packed, scratch, partials;
+        Buffer<T> feature, dL_dfeature;      // [P]
+        Buffer<T> neurons, dL_dneurons;      // [W] the pose's part
+        Buffer<T> dL_dlogits;                // [N]
+        OcclusionFieldScratch<B, T> scratch; // the backend's own
     };
 
     OcclusionField(B& backend, const OcclusionFieldData& data, std::size_t point_count, std::size_t joint_count)
@@ -162,7 +184,7 @@ public:
         skeleton.feature(rotations, cache.feature);
         backend_->for_each(width_, detail::PoseOfNeurons<T>{pose_weights_, cache.feature, cache.neurons});
         occlusion_forward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_),
-                          Span<const T>(cache.neurons), ao, cache);
+                          Span<const T>(cache.neurons), ao, cache.scratch);
         backend_->for_each(size(), detail::OcclusionFromLogit<T>{ao, bias_, largest_});
     }
 
@@ -182,7 +204,7 @@ public:
         backend_->fill(Span<T>(cache.dL_dfeature), T(0));
         backend_->for_each(size(), detail::OcclusionFromLogitBackward<T>{ao, largest_, cache.dL_dlogits});
         occlusion_backward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_),
-                           Span<const T>(cache.neurons), Span<const T>(cache.dL_dlogits), cache,
+                           Span<const T>(cache.neurons), Span<const T>(cache.dL_dlogits), cache.scratch,
                            Span<T>(cache.dL_dneurons));
         backend_->for_each(cache.feature.size(),
                            detail::PoseOfNeuronsBackward<T>{pose_weights_, cache.dL_dneurons, cache.dL_dfeature});

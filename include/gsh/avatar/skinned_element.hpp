@@ -74,10 +74,10 @@ struct SkinnedGaussian {
 
     template <Lane T>
     [[nodiscard]] GSH_HD static Output<T> forward(const Input<T>& in, ColorClamp clamping) {
-        const typename D::template Motion<T> motion(in.blend);
-        const vec3<T> mean = motion.map()(in.mean);
-        const typename D::template Direction<T> view(motion.turn(), mean - in.center);
-        return {mean, gram(motion.turn() * covariance_factor(in.q, in.log_scale)), sigmoid(in.opacity_logit),
+        const typename D::template Transform<T> transform(in.blend);
+        const vec3<T> mean = transform.map()(in.mean);
+        const typename D::template Direction<T> view(transform.turn(), mean - in.center);
+        return {mean, gram(transform.turn() * covariance_factor(in.q, in.log_scale)), sigmoid(in.opacity_logit),
                 shade<Degree>(in.sh, view.dir, in.ao, clamping)};
     }
 
@@ -85,23 +85,23 @@ struct SkinnedGaussian {
     template <Lane T>
     GSH_HD static void backward(const Input<T>& in, ColorClamp clamping, const Output<T>& dL_dout,
                                 Gradient<T>& dL_din) {
-        const typename D::template Motion<T> motion(in.blend);
-        typename D::template Motion<T>::Gradient dL_dmotion(dL_din.blend);
-        const mat3<T>& A = motion.turn();
-        const vec3<T> offset = motion.map()(in.mean) - in.center;
+        const typename D::template Transform<T> transform(in.blend);
+        typename D::template Transform<T>::Gradient dL_dtransform(dL_din.blend);
+        const mat3<T>& A = transform.turn();
+        const vec3<T> offset = transform.map()(in.mean) - in.center;
         const typename D::template Direction<T> view(A, offset);
         vec3<T> dL_ddir(T(0)), dL_doffset(T(0));
         shade_backward<Degree>(in.sh, view.dir, in.ao, clamping, dL_dout.color, dL_din.sh, dL_ddir, dL_din.ao);
-        view.backward(A, offset, dL_ddir, dL_dmotion.turn(), dL_doffset);
+        view.backward(A, offset, dL_ddir, dL_dtransform.turn(), dL_doffset);
         dL_din.center -= dL_doffset;
-        apply_backward(motion.map(), in.mean, dL_dout.mean + dL_doffset, dL_dmotion.map(), dL_din.mean);
+        apply_backward(transform.map(), in.mean, dL_dout.mean + dL_doffset, dL_dtransform.map(), dL_din.mean);
 
         const detail::CovarianceFactor<T> factor(in.q, in.log_scale);
         const mat3<T> dL_dposed = full_gradient(dL_dout.covariance) * (A * factor.F) * T(2); // of A F
-        dL_dmotion.turn() += dL_dposed * transpose(factor.F);
+        dL_dtransform.turn() += dL_dposed * transpose(factor.F);
         factor.backward(in.q, transpose(A) * dL_dposed, dL_din.q, dL_din.log_scale);
         sigmoid_backward(sigmoid(in.opacity_logit), dL_dout.opacity, dL_din.opacity_logit);
-        motion.complete(dL_dmotion, dL_din.blend);
+        transform.complete(dL_dtransform, dL_din.blend);
     }
 };
 
@@ -126,20 +126,6 @@ struct SkinnedView {
     std::size_t sh_stride = 0; ///< vectors from one Gaussian's coefficients to the next; 0 for (Degree+1)²
 
     [[nodiscard]] GSH_HD std::size_t size() const { return means.size(); }
-};
-
-/// Scratch of skinned_splats_backward; keep it from step to step.
-template <Backend B, std::floating_point T = float>
-struct SkinnedSplatsWorkspace {
-    typename B::template Buffer<Affine<T>> dL_dbones; // [chunks, J]
-    typename B::template Buffer<vec3<T>> dL_dcenters; // [chunks]
-    // Where bones are blended as dual quaternions:
-    typename B::template Buffer<dual_quat<T>> dual_bones, dL_ddual_bones; // [J]
-    typename B::template Buffer<dual_quat<T>> dL_dchunk_dual_bones;       // [chunks, J]
-
-    /// The chunks' sums over bones of a kind.
-    [[nodiscard]] auto& chunk_bones(const Affine<T>*) { return dL_dbones; }
-    [[nodiscard]] auto& chunk_bones(const dual_quat<T>*) { return dL_dchunk_dual_bones; }
 };
 
 namespace detail {

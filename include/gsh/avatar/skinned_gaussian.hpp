@@ -2,7 +2,6 @@
 /// @file  From a canonical Gaussian to a posed splat: position, covariance and colour through a blend of bones.
 #pragma once
 
-#include <gsh/avatar/cpu/skinned_gaussian.hpp>
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/skinned_element.hpp>
 #include <gsh/backend/backend.hpp>
@@ -12,14 +11,33 @@
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/math/affine.hpp>
+#include <gsh/math/dual_quat.hpp>
 #include <gsh/math/vec.hpp>
 
+#include <concepts>
 #include <cstddef>
 #include <string>
 #include <string_view>
 #include <type_traits>
 
 namespace gsh {
+
+/// What a backend keeps for itself in backward, for instance partial sums over bones. Each backend specialises it
+/// beside its overloads.
+template <Backend B, std::floating_point T>
+struct SkinnedSplatsScratch {
+    static_assert(detail::overload_is_included<B>,
+                  "SkinnedGaussian: include its backend's overloads, "
+                  "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
+};
+
+/// Working storage of both passes; keep it from step to step.
+template <Backend B, std::floating_point T = float>
+struct SkinnedSplatsWorkspace {
+    // Where bones are blended as dual quaternions:
+    typename B::template Buffer<dual_quat<T>> dual_bones, dL_ddual_bones; // [J]
+    SkinnedSplatsScratch<B, T> scratch;                                   // the backend's own
+};
 
 namespace detail {
 
@@ -84,7 +102,17 @@ template <class D, Backend B, class T>
 /// Where a backend has no overload of its own, each index is one Gaussian.
 template <Backend B, int Degree, class T, class D>
 void skinned_splats_pose(B& backend, const detail::SkinnedSplatForward<Degree, T, D>& element) {
+    static_assert(!CpuBackend<B>, "SkinnedGaussian: include its backend's overloads, "
+                                  "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
     backend.for_each(element.input.gaussians.size(), element);
+}
+
+/// Where a backend's overloads are not included: its sums over bones need one.
+template <Backend B, class... Arguments>
+void skinned_splats_accumulate(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "SkinnedGaussian: include its backend's overloads, "
+                  "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
 }
 
 /// Poses an avatar's Gaussians. The bones are blended anew for each Gaussian, here and in backward: that reads less
@@ -151,7 +179,7 @@ void skinned_splats_backward(B& backend, const std::type_identity_t<SkinnedView<
             backend,
             detail::SkinnedSplatBackward<Degree, T, D>{
                 {gaussians, own, center, stride}, clamping, dL_dsplats, dL_dgaussians, dL_dsh_stride},
-            dL_down, dL_dcenter, workspace);
+            dL_down, dL_dcenter, workspace.scratch);
         if constexpr (!std::is_same_v<typename D::template Bone<T>, Affine<T>>)
             backend.for_each(dL_dbones.size(),
                              detail::BonesAsDualQuatsBackward<T>{bones, own, dL_down, dL_dbones});

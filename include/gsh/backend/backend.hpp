@@ -17,6 +17,10 @@ struct NoOp {
 struct NoOpChunk {
     void operator()(std::size_t, std::size_t, std::size_t) const {}
 };
+
+/// False for every backend. A component asserts it where it would run a backend's overload and finds none.
+template <class B>
+inline constexpr bool overload_is_included = false;
 } // namespace detail
 
 /// An object that owns threads or a stream, hands out storage and runs function objects over index ranges.
@@ -39,14 +43,18 @@ concept Backend = requires(B& backend, std::size_t n, detail::NoOp body, typenam
     backend.synchronize();           // throws DeviceError if the work failed
 };
 
-/// A backend whose buffers are host memory and which can run fixed chunks of a range.
+/// Something that runs fixed chunks of a range on the host: all that readers of files and other set-up code ask for.
 ///
 /// for_chunks(n, grain, body) calls body(chunk, begin, end) once for every chunk of `grain` consecutive indices, in
 /// any order. Chunks depend on n and grain alone, so sums that are kept per chunk and joined in chunk order are
 /// bit for bit the same at any thread count.
+template <class E>
+concept HostExecutor =
+    requires(E& executor, std::size_t n, detail::NoOpChunk body) { executor.for_chunks(n, n, body); };
+
+/// A backend whose buffers are host memory and which can run fixed chunks of a range.
 template <class B>
-concept CpuBackend = Backend<B> && requires(B& backend, std::size_t n, detail::NoOpChunk body) {
-    backend.for_chunks(n, n, body);
+concept CpuBackend = Backend<B> && HostExecutor<B> && requires(B& backend) {
     { backend.thread_count() } -> std::convertible_to<std::size_t>;
 };
 

@@ -1,30 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The sum of an array, bit for bit the same at any thread count.
+/// @file  The sum of an array: each backend has an overload of its own.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
-#include <gsh/core/error.hpp>
-#include <gsh/core/span.hpp>
 
-#include <cstddef>
+namespace gsh {
 
-namespace gsh::cpu {
-
-/// result[0] += sum of values. Chunks of fixed length are summed on their own and joined in order.
-///
-/// Shapes  values [N]; result [1]; partials is scratch that the caller keeps, so that a repeated sum allocates nothing.
-template <CpuBackend B, class T>
-void add_sum(B& backend, Span<const T> values, Span<T> result, typename B::template Buffer<T>& partials) {
-    check_size("add_sum", "result", result.size(), 1);
-    constexpr std::size_t grain = 4096; // long against the cost of a task, short enough to share out
-    const std::size_t chunks = chunk_count(values.size(), grain);
-    partials.resize(chunks);
-    backend.for_chunks(values.size(), grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        T sum = values[begin];
-        for (std::size_t i = begin + 1; i < end; ++i) sum += values[i];
-        partials[chunk] = sum;
-    });
-    for (std::size_t chunk = 0; chunk < chunks; ++chunk) result[0] += partials[chunk];
+/// Where a backend's overloads are not included.
+template <Backend B, class... Arguments>
+void add_sum(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "add_sum: include its backend's overloads, <gsh/backend/cpu/sum.hpp> or <gsh/cpu.hpp>");
 }
 
-} // namespace gsh::cpu
+} // namespace gsh

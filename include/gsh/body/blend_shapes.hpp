@@ -7,7 +7,6 @@
 #include <gsh/core/span.hpp>
 #include <gsh/math/vec.hpp>
 
-#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <initializer_list>
@@ -15,61 +14,25 @@
 
 namespace gsh {
 
-namespace cpu {
+/// What a backend keeps for itself in backward, for instance partial sums. Each backend specialises it beside its
+/// overloads.
+template <Backend B, std::floating_point T>
+struct BlendShapesScratch {
+    static_assert(detail::overload_is_included<B>,
+                  "BlendShapes: include its backend's overloads, <gsh/body/cpu/blend_shapes.hpp> or <gsh/cpu.hpp>");
+};
 
-/// Elements in a chunk of blend-shape work: their offsets stay in the first cache while the directions stream by.
-inline constexpr std::size_t blend_shape_grain = 512;
-
-/// offsets[v] += Σ_k coefficients[k] directions[k, v].
-template <CpuBackend B, std::floating_point T>
-void blend_shapes_forward(B& backend, Span<const vec3<T>> directions, Span<const T> coefficients,
-                          Span<vec3<T>> offsets) {
-    const std::size_t V = offsets.size();
-    backend.for_chunks(V, blend_shape_grain, [&](std::size_t, std::size_t begin, std::size_t end) {
-        T* const out = &offsets[begin].x;
-        for (std::size_t k = 0; k < coefficients.size(); ++k) {
-            const T c = coefficients[k];
-            if (c == T(0)) continue; // betas at their initial values, an expression at rest: nothing to stream
-            const T* const direction = &directions[k * V + begin].x;
-            for (std::size_t n = 0; n < 3 * (end - begin); ++n) out[n] += c * direction[n];
-        }
-    });
+/// Where a backend's overloads are not included.
+template <Backend B, class... Arguments>
+void blend_shapes_forward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "BlendShapes: include its backend's overloads, <gsh/body/cpu/blend_shapes.hpp> or <gsh/cpu.hpp>");
 }
-
-/// dL_dcoefficients[k] += Σ_v <directions[k, v], dL_doffsets[v]>; partials is the caller's workspace.
-///
-/// Deterministic: each chunk of vertices sums in 16 interleaved accumulators (a register's worth, so that the
-/// compiler may vectorise a float sum), chunks are joined in order.
-template <CpuBackend B, std::floating_point T>
-void blend_shapes_backward(B& backend, Span<const vec3<T>> directions, Span<const vec3<T>> dL_doffsets,
-                           Span<T> dL_dcoefficients, typename B::template Buffer<T>& partials) {
-    constexpr std::size_t width = 16;
-    const std::size_t V = dL_doffsets.size(), C = dL_dcoefficients.size();
-    const std::size_t chunks = chunk_count(V, blend_shape_grain);
-    partials.resize(chunks * C);
-    backend.for_chunks(V, blend_shape_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        const T* const gradient = &dL_doffsets[begin].x;
-        const std::size_t count = 3 * (end - begin), whole = count / width * width;
-        for (std::size_t k = 0; k < C; ++k) {
-            const T* const direction = &directions[k * V + begin].x;
-            T sums[width] = {};
-            for (std::size_t n = 0; n < whole; n += width)
-                for (std::size_t lane = 0; lane < width; ++lane)
-                    sums[lane] += direction[n + lane] * gradient[n + lane];
-            for (std::size_t n = whole; n < count; ++n) sums[n - whole] += direction[n] * gradient[n];
-            T total = 0;
-            for (const T sum : sums) total += sum;
-            partials[chunk * C + k] = total;
-        }
-    });
-    for (std::size_t k = 0; k < C; ++k) {
-        T total = 0;
-        for (std::size_t chunk = 0; chunk < chunks; ++chunk) total += partials[chunk * C + k];
-        dL_dcoefficients[k] += total;
-    }
+template <Backend B, class... Arguments>
+void blend_shapes_backward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "BlendShapes: include its backend's overloads, <gsh/body/cpu/blend_shapes.hpp> or <gsh/cpu.hpp>");
 }
-
-} // namespace cpu
 
 /// offsets[v] += Σ_k directions[v, k] coefficients[k]: shape, expression and pose directions of a mesh, or what
 /// they do to the joints (joint_directions, body_model.hpp).
@@ -85,9 +48,7 @@ template <Backend B, std::floating_point T = float>
 class BlendShapes {
 public:
     /// The workspace of backward: kept by the caller, so that steps of equal sizes allocate nothing.
-    struct Workspace {
-        typename B::template Buffer<T> partials;
-    };
+    using Workspace = BlendShapesScratch<B, T>;
 
     /// Blocks of directions, each [V, its count] as the body model holds them: {shapedirs, exprdirs, posedirs}.
     /// Empty blocks are skipped. Errors  ShapeError where a block does not divide into vertex_count rows.
@@ -128,8 +89,7 @@ public:
         check_size("BlendShapes::backward", "dL_doffsets", dL_doffsets.size(), vertex_count_, "store one per vertex");
         check_size("BlendShapes::backward", "dL_dcoefficients", dL_dcoefficients.size(), coefficient_count_);
         if (vertex_count_ == 0 || coefficient_count_ == 0) return;
-        blend_shapes_backward(*backend_, Span<const vec3<T>>(directions_), dL_doffsets, dL_dcoefficients,
-                              workspace.partials);
+        blend_shapes_backward(*backend_, Span<const vec3<T>>(directions_), dL_doffsets, dL_dcoefficients, workspace);
     }
 
 private:

@@ -34,71 +34,73 @@ struct SkinWeights {
     [[nodiscard]] GSH_HD std::size_t size() const { return influences ? weights.size() / influences : 0; }
 };
 
-/// M = Σ_k weight_k bone_k, the transform of point i.
-template <std::floating_point T>
-[[nodiscard]] GSH_HD Affine<T> blend(const SkinWeights<T>& skin, std::size_t i, Span<const Affine<T>> bones) {
-    const std::size_t first = i * skin.influences;
-    Affine<T> blended = Affine<T>::zero();
-    for (std::size_t k = first; k < first + skin.influences; ++k) {
-        if (skin.weights[k] == T(0)) break; // sorted: the rest is padding
-        blended.add_scaled(bones[skin.joints[k]], skin.weights[k]);
-    }
-    return blended;
-}
-
-/// Adjoint of blend: adds to dL_dbones. The caller sees to it that no other point writes there at the same time.
-template <std::floating_point T>
-GSH_HD void blend_backward(const SkinWeights<T>& skin, std::size_t i, const Affine<T>& dL_dblended,
-                           Span<Affine<T>> dL_dbones) {
-    const std::size_t first = i * skin.influences;
-    for (std::size_t k = first; k < first + skin.influences; ++k) {
-        if (skin.weights[k] == T(0)) break;
-        dL_dbones[skin.joints[k]].add_scaled(dL_dblended, skin.weights[k]);
-    }
-}
-
-/// The same for callers that blend dual quaternions too: the adjoint of a sum of matrices needs no bones.
-template <std::floating_point T>
-GSH_HD void blend_backward(const SkinWeights<T>& skin, std::size_t i, Span<const Affine<T>>,
-                           const Affine<T>& dL_dblended, Span<Affine<T>> dL_dbones) {
-    blend_backward(skin, i, dL_dblended, dL_dbones);
-}
-
-/// The weight of bone `joint` in a blend whose heaviest is `heaviest`. A matrix is one motion's only name.
+/// The weight of bone `joint` in a blend whose heaviest bone is `heaviest`. A matrix represents its motion uniquely, so
+/// the weight stays as it is.
 template <std::floating_point T>
 [[nodiscard]] GSH_HD T blend_weight(Span<const Affine<T>>, std::size_t, std::size_t, T weight) {
     return weight;
 }
-/// q and -q are the same motion: the one on the heaviest bone's side counts, so that a blend takes the shorter way.
+/// Dual quaternions q and -q are the same motion. Each bone takes the sign that brings it to the heaviest bone's side,
+/// so that a blend takes the shorter way.
 template <std::floating_point T>
 [[nodiscard]] GSH_HD T blend_weight(Span<const dual_quat<T>> bones, std::size_t heaviest, std::size_t joint, T weight) {
     return dot(bones[heaviest].real, bones[joint].real) < T(0) ? -weight : weight;
 }
 
-/// Σ_k ± weight_k bone_k for dual quaternions, each with blend_weight's sign; not yet normalised.
-template <std::floating_point T>
-[[nodiscard]] GSH_HD dual_quat<T> blend(const SkinWeights<T>& skin, std::size_t i, Span<const dual_quat<T>> bones) {
+/// Calls visit(joint, weight) for each bone that moves point i, the heaviest first; weights as blend_weight has them.
+template <std::floating_point T, class Bone, class Visit>
+GSH_INLINE GSH_HD void for_each_influence(const SkinWeights<T>& skin, std::size_t i, Span<const Bone> bones,
+                                          const Visit& visit) {
     const std::size_t first = i * skin.influences;
-    dual_quat<T> blended = dual_quat<T>::zero();
     for (std::size_t k = first; k < first + skin.influences; ++k) {
-        if (skin.weights[k] == T(0)) break;
-        blended.add_scaled(bones[skin.joints[k]],
-                           blend_weight(bones, skin.joints[first], skin.joints[k], skin.weights[k]));
+        if (skin.weights[k] == T(0)) break; // sorted: the rest is padding
+        visit(skin.joints[k], blend_weight(bones, skin.joints[first], skin.joints[k], skin.weights[k]));
     }
-    return blended;
 }
 
-/// Adjoint of that blend: adds to dL_dbones, with the same signs. Where a sign changes (bones half a turn apart)
-/// the blend jumps; next to it this is the gradient of either side.
+/// M = Σ_k weight_k bone_k, the transform of point i; dual quaternions are not yet normalised.
+///
+/// Sum   the type that the sum is kept in: Bone, or one that holds the same numbers in registers. It has zero(),
+///       add_scaled() and conversions from and to Bone.
+template <class Sum, std::floating_point T, class Bone>
+[[nodiscard]] GSH_INLINE GSH_HD Bone blend_in(const SkinWeights<T>& skin, std::size_t i, Span<const Bone> bones) {
+    Sum blended = Sum::zero();
+    for_each_influence(skin, i, bones, [&](std::size_t joint, T weight) {
+        blended.add_scaled(static_cast<Sum>(bones[joint]), weight);
+    });
+    return static_cast<Bone>(blended);
+}
+template <std::floating_point T>
+[[nodiscard]] GSH_HD Affine<T> blend(const SkinWeights<T>& skin, std::size_t i, Span<const Affine<T>> bones) {
+    return blend_in<Affine<T>>(skin, i, bones);
+}
+template <std::floating_point T>
+[[nodiscard]] GSH_HD dual_quat<T> blend(const SkinWeights<T>& skin, std::size_t i, Span<const dual_quat<T>> bones) {
+    return blend_in<dual_quat<T>>(skin, i, bones);
+}
+
+/// Adjoint of blend: adds to dL_dbones. The caller sees to it that no other point writes there at the same time. Where
+/// the sign of a dual quaternion changes (bones half a turn apart) the blend jumps; next to it this is the gradient of
+/// either side.
+template <class Sum, std::floating_point T, class Bone>
+GSH_INLINE GSH_HD void blend_backward_in(const SkinWeights<T>& skin, std::size_t i, Span<const Bone> bones,
+                                         const Bone& dL_dblended, Span<Bone> dL_dbones) {
+    const Sum term = static_cast<Sum>(dL_dblended);
+    for_each_influence(skin, i, bones, [&](std::size_t joint, T weight) {
+        Sum sum = static_cast<Sum>(dL_dbones[joint]);
+        sum.add_scaled(term, weight);
+        dL_dbones[joint] = static_cast<Bone>(sum);
+    });
+}
+template <std::floating_point T>
+GSH_HD void blend_backward(const SkinWeights<T>& skin, std::size_t i, Span<const Affine<T>> bones,
+                           const Affine<T>& dL_dblended, Span<Affine<T>> dL_dbones) {
+    blend_backward_in<Affine<T>>(skin, i, bones, dL_dblended, dL_dbones);
+}
 template <std::floating_point T>
 GSH_HD void blend_backward(const SkinWeights<T>& skin, std::size_t i, Span<const dual_quat<T>> bones,
                            const dual_quat<T>& dL_dblended, Span<dual_quat<T>> dL_dbones) {
-    const std::size_t first = i * skin.influences;
-    for (std::size_t k = first; k < first + skin.influences; ++k) {
-        if (skin.weights[k] == T(0)) break;
-        dL_dbones[skin.joints[k]].add_scaled(dL_dblended,
-                                             blend_weight(bones, skin.joints[first], skin.joints[k], skin.weights[k]));
-    }
+    blend_backward_in<dual_quat<T>>(skin, i, bones, dL_dblended, dL_dbones);
 }
 
 /// Skinning weights on the host, ready for upload: SkinWeights' layout in memory of its own.

@@ -24,10 +24,11 @@ struct CameraIncrement {
     vec3<T> rotation = vec3<T>(T(0));
     vec3<T> translation = vec3<T>(T(0));
     T log_focal = T(0);
-    vec2<T> center = vec2<T>(T(0)); ///< of the principal point
+    vec2<T> principal_point = vec2<T>(T(0));
 };
 
-/// x_cam = exp(rotation) (R x + t - p) + p + translation with p = R pivot + t; f *= exp(log_focal); c += center.
+/// x_cam = exp(rotation) (R x + t - p) + p + translation with p = R pivot + t; f *= exp(log_focal);
+/// c += principal_point.
 template <Lane T>
 [[nodiscard]] GSH_HD Camera<T> moved_camera(const Camera<T>& camera, const vec3<T>& pivot,
                                             const CameraIncrement<T>& increment) {
@@ -38,7 +39,7 @@ template <Lane T>
     moved.R = turn * camera.R;
     moved.t = camera.t + (turn * from_pivot - from_pivot) + increment.translation;
     moved.fx = camera.fx * zoom, moved.fy = camera.fy * zoom;
-    moved.cx = camera.cx + increment.center.x, moved.cy = camera.cy + increment.center.y;
+    moved.cx = camera.cx + increment.principal_point.x, moved.cy = camera.cy + increment.principal_point.y;
     return moved;
 }
 
@@ -51,7 +52,7 @@ GSH_HD void moved_camera_backward(const Camera<T>& camera, const vec3<T>& pivot,
     rotation_from_axis_angle_backward(increment.rotation, dL_dturn, dL_dincrement.rotation);
     dL_dincrement.translation += dL_dmoved.dL_dt;
     dL_dincrement.log_focal += (dL_dmoved.dL_dfx * camera.fx + dL_dmoved.dL_dfy * camera.fy) * zoom;
-    dL_dincrement.center += vec2<T>(dL_dmoved.dL_dcx, dL_dmoved.dL_dcy);
+    dL_dincrement.principal_point += vec2<T>(dL_dmoved.dL_dcx, dL_dmoved.dL_dcy);
 }
 
 } // namespace gsh

@@ -8,7 +8,6 @@
 #include <gsh/core/lane.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/field/cpu/hash_grid.hpp>
 #include <gsh/field/features.hpp>
 #include <gsh/field/hash_level.hpp>
 #include <gsh/math/vec.hpp>
@@ -23,6 +22,23 @@
 #include <vector>
 
 namespace gsh {
+
+/// Where a backend's overloads are not included.
+template <Backend B, class... Arguments>
+void hash_prepare(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "HashGrid: include its backend's overloads, <gsh/field/cpu/hash_grid.hpp> or <gsh/cpu.hpp>");
+}
+template <Backend B, class... Arguments>
+void hash_forward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "HashGrid: include its backend's overloads, <gsh/field/cpu/hash_grid.hpp> or <gsh/cpu.hpp>");
+}
+template <Backend B, class... Arguments>
+void hash_backward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "HashGrid: include its backend's overloads, <gsh/field/cpu/hash_grid.hpp> or <gsh/cpu.hpp>");
+}
 
 /// features[l * Features + f] = sum over a cell's corners of weight(corner) * table[entry(l, corner), f], trilinear,
 /// on Levels grids of growing resolution, and its adjoint to the table and to the point.

@@ -6,10 +6,10 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/field/cpu/mlp.hpp>
 #include <gsh/field/features.hpp>
 
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
@@ -17,6 +17,26 @@
 #include <vector>
 
 namespace gsh {
+
+/// What a backend keeps between the passes and for itself: activations, weights in the form of its products, partial
+/// sums. Each backend specialises it beside its overloads.
+template <Backend B, std::floating_point T>
+struct MlpScratch {
+    static_assert(detail::overload_is_included<B>,
+                  "Mlp: include its backend's overloads, <gsh/field/cpu/mlp.hpp> or <gsh/cpu.hpp>");
+};
+
+/// Where a backend's overloads are not included.
+template <Backend B, class... Arguments>
+void mlp_forward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "Mlp: include its backend's overloads, <gsh/field/cpu/mlp.hpp> or <gsh/cpu.hpp>");
+}
+template <Backend B, class... Arguments>
+void mlp_backward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "Mlp: include its backend's overloads, <gsh/field/cpu/mlp.hpp> or <gsh/cpu.hpp>");
+}
 
 /// y = W_H relu(W_{H-1} … relu(W_0 x)): no bias, linear output, and its adjoint.
 ///
@@ -38,11 +58,8 @@ public:
     /// What backward needs of forward, and working storage; one per batch in flight.
     template <Backend B, std::floating_point T = float>
     struct Cache {
-        typename B::template Buffer<T> hidden;   ///< activations after ReLU, layer after layer
-        typename B::template Buffer<T> packed;   ///< weights as the products read them
-        typename B::template Buffer<T> scratch;  ///< intermediate rows
-        typename B::template Buffer<T> partials; ///< per-chunk sums of dL_dweights
-        std::size_t rows = 0;                    ///< batch size of the last forward
+        std::size_t rows = 0;     ///< batch size of the last forward
+        MlpScratch<B, T> scratch; ///< the backend's own
     };
 
     explicit Mlp(Params params) : params_(params) {
@@ -84,7 +101,7 @@ public:
         return weights;
     }
 
-    /// outputs = the network at each row of inputs; cache remembers the hidden activations.
+    /// outputs = the network at each row of inputs; the cache keeps what backward needs.
     template <Backend B, std::floating_point T>
     void forward(B& backend, std::type_identity_t<Span<const T>> weights,
                  const std::type_identity_t<MlpInputs<T>>& inputs, std::type_identity_t<Span<T>> outputs,
@@ -93,7 +110,7 @@ public:
         check_inputs("Mlp::forward", inputs, inputs.features.rows);
         check_size("Mlp::forward", "outputs", outputs.size(), inputs.features.rows * this->outputs());
         cache.rows = inputs.features.rows;
-        if (cache.rows) mlp_forward(backend, *this, weights, inputs, outputs, cache);
+        if (cache.rows) mlp_forward(backend, *this, weights, inputs, outputs, cache.scratch);
     }
 
     /// Adds to dL_dweights and dL_dshared; adds to or, with Write::assign, overwrites dL_dfeatures. The latter two may
@@ -112,8 +129,8 @@ public:
             check_features("Mlp::backward", "dL_dfeatures", dL_dfeatures, cache.rows, inputs.features.columns);
         if (!dL_dshared.empty()) check_size("Mlp::backward", "dL_dshared", dL_dshared.size(), inputs.shared.size());
         if (cache.rows)
-            mlp_backward(backend, *this, weights, inputs, dL_doutputs, cache, dL_dweights, dL_dfeatures, features_mode,
-                         dL_dshared);
+            mlp_backward(backend, *this, weights, inputs, dL_doutputs, cache.scratch, dL_dweights, dL_dfeatures,
+                         features_mode, dL_dshared);
     }
 
 private:

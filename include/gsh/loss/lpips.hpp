@@ -5,7 +5,6 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/image/image.hpp>
-#include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/loss/lpips_network.hpp>
 
 #include <algorithm>
@@ -18,6 +17,19 @@
 #include <vector>
 
 namespace gsh {
+
+/// Where a backend's overloads are not included.
+template <Backend B, class... Arguments>
+void lpips_forward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "Lpips: include its backend's overloads, <gsh/loss/cpu/lpips.hpp> or <gsh/cpu.hpp>");
+}
+template <Backend B, class... Arguments>
+double lpips_distance(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "Lpips: include its backend's overloads, <gsh/loss/cpu/lpips.hpp> or <gsh/cpu.hpp>");
+    return {};
+}
 
 /// d(a, b) = sum over maps l of mean over pixels of sum_c w_lc (â_lc - b̂_lc)², â being a map's features at a pixel
 /// scaled to length 1.

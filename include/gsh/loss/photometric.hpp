@@ -5,7 +5,6 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/image/image.hpp>
-#include <gsh/loss/cpu/photometric.hpp>
 #include <gsh/loss/photometric_cache.hpp>
 
 #include <array>
@@ -14,6 +13,18 @@
 #include <string_view>
 
 namespace gsh {
+
+/// Where a backend's overloads are not included.
+template <Backend B, class... Arguments>
+void photometric_forward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "PhotometricLoss: include its backend's overloads, <gsh/loss/cpu/photometric.hpp> or <gsh/cpu.hpp>");
+}
+template <Backend B, class... Arguments>
+void photometric_backward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "PhotometricLoss: include its backend's overloads, <gsh/loss/cpu/photometric.hpp> or <gsh/cpu.hpp>");
+}
 
 /// L = (1 - λ) mean |render - truth| + λ (1 - mean SSIM), means over pixels and channels.
 ///
@@ -38,6 +49,7 @@ public:
         check_image("PhotometricLoss::forward", "truth", truth, render.channels, render.height, render.width);
         cache.channels = render.channels, cache.height = render.height, cache.width = render.width;
         cache.with_ssim = params_.ssim_weight != T(0);
+        cache.values.resize(3);
         photometric_forward(*backend_, render, truth, params_, cache); // the backend's own overload
     }
 

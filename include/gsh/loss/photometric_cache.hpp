@@ -3,10 +3,8 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
-#include <gsh/core/span.hpp>
 
-#include <cstddef>
-#include <cstdint>
+#include <concepts>
 
 namespace gsh {
 
@@ -23,18 +21,21 @@ struct PhotometricValues {
     double ssim = 0; ///< mean over pixels and channels; NaN where ssim_weight is 0: not computed
 };
 
-/// Partial derivatives of the SSIM term, kept tile by tile.
+/// What a backend keeps between the passes and for itself, for instance partial derivatives of the SSIM term and sums
+/// tile by tile. Each backend specialises it beside its overloads.
+template <Backend B, std::floating_point T>
+struct PhotometricScratch {
+    static_assert(detail::overload_is_included<B>,
+                  "PhotometricLoss: include its backend's overloads, <gsh/loss/cpu/photometric.hpp> or <gsh/cpu.hpp>");
+};
+
+/// What forward reports and backward needs.
 template <Backend B, std::floating_point T = float>
 struct PhotometricCache {
-    template <class U>
-    using Buffer = typename B::template Buffer<U>;
-
     int channels = 0, height = 0, width = 0;
     bool with_ssim = false;
-    Buffer<double> values;       ///< [3] loss, l1, ssim
-    Buffer<T> partials;          ///< [tiles, 3, tile rows, tile columns]; garbage in tiles that are not active
-    Buffer<std::uint8_t> active; ///< [tiles] 1 where some window of the tile sees a difference
-    Buffer<double> sums;         ///< [tiles, 2] sums of |render - truth| and of 1 - SSIM
+    typename B::template Buffer<double> values; ///< [3] loss, l1, ssim
+    PhotometricScratch<B, T> scratch;           ///< the backend's own
 };
 
 } // namespace gsh

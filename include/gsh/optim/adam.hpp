@@ -7,7 +7,6 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/lane.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/optim/cpu/adam.hpp>
 
 #include <cmath>
 #include <cstddef>
@@ -49,6 +48,23 @@ struct AdamStep {
 };
 
 } // namespace detail
+
+/// Where a backend's overloads are not included.
+template <Backend B, class... Arguments>
+void adam_step(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "Adam: include its backend's overloads, <gsh/optim/cpu/adam.hpp> or <gsh/cpu.hpp>");
+}
+template <Backend B, class... Arguments>
+void adam_step_rows(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "Adam: include its backend's overloads, <gsh/optim/cpu/adam.hpp> or <gsh/cpu.hpp>");
+}
+template <Backend B, class... Arguments>
+void adam_step_columns(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "Adam: include its backend's overloads, <gsh/optim/cpu/adam.hpp> or <gsh/cpu.hpp>");
+}
 
 /// p -= rate * (m / (1 - β1^t)) / (sqrt(v / (1 - β2^t)) + ε), with m and v the running means of g and g².
 ///

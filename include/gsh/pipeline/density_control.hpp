@@ -116,19 +116,11 @@ template <class T>
     return descent;
 }
 
-/// Three standard deviations along the longer axis of a splat on the screen, pixels.
-[[nodiscard]] GSH_HD inline double screen_radius(const Whitening<double>& w) {
-    // u² + v² = log2(e)/2 dᵀ Σ⁻¹ d; the smaller eigenvalue of WᵀW is det / the larger one.
-    const double trace = w.ux * w.ux + w.uy * w.uy + w.vy * w.vy, det = w.ux * w.ux * w.vy * w.vy;
-    const double larger = 0.5 * (trace + sqrt(max(trace * trace - 4 * det, 0.0)));
-    return 3 * sqrt(half_log2_e * larger / det);
-}
-
 template <class T>
 struct ObserveSplats {
     Span<const std::uint8_t> visible;
     Span<const T> gradient_norms;
-    Span<const ScreenSplat<T>> splats;
+    Span<const T> screen_radii;
     T unit; ///< pixels
     Span<T> gradient_sums;
     Span<std::uint32_t> view_counts;
@@ -138,7 +130,7 @@ struct ObserveSplats {
         if (!visible[i]) return;
         gradient_sums[i] += gradient_norms[i] * unit;
         ++view_counts[i];
-        radii[i] = max(radii[i], static_cast<T>(screen_radius(splats[i].w)));
+        radii[i] = max(radii[i], screen_radii[i]);
     }
 };
 
@@ -292,9 +284,11 @@ public:
         const std::size_t count = gradient_sums_.size();
         check_size(where, "cache.visible", cache.visible.size(), count, "call restart when Gaussians change elsewhere");
         check_size(where, "cache.screen_gradient_norms", cache.screen_gradient_norms.size(), count, "after backward");
-        const T unit = T(std::max(cache.grid.width, cache.grid.height)) / 2;
-        backend_->for_each(count, detail::ObserveSplats<T>{cache.visible, cache.screen_gradient_norms, cache.splats,
-                                                           unit, gradient_sums_, view_counts_, radii_});
+        check_size(where, "cache.screen_radii", cache.screen_radii.size(), count, "after backward");
+        const T unit = T(std::max(cache.width, cache.height)) / 2;
+        backend_->for_each(count, detail::ObserveSplats<T>{cache.visible, cache.screen_gradient_norms,
+                                                           cache.screen_radii, unit, gradient_sums_, view_counts_,
+                                                           radii_});
     }
 
     /// What the schedule asks for after step `step`, counted from 1. If the Gaussians changed, so did their number:

@@ -52,11 +52,11 @@ struct MeshImage {
 /// Shapes  vertices [V]; faces [F] indices into them, of either orientation.
 /// Errors  ValueError for an invalid camera, vertices that are not finite, indices out of range, or an image wider or
 ///         higher than 16384 pixels.
-template <CpuBackend B>
-[[nodiscard]] MeshImage rasterize_mesh(B& backend, Span<const vec3<double>> vertices,
+template <HostExecutor E>
+[[nodiscard]] MeshImage rasterize_mesh(E& executor, Span<const vec3<double>> vertices,
                                        Span<const std::array<int, 3>> faces, const OrthographicCamera& camera);
-template <CpuBackend B>
-[[nodiscard]] MeshImage rasterize_mesh(B& backend, Span<const vec3<double>> vertices,
+template <HostExecutor E>
+[[nodiscard]] MeshImage rasterize_mesh(E& executor, Span<const vec3<double>> vertices,
                                        Span<const std::array<int, 3>> faces, const Camera<double>& camera,
                                        const MeshRasterParams& params = {});
 
@@ -205,12 +205,12 @@ inline void draw_triangle(const RasterTriangle& t, int row_begin, int row_end, M
 }
 
 /// `corners` [V] are the projected vertices. Parts with w below `near` are clipped.
-template <CpuBackend B>
-MeshImage rasterize_corners(B& backend, Span<const RasterCorner> corners, Span<const std::array<int, 3>> faces,
+template <HostExecutor E>
+MeshImage rasterize_corners(E& executor, Span<const RasterCorner> corners, Span<const std::array<int, 3>> faces,
                             int height, int width, double near) {
     constexpr std::size_t grain = 2048; // faces
     std::vector<std::vector<RasterTriangle>> placed(chunk_count(faces.size(), grain));
-    backend.for_chunks(faces.size(), grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    executor.for_chunks(faces.size(), grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         for (std::size_t f = begin; f < end; ++f) {
             RasterPolygon polygon;
             bool whole = true;
@@ -246,7 +246,7 @@ MeshImage rasterize_corners(B& backend, Span<const RasterCorner> corners, Span<c
 
     MeshImage image{height, width, std::vector<int>(rows * columns, -1), std::vector<double>(rows * columns, 0),
                     std::vector<vec3<double>>(rows * columns, vec3<double>(0))};
-    backend.for_chunks(rows, band, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    executor.for_chunks(rows, band, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         for (const RasterTriangle* t : bands[chunk])
             draw_triangle(*t, static_cast<int>(begin), static_cast<int>(end), image);
     });
@@ -279,25 +279,25 @@ std::vector<RasterCorner> raster_corners(Span<const vec3<double>> vertices, Span
 
 } // namespace detail
 
-template <CpuBackend B>
-MeshImage rasterize_mesh(B& backend, Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces,
+template <HostExecutor E>
+MeshImage rasterize_mesh(E& executor, Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces,
                          const OrthographicCamera& camera) {
     const auto corners = detail::raster_corners(vertices, faces, camera, [&](const vec3<double>& p) {
         const vec2<double> pixel = to_pixel(camera, p);
         return detail::RasterCorner{pixel.x, pixel.y, 1, p.z};
     });
-    return detail::rasterize_corners<B>(backend, corners, faces, camera.height, camera.width, 0);
+    return detail::rasterize_corners<E>(executor, corners, faces, camera.height, camera.width, 0);
 }
 
-template <CpuBackend B>
-MeshImage rasterize_mesh(B& backend, Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces,
+template <HostExecutor E>
+MeshImage rasterize_mesh(E& executor, Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces,
                          const Camera<double>& camera, const MeshRasterParams& params) {
     check_value(params.near > 0, "rasterize_mesh",
                 "near is " + std::to_string(params.near) + ", expected metres above 0");
     const auto corners = detail::raster_corners(vertices, faces, camera, [&](const vec3<double>& p) {
         return detail::RasterCorner{camera.fx * p.x + camera.cx * p.z, camera.fy * p.y + camera.cy * p.z, p.z, p.z};
     });
-    return detail::rasterize_corners<B>(backend, corners, faces, camera.height, camera.width, params.near);
+    return detail::rasterize_corners<E>(executor, corners, faces, camera.height, camera.width, params.near);
 }
 
 } // namespace gsh

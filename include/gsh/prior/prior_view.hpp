@@ -67,12 +67,12 @@ inline void check_prior_view(std::string_view where, std::string_view name, cons
 /// The depth of a mesh. `bones` give the mesh's pose; leave them empty for the canonical mesh.
 ///
 /// Errors  those of rasterize_mesh.
-template <CpuBackend B>
-[[nodiscard]] PriorView depth_view(B& backend, Span<const vec3<double>> vertices,
+template <HostExecutor E>
+[[nodiscard]] PriorView depth_view(E& executor, Span<const vec3<double>> vertices,
                                    Span<const std::array<int, 3>> faces, const PriorCamera& camera,
                                    std::vector<Affine<double>> bones = {}) {
     const MeshImage seen = std::visit(
-        [&](const auto& any) { return rasterize_mesh(backend, vertices, faces, any); }, camera);
+        [&](const auto& any) { return rasterize_mesh(executor, vertices, faces, any); }, camera);
     PriorView view{camera, {Image<double>(1, seen.height, seen.width), seen.mask()}, std::move(bones)};
     view.map.values.data = seen.depth;
     return view;
@@ -80,30 +80,30 @@ template <CpuBackend B>
 
 /// The smooth normals of a mesh, area-weighted at the vertices. A face seen from behind (the inside of a sleeve) has
 /// the normal of its visible side.
-template <CpuBackend B>
-[[nodiscard]] PriorView normal_view(B& backend, Span<const vec3<double>> vertices,
+template <HostExecutor E>
+[[nodiscard]] PriorView normal_view(E& executor, Span<const vec3<double>> vertices,
                                     Span<const std::array<int, 3>> faces, const PriorCamera& camera,
                                     std::vector<Affine<double>> bones = {});
 
 /// Depth from the front, back, left and right of a canonical mesh, in this order.
-template <CpuBackend B>
-[[nodiscard]] std::vector<PriorView> four_depth_views(B& backend, Span<const vec3<double>> vertices,
+template <HostExecutor E>
+[[nodiscard]] std::vector<PriorView> four_depth_views(E& executor, Span<const vec3<double>> vertices,
                                                       Span<const std::array<int, 3>> faces,
                                                       const SideViewParams& params = {}) {
     std::vector<PriorView> views;
     for (const BodySide side : {BodySide::front, BodySide::back, BodySide::left, BodySide::right})
-        views.push_back(depth_view(backend, vertices, faces, side_camera(vertices, side, params)));
+        views.push_back(depth_view(executor, vertices, faces, side_camera(vertices, side, params)));
     return views;
 }
 
 /// Normals from the front and the back of a canonical mesh, in this order.
-template <CpuBackend B>
-[[nodiscard]] std::vector<PriorView> two_normal_views(B& backend, Span<const vec3<double>> vertices,
+template <HostExecutor E>
+[[nodiscard]] std::vector<PriorView> two_normal_views(E& executor, Span<const vec3<double>> vertices,
                                                       Span<const std::array<int, 3>> faces,
                                                       const SideViewParams& params = {}) {
     std::vector<PriorView> views;
     for (const BodySide side : {BodySide::front, BodySide::back})
-        views.push_back(normal_view(backend, vertices, faces, side_camera(vertices, side, params)));
+        views.push_back(normal_view(executor, vertices, faces, side_camera(vertices, side, params)));
     return views;
 }
 
@@ -117,12 +117,12 @@ namespace detail {
 
 } // namespace detail
 
-template <CpuBackend B>
-PriorView normal_view(B& backend, Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces,
+template <HostExecutor E>
+PriorView normal_view(E& executor, Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces,
                       const PriorCamera& camera, std::vector<Affine<double>> bones) {
     return std::visit(
         [&](const auto& any) {
-            const MeshImage seen = rasterize_mesh(backend, vertices, faces, any);
+            const MeshImage seen = rasterize_mesh(executor, vertices, faces, any);
             const auto normals = interpolate_attribute<vec3<double>>(seen, faces, vertex_normals(vertices, faces));
             PriorView view{camera, {Image<double>(3, seen.height, seen.width), seen.mask()}, std::move(bones)};
             for (std::size_t i = 0; i < seen.size(); ++i) {

@@ -29,7 +29,7 @@ struct ProjectionParams {
 /// A Gaussian on the image plane.
 template <class T>
 struct Projection {
-    vec2<T> center;       ///< pixels
+    vec2<T> mean2d;       ///< pixels
     T depth;              ///< camera z, metres
     sym2<T> covariance;   ///< px², dilated
     T opacity_factor;     ///< sqrt(max(floor, det before / det after dilation)) if compensated, else 1
@@ -89,7 +89,7 @@ private:
 /// covariance = J R Σ Rᵀ Jᵀ + dilation I, J = [fx 0 -jx; 0 fy -jy] / z, where jx, jy are fx x/z, fy y/z clamped to
 /// the image widened by jacobian_margin on each side.
 ///
-/// Frame   mean and covariance in the world; center in pixels, the image's corner at (0, 0).
+/// Frame   mean and covariance in the world; mean2d in pixels, the image's corner at (0, 0).
 /// Source  Zwicker et al., "EWA Splatting", 2002; clamp and dilation as in Kerbl et al., "3D Gaussian Splatting",
 ///         2023, but with the principal point; opacity factor as in Yu et al., "Mip-Splatting", 2024.
 template <Lane T>
@@ -100,7 +100,7 @@ project(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
     const detail::ProjectionFrame<T> f(camera, mean, covariance, params);
     const sym2<T> sharp{dot(f.a, f.cov_a), dot(f.a, f.cov_b), dot(f.b, f.cov_b)};
     Projection<T> result;
-    result.center = vec2<T>(camera.fx * f.x + camera.cx, camera.fy * f.y + camera.cy);
+    result.mean2d = vec2<T>(camera.fx * f.x + camera.cx, camera.fy * f.y + camera.cy);
     result.depth = f.p.z;
     result.covariance = {sharp.xx + T(params.dilation), sharp.xy, sharp.yy + T(params.dilation)};
     result.opacity_factor = T(S(1));
@@ -152,9 +152,9 @@ GSH_INLINE GSH_HD void project_backward(const Camera<T>& camera, const vec3<T>& 
     const vec3<T> dL_dalong_x = dL_da * f.inverse_z, dL_dalong_y = dL_db * f.inverse_z;
     const T dL_djx = -dot(dL_dalong_x, f.row2), dL_djy = -dot(dL_dalong_y, f.row2);
 
-    // Centre = (fx x + cx, fy y + cy); jx = fx x inside the clamp, else -cx and a constant.
+    // mean2d = (fx x + cx, fy y + cy); jx = fx x inside the clamp, else -cx and a constant.
     const T through_x = select(f.x_inside, dL_djx, zero), through_y = select(f.y_inside, dL_djy, zero);
-    const T dL_dpx = dL_dprojection.center.x + through_x, dL_dpy = dL_dprojection.center.y + through_y;
+    const T dL_dpx = dL_dprojection.mean2d.x + through_x, dL_dpy = dL_dprojection.mean2d.y + through_y;
     const T dL_dx = dL_dpx * camera.fx, dL_dy = dL_dpy * camera.fy;
     const T dL_dz = dL_dprojection.depth -
                     f.inverse_z * (dL_dx * f.x + dL_dy * f.y + dot(dL_da, a) + dot(dL_db, b));

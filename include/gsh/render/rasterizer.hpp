@@ -7,8 +7,6 @@
 #include <gsh/core/error.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/image.hpp>
-#include <gsh/render/cpu/composite.hpp>
-#include <gsh/render/cpu/composite_backward.hpp>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/render/target.hpp>
 
@@ -26,6 +24,18 @@ template <std::floating_point T>
     params.dilation = T(filter.dilation);
     params.compensate_opacity = filter.compensate_opacity;
     return params;
+}
+
+/// Where a backend's overloads are not included.
+template <Backend B, class... Arguments>
+void composite_forward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "Rasterizer: include its backend's overloads, <gsh/render/cpu/rasterizer.hpp> or <gsh/cpu.hpp>");
+}
+template <Backend B, class... Arguments>
+void composite_backward(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "Rasterizer: include its backend's overloads, <gsh/render/cpu/rasterizer.hpp> or <gsh/cpu.hpp>");
 }
 
 /// Projects Gaussians and composites them front to back over a background.
@@ -75,8 +85,10 @@ public:
         check_optional(where, "expected_depth", target.expected_depth, 1, camera);
         check_optional(where, "median_depth", target.median_depth, 1, camera);
         check_optional(where, "background", background.image, 3, camera);
+        cache.splat_count = 0, cache.width = cache.height = 0; // until there is something for backward
         composite_forward(*backend_, camera, splats, background, params_, target, cache); // the backend's own overload
         check_status(where, cache);
+        cache.splat_count = splats.size(), cache.width = camera.width, cache.height = camera.height;
     }
 
     /// Adds to dL_dsplats, whose empty spans are skipped, and to dL_dcamera and dL_dbackground if given. The other
@@ -87,7 +99,7 @@ public:
         constexpr const char* where = "Rasterizer::backward";
         check_splats(where, splats);
         check_size(where, "means", splats.size(), cache.splat_count, "pass what forward was given");
-        check_value(camera.width == cache.grid.width && camera.height == cache.grid.height, where,
+        check_value(camera.width == cache.width && camera.height == cache.height, where,
                     "the camera has another image size than forward's");
         check_optional(where, "dL_dtarget.color", dL_dtarget.color, 3, camera);
         check_optional(where, "dL_dtarget.alpha", dL_dtarget.alpha, 1, camera);
@@ -106,7 +118,7 @@ public:
     }
 
 private:
-    static constexpr int max_side = 65535 * TileGrid::tile_size;
+    static constexpr int max_side = 1048560; ///< pixels: 65535 tiles of 16
 
     static void check_camera(const char* where, const Camera<T>& camera) {
         check_value(camera.width > 0 && camera.height > 0, where, "the camera's image is empty; set width and height");

@@ -22,7 +22,7 @@ struct TileGrid {
     }
 };
 
-/// A linear map W of the image plane that turns a splat into a round one: with (u, v) = W (pixel - center),
+/// A linear map W of the image plane that turns a splat into a round one: with (u, v) = W (pixel - mean2d),
 ///
 ///     opacity factor at a pixel = exp(-dᵀ Σ⁻¹ d / 2) = 2^-(u² + v²).
 ///
@@ -49,10 +49,18 @@ template <Lane T>
     return whiten(covariance, one / sqrt(covariance.yy), one / sqrt(determinant(covariance)));
 }
 
+/// Three standard deviations along the longer axis of a splat on the screen, pixels.
+[[nodiscard]] GSH_HD inline double screen_radius(const Whitening<double>& w) {
+    // u² + v² = log2(e)/2 dᵀ Σ⁻¹ d; the smaller eigenvalue of WᵀW is det / the larger one.
+    const double trace = w.ux * w.ux + w.uy * w.uy + w.vy * w.vy, det = w.ux * w.ux * w.vy * w.vy;
+    const double larger = 0.5 * (trace + sqrt(max(trace * trace - 4 * det, 0.0)));
+    return 3 * sqrt(half_log2_e * larger / det);
+}
+
 /// Where an ellipse u² + v² <= reach lies on the image, and the rows it spans.
 template <class T>
 struct Ellipse {
-    T x, y; ///< centre, pixels
+    T x, y; ///< the middle, mean2d of a splat, pixels
     Whitening<T> w;
     T reach;
 };
@@ -63,7 +71,7 @@ template <class T>
     const T radius = sqrt(e.reach);
     const T v0 = e.w.vy * (y0 - e.y), v1 = e.w.vy * (y1 - e.y);
     if (!(v0 <= radius && v1 >= -radius)) return false;
-    // x = center + (u - shear v) / ux: on the circle u - shear v is largest at v = -shear radius / sqrt(1 + shear²),
+    // x = e.x + (u - shear v) / ux: on the circle u - shear v is largest at v = -shear radius / sqrt(1 + shear²),
     // and being concave in v, at the nearest v that the lines allow.
     const T shear = e.w.uy / e.w.vy;
     const T tip = radius * shear / sqrt(T(1) + shear * shear);

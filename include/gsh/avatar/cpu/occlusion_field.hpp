@@ -2,6 +2,7 @@
 /// @file  Ambient occlusion on the CPU: a tile of Gaussians at a time passes the network in the first-level cache.
 #pragma once
 
+#include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/cpu/gemm.hpp>
@@ -9,9 +10,19 @@
 #include <gsh/field/features.hpp>
 
 #include <algorithm>
+#include <concepts>
 #include <cstddef>
 
-namespace gsh::cpu {
+namespace gsh {
+
+template <CpuBackend B, std::floating_point T>
+struct OcclusionFieldScratch<B, T> {
+    typename B::template Buffer<T> packed;   // weights as the products read them
+    typename B::template Buffer<T> tiles;    // what each chunk works on: a tile of every layer
+    typename B::template Buffer<T> partials; // [chunks, W] each chunk's sum of dL_dpose
+};
+
+namespace cpu {
 
 namespace detail {
 
@@ -61,23 +72,23 @@ struct NothingAhead {
 } // namespace detail
 
 /// logits[i] = network(relu(neurons[i] + pose)).
-template <CpuBackend B, class Network, class T, class Cache>
+template <CpuBackend B, class Network, class T>
 void occlusion_forward(B& backend, const Network& network, Span<const T> weights, Span<const T> neurons,
-                       Span<const T> pose, Span<T> logits, Cache& cache) {
+                       Span<const T> pose, Span<T> logits, OcclusionFieldScratch<B, T>& scratch) {
     const detail::MlpLayout<T, Network> layout{network};
     const detail::OcclusionTile<T, Network> sizes{layout, neurons, pose, nullptr};
     const std::size_t rows = logits.size(), grain = detail::mlp_chunk_rows(rows),
                       stride = layout.padded_out(layout.layers() - 1);
-    cache.packed.resize(layout.transposed_offset(layout.layers()));
-    cache.scratch.resize(chunk_count(rows, grain) * sizes.size());
-    layout.pack_transposed(weights, cache.packed.data());
+    scratch.packed.resize(layout.transposed_offset(layout.layers()));
+    scratch.tiles.resize(chunk_count(rows, grain) * sizes.size());
+    layout.pack_transposed(weights, scratch.packed.data());
 
     backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         const detail::OcclusionTile<T, Network> tile{layout, neurons, pose,
-                                                     cache.scratch.data() + chunk * sizes.size()};
+                                                     scratch.tiles.data() + chunk * sizes.size()};
         for (std::size_t first = begin; first < end; first += detail::mlp_tile_rows) {
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
-            tile.forward(cache.packed.data(), first, count, end);
+            tile.forward(scratch.packed.data(), first, count, end);
             for (std::size_t r = 0; r < count; ++r) logits[first + r] = tile.output()[r * stride];
         }
     });
@@ -85,34 +96,35 @@ void occlusion_forward(B& backend, const Network& network, Span<const T> weights
 
 /// Adjoint with respect to what the pose brings: adds to dL_dpose [W]. The forward pass is run again tile by tile,
 /// which is cheaper than keeping what it leaves.
-template <CpuBackend B, class Network, class T, class Cache>
+template <CpuBackend B, class Network, class T>
 void occlusion_backward(B& backend, const Network& network, Span<const T> weights, Span<const T> neurons,
-                        Span<const T> pose, Span<const T> dL_dlogits, Cache& cache, Span<T> dL_dpose) {
+                        Span<const T> pose, Span<const T> dL_dlogits, OcclusionFieldScratch<B, T>& scratch,
+                        Span<T> dL_dpose) {
     const detail::MlpLayout<T, Network> layout{network};
     const detail::OcclusionTile<T, Network> sizes{layout, neurons, pose, nullptr};
     const std::size_t rows = dL_dlogits.size(), grain = detail::mlp_chunk_rows(rows), W = dL_dpose.size();
     const std::size_t forward_size = layout.transposed_offset(layout.layers()),
                       sums_size = layout.padded_offset(layout.layers());
     const std::size_t gradient_size = detail::mlp_tile_rows * layout.widest();
-    const std::size_t scratch_size = sizes.size() + 2 * gradient_size + sums_size;
-    cache.packed.resize(forward_size + sums_size);
-    cache.scratch.resize(chunk_count(rows, grain) * scratch_size);
-    cache.partials.resize(chunk_count(rows, grain) * W);
-    layout.pack_transposed(weights, cache.packed.data());
-    layout.pack_padded(weights, cache.packed.data() + forward_size);
+    const std::size_t work_size = sizes.size() + 2 * gradient_size + sums_size;
+    scratch.packed.resize(forward_size + sums_size);
+    scratch.tiles.resize(chunk_count(rows, grain) * work_size);
+    scratch.partials.resize(chunk_count(rows, grain) * W);
+    layout.pack_transposed(weights, scratch.packed.data());
+    layout.pack_padded(weights, scratch.packed.data() + forward_size);
 
     backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        T* scratch = cache.scratch.data() + chunk * scratch_size;
-        const detail::OcclusionTile<T, Network> tile{layout, neurons, pose, scratch};
-        T* const gradients[2] = {scratch + sizes.size(), scratch + sizes.size() + gradient_size};
-        T* unused = scratch + sizes.size() + 2 * gradient_size; // sums of the weights' gradient: nobody asks for them
-        T* sums = cache.partials.data() + chunk * W;
+        T* work = scratch.tiles.data() + chunk * work_size;
+        const detail::OcclusionTile<T, Network> tile{layout, neurons, pose, work};
+        T* const gradients[2] = {work + sizes.size(), work + sizes.size() + gradient_size};
+        T* unused = work + sizes.size() + 2 * gradient_size; // sums of the weights' gradient: nobody asks for them
+        T* sums = scratch.partials.data() + chunk * W;
         std::fill_n(unused, sums_size, T(0));
         std::fill_n(sums, W, T(0));
         for (std::size_t first = begin; first < end; first += detail::mlp_tile_rows) {
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
-            tile.forward(cache.packed.data(), first, count, end);
-            const T* dL_dx = detail::mlp_tile_backward(layout, cache.packed.data() + forward_size, tile.active(),
+            tile.forward(scratch.packed.data(), first, count, end);
+            const T* dL_dx = detail::mlp_tile_backward(layout, scratch.packed.data() + forward_size, tile.active(),
                                                        {dL_dlogits.data() + first, 1}, count, tile.hidden(), gradients,
                                                        unused, true, detail::NothingAhead<T>{});
             for (std::size_t r = 0; r < count; ++r)
@@ -122,7 +134,9 @@ void occlusion_backward(B& backend, const Network& network, Span<const T> weight
         }
     });
     for (std::size_t chunk = 0; chunk < chunk_count(rows, grain); ++chunk)
-        for (std::size_t o = 0; o < W; ++o) dL_dpose[o] += cache.partials[chunk * W + o];
+        for (std::size_t o = 0; o < W; ++o) dL_dpose[o] += scratch.partials[chunk * W + o];
 }
 
-} // namespace gsh::cpu
+} // namespace cpu
+
+} // namespace gsh

@@ -3,17 +3,34 @@
 #pragma once
 
 #include <gsh/avatar/skinned_element.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/math/affine.hpp>
+#include <gsh/math/dual_quat.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/math/wide.hpp>
 
+#include <concepts>
 #include <cstddef>
 #include <cstring>
 
-namespace gsh::cpu {
+namespace gsh {
+
+template <CpuBackend B, std::floating_point T>
+struct SkinnedSplatsScratch<B, T> {
+    typename B::template Buffer<Affine<T>> dL_dbones;          // [chunks, J]
+    typename B::template Buffer<dual_quat<T>> dL_ddual_bones;  // [chunks, J], where bones are dual quaternions
+    typename B::template Buffer<vec3<T>> dL_dcenters;          // [chunks]
+
+    /// The chunks' sums over bones of a kind.
+    [[nodiscard]] auto& chunk_bones(const Affine<T>*) { return dL_dbones; }
+    [[nodiscard]] auto& chunk_bones(const dual_quat<T>*) { return dL_ddual_bones; }
+};
+
+namespace cpu {
 
 namespace detail {
 
@@ -21,34 +38,37 @@ using gsh::detail::SkinnedInput;
 using gsh::detail::SkinnedSplatBackward;
 using gsh::detail::SkinnedSplatForward;
 
-/// The numbers of a bone (an affine map's twelve, a dual quaternion's eight) as vectors of four; sums over an unknown
-/// number of bones stay in registers. Each number sees the same operations as in blend() and blend_backward() of
-/// body/skinning.hpp.
+/// The numbers of a bone (an affine map's twelve, a dual quaternion's eight) as vectors of four, so that sums over an
+/// unknown number of bones stay in registers: a Sum of blend_in and blend_backward_in, body/skinning.hpp.
 template <class T, class Bone>
 struct BoneRegisters {
     typedef T Four __attribute__((vector_size(4 * sizeof(T))));
     static constexpr std::size_t count = sizeof(Bone) / sizeof(Four);
     static_assert(sizeof(Bone) == count * sizeof(Four) && (count == 2 || count == 3));
-    Four x, y, z; // z unused where count is 2
+    Four x, y, z; // z is unused where count is 2
 
-    [[nodiscard]] GSH_INLINE static BoneRegisters load(const Bone& bone) {
+    [[nodiscard]] GSH_INLINE static BoneRegisters zero() { return BoneRegisters(); }
+    GSH_INLINE explicit BoneRegisters(const Bone& bone) {
         const char* numbers = reinterpret_cast<const char*>(&bone);
-        BoneRegisters loaded;
-        std::memcpy(&loaded.x, numbers, sizeof(Four));
-        std::memcpy(&loaded.y, numbers + sizeof(Four), sizeof(Four));
-        if constexpr (count == 3) std::memcpy(&loaded.z, numbers + 2 * sizeof(Four), sizeof(Four));
-        return loaded;
+        std::memcpy(&x, numbers, sizeof(Four));
+        std::memcpy(&y, numbers + sizeof(Four), sizeof(Four));
+        if constexpr (count == 3) std::memcpy(&z, numbers + 2 * sizeof(Four), sizeof(Four));
     }
-    GSH_INLINE void store(Bone& bone) const {
+    [[nodiscard]] GSH_INLINE explicit operator Bone() const {
+        Bone bone;
         char* numbers = reinterpret_cast<char*>(&bone);
         std::memcpy(numbers, &x, sizeof(Four));
         std::memcpy(numbers + sizeof(Four), &y, sizeof(Four));
         if constexpr (count == 3) std::memcpy(numbers + 2 * sizeof(Four), &z, sizeof(Four));
+        return bone;
     }
     GSH_INLINE void add_scaled(const BoneRegisters& other, T scale) {
         x += other.x * scale, y += other.y * scale;
         if constexpr (count == 3) z += other.z * scale;
     }
+
+private:
+    GSH_INLINE BoneRegisters() : x{}, y{}, z{} {}
 };
 
 /// Up to `width` Gaussians, one per lane; where there are fewer, the last one fills the other lanes.
@@ -115,12 +135,8 @@ struct SkinnedBlock {
             if (!dL_dbones.empty()) {
                 Bone dL_dblend;
                 get_lane<T>(gradient.blend, lane, dL_dblend);
-                const auto term = Registers::load(dL_dblend);
-                each_influence(element.input, i, [&](std::size_t joint, T weight) {
-                    auto sum = Registers::load(dL_dbones[joint]);
-                    sum.add_scaled(term, weight);
-                    sum.store(dL_dbones[joint]);
-                });
+                blend_backward_in<Registers>(element.input.gaussians.weights, i, element.input.bones, dL_dblend,
+                                             dL_dbones);
             }
             add_lane<T>(gradient.center, lane, dL_dcenter);
         }
@@ -131,14 +147,6 @@ private:
     typename Gaussian::template Input<W> in_;
     typename Gaussian::template Output<W> dL_dout_;
     vec3<W> sh_[Gaussian::basis_count];
-
-    template <class F>
-    GSH_INLINE static void each_influence(const SkinnedInput<Degree, T, D>& input, std::size_t i, const F& f) {
-        const SkinWeights<T>& skin = input.gaussians.weights;
-        const std::size_t first = i * skin.influences;
-        for (std::size_t k = first; k < first + skin.influences && skin.weights[k] != T(0); ++k)
-            f(skin.joints[k], blend_weight(input.bones, skin.joints[first], skin.joints[k], skin.weights[k]));
-    }
 
     void gather(const SkinnedInput<Degree, T, D>& input) {
         for (std::size_t lane = count; lane < width; ++lane) index[lane] = index[count - 1];
@@ -157,13 +165,8 @@ private:
                 return reinterpret_cast<const vec3<T>(&)[Gaussian::basis_count]>(from.sh[i[j] * input.sh_stride]);
             });
             Bone blends[lanes_per_store<T>];
-            for (std::size_t j = 0; j < lanes_per_store<T>; ++j) {
-                Registers sum{};
-                each_influence(input, i[j], [&](std::size_t joint, T weight) {
-                    sum.add_scaled(Registers::load(input.bones[joint]), weight);
-                });
-                sum.store(blends[j]);
-            }
+            for (std::size_t j = 0; j < lanes_per_store<T>; ++j)
+                blends[j] = blend_in<Registers>(from.weights, i[j], input.bones);
             put_lanes<T>(in_.blend, lane, [&](std::size_t j) -> auto& { return blends[j]; });
         }
     }
@@ -190,14 +193,14 @@ void skinned_splats_pose(B& backend, const gsh::detail::SkinnedSplatForward<Degr
 template <CpuBackend B, int Degree, class T, class D>
 void skinned_splats_accumulate(B& backend, const gsh::detail::SkinnedSplatBackward<Degree, T, D>& element,
                                Span<typename D::template Bone<T>> dL_dbones, Span<vec3<T>> dL_dcenter,
-                               SkinnedSplatsWorkspace<B, T>& workspace) {
+                               SkinnedSplatsScratch<B, T>& scratch) {
     using Bone = typename D::template Bone<T>;
     constexpr std::size_t grain = 2048;
     const std::size_t count = element.input.gaussians.size(), chunks = chunk_count(count, grain);
     const std::size_t J = dL_dbones.size();
-    auto& chunk_bones = workspace.chunk_bones(static_cast<const Bone*>(nullptr));
+    auto& chunk_bones = scratch.chunk_bones(static_cast<const Bone*>(nullptr));
     chunk_bones.resize(chunks * J);
-    workspace.dL_dcenters.resize(chunks);
+    scratch.dL_dcenters.resize(chunks);
     backend.for_chunks(count, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         const auto mine = element;
         const auto bones = Span<Bone>(chunk_bones).subspan(chunk * J, J);
@@ -207,12 +210,14 @@ void skinned_splats_accumulate(B& backend, const gsh::detail::SkinnedSplatBackwa
         for (std::size_t i = begin; i < end; ++i)
             if (!mine.unseen(i) && block.push(i)) block.backward(mine, bones, center);
         block.backward(mine, bones, center);
-        workspace.dL_dcenters[chunk] = center;
+        scratch.dL_dcenters[chunk] = center;
     });
     for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
         for (std::size_t j = 0; j < J; ++j) dL_dbones[j].add_scaled(chunk_bones[chunk * J + j], T(1));
-        if (!dL_dcenter.empty()) dL_dcenter[0] += workspace.dL_dcenters[chunk];
+        if (!dL_dcenter.empty()) dL_dcenter[0] += scratch.dL_dcenters[chunk];
     }
 }
 
-} // namespace gsh::cpu
+} // namespace cpu
+
+} // namespace gsh

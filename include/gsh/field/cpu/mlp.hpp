@@ -7,12 +7,24 @@
 #include <gsh/core/span.hpp>
 #include <gsh/field/cpu/gemm.hpp>
 #include <gsh/field/features.hpp>
+#include <gsh/field/mlp.hpp>
 
 #include <algorithm>
+#include <concepts>
 #include <cstddef>
 #include <type_traits>
 
-namespace gsh::cpu {
+namespace gsh {
+
+template <CpuBackend B, std::floating_point T>
+struct MlpScratch<B, T> {
+    typename B::template Buffer<T> hidden;   ///< activations after ReLU, tile after tile, in each layer after layer
+    typename B::template Buffer<T> packed;   ///< weights as the products read them
+    typename B::template Buffer<T> tiles;    ///< each chunk's tile of inputs, outputs or gradients
+    typename B::template Buffer<T> partials; ///< each chunk's sum of dL_dweights
+};
+
+namespace cpu {
 
 namespace detail {
 
@@ -271,28 +283,28 @@ void mlp_join(B& backend, const MlpLayout<T, Network>& layout, Span<const T> wei
 
 } // namespace detail
 
-template <CpuBackend B, class Network, class T, class Cache>
+template <CpuBackend B, class Network, class T>
 void mlp_forward(B& backend, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
-                 Span<T> outputs, Cache& cache) {
+                 Span<T> outputs, MlpScratch<B, T>& scratch) {
     const detail::MlpLayout<T, Network> layout{network, inputs.shared};
     const std::size_t rows = inputs.features.rows, outputs_count = network.outputs(),
                       stride = layout.padded_out(layout.layers() - 1);
     const std::size_t grain = detail::mlp_chunk_rows(rows), tile_size = detail::mlp_tile_rows * layout.widest();
 
-    cache.hidden.resize(layout.hidden_offset(rows, 0, 0));
-    cache.packed.resize(layout.transposed_offset(layout.layers()));
-    cache.scratch.resize(chunk_count(rows, grain) * 2 * tile_size);
-    layout.pack_transposed(weights, cache.packed.data());
+    scratch.hidden.resize(layout.hidden_offset(rows, 0, 0));
+    scratch.packed.resize(layout.transposed_offset(layout.layers()));
+    scratch.tiles.resize(chunk_count(rows, grain) * 2 * tile_size);
+    layout.pack_transposed(weights, scratch.packed.data());
 
     backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        T* input_copy = cache.scratch.data() + chunk * 2 * tile_size;
+        T* input_copy = scratch.tiles.data() + chunk * 2 * tile_size;
         T* output_copy = input_copy + tile_size;
         for (std::size_t first = begin; first < end; first += detail::mlp_tile_rows) {
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
             const std::size_t next = first + count, next_count = std::min(detail::mlp_tile_rows, end - next);
-            detail::mlp_tile_forward(layout, cache.packed.data(),
+            detail::mlp_tile_forward(layout, scratch.packed.data(),
                                      detail::input_tile(layout, inputs, first, count, input_copy), count,
-                                     cache.hidden.data() + layout.hidden_offset(first, 0, count), output_copy,
+                                     scratch.hidden.data() + layout.hidden_offset(first, 0, count), output_copy,
                                      detail::Ahead<T>{inputs.features, next, next_count});
             for (std::size_t r = 0; r < count; ++r)
                 std::copy_n(output_copy + r * stride, outputs_count, outputs.data() + (first + r) * outputs_count);
@@ -300,38 +312,40 @@ void mlp_forward(B& backend, const Network& network, Span<const T> weights, cons
     });
 }
 
-template <CpuBackend B, class Network, class T, class Cache>
+template <CpuBackend B, class Network, class T>
 void mlp_backward(B& backend, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
-                  Span<const T> dL_doutputs, Cache& cache, Span<T> dL_dweights, FeatureView<T> dL_dfeatures,
-                  Write features_mode, Span<T> dL_dshared) {
+                  Span<const T> dL_doutputs, MlpScratch<B, T>& scratch, Span<T> dL_dweights,
+                  FeatureView<T> dL_dfeatures, Write features_mode, Span<T> dL_dshared) {
     const detail::MlpLayout<T, Network> layout{network, inputs.shared};
     const std::size_t rows = inputs.features.rows, outputs = network.outputs();
     const std::size_t grain = detail::mlp_chunk_rows(rows), tile_size = detail::mlp_tile_rows * layout.widest();
     const std::size_t chunks = chunk_count(rows, grain), sums_size = layout.padded_offset(layout.layers());
 
-    cache.packed.resize(sums_size);
-    cache.scratch.resize(chunks * 3 * tile_size);
-    cache.partials.resize(chunks * sums_size);
-    layout.pack_padded(weights, cache.packed.data());
+    scratch.packed.resize(sums_size);
+    scratch.tiles.resize(chunks * 3 * tile_size);
+    scratch.partials.resize(chunks * sums_size);
+    layout.pack_padded(weights, scratch.packed.data());
 
     backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        T* input_copy = cache.scratch.data() + chunk * 3 * tile_size;
+        T* input_copy = scratch.tiles.data() + chunk * 3 * tile_size;
         T* const gradients[2] = {input_copy + tile_size, input_copy + 2 * tile_size};
-        T* sums = cache.partials.data() + chunk * sums_size;
+        T* sums = scratch.partials.data() + chunk * sums_size;
         std::fill_n(sums, sums_size, T(0));
         for (std::size_t first = begin; first < end; first += detail::mlp_tile_rows) {
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
             const std::size_t next = first + count, next_count = std::min(detail::mlp_tile_rows, end - next);
             const T* dL_dx = detail::mlp_tile_backward(
-                layout, cache.packed.data(), detail::input_tile(layout, inputs, first, count, input_copy),
+                layout, scratch.packed.data(), detail::input_tile(layout, inputs, first, count, input_copy),
                 {dL_doutputs.data() + first * outputs, outputs}, count,
-                cache.hidden.data() + layout.hidden_offset(first, 0, count), gradients, sums, !dL_dfeatures.empty(),
+                scratch.hidden.data() + layout.hidden_offset(first, 0, count), gradients, sums, !dL_dfeatures.empty(),
                 detail::AheadOfLayers<T, Network>{
-                    layout, {inputs.features, next, next_count}, cache.hidden.data(), next});
+                    layout, {inputs.features, next, next_count}, scratch.hidden.data(), next});
             if (dL_dx) detail::rows_to_features(dL_dx, layout.padded_in(0), first, count, dL_dfeatures, features_mode);
         }
     });
-    detail::mlp_join(backend, layout, weights, cache.partials.data(), chunks, dL_dweights, dL_dshared);
+    detail::mlp_join(backend, layout, weights, scratch.partials.data(), chunks, dL_dweights, dL_dshared);
 }
 
-} // namespace gsh::cpu
+} // namespace cpu
+
+} // namespace gsh

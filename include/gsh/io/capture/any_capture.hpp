@@ -40,8 +40,8 @@ struct AnyCapture {
 /// Loads a capture in any layout. `body` may be null for layouts that contain their own.
 ///
 /// Errors  IoError for a folder of unknown layout, or a missing body; those of the layout's own function.
-template <CpuBackend B>
-[[nodiscard]] AnyCapture load_any_capture(B& backend, const std::filesystem::path& folder, const BodyModel* body,
+template <HostExecutor E>
+[[nodiscard]] AnyCapture load_any_capture(E& executor, const std::filesystem::path& folder, const BodyModel* body,
                                           const CaptureOptions& options = {},
                                           std::vector<std::string>* warnings = nullptr);
 
@@ -57,8 +57,8 @@ inline std::optional<CaptureLayout> recognise_capture(const std::filesystem::pat
     return {};
 }
 
-template <CpuBackend B>
-AnyCapture load_any_capture(B& backend, const std::filesystem::path& folder, const BodyModel* body,
+template <HostExecutor E>
+AnyCapture load_any_capture(E& executor, const std::filesystem::path& folder, const BodyModel* body,
                             const CaptureOptions& options, std::vector<std::string>* warnings) {
     if (std::error_code ignored; !std::filesystem::is_directory(folder, ignored))
         throw IoError(folder.string() +
@@ -71,7 +71,7 @@ AnyCapture load_any_capture(B& backend, const std::filesystem::path& folder, con
     AnyCapture result;
     result.layout = *layout;
     if (*layout == CaptureLayout::gala) {
-        GalaScene scene = load_gala_scene(backend, folder, options, warnings);
+        GalaScene scene = load_gala_scene(executor, folder, options, warnings);
         result.capture = std::move(scene.capture);
         result.people = std::move(scene.people);
         result.rig = std::move(scene.rig);
@@ -79,9 +79,9 @@ AnyCapture load_any_capture(B& backend, const std::filesystem::path& folder, con
     }
     if (!body) throw IoError(folder.string() + ": its poses need a body model, which this layout does not contain");
     result.capture =
-        *layout == CaptureLayout::people_snapshot ? load_people_snapshot(backend, folder, *body, options, warnings)
-        : *layout == CaptureLayout::easymocap     ? load_easymocap_capture(backend, folder, *body, options, warnings)
-                                                  : load_capture(backend, folder, *body, options, warnings);
+        *layout == CaptureLayout::people_snapshot ? load_people_snapshot(executor, folder, *body, options, warnings)
+        : *layout == CaptureLayout::easymocap     ? load_easymocap_capture(executor, folder, *body, options, warnings)
+                                                  : load_capture(executor, folder, *body, options, warnings);
     result.people = {result.capture.motion};
     return result;
 }

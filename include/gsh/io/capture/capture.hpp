@@ -105,8 +105,8 @@ struct CaptureOptions {
 /// Errors    IoError, ShapeError, ValueError naming the file: images, poses and cameras that do not match, a mask that
 ///           is empty everywhere, no view to train on, and all errors of the readers of the single files.
 /// Warnings  probable mistakes, one sentence each with the likely cause; see capture_warnings.
-template <CpuBackend B>
-[[nodiscard]] Capture load_capture(B& backend, const std::filesystem::path& folder, const BodyModel& body,
+template <HostExecutor E>
+[[nodiscard]] Capture load_capture(E& executor, const std::filesystem::path& folder, const BodyModel& body,
                                    const CaptureOptions& options = {}, std::vector<std::string>* warnings = nullptr);
 
 /// Writes the same layout and creates the folder.
@@ -226,10 +226,10 @@ inline void check_range(const FrameRange& range, const std::string& where) {
 }
 
 /// Runs load(i) for all i. If several fail, the first in order is reported, independently of the threads.
-template <CpuBackend B, class Load>
-void load_all(B& backend, std::size_t count, const Load& load) {
+template <HostExecutor E, class Load>
+void load_all(E& executor, std::size_t count, const Load& load) {
     std::vector<std::exception_ptr> failures(count);
-    backend.for_chunks(count, 1, [&](std::size_t, std::size_t begin, std::size_t end) {
+    executor.for_chunks(count, 1, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i) try {
                 load(i);
             } catch (...) {
@@ -322,8 +322,8 @@ inline MaskStatistics mask_statistics(const Camera<double>& camera, const PixelI
 
 } // namespace detail
 
-template <CpuBackend B>
-Capture load_capture(B& backend, const std::filesystem::path& folder, const BodyModel& body,
+template <HostExecutor E>
+Capture load_capture(E& executor, const std::filesystem::path& folder, const BodyModel& body,
                      const CaptureOptions& options, std::vector<std::string>* warnings) {
     if (std::error_code ignored; !std::filesystem::is_directory(folder, ignored))
         throw IoError(folder.string() + ": is not a folder, expected one with cameras.json, poses.npz and images/");
@@ -357,7 +357,7 @@ Capture load_capture(B& backend, const std::filesystem::path& folder, const Body
                 "no view is left for training; give a camera the role train, and leave frames out of test_frames");
 
     capture.images.resize(count);
-    detail::load_all(backend, count, [&](std::size_t i) {
+    detail::load_all(executor, count, [&](std::size_t i) {
         const NamedCamera& camera = capture.cameras[i / frames];
         PixelImage image = read_image(images[i]);
         detail::check_image_size(images[i], image, camera);

@@ -37,8 +37,8 @@ namespace gsh {
 /// options the last camera is the test camera if there are at least three. Images are undistorted.
 ///
 /// Errors  those of load_capture and load_easymocap_motion.
-template <CpuBackend B>
-[[nodiscard]] Capture load_easymocap_capture(B& backend, const std::filesystem::path& folder, const BodyModel& body,
+template <HostExecutor E>
+[[nodiscard]] Capture load_easymocap_capture(E& executor, const std::filesystem::path& folder, const BodyModel& body,
                                              const CaptureOptions& options = {},
                                              std::vector<std::string>* warnings = nullptr);
 
@@ -80,8 +80,8 @@ inline std::vector<long> pose_numbers(const std::filesystem::path& poses, const 
 
 } // namespace detail
 
-template <CpuBackend B>
-Capture load_easymocap_capture(B& backend, const std::filesystem::path& folder, const BodyModel& body,
+template <HostExecutor E>
+Capture load_easymocap_capture(E& executor, const std::filesystem::path& folder, const BodyModel& body,
                                const CaptureOptions& options, std::vector<std::string>* warnings) {
     std::error_code ignored;
     Capture capture;
@@ -139,7 +139,7 @@ Capture load_easymocap_capture(B& backend, const std::filesystem::path& folder, 
         camera.distortion.reset();
     }
     capture.images.resize(C * F);
-    detail::load_all(backend, C * F, [&](std::size_t i) {
+    detail::load_all(executor, C * F, [&](std::size_t i) {
         PixelImage image = read_image(images[i]);
         detail::check_image_size(images[i], image, full[i / F]);
         if (masked) detail::apply_mask_file(masks[i], image);

@@ -54,8 +54,8 @@ struct GalaScene {
 /// options.person, with a pose for each of these frames.
 ///
 /// Errors  those of load_capture. A scene without training frames (gymnastics) has only motions: use load_gala_motions.
-template <CpuBackend B>
-[[nodiscard]] GalaScene load_gala_scene(B& backend, const std::filesystem::path& folder,
+template <HostExecutor E>
+[[nodiscard]] GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder,
                                         const CaptureOptions& options = {},
                                         std::vector<std::string>* warnings = nullptr);
 
@@ -114,8 +114,8 @@ inline Camera<double> read_gala_camera(const std::filesystem::path& path) {
 
 } // namespace detail
 
-template <CpuBackend B>
-GalaScene load_gala_scene(B& backend, const std::filesystem::path& folder, const CaptureOptions& options,
+template <HostExecutor E>
+GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, const CaptureOptions& options,
                           std::vector<std::string>* warnings) {
     GalaScene scene;
     Capture& capture = scene.capture;
@@ -192,7 +192,7 @@ GalaScene load_gala_scene(B& backend, const std::filesystem::path& folder, const
     for (std::size_t c = 0; c < C; ++c)
         for (const auto& file : detail::list_numbered(folder / full[c].name, ".png")) files[c][file.number] = file.path;
     capture.backgrounds.resize(C);
-    detail::load_all(backend, C * (F + 1), [&](std::size_t i) { // backgrounds come first
+    detail::load_all(executor, C * (F + 1), [&](std::size_t i) { // backgrounds come first
         const std::size_t c = i < C ? i : (i - C) / F;
         std::filesystem::path path = folder / "bg" / (full[c].name + ".png");
         PixelImage* image = &capture.backgrounds[c];

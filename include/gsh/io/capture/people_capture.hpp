@@ -64,9 +64,9 @@ struct PeopleCapture {
 ///           ValueError for numbers of bodies and poses that do not match, a name given twice, or several pose files in
 ///           a layout that does not accept them; IoError for masks of an unknown person or camera.
 /// Warnings  capture_warnings for each person, with the name first if there are several.
-template <CpuBackend B>
+template <HostExecutor E>
 [[nodiscard]] PeopleCapture
-load_people_capture(B& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
+load_people_capture(E& executor, const std::filesystem::path& folder, Span<const BodyModel> bodies,
                     const std::vector<std::filesystem::path>& poses, CaptureOptions options = {},
                     std::vector<std::string>* warnings = nullptr);
 
@@ -75,8 +75,8 @@ load_people_capture(B& backend, const std::filesystem::path& folder, Span<const 
 namespace detail {
 
 /// Masks of one person in the views for evaluation, undistorted as the photographs are; empty without a folder.
-template <CpuBackend B>
-std::vector<Image<std::uint8_t>> load_person_masks(B& backend, const std::filesystem::path& folder,
+template <HostExecutor E>
+std::vector<Image<std::uint8_t>> load_person_masks(E& executor, const std::filesystem::path& folder,
                                                    const Capture& capture, const std::vector<NamedCamera>& cameras,
                                                    const std::filesystem::path& poses) {
     std::error_code ignored;
@@ -94,7 +94,7 @@ std::vector<Image<std::uint8_t>> load_person_masks(B& backend, const std::filesy
             files[c] = list_frames(place, frames, poses);
     std::vector<Image<std::uint8_t>> masks(capture.cameras.size() * frames);
     const std::vector<CaptureView> views = capture.views(true);
-    load_all(backend, views.size(), [&](std::size_t i) {
+    load_all(executor, views.size(), [&](std::size_t i) {
         const auto [c, f] = views[i];
         if (files[c].empty()) return;
         const NamedCamera& camera = cameras[c];
@@ -129,8 +129,8 @@ inline std::vector<std::string> person_names(const std::vector<std::filesystem::
     return names;
 }
 
-template <CpuBackend B>
-PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
+template <HostExecutor E>
+PeopleCapture load_people_capture(E& executor, const std::filesystem::path& folder, Span<const BodyModel> bodies,
                                   const std::vector<std::filesystem::path>& poses, CaptureOptions options,
                                   std::vector<std::string>* warnings) {
     check_value(bodies.size() <= 1 || bodies.size() == poses.size(), folder.string(),
@@ -145,7 +145,7 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
     if (!poses.empty()) options.poses = poses.front().string();
     if (poses.size() > 1) options.person = 0; // it refers to one file, not to the list of files
     std::vector<std::string> of_first;
-    result.any = load_any_capture(backend, folder, bodies.empty() ? nullptr : &bodies[0], options, &of_first);
+    result.any = load_any_capture(executor, folder, bodies.empty() ? nullptr : &bodies[0], options, &of_first);
     const Capture& capture = result.any.capture;
     if (result.any.people.size() > 1) { // the layout contains several people
         for (std::size_t p = 0; p < result.any.people.size(); ++p)
@@ -189,7 +189,7 @@ PeopleCapture load_people_capture(B& backend, const std::filesystem::path& folde
     const auto cameras = ours ? read_cameras(folder / "cameras.json").cameras : capture.cameras;
     for (std::size_t p = 0; p < result.people.size(); ++p)
         result.people[p].masks =
-            detail::load_person_masks(backend, place / result.people[p].name, capture, cameras,
+            detail::load_person_masks(executor, place / result.people[p].name, capture, cameras,
                                       files.empty() ? folder : files[std::min(p, files.size() - 1)]);
     return result;
 }

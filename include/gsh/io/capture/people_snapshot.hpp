@@ -51,8 +51,8 @@ namespace gsh {
 ///         used when its poses were fitted. Half a pixel is therefore added to the principal point. timestamps are
 ///         frame / 30.
 /// Errors  those of load_capture.
-template <CpuBackend B>
-[[nodiscard]] Capture load_people_snapshot(B& backend, const std::filesystem::path& folder, const BodyModel& body,
+template <HostExecutor E>
+[[nodiscard]] Capture load_people_snapshot(E& executor, const std::filesystem::path& folder, const BodyModel& body,
                                            const CaptureOptions& options = {},
                                            std::vector<std::string>* warnings = nullptr);
 
@@ -197,8 +197,8 @@ inline Motion snapshot_fits(const std::filesystem::path& path, const BodyModel& 
 
 } // namespace detail
 
-template <CpuBackend B>
-Capture load_people_snapshot(B& backend, const std::filesystem::path& folder, const BodyModel& body,
+template <HostExecutor E>
+Capture load_people_snapshot(E& executor, const std::filesystem::path& folder, const BodyModel& body,
                              const CaptureOptions& options, std::vector<std::string>* warnings) {
     const auto warn = [&](const std::string& text) {
         if (warnings) warnings->push_back(text);
@@ -265,7 +265,7 @@ Capture load_people_snapshot(B& backend, const std::filesystem::path& folder, co
     for (std::size_t i = 0; i < frames.size(); ++i)
         if (frames[i].test) capture.test_frames.push_back(static_cast<int>(i));
     capture.images.resize(frames.size());
-    detail::load_all(backend, frames.size(), [&](std::size_t i) {
+    detail::load_all(executor, frames.size(), [&](std::size_t i) {
         const auto frame = static_cast<std::size_t>(frames[i].number);
         PixelImage image = read_image(images[frame]);
         detail::check_image_size(images[frame], image, full);

@@ -9,10 +9,22 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 
-namespace gsh::cpu {
+namespace gsh {
+
+template <CpuBackend B, std::floating_point T>
+struct PhotometricScratch<B, T> {
+    typename B::template Buffer<T> partials;          ///< [tiles, 3, tile rows, tile columns] of the SSIM term;
+                                                      ///< unspecified in tiles that are not active
+    typename B::template Buffer<std::uint8_t> active; ///< [tiles] 1 where some window of the tile sees a difference
+    typename B::template Buffer<double> sums;         ///< [tiles, 2] sums of |render - truth| and of 1 - SSIM
+};
+
+namespace cpu {
 
 namespace detail {
 
@@ -217,25 +229,25 @@ void photometric_forward(B& backend, const ImageView<const T>& render, const Ima
     using Tiles = detail::PhotometricTiles;
     const Tiles tiles{render.channels, render.height, render.width};
     const bool with_ssim = cache.with_ssim;
-    cache.values.resize(3);
-    cache.active.resize(tiles.count());
-    cache.sums.resize(2 * tiles.count());
-    cache.partials.resize(with_ssim ? 3 * Tiles::area * tiles.count() : 0);
+    PhotometricScratch<B, T>& scratch = cache.scratch;
+    scratch.active.resize(tiles.count());
+    scratch.sums.resize(2 * tiles.count());
+    scratch.partials.resize(with_ssim ? 3 * Tiles::area * tiles.count() : 0);
 
     const SsimWindow<T> window;
     backend.for_chunks(tiles.count(), 1, [&](std::size_t index, std::size_t, std::size_t) {
         const Tiles::Tile tile = tiles[index];
-        double* sums = cache.sums.data() + 2 * index;
+        double* sums = scratch.sums.data() + 2 * index;
         sums[0] = sums[1] = 0;
-        cache.active[index] = !params.skip_equal || detail::windows_differ(render, truth, tile);
-        if (!cache.active[index]) return; // 1 - SSIM is 0 in each window, the partials 0 or times 0
+        scratch.active[index] = !params.skip_equal || detail::windows_differ(render, truth, tile);
+        if (!scratch.active[index]) return; // 1 - SSIM is 0 in each window, the partials 0 or times 0
         detail::PhotometricForwardTile<T> work;
         work.run(window, render, truth, tile, with_ssim,
-                 with_ssim ? cache.partials.data() + 3 * Tiles::area * index : nullptr, sums);
+                 with_ssim ? scratch.partials.data() + 3 * Tiles::area * index : nullptr, sums);
     });
 
     double l1 = 0, dssim = 0;
-    for (std::size_t i = 0; i < tiles.count(); ++i) l1 += cache.sums[2 * i], dssim += cache.sums[2 * i + 1];
+    for (std::size_t i = 0; i < tiles.count(); ++i) l1 += scratch.sums[2 * i], dssim += scratch.sums[2 * i + 1];
     const double count = double(std::max<std::size_t>(render.size(), 1)), weight = double(params.ssim_weight);
     l1 /= count, dssim /= count;
     cache.values[0] = (1 - weight) * l1 + weight * dssim;
@@ -248,6 +260,7 @@ void photometric_backward(B& backend, const ImageView<const T>& render, const Im
                           const PhotometricParams<T>& params, const PhotometricCache<B, T>& cache,
                           const ImageView<T>& dL_drender) {
     using Tiles = detail::PhotometricTiles;
+    const PhotometricScratch<B, T>& scratch = cache.scratch;
     const Tiles tiles{render.channels, render.height, render.width};
     const T per_element = dL_dloss / T(std::max<std::size_t>(render.size(), 1));
     const T ssim_scale = params.ssim_weight * per_element, l1_scale = (T(1) - params.ssim_weight) * per_element;
@@ -258,11 +271,14 @@ void photometric_backward(B& backend, const ImageView<const T>& render, const Im
         bool reached = false; // by an active tile's windows
         for (int j = tile.j - 1; j <= tile.j + 1; ++j)
             for (int i = tile.i - 1; i <= tile.i + 1; ++i)
-                reached = reached || tiles.active(cache.active, tile.channel, j, i);
+                reached = reached || tiles.active(scratch.active, tile.channel, j, i);
         if (!reached) return;
         detail::PhotometricBackwardTile<T> work;
-        work.run(window, render, truth, tiles, tile, cache.partials, cache.active, ssim_scale, l1_scale, dL_drender);
+        work.run(window, render, truth, tiles, tile, scratch.partials, scratch.active, ssim_scale, l1_scale,
+                 dL_drender);
     });
 }
 
-} // namespace gsh::cpu
+} // namespace cpu
+
+} // namespace gsh

@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/render/cpu/project.hpp>
 #include <gsh/render/cpu/radix_sort.hpp>
+#include <gsh/render/cpu/raster_scratch.hpp>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/render/tiles.hpp>
 
@@ -45,40 +46,42 @@ void for_each_tile(const ScreenSplat<T>& splat, const TileCover& cover, const Ti
 /// Second stage: front to back, ties by index.
 template <CpuBackend B, std::floating_point T>
 [[nodiscard]] auto sort_by_depth(B& backend, RasterCache<B, T>& cache) {
-    using Item = SortItem<typename RasterCache<B, T>::Key>;
+    using Item = SortItem<typename RasterScratch<B, T>::Key>;
+    RasterScratch<B, T>& scratch = cache.scratch;
     const std::size_t visible = cache.status[0].visible;
-    return radix_sort(backend, Span<Item>(cache.items.data(), visible),
-                      Span<Item>(cache.items_scratch.data(), visible), cache.histograms);
+    return radix_sort(backend, Span<Item>(scratch.items.data(), visible),
+                      Span<Item>(scratch.items_scratch.data(), visible), scratch.histograms);
 }
 
 /// Third stage: a stable counting sort of (splat, tile) pairs by tile, and the order in which to work on the tiles.
 template <CpuBackend B, std::floating_point T, class Item>
 void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
-    const std::size_t n = order.size(), tiles = cache.grid.size();
+    RasterScratch<B, T>& scratch = cache.scratch;
+    const std::size_t n = order.size(), tiles = scratch.grid.size();
     const std::size_t grain = std::max<std::size_t>(4096, (n + 31) / 32), chunks = chunk_count(n, grain);
-    cache.instances.resize(cache.status[0].pairs);
-    cache.tile_begin.resize(tiles + 1);
-    cache.tile_order.resize(tiles);
-    cache.tile_used.resize(tiles);
-    cache.histograms.resize(chunks * tiles);
-    const Span<std::uint32_t> counts = cache.histograms;
+    scratch.instances.resize(cache.status[0].pairs);
+    scratch.tile_begin.resize(tiles + 1);
+    scratch.tile_order.resize(tiles);
+    scratch.tile_used.resize(tiles);
+    scratch.histograms.resize(chunks * tiles);
+    const Span<std::uint32_t> counts = scratch.histograms;
 
     // Covers lie all over memory in this order. Fetched some at a time by a loop without branches, the waits overlap.
     const auto for_each_pair = [&](std::size_t begin, std::size_t end, const auto& visit) {
-        constexpr std::size_t stage = 64;
-        TileCover covers[stage];
-        std::uint32_t slots[stage];
-        for (std::size_t first = begin; first < end; first += stage) {
-            const std::size_t count = std::min(stage, end - first);
+        constexpr std::size_t batch = 64;
+        TileCover covers[batch];
+        std::uint32_t slots[batch];
+        for (std::size_t first = begin; first < end; first += batch) {
+            const std::size_t count = std::min(batch, end - first);
             for (std::size_t i = 0; i < count; ++i) {
                 const std::uint32_t splat = order[first + i].splat;
-                covers[i] = cache.covers[splat];
-                slots[i] = cache.slot_begin[splat];
+                covers[i] = scratch.covers[splat];
+                slots[i] = scratch.slot_begin[splat];
             }
             for (std::size_t i = 0; i < count; ++i) {
                 const std::uint32_t splat = order[first + i].splat;
                 std::uint32_t slot = slots[i];
-                detail::for_each_tile(cache.splats[splat], covers[i], cache.grid,
+                detail::for_each_tile(scratch.splats[splat], covers[i], scratch.grid,
                                       [&](std::uint32_t tile) { visit(tile, TileInstance{splat, slot++}); });
             }
         }
@@ -90,7 +93,7 @@ void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
     });
     std::uint32_t sum = 0; // counts become places: by tile, then by chunk
     for (std::size_t tile = 0; tile < tiles; ++tile) {
-        cache.tile_begin[tile] = sum;
+        scratch.tile_begin[tile] = sum;
         for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
             std::uint32_t& place = counts[chunk * tiles + tile];
             const std::uint32_t count = place;
@@ -98,24 +101,24 @@ void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
             sum += count;
         }
     }
-    cache.tile_begin[tiles] = sum;
+    scratch.tile_begin[tiles] = sum;
     backend.for_chunks(n, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         std::uint32_t* const place = counts.data() + chunk * tiles;
         for_each_pair(begin, end,
-                      [&](std::uint32_t tile, TileInstance instance) { cache.instances[place[tile]++] = instance; });
+                      [&](std::uint32_t tile, TileInstance instance) { scratch.instances[place[tile]++] = instance; });
     });
 
     // Long lists first, in classes of powers of two: what is left for the end is small, and the threads end together.
     constexpr int classes = 33;
     std::uint32_t start[classes + 1] = {};
     const auto class_of = [&](std::size_t tile) {
-        return classes - 1 - std::bit_width(cache.tile_begin[tile + 1] - cache.tile_begin[tile]);
+        return classes - 1 - std::bit_width(scratch.tile_begin[tile + 1] - scratch.tile_begin[tile]);
     };
     for (std::size_t tile = 0; tile < tiles; ++tile) ++start[class_of(tile) + 1];
     for (int c = 0; c < classes; ++c) start[c + 1] += start[c];
-    cache.active_tiles = start[classes - 1];
+    scratch.active_tiles = start[classes - 1];
     for (std::size_t tile = 0; tile < tiles; ++tile)
-        cache.tile_order[start[class_of(tile)]++] = static_cast<std::uint32_t>(tile);
+        scratch.tile_order[start[class_of(tile)]++] = static_cast<std::uint32_t>(tile);
 }
 
 } // namespace gsh::cpu

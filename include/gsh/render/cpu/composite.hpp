@@ -120,21 +120,22 @@ std::uint32_t blend_tile(const TilePlace& tile, Span<const ScreenSplat<T>> splat
 template <CpuBackend B, std::floating_point T>
 void blend_tiles(B& backend, const Background<T>& background, const RasterParams<T>& params,
                  const RenderTarget<T>& target, RasterCache<B, T>& cache) {
+    RasterScratch<B, T>& scratch = cache.scratch;
     const bool with_depth = !target.expected_depth.empty() || !target.median_depth.empty();
     const detail::BlendLimits<T> limits(params);
-    const Span<const ScreenSplat<T>> splats = cache.splats;
-    const Span<const TileInstance> instances = cache.instances;
+    const Span<const ScreenSplat<T>> splats = scratch.splats;
+    const Span<const TileInstance> instances = scratch.instances;
     constexpr std::size_t record = detail::pixel_channels * detail::tile_pixels;
-    cache.pixels.resize(cache.active_tiles * record);
+    scratch.pixels.resize(scratch.active_tiles * record);
 
-    detail::run_queue(backend, cache.active_tiles, [&](std::size_t rank) {
-        const std::uint32_t index = cache.tile_order[rank], begin = cache.tile_begin[index];
-        const detail::TilePlace tile(cache.grid, index);
-        const Span<const TileInstance> list = instances.subspan(begin, cache.tile_begin[index + 1] - begin);
+    detail::run_queue(backend, scratch.active_tiles, [&](std::size_t rank) {
+        const std::uint32_t index = scratch.tile_order[rank], begin = scratch.tile_begin[index];
+        const detail::TilePlace tile(scratch.grid, index);
+        const Span<const TileInstance> list = instances.subspan(begin, scratch.tile_begin[index + 1] - begin);
         detail::BlendBlock<T> blocks[detail::blocks_of_tile];
-        cache.tile_used[index] = with_depth ? detail::blend_tile<true>(tile, splats, list, limits, blocks)
-                                            : detail::blend_tile<false>(tile, splats, list, limits, blocks);
-        T* const pixels = cache.pixels.data() + rank * record;
+        scratch.tile_used[index] = with_depth ? detail::blend_tile<true>(tile, splats, list, limits, blocks)
+                                              : detail::blend_tile<false>(tile, splats, list, limits, blocks);
+        T* const pixels = scratch.pixels.data() + rank * record;
         for (int b = 0; b < detail::blocks_of_tile; ++b) {
             const detail::BlendBlock<T>& block = blocks[b];
             const detail::Lanes<T>* const from[] = {&block.red, &block.green, &block.blue, &block.depth,
@@ -148,11 +149,11 @@ void blend_tiles(B& backend, const Background<T>& background, const RasterParams
                 return blocks[p / detail::block_lanes].median[static_cast<std::size_t>(p % detail::block_lanes)];
             });
     });
-    const std::size_t idle = cache.grid.size() - cache.active_tiles;
+    const std::size_t idle = scratch.grid.size() - scratch.active_tiles;
     backend.for_chunks(idle, 64, [&](std::size_t, std::size_t first, std::size_t end) {
         for (std::size_t i = first; i < end; ++i)
             detail::write_target(
-                detail::TilePlace(cache.grid, cache.tile_order[cache.active_tiles + i]), background, target,
+                detail::TilePlace(scratch.grid, scratch.tile_order[scratch.active_tiles + i]), background, target,
                 [](int c, int) { return c == 4 ? T(1) : T(0); }, [](int, int, int) { return T(0); });
     });
 }

@@ -148,21 +148,22 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
                           const RenderGradient<T>& dL_dtarget, RasterCache<B, T>& cache,
                           const BackgroundGradient<T>& dL_dbackground) {
     using namespace detail;
+    RasterScratch<B, T>& scratch = cache.scratch;
     const bool with_depth = !dL_dtarget.expected_depth.empty() || !dL_dtarget.median_depth.empty();
     const BlendLimits<T> limits(params);
-    const Span<const ScreenSplat<T>> splats = cache.splats;
-    const Span<const TileInstance> instances = cache.instances;
+    const Span<const ScreenSplat<T>> splats = scratch.splats;
+    const Span<const TileInstance> instances = scratch.instances;
     constexpr std::size_t record = pixel_channels * tile_pixels;
     const std::size_t slot = with_depth ? slot_size<true> : slot_size<false>;
-    cache.slot_size = slot;
-    cache.slots.resize(instances.size() * slot);
-    cache.tile_background.resize(cache.grid.size());
+    scratch.slot_size = slot;
+    scratch.slots.resize(instances.size() * slot);
+    scratch.tile_background.resize(scratch.grid.size());
 
-    run_queue(backend, cache.grid.size(), [&](std::size_t rank) {
-        const std::uint32_t index = cache.tile_order[rank];
-        const TilePlace tile(cache.grid, index);
-        const bool active = rank < cache.active_tiles;
-        const T* const pixels = active ? cache.pixels.data() + rank * record : nullptr;
+    run_queue(backend, scratch.grid.size(), [&](std::size_t rank) {
+        const std::uint32_t index = scratch.tile_order[rank];
+        const TilePlace tile(scratch.grid, index);
+        const bool active = rank < scratch.active_tiles;
+        const T* const pixels = active ? scratch.pixels.data() + rank * record : nullptr;
         const auto transmittance = [&](int p) { return active ? pixels[4 * tile_pixels + p] : T(1); };
 
         if (!active && dL_dbackground.color.empty() && dL_dbackground.image.empty()) return;
@@ -172,7 +173,7 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
             vec3<double> sum(0);
             for (int c = 0; c < 3; ++c)
                 for (int p = 0; p < tile_pixels; ++p) sum[c] += static_cast<double>(transmittance(p) * dL[c][p]);
-            cache.tile_background[index] = sum;
+            scratch.tile_background[index] = sum;
         }
         if (!dL_dbackground.image.empty())
             for (int c = 0; c < 3; ++c)
@@ -208,19 +209,19 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
                 block.dL_ddepth[l] = dL[4][p], block.dL_dmedian[l] = dL[5][p];
             }
         }
-        const std::uint32_t begin = cache.tile_begin[index], end = cache.tile_begin[index + 1];
-        const std::uint32_t used = cache.tile_used[index];
+        const std::uint32_t begin = scratch.tile_begin[index], end = scratch.tile_begin[index + 1];
+        const std::uint32_t used = scratch.tile_used[index];
         const Span<const TileInstance> list = instances.subspan(begin, used);
         if (with_depth)
-            blend_tile_backward<true>(tile, splats, list, limits, blocks, cache.slots.data());
+            blend_tile_backward<true>(tile, splats, list, limits, blocks, scratch.slots.data());
         else
-            blend_tile_backward<false>(tile, splats, list, limits, blocks, cache.slots.data());
+            blend_tile_backward<false>(tile, splats, list, limits, blocks, scratch.slots.data());
         for (std::uint32_t i = begin + used; i < end; ++i)
-            std::fill_n(cache.slots.data() + instances[i].slot * slot, slot, T(0));
+            std::fill_n(scratch.slots.data() + instances[i].slot * slot, slot, T(0));
     });
     if (!dL_dbackground.color.empty()) {
         vec3<double> sum(0);
-        for (const vec3<double>& share : cache.tile_background) sum += share;
+        for (const vec3<double>& share : scratch.tile_background) sum += share;
         dL_dbackground.color[0] += vec3<T>(sum);
     }
 }

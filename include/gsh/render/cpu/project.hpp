@@ -6,6 +6,7 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
 #include <gsh/render/projection.hpp>
+#include <gsh/render/cpu/raster_scratch.hpp>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/render/tiles.hpp>
 
@@ -27,7 +28,7 @@ inline constexpr std::size_t splat_grain = 1024; // splats of one chunk of the p
 
 template <std::floating_point T>
 [[nodiscard]] Ellipse<double> ellipse_of(const ScreenSplat<T>& s) {
-    return {s.center.x, s.center.y, s.w, generous(s.cut)};
+    return {s.mean2d.x, s.mean2d.y, s.w, generous(s.cut)};
 }
 
 /// Columns of tiles, as a half-open range, that the ellipse meets in a row of its rectangle.
@@ -64,7 +65,7 @@ template <std::floating_point T>
 }
 
 /// Some splats by member, in double, so that their projection is a loop over plain arrays.
-struct ProjectionStage {
+struct ProjectionBatch {
     static constexpr std::size_t size = 64;
     alignas(64) double mean_x[size], mean_y[size], mean_z[size];
     alignas(64) double xx[size], xy[size], xz[size], yy[size], yz[size], zz[size];
@@ -109,11 +110,11 @@ struct ProjectionStage {
             constexpr double largest = std::numeric_limits<double>::max();
             const double det = determinant(p.covariance);
             const bool kept = p.in_front & (opacity[k] >= alpha_min) & (p.covariance.xx > 0) & (p.covariance.yy > 0) &
-                              (det > 0) & (det <= largest) & (std::fabs(p.center.x) <= largest) &
-                              (std::fabs(p.center.y) <= largest);
+                              (det > 0) & (det <= largest) & (std::fabs(p.mean2d.x) <= largest) &
+                              (std::fabs(p.mean2d.y) <= largest);
             const Whitening<double> w =
                 whiten(p.covariance, inverse_sqrt(p.covariance.yy), inverse_sqrt(det));
-            x[k] = p.center.x, y[k] = p.center.y, depth[k] = p.depth;
+            x[k] = p.mean2d.x, y[k] = p.mean2d.y, depth[k] = p.depth;
             ux[k] = w.ux, uy[k] = w.uy, vy[k] = w.vy;
 
             const double reach = generous(cut[k]);
@@ -143,18 +144,18 @@ struct ProjectionStage {
 template <CpuBackend B, std::floating_point T>
 [[nodiscard]] bool project_splats(B& backend, const Camera<T>& camera, const SplatView<const T>& splats,
                                   const RasterParams<T>& params, RasterCache<B, T>& cache) {
-    using Key = typename RasterCache<B, T>::Key;
+    using Key = typename RasterScratch<B, T>::Key;
+    RasterScratch<B, T>& scratch = cache.scratch;
     const std::size_t n = splats.size(), chunks = chunk_count(n, detail::splat_grain);
-    cache.splat_count = n;
-    cache.grid = {camera.width, camera.height};
+    scratch.grid = {camera.width, camera.height};
     cache.status.resize(1);
     cache.visible.resize(n);
-    cache.splats.resize(n);
-    cache.covers.resize(n);
-    cache.slot_begin.resize(n + 1);
-    cache.items.resize(n);
-    cache.items_scratch.resize(n);
-    cache.chunk_status.resize(chunks);
+    scratch.splats.resize(n);
+    scratch.covers.resize(n);
+    scratch.slot_begin.resize(n + 1);
+    scratch.items.resize(n);
+    scratch.items_scratch.resize(n);
+    scratch.chunk_status.resize(chunks);
 
     const Camera<double> wide_camera = camera.template cast<double>();
     const ProjectionParams<double> projection_params = params.template cast<double>();
@@ -162,39 +163,39 @@ template <CpuBackend B, std::floating_point T>
     constexpr double largest_cut = sizeof(T) == 4 ? 120 : 1000; // where exp2_minus ends; far beyond any opacity up to 1
     backend.for_chunks(n, detail::splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         RasterStatus status;
-        // First the arithmetic for some splats, then what forks on its results: a wrong guess does not wait for it.
-        detail::ProjectionStage stage;
-        for (std::size_t first = begin; first < end; first += stage.size) {
-            const std::size_t count = std::min(stage.size, end - first);
-            stage.load(splats, first, count, params.alpha_min);
+        // Arithmetic first, branches second, so that a misprediction does not stall it.
+        detail::ProjectionBatch batch;
+        for (std::size_t first = begin; first < end; first += batch.size) {
+            const std::size_t count = std::min(batch.size, end - first);
+            batch.load(splats, first, count, params.alpha_min);
             if (params.compensate_opacity)
-                stage.project<true>(wide_camera, projection_params, cache.grid, alpha_min, largest_cut, count);
+                batch.project<true>(wide_camera, projection_params, scratch.grid, alpha_min, largest_cut, count);
             else
-                stage.project<false>(wide_camera, projection_params, cache.grid, alpha_min, largest_cut, count);
+                batch.project<false>(wide_camera, projection_params, scratch.grid, alpha_min, largest_cut, count);
             for (std::size_t k = 0; k < count; ++k) {
                 const std::size_t i = first + k;
-                const TileRect rect{stage.x0[k], stage.y0[k], stage.x1[k], stage.y1[k]};
+                const TileRect rect{batch.x0[k], batch.y0[k], batch.x1[k], batch.y1[k]};
                 std::uint32_t tiles = 0;
-                if (!(stage.nonfinite[k] == 0)) {
+                if (!(batch.nonfinite[k] == 0)) {
                     if (status.nonfinite++ == 0) status.first_nonfinite = static_cast<std::uint32_t>(i);
                 } else if (!rect.empty()) {
-                    cache.splats[i] = stage.splat(k, splats.colors[i]);
-                    tiles = detail::cover_tiles(cache.splats[i], rect, cache.grid, cache.covers[i]);
+                    scratch.splats[i] = batch.splat(k, splats.colors[i]);
+                    tiles = detail::cover_tiles(scratch.splats[i], rect, scratch.grid, scratch.covers[i]);
                 }
                 cache.visible[i] = tiles != 0;
-                cache.slot_begin[i] = static_cast<std::uint32_t>(status.pairs);
+                scratch.slot_begin[i] = static_cast<std::uint32_t>(status.pairs);
                 status.pairs += tiles;
                 if (tiles == 0) continue;
-                const Key key = std::bit_cast<Key>(cache.splats[i].depth); // positive floats sort like their bits
-                cache.items_scratch[begin + status.visible++] = {key, static_cast<std::uint32_t>(i)};
+                const Key key = std::bit_cast<Key>(scratch.splats[i].depth); // positive floats sort like their bits
+                scratch.items_scratch[begin + status.visible++] = {key, static_cast<std::uint32_t>(i)};
             }
         }
-        cache.chunk_status[chunk] = status;
+        scratch.chunk_status[chunk] = status;
     });
 
     RasterStatus total;
     for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
-        RasterStatus& status = cache.chunk_status[chunk];
+        RasterStatus& status = scratch.chunk_status[chunk];
         if (total.nonfinite == 0) total.first_nonfinite = status.first_nonfinite;
         total.nonfinite += status.nonfinite;
         const RasterStatus here = status;
@@ -202,18 +203,15 @@ template <CpuBackend B, std::floating_point T>
         total.pairs += here.pairs, total.visible += here.visible;
     }
     cache.status[0] = total;
-    if (total.nonfinite != 0 || total.pairs > params.max_pairs) {
-        cache.splat_count = 0, cache.grid = {}; // so that backward does not mistake it for a forward pass
-        return false;
-    }
+    if (total.nonfinite != 0 || total.pairs > params.max_pairs) return false;
 
-    cache.slot_begin[n] = static_cast<std::uint32_t>(total.pairs);
+    scratch.slot_begin[n] = static_cast<std::uint32_t>(total.pairs);
     backend.for_chunks(n, detail::splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        const RasterStatus& before = cache.chunk_status[chunk];
+        const RasterStatus& before = scratch.chunk_status[chunk];
         const auto base = static_cast<std::uint32_t>(before.pairs);
-        for (std::size_t i = begin; i < end; ++i) cache.slot_begin[i] += base;
-        const std::size_t next = chunk + 1 < chunks ? cache.chunk_status[chunk + 1].visible : total.visible;
-        std::copy_n(cache.items_scratch.data() + begin, next - before.visible, cache.items.data() + before.visible);
+        for (std::size_t i = begin; i < end; ++i) scratch.slot_begin[i] += base;
+        const std::size_t next = chunk + 1 < chunks ? scratch.chunk_status[chunk + 1].visible : total.visible;
+        std::copy_n(scratch.items_scratch.data() + begin, next - before.visible, scratch.items.data() + before.visible);
     });
     return true;
 }

@@ -6,6 +6,7 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/render/cpu/project.hpp>
 #include <gsh/render/projection.hpp>
+#include <gsh/render/cpu/raster_scratch.hpp>
 #include <gsh/render/raster_cache.hpp>
 
 #include <cmath>
@@ -27,7 +28,7 @@ template <bool Depth>
 inline constexpr std::size_t slot_size = Depth ? 10 : 9;
 
 /// Some splats by member, in double, so that the adjoint of their projection is a loop over plain arrays.
-struct ProjectionBackwardStage {
+struct ProjectionBackwardBatch {
     static constexpr std::size_t size = 64;
 
     std::size_t count = 0;
@@ -62,23 +63,23 @@ struct ProjectionBackwardStage {
         return {T(dL_dxx[k]), T(dL_dxy[k]), T(dL_dxz[k]), T(dL_dyy[k]), T(dL_dyz[k]), T(dL_dzz[k])};
     }
 
-    /// ln(alpha) = ln(opacity) - ln(2) (u² + v²), (u, v) = W (pixel - center), Σ⁻¹ = 2 ln(2) Wᵀ W, so that with the
-    /// moments m = sum G (u, v), M = sum G (u, v) (u, v)ᵀ:  dL/dcenter = 2 ln(2) Wᵀ m,  dL/dΣ = 2 ln(2)² Wᵀ M W.
+    /// ln(alpha) = ln(opacity) - ln(2) (u² + v²), (u, v) = W (pixel - mean2d), Σ⁻¹ = 2 ln(2) Wᵀ W, so that with the
+    /// moments m = sum G (u, v), M = sum G (u, v) (u, v)ᵀ:  dL_dmean2d = 2 ln(2) Wᵀ m,  dL_dΣ = 2 ln(2)² Wᵀ M W.
     /// General is false where neither square roots nor camera gradients keep the loop from becoming vector code.
     template <bool General>
     void project_backward(const Camera<double>& camera, ProjectionParams<double> params,
                           CameraGradient<double>* dL_dcamera) {
         if (!General) params.compensate_opacity = false, dL_dcamera = nullptr;
-        constexpr double ln2 = 0.69314718055994530942, to_center = 2 * ln2, to_covariance = 2 * ln2 * ln2;
+        constexpr double ln2 = 0.69314718055994530942, to_mean2d = 2 * ln2, to_covariance = 2 * ln2 * ln2;
         for (std::size_t k = 0; k < count; ++k) {
             Projection<double> dL;
-            dL.center = {to_center * (ux[k] * u[k]), to_center * (uy[k] * u[k] + vy[k] * v[k])};
+            dL.mean2d = {to_mean2d * (ux[k] * u[k]), to_mean2d * (uy[k] * u[k] + vy[k] * v[k])};
             const double along_u = uy[k] * uu[k] + vy[k] * uv[k], along_v = uy[k] * uv[k] + vy[k] * vv[k];
             dL.covariance = {to_covariance * (ux[k] * ux[k] * uu[k]), to_covariance * (2 * ux[k] * along_u),
                              to_covariance * (uy[k] * along_u + vy[k] * along_v)};
             dL.depth = dL_ddepth[k];
             dL.opacity_factor = dL_dfactor[k];
-            norm_square[k] = dL.center.x * dL.center.x + dL.center.y * dL.center.y;
+            norm_square[k] = dL.mean2d.x * dL.mean2d.x + dL.mean2d.y * dL.mean2d.y;
 
             const vec3<double> mean(mean_x[k], mean_y[k], mean_z[k]);
             const sym3<double> covariance{xx[k], xy[k], xz[k], yy[k], yz[k], zz[k]};
@@ -99,52 +100,56 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
                              const RasterParams<T>& params, RasterCache<B, T>& cache,
                              const SplatView<T>& dL_dsplats, Span<CameraGradient<T>> dL_dcamera) {
     using namespace detail;
+    RasterScratch<B, T>& scratch = cache.scratch;
     const std::size_t n = splats.size(), chunks = chunk_count(n, splat_grain);
     const Camera<double> wide_camera = camera.template cast<double>();
     const ProjectionParams<double> projection_params = params.template cast<double>();
     const bool general = !dL_dcamera.empty() || params.compensate_opacity;
     cache.screen_gradient_norms.resize(n);
-    cache.chunk_camera.resize(dL_dcamera.empty() ? 0 : chunks);
+    cache.screen_radii.resize(n);
+    scratch.chunk_camera.resize(dL_dcamera.empty() ? 0 : chunks);
 
     backend.for_chunks(n, splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         CameraGradient<double> chunk_camera;
-        ProjectionBackwardStage stage;
+        ProjectionBackwardBatch batch;
         const auto flush = [&] {
             if (general)
-                stage.project_backward<true>(wide_camera, projection_params,
+                batch.project_backward<true>(wide_camera, projection_params,
                                              dL_dcamera.empty() ? nullptr : &chunk_camera);
             else
-                stage.project_backward<false>(wide_camera, projection_params, nullptr);
-            for (std::size_t k = 0; k < stage.count; ++k) {
-                const std::size_t i = stage.splat[k];
-                cache.screen_gradient_norms[i] = static_cast<T>(std::sqrt(stage.norm_square[k]));
-                if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += stage.dL_dmean<T>(k);
-                if (!dL_dsplats.covariances.empty()) dL_dsplats.covariances[i] += stage.dL_dcovariance<T>(k);
+                batch.project_backward<false>(wide_camera, projection_params, nullptr);
+            for (std::size_t k = 0; k < batch.count; ++k) {
+                const std::size_t i = batch.splat[k];
+                cache.screen_gradient_norms[i] = static_cast<T>(std::sqrt(batch.norm_square[k]));
+                if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += batch.dL_dmean<T>(k);
+                if (!dL_dsplats.covariances.empty()) dL_dsplats.covariances[i] += batch.dL_dcovariance<T>(k);
             }
-            stage.count = 0;
+            batch.count = 0;
         };
         for (std::size_t i = begin; i < end; ++i) {
-            cache.screen_gradient_norms[i] = T(0);
+            cache.screen_gradient_norms[i] = cache.screen_radii[i] = T(0);
             if (!cache.visible[i]) continue;
             T sum[slot_size<true>] = {};
-            for (std::size_t slot = cache.slot_begin[i]; slot < cache.slot_begin[i + 1]; ++slot)
-                for (std::size_t k = 0; k < cache.slot_size; ++k) sum[k] += cache.slots[slot * cache.slot_size + k];
-            const ScreenSplat<T>& s = cache.splats[i];
+            for (std::size_t slot = scratch.slot_begin[i]; slot < scratch.slot_begin[i + 1]; ++slot)
+                for (std::size_t k = 0; k < scratch.slot_size; ++k)
+                    sum[k] += scratch.slots[slot * scratch.slot_size + k];
+            const ScreenSplat<T>& s = scratch.splats[i];
+            cache.screen_radii[i] = static_cast<T>(screen_radius(s.w));
             if (!dL_dsplats.opacities.empty()) {
                 const T factor = params.compensate_opacity ? s.opacity / splats.opacities[i] : T(1);
                 dL_dsplats.opacities[i] += sum[slot_g] / s.opacity * factor;
             }
             if (!dL_dsplats.colors.empty())
                 dL_dsplats.colors[i] += vec3<T>(sum[slot_red], sum[slot_green], sum[slot_blue]);
-            stage.add(i, splats, s, sum);
-            if (stage.count == stage.size) flush();
+            batch.add(i, splats, s, sum);
+            if (batch.count == batch.size) flush();
         }
         flush();
-        if (!dL_dcamera.empty()) cache.chunk_camera[chunk] = chunk_camera;
+        if (!dL_dcamera.empty()) scratch.chunk_camera[chunk] = chunk_camera;
     });
     if (dL_dcamera.empty()) return;
     CameraGradient<double> sum;
-    for (const CameraGradient<double>& share : cache.chunk_camera) sum += share;
+    for (const CameraGradient<double>& share : scratch.chunk_camera) sum += share;
     CameraGradient<T>& out = dL_dcamera[0];
     out += CameraGradient<T>{mat3<T>(sum.dL_dR), vec3<T>(sum.dL_dt), T(sum.dL_dfx),
                              T(sum.dL_dfy),      T(sum.dL_dcx),      T(sum.dL_dcy)};

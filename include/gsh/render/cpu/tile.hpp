@@ -11,6 +11,7 @@
 #include <gsh/core/prefetch.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
 #include <gsh/render/cpu/project.hpp>
+#include <gsh/render/cpu/raster_scratch.hpp>
 #include <gsh/render/raster_cache.hpp>
 
 #include <algorithm>
@@ -84,7 +85,7 @@ struct Batch {
         Shapes shapes;
         for (std::size_t j = 0; j < size; ++j) {
             const ScreenSplat<T>& s = from[instances[j].splat];
-            const double dx = x - s.center.x, dy = y - s.center.y;
+            const double dx = x - s.mean2d.x, dy = y - s.mean2d.y;
             TileSplat<T>& to = splats[j];
             to.u = static_cast<T>(s.w.ux * dx + s.w.uy * dy);
             to.v = static_cast<T>(s.w.vy * dy);

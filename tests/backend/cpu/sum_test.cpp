@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/backend/sum.hpp>
+#include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/threads.hpp>
 
 #include "support/gradient.hpp"
