@@ -10,7 +10,7 @@
 #include <string_view>
 #include <type_traits>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 /// Element copies that every backend with host memory shares.
