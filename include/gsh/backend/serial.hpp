@@ -17,6 +17,7 @@ namespace detail {
 struct HostMemory {
     template <class T>
     using Buffer = cpu::Buffer<T>;
+    static constexpr bool host_memory = true;
 
     template <class T>
     void fill(Span<T> values, std::type_identity_t<T> value) {
