@@ -63,7 +63,7 @@ public:
     /// Whether there is memory of the process at an address, other than this range's.
     [[nodiscard]] bool is_host_address(std::uintptr_t address) const {
         if (address < 65536 || address >> 47 != 0) return false;
-        if (owns(reinterpret_cast<const void*>(address), 1)) return false;
+        if (address - reinterpret_cast<std::uintptr_t>(begin_) < reserved) return false;
         unsigned char resident;
         return mincore(reinterpret_cast<void*>(address / page_ * page_), page_, &resident) == 0;
     }
@@ -85,7 +85,7 @@ public:
     }
 
 private:
-    static constexpr std::size_t reserved = std::size_t(1) << 34; // addresses, not memory
+    static constexpr std::size_t reserved = std::size_t(1) << 32; // addresses, not memory
 
     GuardedMemory() : page_(static_cast<std::size_t>(sysconf(_SC_PAGESIZE))) {
         void* range = mmap(nullptr, reserved, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
