@@ -89,8 +89,9 @@ Crash crash_of(const Work& work) {
 /// Expects a MemoryError that names function, argument and way out.
 template <class Work>
 void check_refused(std::string_view function, std::string_view argument, const Work& work) {
-    const std::string expected = std::string(function).append(": ").append(argument) +
-                                 " is not memory of the backend 'guarded'; upload it into a Buffer of the backend first";
+    const std::string expected =
+        std::string(function).append(": ").append(argument) +
+        " is not memory of the backend 'guarded'; upload it into a Buffer of the backend first";
     CAPTURE(expected);
     std::string found = "nothing was thrown";
     try {
@@ -197,7 +198,8 @@ TEST_CASE("skeleton, blend shapes and interpolation refuse host memory") {
     check_refused("Skeleton::rotations_backward", "dL_dpose", [&] { skeleton.rotations_backward(v, m, vectors); });
     check_refused("Skeleton::feature", "feature", [&] { skeleton.feature(m, numbers); });
     check_refused("Skeleton::feature_backward", "dL_dfeature", [&] { skeleton.feature_backward(numbers, m); });
-    check_refused("Skeleton::bones", "transl", [&] { skeleton.bones(m, v, Span<const vec3<float>>(vectors).subspan(0, 1), b); });
+    check_refused("Skeleton::bones", "transl",
+                  [&] { skeleton.bones(m, v, Span<const vec3<float>>(vectors).subspan(0, 1), b); });
     check_refused("Skeleton::bones_backward", "dL_dbones",
                   [&] { skeleton.bones_backward(m, v, b, maps, m, v, Span(v.data(), 1)); });
 
@@ -232,8 +234,9 @@ TEST_CASE("fields refuse host memory") {
     Field::Cache<Guarded, float> cache;
     Mlp::Cache<Guarded, float> mlp_cache;
     check_refused("HashGrid::prepare", "points", [&] { field.prepare(backend, points, query); });
-    check_refused("HashGrid::prepare", "weights.fine",
-                  [&] { field.prepare(backend, p, query, {.fine_level = 1, .region = Span<const float>(row).subspan(0, 5)}); });
+    check_refused("HashGrid::prepare", "weights.fine", [&] {
+        field.prepare(backend, p, query, {.fine_level = 1, .region = Span<const float>(row).subspan(0, 5)});
+    });
     field.prepare(backend, p, query);
     check_refused("HashGrid::forward", "table", [&] { field.forward(backend, table, w, query, o, cache); });
     check_refused("Mlp::forward", "weights", [&] { field.forward(backend, t, weights, query, o, cache); });
@@ -247,9 +250,8 @@ TEST_CASE("fields refuse host memory") {
     });
     const Mlp mlp({.inputs = 4, .outputs = 3, .width = 4, .hidden_layers = 1});
     Buffer<float> mlp_weights(mlp.parameter_count());
-    check_refused("Mlp::forward", "inputs.features", [&] {
-        mlp.forward(backend, mlp_weights, {row_major(Span<const float>(row), 4)}, o, mlp_cache);
-    });
+    check_refused("Mlp::forward", "inputs.features",
+                  [&] { mlp.forward(backend, mlp_weights, {row_major(Span<const float>(row), 4)}, o, mlp_cache); });
 }
 
 TEST_CASE("Adam refuses host memory") {
@@ -288,9 +290,8 @@ TEST_CASE("posing, shading and rendering refuse host memory") {
     check_refused("Rasterizer::forward", "background",
                   [&] { rasterizer.forward(camera, view, {.image = host_image}, {.color = image}, cache); });
     rasterizer.forward(camera, view, {}, {.color = image}, cache);
-    check_refused("Rasterizer::backward", "dL_dtarget.color", [&] {
-        rasterizer.backward(camera, view, {}, {.color = host_image}, cache, gradient.view());
-    });
+    check_refused("Rasterizer::backward", "dL_dtarget.color",
+                  [&] { rasterizer.backward(camera, view, {}, {.color = host_image}, cache, gradient.view()); });
     check_refused("Rasterizer::backward", "dL_dsplats.means",
                   [&] { rasterizer.backward(camera, view, {}, {.color = image}, cache, host.view()); });
     std::vector<CameraGradient<float>> dL_dcamera(1);
@@ -334,8 +335,9 @@ TEST_CASE("images, losses and terms of a motion refuse host memory") {
     const Span<const std::uint8_t> host_bytes(bytes);
     check_refused("composite_rgba8", "rgba",
                   [&] { composite_rgba8(backend, host_bytes, size, size, vec3<float>(0), image); });
-    check_refused("composite_rgba8", "out_color",
-                  [&] { composite_rgba8(backend, Span<const std::uint8_t>(rgba), size, size, vec3<float>(0), host_image); });
+    check_refused("composite_rgba8", "out_color", [&] {
+        composite_rgba8(backend, Span<const std::uint8_t>(rgba), size, size, vec3<float>(0), host_image);
+    });
     check_refused("composite_rgba8", "background", [&] {
         composite_rgba8(backend, Span<const std::uint8_t>(rgba), size, size, ImageView<const float>(host_image), image);
     });
@@ -366,7 +368,8 @@ TEST_CASE("images, losses and terms of a motion refuse host memory") {
     const std::vector<FrameLink> links(3);
     const auto links_on_it = on_backend(backend, links);
     const SequenceWeights weights{.pull = 1};
-    const NumberSequence<float> good{links_on_it, on_it, on_it, 2, weights}, bad{links_on_it, on_it, increments, 2, weights};
+    const NumberSequence<float> good{links_on_it, on_it, on_it, 2, weights},
+        bad{links_on_it, on_it, increments, 2, weights};
     check_refused("sequence_value", "sequence.increments", [&] { (void)sequence_value(backend, bad, scratch); });
     check_refused("sequence_backward", "sequence.increments",
                   [&] { sequence_backward(backend, bad, 1, Span<float>(gradient)); });

@@ -36,13 +36,12 @@ int main() {
     // In turn and again: a unit's second run must not depend on what the other one did.
     const auto first = gsh::test::native_results(), other = gsh::test::baseline_results(),
                again = gsh::test::native_results();
-    std::printf("%s (%zu bytes) and %s (%zu bytes)\n", first.instruction_set, first.vector_bytes,
-                other.instruction_set, other.vector_bytes);
+    std::printf("%s (%zu bytes) and %s (%zu bytes)\n", first.instruction_set, first.vector_bytes, other.instruction_set,
+                other.vector_bytes);
     bool good = first.posed == again.posed && first.field == again.field && first.rasterized == again.rasterized;
     if (std::strcmp(other.instruction_set, "baseline") != 0) good = false;
-    for (const double d :
-         {difference("posed", first.posed, other.posed), difference("field", first.field, other.field),
-          difference("rasterized", first.rasterized, other.rasterized)})
+    for (const double d : {difference("posed", first.posed, other.posed), difference("field", first.field, other.field),
+                           difference("rasterized", first.rasterized, other.rasterized)})
         good = good && d < tolerance; // false for NaN
     const bool own = first.field != other.field && first.rasterized != other.rasterized;
     if (first.vector_bytes != other.vector_bytes && !own) { // registers of another width add in another order

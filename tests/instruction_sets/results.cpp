@@ -20,7 +20,9 @@ namespace {
 
 using namespace gsh;
 
-void append(std::vector<double>& to, Span<const float> values) { to.insert(to.end(), values.begin(), values.end()); }
+void append(std::vector<double>& to, Span<const float> values) {
+    to.insert(to.end(), values.begin(), values.end());
+}
 template <class V>
 void append_all(std::vector<double>& to, const std::vector<V>& values) {
     append(to, {reinterpret_cast<const float*>(values.data()), values.size() * sizeof(V) / sizeof(float)});

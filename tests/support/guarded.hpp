@@ -255,8 +255,7 @@ void mlp_forward(Guarded&, const Network& network, const W& weights, const I& in
 }
 template <class Network, class W, class I, class Cache, class D, class F>
 void mlp_backward(Guarded&, const Network& network, const W& weights, const I& inputs, const W& dL_doutputs,
-                  Cache& cache, const D& dL_dweights, const F& dL_dfeatures, Write features_mode,
-                  const D& dL_dshared) {
+                  Cache& cache, const D& dL_dweights, const F& dL_dfeatures, Write features_mode, const D& dL_dshared) {
     GSH_GUARDED_OVERLOAD(mlp_backward, network, weights, inputs, dL_doutputs, cache, dL_dweights, dL_dfeatures,
                          features_mode, dL_dshared);
 }

@@ -179,8 +179,7 @@ Outcome show(const PosedScene& scene, const AvatarData& data) {
     std::vector<vec3<float>> host(dL_dpose.size());
     backend.download(Span<const vec3<float>>(dL_dpose), Span<vec3<float>>(host));
     for (std::size_t j = 0; j < host.size(); ++j)
-        for (int k = 0; k < 3; ++k)
-            outcome.learned[color.size() + 3 * j + static_cast<std::size_t>(k)] = host[j][k];
+        for (int k = 0; k < 3; ++k) outcome.learned[color.size() + 3 * j + static_cast<std::size_t>(k)] = host[j][k];
     return outcome;
 }
 
