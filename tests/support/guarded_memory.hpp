@@ -60,9 +60,10 @@ public:
     }
     [[nodiscard]] bool is_open() const { return depth_ != 0; }
 
-    /// Whether there is memory of the process at an address, other than this range's.
+    /// Whether there is memory of the process at an address, other than this range's. Heap, stacks and libraries lie
+    /// above 0x5000…; below is what sanitizers map for themselves, where pairs of small numbers would seem to point.
     [[nodiscard]] bool is_host_address(std::uintptr_t address) const {
-        if (address < 65536 || address >> 47 != 0) return false;
+        if (address < 0x500000000000 || address >> 47 != 0) return false;
         if (address - reinterpret_cast<std::uintptr_t>(begin_) < reserved) return false;
         unsigned char resident;
         return mincore(reinterpret_cast<void*>(address / page_ * page_), page_, &resident) == 0;

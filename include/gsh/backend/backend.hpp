@@ -36,10 +36,11 @@ concept TellsItsMemory = requires { requires std::same_as<decltype(B::host_memor
 /// host memory serves in its place. Where it is false, owns tells the backend's memory from the host's, and components
 /// refuse the latter (check_memory, backend/memory.hpp).
 template <class B>
-concept Backend = detail::TellsItsMemory<B> && requires(B& backend, std::size_t n, detail::NoOp body, typename B::template Buffer<float>& buffer,
+concept Backend = requires(B& backend, std::size_t n, detail::NoOp body, typename B::template Buffer<float>& buffer,
                            Span<float> span, Span<const float> input) {
     { B::name() } -> std::convertible_to<std::string_view>;
     { B::available() } -> std::same_as<bool>; // at run time: is there a device?
+    requires detail::TellsItsMemory<B>;       // static constexpr bool host_memory, and owns where it is false
     buffer.resize(n);                         // contents are unspecified afterwards
     { buffer.size() } -> std::convertible_to<std::size_t>;
     { Span<float>(buffer) };
