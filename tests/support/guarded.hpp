@@ -5,25 +5,18 @@
 /// reach outside its own work. Code that passes on it passes on a device as far as memory is concerned.
 #pragma once
 
-#include <gsh/avatar/cpu/occlusion_field.hpp>
-#include <gsh/avatar/cpu/skinned_gaussian.hpp>
-#include <gsh/avatar/skinned_element.hpp>
+#include <gsh/avatar/occlusion_field.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/memory.hpp>
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/sum.hpp>
 #include <gsh/body/blend_shapes.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/field/cpu/hash_grid.hpp>
-#include <gsh/field/cpu/mlp.hpp>
-#include <gsh/loss/cpu/lpips.hpp>
-#include <gsh/loss/cpu/photometric.hpp>
+#include <gsh/cpu.hpp>
+#include <gsh/field/features.hpp>
+#include <gsh/field/mlp.hpp>
 #include <gsh/loss/lpips_network.hpp>
 #include <gsh/loss/photometric_cache.hpp>
-#include <gsh/optim/cpu/adam.hpp>
-#include <gsh/render/cpu/composite.hpp>
-#include <gsh/render/cpu/composite_backward.hpp>
 #include <gsh/render/raster_cache.hpp>
 
 #include "support/guarded_memory.hpp"
@@ -147,7 +140,7 @@ static_assert(Backend<Guarded> && !CpuBackend<Guarded>);
 
 } // namespace gsh::test
 
-// What the CPU's overloads take as their backend's caches, the guarded backend's are, too.
+// What the CPU's overloads take as their backend's caches and scratch, the guarded backend's are, too.
 namespace gsh {
 
 template <std::floating_point T>
@@ -159,7 +152,13 @@ struct LpipsWeights<test::Guarded, T> : LpipsWeights<test::GuardedInside, T> {};
 template <std::floating_point T>
 struct LpipsFeatures<test::Guarded, T> : LpipsFeatures<test::GuardedInside, T> {};
 template <std::floating_point T>
-struct SkinnedSplatsWorkspace<test::Guarded, T> : SkinnedSplatsWorkspace<test::GuardedInside, T> {};
+struct MlpScratch<test::Guarded, T> : MlpScratch<test::GuardedInside, T> {};
+template <std::floating_point T>
+struct SkinnedSplatsScratch<test::Guarded, T> : SkinnedSplatsScratch<test::GuardedInside, T> {};
+template <std::floating_point T>
+struct OcclusionFieldScratch<test::Guarded, T> : OcclusionFieldScratch<test::GuardedInside, T> {};
+template <std::floating_point T>
+struct BlendShapesScratch<test::Guarded, T> : BlendShapesScratch<test::GuardedInside, T> {};
 
 } // namespace gsh
 
