@@ -35,6 +35,8 @@
 #include <utility>
 #include <vector>
 
+namespace memory_test { // joined with the other tests, which mean other things by the same names
+
 using namespace gsh;
 using test::Guarded;
 template <class T>
@@ -375,3 +377,5 @@ TEST_CASE("images, losses and terms of a motion refuse host memory") {
                   [&] { sequence_backward(backend, bad, 1, Span<float>(gradient)); });
     CHECK(sequence_value(backend, good, scratch) == 0);
 }
+
+} // namespace memory_test

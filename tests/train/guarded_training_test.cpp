@@ -16,6 +16,8 @@
 #include <utility>
 #include <vector>
 
+namespace guarded_training { // joined with the other tests, which have helpers of the same names
+
 using namespace gsh;
 using test::Guarded;
 using test::PosedScene;
@@ -228,3 +230,5 @@ TEST_CASE("so is an avatar posed and rendered, with shadows that follow the pose
     REQUIRE(avatar.occlusion.has_value());
     check_equal(show<Guarded>(scene, avatar), show<cpu::Serial>(scene, avatar));
 }
+
+} // namespace guarded_training
