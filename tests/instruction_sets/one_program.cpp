@@ -5,6 +5,9 @@
 /// unit's functions, both units run the code of one, with identical results, and a machine without the larger set stops
 /// at its first instruction; where some are inlined and some replaced, 16 bytes meet code that expects 64.
 
+#define DOCTEST_CONFIG_IMPLEMENT // what tests share needs it; main is our own
+#include <doctest/doctest.h>
+
 #include "instruction_sets/results.hpp"
 
 #include <algorithm>

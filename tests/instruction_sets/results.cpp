@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Compiled once for each instruction set, with GSH_TEST_RESULTS as the name of its one function.
-#define DOCTEST_CONFIG_DISABLE // what tests share includes it
 
 #include "instruction_sets/results.hpp"
 
