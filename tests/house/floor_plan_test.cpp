@@ -202,6 +202,19 @@ TEST_CASE("no line of a header is longer than 120 characters") {
         }
 }
 
+TEST_CASE("what the CPU backends run lies in the inline namespace of its instruction set") {
+    std::size_t found = 0;
+    for (const auto& header : headers())
+        for (std::size_t i = 0; i < header.lines.size(); ++i) {
+            const std::string& line = header.lines[i];
+            if (!line.starts_with("namespace gsh::cpu") && !line.starts_with("namespace cpu")) continue;
+            ++found;
+            CHECK_MESSAGE(line.find("cpu::inline GSH_ISA") != std::string::npos, header.at(static_cast<int>(i) + 1),
+                          "write namespace gsh::cpu::inline GSH_ISA; see core/config.hpp");
+        }
+    CHECK(found > 10);
+}
+
 TEST_CASE("opt-in libraries stay in their folders") {
     for (const auto& header : headers())
         for (const auto& include : header.includes)

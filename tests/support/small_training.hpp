@@ -125,8 +125,10 @@ struct SmallTraining {
     SmallTraining(const SmallTraining&) = delete;
 
     std::vector<float> parameters(ParameterGroup group) {
-        const auto& values = model.parameters()[group];
-        return {values.begin(), values.end()};
+        const Span<const float> values = model.parameters()[group];
+        std::vector<float> host(values.size());
+        backend.download(values, Span<float>(host));
+        return host;
     }
     /// All parameters, one after the other.
     std::vector<float> parameters() {

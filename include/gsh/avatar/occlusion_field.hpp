@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
@@ -179,6 +180,8 @@ public:
         check_size("OcclusionField::forward", "ao", ao.size(), size(), "one per Gaussian");
         check_size("OcclusionField::forward", "the pose's numbers", skeleton.pose_feature_count(),
                    pose_weights_.size() / width_, "the field must be made for this skeleton");
+        check_memory(*backend_, "OcclusionField::forward", "rotations", rotations);
+        check_memory(*backend_, "OcclusionField::forward", "ao", ao);
         cache.feature.resize(skeleton.pose_feature_count());
         cache.neurons.resize(width_);
         skeleton.feature(rotations, cache.feature);
@@ -196,6 +199,9 @@ public:
         check_size("OcclusionField::backward", "dL_dao", dL_dao.size(), size(), "one per Gaussian");
         check_size("OcclusionField::backward", "cache.neurons", cache.neurons.size(), width_,
                    "forward must come first");
+        check_memory(*backend_, "OcclusionField::backward", "ao", ao);
+        check_memory(*backend_, "OcclusionField::backward", "dL_dao", dL_dao);
+        check_memory(*backend_, "OcclusionField::backward", "dL_drotations", dL_drotations);
         cache.dL_dlogits.resize(size());
         cache.dL_dneurons.resize(width_);
         cache.dL_dfeature.resize(cache.feature.size());
@@ -231,6 +237,8 @@ template <Backend B>
                 "the network must have one output and a hidden layer");
     check_value(features.columns <= mlp.inputs(), "bake_occlusion_field",
                 "there are more features than the network has inputs");
+    check_memory(backend, "bake_occlusion_field", "weights", weights);
+    check_memory(backend, "bake_occlusion_field", "features", features.values);
     OcclusionFieldData data{
         .width = mlp.params().width, .hidden_layers = mlp.params().hidden_layers, .bias = bias, .largest = largest};
     const std::size_t W = mlp.layer_outputs(0), F = features.columns, P = mlp.inputs() - F;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/body/blend_shapes.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
@@ -204,6 +205,7 @@ public:
     void forward(const RigPose<B, T>& pose, Span<const vec3<T>> joints, Cache& cache) const {
         check_size("Rig::forward", "joints", joints.size(), joint_count_, "store one per joint");
         check_size("Rig::forward", "coefficients", pose.coefficients.size(), coefficient_count());
+        check_memory(*backend_, "Rig::forward", "joints", joints);
         cache.rotations.resize(joint_count_);
         cache.joints.resize(joint_count_);
         cache.bones.resize(joint_count_);
@@ -231,6 +233,12 @@ public:
     /// Adjoint of forward and add_offsets: adds to dL_djoints and to what is asked for in dL_dpose.
     void backward(const RigPose<B, T>& pose, Cache& cache, Span<const Affine<T>> dL_dbones,
                   Span<const vec3<T>> dL_dpoints, Span<vec3<T>> dL_djoints, RigPoseGradient<T> dL_dpose = {}) {
+        check_memory(*backend_, "Rig::backward", "dL_dbones", dL_dbones);
+        check_memory(*backend_, "Rig::backward", "dL_dpoints", dL_dpoints);
+        check_memory(*backend_, "Rig::backward", "dL_djoints", dL_djoints);
+        check_memory(*backend_, "Rig::backward", "dL_dpose.pose", dL_dpose.pose);
+        check_memory(*backend_, "Rig::backward", "dL_dpose.coefficients", dL_dpose.coefficients);
+        check_memory(*backend_, "Rig::backward", "dL_dpose.transl", dL_dpose.transl);
         cache.dL_drotations.resize(joint_count_);
         cache.dL_djoints.resize(joint_count_);
         cache.dL_dtransl.resize(1);

@@ -4,6 +4,7 @@
 
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/lane.hpp>
@@ -19,6 +20,7 @@
 
 #include <concepts>
 #include <cstddef>
+#include <string_view>
 #include <type_traits>
 
 namespace gsh {
@@ -127,6 +129,19 @@ struct SkinnedView {
 
     [[nodiscard]] GSH_HD std::size_t size() const { return means.size(); }
 };
+
+/// Throws MemoryError unless the backend reaches every attribute.
+template <Backend B, class T>
+void check_memory(const B& backend, std::string_view where, std::string_view argument, const SkinnedView<T>& view) {
+    check_memory(backend, where, argument, view.means, "means");
+    check_memory(backend, where, argument, view.quats, "quats");
+    check_memory(backend, where, argument, view.log_scales, "log_scales");
+    check_memory(backend, where, argument, view.opacity_logits, "opacity_logits");
+    check_memory(backend, where, argument, view.sh, "sh");
+    check_memory(backend, where, argument, view.ao, "ao");
+    check_memory(backend, where, argument, view.weights.joints, "weights.joints");
+    check_memory(backend, where, argument, view.weights.weights, "weights.weights");
+}
 
 namespace detail {
 

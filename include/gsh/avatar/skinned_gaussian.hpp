@@ -133,6 +133,9 @@ void skinned_splats_forward(B& backend, const std::type_identity_t<SkinnedView<c
     const std::size_t count = gaussians.size(), stride = gaussians.sh_stride ? gaussians.sh_stride : basis_count;
     detail::check_skinned(where, "gaussians", gaussians, count, basis_count, false);
     detail::check_posed(where, "splats", splats, count);
+    check_memory(backend, where, "gaussians", gaussians);
+    check_memory(backend, where, "bones", bones);
+    check_memory(backend, where, "splats", splats);
     detail::with_deformation(deformation, [&]<class D>(D) {
         const auto own = detail::bones_of<D>(backend, bones, workspace);
         skinned_splats_pose(
@@ -171,6 +174,12 @@ void skinned_splats_backward(B& backend, const std::type_identity_t<SkinnedView<
     detail::check_skinned(where, "dL_dgaussians", dL_dgaussians, count, basis_count, true);
     if (!dL_dbones.empty()) check_size(where, "dL_dbones", dL_dbones.size(), bones.size(), "one per bone, or none");
     if (!dL_dcenter.empty()) check_size(where, "dL_dcenter", dL_dcenter.size(), 1, "one vector, or none");
+    check_memory(backend, where, "gaussians", gaussians);
+    check_memory(backend, where, "bones", bones);
+    check_memory(backend, where, "dL_dsplats", dL_dsplats);
+    check_memory(backend, where, "dL_dgaussians", dL_dgaussians);
+    check_memory(backend, where, "dL_dbones", dL_dbones);
+    check_memory(backend, where, "dL_dcenter", dL_dcenter);
     const std::size_t dL_dsh_stride = dL_dgaussians.sh_stride ? dL_dgaussians.sh_stride : basis_count;
     detail::with_deformation(deformation, [&]<class D>(D) {
         const auto own = detail::bones_of<D>(backend, bones, workspace);

@@ -21,17 +21,26 @@ struct NoOpChunk {
 /// False for every backend. A component asserts it where it would run a backend's overload and finds none.
 template <class B>
 inline constexpr bool overload_is_included = false;
+
+template <class B>
+concept TellsItsMemory = requires { requires std::same_as<decltype(B::host_memory), const bool>; } &&
+                         (B::host_memory || requires(const B& backend, const void* memory, std::size_t bytes) {
+                             { backend.owns(memory, bytes) } -> std::same_as<bool>;
+                         });
 } // namespace detail
 
 /// An object that owns threads or a stream, hands out storage and runs function objects over index ranges.
 ///
 /// A Buffer's memory belongs to the backend: only for_each bodies and the backend's own overloads may touch it;
-/// the host gets at it through upload and download.
+/// the host gets at it through upload and download. Where host_memory is true a Buffer is host memory, and any other
+/// host memory serves in its place. Where it is false, owns tells the backend's memory from the host's, and components
+/// refuse the latter (check_memory, backend/memory.hpp).
 template <class B>
 concept Backend = requires(B& backend, std::size_t n, detail::NoOp body, typename B::template Buffer<float>& buffer,
                            Span<float> span, Span<const float> input) {
     { B::name() } -> std::convertible_to<std::string_view>;
     { B::available() } -> std::same_as<bool>; // at run time: is there a device?
+    requires detail::TellsItsMemory<B>;       // static constexpr bool host_memory, and owns where it is false
     buffer.resize(n);                         // contents are unspecified afterwards
     { buffer.size() } -> std::convertible_to<std::size_t>;
     { Span<float>(buffer) };
@@ -54,7 +63,7 @@ concept HostExecutor =
 
 /// A backend whose buffers are host memory and which can run fixed chunks of a range.
 template <class B>
-concept CpuBackend = Backend<B> && HostExecutor<B> && requires(B& backend) {
+concept CpuBackend = Backend<B> && B::host_memory && HostExecutor<B> && requires(B& backend) {
     { backend.thread_count() } -> std::convertible_to<std::size_t>;
 };
 

@@ -10,7 +10,7 @@
 #include <new>
 #include <type_traits>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 /// Owning array of trivially copyable T, aligned to a cache line. resize leaves the contents unspecified; memory is
 /// kept when shrinking, so a step that repeats its sizes allocates nothing.

@@ -10,13 +10,14 @@
 #include <string_view>
 #include <type_traits>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 /// Element copies that every backend with host memory shares.
 struct HostMemory {
     template <class T>
     using Buffer = cpu::Buffer<T>;
+    static constexpr bool host_memory = true;
 
     template <class T>
     void fill(Span<T> values, std::type_identity_t<T> value) {

@@ -18,7 +18,7 @@
 #include <string_view>
 #include <thread>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 /// One parallel loop, on the caller's stack. Fork and join are spelled out as a release and an acquire: oneTBB orders

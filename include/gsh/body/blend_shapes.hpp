@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/vec.hpp>
@@ -80,6 +81,8 @@ public:
     void forward(Span<const T> coefficients, Span<vec3<T>> offsets) const {
         check_size("BlendShapes::forward", "coefficients", coefficients.size(), coefficient_count_);
         check_size("BlendShapes::forward", "offsets", offsets.size(), vertex_count_, "store one per vertex");
+        check_memory(*backend_, "BlendShapes::forward", "coefficients", coefficients);
+        check_memory(*backend_, "BlendShapes::forward", "offsets", offsets);
         if (vertex_count_ == 0 || coefficient_count_ == 0) return;
         blend_shapes_forward(*backend_, Span<const vec3<T>>(directions_), coefficients, offsets);
     }
@@ -88,6 +91,8 @@ public:
     void backward(Span<const vec3<T>> dL_doffsets, Span<T> dL_dcoefficients, Workspace& workspace) const {
         check_size("BlendShapes::backward", "dL_doffsets", dL_doffsets.size(), vertex_count_, "store one per vertex");
         check_size("BlendShapes::backward", "dL_dcoefficients", dL_dcoefficients.size(), coefficient_count_);
+        check_memory(*backend_, "BlendShapes::backward", "dL_doffsets", dL_doffsets);
+        check_memory(*backend_, "BlendShapes::backward", "dL_dcoefficients", dL_dcoefficients);
         if (vertex_count_ == 0 || coefficient_count_ == 0) return;
         blend_shapes_backward(*backend_, Span<const vec3<T>>(directions_), dL_doffsets, dL_dcoefficients, workspace);
     }

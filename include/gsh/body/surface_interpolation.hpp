@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
@@ -99,6 +100,8 @@ public:
     void forward(Span<const vec3<T>> values, Span<vec3<T>> points) const {
         check_size("SurfaceInterpolation::forward", "values", values.size(), vertex_count_, "store one per vertex");
         check_size("SurfaceInterpolation::forward", "points", points.size(), point_count_, "store one per sample");
+        check_memory(*backend_, "SurfaceInterpolation::forward", "values", values);
+        check_memory(*backend_, "SurfaceInterpolation::forward", "points", points);
         backend_->for_each(point_count_, detail::SurfaceGather<T>{corners_, values, points});
     }
 
@@ -108,6 +111,8 @@ public:
                    "store one per sample");
         check_size("SurfaceInterpolation::backward", "dL_dvalues", dL_dvalues.size(), vertex_count_,
                    "store one per vertex");
+        check_memory(*backend_, "SurfaceInterpolation::backward", "dL_dpoints", dL_dpoints);
+        check_memory(*backend_, "SurfaceInterpolation::backward", "dL_dvalues", dL_dvalues);
         backend_->for_each(vertex_count_, detail::SurfaceScatter<T>{starts_, entries_, dL_dpoints, dL_dvalues});
     }
 

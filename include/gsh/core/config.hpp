@@ -28,3 +28,24 @@
 #else
 #define GSH_VECTOR_BYTES 16
 #endif
+
+/// Name of the instruction set that the compiler writes code for, and of the inline namespace of what depends on it.
+///
+/// Lanes (Wide) and the work of the CPU backends differ in layout and in rounding from one set to the next: registers
+/// are wider, rows are padded to whole registers, a product and a sum become one instruction. Without the namespace,
+/// two translation units compiled for two sets define the same functions in two ways, and the linker keeps one of each,
+/// whichever comes first. With it each unit keeps its own, and gsh::cpu::Serial of one unit is another type than that
+/// of the other. Plain data, such as vec3, Camera or Gaussians on the host, is the same in both.
+#if defined(__AVX512F__)
+#define GSH_ISA avx512
+#elif defined(__AVX2__) && defined(__FMA__)
+#define GSH_ISA avx2
+#elif defined(__AVX__) && defined(__FMA__)
+#define GSH_ISA avx_fma
+#elif defined(__AVX__)
+#define GSH_ISA avx
+#elif defined(__SSE4_1__)
+#define GSH_ISA sse4
+#else
+#define GSH_ISA baseline
+#endif

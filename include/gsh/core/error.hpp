@@ -42,6 +42,12 @@ public:
     using Error::Error;
 };
 
+/// Memory that the backend at work cannot reach.
+class MemoryError : public Error {
+public:
+    using Error::Error;
+};
+
 /// Throws ShapeError unless found == expected: "where: argument has 79 elements, expected 80; hint".
 inline void check_size(std::string_view where, std::string_view argument, std::size_t found,
                        std::size_t expected, std::string_view hint = {}) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/features.hpp>
@@ -102,6 +103,7 @@ public:
             grid_.prepare(backend, points, query.grids[0], LevelWeights<T>{scales.fine_level, {}, scales.region});
         } else {
             check_size("HashField::prepare", "region", scales.region.size(), points.size(), "one τ per point");
+            check_memory(backend, "HashField::prepare", "region", scales.region);
             std::vector<T> rest(points.size()), none(points.size(), T(0)), region(points.size());
             backend.download(scales.region, Span<T>(region));
             for (std::size_t i = 0; i < region.size(); ++i) rest[i] = T(1) - region[i];

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/lane.hpp>
@@ -144,6 +145,9 @@ public:
         };
         check_weights(weights.coarse);
         check_weights(weights.fine);
+        check_memory(backend, "HashGrid::prepare", "points", points);
+        check_memory(backend, "HashGrid::prepare", "weights.coarse", weights.coarse);
+        check_memory(backend, "HashGrid::prepare", "weights.fine", weights.fine);
         query.x.resize(points.size());
         query.y.resize(points.size());
         query.z.resize(points.size());
@@ -161,6 +165,8 @@ public:
         check_features("HashGrid::forward", "features", features, query.size(), output_count);
         check_value(features.block % Features == 0, "HashGrid::forward",
                     "features.block must be a multiple of Features");
+        check_memory(backend, "HashGrid::forward", "table", table);
+        check_memory(backend, "HashGrid::forward", "features", features.values);
         hash_forward(backend, *this, table, query, features, mode);
     }
 
@@ -172,6 +178,8 @@ public:
         check_features("HashGrid::backward", "dL_dfeatures", dL_dfeatures, query.size(), output_count);
         check_value(dL_dfeatures.block % Features == 0, "HashGrid::backward",
                     "dL_dfeatures.block must be a multiple of Features");
+        check_memory(backend, "HashGrid::backward", "dL_dfeatures", dL_dfeatures.values);
+        check_memory(backend, "HashGrid::backward", "dL_dtable", dL_dtable);
         hash_backward(backend, *this, dL_dfeatures, query, dL_dtable);
     }
 
@@ -270,6 +278,9 @@ void HashGrid<Levels, Features>::backward_points(B& backend, std::type_identity_
     check_size("HashGrid::backward_points", "table", table.size(), parameter_count());
     check_features("HashGrid::backward_points", "dL_dfeatures", dL_dfeatures, query.size(), output_count);
     check_size("HashGrid::backward_points", "dL_dpoints", dL_dpoints.size(), query.size());
+    check_memory(backend, "HashGrid::backward_points", "table", table);
+    check_memory(backend, "HashGrid::backward_points", "dL_dfeatures", dL_dfeatures.values);
+    check_memory(backend, "HashGrid::backward_points", "dL_dpoints", dL_dpoints);
     backend.for_each(query.size(), detail::HashBackwardPoint<HashGrid, T>{*this, query.x, query.y, query.z, table,
                                                                           dL_dfeatures, query.weights(), dL_dpoints});
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/core/span.hpp>
@@ -109,6 +110,9 @@ public:
         check_size("Mlp::forward", "weights", weights.size(), parameter_count());
         check_inputs("Mlp::forward", inputs, inputs.features.rows);
         check_size("Mlp::forward", "outputs", outputs.size(), inputs.features.rows * this->outputs());
+        check_memory(backend, "Mlp::forward", "weights", weights);
+        check_inputs_memory(backend, "Mlp::forward", inputs);
+        check_memory(backend, "Mlp::forward", "outputs", outputs);
         cache.rows = inputs.features.rows;
         if (cache.rows) mlp_forward(backend, *this, weights, inputs, outputs, cache.scratch);
     }
@@ -128,6 +132,12 @@ public:
         if (!dL_dfeatures.empty())
             check_features("Mlp::backward", "dL_dfeatures", dL_dfeatures, cache.rows, inputs.features.columns);
         if (!dL_dshared.empty()) check_size("Mlp::backward", "dL_dshared", dL_dshared.size(), inputs.shared.size());
+        check_memory(backend, "Mlp::backward", "weights", weights);
+        check_inputs_memory(backend, "Mlp::backward", inputs);
+        check_memory(backend, "Mlp::backward", "dL_doutputs", dL_doutputs);
+        check_memory(backend, "Mlp::backward", "dL_dweights", dL_dweights);
+        check_memory(backend, "Mlp::backward", "dL_dfeatures", dL_dfeatures.values);
+        check_memory(backend, "Mlp::backward", "dL_dshared", dL_dshared);
         if (cache.rows)
             mlp_backward(backend, *this, weights, inputs, dL_doutputs, cache.scratch, dL_dweights, dL_dfeatures,
                          features_mode, dL_dshared);
@@ -143,6 +153,13 @@ private:
                     "inputs.points must hold one row of numbers per row of features");
         check_size(where, "inputs", inputs.features.columns + beside, this->inputs(),
                    "columns of features and points, and shared");
+    }
+
+    template <Backend B, class T>
+    static void check_inputs_memory(const B& backend, std::string_view where, const MlpInputs<T>& inputs) {
+        check_memory(backend, where, "inputs.features", inputs.features.values);
+        check_memory(backend, where, "inputs.points", inputs.points);
+        check_memory(backend, where, "inputs.shared", inputs.shared);
     }
 
     Params params_;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/quat.hpp>
@@ -71,6 +72,16 @@ void check_gaussians(std::string_view where, std::string_view argument, const Ga
     check("log_scales", view.log_scales.size(), count, "three log-scales per Gaussian");
     check("opacity_logits", view.opacity_logits.size(), count, "one opacity logit per Gaussian");
     check("sh", view.sh.size(), count * basis, "(sh_degree + 1)² RGB coefficients per Gaussian");
+}
+
+/// Throws MemoryError unless the backend reaches every attribute.
+template <Backend B, class T>
+void check_memory(const B& backend, std::string_view where, std::string_view argument, const GaussiansView<T>& view) {
+    check_memory(backend, where, argument, view.means, "means");
+    check_memory(backend, where, argument, view.quats, "quats");
+    check_memory(backend, where, argument, view.log_scales, "log_scales");
+    check_memory(backend, where, argument, view.opacity_logits, "opacity_logits");
+    check_memory(backend, where, argument, view.sh, "sh");
 }
 
 /// Storage behind a GaussiansView, in the backend's memory.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
@@ -54,6 +55,15 @@ void fill_zero(B& backend, const SplatView<T>& gradient) {
     backend.fill(gradient.covariances, sym3<T>{});
     backend.fill(gradient.opacities, T(0));
     backend.fill(gradient.colors, vec3<T>(T(0)));
+}
+
+/// Throws MemoryError unless the backend reaches every attribute.
+template <Backend B, class T>
+void check_memory(const B& backend, std::string_view where, std::string_view argument, const SplatView<T>& splats) {
+    check_memory(backend, where, argument, splats.means, "means");
+    check_memory(backend, where, argument, splats.covariances, "covariances");
+    check_memory(backend, where, argument, splats.opacities, "opacities");
+    check_memory(backend, where, argument, splats.colors, "colors");
 }
 
 /// Storage behind a SplatView.

@@ -131,6 +131,8 @@ void static_splats_forward(B& backend, const std::type_identity_t<GaussiansView<
     detail::check_degree(where, gaussians.sh_degree, Degree);
     check_gaussians(where, "gaussians", gaussians, gaussians.size());
     detail::check_splats(where, "splats", splats, gaussians.size());
+    check_memory(backend, where, "gaussians", gaussians);
+    check_memory(backend, where, "splats", splats);
     backend.for_each(gaussians.size(), detail::StaticSplatForward<Degree, T>{gaussians, center, clamping, splats});
 }
 
@@ -151,6 +153,10 @@ void static_splats_backward(B& backend, const std::type_identity_t<GaussiansView
     detail::check_splats(where, "dL_dsplats", dL_dsplats, count);
     check_gaussians(where, "dL_dgaussians", dL_dgaussians, count, true);
     if (!dL_dcenter.empty()) check_size(where, "dL_dcenter", dL_dcenter.size(), 1, "one vector, or none");
+    check_memory(backend, where, "gaussians", gaussians);
+    check_memory(backend, where, "dL_dsplats", dL_dsplats);
+    check_memory(backend, where, "dL_dgaussians", dL_dgaussians);
+    check_memory(backend, where, "dL_dcenter", dL_dcenter);
 
     workspace.dL_dcenters.resize(dL_dcenter.empty() ? 0 : count);
     backend.for_each(count, detail::StaticSplatBackward<Degree, T>{gaussians, center, clamping, dL_dsplats,

@@ -85,6 +85,9 @@ void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int 
     check_image(where, "out_color", out_color, 3, height, width);
     const bool with_alpha = out_alpha.channels != 0;
     if (with_alpha) check_image(where, "out_alpha", out_alpha, 1, height, width);
+    check_memory(backend, where, "rgba", rgba);
+    check_memory(backend, where, "out_color", out_color);
+    check_memory(backend, where, "out_alpha", out_alpha);
     const std::size_t plane = out_color.plane_size();
     check_size(where, "rgba", rgba.size(), 4 * plane, "give four bytes a pixel: red, green, blue, alpha");
     backend.for_each(plane, CompositeRgba8<T, Background>{rgba.data(), background, out_color.data.data(),
@@ -113,6 +116,7 @@ void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int 
                      const std::type_identity_t<ImageView<const T>>& background, const ImageView<T>& out_color,
                      const ImageView<T>& out_alpha = {}) {
     check_image("composite_rgba8", "background", background, 3, height, width);
+    check_memory(backend, "composite_rgba8", "background", background);
     detail::composite_rgba8(backend, rgba, height, width,
                             detail::ImageBackground<T>{background.data.data(), background.plane_size()}, out_color,
                             out_alpha);

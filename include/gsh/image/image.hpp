@@ -2,6 +2,8 @@
 /// @file  Planar images: one contiguous plane of rows per channel.
 #pragma once
 
+#include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 
@@ -38,6 +40,12 @@ struct ImageView {
         return {data, channels, height, width};
     }
 };
+
+/// Throws MemoryError unless the backend reaches the image; an empty one passes.
+template <Backend B, class T>
+void check_memory(const B& backend, std::string_view where, std::string_view argument, const ImageView<T>& image) {
+    check_memory(backend, where, argument, image.data);
+}
 
 /// A planar image in host memory.
 template <class T>

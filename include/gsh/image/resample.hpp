@@ -113,6 +113,8 @@ void resample(B& backend, const std::type_identity_t<ImageView<const T>>& source
               const ImageView<T>& out) {
     check_image("resample", "source", source, out.channels, source.height, source.width);
     check_image("resample", "out", out, out.channels, out.height, out.width);
+    check_memory(backend, "resample", "source", source);
+    check_memory(backend, "resample", "out", out);
     if (source.empty()) {
         backend.fill(out.data, T(0));
         return;
@@ -134,6 +136,8 @@ void resample_rgba8(B& backend, Span<const std::uint8_t> source, int source_heig
     const auto bytes = [](int h, int w) { return 4 * static_cast<std::size_t>(h) * static_cast<std::size_t>(w); };
     check_size(where, "source", source.size(), bytes(source_height, source_width), "give four bytes a pixel");
     check_size(where, "out", out.size(), bytes(height, width), "give four bytes a pixel");
+    check_memory(backend, where, "source", source);
+    check_memory(backend, where, "out", out);
     if (source.empty()) {
         backend.fill(out, std::uint8_t(0));
         return;

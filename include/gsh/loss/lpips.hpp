@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/lpips_network.hpp>
@@ -51,6 +52,7 @@ public:
     void forward(const ImageView<const T>& image, Features& features) const {
         constexpr std::string_view where = "Lpips::forward";
         check_image(where, "image", image, 3, image.height, image.width);
+        check_memory(*backend_, where, "image", image);
         check_value(image.height >= smallest_side_ && image.width >= smallest_side_, where,
                     "image is " + std::to_string(image.width) + " x " + std::to_string(image.height) +
                         " pixels, expected at least " + std::to_string(smallest_side_) + " each way for " + name_);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
@@ -257,6 +258,10 @@ template <Backend B, class Sequence, class U>
 void sequence_backward(B& backend, const Sequence& sequence, std::size_t frame, Span<U> dE_dincrements) {
     check_size("sequence_backward", "dE_dincrements", dE_dincrements.size(), sequence.width);
     check_value(frame < sequence.links.size(), "sequence_backward", "the frame is beyond the sequence's end");
+    check_memory(backend, "sequence_backward", "dE_dincrements", dE_dincrements);
+    check_memory(backend, "sequence_backward", "sequence.increments", sequence.increments);
+    check_memory(backend, "sequence_backward", "sequence.initial", sequence.initial);
+    check_memory(backend, "sequence_backward", "sequence.links", sequence.links);
     if (sequence.weights.pull == 0 && sequence.weights.drift == 0 && sequence.weights.acceleration == 0) return;
     backend.for_each(sequence.width, detail::SequenceGradient<Sequence, U>{sequence, frame, dE_dincrements});
 }
@@ -266,6 +271,9 @@ template <Backend B, class Sequence, class Buffer>
 [[nodiscard]] double sequence_value(B& backend, const Sequence& sequence, Buffer& scratch) {
     using T = std::remove_cvref_t<decltype(sequence.value(0, 0))>;
     std::vector<T> host(sequence.links.size() * sequence.width);
+    check_memory(backend, "sequence_value", "sequence.increments", sequence.increments);
+    check_memory(backend, "sequence_value", "sequence.initial", sequence.initial);
+    check_memory(backend, "sequence_value", "sequence.links", sequence.links);
     scratch.resize(host.size());
     backend.for_each(host.size(), detail::SequenceValue<Sequence, T>{sequence, scratch});
     backend.download(Span<const T>(scratch), Span<T>(host));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/photometric_cache.hpp>
@@ -47,6 +48,8 @@ public:
     void forward(const ImageView<const T>& render, const ImageView<const T>& truth, Cache& cache) const {
         check_image("PhotometricLoss::forward", "render", render, render.channels, render.height, render.width);
         check_image("PhotometricLoss::forward", "truth", truth, render.channels, render.height, render.width);
+        check_memory(*backend_, "PhotometricLoss::forward", "render", render);
+        check_memory(*backend_, "PhotometricLoss::forward", "truth", truth);
         cache.channels = render.channels, cache.height = render.height, cache.width = render.width;
         cache.with_ssim = params_.ssim_weight != T(0);
         cache.values.resize(3);
@@ -60,6 +63,9 @@ public:
         check_image(where, "render", render, cache.channels, cache.height, cache.width);
         check_image(where, "truth", truth, cache.channels, cache.height, cache.width);
         check_image(where, "dL_drender", dL_drender, cache.channels, cache.height, cache.width);
+        check_memory(*backend_, where, "render", render);
+        check_memory(*backend_, where, "truth", truth);
+        check_memory(*backend_, where, "dL_drender", dL_drender);
         check_value(cache.with_ssim == (params_.ssim_weight != T(0)), where,
                     "cache comes from a loss with another ssim_weight; use one cache per loss");
         photometric_backward(*backend_, render, truth, dL_dloss, params_, cache, dL_drender);

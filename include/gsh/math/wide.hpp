@@ -20,16 +20,18 @@
 namespace gsh {
 
 namespace detail {
-template <class S>
+template <class S, std::size_t Bytes>
 struct VectorRegister {
-    typedef S type __attribute__((vector_size(GSH_VECTOR_BYTES)));
+    typedef S type __attribute__((vector_size(Bytes)));
 };
 } // namespace detail
+
+inline namespace GSH_ISA { // a register of another instruction set is another type
 
 /// The outcome of a comparison of Wides whose numbers have sizeof(Bits) bytes: all bits set in each true lane.
 template <std::signed_integral Bits>
 struct WideMask {
-    using Vector = typename detail::VectorRegister<Bits>::type;
+    using Vector = typename detail::VectorRegister<Bits, GSH_VECTOR_BYTES>::type;
     Vector bits;
 
     [[nodiscard]] GSH_INLINE friend WideMask operator&(WideMask a, WideMask b) { return {a.bits & b.bits}; }
@@ -41,7 +43,7 @@ struct WideMask {
 template <class S>
     requires(std::is_arithmetic_v<S> && sizeof(S) >= 4 && sizeof(S) <= 8)
 struct Wide {
-    using Vector = typename detail::VectorRegister<S>::type;
+    using Vector = typename detail::VectorRegister<S, GSH_VECTOR_BYTES>::type;
     using Mask = WideMask<std::conditional_t<sizeof(S) == 4, std::int32_t, std::int64_t>>;
     static constexpr std::size_t width = GSH_VECTOR_BYTES / sizeof(S);
 
@@ -95,6 +97,8 @@ template <std::signed_integral Bits>
     return seen != 0;
 }
 
+} // namespace GSH_ISA
+
 template <class S>
 struct LaneTraits<Wide<S>> {
     using Scalar = S;
@@ -123,6 +127,8 @@ struct LaneTraits<Wide<S>> {
         return To::load(out);
     }
 };
+
+inline namespace GSH_ISA {
 
 template <std::floating_point S>
 [[nodiscard]] GSH_INLINE Wide<S> sqrt(Wide<S> x) {
@@ -209,5 +215,7 @@ GSH_INLINE void add_lane(const Wides& wides, std::size_t lane, Numbers& numbers)
     for (std::size_t k = 0; k < count; ++k)
         reinterpret_cast<S*>(&numbers)[k] += reinterpret_cast<const Wide<S>*>(&wides)[k][lane];
 }
+
+} // namespace GSH_ISA
 
 } // namespace gsh

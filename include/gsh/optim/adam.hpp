@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/lane.hpp>
@@ -81,6 +82,7 @@ struct Adam {
     void step(B& backend, Span<T> parameters, std::type_identity_t<Span<T>> gradients,
               std::type_identity_t<Span<T>> m, std::type_identity_t<Span<T>> v, double rate, std::int64_t step_number,
               UsedGradients used = UsedGradients::keep) const {
+        check_memory<T>(backend, "Adam::step", parameters, gradients, m, v);
         adam_step(backend, prepared<T>(parameters, gradients, m, v, rate, step_number, used), parameters.size());
     }
 
@@ -96,6 +98,8 @@ struct Adam {
                    std::int64_t step_number, UsedGradients used = UsedGradients::keep) const {
         check_value(width > 0 && parameters.size() % width == 0, "Adam::step_rows",
                     "parameters must hold a whole number of rows of width > 0");
+        check_memory<T>(backend, "Adam::step_rows", parameters, gradients, m, v);
+        gsh::check_memory(backend, "Adam::step_rows", "rows", rows);
         adam_step_rows(backend, prepared<T>(parameters, gradients, m, v, rate, step_number, used), rows, width);
     }
 
@@ -108,12 +112,22 @@ struct Adam {
                       UsedGradients used = UsedGradients::keep) const {
         check_value(first <= width && width > 0 && parameters.size() % width == 0, "Adam::step_columns",
                     "parameters must hold a whole number of rows of width > 0, and first be at most the width");
+        check_memory<T>(backend, "Adam::step_columns", parameters, gradients, m, v);
         adam_step_columns(backend, prepared<T>(parameters, gradients, m, v, first_rate, step_number, used),
                           prepared<T>(parameters, gradients, m, v, other_rate, step_number, used),
                           parameters.size() / width, width, first);
     }
 
 private:
+    template <class T, Backend B>
+    static void check_memory(const B& backend, const char* where, Span<T> parameters, Span<T> gradients, Span<T> m,
+                             Span<T> v) {
+        gsh::check_memory(backend, where, "parameters", parameters);
+        gsh::check_memory(backend, where, "gradients", gradients);
+        gsh::check_memory(backend, where, "m", m);
+        gsh::check_memory(backend, where, "v", v);
+    }
+
     template <class T>
     [[nodiscard]] detail::AdamStep<T> prepared(Span<T> parameters, Span<T> gradients, Span<T> m, Span<T> v, double rate,
                                                std::int64_t step_number, UsedGradients used) const {

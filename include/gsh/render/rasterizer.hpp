@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -85,6 +86,12 @@ public:
         check_optional(where, "expected_depth", target.expected_depth, 1, camera);
         check_optional(where, "median_depth", target.median_depth, 1, camera);
         check_optional(where, "background", background.image, 3, camera);
+        check_memory(*backend_, where, "splats", splats);
+        check_memory(*backend_, where, "color", target.color);
+        check_memory(*backend_, where, "alpha", target.alpha);
+        check_memory(*backend_, where, "expected_depth", target.expected_depth);
+        check_memory(*backend_, where, "median_depth", target.median_depth);
+        check_memory(*backend_, where, "background", background.image);
         cache.splat_count = 0, cache.width = cache.height = 0; // until there is something for backward
         composite_forward(*backend_, camera, splats, background, params_, target, cache); // the backend's own overload
         check_status(where, cache);
@@ -113,6 +120,16 @@ public:
         check_gradient(where, "dL_dsplats.colors", dL_dsplats.colors.size(), splats.size());
         check_gradient(where, "dL_dcamera", dL_dcamera.size(), 1);
         check_gradient(where, "dL_dbackground.color", dL_dbackground.color.size(), 1);
+        check_memory(*backend_, where, "splats", splats);
+        check_memory(*backend_, where, "background", background.image);
+        check_memory(*backend_, where, "dL_dtarget.color", dL_dtarget.color);
+        check_memory(*backend_, where, "dL_dtarget.alpha", dL_dtarget.alpha);
+        check_memory(*backend_, where, "dL_dtarget.expected_depth", dL_dtarget.expected_depth);
+        check_memory(*backend_, where, "dL_dtarget.median_depth", dL_dtarget.median_depth);
+        check_memory(*backend_, where, "dL_dsplats", dL_dsplats);
+        check_memory(*backend_, where, "dL_dcamera", dL_dcamera);
+        check_memory(*backend_, where, "dL_dbackground.color", dL_dbackground.color);
+        check_memory(*backend_, where, "dL_dbackground.image", dL_dbackground.image);
         composite_backward(*backend_, camera, splats, background, params_, dL_dtarget, cache, dL_dsplats, dL_dcamera,
                            dL_dbackground);
     }

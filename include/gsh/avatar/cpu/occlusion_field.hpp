@@ -22,7 +22,7 @@ struct OcclusionFieldScratch<B, T> {
     typename B::template Buffer<T> partials; // [chunks, W] each chunk's sum of dL_dpose
 };
 
-namespace cpu {
+namespace cpu::inline GSH_ISA {
 
 namespace detail {
 

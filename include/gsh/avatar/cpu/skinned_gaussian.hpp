@@ -30,7 +30,7 @@ struct SkinnedSplatsScratch<B, T> {
     [[nodiscard]] auto& chunk_bones(const dual_quat<T>*) { return dL_ddual_bones; }
 };
 
-namespace cpu {
+namespace cpu::inline GSH_ISA {
 
 namespace detail {
 

@@ -8,7 +8,7 @@
 
 #include <cstddef>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 /// result[0] += sum of values. Chunks of fixed length are summed on their own and joined in order.
 ///

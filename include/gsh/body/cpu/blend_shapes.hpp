@@ -17,7 +17,7 @@ struct BlendShapesScratch<B, T> {
     typename B::template Buffer<T> partials; ///< [chunks, C] each chunk's sums
 };
 
-namespace cpu {
+namespace cpu::inline GSH_ISA {
 
 /// Elements in a chunk of blend-shape work: their offsets stay in the first cache while the directions stream by.
 inline constexpr std::size_t blend_shape_grain = 512;

@@ -6,12 +6,13 @@
 /// order and fuse multiply and add where the machine does, so a result depends on the operands alone.
 #pragma once
 
+#include <gsh/core/config.hpp>
 #include <gsh/math/linalg.hpp>
 
 #include <cstddef>
 #include <utility>
 
-namespace gsh::cpu::detail {
+namespace gsh::cpu::inline GSH_ISA::detail {
 
 template <class T>
 struct Gemm {

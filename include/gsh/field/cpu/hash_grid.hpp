@@ -20,7 +20,7 @@
 #include <cstdint>
 #include <type_traits>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 

@@ -24,7 +24,7 @@ struct MlpScratch<B, T> {
     typename B::template Buffer<T> partials; ///< each chunk's sum of dL_dweights
 };
 
-namespace cpu {
+namespace cpu::inline GSH_ISA {
 
 namespace detail {
 

@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 

@@ -24,7 +24,7 @@ struct PhotometricScratch<B, T> {
     typename B::template Buffer<double> sums;         ///< [tiles, 2] sums of |render - truth| and of 1 - SSIM
 };
 
-namespace cpu {
+namespace cpu::inline GSH_ISA {
 
 namespace detail {
 

@@ -3,13 +3,15 @@
 ///        to the memory.
 #pragma once
 
+#include <gsh/core/config.hpp>
+
 #include <bit>
 #include <cmath>
 #include <concepts>
 #include <cstdint>
 #include <type_traits>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 /// a * b + c, in one rounding where the machine has an instruction for it, in two where it would take a library call.
 template <std::floating_point T>

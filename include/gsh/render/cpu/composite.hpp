@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <bit>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 

@@ -13,7 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 

@@ -17,7 +17,7 @@
 #include <cstdint>
 #include <limits>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 

@@ -12,7 +12,7 @@
 #include <cmath>
 #include <cstddef>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 

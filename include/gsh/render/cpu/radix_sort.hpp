@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace gsh::cpu {
+namespace gsh::cpu::inline GSH_ISA {
 
 /// Sorts items by their unsigned member `key`; equal keys stay in order. Returns the one of the two arrays that
 /// holds the result. Digits cover only the bits in which the keys differ from the least of them, so depths of a

@@ -15,7 +15,7 @@
 
 namespace gsh {
 
-namespace cpu {
+namespace cpu::inline GSH_ISA {
 
 /// A splat as the tiles see it. Position and shape are double even for float splats, since a pixel's distance to a
 /// splat is a small difference of large numbers; taken relative to a tile it fits a float again.

@@ -22,7 +22,7 @@
 #include <cstdint>
 #include <limits>
 
-namespace gsh::cpu::detail {
+namespace gsh::cpu::inline GSH_ISA::detail {
 
 inline constexpr int block_lanes = 16;      // pixels of a 4x4 block
 inline constexpr int blocks_of_tile = 16;   // blocks of a 16x16 tile

@@ -1,0 +1,381 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  check_memory in every component, on the guarded backend; and that backend itself.
+#include "support/guarded.hpp"
+
+#include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/backend/memory.hpp>
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/threads.hpp>
+#include <gsh/body/blend_shapes.hpp>
+#include <gsh/body/skeleton.hpp>
+#include <gsh/body/surface_interpolation.hpp>
+#include <gsh/field/hash_field.hpp>
+#include <gsh/gaussian/gaussians.hpp>
+#include <gsh/gaussian/static_gaussian.hpp>
+#include <gsh/image/color.hpp>
+#include <gsh/image/resample.hpp>
+#include <gsh/loss/lpips.hpp>
+#include <gsh/loss/motion_terms.hpp>
+#include <gsh/loss/photometric.hpp>
+#include <gsh/optim/adam.hpp>
+#include <gsh/render/rasterizer.hpp>
+
+#include "support/skinned_scene.hpp"
+
+#include <doctest/doctest.h>
+
+#include <sys/wait.h>
+
+#include <array>
+#include <csignal>
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace memory_test { // joined with the other tests, which mean other things by the same names
+
+using namespace gsh;
+using test::Guarded;
+template <class T>
+using Buffer = Guarded::Buffer<T>;
+
+namespace {
+
+template <class T>
+Buffer<T> on_backend(Guarded& backend, const std::vector<T>& values) {
+    Buffer<T> buffer(values.size());
+    backend.upload(Span<const T>(values), buffer);
+    return buffer;
+}
+template <class T>
+std::vector<T> on_host(Guarded& backend, const Buffer<T>& buffer) {
+    std::vector<T> values(buffer.size());
+    backend.download(Span<const T>(buffer), Span<T>(values));
+    return values;
+}
+
+/// What a child process says on its way out when it does `work`.
+struct Crash {
+    bool crashed = false;
+    std::string output;
+};
+template <class Work>
+Crash crash_of(const Work& work) {
+    int ends[2];
+    REQUIRE(pipe(ends) == 0);
+    const pid_t child = fork();
+    REQUIRE(child >= 0);
+    if (child == 0) {
+        close(ends[0]);
+        dup2(ends[1], STDERR_FILENO);
+        std::signal(SIGSEGV, SIG_DFL); // doctest's handler would report the crash as this test's
+        Guarded backend;
+        work(backend);
+        _exit(0);
+    }
+    close(ends[1]);
+    Crash crash;
+    char bytes[4096];
+    for (ssize_t count; (count = read(ends[0], bytes, sizeof bytes)) > 0;)
+        crash.output.append(bytes, static_cast<std::size_t>(count));
+    close(ends[0]);
+    int status = 0;
+    waitpid(child, &status, 0);
+    crash.crashed = !WIFEXITED(status) || WEXITSTATUS(status) != 0;
+    return crash;
+}
+
+/// Expects a MemoryError that names function, argument and way out.
+template <class Work>
+void check_refused(std::string_view function, std::string_view argument, const Work& work) {
+    const std::string expected =
+        std::string(function).append(": ").append(argument) +
+        " is not memory of the backend 'guarded'; upload it into a Buffer of the backend first";
+    CAPTURE(expected);
+    std::string found = "nothing was thrown";
+    try {
+        work();
+    } catch (const MemoryError& error) {
+        found = error.what();
+    }
+    CHECK(found == expected);
+}
+
+struct Twice {
+    Span<const float> from;
+    Span<float> to;
+    void operator()(std::size_t i) const { to[i] = 2 * from[i]; }
+};
+
+} // namespace
+
+static_assert(Backend<Guarded> && !CpuBackend<Guarded>);
+static_assert(cpu::Serial::host_memory && cpu::Threads::host_memory && !Guarded::host_memory);
+
+TEST_CASE("numbers go in, are worked on and come back") {
+    Guarded backend;
+    const std::vector<float> numbers{1, 2, 3};
+    const auto from = on_backend(backend, numbers);
+    Buffer<float> to(3);
+    backend.for_each(3, Twice{from, to});
+    CHECK(on_host(backend, to) == std::vector<float>{2, 4, 6});
+    backend.copy(Span<const float>(from), to);
+    CHECK(on_host(backend, to) == numbers);
+    backend.fill(Span<float>(to), 7.0f);
+    CHECK(on_host(backend, to) == std::vector<float>{7, 7, 7});
+    const Buffer<float> copied = to;
+    CHECK(on_host(backend, copied) == std::vector<float>{7, 7, 7});
+    Buffer<float> moved = std::move(to);
+    moved.resize(2);
+    CHECK(on_host(backend, moved).size() == 2);
+    CHECK(backend.owns(moved.data(), 8));
+    CHECK(!backend.owns(numbers.data(), 4));
+    CHECK(!test::GuardedMemory::instance().is_open());
+}
+
+TEST_CASE("the host crashes where it reads or writes a buffer, and is told why") {
+    const Crash read = crash_of([](Guarded&) {
+        const Buffer<float> buffer(4);
+        volatile float number = buffer[2];
+        (void)number;
+    });
+    CHECK(read.crashed);
+    CHECK(read.output.find("guarded memory: the host touched a buffer") != std::string::npos);
+    CHECK(read.output.find('[') != std::string::npos); // the stack trace's addresses
+    const Crash write = crash_of([](Guarded& backend) {
+        Buffer<float> buffer(4);
+        backend.fill(Span<float>(buffer), 1.0f);
+        *const_cast<volatile float*>(buffer.data()) = 1;
+    });
+    CHECK(write.crashed);
+    CHECK(write.output.find("guarded memory") != std::string::npos);
+    const Crash other = crash_of([](Guarded&) { // a crash of another kind is not the guard's
+        void* closed = mmap(nullptr, 4096, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+        *static_cast<volatile int*>(closed) = 1;
+    });
+    CHECK(other.crashed);
+    CHECK(other.output.find("guarded memory") == std::string::npos);
+    CHECK(!crash_of([](Guarded& backend) { (void)on_backend(backend, std::vector<float>(5000)); }).crashed);
+}
+
+TEST_CASE("its own functions take memory of the right side only") {
+    Guarded backend;
+    std::vector<float> host(3);
+    Buffer<float> buffer(3);
+    check_refused("Guarded::upload", "to", [&] { backend.upload(Span<const float>(host), Span<float>(host)); });
+    check_refused("Guarded::download", "from", [&] { backend.download(Span<const float>(host), Span<float>(host)); });
+    check_refused("Guarded::copy", "to", [&] { backend.copy(Span<const float>(buffer), Span<float>(host)); });
+    check_refused("Guarded::copy", "from", [&] { backend.copy(Span<const float>(host), Span<float>(buffer)); });
+    check_refused("Guarded::fill", "values", [&] { backend.fill(Span<float>(host), 0.0f); });
+    CHECK_THROWS_AS(backend.upload(Span<const float>(buffer), Span<float>(buffer)), MemoryError);
+    CHECK_THROWS_AS(backend.download(Span<const float>(buffer), Span<float>(buffer)), MemoryError);
+    CHECK_THROWS_AS(backend.for_each(3, Twice{host, buffer}), MemoryError);
+    CHECK_THROWS_AS(backend.for_each(3, Twice{buffer, host}), MemoryError);
+    CHECK_NOTHROW(backend.for_each(0, Twice{{}, {}}));
+    CHECK_NOTHROW(backend.for_each(0, Twice{Span<const float>(host).subspan(0, 0), buffer}));
+}
+
+TEST_CASE("a backend with host memory takes any host memory, at no cost") {
+    cpu::Serial backend;
+    const std::vector<float> host(3);
+    CHECK_NOTHROW(check_memory(backend, "test", "host", Span<const float>(host)));
+}
+
+TEST_CASE("skeleton, blend shapes and interpolation refuse host memory") {
+    Guarded backend;
+    const std::vector<int> parents{-1, 0};
+    Skeleton<Guarded> skeleton(backend, parents);
+    std::vector<vec3<float>> vectors(2);
+    std::vector<mat3<float>> matrices(2);
+    std::vector<Affine<float>> maps(2);
+    std::vector<float> numbers(9);
+    Buffer<vec3<float>> v(2);
+    Buffer<mat3<float>> m(2);
+    Buffer<Affine<float>> b(2);
+    check_refused("Skeleton::rotations", "pose", [&] { skeleton.rotations(vectors, m); });
+    check_refused("Skeleton::rotations", "rotations", [&] { skeleton.rotations(v, matrices); });
+    check_refused("Skeleton::rotations_backward", "dL_dpose", [&] { skeleton.rotations_backward(v, m, vectors); });
+    check_refused("Skeleton::feature", "feature", [&] { skeleton.feature(m, numbers); });
+    check_refused("Skeleton::feature_backward", "dL_dfeature", [&] { skeleton.feature_backward(numbers, m); });
+    check_refused("Skeleton::bones", "transl",
+                  [&] { skeleton.bones(m, v, Span<const vec3<float>>(vectors).subspan(0, 1), b); });
+    check_refused("Skeleton::bones_backward", "dL_dbones",
+                  [&] { skeleton.bones_backward(m, v, b, maps, m, v, Span(v.data(), 1)); });
+
+    const std::vector<vec3<double>> directions(4);
+    const BlendShapes<Guarded> shapes(backend, 2, {directions});
+    BlendShapes<Guarded>::Workspace workspace;
+    Buffer<float> c(2);
+    const auto two = Span<float>(numbers).subspan(0, 2);
+    check_refused("BlendShapes::forward", "coefficients", [&] { shapes.forward(two, v); });
+    check_refused("BlendShapes::forward", "offsets", [&] { shapes.forward(c, vectors); });
+    check_refused("BlendShapes::backward", "dL_doffsets", [&] { shapes.backward(vectors, c, workspace); });
+    check_refused("BlendShapes::backward", "dL_dcoefficients", [&] { shapes.backward(v, two, workspace); });
+
+    const std::vector<std::array<int, 3>> triangles{{0, 1, 0}};
+    const SurfaceInterpolation<Guarded> interpolation(backend, 2, triangles, std::vector<vec3<double>>(1));
+    Buffer<vec3<float>> point(1);
+    check_refused("SurfaceInterpolation::forward", "values", [&] { interpolation.forward(vectors, point); });
+    check_refused("SurfaceInterpolation::backward", "dL_dvalues", [&] { interpolation.backward(point, vectors); });
+}
+
+TEST_CASE("fields refuse host memory") {
+    Guarded backend;
+    using Field = HashField<2, 2>;
+    const Field field({.base = 4, .growth = 2, .table_size = 64}, {.outputs = 3, .width = 4, .hidden_layers = 1});
+    const auto& grid = field.grid();
+    std::vector<vec3<float>> points(5, vec3<float>(0.5f));
+    std::vector<float> table(grid.parameter_count()), weights(field.mlp().parameter_count()), outputs(15), row(20);
+    const auto p = on_backend(backend, points);
+    auto t = on_backend(backend, table), w = on_backend(backend, weights), o = on_backend(backend, outputs),
+         r = on_backend(backend, row);
+    Field::Query<Guarded, float> query;
+    Field::Cache<Guarded, float> cache;
+    Mlp::Cache<Guarded, float> mlp_cache;
+    check_refused("HashGrid::prepare", "points", [&] { field.prepare(backend, points, query); });
+    check_refused("HashGrid::prepare", "weights.fine", [&] {
+        field.prepare(backend, p, query, {.fine_level = 1, .region = Span<const float>(row).subspan(0, 5)});
+    });
+    field.prepare(backend, p, query);
+    check_refused("HashGrid::forward", "table", [&] { field.forward(backend, table, w, query, o, cache); });
+    check_refused("Mlp::forward", "weights", [&] { field.forward(backend, t, weights, query, o, cache); });
+    check_refused("Mlp::forward", "outputs", [&] { field.forward(backend, t, w, query, outputs, cache); });
+    field.forward(backend, t, w, query, o, cache);
+    check_refused("Mlp::backward", "dL_doutputs", [&] { field.backward(backend, w, query, outputs, cache, t, w); });
+    check_refused("Mlp::backward", "dL_dweights", [&] { field.backward(backend, w, query, o, cache, t, weights); });
+    check_refused("HashGrid::backward", "dL_dtable", [&] { field.backward(backend, w, query, o, cache, table, w); });
+    check_refused("HashGrid::backward_points", "dL_dpoints", [&] {
+        grid.backward_points(backend, t, query.grids[0], row_major(Span<const float>(r), 4), points);
+    });
+    const Mlp mlp({.inputs = 4, .outputs = 3, .width = 4, .hidden_layers = 1});
+    Buffer<float> mlp_weights(mlp.parameter_count());
+    check_refused("Mlp::forward", "inputs.features",
+                  [&] { mlp.forward(backend, mlp_weights, {row_major(Span<const float>(row), 4)}, o, mlp_cache); });
+}
+
+TEST_CASE("Adam refuses host memory") {
+    Guarded backend;
+    std::vector<float> host(6);
+    std::vector<std::uint32_t> rows{0, 1};
+    Buffer<float> a(6), g(6), m(6), v(6);
+    const Adam adam;
+    check_refused("Adam::step", "gradients", [&] { adam.step(backend, Span<float>(a), host, m, v, 0.1, 1); });
+    check_refused("Adam::step", "parameters", [&] { adam.step(backend, Span<float>(host), g, m, v, 0.1, 1); });
+    check_refused("Adam::step_rows", "rows",
+                  [&] { adam.step_rows(backend, Span<float>(a), g, m, v, rows, 3, 0.1, 1); });
+    check_refused("Adam::step_columns", "m",
+                  [&] { adam.step_columns(backend, Span<float>(a), g, host, v, 3, 1, 0.1, 0.1, 1); });
+}
+
+TEST_CASE("posing, shading and rendering refuse host memory") {
+    Guarded backend;
+    constexpr int size = 8;
+    const Camera<float> camera = look_at<double>({0, 0, 3}, {0, 0, 0}, {0, 1, 0}, 0.6, size, size).cast<float>();
+    test::SplatArrays<float> host(3);
+    Splats<Guarded> splats, gradient;
+    splats.resize(3), gradient.resize(3);
+    fill_zero(backend, splats.view());
+    const auto view = std::as_const(splats).view();
+    std::vector<float> color(3 * size * size);
+    Buffer<float> c(color.size());
+    backend.fill(Span<float>(c), 0.0f);
+    const ImageView<float> image{c, 3, size, size}, host_image{color, 3, size, size};
+    const Rasterizer<Guarded> rasterizer(backend);
+    Rasterizer<Guarded>::Cache cache;
+    check_refused("Rasterizer::forward", "splats.means",
+                  [&] { rasterizer.forward(camera, std::as_const(host).view(), {}, {.color = image}, cache); });
+    check_refused("Rasterizer::forward", "color",
+                  [&] { rasterizer.forward(camera, view, {}, {.color = host_image}, cache); });
+    check_refused("Rasterizer::forward", "background",
+                  [&] { rasterizer.forward(camera, view, {.image = host_image}, {.color = image}, cache); });
+    rasterizer.forward(camera, view, {}, {.color = image}, cache);
+    check_refused("Rasterizer::backward", "dL_dtarget.color",
+                  [&] { rasterizer.backward(camera, view, {}, {.color = host_image}, cache, gradient.view()); });
+    check_refused("Rasterizer::backward", "dL_dsplats.means",
+                  [&] { rasterizer.backward(camera, view, {}, {.color = image}, cache, host.view()); });
+    std::vector<CameraGradient<float>> dL_dcamera(1);
+    check_refused("Rasterizer::backward", "dL_dcamera",
+                  [&] { rasterizer.backward(camera, view, {}, {.color = image}, cache, gradient.view(), dL_dcamera); });
+
+    const test::SkinnedScene<float> scene(3, 1, 1, 4);
+    check_refused("skinned_splats_forward", "gaussians.means", [&] {
+        skinned_splats_forward<0>(backend, scene.input(), scene.bones, scene.center[0], splats.view());
+    });
+    SkinnedSplatsWorkspace<Guarded, float> workspace;
+    check_refused("skinned_splats_backward", "gaussians.means", [&] {
+        skinned_splats_backward<0>(backend, scene.input(), scene.bones, scene.center[0], view, workspace,
+                                   SkinnedView<float>{});
+    });
+
+    const GaussianCloud<float> cloud(3, 0);
+    Gaussians<Guarded> gaussians;
+    upload(backend, cloud, gaussians);
+    const auto all = std::as_const(gaussians).view();
+    const vec3<float> center(0, 0, 3);
+    StaticSplatsWorkspace<Guarded> static_workspace;
+    check_refused("static_splats_forward", "gaussians.means",
+                  [&] { static_splats_forward<0>(backend, cloud.view(), center, splats.view()); });
+    check_refused("static_splats_forward", "splats.means",
+                  [&] { static_splats_forward<0>(backend, all, center, host.view()); });
+    std::vector<vec3<float>> dL_dcenter(1);
+    check_refused("static_splats_backward", "dL_dcenter", [&] {
+        static_splats_backward<0>(backend, all, center, view, static_workspace, gaussians.view(), dL_dcenter);
+    });
+}
+
+TEST_CASE("images, losses and terms of a motion refuse host memory") {
+    Guarded backend;
+    constexpr int size = 12;
+    std::vector<float> host(3 * size * size);
+    std::vector<std::uint8_t> bytes(4 * size * size);
+    auto pixels = on_backend(backend, host);
+    const auto rgba = on_backend(backend, bytes);
+    const ImageView<float> image{pixels, 3, size, size}, host_image{host, 3, size, size};
+    const Span<const std::uint8_t> host_bytes(bytes);
+    check_refused("composite_rgba8", "rgba",
+                  [&] { composite_rgba8(backend, host_bytes, size, size, vec3<float>(0), image); });
+    check_refused("composite_rgba8", "out_color", [&] {
+        composite_rgba8(backend, Span<const std::uint8_t>(rgba), size, size, vec3<float>(0), host_image);
+    });
+    check_refused("composite_rgba8", "background", [&] {
+        composite_rgba8(backend, Span<const std::uint8_t>(rgba), size, size, ImageView<const float>(host_image), image);
+    });
+
+    const PhotometricLoss<Guarded> loss(backend);
+    PhotometricLoss<Guarded>::Cache cache;
+    check_refused("PhotometricLoss::forward", "truth", [&] { loss.forward(image, host_image, cache); });
+    loss.forward(image, image, cache);
+    CHECK(loss.values(cache).loss == 0);
+    check_refused("PhotometricLoss::backward", "dL_drender",
+                  [&] { loss.backward(image, image, 1, cache, host_image); });
+
+    LpipsNetwork network{.name = "small", .steps = {{0, 2, 3, 1, 1, true}}};
+    network.convolutions = {{std::vector<float>(2 * 3 * 9, 0.1f), std::vector<float>(2, 0.1f)}};
+    network.lins = {{1, 1}};
+    const Lpips<Guarded> lpips(backend, network);
+    check_refused("Lpips::forward", "image", [&] { (void)lpips.distance(host_image, image); });
+    CHECK(lpips.distance(image, image) == 0);
+    cpu::Serial serial;
+    std::vector<float> white(host.size(), 1.0f);
+    const auto white_pixels = on_backend(backend, white);
+    CHECK(lpips.distance(image, ImageView<const float>{white_pixels, 3, size, size}) ==
+          Lpips<cpu::Serial>(serial, network).distance(host_image, ImageView<const float>{white, 3, size, size}));
+
+    const std::vector<float> increments(6);
+    const auto on_it = on_backend(backend, increments);
+    Buffer<float> gradient(2), scratch;
+    const std::vector<FrameLink> links(3);
+    const auto links_on_it = on_backend(backend, links);
+    const SequenceWeights weights{.pull = 1};
+    const NumberSequence<float> good{links_on_it, on_it, on_it, 2, weights},
+        bad{links_on_it, on_it, increments, 2, weights};
+    check_refused("sequence_value", "sequence.increments", [&] { (void)sequence_value(backend, bad, scratch); });
+    check_refused("sequence_backward", "sequence.increments",
+                  [&] { sequence_backward(backend, bad, 1, Span<float>(gradient)); });
+    CHECK(sequence_value(backend, good, scratch) == 0);
+}
+
+} // namespace memory_test
