@@ -118,7 +118,8 @@ TEST_CASE_TEMPLATE("skinned_splats_backward is the gradient of forward with resp
         test::check_gradient(loss, test::scalars(scene.sh), test::scalars(gradient.sh));
         test::check_gradient(loss, test::scalars(scene.ao), test::scalars(gradient.ao));
         test::check_gradient(loss, test::scalars(scene.bones), test::scalars(gradient.bones));
-        test::check_gradient(loss, test::scalars(scene.center), test::scalars(gradient.center));
+        test::check_gradient(loss, test::scalars(scene.center), test::scalars(gradient.center),
+                             {.may_vanish = degree == 0}); // then colours are alike from everywhere
 
         const Scene<double> once = gradient;
         backward();

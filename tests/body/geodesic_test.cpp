@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/bodies.hpp"
+#include "support/skip.hpp"
 
 #include <gsh/body/geodesic.hpp>
 #include <gsh/io/body/body_file.hpp>
 
-#include <filesystem>
 #include <functional>
 #include <limits>
 #include <map>
@@ -333,11 +333,8 @@ TEST_CASE("sizes and errors") {
 }
 
 TEST_CASE("a real body: within 2 % of a finely subdivided graph from face and hands") {
-    const auto path = std::filesystem::path(GSH_SOURCE_DIR) / "../shared/data/body/cc0_body_x.npz";
-    if (!std::filesystem::exists(path)) {
-        MESSAGE("skipped: " << path.string() << " is not there");
-        return;
-    }
+    const auto path = test::shared_data("body/cc0_body_x.npz");
+    if (test::skip_without({path})) return;
     const BodyModel body = load_body_model(path);
     const Mesh mesh{body.v_template, body.faces};
     std::vector<int> sources = body.face_vertices;

@@ -5,8 +5,8 @@
 #include <gsh/io/motion/motion_file.hpp>
 
 #include "support/bodies.hpp"
+#include "support/skip.hpp"
 
-#include <filesystem>
 
 using namespace gsh;
 
@@ -90,14 +90,8 @@ TEST_CASE("motions that cannot be compared are refused") {
 }
 
 TEST_CASE("the noisy poses of a capture are as far from the true ones as its readme says") {
-    const std::filesystem::path data = std::filesystem::path(GSH_SOURCE_DIR) / "../shared/data";
-    const auto body_file = data / "body/cc0_body_x.npz";
-    const auto capture = data / "captures/A_multi";
-    for (const auto& file : {body_file, capture / "poses.npz", capture / "poses_noisy.npz"})
-        if (!std::filesystem::exists(file)) {
-            MESSAGE("skipped: " << file.string() << " is not there");
-            return;
-        }
+    const auto body_file = test::shared_data("body/cc0_body_x.npz"), capture = test::shared_data("captures/A_multi");
+    if (test::skip_without({body_file, capture / "poses.npz", capture / "poses_noisy.npz"})) return;
     const BodyModel body = load_body_model(body_file);
     const Motion truth = load_motion(capture / "poses.npz", body),
                  noisy = load_motion(capture / "poses_noisy.npz", body);

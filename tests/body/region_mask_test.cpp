@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/bodies.hpp"
+#include "support/skip.hpp"
 
 #include <gsh/body/region_mask.hpp>
 #include <gsh/io/body/body_file.hpp>
@@ -8,7 +9,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
 #include <limits>
 #include <set>
 #include <string>
@@ -306,11 +306,8 @@ TEST_CASE("errors") {
 }
 
 TEST_CASE("a real body: derived regions beside the file's, and where 170,000 samples go") {
-    const auto path = std::filesystem::path(GSH_SOURCE_DIR) / "../shared/data/body/cc0_body_x.npz";
-    if (!std::filesystem::exists(path)) {
-        MESSAGE("skipped: " << path.string() << " is not there");
-        return;
-    }
+    const auto path = test::shared_data("body/cc0_body_x.npz");
+    if (test::skip_without({path})) return;
     const BodyModel body = load_body_model(path);
     const BodyRegions derived = derive_regions(body), regions = body_regions(body);
     MESSAGE("overlap: face " << overlap(derived.face, regions.face) << " (" << derived.face.size() << " and "

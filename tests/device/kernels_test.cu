@@ -227,7 +227,7 @@ int main() {
     emit_bodies(Bodies<float>{}, device);
     emit_bodies(Bodies<double>{}, device);
     if (!device) {
-        std::printf("skipped: the kernels compile, but no device answers on this machine, so none of them ran\n");
+        std::printf("SKIPPED: the kernels compile, but no device answers on this machine, so none of them ran\n");
         return skipped;
     }
     std::printf(failed ? "FAILED\n" : "the device agrees with the host\n");

@@ -39,7 +39,8 @@ void check_terms(Fixture<Sequence, Element>& f) {
                                   Span<Element>(gradient).subspan(i * f.width, f.width));
         };
         backward();
-        test::check_gradient(loss, test::scalars(f.increments), test::scalars(gradient));
+        const bool constant = f.links.size() < 3 || weights.pull + weights.drift + weights.acceleration == 0;
+        test::check_gradient(loss, test::scalars(f.increments), test::scalars(gradient), {.may_vanish = constant});
         auto twice = gradient;
         for (auto& g : twice) g += g;
         backward();

@@ -6,6 +6,7 @@
 /// small one that the test trains.
 #include "io/temporary.hpp"
 #include "programs/process.hpp"
+#include "support/skip.hpp"
 
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
@@ -118,13 +119,9 @@ Capture shrunk(Capture capture, int factor) {
 } // namespace
 
 TEST_CASE("the displacement field carries Gaussians off the body to cloth that it never saw") {
-    const fs::path data = fs::path(GSH_SOURCE_DIR) / "../shared/data", filmed = data / "captures/C_clothed_multi",
-                   body_file = data / "body/cc0_body_x.npz", garments = filmed / "garments.npz";
-    for (const fs::path& file : {body_file, garments})
-        if (!fs::exists(file)) {
-            MESSAGE("skipped: " << file.string() << " is not there");
-            return;
-        }
+    const fs::path filmed = test::shared_data("captures/C_clothed_multi"),
+                   body_file = test::shared_data("body/cc0_body_x.npz"), garments = filmed / "garments.npz";
+    if (test::skip_without({body_file, garments})) return;
     const auto tell = [](const std::pair<Distances, Distances>& d) {
         MESSAGE("mm, before and after: from Gaussians under cloth to garments " << 1e3 * d.first.to_garments << ", "
                 << 1e3 * d.second.to_garments << "; from garments to opaque Gaussians " << 1e3 * d.first.from_garments

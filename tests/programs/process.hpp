@@ -65,14 +65,16 @@ public:
 
     void send(int signal) const { REQUIRE(::kill(id_, signal) == 0); }
 
-    /// Waits until `happened` while the program runs; false if it ends before, or if nothing happens in a minute.
-    [[nodiscard]] bool wait_until(const std::function<bool()>& happened) const {
-        for (int tick = 0; tick < 6000; ++tick) {
+    /// Waits until `happened` while the program runs, asking each `interval` microseconds; false if it ends before, or
+    /// if nothing happens in a minute.
+    [[nodiscard]] bool wait_until(const std::function<bool()>& happened, int interval = 10'000) const {
+        const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+        while (std::chrono::steady_clock::now() < end) {
             if (happened()) return true;
             siginfo_t info{};
             if (::waitid(P_PID, static_cast<id_t>(id_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 && info.si_pid == id_)
                 return false;
-            std::this_thread::sleep_for(std::chrono::milliseconds(10));
+            std::this_thread::sleep_for(std::chrono::microseconds(interval));
         }
         return false;
     }

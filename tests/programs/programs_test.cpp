@@ -2,6 +2,7 @@
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 
+#include <gsh/core/rng.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
@@ -13,10 +14,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <chrono>
 #include <csignal>
 #include <initializer_list>
 #include <iterator>
 #include <string>
+#include <system_error>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -140,7 +144,7 @@ TEST_CASE("a signal in the middle loses nothing that a checkpoint keeps") {
         CHECK(out.has("checkpoint.gsh"));
         CHECK(test::files_below(out.path) == 1);
     };
-    const OutFolder whole, parts, terminated, killed;
+    const OutFolder whole, parts, terminated;
     check_done(run(s.reconstruct(whole.path, {"--steps", "60"})));
     interrupt(parts, "60", SIGINT);
     check_done(run(s.reconstruct(parts.path, {"--steps", "60", "--resume"})));
@@ -148,15 +152,52 @@ TEST_CASE("a signal in the middle loses nothing that a checkpoint keeps") {
     CHECK(same_file(parts.path / "avatar.ply", whole.path / "avatar.ply"));
     CHECK(json_of(parts.path / "metrics.json").at("steps") == 60);
     interrupt(terminated, "1000000", SIGTERM);
+}
 
-    test::Process process(s.reconstruct(killed.path, {"--steps", "1000000", "--checkpoint-interval", "0.01"}));
-    REQUIRE(process.wait_until([&] { return killed.has("checkpoint.gsh"); }));
-    process.send(SIGKILL);
-    CHECK(process.wait().code == -SIGKILL);
-    CHECK(!killed.has("metrics.json"));
-    check_done(run(s.reconstruct(killed.path, {"--steps", "1", "--resume"})));
-    CHECK(json_of(killed.path / "metrics.json").at("steps") >= 1);
-    CHECK(!killed.has("checkpoint.gsh.partial"));
+TEST_CASE("killed again and again, also while a checkpoint is written, a reconstruction ends as if it never had been") {
+    const Reconstructed& s = reconstructed();
+    const OutFolder whole, killed;
+    const char* steps = "400"; // far more than are done until the last kill
+    check_done(run(s.reconstruct(whole.path, {"--steps", steps})));
+
+    const fs::path checkpoint = killed.path / "checkpoint.gsh", partial = killed.path / "checkpoint.gsh.partial";
+    const auto written = [&] {
+        return fs::exists(checkpoint) ? fs::last_write_time(checkpoint) : fs::file_time_type();
+    };
+    Rng random(11);
+    int while_writing = 0;
+    for (int kill = 0; kill < 6 || (kill < 20 && while_writing == 0); ++kill) {
+        CAPTURE(kill);
+        const bool in_writing = kill % 2 == 1;
+        std::vector<std::string> more{"--steps", steps, "--checkpoint-interval", in_writing ? "1e-9" : "0.02"};
+        if (kill > 0) more.push_back("--resume");
+        const auto before = written();
+        test::Process process(s.reconstruct(killed.path, more));
+        REQUIRE(process.wait_until([&] { return written() != before; })); // so that each run gets further
+        if (in_writing) { // a part of a checkpoint is there
+            const auto begun = [&] {
+                std::error_code none;
+                const auto size = fs::file_size(partial, none);
+                return !none && size > 0;
+            };
+            REQUIRE(process.wait_until(begun, 0));
+        } else { // at any moment
+            std::this_thread::sleep_for(std::chrono::microseconds(static_cast<int>(random.uniform(0, 40'000))));
+        }
+        process.send(SIGKILL);
+        REQUIRE(process.wait().code == -SIGKILL);
+        CHECK(!killed.has("metrics.json"));
+        while_writing += fs::exists(partial);
+    }
+    CHECK(while_writing > 0);
+    check_done(run(s.reconstruct(killed.path, {"--steps", steps, "--resume"})));
+    CHECK(json_of(killed.path / "metrics.json").at("steps") == 400);
+    CHECK(!fs::exists(partial));
+    for (const char* name : {"avatar.gsh", "avatar.ply", "test/test00_0000.png", "test/test00_0001.png"}) {
+        CAPTURE(name);
+        CHECK(same_file(killed.path / name, whole.path / name));
+    }
+    CHECK(test::files_below(killed.path) == test::files_below(whole.path));
 }
 
 TEST_CASE("a checkpoint belongs to one training alone") {

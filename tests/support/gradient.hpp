@@ -10,8 +10,11 @@
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
+#include <utility>
 #include <vector>
 
 namespace gsh::test {
@@ -54,25 +57,58 @@ Span<double> scalars(T& value) {
 
 struct GradientCheck {
     double step = 6e-6;       ///< about the cube root of the machine epsilon
-    double tolerance = 1e-6;  ///< relative to max(1, |gradient|)
+    double tolerance = 1e-6;  ///< relative to the gradient: the element or the group, whichever is larger
     std::size_t stride = 1;   ///< check every stride-th number
+    bool may_vanish = false;  ///< a gradient that is zero otherwise fails: a check of it sees nothing
+    std::vector<std::size_t> elements = {}; ///< where not empty: check these numbers, whatever the stride
 };
 
 /// Checks dL_dx against (loss(x + h) - loss(x - h)) / 2h for each number of x, which is left as it was.
+///
+/// An element may be off by the tolerance times its own size or the root mean square of the checked elements, whichever
+/// is larger: a gradient that is small altogether is judged as strictly as a large one. On top of that a difference
+/// carries the rounding of the two losses, a few units in their last place.
 template <class Loss>
 void check_gradient(const Loss& loss, Span<double> x, Span<const double> dL_dx, GradientCheck options = {}) {
     REQUIRE(x.size() == dL_dx.size());
-    for (std::size_t i = 0; i < x.size(); i += options.stride) {
+    std::vector<std::size_t> elements = std::move(options.elements);
+    if (elements.empty())
+        for (std::size_t i = 0; i < x.size(); i += options.stride) elements.push_back(i);
+    if (elements.empty()) return;
+    std::vector<double> differences;
+    double largest_loss = 0, sum_of_squares = 0;
+    for (const std::size_t i : elements) {
+        REQUIRE(i < x.size());
         const double kept = x[i];
         x[i] = kept + options.step;
         const double above = loss();
         x[i] = kept - options.step;
         const double below = loss();
         x[i] = kept;
-        const double expected = (above - below) / (2 * options.step);
-        INFO("element " << i << ": adjoint " << dL_dx[i] << ", central difference " << expected);
-        CHECK(std::abs(dL_dx[i] - expected) <= options.tolerance * std::max(1.0, std::abs(expected)));
+        differences.push_back((above - below) / (2 * options.step));
+        largest_loss = std::max({largest_loss, std::abs(above), std::abs(below)});
+        sum_of_squares += differences.back() * differences.back();
     }
+    const double size = std::sqrt(sum_of_squares / static_cast<double>(elements.size()));
+    const double rounding = 4 * std::numeric_limits<double>::epsilon() * largest_loss / options.step;
+    INFO("root mean square of the checked elements " << size << ", rounding of the differences " << rounding);
+    CHECK((size > rounding || options.may_vanish));
+    for (std::size_t k = 0; k < elements.size(); ++k) {
+        const double found = dL_dx[elements[k]], expected = differences[k];
+        INFO("element " << elements[k] << ": adjoint " << found << ", central difference " << expected);
+        CHECK(std::abs(found - expected) <= options.tolerance * std::max(size, std::abs(expected)) + rounding);
+    }
+}
+
+/// About `count` elements of a learned array, evenly spread. Of a table with rows of `width` numbers only rows that are
+/// read are taken, for the others have no gradient; `rows` is null for an array that is read whole.
+template <class Rows>
+std::vector<std::size_t> spread_elements(std::size_t size, const Rows* rows, std::size_t width, std::size_t count) {
+    const std::size_t candidates = rows ? rows->size() * width : size;
+    std::vector<std::size_t> elements;
+    for (std::size_t i = 0; i < candidates; i += (candidates / count) | 1) // odd, so that every column has its turn
+        elements.push_back(rows ? (*rows)[i / width] * width + i % width : i);
+    return elements;
 }
 
 } // namespace gsh::test

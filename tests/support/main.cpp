@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  The test programs' main: doctest's own, but a run in which no test case took part fails. A filter that
-///        matches nothing, such as the name of a file that has moved, would pass otherwise.
+///        matches nothing, such as the name of a file that has moved, would pass otherwise. A run of which every test
+///        case was skipped ends with 77.
 #define DOCTEST_CONFIG_IMPLEMENT
 #include <doctest/doctest.h>
 
+#include "support/skip.hpp"
+
 #include <iostream>
+#include <string>
 
 namespace {
 
-unsigned cases_run = 0;
+unsigned cases_run = 0, cases_skipped = 0;
+std::string running; // the test case's name
 
 /// Stands beside the reporter that prints, and counts.
 struct CaseCounter : doctest::IReporter {
@@ -16,7 +21,7 @@ struct CaseCounter : doctest::IReporter {
     void report_query(const doctest::QueryData&) override {}
     void test_run_start() override {}
     void test_run_end(const doctest::TestRunStats& run) override { cases_run = run.numTestCasesPassingFilters; }
-    void test_case_start(const doctest::TestCaseData&) override {}
+    void test_case_start(const doctest::TestCaseData& data) override { running = data.m_name; }
     void test_case_reenter(const doctest::TestCaseData&) override {}
     void test_case_end(const doctest::CurrentTestCaseStats&) override {}
     void test_case_exception(const doctest::TestCaseException&) override {}
@@ -30,10 +35,16 @@ REGISTER_LISTENER("case_counter", 0, CaseCounter);
 
 } // namespace
 
+void gsh::test::skip(const std::string& why) {
+    ++cases_skipped;
+    std::cout << "SKIPPED: " << running << ": " << why << std::endl;
+}
+
 int main(int argc, char** argv) {
     doctest::Context context(argc, argv);
     const int status = context.run();
     if (status != 0 || context.shouldExit()) return status; // shouldExit: it only listed test cases, or showed its help
     if (cases_run == 0) std::cerr << "no test case matches the filters\n";
-    return cases_run == 0 ? 1 : 0;
+    if (cases_run == 0) return 1;
+    return cases_skipped == cases_run ? 77 : 0;
 }

@@ -172,7 +172,7 @@ void check_chain(const AvatarConfig& config, bool with_priors, std::initializer_
         for (const double value : gradient.parameters[group]) largest = std::max(largest, std::abs(value));
         CHECK(largest > 1e-3); // the check below must have something to see
         auto options = check;
-        options.stride = values.size() / 30 + 1;
+        options.elements = test::spread_elements(values.size(), chain.model.touched_entries(group), 2, 30);
         test::check_gradient(loss, values, Span<const double>(gradient.parameters[group]), options);
     }
     CHECK(found == expected.size());

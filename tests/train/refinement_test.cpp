@@ -224,7 +224,15 @@ TEST_CASE("gradients of poses, cameras and terms reach every increment") {
 TEST_CASE("an avatar's pose_backward is the gradient of its splats, and adds") {
     const PosedScene scene;
     cpu::Serial backend;
-    Avatar<cpu::Serial, double> avatar(backend, scene.avatar);
+    AvatarData data = scene.avatar; // whose colours depend on where they are seen from
+    data.gaussians.sh_degree = 1;
+    test::Rng colors(3);
+    data.gaussians.sh.clear();
+    for (const auto& constant : scene.avatar.gaussians.sh) {
+        data.gaussians.sh.push_back(constant);
+        for (int k = 1; k < 4; ++k) data.gaussians.sh.push_back(vec3<float>(colors.vec(-0.02, 0.02)));
+    }
+    Avatar<cpu::Serial, double> avatar(backend, data);
     RigPose<cpu::Serial, double> pose, dL_dpose, dL_dcenter;
     avatar.rig().upload_pose(scene.truth, 1, pose);
     test::Rng rng(2);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "support/skip.hpp"
+
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/posed_body.hpp>
@@ -140,13 +142,8 @@ TEST_CASE("of several people the one in front is seen, and clothes belong to the
 }
 
 TEST_CASE("regions of a captured body lie on its silhouette") {
-    const std::filesystem::path data = std::filesystem::path(GSH_SOURCE_DIR) / "../shared/data";
-    const auto body_file = data / "body/cc0_body_x.npz", capture = data / "captures/A_multi";
-    for (const auto& file : {body_file, capture / "poses.npz"})
-        if (!std::filesystem::exists(file)) {
-            MESSAGE("skipped: " << file.string() << " is not there");
-            return;
-        }
+    const auto body_file = test::shared_data("body/cc0_body_x.npz"), capture = test::shared_data("captures/A_multi");
+    if (test::skip_without({body_file, capture / "poses.npz"})) return;
     const BodyModel body = load_body_model(body_file);
     const Motion motion = load_motion(capture / "poses.npz", body);
     const CameraList cameras = read_cameras(capture / "cameras.json");

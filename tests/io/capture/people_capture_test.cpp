@@ -149,7 +149,7 @@ TEST_CASE_FIXTURE(StoredPeople, "people who do not belong into one capture") {
         [&] {
             (void)load_people_capture(serial, folder / "", Span<const BodyModel>(&body, 1), {"ann.npz", "bob.npz"});
         },
-        {"our own layout", "several pose files"});
+        {"our own layout", "GalaBasketball", "several pose files"});
 }
 
 TEST_CASE_FIXTURE(StoredPeople, "warnings begin with the name of whom they are about, where there are several") {
@@ -264,9 +264,6 @@ TEST_CASE_FIXTURE(test::Gala, "in a layout that holds several people all of them
     const PeopleCapture other = load_people_capture(serial, scene, {}, {}, second);
     CHECK(same_motion(other.any.capture.motion, loaded.people[1].motion));
     CHECK(same_motion(other.people[0].motion, loaded.people[0].motion));
-    test::check_throws<ValueError>([&] { (void)load_people_capture(serial, scene, {}, {"a.npz", "b.npz"}); },
-                                   {"our own layout", "several pose files"});
-
     // Everybody is warned of once, whoever's motion is the capture's, and that one first.
     test::write_text(scene / "camera/1.txt", "40,32,24\n90,0,0\n0,0,0,1\n1,1,1\n");
     for (const int first : {0, 1}) {
@@ -280,4 +277,66 @@ TEST_CASE_FIXTURE(test::Gala, "in a layout that holds several people all of them
             CHECK(warnings[std::size_t(place)].starts_with(name + ": " + scene.string() + ": camera '1' is far off"));
         }
     }
+}
+
+TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people take motions of another body, one each") {
+    const BodyModel body = test::small_body(); // SMPL-X's 55 joints, with triangles
+    const BodyModel bodies[] = {body, test::small_body(55, 2)};
+    Motion ann = test::still_motion(body, frames), bob = test::still_motion(bodies[1], frames);
+    for (auto& transl : bob.transl) transl.x += 1;
+    save_motion(scene / "ann.npz", ann);
+    save_motion(folder / "bob.npz", bob);
+    const std::vector<fs::path> poses{"ann.npz", folder / "bob.npz"};
+    const PeopleCapture loaded = load_people_capture(serial, scene, Span<const BodyModel>(bodies, 2), poses);
+    CHECK(loaded.any.layout == CaptureLayout::gala);
+    CHECK(!loaded.any.rig);
+    REQUIRE(loaded.people.size() == 2);
+    CHECK(loaded.people[0].name == "ann");
+    CHECK(loaded.people[1].name == "bob");
+    CHECK(loaded.people[0].body == 0);
+    CHECK(loaded.people[1].body == 1);
+    CHECK(same_motion(loaded.people[0].motion, ann));
+    CHECK(same_motion(loaded.people[1].motion, bob));
+    CHECK(loaded.people[1].motion.betas.size() == 2);
+    CHECK(same_motion(loaded.any.capture.motion, ann));
+    CHECK(loaded.people[0].motion.timestamps[1] == doctest::Approx(1 / 30.0)); // of the photographs, not of the file
+    CHECK(loaded.any.capture.backgrounds.size() == cameras);
+
+    // One body for all, and other motions of the data set's own rig.
+    save_motion(folder / "bob.npz", ann);
+    CHECK(load_people_capture(serial, scene, Span<const BodyModel>(&body, 1), poses).people[1].body == 0);
+    const GalaScene own = load_gala_scene(serial, scene);
+    save_motion(scene / "ann.npz", own.people[1]);
+    save_motion(folder / "bob.npz", own.people[0]);
+    const PeopleCapture swapped = load_people_capture(serial, scene, {}, poses);
+    REQUIRE(swapped.any.rig);
+    CHECK(same_motion(swapped.people[0].motion, own.people[1]));
+    CHECK(same_motion(swapped.people[1].motion, own.people[0]));
+    CHECK(swapped.people[1].body == 0);
+}
+
+TEST_CASE_FIXTURE(test::Gala, "motions that do not belong to GalaBasketball's people") {
+    const BodyModel body = test::small_body();
+    const Span<const BodyModel> one(&body, 1);
+    save_motion(scene / "ann.npz", test::still_motion(body, frames));
+    save_motion(scene / "bob.npz", test::still_motion(body, frames));
+    using Files = std::vector<fs::path>;
+    const auto refuse = [&]<class E>(E*, Span<const BodyModel> bodies, const Files& files,
+                                     std::initializer_list<std::string_view> words) {
+        test::check_throws<E>([&] { (void)load_people_capture(serial, scene, bodies, files); }, words);
+    };
+    constexpr ValueError* value = nullptr;
+    constexpr ShapeError* shape = nullptr;
+    refuse(value, one, {}, {scene.string(), "of its own rig", "each of the 2 people", "leave the body out"});
+    refuse(value, one, {"poses.npz"}, {"each of the 2 people"}); // the usual name, and there is no such file
+    refuse(shape, one, {"ann.npz"}, {"the list of motions has 1", "expected 2", "used whole"});
+    refuse(shape, {}, {"ann.npz", "bob.npz"}, {"ann.npz", "27 joints", "needs that body"});
+    refuse(shape, {}, {"ann.npz"}, {"ann.npz", "27 joints", "needs that body"});
+    save_motion(scene / "bob.npz", test::still_motion(body, frames + 1));
+    refuse(shape, one, {"ann.npz", "bob.npz"}, {"bob.npz", "5", "expected 4", "each frame of the split"});
+    const std::vector<BodyModel> three(3, body);
+    refuse(value, three, {"ann.npz", "bob.npz"}, {"3 body models for 2 people"});
+    GalaMotions motions{three, {"ann.npz", "ann.npz"}};
+    test::check_throws<ValueError>([&] { (void)load_gala_scene(serial, scene, motions); },
+                                   {"3 body models for 2 people", "one each"});
 }

@@ -7,6 +7,7 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/capture.hpp>
 #include <gsh/io/file/number_lines.hpp>
@@ -40,6 +41,14 @@ struct GalaScene {
     std::vector<Motion> people; ///< all of them
 };
 
+/// Motions that replace those of the data set, such as fits of SMPL-X to its people.
+///
+/// Frame  that of the cameras which load_gala_scene returns: the files' world with x negated, y up, in metres.
+struct GalaMotions {
+    Span<const BodyModel> bodies = {};         ///< one for all, or one for each person; none: the rig of the data set
+    std::vector<std::filesystem::path> files;  ///< what load_any_motion reads, one for each person of the scene
+};
+
 /// Loads a scene. Its layout, in addition to the rig in options.model (default: FOLDER/../model):
 ///
 ///     FOLDER/camera/ID.txt      vertical field of view in degrees, width, height; position;
@@ -56,6 +65,16 @@ struct GalaScene {
 /// Errors  those of load_capture. A scene without training frames (gymnastics) has only motions: use load_gala_motions.
 template <HostExecutor E>
 [[nodiscard]] GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder,
+                                        const CaptureOptions& options = {},
+                                        std::vector<std::string>* warnings = nullptr);
+
+/// The same with other motions of its people, in place of options.poses; each has a pose for each frame of the split,
+/// and takes the timestamps of these frames. Without files it is the function above.
+///
+/// Errors  as above; ShapeError for motions of another number of people or frames, ValueError for bodies without
+///         motions, and for a number of bodies that is neither 1 nor that of the motions.
+template <HostExecutor E>
+[[nodiscard]] GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, const GalaMotions& motions,
                                         const CaptureOptions& options = {},
                                         std::vector<std::string>* warnings = nullptr);
 
@@ -112,11 +131,54 @@ inline Camera<double> read_gala_camera(const std::filesystem::path& path) {
     return camera;
 }
 
+/// Reads a motion for a scene. One that does not fit the data set's own rig is probably of another body.
+inline Motion load_motion_for_gala(const std::filesystem::path& file, const BodyModel& body, bool is_rig,
+                                   const CaptureOptions& options, std::vector<std::string>* warnings) {
+    try {
+        return load_any_motion(file, body, {options.hands, 30}, warnings);
+    } catch (const ShapeError& error) {
+        if (!is_rig) throw;
+        throw ShapeError(std::string(error.what()) + "; a motion of another body than the data set's needs that body");
+    }
+}
+
+/// Puts the given motions into the place of the data set's own, which tell how many people and frames there are.
+inline void replace_gala_motions(const std::filesystem::path& folder, const GalaMotions& motions, const GalaRig& rig,
+                                 const CaptureOptions& options, std::vector<Motion>& people,
+                                 std::vector<std::string>* warnings) {
+    const std::string found = std::to_string(people.size());
+    check_value(motions.bodies.empty() || !motions.files.empty(), folder.string(),
+                "its own poses are of its own rig; for another body give a motion of that body for each of the " +
+                    found + " people, or leave the body out");
+    if (motions.files.empty()) return;
+    check_size(folder.string(), "the list of motions", motions.files.size(), people.size(),
+               "photographs are used whole, so that each person in them needs a motion");
+    check_value(motions.bodies.size() <= 1 || motions.bodies.size() == motions.files.size(), folder.string(),
+                "there are " + std::to_string(motions.bodies.size()) + " body models for " + found +
+                    " people; give one for all, or one each");
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        const auto file = folder / motions.files[p]; // an absolute path replaces the folder
+        const BodyModel& body =
+            motions.bodies.empty() ? rig.body : motions.bodies[std::min(p, motions.bodies.size() - 1)];
+        Motion motion = load_motion_for_gala(file, body, motions.bodies.empty(), options, warnings);
+        check_size(file.string(), "poses", motion.frame_count(), people[p].frame_count(),
+                   "one for each frame of the split");
+        motion.timestamps = people[p].timestamps;
+        people[p] = std::move(motion);
+    }
+}
+
 } // namespace detail
 
 template <HostExecutor E>
 GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, const CaptureOptions& options,
                           std::vector<std::string>* warnings) {
+    return load_gala_scene(executor, folder, GalaMotions(), options, warnings);
+}
+
+template <HostExecutor E>
+GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, const GalaMotions& motions,
+                          const CaptureOptions& options, std::vector<std::string>* warnings) {
     GalaScene scene;
     Capture& capture = scene.capture;
     const auto place = std::filesystem::weakly_canonical(folder);
@@ -174,10 +236,12 @@ GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, cons
     check_value(options.person >= 0 && static_cast<std::size_t>(options.person) < scene.people.size(), folder.string(),
                 "there is no person " + std::to_string(options.person) + ", the poses hold " +
                     std::to_string(scene.people.size()));
-    Motion& motion = scene.people[static_cast<std::size_t>(options.person)];
-    if (options.poses != CaptureOptions().poses) {
+    const auto person = static_cast<std::size_t>(options.person);
+    detail::replace_gala_motions(folder, motions, scene.rig, options, scene.people, warnings);
+    Motion& motion = scene.people[person];
+    if (motions.files.empty() && options.poses != CaptureOptions().poses) {
         const auto named = folder / options.poses;
-        motion = load_any_motion(named, scene.rig.body, {options.hands, 30}, warnings);
+        motion = detail::load_motion_for_gala(named, scene.rig.body, true, options, warnings);
         check_size(named.string(), "poses", motion.frame_count(), frames.size(), "one for each frame of the split");
     }
     capture.motion = motion;
@@ -213,8 +277,10 @@ GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, cons
     });
     check_value(!capture.views(false).empty(), folder.string(),
                 "no view is left for training; name another test camera");
+    const BodyModel& body = motions.bodies.empty() ? scene.rig.body
+                                                   : motions.bodies[std::min(person, motions.bodies.size() - 1)];
     if (warnings)
-        for (const std::string& text : capture_warnings(capture, scene.rig.body))
+        for (const std::string& text : capture_warnings(capture, body))
             warnings->push_back(folder.string() + ": " + text);
     return scene;
 }

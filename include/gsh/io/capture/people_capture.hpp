@@ -56,7 +56,8 @@ struct PeopleCapture {
 
 /// Loads a capture with one or several people. In our own layout there is one pose file or folder per person, relative
 /// to the capture or absolute, in any layout of load_any_motion. A layout with several people supplies all of them.
-/// `bodies` is one model for all people or one per pose file; none if the layout contains its own. With several people,
+/// `bodies` is one model for all people or one per pose file; none if the layout contains its own. GalaBasketball accepts
+/// pose files, too, one for each of its people: motions of `bodies`, or of its own rig without them. With several people,
 /// FOLDER/person_masks/NAME/CAMERA/FRAME.png marks each person's pixels in white (or opaque). These masks are optional
 /// for each person and camera, and there must be as many as the camera has images.
 ///
@@ -140,14 +141,29 @@ PeopleCapture load_people_capture(E& executor, const std::filesystem::path& fold
     std::vector<std::filesystem::path> files;
     for (const auto& file : poses) files.push_back(folder / file); // an absolute path replaces the folder
     const std::vector<std::string> names = person_names(files);
-    check_value(poses.size() <= 1 || recognise_capture(folder).value_or(CaptureLayout::gsh) == CaptureLayout::gsh,
-                folder.string(), "only a capture in our own layout takes several pose files; see docs/captures.md");
+    const auto layout = recognise_capture(folder).value_or(CaptureLayout::gsh);
+    check_value(poses.size() <= 1 || layout == CaptureLayout::gsh || layout == CaptureLayout::gala, folder.string(),
+                "only captures in our own layout and GalaBasketball's take several pose files; see docs/captures.md");
     if (!poses.empty()) options.poses = poses.front().string();
     if (poses.size() > 1) options.person = 0; // it refers to one file, not to the list of files
     std::vector<std::string> of_first;
-    result.any = load_any_capture(executor, folder, bodies.empty() ? nullptr : &bodies[0], options, &of_first);
+    const bool replaced = layout == CaptureLayout::gala && (!bodies.empty() || poses.size() > 1);
+    if (replaced) {
+        GalaMotions motions{bodies, files};
+        std::error_code ignored; // the usual name, which is not there, names nothing
+        if (poses.size() == 1 && poses[0] == CaptureOptions().poses && !std::filesystem::exists(files[0], ignored))
+            motions.files.clear();
+        GalaScene scene = load_gala_scene(executor, folder, motions, options, &of_first);
+        result.any = {layout, std::move(scene.capture), std::move(scene.people), {}};
+        if (bodies.empty()) result.any.rig = std::move(scene.rig);
+    } else {
+        result.any = load_any_capture(executor, folder, bodies.empty() ? nullptr : &bodies[0], options, &of_first);
+    }
     const Capture& capture = result.any.capture;
-    if (result.any.people.size() > 1) { // the layout contains several people
+    if (replaced) {
+        for (std::size_t p = 0; p < files.size(); ++p)
+            result.people.push_back({names[p], bodies.size() > 1 ? p : 0, result.any.people[p]});
+    } else if (result.any.people.size() > 1) { // the layout contains several people
         for (std::size_t p = 0; p < result.any.people.size(); ++p)
             result.people.push_back({"person-" + std::to_string(p), 0, result.any.people[p]});
     } else {
