@@ -71,6 +71,7 @@ struct GaussianStart {
                     "initial_opacity must lie between 0 and 1");
         check_value(params.initial_thickness > 0 && params.initial_thickness <= 1, where,
                     "initial_thickness must lie above 0 and be at most 1");
+        check_value(params.shadow_start >= 0, where, "shadow_start must not be negative");
         for (const auto& joint : rig.joints) joints.insert(joints.end(), {T(joint.x), T(joint.y), T(joint.z)});
         for (std::size_t i = 0; i < samples.size(); ++i) {
             const double scale = samples.scales[i];
