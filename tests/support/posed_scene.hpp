@@ -8,8 +8,8 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/image/image.hpp>
+#include <gsh/pipeline/photo.hpp>
 #include <gsh/render/rasterizer.hpp>
-#include <gsh/train/pose_fit.hpp>
 
 #include "support/bodies.hpp"
 
@@ -67,11 +67,11 @@ struct PosedScene {
             for (const auto& camera : cameras) images.push_back(photograph(camera, t));
     }
 
-    [[nodiscard]] Observation observe(std::size_t frame, std::size_t camera) const {
-        return {cameras[camera], images[frame * camera_count + camera]};
+    [[nodiscard]] Photo observe(std::size_t frame, std::size_t camera) const {
+        return {"photo", cameras[camera], frame, images[frame * camera_count + camera], camera};
     }
-    [[nodiscard]] std::vector<Observation> observe(std::size_t frame) const {
-        std::vector<Observation> all;
+    [[nodiscard]] std::vector<Photo> observe(std::size_t frame) const {
+        std::vector<Photo> all;
         for (std::size_t c = 0; c < camera_count; ++c) all.push_back(observe(frame, c));
         return all;
     }

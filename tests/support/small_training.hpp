@@ -5,10 +5,13 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/io/image/image_file.hpp>
-#include <gsh/train/avatar_model.hpp>
+#include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/train/avatar_export.hpp>
+#include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include "support/bodies.hpp"
+#include "support/learned.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -16,6 +19,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -94,6 +98,9 @@ private:
     }
 };
 
+/// Rates at which the small scene is learned quickly.
+inline constexpr LearningRates small_rates{.quats = 0, .sh = 5e-3};
+
 /// A configuration at the size of tests, its parts as they are.
 inline AvatarConfig small(AvatarConfig config) {
     config.hash_base = 4, config.hash_growth = 2, config.hash_table_size = 1024, config.ao_table_size = 1024;
@@ -101,46 +108,53 @@ inline AvatarConfig small(AvatarConfig config) {
     return config;
 }
 
-/// A model and a trainer on a scene.
+/// The avatar of a configuration, with fields at the size of tests.
+template <class B, class T = float>
+using SmallAvatar = ConfiguredAvatar<B, T, 1>;
+
+template <class B, class T = float>
+[[nodiscard]] SmallAvatar<B, T> small_avatar(B& backend, const RigData& rig, const SurfaceSamples& samples,
+                                             std::size_t frame_count, std::uint64_t seed, const AvatarConfig& config) {
+    return make_avatar<B, T, 4, 2, 1>(backend, rig, samples, frame_count, seed, small(config));
+}
+
+/// A model, a scene and a trainer on the small scene's photographs.
 template <class B>
 struct SmallTraining {
-    using Model = AvatarModel<B, float, 4, 2, 1>;
-    using TrainerType = Trainer<B, float, Model>;
+    using Model = SmallAvatar<B>;
+    using SceneType = AvatarScene<B, Model>;
+    using TrainerType = Trainer<B, SceneType>;
 
     const SmallScene* scene;
     B backend;
     SurfaceSamples samples;
     RigData rig;
     Model model;
+    SceneType people;
     TrainerType trainer;
 
     explicit SmallTraining(const SmallScene& small_scene, B where = B(), std::uint64_t seed = 3,
-                           const AvatarConfig& avatar = {},
-                           const TrainConfig& config = {.rates = {.quats = 0, .sh = 5e-3}})
+                           const AvatarConfig& avatar = {.rates = small_rates}, const TrainConfig& config = {})
         : scene(&small_scene), backend(std::move(where)),
           samples(sample_surface(scene->body, shaped_vertices(scene->body, scene->betas),
                                  std::vector<double>(scene->body.vertex_count(), 12.0), seed)),
-          rig(make_rig(scene->body, scene->betas, samples)), model(backend, rig, samples, seed, small(avatar)),
-          trainer(backend, model, scene->photos, scene->motion, seed, config) {}
+          rig(make_rig(scene->body, scene->betas, samples)),
+          model(small_avatar(backend, rig, samples, scene->motion.frame_count(), seed, avatar)),
+          people(backend, model, scene->motion), trainer(backend, people, scene->photos, seed, config) {}
     SmallTraining(const SmallTraining&) = delete;
 
-    std::vector<float> parameters(ParameterGroup group) {
-        const Span<const float> values = model.parameters()[group];
-        std::vector<float> host(values.size());
-        backend.download(values, Span<float>(host));
-        return host;
-    }
-    /// All parameters, one after the other.
-    std::vector<float> parameters() {
-        std::vector<float> all;
-        for (std::size_t g = 0; g < parameter_group_count; ++g) {
-            const auto group = parameters(static_cast<ParameterGroup>(g));
-            all.insert(all.end(), group.begin(), group.end());
-        }
-        return all;
-    }
+    /// A learned array's numbers.
+    std::vector<float> parameters(std::string_view name) { return learned_values(model, name); }
+    /// The numbers of all learned arrays, one after the other.
+    std::vector<float> parameters() { return learned_values(model); }
     void steps(int count, double progress = 0) {
         for (int i = 0; i < count; ++i) trainer.step(progress);
+    }
+    /// Each Gaussian's ambient occlusion, mean over the photographed frames.
+    std::vector<float> mean_shadow() { return mean_occlusion(people, photographed_frames(trainer.photos())); }
+    /// The avatar as it is now, as files keep it.
+    AvatarData exported() {
+        return export_avatar(people, rig, photographed_frames(trainer.photos()), trainer.config().filter);
     }
 };
 
