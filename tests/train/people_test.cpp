@@ -12,10 +12,10 @@
 
 #include "io/temporary.hpp"
 #include "support/gradient.hpp"
+#include "support/learned.hpp"
 #include "support/small_training.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -39,31 +39,25 @@ const vec3<double> beside{0.35, 0, -0.2}, in_front{0.12, 0.02, 0.5}, behind_the_
 /// Some people of the small scene's form in one training.
 template <class B, class T = float>
 struct Cast {
-    using Model = AvatarModel<B, T, 4, 2, 1>;
-    using TrainerType = Trainer<B, T, Model>;
+    using Model = test::SmallAvatar<B, T>;
+    using SceneType = AvatarScene<B, Model, T>;
+    using TrainerType = Trainer<B, SceneType, T>;
 
     B backend;
     std::vector<Motion> motions;
     std::deque<SurfaceSamples> samples;
     std::deque<RigData> rigs;
     std::deque<Model> models;
+    SceneType people;
     TrainerType trainer;
 
     Cast(const SmallScene& scene, std::vector<Motion> poses, std::vector<Photo> photos, B where = B(),
-         const AvatarConfig& avatar = {}, const TrainConfig& config = {.rates = {.quats = 0, .sh = 5e-3}},
-         double density = 12)
-        : backend(std::move(where)), motions(std::move(poses)),
-          trainer(backend, people(scene, avatar, density), std::move(photos), 3, config) {}
+         const AvatarConfig& avatar = {.rates = test::small_rates}, const TrainConfig& config = {}, double density = 12)
+        : backend(std::move(where)), motions(std::move(poses)), people(backend, members(scene, avatar, density)),
+          trainer(backend, people, std::move(photos), 3, config) {}
     Cast(const Cast&) = delete;
 
-    std::vector<T> parameters(std::size_t person) {
-        std::vector<T> all;
-        for (std::size_t g = 0; g < parameter_group_count; ++g) {
-            const auto& group = models[person].parameters()[static_cast<ParameterGroup>(g)];
-            all.insert(all.end(), group.begin(), group.end());
-        }
-        return all;
-    }
+    std::vector<T> parameters(std::size_t person) { return test::learned_values(models[person]); }
     void steps(int count, double progress = 0) {
         for (int i = 0; i < count; ++i) trainer.step(progress);
     }
@@ -74,29 +68,29 @@ struct Cast {
     }
 
 private:
-    std::vector<CastMember<Model>> people(const SmallScene& scene, const AvatarConfig& avatar, double density) {
+    std::vector<CastMember<Model>> members(const SmallScene& scene, const AvatarConfig& avatar, double density) {
         std::vector<CastMember<Model>> cast;
         for (std::size_t p = 0; p < motions.size(); ++p) {
             samples.push_back(sample_surface(scene.body, shaped_vertices(scene.body, scene.betas),
                                              std::vector<double>(scene.body.vertex_count(), density), 3));
             rigs.push_back(make_rig(scene.body, scene.betas, samples.back()));
-            models.emplace_back(backend, rigs.back(), samples.back(), 3, test::small(avatar));
+            models.push_back(
+                test::small_avatar<B, T>(backend, rigs.back(), samples.back(), motions[p].frame_count(), 3, avatar));
             cast.push_back({&models.back(), &motions[p]});
         }
         return cast;
     }
 };
 
-constexpr AvatarConfig stored{.hash_displacement = false, .hash_sh = false};
+constexpr AvatarConfig stored{.hash_displacement = false, .hash_sh = false, .rates = test::small_rates};
 
 /// Solid people in colours of their own: red or blue, with a random pattern in green.
 template <class B, class T>
 void paint(Cast<B, T>& cast) {
     test::Rng rng(17);
     for (std::size_t p = 0; p < cast.models.size(); ++p) {
-        auto& parameters = cast.models[p].parameters();
-        for (T& opacity : parameters[ParameterGroup::opacity_logits]) opacity = T(4);
-        auto& sh = parameters[ParameterGroup::sh];
+        for (T& opacity : test::learned_array(cast.models[p], "opacity_logits").values) opacity = T(4);
+        const Span<T> sh = test::learned_array(cast.models[p], "sh").values;
         for (std::size_t i = 0; i < sh.size(); i += 12) {
             sh[i] = T(p == 0 ? 1.5 : -1.5);
             sh[i + 1] = static_cast<T>(rng.uniform(-1, 1));
@@ -146,20 +140,19 @@ TEST_CASE("somebody whom no camera sees changes nothing for the others, bit for 
     CHECK(cast.parameters(1) == alone.parameters());
     CHECK(cast.parameters(0) == unseen);
     CHECK(cast.trainer.last_loss().loss == alone.trainer.last_loss().loss);
-    CHECK(cast.trainer.splat_count() == 2 * alone.model.size());
+    CHECK(cast.people.size() == 2 * alone.model.size());
 }
 
 TEST_CASE("two people learn the same on any number of threads") {
     const TwoPeople scene;
-    const AvatarConfig shaded{.ao = AmbientOcclusion::time};
-    const TrainConfig config{.rates = {.quats = 0, .sh = 5e-3}, .ao_start = 0};
-    Cast<cpu::Serial> serial(scene.scene, scene.motions, scene.photos, {}, shaded, config);
+    const AvatarConfig shaded{.ao = AmbientOcclusion::time, .ao_start = 0, .rates = test::small_rates};
+    Cast<cpu::Serial> serial(scene.scene, scene.motions, scene.photos, {}, shaded);
     serial.steps(10);
     CHECK(serial.parameters(0) != serial.parameters(1));
-    CHECK(serial.trainer.mean_occlusion(1).size() == serial.models[1].size());
+    CHECK(mean_occlusion(serial.people, photographed_frames(scene.photos), 1).size() == serial.models[1].size());
     for (const std::size_t threads : {1, 2, 5}) {
         CAPTURE(threads);
-        Cast<cpu::Threads> threaded(scene.scene, scene.motions, scene.photos, cpu::Threads(threads), shaded, config);
+        Cast<cpu::Threads> threaded(scene.scene, scene.motions, scene.photos, cpu::Threads(threads), shaded);
         threaded.steps(10);
         for (const std::size_t p : {0, 1}) CHECK(threaded.parameters(p) == serial.parameters(p));
     }
@@ -189,8 +182,11 @@ TEST_CASE("whoever stands in front hides the other, whatever their order") {
     // The same people named in the other order are the same picture.
     Cast<cpu::Serial> swapped(scene, {front, back}, scene.photos, {}, stored);
     paint(swapped);
-    for (const auto group : {ParameterGroup::sh, ParameterGroup::opacity_logits})
-        std::swap(swapped.models[0].parameters()[group], swapped.models[1].parameters()[group]);
+    for (const auto* name : {"sh", "opacity_logits"}) {
+        const auto first = test::learned_array(swapped.models[0], name).values,
+                   second = test::learned_array(swapped.models[1], name).values;
+        std::swap_ranges(first.begin(), first.end(), second.begin());
+    }
     const Image<float> c = swapped.picture(camera, 0);
     double difference = 0;
     for (std::size_t i = 0; i < c.data.size(); ++i)
@@ -210,9 +206,9 @@ TEST_CASE("two people, one before the other, are both learned") {
     const std::size_t count = 48 * 48;
     for (const std::size_t p : {0, 1}) {
         Cast<cpu::Serial> apart(scene.scene, {scene.motions[p]}, scene.photos);
-        for (std::size_t g = 0; g < parameter_group_count; ++g)
-            apart.models[0].parameters()[static_cast<ParameterGroup>(g)] =
-                cast.models[p].parameters()[static_cast<ParameterGroup>(g)];
+        const auto from = cast.models[p].learned(), to = apart.models[0].learned();
+        for (std::size_t i = 0; i < from.size(); ++i)
+            std::copy(from[i].values.begin(), from[i].values.end(), to[i].values.begin());
         Image<float> alpha;
         const Image<float> color = apart.picture(scene.photos[1].camera, scene.photos[1].frame, &alpha);
         double red = 0, blue = 0;
@@ -232,76 +228,68 @@ TEST_CASE("the gradient of one picture reaches both people, and is right") {
     Photo photo = scene.photos[0];
     photo.rgba = noise;
     // Rates that move nothing: a step then is a loss and, in its first moment, a tenth of the gradient.
-    TrainConfig config;
-    config.random_background = false; // each step sees the same
+    AvatarConfig config{.initial_thickness = 1, .sh_dc_scale = 20};
     LearningRates& r = config.rates;
     for (double* rate : {&r.joints, &r.quats, &r.log_scales, &r.opacity_logits, &r.displacement, &r.sh,
                          &r.stored_displacements, &r.stored_sh, &r.ao})
         *rate = 1e-200;
-    Cast<cpu::Serial, double> cast(scene, {scene.motion, moved(scene.motion, in_front)}, {photo}, {},
-                                   {.initial_thickness = 1, .sh_dc_scale = 20}, config, 2);
+    Cast<cpu::Serial, double> cast(scene, {scene.motion, moved(scene.motion, in_front)}, {photo}, {}, config,
+                                   {.random_background = false}, 2); // each step sees the same
     for (auto& model : cast.models) {
-        for (double& opacity : model.parameters()[ParameterGroup::opacity_logits]) opacity = rng.uniform(-1, 1.5);
-        for (double& scale : model.parameters()[ParameterGroup::log_scales])
+        for (double& opacity : test::learned_array(model, "opacity_logits").values) opacity = rng.uniform(-1, 1.5);
+        for (double& scale : test::learned_array(model, "log_scales").values)
             scale += rng.uniform(-0.3, 0.3); // round ones do not turn
-        for (double& weight : model.parameters()[ParameterGroup::joint_network]) weight = rng.uniform(-0.2, 0.2);
-        for (double& entry : model.parameters()[ParameterGroup::joint_table]) entry = rng.uniform(-0.1, 0.1);
+        for (double& weight : test::learned_array(model, "shared_field.network").values)
+            weight = rng.uniform(-0.2, 0.2);
+        for (double& entry : test::learned_array(model, "shared_field.table").values) entry = rng.uniform(-0.1, 0.1);
     }
     const auto loss = [&] {
         cast.trainer.step();
         return cast.trainer.last_loss().loss;
     };
     loss();
-    std::array<Parameters<cpu::Serial, double>, 2> gradient;
-    for (const std::size_t p : {0, 1}) {
-        gradient[p].become_zero_like(cast.backend, cast.models[p].parameters());
-        for (std::size_t g = 0; g < parameter_group_count; ++g) {
-            const auto group = static_cast<ParameterGroup>(g);
-            for (std::size_t i = 0; i < gradient[p][group].size(); ++i)
-                gradient[p][group][i] = 10 * cast.trainer.first_moment(p)[group][i];
-        }
+    std::vector<std::vector<double>> gradients; // of the scene's arrays, taken before any further step
+    for (const LearnedArray<double>& array : cast.people.learned()) {
+        auto& gradient = gradients.emplace_back(array.first_moment.begin(), array.first_moment.end());
+        for (double& value : gradient) value *= 10;
     }
-    using enum ParameterGroup;
-    for (const std::size_t p : {0, 1})
-        for (const auto group : {joints, quats, log_scales, opacity_logits, joint_table, joint_network}) {
-            CAPTURE(p);
-            CAPTURE(parameter_group_names[static_cast<std::size_t>(group)]);
-            const Span<double> values = cast.models[p].parameters()[group];
-            double largest = 0;
-            for (const double value : gradient[p][group]) largest = std::max(largest, std::abs(value));
-            CHECK(largest > 1e-6);
-            test::check_gradient(loss, values, Span<const double>(gradient[p][group]),
-                                 {.step = 1e-7,
-                                  .tolerance = 2e-6,
-                                  .elements = test::spread_elements(values.size(),
-                                                                    cast.models[p].touched_entries(group), 2, 12)});
-        }
+    const LearnedArrays<double> arrays = cast.people.learned();
+    CHECK(arrays.size() == 12);
+    CHECK(arrays[0].name == "joints");
+    CHECK(arrays[6].name == "person1/joints");
+    for (std::size_t a = 0; a < arrays.size(); ++a) {
+        CAPTURE(arrays[a].name);
+        const Span<double> values = arrays[a].values;
+        double largest = 0;
+        for (const double value : gradients[a]) largest = std::max(largest, std::abs(value));
+        CHECK(largest > 1e-6);
+        test::check_gradient(loss, values, Span<const double>(gradients[a]),
+                             {.step = 1e-7, .tolerance = 2e-6, .stride = values.size() / 12 + 1});
+    }
 }
 
 TEST_CASE("two people go on from a checkpoint bit for bit, refinement and all") {
     const TwoPeople scene;
-    const AvatarConfig shaded{.ao = AmbientOcclusion::time};
-    const TrainConfig config{.rates = {.quats = 0, .sh = 5e-3}, .ao_start = 0.3};
+    const AvatarConfig shaded{.ao = AmbientOcclusion::time, .ao_start = 0.3, .rates = test::small_rates};
     RefinementConfig moving;
     for (RefinedGroup* group : {&moving.pose, &moving.transl, &moving.expression}) group->start = 2 / 16.0;
     struct Everything {
         Cast<cpu::Serial> cast;
         std::deque<MotionRefinement<cpu::Serial>> refinements;
 
-        Everything(const TwoPeople& of, const AvatarConfig& avatar, const TrainConfig& train, RefinementConfig refine)
-            : cast(of.scene, of.motions, of.photos, {}, avatar, train) {
+        Everything(const TwoPeople& of, const AvatarConfig& avatar, RefinementConfig refine)
+            : cast(of.scene, of.motions, of.photos, {}, avatar) {
             for (const std::size_t p : {0, 1}) {
                 refinements.emplace_back(cast.backend, cast.rigs[p], of.motions[p],
                                          p == 1 ? of.scene.cameras : std::vector<Camera<double>>(), refine);
-                cast.trainer.refine(refinements[p], p);
+                cast.people.refine(refinements[p], p);
             }
         }
         void run(int first, int last) {
             for (int i = first; i < last; ++i) cast.trainer.step(i / 16.0);
         }
     };
-    Everything whole(scene, shaded, config, moving), first(scene, shaded, config, moving),
-        second(scene, shaded, config, moving);
+    Everything whole(scene, shaded, moving), first(scene, shaded, moving), second(scene, shaded, moving);
     whole.run(0, 16), first.run(0, 9);
     const test::Temporary folder;
     const auto path = folder / "checkpoint.gsh";
@@ -343,16 +331,14 @@ TEST_CASE("a person's pose is found while somebody else stands in the way") {
     for (auto& v : estimate.pose) v += rng.vec(-0.05, 0.05);
     for (auto& t : estimate.transl) t += rng.vec(-0.02, 0.02);
     MotionRefinement<cpu::Serial> refinement(cast.backend, cast.rigs[0], estimate, {}, test_time_config());
-    cast.trainer.refine(refinement);
-    std::vector<Observation> observations;
+    cast.people.refine(refinement);
+    std::vector<Photo> photos;
     for (const Photo& photo : scene.photos)
-        if (photo.frame == 0) observations.push_back({photo.camera, photo.rgba});
-    using Frozen = FrozenScene<Cast<cpu::Serial>::TrainerType>;
-    cast.trainer.query(0);
-    Frozen frozen{&cast.trainer, 0, 0};
-    PoseFit<cpu::Serial, float, Frozen> fit(cast.backend, frozen, cast.trainer.config().filter, {.steps = 80});
-    const double before = fit.mean_loss(refinement, 0, observations);
-    const PoseFitReport report = fit.fit(refinement, 0, observations);
+        if (photo.frame == 0) photos.push_back(photo);
+    FrozenPerson<Cast<cpu::Serial>::SceneType, cpu::Serial> frozen(cast.people, 0);
+    PoseFit<cpu::Serial> fit(cast.backend, cast.trainer.config().filter, {.steps = 80});
+    const double before = fit.mean_loss(frozen, 0, photos);
+    const PoseFitReport report = fit.fit(frozen, 0, photos);
     CHECK(report.kept);
     CHECK(report.loss_after < 0.5 * before);
     const auto error = [&](const Motion& motion) { return length(motion.transl[0] - scene.motions[0].transl[0]); };
@@ -361,22 +347,23 @@ TEST_CASE("a person's pose is found while somebody else stands in the way") {
 
 TEST_CASE("people that do not fit together are refused") {
     const SmallScene scene;
-    using TrainerType = Cast<cpu::Serial>::TrainerType;
+    using SceneType = Cast<cpu::Serial>::SceneType;
+    using Member = CastMember<Cast<cpu::Serial>::Model>;
     Cast<cpu::Serial> cast(scene, {scene.motion, scene.motion}, scene.photos);
-    CHECK_THROWS_AS(TrainerType(cast.backend, {}, scene.photos, 1), ValueError);
+    CHECK_THROWS_AS(SceneType(cast.backend, std::vector<Member>()), ValueError);
     auto& models = cast.models;
-    CHECK_THROWS_AS(
-        TrainerType(cast.backend, {{&models[0], &scene.motion}, {&models[0], &scene.motion}}, scene.photos, 1),
-        ValueError);
+    CHECK_THROWS_AS(SceneType(cast.backend, {{&models[0], &scene.motion}, {&models[0], &scene.motion}}), ValueError);
     Motion shorter = scene.motion;
     shorter.transl.pop_back();
-    CHECK_THROWS_AS(TrainerType(cast.backend, {{&models[0], &scene.motion}, {&models[1], &shorter}}, scene.photos, 1),
-                    ShapeError);
-    CHECK_THROWS_AS((void)cast.trainer.model(2), ValueError);
+    CHECK_THROWS_AS(SceneType(cast.backend, {{&models[0], &scene.motion}, {&models[1], &shorter}}), ShapeError);
+    CHECK_THROWS_AS((void)cast.people.model(2), ValueError);
+    using Frozen = FrozenPerson<SceneType, cpu::Serial>;
+    CHECK_THROWS_AS(Frozen(cast.people, 0), ValueError); // its poses are not refined
+    CHECK_THROWS_AS(Frozen(cast.people, 2), ValueError);
     RefinementConfig config;
     std::deque<MotionRefinement<cpu::Serial>> refinements;
     for (const std::size_t p : {0, 1})
         refinements.emplace_back(cast.backend, cast.rigs[p], scene.motion, scene.cameras, config);
-    cast.trainer.refine(refinements[0], 0);
-    CHECK_THROWS_AS(cast.trainer.refine(refinements[1], 1), ValueError);
+    cast.people.refine(refinements[0], 0);
+    CHECK_THROWS_AS(cast.people.refine(refinements[1], 1), ValueError);
 }

@@ -1,13 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/cpu.hpp>
 #include <gsh/image/image.hpp>
+#include <gsh/pipeline/static_model.hpp>
 #include <gsh/train/evaluation.hpp>
+#include <gsh/train/static_configuration.hpp>
 #include <gsh/train/static_start.hpp>
-#include <gsh/train/static_trainer.hpp>
+#include <gsh/train/trainer.hpp>
 
 #include "io/temporary.hpp"
+#include "support/gradient.hpp"
+#include "support/learned.hpp"
 
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 using namespace gsh;
 
@@ -71,14 +80,26 @@ StaticConfig small_config(std::int64_t steps) {
     return config;
 }
 
+/// A static scene and its trainer, as a program makes them.
 template <class B>
-StaticTrainer<B> make_trainer(B& backend, const BallScene& scene, std::size_t points, const StaticConfig& config,
-                              std::uint64_t seed = 1) {
-    const auto photos = scene.training();
-    return StaticTrainer<B>(backend,
-                            initial_gaussians<float>(visual_hull_points(photos, hull_box(photos), points, seed)),
-                            photos, seed, config);
-}
+struct StaticTraining {
+    StaticModel<B> model;
+    Trainer<B, StaticModel<B>> trainer;
+
+    StaticTraining(B& backend, const GaussianCloud<float>& start, const std::vector<Photo>& photos, std::uint64_t seed,
+                   const StaticConfig& config)
+        : model(backend, start, config.extent != 0 ? config.extent : scene_extent(photos), seed, config),
+          trainer(backend, model, photos, static_order_seed(seed), train_config_of(config)) {}
+    StaticTraining(B& backend, const BallScene& scene, std::size_t points, const StaticConfig& config,
+                   std::uint64_t seed = 1)
+        : StaticTraining(backend, start(scene.training(), points, seed), scene.training(), seed, config) {}
+    StaticTraining(const StaticTraining&) = delete;
+
+private:
+    static GaussianCloud<float> start(const std::vector<Photo>& photos, std::size_t points, std::uint64_t seed) {
+        return initial_gaussians<float>(visual_hull_points(photos, hull_box(photos), points, seed));
+    }
+};
 
 std::vector<float> cloud_numbers(const GaussianCloud<float>& cloud) {
     std::vector<float> all = cloud.opacity_logits;
@@ -94,20 +115,21 @@ std::vector<float> cloud_numbers(const GaussianCloud<float>& cloud) {
 TEST_CASE("a small scene is learnt from eight views and shown from a ninth") {
     const BallScene scene;
     cpu::Threads backend(2);
-    auto trainer = make_trainer(backend, scene, 400, small_config(350));
+    StaticTraining training(backend, scene, 400, small_config(350));
+    auto& [model, trainer] = training;
     const double before = compare(trainer, scene.photos.back()).score.psnr;
     for (int step = 0; step < 350; ++step) trainer.step();
     const auto score = compare(trainer, scene.photos.back()).score;
     CAPTURE(before);
     CAPTURE(score.psnr);
-    CAPTURE(trainer.size());
+    CAPTURE(model.size());
     CHECK(score.psnr > 30);
     CHECK(score.psnr > before + 8);
     CHECK(trainer.step_count() == 350);
-    CHECK(trainer.total_change().cloned + trainer.total_change().split > 20);
-    CHECK(trainer.total_change().pruned > 0);
-    CHECK(trainer.size() <= 2000);
-    CHECK(trainer.cloud().sh_degree == 2);
+    CHECK(model.total_change().cloned + model.total_change().split > 20);
+    CHECK(model.total_change().pruned > 0);
+    CHECK(model.size() <= 2000);
+    CHECK(model.cloud().sh_degree == 2);
     CHECK(std::isfinite(trainer.last_loss().loss));
     Image<float> color, alpha;
     trainer.render(scene.photos[0].camera, 0, color, &alpha);
@@ -122,10 +144,10 @@ TEST_CASE("the same seed gives the same scene bit for bit, whatever the thread c
     config.density.stop = 40;
     config.sh_interval = 15;
     const auto train = [&](auto backend, std::uint64_t seed) {
-        auto trainer = make_trainer(backend, scene, 300, config, seed);
-        for (int step = 0; step < 45; ++step) trainer.step();
-        CHECK(trainer.size() != 300);
-        return cloud_numbers(trainer.cloud());
+        StaticTraining training(backend, scene, 300, config, seed);
+        for (int step = 0; step < 45; ++step) training.trainer.step();
+        CHECK(training.model.size() != 300);
+        return cloud_numbers(training.model.cloud());
     };
     const auto expected = train(cpu::Serial(), 1);
     for (const std::size_t threads : {2, 5}) {
@@ -143,24 +165,24 @@ TEST_CASE("a degree more changes no picture") {
     config.density.reset_interval = 0;
     config.sh_interval = 4;
     config.sh_degree = 3;
-    auto trainer = make_trainer(backend, scene, 50, config);
+    StaticTraining training(backend, scene, 50, config);
     std::vector<int> degrees;
     for (int step = 0; step < 14; ++step) {
-        trainer.step();
-        degrees.push_back(trainer.cloud().sh_degree);
+        training.trainer.step();
+        degrees.push_back(training.model.cloud().sh_degree);
     }
     CHECK(degrees == std::vector<int>{0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3});
 
     // The step after which the degree rises leaves what it would have left without.
     config.sh_degree = 0;
-    auto other = make_trainer(backend, scene, 50, config);
-    for (int step = 0; step < 4; ++step) other.step();
-    auto raised = make_trainer(backend, scene, 50, [&] { auto c = config; c.sh_degree = 3; return c; }());
-    for (int step = 0; step < 4; ++step) raised.step();
+    StaticTraining other(backend, scene, 50, config);
+    config.sh_degree = 3;
+    StaticTraining raised(backend, scene, 50, config);
+    for (int step = 0; step < 4; ++step) other.trainer.step(), raised.trainer.step();
     Image<float> a, b;
-    other.render(scene.photos[8].camera, 0, a);
-    raised.render(scene.photos[8].camera, 0, b);
-    CHECK(raised.cloud().sh_degree == 1);
+    other.trainer.render(scene.photos[8].camera, 0, a);
+    raised.trainer.render(scene.photos[8].camera, 0, b);
+    CHECK(raised.model.cloud().sh_degree == 1);
     CHECK(a.data == b.data);
 }
 
@@ -187,7 +209,7 @@ TEST_CASE("the trainer refuses what it cannot train on") {
     const GaussianCloud<float> cloud(4, 1);
     const auto refuse = [&](const GaussianCloud<float>& start, const std::vector<Photo>& views,
                             const StaticConfig& config, std::string_view word) {
-        test::check_throws([&] { StaticTrainer<cpu::Serial>(backend, start, views, 0, config); }, {word});
+        test::check_throws([&] { StaticTraining<cpu::Serial>(backend, start, views, 0, config); }, {word});
     };
     refuse(cloud, {}, {}, "no photographs");
     refuse({}, photos, {}, "no Gaussians");
@@ -202,6 +224,87 @@ TEST_CASE("the trainer refuses what it cannot train on") {
 
     GaussianCloud<float> faint(4, 0);
     for (float& x : faint.opacity_logits) x = -20;
-    StaticTrainer<cpu::Serial> trainer(backend, faint, photos, 0, {.density = {.start = 0, .interval = 1}});
-    test::check_throws<ValueError>([&] { trainer.step(); }, {"no Gaussian is left after step 1"});
+    StaticTraining<cpu::Serial> training(backend, faint, photos, 0, {.density = {.start = 0, .interval = 1}});
+    test::check_throws<ValueError>([&] { training.trainer.step(); }, {"no Gaussian is left after step 1"});
+}
+
+TEST_CASE("a static scene trains as 3DGS does: one background, rates that its own schedule moves") {
+    const StaticConfig config = static_config(1000);
+    const TrainConfig train = train_config_of(config);
+    CHECK(!train.random_background);
+    CHECK(train.background == config.background);
+    CHECK(train.ssim_weight == config.ssim_weight);
+    CHECK(train.filter.dilation == config.filter.dilation);
+    for (const double progress : {0.0, 0.5, 1.0}) CHECK(train.rate_factor(progress) == 1);
+
+    const BallScene scene;
+    cpu::Serial backend;
+    StaticModel<cpu::Serial> model(backend, GaussianCloud<float>(4, 2), 2.5, 0, config);
+    const auto means_rate = [&](std::uint64_t step) {
+        model.come_to(step, 0);
+        return test::learned_array(model, "means").rate;
+    };
+    CHECK(means_rate(0) == doctest::Approx(2.5 * 1.6e-4));
+    CHECK(means_rate(500) == doctest::Approx(2.5 * 1.6e-5));
+    CHECK(means_rate(1000) == doctest::Approx(2.5 * 1.6e-6));
+    const auto sh = test::learned_array(model, "sh");
+    CHECK(sh.rate == 2.5e-3);
+    CHECK(sh.other.where == LearnedArray<float>::OtherRate::Where::columns);
+    CHECK(sh.other.width == 27);
+    CHECK(sh.other.first == 3);
+    CHECK(sh.other.rate == doctest::Approx(2.5e-3 / 20));
+    CHECK(model.extent() == 2.5);
+    CHECK(scene_extent(scene.training()) > 2);
+    CHECK_THROWS_AS((void)scene_extent({scene.photos[0]}), ValueError);
+}
+
+TEST_CASE_TEMPLATE("a static scene's adjoint is the gradient of its splats, and adds", B, cpu::Serial, cpu::Threads) {
+    test::Rng rng(3);
+    constexpr std::size_t N = 9;
+    GaussianCloud<double> start(N, 2);
+    for (std::size_t i = 0; i < N; ++i) {
+        start.means[i] = rng.vec();
+        start.quats[i] = rng.quat();
+        start.log_scales[i] = rng.vec(-2, -1);
+        start.opacity_logits[i] = rng.uniform(-1, 1);
+    }
+    for (auto& value : start.sh) value = rng.vec(-0.2, 0.2);
+    B backend{};
+    StaticModel<B, double> model(backend, start, 1, 0, {});
+    Splats<B, double> splats, weights;
+    splats.resize(N), weights.resize(N);
+    fill_zero(backend, weights.view());
+    for (std::size_t i = 0; i < N; ++i) {
+        weights.means[i] = rng.vec(), weights.colors[i] = rng.vec(), weights.opacities[i] = rng.uniform(-1, 1);
+        weights.covariances[i] = {rng.uniform(), rng.uniform(), rng.uniform(), rng.uniform(), rng.uniform(),
+                                  rng.uniform()};
+    }
+    const vec3<double> center{0.5, 0.3, 4};
+    const auto loss = [&] {
+        model.forward(0, center, splats.view());
+        double sum = 0;
+        for (std::size_t i = 0; i < N; ++i) {
+            sum += dot(splats.means[i], weights.means[i]) + dot(splats.colors[i], weights.colors[i]) +
+                   splats.opacities[i] * weights.opacities[i];
+            const auto a = test::scalars(splats.covariances[i]), b = test::scalars(weights.covariances[i]);
+            for (std::size_t k = 0; k < a.size(); ++k) sum += a[k] * b[k];
+        }
+        return sum;
+    };
+    const auto backward = [&] {
+        loss();
+        model.backward(0, center, std::as_const(weights).view(), {});
+    };
+    backward();
+    for (const LearnedArray<double>& array : model.learned()) {
+        CAPTURE(array.name);
+        double largest = 0;
+        for (const double value : array.gradient) largest = std::max(largest, std::abs(value));
+        CHECK(largest > 1e-3);
+        test::check_gradient(loss, array.values, Span<const double>(array.gradient), {.stride = 3});
+    }
+    const auto once = test::learned_gradients(model);
+    backward();
+    const auto twice = test::learned_gradients(model);
+    for (std::size_t i = 0; i < once.size(); ++i) CHECK(twice[i] == doctest::Approx(2 * once[i]));
 }
