@@ -14,12 +14,12 @@
 #include <gsh/image/color.hpp>
 #include <gsh/image/resample.hpp>
 #include <gsh/optim/adam.hpp>
-#include <gsh/render/tiles.hpp>
-#include <gsh/train/avatar_model.hpp>
+#include <gsh/pipeline/avatar_model.hpp>
 #include <gsh/pipeline/density_control.hpp>
-#include <gsh/train/parameters.hpp>
+#include <gsh/pipeline/field_appearance.hpp>
+#include <gsh/pipeline/static_model.hpp>
+#include <gsh/render/tiles.hpp>
 #include <gsh/train/refinement.hpp>
-#include <gsh/train/static_trainer.hpp>
 
 #include <algorithm>
 #include <cmath>

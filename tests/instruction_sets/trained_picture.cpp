@@ -31,7 +31,8 @@ int main(int argc, char** argv) try {
         return 2;
     }
     const test::SmallScene scene;
-    test::SmallTraining<cpu::Threads> training(scene, cpu::Threads(2), 3, {.ao = AmbientOcclusion::time});
+    test::SmallTraining<cpu::Threads> training(scene, cpu::Threads(2), 3,
+                                               {.ao = AmbientOcclusion::time, .rates = test::small_rates});
     for (int step = 0; step < 60; ++step) training.trainer.step(step / 60.0);
     Image<float> picture;
     training.trainer.render(scene.photos[0], picture);

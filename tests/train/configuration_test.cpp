@@ -109,13 +109,13 @@ TEST_CASE("an ablation differs from the paper's in its own part alone") {
 
 TEST_CASE("settings read back what they print") {
     Configuration odd = named_configuration("baseline");
-    odd.train.rates.sh = 0.1 + 0.2; // needs all digits
+    odd.avatar.rates.sh = 0.1 + 0.2; // needs all digits
     odd.avatar.deformation = Deformation::dual_quaternion;
     odd.avatar.hash_table_size = 1u << 19;
     Configuration copy;
     for (const auto& [key, text] : settings_of(odd)) set_setting(copy, key, text, "test");
     CHECK(settings_of(copy) == settings_of(odd));
-    CHECK(copy.train.rates.sh == odd.train.rates.sh);
+    CHECK(copy.avatar.rates.sh == odd.avatar.rates.sh);
 }
 
 TEST_CASE("docs/configurations.md lists every configuration, and every setting with the paper's value") {
@@ -231,7 +231,7 @@ TEST_CASE("a file names where it starts from and what differs") {
         R"({"configuration": "baseline-x", "rate.sh": 1e-3, "ao": "none", "fine_levels": "region", "mlp.width": 32})"));
     CHECK(mine.name == "mine");
     CHECK(mine.avatar.heads == Heads::separate);
-    CHECK(mine.train.rates.sh == 1e-3);
+    CHECK(mine.avatar.rates.sh == 1e-3);
     CHECK(mine.avatar.ao == AmbientOcclusion::none);
     CHECK(mine.fine_levels == FineLevels::region);
     CHECK(mine.avatar.mlp_width == 32);

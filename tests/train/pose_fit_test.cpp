@@ -3,6 +3,7 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/joint_error.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/pose_fit.hpp>
 
 #include "support/posed_scene.hpp"
@@ -29,9 +30,10 @@ Motion fitted(B&& backend, const PosedScene& scene, std::size_t frame, PoseFitPa
               PoseFitReport* report = nullptr) {
     using Where = std::remove_cvref_t<B>;
     Avatar<Where> avatar(backend, scene.avatar);
-    PoseFit<Where> fit(backend, avatar, scene.avatar.filter, params);
+    PoseFit<Where> fit(backend, scene.avatar.filter, params);
     MotionRefinement<Where> motion(backend, scene.avatar.rig, scene.estimate(), {}, quick());
-    const auto found = fit.fit(motion, frame, scene.observe(frame));
+    FrozenAvatar<Where> frozen(avatar, motion);
+    const auto found = fit.fit(frozen, frame, scene.observe(frame));
     if (report) *report = found;
     return motion.motion();
 }
@@ -66,7 +68,7 @@ TEST_CASE("a frame's pose is found in front of a room whose plate is known") {
     for (std::size_t i = 0; i < bytes; ++i)
         if (i % 4 < 3) plate[i] = static_cast<std::uint8_t>(rng.uniform(0.0, 255.0));
     std::vector<std::vector<std::uint8_t>> images;
-    std::vector<Observation> photos;
+    std::vector<Photo> photos;
     for (std::size_t c = 0; c < PosedScene::camera_count; ++c) { // opaque photographs of person and room together
         std::vector<std::uint8_t>& image = images.emplace_back(plate);
         const Span<const std::uint8_t> person = scene.observe(2, c).rgba;
@@ -75,13 +77,15 @@ TEST_CASE("a frame's pose is found in front of a room whose plate is known") {
             if (i % 4 < 3) image[i] = static_cast<std::uint8_t>(std::lround(a * person[i] + (1 - a) * plate[i]));
         }
     }
-    for (std::size_t c = 0; c < PosedScene::camera_count; ++c) photos.push_back({scene.cameras[c], images[c], plate});
+    for (std::size_t c = 0; c < PosedScene::camera_count; ++c)
+        photos.push_back({"photo", scene.cameras[c], 2, images[c], c, plate});
     cpu::Serial backend;
     Avatar<cpu::Serial> avatar(backend, scene.avatar);
-    PoseFit<cpu::Serial> fit(backend, avatar, scene.avatar.filter, {.steps = 60});
+    PoseFit<cpu::Serial> fit(backend, scene.avatar.filter, {.steps = 60});
     const Motion estimate = scene.estimate();
     MotionRefinement<cpu::Serial> motion(backend, scene.avatar.rig, estimate, {}, quick());
-    const auto report = fit.fit(motion, 2, photos);
+    FrozenAvatar<cpu::Serial> frozen(avatar, motion);
+    const auto report = fit.fit(frozen, 2, photos);
     const std::vector<std::size_t> frame{2};
     const auto error = [&](const Motion& m) {
         return joint_errors(scene.body, m, scene.truth, RootAlignment::none, frame).mean_mm;
@@ -89,7 +93,7 @@ TEST_CASE("a frame's pose is found in front of a room whose plate is known") {
     CAPTURE(report.loss_after);
     CHECK(error(motion.motion()) < 0.25 * error(estimate));
     photos[0].plate = photos[0].plate.subspan(0, 12);
-    CHECK_THROWS_AS(fit.fit(motion, 2, photos), ShapeError);
+    CHECK_THROWS_AS(fit.fit(frozen, 2, photos), ShapeError);
 }
 
 TEST_CASE("a fit is the same at any thread count") {
@@ -106,11 +110,12 @@ TEST_CASE("a fit that makes it worse leaves the estimate alone") {
     const PosedScene scene;
     cpu::Serial backend;
     Avatar<cpu::Serial> avatar(backend, scene.avatar);
-    PoseFit<cpu::Serial> fit(backend, avatar, scene.avatar.filter, {.steps = 2});
+    PoseFit<cpu::Serial> fit(backend, scene.avatar.filter, {.steps = 2});
     RefinementConfig config = quick();
     config.pose.rate = 1;
     MotionRefinement<cpu::Serial> motion(backend, scene.avatar.rig, scene.truth, {}, config);
-    const auto report = fit.fit(motion, 0, {scene.observe(0, 1)});
+    FrozenAvatar<cpu::Serial> frozen(avatar, motion);
+    const auto report = fit.fit(frozen, 0, {scene.observe(0, 1)});
     CHECK(!report.kept);
     CHECK(report.loss_after == report.loss_before);
     CHECK(motion.motion().pose == scene.truth.pose);
@@ -134,22 +139,24 @@ TEST_CASE("a fit that is stopped keeps what it has if that is better, and nothin
     CHECK(report.steps == 3);
 }
 
-TEST_CASE("no steps, no change; bad observations are refused") {
+TEST_CASE("no steps, no change; bad photographs are refused") {
     const PosedScene scene;
     cpu::Serial backend;
     Avatar<cpu::Serial> avatar(backend, scene.avatar);
-    PoseFit<cpu::Serial> fit(backend, avatar, scene.avatar.filter, {.steps = 0});
+    PoseFit<cpu::Serial> fit(backend, scene.avatar.filter, {.steps = 0});
     RefinementConfig config = quick();
     config.left_out = {3};
     MotionRefinement<cpu::Serial> motion(backend, scene.avatar.rig, scene.truth, {}, config);
-    CHECK(!fit.fit(motion, 0, {scene.observe(0, 1)}).kept);
-    CHECK_THROWS_AS(fit.fit(motion, 0, {}), ValueError);
-    CHECK_THROWS_AS(fit.fit(motion, 3, {scene.observe(3, 1)}), ValueError);
-    Observation photo = scene.observe(0, 0);
+    FrozenAvatar<cpu::Serial> frozen(avatar, motion);
+    CHECK(!fit.fit(frozen, 0, {scene.observe(0, 1)}).kept);
+    CHECK_THROWS_AS(fit.fit(frozen, 0, {}), ValueError);
+    CHECK_THROWS_AS(fit.fit(frozen, 3, {scene.observe(3, 1)}), ValueError);
+    Photo photo = scene.observe(0, 0);
     photo.rgba = photo.rgba.subspan(0, 12);
-    CHECK_THROWS_AS(fit.fit(motion, 0, {photo}), ShapeError);
-    CHECK_THROWS_AS(PoseFit<cpu::Serial>(backend, avatar, {}, {.mask_weight = -1}), ValueError);
+    CHECK_THROWS_AS(fit.fit(frozen, 0, {photo}), ShapeError);
+    CHECK_THROWS_AS(PoseFit<cpu::Serial>(backend, {}, {.mask_weight = -1}), ValueError);
     MotionRefinement<cpu::Serial> late(backend, scene.avatar.rig, scene.truth, {},
                                        {}); // starts after a tenth of the run
-    CHECK_THROWS_AS(fit.fit(late, 0, {scene.observe(0, 1)}), ValueError);
+    FrozenAvatar<cpu::Serial> waiting(avatar, late);
+    CHECK_THROWS_AS(fit.fit(waiting, 0, {scene.observe(0, 1)}), ValueError);
 }

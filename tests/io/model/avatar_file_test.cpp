@@ -2,7 +2,9 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/io/model/avatar_file.hpp>
-#include <gsh/train/avatar_model.hpp>
+#include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/train/avatar_export.hpp>
+#include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include "io/npz_files.hpp"
@@ -69,7 +71,7 @@ void replace_member(const std::filesystem::path& path, const std::string& member
     CHECK(zip_close(archive) == 0);
 }
 
-using Model = AvatarModel<cpu::Serial, float, 4, 2, 1>;
+using Model = test::SmallAvatar<cpu::Serial>;
 
 /// A few steps of training, the last of them past the start of ambient occlusion.
 struct ShadedTraining {
@@ -79,32 +81,35 @@ struct ShadedTraining {
                                             std::vector<double>(scene.body.vertex_count(), 4.0), 3);
     RigData rig = make_rig(scene.body, scene.betas, samples);
     Model model;
-    Trainer<cpu::Serial, float, Model> trainer;
+    AvatarScene<cpu::Serial, Model> people;
+    Trainer<cpu::Serial, AvatarScene<cpu::Serial, Model>> trainer;
 
     explicit ShadedTraining(AmbientOcclusion ao, int hidden_layers = 2)
-        : model(backend, rig, samples, 3,
-                {.hash_base = 4,
-                 .hash_growth = 2,
-                 .hash_table_size = 1024,
-                 .mlp_width = 16,
-                 .mlp_hidden_layers = hidden_layers,
-                 .ao = ao,
-                 .ao_table_size = 1024,
-                 .largest_ao = 1.2}),
-          trainer(backend, model, scene.photos, scene.motion, 3) {
+        : model(make_avatar<cpu::Serial, float, 4, 2, 1>(backend, rig, samples, scene.motion.frame_count(), 3,
+                                                         {.hash_base = 4,
+                                                          .hash_growth = 2,
+                                                          .hash_table_size = 1024,
+                                                          .mlp_width = 16,
+                                                          .mlp_hidden_layers = hidden_layers,
+                                                          .ao = ao,
+                                                          .ao_table_size = 1024,
+                                                          .largest_ao = 1.2})),
+          people(backend, model, scene.motion), trainer(backend, people, scene.photos, 3) {
         for (int i = 0; i < 12; ++i) trainer.step(0.9);
+    }
+    AvatarData avatar() {
+        return export_avatar(people, rig, photographed_frames(scene.photos), trainer.config().filter);
     }
 };
 
-/// Splats of frame 0 of a motion, number after number.
+/// Splats of frame 0 of a motion, number after number: show(pose, center, splats) writes them.
 template <class B, class Shown>
-std::vector<float> splats_of(B& backend, Shown& shown, const Motion& motion, const auto&... code) {
+std::vector<float> splats_of(B& backend, Shown& shown, const Motion& motion, const auto& show) {
     RigPose<B, float> pose;
     shown.rig().upload_pose(motion, 0, pose);
     Splats<B, float> splats;
     splats.resize(shown.size());
-    typename std::remove_const_t<Shown>::Cache cache;
-    shown.pose(pose, {0, 1, 3.5}, splats.view(), cache, code...);
+    show(pose, vec3<float>(0, 1, 3.5), splats.view());
     backend.synchronize();
     std::vector<float> all;
     const auto add = [&](const auto& values) {
@@ -114,6 +119,19 @@ std::vector<float> splats_of(B& backend, Shown& shown, const Motion& motion, con
     };
     add(splats.means), add(splats.covariances), add(splats.opacities), add(splats.colors);
     return all;
+}
+template <class B>
+std::vector<float> splats_of(B& backend, const Avatar<B>& avatar, const Motion& motion) {
+    return splats_of(backend, avatar, motion, [&](const auto& pose, const auto& center, const auto& splats) {
+        typename Avatar<B>::Cache cache;
+        avatar.pose(pose, center, splats, cache);
+    });
+}
+std::vector<float> splats_of(cpu::Serial& backend, Model& model, const Motion& motion) {
+    model.update_canonical();
+    return splats_of(backend, model, motion, [&](const auto& pose, const auto& center, const auto& splats) {
+        model.pose(pose, 0, center, splats);
+    });
 }
 
 } // namespace
@@ -153,7 +171,7 @@ TEST_CASE("shadows that follow the pose come back from a file and fall on a new 
         CAPTURE(hidden_layers);
         ShadedTraining training(AmbientOcclusion::pose, hidden_layers);
         const auto path = temporary("shaded.gsh");
-        save_avatar(path, training.trainer.avatar(training.rig));
+        save_avatar(path, training.avatar());
         const AvatarData data = load_avatar(path);
         REQUIRE(data.occlusion);
         CHECK(data.ao.size() == training.model.size()); // the mean, for what knows no poses
@@ -169,8 +187,7 @@ TEST_CASE("shadows that follow the pose come back from a file and fall on a new 
         test::Rng rng(4);
         for (int i = 0; i < 3; ++i) {
             if (i) motion.pose = rng.vecs(8, -0.9, 0.9); // poses that training has not seen
-            training.model.update_canonical(training.trainer.cache());
-            const auto expected = splats_of(training.backend, training.model, motion, training.trainer.frame_code(0));
+            const auto expected = splats_of(training.backend, training.model, motion);
             CHECK(splats_of(training.backend, avatar, motion) == expected);
             CHECK(splats_of(threads, threaded, motion) == expected);
             CHECK(splats_of(training.backend, meant, motion) != expected);
@@ -181,26 +198,26 @@ TEST_CASE("shadows that follow the pose come back from a file and fall on a new 
 
 TEST_CASE("shadows that know only the time are a mean in the file, and none before they are learned") {
     ShadedTraining training(AmbientOcclusion::time);
-    const AvatarData data = training.trainer.avatar(training.rig);
+    const AvatarData data = training.avatar();
     CHECK(!data.occlusion);
-    CHECK(data.ao == training.trainer.mean_occlusion());
+    CHECK(data.ao == mean_occlusion(training.people, photographed_frames(training.scene.photos)));
     CHECK(data.ao.size() == training.model.size());
     const auto [least, most] = std::minmax_element(data.ao.begin(), data.ao.end());
     CHECK(*least < *most);
-    training.trainer.set_progress(0); // before ao_start
-    CHECK(training.trainer.avatar(training.rig).ao.empty());
+    training.trainer.resume(12, 0); // before ao_start
+    CHECK(training.avatar().ao.empty());
 
     ShadedTraining bent(AmbientOcclusion::pose);
-    bent.trainer.set_progress(0); // before ao_start
-    CHECK(!bent.trainer.avatar(bent.rig).occlusion);
+    bent.trainer.resume(12, 0); // before ao_start
+    CHECK(!bent.avatar().occlusion);
     ShadedTraining flat(AmbientOcclusion::pose, 0); // a single matrix has no first layer to bake
-    CHECK(!flat.trainer.avatar(flat.rig).occlusion);
-    CHECK(!flat.trainer.avatar(flat.rig).ao.empty());
+    CHECK(!flat.avatar().occlusion);
+    CHECK(!flat.avatar().ao.empty());
 }
 
 TEST_CASE("a field of shadows that does not fit its avatar is refused by name") {
     ShadedTraining training(AmbientOcclusion::pose);
-    const AvatarData good = training.trainer.avatar(training.rig);
+    const AvatarData good = training.avatar();
     const auto path = temporary("shades.gsh");
     const auto save_error = [&](const auto& change) {
         AvatarData avatar = good;

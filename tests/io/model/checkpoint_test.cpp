@@ -28,10 +28,9 @@ struct Everything {
     MotionRefinement<cpu::Serial> refinement;
 
     explicit Everything(const SmallScene& scene)
-        : training(scene, cpu::Serial(), 3, {.head_time = true, .ao = AmbientOcclusion::time},
-                   {.rates = {}, .ao_start = 0.3}),
+        : training(scene, cpu::Serial(), 3, {.head_time = true, .ao = AmbientOcclusion::time, .ao_start = 0.3}),
           refinement(training.backend, training.rig, scene.motion, scene.cameras, config()) {
-        training.trainer.refine(refinement);
+        training.people.refine(refinement);
     }
     Everything(const Everything&) = delete;
 
@@ -110,7 +109,7 @@ TEST_CASE("with refinement and shadows, too, a resumed training goes on bit for 
     REQUIRE(expected.increments.size() > 0);
     CHECK(whole.refinement.cameras()[1].t != scene.cameras[1].t); // or there would be little to compare
     CHECK(whole.refinement.motion().pose != scene.motion.pose);
-    CHECK(whole.training.trainer.mean_occlusion().size() == whole.training.model.size());
+    CHECK(whole.training.mean_shadow().size() == whole.training.model.size());
     for (const int stop : {1, 5, 13}) { // before poses move, before shadows do, after
         CAPTURE(stop);
         const TemporaryFile file("gsh-checkpoint-");
@@ -145,7 +144,7 @@ TEST_CASE("what a resumed training shows is what it showed before, shadows and p
     first.training.trainer.render(scene.photos[3], before);
     second.training.trainer.render(scene.photos[3], after);
     CHECK(after.data == before.data);
-    CHECK(second.training.trainer.mean_occlusion() == first.training.trainer.mean_occlusion());
+    CHECK(second.training.mean_shadow() == first.training.mean_shadow());
 }
 
 TEST_CASE("a refinement of other frames or cameras is refused, and nothing is taken over") {
