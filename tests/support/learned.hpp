@@ -1,12 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Learned arrays by their names, for tests that set, compare or differentiate them.
+/// @file  Learned arrays by their names, and their gradients against central differences.
 #pragma once
 
 #include <gsh/core/span.hpp>
 #include <gsh/pipeline/learned_array.hpp>
 
+#include "support/gradient.hpp"
+
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <string_view>
 #include <type_traits>
 #include <vector>
@@ -51,6 +57,62 @@ auto learned_gradients(Part& part) {
     std::vector<std::remove_cvref_t<decltype(part.learned().front().values[0])>> all;
     for (const auto& array : part.learned()) all.insert(all.end(), array.gradient.begin(), array.gradient.end());
     return all;
+}
+
+/// Sets all gradients to zero.
+template <class B, class Part>
+void zero_gradients(B& backend, Part& part) {
+    for (const auto& array : part.learned()) backend.fill(array.gradient, 0);
+}
+
+/// Gives every learned number a value that is not near zero: fields then say something.
+template <class Part>
+void randomize(Part& part, std::uint64_t seed = 8) {
+    Rng rng(seed);
+    for (const auto& array : part.learned())
+        for (auto& value : array.values) value = rng.uniform(-0.5, 0.5);
+}
+
+/// Checks the gradients that lie in a part's learned arrays against central differences of loss(), about `samples`
+/// numbers of each. Of a table, rows are checked that some point reads: the others have no gradient.
+template <class Part, class Loss>
+void check_learned_gradients(Part& part, const Loss& loss, const GradientCheck& check = {}, std::size_t samples = 30) {
+    for (const LearnedArray<double>& array : part.learned()) {
+        CAPTURE(array.name);
+        REQUIRE(!array.values.empty());
+        const Span<const double> gradient = array.gradient;
+        double largest = 0;
+        for (const double value : gradient) largest = std::max(largest, std::abs(value));
+        CHECK(largest > 1e-3); // the check below must have something to see
+        if (!array.is_table()) {
+            GradientCheck options = check;
+            options.stride = array.values.size() / samples + 1;
+            check_gradient(loss, array.values, gradient, options);
+            continue;
+        }
+        REQUIRE(!array.touched_rows.empty());
+        const std::size_t stride = array.touched_rows.size() * array.row_size / samples + 1;
+        std::size_t rows = 0, with_gradient = 0;
+        for (std::size_t i = 0; i < array.touched_rows.size(); i += stride, ++rows) {
+            const std::size_t first = array.touched_rows[i] * array.row_size;
+            const Span<const double> row = gradient.subspan(first, array.row_size);
+            with_gradient += std::abs(row[0]) > 1e-4 * largest;
+            check_gradient(loss, array.values.subspan(first, array.row_size), row, check);
+        }
+        CHECK(2 * with_gradient > rows);
+    }
+}
+
+/// Checks that `twice` is two times `once`, in shares of its largest number.
+inline void check_doubled(const std::vector<double>& once, const std::vector<double>& twice) {
+    REQUIRE(once.size() == twice.size());
+    double largest = 0, difference = 0;
+    for (std::size_t i = 0; i < once.size(); ++i) {
+        largest = std::max(largest, std::abs(once[i]));
+        difference = std::max(difference, std::abs(twice[i] - 2 * once[i]));
+    }
+    CHECK(largest > 0);
+    CHECK(difference <= 1e-12 * largest);
 }
 
 } // namespace gsh::test
