@@ -101,6 +101,35 @@ TEST_CASE("a checkpoint of another training is refused, and nothing is taken ove
     CHECK_THROWS_AS(ArchiveReader(file.path, "checkpoint", checkpoint_version + 1), IoError);
 }
 
+TEST_CASE("a checkpoint of a training that learns more, less or other arrays is refused, and nothing is taken over") {
+    const SmallScene scene;
+    SmallTraining<cpu::Serial> plain(scene), shaded(scene, cpu::Serial(), 3, {.ao = AmbientOcclusion::time}),
+        stored(scene, cpu::Serial(), 3, {.hash_displacement = false, .hash_sh = false});
+    const TemporaryFile of_plain("gsh-checkpoint-plain-"), of_shaded("gsh-checkpoint-shaded-");
+    const auto save = [](const TemporaryFile& file, auto& trainer) {
+        ArchiveWriter writer(file.path, "checkpoint", checkpoint_version);
+        add_trainer(writer, trainer);
+        writer.commit();
+    };
+    save(of_plain, plain.trainer), save(of_shaded, shaded.trainer);
+    plain.steps(2), shaded.steps(2), stored.steps(2);
+    const auto refused = [](const TemporaryFile& file, auto& training) {
+        const auto before = training.parameters();
+        std::string message;
+        try {
+            load_trainer(ArchiveReader(file.path, "checkpoint", checkpoint_version), training.trainer);
+        } catch (const Error& error) {
+            message = error.what();
+        }
+        CHECK(training.parameters() == before);
+        CHECK(training.trainer.step_count() == 2);
+        return message;
+    };
+    CHECK(refused(of_plain, shaded).find("6 learned arrays, this training has 8") != std::string::npos);
+    CHECK(refused(of_shaded, plain).find("8 learned arrays, this training has 6") != std::string::npos);
+    CHECK(refused(of_plain, stored).find("learned/sh/values") != std::string::npos); // as many, and others
+}
+
 TEST_CASE("with refinement and shadows, too, a resumed training goes on bit for bit") {
     const SmallScene scene;
     Everything whole(scene);
