@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/pipeline/shadow.hpp>
+
+#include "support/shadow_probe.hpp"
+
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+
+using B = cpu::Serial;
+using Any = AnyShadow<B, double>;
+
+static_assert(ShadowPolicy<Any, B, double>);
+static_assert(ShadowPolicy<NoShadow<B, double>, B, double>);
+static_assert(std::constructible_from<Any, TimeShadow<B, double, 3, 2>>);
+static_assert(!std::constructible_from<Any, TimeShadow<B, float, 3, 2>>); // another number type
+static_assert(!std::constructible_from<Any, int>);
+
+/// A policy by itself and one behind AnyShadow do the same, bit for bit. make(scene) is the policy.
+template <class Make>
+void check_same(const Make& make) {
+    test::ShadowScene<B> scene;
+    auto policy = make(scene);
+    Any any = make(scene);
+    test::randomize(policy), test::randomize(any);
+    CHECK(any.casts() == policy.casts());
+    CHECK(any.follows_pose() == policy.follows_pose());
+    CHECK(any.baked().has_value() == policy.baked().has_value());
+    CHECK(scene.occlusion(any) == scene.occlusion(policy));
+    std::vector<vec3<double>> expected(4, vec3<double>(0.0)), found = expected;
+    scene.backward(policy, expected), scene.backward(any, found);
+    scene.backward_to_pose(policy, expected), scene.backward_to_pose(any, found);
+    CHECK(found == expected);
+    CHECK(test::learned_gradients(any) == test::learned_gradients(policy));
+    const auto arrays = any.learned(), wanted = policy.learned();
+    REQUIRE(arrays.size() == wanted.size());
+    for (std::size_t i = 0; i < arrays.size(); ++i) {
+        CHECK(arrays[i].name == wanted[i].name);
+        CHECK(arrays[i].rate == wanted[i].rate);
+    }
+}
+
+} // namespace
+
+TEST_CASE("any shadow is bit-identical to the policy inside") {
+    check_same([](auto& scene) {
+        return TimeShadow<B, double, 3, 2>(scene.backend, scene.points, scene.frames, scene.params());
+    });
+    check_same([](auto& scene) {
+        return PoseShadow<B, double, 3, 2>(scene.backend, scene.points, scene.pose_feature_count(), scene.params());
+    });
+    check_same([](auto&) { return NoShadow<B, double>(); });
+}
+
+TEST_CASE("no shadow learns nothing, follows nothing and writes nothing") {
+    test::ShadowScene<B> scene;
+    NoShadow<B, double> none;
+    CHECK(!none.casts());
+    CHECK(!none.follows_pose());
+    CHECK(none.learned().empty());
+    CHECK(!none.baked());
+    std::vector<double> ao(scene.size(), 0.25);
+    none.forward(scene.input(), ao);
+    CHECK(ao == std::vector<double>(scene.size(), 0.25));
+}

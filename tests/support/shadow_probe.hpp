@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A small body in a pose for shadows, and a scalar of their ambient occlusion with its adjoint.
+#pragma once
+
+#include <gsh/avatar/rig.hpp>
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/threads.hpp>
+#include <gsh/body/surface_samples.hpp>
+#include <gsh/pipeline/canonical_points.hpp>
+#include <gsh/pipeline/field_shadow.hpp>
+#include <gsh/pipeline/shadow.hpp>
+
+#include "support/bodies.hpp"
+#include "support/gradient.hpp"
+#include "support/learned.hpp"
+
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+namespace gsh::test {
+
+/// A tube's rig, its points, and one pose.
+template <class B>
+struct ShadowScene {
+    static constexpr std::size_t frames = 5;
+
+    B backend;
+    BodyModel body = tube(4, 6, 6);
+    SurfaceSamples samples =
+        sample_surface(body, body.v_template, std::vector<double>(body.vertex_count(), 0.6), 3);
+    RigData data = make_rig(body, std::vector<double>(2, 0.0), samples);
+    Rig<B, double> rig;
+    CanonicalPoints<B, double> points;
+    RigPose<B, double> pose;
+    typename Rig<B, double>::Cache cache;
+    std::vector<double> weights; // dL_dao
+
+    explicit ShadowScene(B where = B())
+        : backend(std::move(where)), rig(backend, data), points(backend, samples.positions) {
+        Rng rng(7);
+        Motion motion = rest_motion(data);
+        motion.pose = rng.vecs(4, -0.6, 0.6);
+        rig.upload_pose(motion, 0, pose);
+        weights = rng.numbers(samples.size());
+    }
+    [[nodiscard]] std::size_t size() const { return samples.size(); }
+    [[nodiscard]] std::size_t pose_feature_count() const { return data.body.pose_feature_count(); }
+    static FieldShadowParams params() {
+        return {.field = {.base = 3, .growth = 1.6, .table_size = 64, .width = 8, .hidden_layers = 1},
+                .largest = 1.7,
+                .initial = 0.9,
+                .seed = 5};
+    }
+
+    ShadowInput<B, double> input(std::size_t frame = 2) {
+        rig.forward(pose, data.joints, cache);
+        return {frame, rig.skeleton(), pose.pose, cache.rotations};
+    }
+    std::vector<double> occlusion(auto& shadow, std::size_t frame = 2) {
+        std::vector<double> ao(size());
+        shadow.forward(input(frame), ao);
+        return ao;
+    }
+    double loss(auto& shadow) {
+        const std::vector<double> ao = occlusion(shadow);
+        double sum = 0;
+        for (std::size_t i = 0; i < ao.size(); ++i) sum += weights[i] * ao[i];
+        return sum;
+    }
+    void backward(auto& shadow, Span<vec3<double>> dL_dpose) {
+        const std::vector<double> ao = occlusion(shadow);
+        std::vector<double> dL_dao = weights; // is overwritten
+        shadow.backward(input(), ao, dL_dao, dL_dpose);
+    }
+    void backward_to_pose(auto& shadow, Span<vec3<double>> dL_dpose) {
+        const std::vector<double> ao = occlusion(shadow);
+        std::vector<double> dL_dao = weights;
+        shadow.backward_to_pose(input(), ao, dL_dao, dL_dpose);
+    }
+};
+
+} // namespace gsh::test
