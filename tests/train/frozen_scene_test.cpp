@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/backend/serial.hpp>
+#include <gsh/train/frozen_scene.hpp>
+#include <gsh/train/pose_fit.hpp>
+
+#include "support/posed_scene.hpp"
+#include "support/small_training.hpp"
+
+#include <cstddef>
+#include <cstring>
+#include <deque>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+using test::PosedScene;
+using test::SmallScene;
+using test::SmallTraining;
+
+namespace {
+
+using B = cpu::Serial;
+using Refinement = MotionRefinement<B>;
+using Scene = SmallTraining<B>::SceneType;
+using Person = FrozenPerson<Scene, B>;
+
+static_assert(FrozenScene<FrozenAvatar<B>, B, float>);
+static_assert(FrozenScene<Person, B, float>);
+static_assert(!FrozenScene<Scene, B, float>); // its arrays learn
+
+RefinementConfig quick() {
+    RefinementConfig config = test_time_config();
+    config.pose.rate = 1e-2, config.transl.rate = 3e-3;
+    return config;
+}
+
+template <class AnyScene>
+std::vector<float> splats_of(AnyScene& scene, std::size_t frame) {
+    Splats<B> splats;
+    splats.resize(scene.size());
+    scene.prepare(frame);
+    scene.forward(frame, {0, 1, 3.5f}, splats.view());
+    std::vector<float> all;
+    for (const auto* vectors : {&splats.means, &splats.colors})
+        for (const auto& v : *vectors) all.insert(all.end(), {v.x, v.y, v.z});
+    all.insert(all.end(), splats.opacities.begin(), splats.opacities.end());
+    return all;
+}
+
+/// Two people side by side, both refined.
+struct Two {
+    SmallScene scene;
+    B backend;
+    std::vector<Motion> motions{scene.motion, scene.motion};
+    std::deque<SurfaceSamples> samples;
+    std::deque<RigData> rigs;
+    std::deque<test::SmallAvatar<B>> models;
+    std::deque<Refinement> refinements;
+    Scene people;
+
+    Two() : people(backend, cast()) {
+        for (const std::size_t p : {0, 1}) {
+            refinements.emplace_back(backend, rigs[p], motions[p], std::vector<Camera<double>>(), quick());
+            people.refine(refinements[p], p);
+        }
+    }
+
+private:
+    std::vector<CastMember<test::SmallAvatar<B>>> cast() {
+        std::vector<CastMember<test::SmallAvatar<B>>> members;
+        for (const std::size_t p : {0, 1}) {
+            for (auto& transl : motions[p].transl) transl.x += p == 0 ? -0.3 : 0.3;
+            samples.push_back(sample_surface(scene.body, shaped_vertices(scene.body, scene.betas),
+                                             std::vector<double>(scene.body.vertex_count(), 4.0), 3 + p));
+            rigs.push_back(make_rig(scene.body, scene.betas, samples.back()));
+            models.push_back(test::small_avatar(backend, rigs.back(), samples.back(), 2, 3,
+                                                {.ao = AmbientOcclusion::pose, .ao_start = 0}));
+            members.push_back({&models.back(), &motions[p]});
+        }
+        return members;
+    }
+};
+
+} // namespace
+
+TEST_CASE("a frozen avatar shows the avatar in the motion's pose and has nothing else to learn") {
+    const PosedScene scene;
+    B backend;
+    Avatar<B> avatar(backend, scene.avatar);
+    Refinement motion(backend, scene.avatar.rig, scene.truth, {}, quick());
+    FrozenAvatar<B> frozen(avatar, motion);
+    CHECK(frozen.size() == avatar.size());
+    CHECK(frozen.frame_count() == PosedScene::frames);
+    CHECK(&frozen.motion() == &motion);
+    CHECK(frozen.learned().empty());
+
+    RigPose<B> pose;
+    Avatar<B>::Cache cache;
+    Splats<B> expected, found;
+    expected.resize(avatar.size()), found.resize(avatar.size());
+    avatar.rig().upload_pose(scene.truth, 3, pose);
+    avatar.pose(pose, {0, 1, 3.5f}, expected.view(), cache);
+    frozen.forward(3, {0, 1, 3.5f}, found.view());
+    for (std::size_t i = 0; i < avatar.size(); ++i) CHECK(length(found.means[i] - expected.means[i]) < 1e-6f);
+}
+
+TEST_CASE("a frozen person's splats are the scene's own, everybody's") {
+    Two two;
+    two.people.come_to(0, 0);
+    Person second(two.people, 1);
+    CHECK(second.size() == two.people.size());
+    CHECK(second.frame_count() == 2);
+    CHECK(second.learned().empty());
+    CHECK(&second.motion() == &two.refinements[1]);
+    CHECK(splats_of(second, 0) == splats_of(two.people, 0));
+    CHECK(splats_of(second, 0) != splats_of(second, 1));
+}
+
+TEST_CASE("a fit of one person in one frame moves that pose and nothing else") {
+    Two two;
+    std::vector<Photo> photos;
+    for (const Photo& photo : two.scene.photos)
+        if (photo.frame == 1) photos.push_back(photo);
+    two.people.come_to(0, 0.5);
+    const auto values = test::learned_values(two.people), gradients = test::learned_gradients(two.people);
+    const Motion first = two.refinements[0].motion(), second = two.refinements[1].motion();
+    Person frozen(two.people, 1);
+    PoseFit<B> fit(two.backend, {.dilation = 0.1, .compensate_opacity = true}, {.steps = 4});
+    const PoseFitReport report = fit.fit(frozen, 1, photos);
+    CHECK(report.steps == 4);
+    CHECK(report.kept);
+    CHECK(test::learned_values(two.people) == values);
+    CHECK(test::learned_gradients(two.people) == gradients);
+    CHECK(two.refinements[0].motion().pose == first.pose);
+    CHECK(two.refinements[0].motion().transl == first.transl);
+    const Motion moved = two.refinements[1].motion();
+    CHECK(moved.transl[0] == second.transl[0]);
+    CHECK(moved.transl[1] != second.transl[1]);
+    for (std::size_t j = 0; j < 4; ++j) CHECK(moved.pose_at(0)[j] == second.pose_at(0)[j]);
+    CHECK(two.models[0].casts_shadow()); // the fit's own progress is not the scene's
+}
+
+TEST_CASE("a person whose poses are not refined, or who is not there, is refused") {
+    const SmallScene scene;
+    SmallTraining<B> training(scene);
+    CHECK_THROWS_AS(Person(training.people, 0), ValueError);
+    CHECK_THROWS_AS(Person(training.people, 1), ValueError);
+}
