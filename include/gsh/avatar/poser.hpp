@@ -17,8 +17,8 @@
 
 namespace gsh {
 
-/// Poses the Gaussians of an avatar. One frame takes three calls, because what an avatar adds to its canonical means and
-/// its ambient occlusion may depend on the pose:
+/// Poses the Gaussians of an avatar. One frame takes three calls, because what an avatar adds to its canonical means
+/// and its ambient occlusion may depend on the pose:
 ///
 ///     bones(pose, joints, cache)       joint rotations, bones, offsets of the body's surface
 ///     cache.means := x₀ + δx           by the caller, [N]
@@ -63,9 +63,9 @@ public:
                                        cache.workspace, clamping_, deformation_);
     }
 
-    /// Adjoint of forward and bones: adds to the attributes of dL_dgaussians that are not empty, to dL_djoints [J] unless
-    /// it is empty, and to what is asked for of the pose and the centre. Overwrites cache.dL_dmeans with the gradient of
-    /// the canonical means.
+    /// Adjoint of forward and bones: adds to the attributes of dL_dgaussians that are not empty, to dL_djoints [J]
+    /// unless it is empty, and to what is asked for of the pose and the centre. Overwrites cache.dL_dmeans with the
+    /// gradient of the canonical means.
     template <int Degree>
     void backward(const RigPose<B, T>& pose, SkinnedView<const T> gaussians, const vec3<T>& center,
                   const SplatView<const T>& dL_dsplats, Cache& cache, SkinnedView<T> dL_dgaussians,

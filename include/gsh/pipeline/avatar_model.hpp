@@ -33,8 +33,8 @@ namespace gsh {
 /// Settings of an avatar's own arrays, and of how its Gaussians are posed.
 struct AvatarModelParams {
     double initial_opacity = 0.2;
-    /// Standard deviation along the surface's normal, in shares of that along the surface. 1 starts with round, unturned
-    /// Gaussians, as do samples without a normal.
+    /// Standard deviation along the surface's normal, in shares of that along the surface. 1 starts with round,
+    /// unturned Gaussians, as do samples without a normal.
     double initial_thickness = 0.1;
     ColorClamp clamping = ColorClamp::both;
     Deformation deformation = Deformation::linear;

@@ -22,8 +22,8 @@
 
 namespace gsh {
 
-/// A scene whose gradient reaches a motion alone. Its arrays are the motion's own, which take their steps in after_step,
-/// so learned() is empty.
+/// A scene whose gradient reaches a motion alone. Its arrays are the motion's own, which take their steps in
+/// after_step, so learned() is empty.
 template <class S, class B, class T>
 concept FrozenScene = SplatScene<S, B, T> && requires(S& scene) {
     { scene.motion() } -> std::same_as<MotionRefinement<B, T>&>;
@@ -69,8 +69,8 @@ private:
     typename Avatar<B, T>::Cache cache_;
 };
 
-/// One person of a scene that is being trained, everything else as it is: the other people stay in their poses, and hide
-/// or are hidden. The person's refinement in the scene is the motion that moves. The scene must outlive it.
+/// One person of a scene that is being trained, everything else as it is: the other people stay in their poses, and
+/// hide or are hidden. The person's refinement in the scene is the motion that moves. The scene must outlive it.
 template <class Scene, Backend B, std::floating_point T = typename Scene::Scalar>
 class FrozenPerson : public FrozenSceneBase<B, T> {
 public:

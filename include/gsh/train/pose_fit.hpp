@@ -40,8 +40,8 @@ struct PoseFitReport {
 
 /// Moves pose, transl and expression of one frame down the photometric loss of its photographs.
 ///
-/// The numbers that move belong to the scene's motion (made with test_time_config()), so that its rates, its pull to the
-/// estimate and its ties to neighbouring frames hold here, too, and a whole test sequence is fitted in one motion.
+/// The numbers that move belong to the scene's motion (made with test_time_config()), so that its rates, its pull to
+/// the estimate and its ties to neighbouring frames hold here, too, and a whole test sequence is fitted in one motion.
 /// Figures from fitted poses are figures of test-time refinement, and a report must say so.
 ///
 /// Errors  ShapeError for an image of another size than its camera; ValueError for a frame that is left out.

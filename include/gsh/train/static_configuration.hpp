@@ -13,7 +13,8 @@
 
 namespace gsh {
 
-/// How a Trainer trains a static scene: the model's own schedule moves the rates, and the background is always the same.
+/// How a Trainer trains a static scene: the model's own schedule moves the rates, and the background is always the
+/// same.
 [[nodiscard]] inline TrainConfig train_config_of(const StaticConfig& config) {
     return {.decay_start = 1,
             .final_rate = 1,

@@ -31,8 +31,8 @@ namespace gsh {
 /// Trains a scene on photographs. A step sees one photograph; an epoch sees each once, in an order that depends on seed
 /// and epoch alone, so that a run may stop and resume anywhere.
 ///
-/// Source  paper §3.2 (loss) with Liu et al., "Animatable 3D Gaussian", 2024, for what it leaves open; for static scenes
-///         Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023.
+/// Source  paper §3.2 (loss) with Liu et al., "Animatable 3D Gaussian", 2024, for what it leaves open; for static
+///         scenes Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023.
 template <Backend B, class Scene, std::floating_point T = float>
     requires SplatScene<Scene, B, T>
 class Trainer {
@@ -41,8 +41,8 @@ public:
     using SceneType = Scene;
 
     /// The caller owns the scene and the photographs' pixels.
-    /// Errors  ValueError: no photographs, one of a frame that the scene does not have, or settings outside their range.
-    ///         ShapeError: images of another size than their cameras.
+    /// Errors  ValueError: no photographs, one of a frame that the scene does not have, or settings outside their
+    ///         range. ShapeError: images of another size than their cameras.
     Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config = {})
         : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(checked(config)),
           loss_(backend,
@@ -83,8 +83,8 @@ public:
     }
 
     /// Takes one step. progress in [0, 1] is the share of the whole run that is over: learning rates fall with it, see
-    /// TrainConfig::rate_factor. A run that is to be repeatable counts steps for it, not seconds. The observer is told of
-    /// each stage as it begins.
+    /// TrainConfig::rate_factor. A run that is to be repeatable counts steps for it, not seconds. The observer is told
+    /// of each stage as it begins.
     template <class Observer = NoObserver>
     void step(double progress = 0, Observer&& observer = {}) {
         const Photo& photo = photos_[photo_of_step(step_count_)];
