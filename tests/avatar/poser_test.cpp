@@ -69,7 +69,11 @@ struct PosedTube {
         dL_dcoefficients.assign(poser.rig().coefficient_count(), 0);
     }
     [[nodiscard]] SkinnedView<const double> gaussians() const {
-        return {.quats = quats, .log_scales = log_scales, .opacity_logits = opacity_logits, .sh = sh, .ao = ao,
+        return {.quats = quats,
+                .log_scales = log_scales,
+                .opacity_logits = opacity_logits,
+                .sh = sh,
+                .ao = ao,
                 .sh_stride = 4};
     }
     void forward() {
@@ -162,8 +166,7 @@ TEST_CASE("the identity pose moves nothing") {
     PosedTube<cpu::Serial> tube;
     tube.poser.rig().upload_pose(rest_motion(tube.data), 0, tube.pose);
     tube.forward();
-    for (std::size_t i = 0; i < tube.poser.size(); ++i)
-        CHECK(length(tube.splats.means[i] - tube.means[i]) < 1e-12);
+    for (std::size_t i = 0; i < tube.poser.size(); ++i) CHECK(length(tube.splats.means[i] - tube.means[i]) < 1e-12);
 }
 
 TEST_CASE("posing is the same on threads bit for bit") {

@@ -13,8 +13,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
 #include <functional>
+#include <initializer_list>
 #include <map>
 #include <memory>
 #include <string>
@@ -71,8 +71,8 @@ struct Chain {
         fill("displacements", -0.05, 0.05);
         fill("sh", -0.3, 0.3);
         fill("shadow_field.table", -0.5, 0.5);
-        for (const auto* network : {"shared_field.network", "sh_field.network", "displacement_field.network",
-                                    "shadow_field.network"})
+        for (const auto* network :
+             {"shared_field.network", "sh_field.network", "displacement_field.network", "shadow_field.network"})
             fill(network, -0.5, 0.5);
         for (double& value : test::learned_array(model, "quats").values) value += rng.uniform(-0.5, 0.5);
         for (double& value : test::learned_array(model, "log_scales").values) value += rng.uniform(-0.3, 0.3);
@@ -195,8 +195,8 @@ TEST_CASE_TEMPLATE("the whole chain's adjoint is the gradient of the loss", B, c
     }
     SUBCASE("one head, regions, priors, shadows that know the time") {
         check_chain<B>({.ao = AmbientOcclusion::time}, true,
-                       {"joints", "quats", "log_scales", "opacity_logits", "shared_field.table",
-                        "shared_field.network", "shadow_field.table", "shadow_field.network"});
+                       {"joints", "quats", "log_scales", "opacity_logits", "shared_field.table", "shared_field.network",
+                        "shadow_field.table", "shadow_field.network"});
     }
     SUBCASE("a table each for coarse and fine, heads that know the time") {
         check_chain<B>({.head_time = true, .separate_tables = true}, true,
@@ -252,8 +252,8 @@ TEST_CASE("a shadow joins when the run has come to its start") {
     CHECK(chain.model.casts_shadow());
     auto config = Chain<cpu::Serial>::small({.ao = AmbientOcclusion::time});
     config.ao_start = 0.3;
-    auto model = make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples, frame_count, 5,
-                                                           config);
+    auto model =
+        make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples, frame_count, 5, config);
     CHECK(!model.casts_shadow());
     model.update_canonical(frame);
     model.pose(chain.pose, frame, chain.camera.center(), chain.splats.view());
@@ -317,8 +317,8 @@ TEST_CASE("a box about a slim body has more of its cells on the body than a cube
     config.hash_table_size = 1u << 16; // no collisions
     const auto touched = [&](FieldBounds bounds) {
         config.bounds = bounds;
-        auto model = make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples, frame_count, 5,
-                                                               config);
+        auto model =
+            make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples, frame_count, 5, config);
         return test::learned_array(model, "sh_field.table").touched_rows.size();
     };
     CAPTURE(touched(FieldBounds::cube));
@@ -384,8 +384,7 @@ TEST_CASE("the model refuses what does not fit") {
     CHECK_THROWS_AS(make(chain.samples, {.ao_start = -0.1}), ValueError);
     CHECK_THROWS_AS(make(chain.samples, {}, {std::vector<double>(chain.samples.size(), 0.5), {}}),
                     ValueError); // level 12 of 3
-    CHECK_THROWS_AS(make(chain.samples, {.hash_displacement = false, .hash_sh = false, .head_time = true}),
-                    ValueError);
+    CHECK_THROWS_AS(make(chain.samples, {.hash_displacement = false, .hash_sh = false, .head_time = true}), ValueError);
     CHECK_THROWS_AS(make(chain.samples, {}, {{0.5}, {}}), ShapeError);
     CHECK_THROWS_AS(make(chain.samples, {}, {{}, {0.5}}), ValueError);
     // Parts made of other points.

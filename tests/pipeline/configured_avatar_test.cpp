@@ -81,8 +81,8 @@ TEST_CASE("each configuration learns the arrays of its parts") {
     };
     using Names = std::set<std::string>;
     CHECK(parts({}) == Names{"shared_field.table", "shared_field.network"});
-    CHECK(parts({.heads = Heads::separate}) == Names{"sh_field.table", "sh_field.network", "displacement_field.table",
-                                                     "displacement_field.network"});
+    CHECK(parts({.heads = Heads::separate}) ==
+          Names{"sh_field.table", "sh_field.network", "displacement_field.table", "displacement_field.network"});
     CHECK(parts({.hash_displacement = false}) == Names{"sh_field.table", "sh_field.network", "displacements"});
     CHECK(parts({.hash_sh = false}) == Names{"displacement_field.table", "displacement_field.network", "sh"});
     CHECK(parts({.hash_displacement = false, .hash_sh = false}) == Names{"displacements", "sh"});

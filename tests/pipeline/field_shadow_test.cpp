@@ -30,8 +30,12 @@ Pose<B> pose_shadow(Scene<B>& scene) {
     return {scene.backend, scene.points, scene.pose_feature_count(), Scene<B>::params()};
 }
 
-std::vector<vec3<double>> zeros() { return std::vector<vec3<double>>(4, vec3<double>(0.0)); }
-Span<double> numbers(auto& pose) { return {&pose[0].x, 3 * pose.size()}; }
+std::vector<vec3<double>> zeros() {
+    return std::vector<vec3<double>>(4, vec3<double>(0.0));
+}
+Span<double> numbers(auto& pose) {
+    return {&pose[0].x, 3 * pose.size()};
+}
 
 /// Gradients against central differences, a second pass, and threads. make(scene) is the shadow.
 template <class Make>
@@ -96,7 +100,7 @@ TEST_CASE("a shadow over the pose has the gradient of its ambient occlusion, wit
     scene.backward_to_pose(shadow, alone);
     CHECK(alone == dL_dpose);
     for (const double g : test::learned_gradients(shadow)) CHECK(g == 0); // the shadow is what it is
-    scene.backward(shadow, {});                                          // nothing is asked for of the pose
+    scene.backward(shadow, {});                                           // nothing is asked for of the pose
     test::check_learned_gradients(shadow, [&] { return scene.loss(shadow); });
 }
 

@@ -26,7 +26,8 @@ TEST_CASE("a shared field that reads the time has another gradient at another fr
     test::check_appearance<Policy>(test::small_appearance(5), 3);
     cpu::Serial backend;
     const auto points = test::scattered_points(backend);
-    Policy<cpu::Serial> moving(backend, points, test::small_appearance(5)), still(backend, points, test::small_appearance());
+    Policy<cpu::Serial> moving(backend, points, test::small_appearance(5)),
+        still(backend, points, test::small_appearance());
     CHECK(moving.reads_time());
     CHECK(!still.reads_time());
     test::randomize(moving), test::randomize(still);

@@ -34,11 +34,21 @@ std::vector<std::string> names(A& appearance) {
 } // namespace
 
 TEST_CASE("the adjoint of every split appearance is the gradient of colours and displacements, and adds") {
-    SUBCASE("fields for both") { test::check_appearance<Fields>(test::small_appearance()); }
-    SUBCASE("fields for both that read the time") { test::check_appearance<Fields>(test::small_appearance(4), 2); }
-    SUBCASE("colours stored") { test::check_appearance<ColorsStored>(test::small_appearance()); }
-    SUBCASE("displacements stored") { test::check_appearance<DisplacementsStored>(test::small_appearance(4), 1); }
-    SUBCASE("both stored") { test::check_appearance<BothStored>(test::small_appearance()); }
+    SUBCASE("fields for both") {
+        test::check_appearance<Fields>(test::small_appearance());
+    }
+    SUBCASE("fields for both that read the time") {
+        test::check_appearance<Fields>(test::small_appearance(4), 2);
+    }
+    SUBCASE("colours stored") {
+        test::check_appearance<ColorsStored>(test::small_appearance());
+    }
+    SUBCASE("displacements stored") {
+        test::check_appearance<DisplacementsStored>(test::small_appearance(4), 1);
+    }
+    SUBCASE("both stored") {
+        test::check_appearance<BothStored>(test::small_appearance());
+    }
 }
 
 TEST_CASE("each split appearance announces what it learns, and reads tables for its fields alone") {
@@ -50,8 +60,8 @@ TEST_CASE("each split appearance announces what it learns, and reads tables for 
     DisplacementsStored<cpu::Serial> displacements(backend, points, params);
     BothStored<cpu::Serial> both(backend, points, params);
     using Names = std::vector<std::string>;
-    CHECK(names(fields) == Names{"sh_field.table", "sh_field.network", "displacement_field.table",
-                                 "displacement_field.network"});
+    CHECK(names(fields) ==
+          Names{"sh_field.table", "sh_field.network", "displacement_field.table", "displacement_field.network"});
     CHECK(names(colors) == Names{"sh", "displacement_field.table", "displacement_field.network"});
     CHECK(names(displacements) == Names{"sh_field.table", "sh_field.network", "displacements"});
     CHECK(names(both) == Names{"sh", "displacements"});

@@ -276,8 +276,8 @@ TEST_CASE_TEMPLATE("a static scene's adjoint is the gradient of its splats, and 
     fill_zero(backend, weights.view());
     for (std::size_t i = 0; i < N; ++i) {
         weights.means[i] = rng.vec(), weights.colors[i] = rng.vec(), weights.opacities[i] = rng.uniform(-1, 1);
-        weights.covariances[i] = {rng.uniform(), rng.uniform(), rng.uniform(), rng.uniform(), rng.uniform(),
-                                  rng.uniform()};
+        weights.covariances[i] = {rng.uniform(), rng.uniform(), rng.uniform(),
+                                  rng.uniform(), rng.uniform(), rng.uniform()};
     }
     const vec3<double> center{0.5, 0.3, 4};
     const auto loss = [&] {

@@ -27,8 +27,7 @@ struct ShadowScene {
 
     B backend;
     BodyModel body = tube(4, 6, 6);
-    SurfaceSamples samples =
-        sample_surface(body, body.v_template, std::vector<double>(body.vertex_count(), 0.6), 3);
+    SurfaceSamples samples = sample_surface(body, body.v_template, std::vector<double>(body.vertex_count(), 0.6), 3);
     RigData data = make_rig(body, std::vector<double>(2, 0.0), samples);
     Rig<B, double> rig;
     CanonicalPoints<B, double> points;

@@ -68,8 +68,12 @@ TEST_CASE("an avatar whose fields know the time is saved as the mean over the fr
             for (const auto& cloud : clouds) sum += vec3<double>(member(cloud)[i]);
             return vec3<float>(sum / static_cast<double>(clouds.size()));
         };
-        const auto means = [](const GaussianCloud<float>& cloud) -> const auto& { return cloud.means; };
-        const auto sh = [](const GaussianCloud<float>& cloud) -> const auto& { return cloud.sh; };
+        const auto means = [](const GaussianCloud<float>& cloud) -> const auto& {
+            return cloud.means;
+        };
+        const auto sh = [](const GaussianCloud<float>& cloud) -> const auto& {
+            return cloud.sh;
+        };
         const GaussianCloud<float> saved = training.exported().gaussians;
         REQUIRE(saved.size() == training.model.size());
         for (std::size_t i = 0; i < saved.means.size(); ++i) CHECK(saved.means[i] == mean(means, i));

@@ -71,7 +71,9 @@ private:
     }
 };
 
-std::vector<float> trained(Estimated& training) { return test::learned_values(training.model); }
+std::vector<float> trained(Estimated& training) {
+    return test::learned_values(training.model);
+}
 
 /// The small scene as its cameras would see it in a room: a picture behind the person, another one for each camera.
 struct Plates {
@@ -188,8 +190,7 @@ TEST_CASE("the trainer refuses a configuration that would end in NaN") {
     const auto refuse = [&](auto change) {
         TrainConfig config;
         change(config);
-        CHECK_THROWS_AS(TrainerType(training.backend, training.people, scene.photos, 1, config),
-                        ValueError);
+        CHECK_THROWS_AS(TrainerType(training.backend, training.people, scene.photos, 1, config), ValueError);
     };
     refuse([](TrainConfig& c) { c.decay_start = 1.5; });
     refuse([](TrainConfig& c) { c.decay_start = NAN; });
@@ -356,7 +357,7 @@ TEST_CASE("somebody in the background's colour becomes opaque where the backgrou
     for (PixelImage& image : scene.images) // which the photographs refer to
         for (std::size_t i = 0; i < image.data.size(); ++i)
             if (i % 4 < 3) image.data[i] = 255; // white before white
-    const auto opacity = [&](bool random) { // mean alpha where the masks are full
+    const auto opacity = [&](bool random) {     // mean alpha where the masks are full
         SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {}, {.random_background = random});
         training.steps(60);
         double sum = 0;
@@ -387,8 +388,8 @@ TEST_CASE("the time that fields read is the frame's number, whatever the time on
         motion.timestamps.push_back(static_cast<double>(frame));
     }
     const auto train = [&] {
-        SmallTraining<cpu::Serial> training(
-            scene, cpu::Serial(), 3, {.head_time = true, .ao = AmbientOcclusion::time, .ao_start = 0});
+        SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3,
+                                            {.head_time = true, .ao = AmbientOcclusion::time, .ao_start = 0});
         training.steps(4);
         return training.parameters();
     };
@@ -417,8 +418,7 @@ TEST_CASE("ambient occlusion waits for its start: until then it neither learns n
     CHECK(!test::learns(plain.model, "shadow_field.table"));
     shaded.steps(6, 0.39), plain.steps(6, 0.39);
     CHECK(ao() == initial);
-    for (const auto* name :
-         {"joints", "shared_field.table", "shared_field.network", "opacity_logits", "log_scales"})
+    for (const auto* name : {"joints", "shared_field.table", "shared_field.network", "opacity_logits", "log_scales"})
         CHECK(shaded.parameters(name) == plain.parameters(name));
     CHECK(!shaded.model.casts_shadow());
     CHECK(shaded.mean_shadow().empty());
