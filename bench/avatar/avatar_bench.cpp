@@ -78,7 +78,7 @@ void backward(benchmark::State& state) {
     frame.forward();
     std::vector<vec3<float>> dL_dpose(avatar(false).rig.joint_count());
     for (auto _ : state)
-        frame.shown.pose_backward(frame.pose, {0, 1, 4}, std::as_const(frame.splats).view(), frame.cache,
+        frame.shown.backward_to_pose(frame.pose, {0, 1, 4}, std::as_const(frame.splats).view(), frame.cache,
                                   {dL_dpose, {}, {}});
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(frame.shown.size()));
 }

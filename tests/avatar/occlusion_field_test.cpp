@@ -215,13 +215,13 @@ TEST_CASE("an avatar's shadows follow its pose, and its pose learns from them") 
     };
     loss();
     std::vector<vec3<double>> dL_dpose(4, vec3<double>(0.0)), dL_dtransl(1, vec3<double>(0.0));
-    avatar.pose_backward(pose, {0, 0.8, 3}, std::as_const(weights).view(), cache, {dL_dpose, {}, dL_dtransl});
+    avatar.backward_to_pose(pose, {0, 0.8, 3}, std::as_const(weights).view(), cache, {dL_dpose, {}, dL_dtransl});
     const auto numbers = [](auto& buffer) { return view_as<double>(Span<vec3<double>>(buffer)); };
     const auto once = dL_dpose;
     test::check_gradient(loss, numbers(pose.pose), test::scalars(dL_dpose));
     test::check_gradient(loss, numbers(pose.transl), test::scalars(dL_dtransl));
     loss();
-    avatar.pose_backward(pose, {0, 0.8, 3}, std::as_const(weights).view(), cache, {dL_dpose, {}, {}});
+    avatar.backward_to_pose(pose, {0, 0.8, 3}, std::as_const(weights).view(), cache, {dL_dpose, {}, {}});
     for (std::size_t j = 0; j < 4; ++j) CHECK(length(dL_dpose[j] - 2.0 * once[j]) < 1e-12);
 }
 

@@ -119,7 +119,7 @@ struct PosedTube {
 };
 
 template <class Buffer>
-Span<double> numbers(Buffer& buffer) {
+Span<double> buffer_numbers(Buffer& buffer) {
     return view_as<double>(Span(buffer.data(), buffer.size()));
 }
 
@@ -138,9 +138,9 @@ TEST_CASE("posing's adjoint is the gradient of the splats, and adds") {
         test::check_gradient(loss, test::scalars(tube.sh), test::scalars(tube.dL_dsh), some);
         test::check_gradient(loss, test::scalars(tube.ao), test::scalars(tube.dL_dao), some);
         test::check_gradient(loss, test::scalars(tube.joints), test::scalars(tube.dL_djoints), all);
-        test::check_gradient(loss, numbers(tube.pose.pose), test::scalars(tube.dL_dpose), all);
-        test::check_gradient(loss, numbers(tube.pose.coefficients), test::scalars(tube.dL_dcoefficients), all);
-        test::check_gradient(loss, numbers(tube.pose.transl), test::scalars(tube.dL_dtransl), all);
+        test::check_gradient(loss, buffer_numbers(tube.pose.pose), test::scalars(tube.dL_dpose), all);
+        test::check_gradient(loss, buffer_numbers(tube.pose.coefficients), test::scalars(tube.dL_dcoefficients), all);
+        test::check_gradient(loss, buffer_numbers(tube.pose.transl), test::scalars(tube.dL_dtransl), all);
         test::check_gradient(loss, test::scalars(tube.center), test::scalars(tube.dL_dcenter), all);
         const auto once = tube.gradients();
         const auto once_means = tube.dL_dmeans;

@@ -12,22 +12,21 @@ using namespace gsh;
 
 namespace {
 
-using B = cpu::Serial;
-using Any = AnyAppearance<double, 2>;
+using AnyColors = AnyAppearance<double, 2>;
 
-static_assert(AppearancePolicy<Any, double>);
-static_assert(std::constructible_from<Any, SharedField<B, double, 2, 3, 2>>);
-static_assert(!std::constructible_from<Any, SharedField<B, double, 1, 3, 2>>); // another degree
-static_assert(!std::constructible_from<Any, SharedField<B, float, 2, 3, 2>>);  // another number type
-static_assert(!std::constructible_from<Any, int>);
+static_assert(AppearancePolicy<AnyColors, double>);
+static_assert(std::constructible_from<AnyColors, SharedField<cpu::Serial, double, 2, 3, 2>>);
+static_assert(!std::constructible_from<AnyColors, SharedField<cpu::Serial, double, 1, 3, 2>>); // another degree
+static_assert(!std::constructible_from<AnyColors, SharedField<cpu::Serial, float, 2, 3, 2>>);  // another number type
+static_assert(!std::constructible_from<AnyColors, int>);
 
 /// A policy by itself and one behind AnyAppearance do the same, bit for bit.
 template <class Policy>
-void check_same(const AppearanceParams& params) {
-    B backend;
+void check_same_appearance(const AppearanceParams& params) {
+    cpu::Serial backend;
     const auto points = test::scattered_points(backend);
     Policy policy(backend, points, params);
-    Any any = Policy(backend, points, params);
+    AnyColors any = Policy(backend, points, params);
     test::randomize(policy), test::randomize(any);
     CHECK(any.reads_time() == policy.reads_time());
     CHECK(any.lookups() == policy.lookups());
@@ -45,7 +44,7 @@ void check_same(const AppearanceParams& params) {
     probe.backward(), probe_any.backward();
     CHECK(probe_any.outputs() == probe.outputs());
     CHECK(test::learned_gradients(any) == test::learned_gradients(policy));
-    const Any moved = std::move(any); // the memory that arrays refer to does not move
+    const AnyColors moved = std::move(any); // the memory that arrays refer to does not move
     CHECK(moved.lookups() == policy.lookups());
     CHECK(found[0].values[0] == expected[0].values[0]);
 }
@@ -53,7 +52,7 @@ void check_same(const AppearanceParams& params) {
 } // namespace
 
 TEST_CASE("any appearance is bit-identical to the policy inside") {
-    check_same<SharedField<B, double, 2, 3, 2>>(test::small_appearance(3));
-    check_same<SeparateFields<B, double, 2, 3, 2>>(test::small_appearance());
-    check_same<StoredAttributes<B, double, 2, 3, 2>>(test::small_appearance());
+    check_same_appearance<SharedField<cpu::Serial, double, 2, 3, 2>>(test::small_appearance(3));
+    check_same_appearance<SeparateFields<cpu::Serial, double, 2, 3, 2>>(test::small_appearance());
+    check_same_appearance<StoredAttributes<cpu::Serial, double, 2, 3, 2>>(test::small_appearance());
 }

@@ -26,8 +26,6 @@ using namespace gsh;
 
 namespace {
 
-constexpr std::size_t frame_count = 7, frame = 3; // of which fields read the time
-
 /// The whole pipeline in double: pose → rig → fields → skinned Gaussians → rasterizer → L1 + SSIM.
 ///
 /// Central differences are meaningless across a jump. The rasterizer's are made negligible (alpha_min far below the
@@ -36,6 +34,7 @@ constexpr std::size_t frame_count = 7, frame = 3; // of which fields read the ti
 template <class B>
 struct Chain {
     using Model = ConfiguredAvatar<B, double, 2>;
+    static constexpr std::size_t frame_count = 7, frame = 3; // of which fields read the time
 
     B backend{};
     BodyModel body = test::tube(4, 6, 6);
@@ -163,7 +162,7 @@ struct Chain {
 };
 
 template <class Buffer>
-Span<double> numbers(Buffer& buffer) {
+Span<double> chain_numbers(Buffer& buffer) {
     return view_as<double>(Span<std::remove_reference_t<decltype(buffer[0])>>(buffer));
 }
 
@@ -180,9 +179,9 @@ void check_chain(const AvatarConfig& config, bool with_priors, std::initializer_
     const test::GradientCheck check{.step = 1e-6, .tolerance = 1e-6};
     for (const std::string_view name : expected) CHECK(test::learns(chain.model, name));
     test::check_learned_gradients(chain.model, loss, check);
-    test::check_gradient(loss, numbers(chain.pose.pose), test::scalars(gradient.pose), check);
-    test::check_gradient(loss, numbers(chain.pose.coefficients), test::scalars(gradient.coefficients), check);
-    test::check_gradient(loss, numbers(chain.pose.transl), test::scalars(gradient.transl), check);
+    test::check_gradient(loss, chain_numbers(chain.pose.pose), test::scalars(gradient.pose), check);
+    test::check_gradient(loss, chain_numbers(chain.pose.coefficients), test::scalars(gradient.coefficients), check);
+    test::check_gradient(loss, chain_numbers(chain.pose.transl), test::scalars(gradient.transl), check);
 }
 
 } // namespace
@@ -241,10 +240,10 @@ TEST_CASE("ambient occlusion starts the same everywhere, and as it was asked to"
     Chain<cpu::Serial> chain;
     auto model = Chain<cpu::Serial>::make(chain.backend, chain.rig, chain.samples,
                                           {.ao = AmbientOcclusion::time, .initial_ao = 0.9});
-    const auto shadow = model.occlusion(chain.pose, frame);
+    const auto shadow = model.occlusion(chain.pose, chain.frame);
     REQUIRE(shadow.size() == model.size());
     for (const double ao : shadow) CHECK(ao == doctest::Approx(0.9));
-    CHECK_THROWS_AS((void)chain.model.occlusion(chain.pose, frame), ValueError); // it has no shadow
+    CHECK_THROWS_AS((void)chain.model.occlusion(chain.pose, chain.frame), ValueError); // it has no shadow
 }
 
 TEST_CASE("a shadow joins when the run has come to its start") {
@@ -252,15 +251,15 @@ TEST_CASE("a shadow joins when the run has come to its start") {
     CHECK(chain.model.casts_shadow());
     auto config = Chain<cpu::Serial>::small({.ao = AmbientOcclusion::time});
     config.ao_start = 0.3;
-    auto model =
-        make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples, frame_count, 5, config);
+    auto model = make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples,
+                                                           Chain<cpu::Serial>::frame_count, 5, config);
     CHECK(!model.casts_shadow());
-    model.update_canonical(frame);
-    model.pose(chain.pose, frame, chain.camera.center(), chain.splats.view());
+    model.update_canonical(chain.frame);
+    model.pose(chain.pose, chain.frame, chain.camera.center(), chain.splats.view());
     CHECK(model.cache().ao.size() == 0);
     model.come_to(0.3);
     CHECK(model.casts_shadow());
-    model.pose(chain.pose, frame, chain.camera.center(), chain.splats.view());
+    model.pose(chain.pose, chain.frame, chain.camera.center(), chain.splats.view());
     CHECK(model.cache().ao.size() == model.size());
     model.come_to(0.29);
     CHECK(!model.casts_shadow());
@@ -317,8 +316,8 @@ TEST_CASE("a box about a slim body has more of its cells on the body than a cube
     config.hash_table_size = 1u << 16; // no collisions
     const auto touched = [&](FieldBounds bounds) {
         config.bounds = bounds;
-        auto model =
-            make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples, frame_count, 5, config);
+        auto model = make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples,
+                                                               Chain<cpu::Serial>::frame_count, 5, config);
         return test::learned_array(model, "sh_field.table").touched_rows.size();
     };
     CAPTURE(touched(FieldBounds::cube));
@@ -368,8 +367,8 @@ TEST_CASE("the model refuses what does not fit") {
     fewer.positions.pop_back();
     const auto make = [&](const SurfaceSamples& samples, const AvatarConfig& config = {},
                           const CanonicalPriors& priors = {}) {
-        return make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, samples, frame_count, 1, config,
-                                                         priors);
+        return make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, samples,
+                                                         Chain<cpu::Serial>::frame_count, 1, config, priors);
     };
     CHECK_THROWS_AS(make(fewer), ShapeError);
     auto no_normals = chain.samples;
@@ -403,9 +402,9 @@ TEST_CASE("a pose's gradient through its shadows, the avatar being what it is") 
     weights.resize(chain.model.size());
     fill_zero(chain.backend, weights.view());
     for (auto& v : weights.colors) v = rng.vec();
-    chain.model.update_canonical(frame);
+    chain.model.update_canonical(chain.frame);
     const auto loss = [&] {
-        chain.model.pose(chain.pose, frame, chain.camera.center(), chain.splats.view());
+        chain.model.pose(chain.pose, chain.frame, chain.camera.center(), chain.splats.view());
         double sum = 0;
         for (std::size_t i = 0; i < chain.model.size(); ++i) sum += dot(chain.splats.colors[i], weights.colors[i]);
         return sum;
@@ -413,12 +412,12 @@ TEST_CASE("a pose's gradient through its shadows, the avatar being what it is") 
     std::vector<vec3<double>> dL_dpose(4, vec3<double>(0.0));
     const auto backward = [&] {
         loss();
-        chain.model.backward_to_pose(chain.pose, frame, chain.camera.center(), std::as_const(weights).view(),
+        chain.model.backward_to_pose(chain.pose, chain.frame, chain.camera.center(), std::as_const(weights).view(),
                                      {dL_dpose, {}, {}});
     };
     backward();
     const auto once = dL_dpose;
-    test::check_gradient(loss, numbers(chain.pose.pose), test::scalars(dL_dpose));
+    test::check_gradient(loss, chain_numbers(chain.pose.pose), test::scalars(dL_dpose));
     backward();
     for (std::size_t j = 0; j < 4; ++j) CHECK(length(dL_dpose[j] - 2.0 * once[j]) < 1e-12);
 
@@ -426,6 +425,6 @@ TEST_CASE("a pose's gradient through its shadows, the avatar being what it is") 
     const auto& cached = chain.model.cache().ao;
     const std::vector<double> shadows(cached.begin(), cached.end());
     REQUIRE(shadows.size() == chain.model.size());
-    const auto alone = chain.model.occlusion(chain.pose, frame);
+    const auto alone = chain.model.occlusion(chain.pose, chain.frame);
     CHECK(std::equal(alone.begin(), alone.end(), shadows.begin(), shadows.end()));
 }

@@ -14,10 +14,10 @@ using namespace gsh;
 
 namespace {
 
-using Points = CanonicalPoints<cpu::Serial, double>;
+using PointsOnHost = CanonicalPoints<cpu::Serial, double>;
 
 /// Least and largest number of an axis.
-std::pair<double, double> range(Span<const vec3<double>> points, int axis) {
+std::pair<double, double> range_of_axis(Span<const vec3<double>> points, int axis) {
     double low = 1e9, high = -1e9;
     for (const auto& p : points) low = std::min(low, p[axis]), high = std::max(high, p[axis]);
     return {low, high};
@@ -36,12 +36,12 @@ std::vector<vec3<double>> box_of_points() {
 TEST_CASE("points lie in the unit cube, in the middle of it, as far from each other in every direction") {
     cpu::Serial backend;
     const auto positions = box_of_points();
-    const Points points(backend, positions, {}, {.bounds = FieldBounds::cube, .bounds_margin = 1.25});
+    const PointsOnHost points(backend, positions, {}, {.bounds = FieldBounds::cube, .bounds_margin = 1.25});
     REQUIRE(points.size() == positions.size());
     for (std::size_t i = 0; i < positions.size(); ++i) CHECK(points.positions()[i] == positions[i]);
     const double edge = 4 * 1.25;
     for (int axis = 0; axis < 3; ++axis) {
-        const auto [low, high] = range(points.unit(), axis);
+        const auto [low, high] = range_of_axis(points.unit(), axis);
         CHECK(low + high == doctest::Approx(1));
         CHECK(high - low == doctest::Approx(std::vector<double>{1, 2, 4}[static_cast<std::size_t>(axis)] / edge));
     }
@@ -49,9 +49,9 @@ TEST_CASE("points lie in the unit cube, in the middle of it, as far from each ot
 
 TEST_CASE("a box is stretched to the unit cube along each axis") {
     cpu::Serial backend;
-    const Points points(backend, box_of_points(), {}, {.bounds = FieldBounds::box, .bounds_margin = 1.25});
+    const PointsOnHost points(backend, box_of_points(), {}, {.bounds = FieldBounds::box, .bounds_margin = 1.25});
     for (int axis = 0; axis < 3; ++axis) {
-        const auto [low, high] = range(points.unit(), axis);
+        const auto [low, high] = range_of_axis(points.unit(), axis);
         CHECK(low == doctest::Approx(0.1));
         CHECK(high == doctest::Approx(0.9));
     }
@@ -63,7 +63,7 @@ TEST_CASE("points in a plane, on a line or at one place have a unit cube, too") 
          {std::vector<vec3<double>>{{0, 0, 1}, {1, 0, 1}, {0, 2, 1}}, std::vector<vec3<double>>{{0, 0, 1}, {0, 0, 2}},
           std::vector<vec3<double>>{{5, 5, 5}}})
         for (const FieldBounds bounds : {FieldBounds::cube, FieldBounds::box}) {
-            const Points points(backend, positions, {}, {.bounds = bounds});
+            const PointsOnHost points(backend, positions, {}, {.bounds = bounds});
             for (const auto& p : points.unit())
                 for (int axis = 0; axis < 3; ++axis) CHECK((p[axis] >= 0 && p[axis] <= 1));
         }
@@ -72,12 +72,12 @@ TEST_CASE("points in a plane, on a line or at one place have a unit cube, too") 
 TEST_CASE("priors are kept, features scaled") {
     cpu::Serial backend;
     const std::vector<vec3<double>> positions{{0, 0, 0}, {1, 1, 1}};
-    const Points with(backend, positions, {{0.25, 1}, {1, 2, 3, 4, 5, 6}}, {.prior_scale = 0.5});
+    const PointsOnHost with(backend, positions, {{0.25, 1}, {1, 2, 3, 4, 5, 6}}, {.prior_scale = 0.5});
     CHECK(with.feature_count() == 3);
     CHECK(with.region()[0] == 0.25);
     CHECK(with.features().size() == 6);
     for (std::size_t i = 0; i < 6; ++i) CHECK(with.features()[i] == 0.5 * static_cast<double>(i + 1));
-    const Points without(backend, positions);
+    const PointsOnHost without(backend, positions);
     CHECK(without.feature_count() == 0);
     CHECK(without.region().empty());
     CHECK(without.features().empty());
@@ -86,11 +86,12 @@ TEST_CASE("priors are kept, features scaled") {
 TEST_CASE("points and priors that do not fit are refused") {
     cpu::Serial backend;
     const std::vector<vec3<double>> two{{0, 0, 0}, {1, 1, 1}};
-    CHECK_THROWS_AS(Points(backend, {}), ValueError);
-    CHECK_THROWS_AS(Points(backend, two, {{0.5}, {}}), ShapeError);
-    CHECK_THROWS_AS(Points(backend, two, {{}, {1, 2, 3}}), ValueError);
-    CHECK_THROWS_AS(Points(backend, two, {}, {.bounds_margin = 0.9}), ValueError);
-    CHECK_THROWS_AS(Points(backend, two, {}, {.bounds_margin = std::numeric_limits<double>::infinity()}), ValueError);
-    CHECK_THROWS_AS(Points(backend, two, {}, {.prior_scale = 0}), ValueError);
-    CHECK_THROWS_AS(Points(backend, two, {}, {.prior_scale = NAN}), ValueError);
+    CHECK_THROWS_AS(PointsOnHost(backend, {}), ValueError);
+    CHECK_THROWS_AS(PointsOnHost(backend, two, {{0.5}, {}}), ShapeError);
+    CHECK_THROWS_AS(PointsOnHost(backend, two, {{}, {1, 2, 3}}), ValueError);
+    CHECK_THROWS_AS(PointsOnHost(backend, two, {}, {.bounds_margin = 0.9}), ValueError);
+    CHECK_THROWS_AS(PointsOnHost(backend, two, {}, {.bounds_margin = std::numeric_limits<double>::infinity()}),
+                    ValueError);
+    CHECK_THROWS_AS(PointsOnHost(backend, two, {}, {.prior_scale = 0}), ValueError);
+    CHECK_THROWS_AS(PointsOnHost(backend, two, {}, {.prior_scale = NAN}), ValueError);
 }

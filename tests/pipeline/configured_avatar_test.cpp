@@ -18,26 +18,26 @@ using namespace gsh;
 
 namespace {
 
-using B = cpu::Serial;
-constexpr std::size_t frames = 4;
-constexpr std::uint64_t seed = 7;
+constexpr std::size_t tube_frames = 4;
+constexpr std::uint64_t tube_seed = 7;
 
-AvatarConfig small(AvatarConfig config) {
+AvatarConfig small_tube(AvatarConfig config) {
     config.hash_base = 3, config.hash_table_size = 128, config.ao_table_size = 64;
     config.mlp_width = 8, config.mlp_hidden_layers = 1, config.fine_level = 1, config.ao_start = 0;
     return config;
 }
 
-struct Tube {
-    B backend;
+struct ConfiguredTube {
+    cpu::Serial backend;
     BodyModel body = test::tube(4, 6, 6);
     std::vector<double> betas{0.2, -0.4};
     SurfaceSamples samples =
         sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 1.0), 3);
     RigData rig = make_rig(body, betas, samples);
 
-    ConfiguredAvatar<B, float, 2> make(const AvatarConfig& config, const CanonicalPriors& priors = {}) {
-        return make_avatar<B, float, 3, 2, 2>(backend, rig, samples, frames, seed, small(config), priors);
+    ConfiguredAvatar<cpu::Serial, float, 2> make(const AvatarConfig& config, const CanonicalPriors& priors = {}) {
+        return make_avatar<cpu::Serial, float, 3, 2, 2>(backend, rig, samples, tube_frames, tube_seed,
+                                                        small_tube(config), priors);
     }
     /// Splats' colours and means of a frame in a pose, and all gradients of an arbitrary backward pass.
     template <class Model>
@@ -45,9 +45,9 @@ struct Tube {
         Motion motion = rest_motion(rig);
         test::Rng rng(3);
         motion.pose = rng.vecs(4, -0.5, 0.5);
-        RigPose<B, float> pose;
+        RigPose<cpu::Serial, float> pose;
         model.rig().upload_pose(motion, 0, pose);
-        Splats<B> splats, weights;
+        Splats<cpu::Serial> splats, weights;
         splats.resize(model.size()), weights.resize(model.size());
         fill_zero(backend, weights.view());
         for (auto& v : weights.colors) v = vec3<float>(rng.vec());
@@ -64,7 +64,7 @@ struct Tube {
     }
 };
 
-std::set<std::string> names(auto&& model) {
+std::set<std::string> names_of_parts(auto&& model) {
     std::set<std::string> all;
     for (const auto& array : model.learned()) all.insert(array.name);
     return all;
@@ -73,9 +73,9 @@ std::set<std::string> names(auto&& model) {
 } // namespace
 
 TEST_CASE("each configuration learns the arrays of its parts") {
-    Tube tube;
+    ConfiguredTube tube;
     const auto parts = [&](const AvatarConfig& config) {
-        auto all = names(tube.make(config));
+        auto all = names_of_parts(tube.make(config));
         for (const auto* own : {"joints", "quats", "log_scales", "opacity_logits"}) CHECK(all.erase(own) == 1);
         return all;
     };
@@ -97,26 +97,26 @@ TEST_CASE("each configuration learns the arrays of its parts") {
 }
 
 TEST_CASE("a configured avatar is bit-identical to the avatar of the same types") {
-    Tube tube;
+    ConfiguredTube tube;
     const AvatarConfig config =
-        small({.head_time = true, .ao = AmbientOcclusion::pose, .deformation = Deformation::polar});
+        small_tube({.head_time = true, .ao = AmbientOcclusion::pose, .deformation = Deformation::polar});
     auto configured = tube.make(config);
-    const auto points = std::make_shared<const CanonicalPoints<B>>(tube.backend, tube.samples.positions);
-    using Appearance = SharedField<B, float, 2, 3, 2>;
-    using Shadow = PoseShadow<B, float, 3, 2>;
-    AvatarModel<B, Appearance, Shadow> typed(
+    const auto points = std::make_shared<const CanonicalPoints<cpu::Serial>>(tube.backend, tube.samples.positions);
+    using Appearance = SharedField<cpu::Serial, float, 2, 3, 2>;
+    using Shadow = PoseShadow<cpu::Serial, float, 3, 2>;
+    AvatarModel<cpu::Serial, Appearance, Shadow> typed(
         tube.backend, tube.rig, tube.samples, points,
-        Appearance(tube.backend, points, appearance_params(config, frames, seed)),
-        Shadow(tube.backend, *points, tube.rig.body.pose_feature_count(), shadow_params(config, seed)),
+        Appearance(tube.backend, points, appearance_params(config, tube_frames, tube_seed)),
+        Shadow(tube.backend, *points, tube.rig.body.pose_feature_count(), shadow_params(config, tube_seed)),
         model_params(config));
-    CHECK(names(typed) == names(configured));
+    CHECK(names_of_parts(typed) == names_of_parts(configured));
     CHECK(test::learned_values(typed) == test::learned_values(configured));
     test::randomize(typed), test::randomize(configured);
     CHECK(tube.pass(typed) == tube.pass(configured));
 }
 
 TEST_CASE("rates are those of the configuration") {
-    Tube tube;
+    ConfiguredTube tube;
     const LearningRates rates{1, 2, 3, 4, 5, 6, 7, 8, 9};
     const auto check = [&](const AvatarConfig& config, const std::vector<std::pair<std::string, double>>& expected) {
         auto model = tube.make(config);
@@ -143,7 +143,7 @@ TEST_CASE("rates are those of the configuration") {
 }
 
 TEST_CASE("settings reach the parts") {
-    Tube tube;
+    ConfiguredTube tube;
     auto model = tube.make({.ao = AmbientOcclusion::time,
                             .largest_ao = 1.5,
                             .initial_ao = 0.75,
@@ -153,23 +153,24 @@ TEST_CASE("settings reach the parts") {
     CHECK(model.params().deformation == Deformation::dual_quaternion);
     CHECK(model.params().clamping == ColorClamp::below);
     CHECK(model.params().initial_opacity == 0.3);
-    RigPose<B, float> pose;
+    RigPose<cpu::Serial, float> pose;
     model.rig().upload_pose(rest_motion(tube.rig), 0, pose);
     for (const float ao : model.occlusion(pose, 0)) CHECK(ao == doctest::Approx(0.75));
     const std::size_t N = tube.samples.size();
     CHECK(tube.make({}, {std::vector<double>(N, 0.0), {}}).appearance().lookups() == N * 8); // the coarse level alone
 }
 
-TEST_CASE("the same seed makes the same avatar, and another seed another") {
-    Tube tube;
+TEST_CASE("the same seed makes the same avatar, and another tube_seed another") {
+    ConfiguredTube tube;
     auto a = tube.make({}), b = tube.make({});
-    auto c = make_avatar<B, float, 3, 2, 2>(tube.backend, tube.rig, tube.samples, frames, seed + 1, small({}));
+    auto c = make_avatar<cpu::Serial, float, 3, 2, 2>(tube.backend, tube.rig, tube.samples, tube_frames, tube_seed + 1,
+                                                      small_tube({}));
     CHECK(test::learned_values(a) == test::learned_values(b));
     CHECK(test::learned_values(a) != test::learned_values(c));
 }
 
 TEST_CASE("configurations that cannot be are refused") {
-    Tube tube;
+    ConfiguredTube tube;
     CHECK_THROWS_AS(tube.make({.hash_displacement = false, .hash_sh = false, .head_time = true}), ValueError);
     CHECK_THROWS_AS(tube.make({.largest_ao = 1, .initial_ao = 1}), ValueError);
     CHECK_THROWS_AS(tube.make({.initial_ao = 0}), ValueError);

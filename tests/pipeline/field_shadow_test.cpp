@@ -12,52 +12,52 @@ using namespace gsh;
 namespace {
 
 template <class B>
-using Time = TimeShadow<B, double, 3, 2>;
+using TimePolicy = TimeShadow<B, double, 3, 2>;
 template <class B>
-using Pose = PoseShadow<B, double, 3, 2>;
+using PosePolicy = PoseShadow<B, double, 3, 2>;
 template <class B>
-using Scene = test::ShadowScene<B>;
+using ShadowTube = test::ShadowScene<B>;
 
-static_assert(ShadowPolicy<Time<cpu::Serial>, cpu::Serial, double>);
-static_assert(ShadowPolicy<Pose<cpu::Threads>, cpu::Threads, double>);
+static_assert(ShadowPolicy<TimePolicy<cpu::Serial>, cpu::Serial, double>);
+static_assert(ShadowPolicy<PosePolicy<cpu::Threads>, cpu::Threads, double>);
 
 template <class B>
-Time<B> time_shadow(Scene<B>& scene) {
-    return {scene.backend, scene.points, Scene<B>::frames, Scene<B>::params()};
+TimePolicy<B> time_shadow(ShadowTube<B>& scene) {
+    return {scene.backend, scene.points, ShadowTube<B>::frames, ShadowTube<B>::params()};
 }
 template <class B>
-Pose<B> pose_shadow(Scene<B>& scene) {
-    return {scene.backend, scene.points, scene.pose_feature_count(), Scene<B>::params()};
+PosePolicy<B> pose_shadow(ShadowTube<B>& scene) {
+    return {scene.backend, scene.points, scene.pose_feature_count(), ShadowTube<B>::params()};
 }
 
-std::vector<vec3<double>> zeros() {
+std::vector<vec3<double>> zero_pose() {
     return std::vector<vec3<double>>(4, vec3<double>(0.0));
 }
-Span<double> numbers(auto& pose) {
+Span<double> pose_numbers(auto& pose) {
     return {&pose[0].x, 3 * pose.size()};
 }
 
 /// Gradients against central differences, a second pass, and threads. make(scene) is the shadow.
 template <class Make>
 void check_shadow(const Make& make) {
-    Scene<cpu::Serial> scene;
+    ShadowTube<cpu::Serial> scene;
     auto shadow = make(scene);
     test::randomize(shadow);
-    auto dL_dpose = zeros();
+    auto dL_dpose = zero_pose();
     scene.backward(shadow, dL_dpose);
     const auto loss = [&] { return scene.loss(shadow); };
     test::check_learned_gradients(shadow, loss);
-    test::check_gradient(loss, numbers(scene.pose.pose), test::scalars(dL_dpose));
+    test::check_gradient(loss, pose_numbers(scene.pose.pose), test::scalars(dL_dpose));
     const auto once = test::learned_gradients(shadow), ao = scene.occlusion(shadow);
     const auto once_pose = dL_dpose;
     scene.backward(shadow, dL_dpose);
     test::check_doubled(once, test::learned_gradients(shadow));
     for (std::size_t j = 0; j < 4; ++j) CHECK(length(dL_dpose[j] - 2.0 * once_pose[j]) < 1e-12);
     for (const std::size_t count : {1, 3}) {
-        Scene<cpu::Threads> there{cpu::Threads(count)};
+        ShadowTube<cpu::Threads> there{cpu::Threads(count)};
         auto threaded = make(there);
         test::randomize(threaded);
-        auto dL_dpose_there = zeros();
+        auto dL_dpose_there = zero_pose();
         there.backward(threaded, dL_dpose_there);
         CHECK(there.occlusion(threaded) == ao);
         CHECK(test::learned_gradients(threaded) == once);
@@ -69,13 +69,13 @@ void check_shadow(const Make& make) {
 
 TEST_CASE("a shadow over the time has the gradient of its ambient occlusion, and none with respect to the pose") {
     check_shadow([](auto& scene) { return time_shadow(scene); });
-    Scene<cpu::Serial> scene;
+    ShadowTube<cpu::Serial> scene;
     auto shadow = time_shadow(scene);
     test::randomize(shadow);
-    auto dL_dpose = zeros();
+    auto dL_dpose = zero_pose();
     scene.backward(shadow, dL_dpose);
     scene.backward_to_pose(shadow, dL_dpose);
-    CHECK(dL_dpose == zeros());
+    CHECK(dL_dpose == zero_pose());
     CHECK(shadow.casts());
     CHECK(!shadow.follows_pose());
     CHECK(!shadow.baked());
@@ -85,13 +85,13 @@ TEST_CASE("a shadow over the time has the gradient of its ambient occlusion, and
 
 TEST_CASE("a shadow over the pose has the gradient of its ambient occlusion, with respect to the pose, too") {
     check_shadow([](auto& scene) { return pose_shadow(scene); });
-    Scene<cpu::Serial> scene;
+    ShadowTube<cpu::Serial> scene;
     auto shadow = pose_shadow(scene);
     test::randomize(shadow);
     CHECK(shadow.casts());
     CHECK(shadow.follows_pose());
     CHECK(scene.occlusion(shadow, 1) == scene.occlusion(shadow, 2)); // the frame does not matter
-    auto dL_dpose = zeros(), alone = zeros();
+    auto dL_dpose = zero_pose(), alone = zero_pose();
     scene.backward(shadow, dL_dpose);
     double largest = 0;
     for (const auto& g : dL_dpose) largest = std::max(largest, length(g));
@@ -105,7 +105,7 @@ TEST_CASE("a shadow over the pose has the gradient of its ambient occlusion, wit
 }
 
 TEST_CASE("shadows that follow the pose read the joints' rotations, all but the root's") {
-    Scene<cpu::Serial> scene;
+    ShadowTube<cpu::Serial> scene;
     auto shadow = pose_shadow(scene);
     (void)scene.occlusion(shadow);
     const Span<const double> feature = shadow.feature();
@@ -124,7 +124,7 @@ TEST_CASE("shadows that follow the pose read the joints' rotations, all but the 
 }
 
 TEST_CASE("shadows start the same everywhere, and as they were asked to") {
-    Scene<cpu::Serial> scene;
+    ShadowTube<cpu::Serial> scene;
     auto time = time_shadow(scene);
     auto pose = pose_shadow(scene);
     for (const double ao : scene.occlusion(time)) CHECK(ao == doctest::Approx(0.9));
@@ -134,16 +134,16 @@ TEST_CASE("shadows start the same everywhere, and as they were asked to") {
 }
 
 TEST_CASE("shadows stay below the largest, and settings that cannot be are refused") {
-    Scene<cpu::Serial> scene;
+    ShadowTube<cpu::Serial> scene;
     auto shadow = pose_shadow(scene);
     for (double& weight : test::learned_array(shadow, "shadow_field.network").values) weight *= 1e3;
     for (double& weight : test::learned_array(shadow, "shadow_field.table").values) weight *= 1e5;
     for (const double ao : scene.occlusion(shadow)) CHECK((ao >= 0 && ao <= 1.7));
     for (const double initial : {0.0, -1.0, 1.7, 2.0}) {
-        auto params = Scene<cpu::Serial>::params();
+        auto params = ShadowTube<cpu::Serial>::params();
         params.initial = initial;
-        CHECK_THROWS_AS(Time<cpu::Serial>(scene.backend, scene.points, 5, params), ValueError);
-        CHECK_THROWS_AS(Pose<cpu::Serial>(scene.backend, scene.points, 27, params), ValueError);
+        CHECK_THROWS_AS(TimePolicy<cpu::Serial>(scene.backend, scene.points, 5, params), ValueError);
+        CHECK_THROWS_AS(PosePolicy<cpu::Serial>(scene.backend, scene.points, 27, params), ValueError);
     }
 }
 
@@ -152,12 +152,12 @@ TEST_CASE("a baked shadow is kept in float, and not where its network is a singl
     test::Rng rng(2);
     const auto positions = rng.vecs(11);
     const CanonicalPoints<cpu::Serial> points(backend, Span<const vec3<double>>(positions));
-    FieldShadowParams params = Scene<cpu::Serial>::params();
+    FieldShadowParams params = ShadowTube<cpu::Serial>::params();
     const PoseShadow<cpu::Serial, float, 3, 2> shadow(backend, points, 27, params);
     REQUIRE(shadow.baked());
     CHECK(shadow.baked()->largest == doctest::Approx(1.7));
     params.field.hidden_layers = 0;
     CHECK(!PoseShadow<cpu::Serial, float, 3, 2>(backend, points, 27, params).baked());
-    Scene<cpu::Serial> scene;
+    ShadowTube<cpu::Serial> scene;
     CHECK(!pose_shadow(scene).baked()); // double
 }

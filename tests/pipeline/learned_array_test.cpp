@@ -14,7 +14,7 @@ using namespace gsh;
 
 namespace {
 
-using Where = LearnedArray<double>::OtherRate::Where;
+using OtherWhere = LearnedArray<double>::OtherRate::Where;
 
 /// An array of twelve numbers with a gradient, and what announces it.
 template <class B>
@@ -87,14 +87,14 @@ TEST_CASE("an array with a rate of zero stays as it is; its gradient is zero aft
 TEST_CASE("columns and tails move at rates of their own") {
     Twelve<cpu::Serial> columns, tail;
     auto array = columns.array(0.1);
-    array.other = {Where::columns, 4, 1, 0.01};
+    array.other = {OtherWhere::columns, 4, 1, 0.01};
     take_step(columns.backend, Adam(), array, 2, 1);
     std::vector<double> rates(12, 0.02);
     for (const std::size_t i : {0, 4, 8}) rates[i] = 0.2;
     check_moves(columns.moves(), rates);
 
     array = tail.array(0.1);
-    array.other = {.where = Where::tail, .width = 5, .rate = 0.01};
+    array.other = {.where = OtherWhere::tail, .width = 5, .rate = 0.01};
     take_step(tail.backend, Adam(), array, 2, 1);
     for (std::size_t i = 0; i < 12; ++i) rates[i] = i < 7 ? 0.2 : 0.02;
     check_moves(tail.moves(), rates);

@@ -13,27 +13,29 @@ using namespace gsh;
 
 namespace {
 
-constexpr std::size_t N = 19;
-constexpr int outputs = 3;
+constexpr std::size_t point_count = 19;
+constexpr int output_count = 3;
 
 /// A field of three outputs over random points, with two inputs of each point and four of all of them.
 template <class B>
-struct Small {
+struct SmallField {
     using Field = LearnedField<B, double, 3, 2>;
 
     B backend;
     Field field;
     typename Field::Query query;
-    std::vector<double> point_inputs, shared_inputs, dL_doutputs, values = std::vector<double>(N * outputs, 0.0);
+    std::vector<double> point_inputs, shared_inputs, dL_doutputs,
+        values = std::vector<double>(point_count * output_count, 0.0);
 
-    explicit Small(B where = B(), const FieldStart& start = {.seed = 5, .stream = 1})
+    explicit SmallField(B where = B(), const FieldStart& start = {.seed = 5, .stream = 1})
         : backend(std::move(where)),
-          field(backend, "small", {.base = 3, .growth = 1.6, .table_size = 64, .width = 8, .hidden_layers = 1}, outputs,
-                2, 4, 1, start) {
+          field(backend, "small", {.base = 3, .growth = 1.6, .table_size = 64, .width = 8, .hidden_layers = 1},
+                output_count, 2, 4, 1, start) {
         test::Rng rng(4);
-        const auto points = rng.vecs(N, 0.05, 0.95);
+        const auto points = rng.vecs(point_count, 0.05, 0.95);
         field.field().prepare(backend, Span<const vec3<double>>(points), query);
-        point_inputs = rng.numbers(2 * N), shared_inputs = rng.numbers(4), dL_doutputs = rng.numbers(N * outputs);
+        point_inputs = rng.numbers(2 * point_count), shared_inputs = rng.numbers(4),
+        dL_doutputs = rng.numbers(point_count * output_count);
     }
     FieldInputs<double> inputs() const { return {point_inputs, shared_inputs}; }
     LearnedArrays<double> learned() { return field.learned(query, 0.25); }
@@ -52,7 +54,7 @@ struct Small {
 } // namespace
 
 TEST_CASE("a learned field's adjoint is the gradient of its outputs, and adds") {
-    Small<cpu::Serial> small;
+    SmallField<cpu::Serial> small;
     test::randomize(small);
     std::vector<double> dL_dshared(4, 0.0);
     small.backward(dL_dshared);
@@ -65,7 +67,7 @@ TEST_CASE("a learned field's adjoint is the gradient of its outputs, and adds") 
     test::check_doubled(once, test::learned_gradients(small));
     test::check_doubled(once_shared, dL_dshared);
     for (const std::size_t count : {1, 3}) {
-        Small<cpu::Threads> threaded{cpu::Threads(count)};
+        SmallField<cpu::Threads> threaded{cpu::Threads(count)};
         test::randomize(threaded);
         std::vector<double> dL_dshared_there(4, 0.0);
         threaded.backward(dL_dshared_there);
@@ -76,7 +78,7 @@ TEST_CASE("a learned field's adjoint is the gradient of its outputs, and adds") 
 }
 
 TEST_CASE("a learned field announces table and network at one rate, and the rows that its points read") {
-    Small<cpu::Serial> small;
+    SmallField<cpu::Serial> small;
     const auto arrays = small.learned();
     REQUIRE(arrays.size() == 2);
     CHECK(arrays[0].name == "small.table");
@@ -90,7 +92,7 @@ TEST_CASE("a learned field announces table and network at one rate, and the rows
 }
 
 TEST_CASE("outputs that are silenced are zero; other inputs that are silenced change nothing") {
-    Small<cpu::Serial> small;
+    SmallField<cpu::Serial> small;
     small.loss();
     const auto before = small.values;
     for (double& input : small.point_inputs) input += 1;
@@ -111,7 +113,7 @@ TEST_CASE("outputs that are silenced are zero; other inputs that are silenced ch
 
 TEST_CASE("fields of another seed or stream start with other numbers, and the same seed with the same") {
     using Start = FieldStart;
-    Small<cpu::Serial> a, b, seed(cpu::Serial(), Start{.seed = 6, .stream = 1}),
+    SmallField<cpu::Serial> a, b, seed(cpu::Serial(), Start{.seed = 6, .stream = 1}),
         stream(cpu::Serial(), Start{.seed = 5, .stream = 3});
     CHECK(test::learned_values(a) == test::learned_values(b));
     CHECK(test::learned_values(a) != test::learned_values(seed));

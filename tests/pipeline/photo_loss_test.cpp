@@ -17,17 +17,17 @@ using namespace gsh;
 
 namespace {
 
-constexpr int width = 22, height = 19;
+constexpr int noise_width = 22, noise_height = 19;
 
 /// A few splats, and a photograph of noise with a plate of noise.
 template <class B>
-struct Noise {
+struct NoisyPhoto {
     B backend;
     Splats<B, double> splats;
     std::vector<std::uint8_t> pixels, plate;
     Photo photo;
 
-    explicit Noise(bool with_plate = false, B where = B()) : backend(std::move(where)) {
+    explicit NoisyPhoto(bool with_plate = false, B where = B()) : backend(std::move(where)) {
         test::Rng rng(3);
         splats.resize(9);
         for (std::size_t i = 0; i < 9; ++i) {
@@ -37,11 +37,12 @@ struct Noise {
             const double a = rng.uniform(0.01, 0.04), b = rng.uniform(0.01, 0.04), c = rng.uniform(0.01, 0.04);
             splats.covariances[i] = {a, 0.002, -0.001, b, 0.003, c};
         }
-        for (int i = 0; i < 4 * width * height; ++i) {
+        for (int i = 0; i < 4 * noise_width * noise_height; ++i) {
             pixels.push_back(static_cast<std::uint8_t>(rng.uniform(1, 254)));
             plate.push_back(i % 4 == 3 ? 255 : static_cast<std::uint8_t>(rng.uniform(1, 254)));
         }
-        photo = {"noise", {mat3<double>(1.0), {0.02, -0.03, 2}, 24, 25, 10.7, 9.6, width, height}, 0, pixels};
+        photo = {
+            "noise", {mat3<double>(1.0), {0.02, -0.03, 2}, 24, 25, 10.7, 9.6, noise_width, noise_height}, 0, pixels};
         if (with_plate) photo.plate = plate;
     }
     [[nodiscard]] Camera<double> camera() const { return photo.camera; }
@@ -56,11 +57,11 @@ struct Noise {
     }
 };
 
-using Loss = PhotoLoss<cpu::Serial, double>;
+using NoiseLoss = PhotoLoss<cpu::Serial, double>;
 
 /// Numbers of splats, attribute after attribute.
 template <class B>
-std::vector<double> numbers(Splats<B, double>& splats) {
+std::vector<double> splat_numbers(Splats<B, double>& splats) {
     std::vector<double> all;
     for (std::size_t i = 0; i < splats.means.size(); ++i) {
         for (const double x : test::scalars(splats.means[i])) all.push_back(x);
@@ -75,8 +76,8 @@ std::vector<double> numbers(Splats<B, double>& splats) {
 
 TEST_CASE("the loss is made of L1, SSIM and the mask's mean difference") {
     for (const bool with_plate : {false, true}) {
-        Noise<cpu::Serial> noise(with_plate);
-        Loss l1(noise.backend, {.ssim_weight = 0, .background = {0.2, 0.4, 0.6}}),
+        NoisyPhoto<cpu::Serial> noise(with_plate);
+        NoiseLoss l1(noise.backend, {.ssim_weight = 0, .background = {0.2, 0.4, 0.6}}),
             both(noise.backend, {.ssim_weight = 0.3, .background = {0.2, 0.4, 0.6}}),
             masked(noise.backend, {.ssim_weight = 0.3, .mask_weight = 0.5, .background = {0.2, 0.4, 0.6}});
         const double l1_loss = noise.loss(l1), both_loss = noise.loss(both), masked_loss = noise.loss(masked);
@@ -87,7 +88,7 @@ TEST_CASE("the loss is made of L1, SSIM and the mask's mean difference") {
         double difference = 0, mask_difference = 0;
         for (std::size_t i = 0; i < color.data.size(); ++i) difference += std::abs(color.data[i] - truth.data[i]);
         for (std::size_t i = 0; i < mask.data.size(); ++i) mask_difference += std::abs(alpha.data[i] - mask.data[i]);
-        difference /= 3 * width * height, mask_difference /= width * height;
+        difference /= 3 * noise_width * noise_height, mask_difference /= noise_width * noise_height;
         CHECK(l1_loss == doctest::Approx(difference));
         const SsimLoss<cpu::Serial, double> ssim_loss(noise.backend);
         PhotometricLoss<cpu::Serial, double>::Cache cache;
@@ -100,17 +101,17 @@ TEST_CASE("the loss is made of L1, SSIM and the mask's mean difference") {
 }
 
 TEST_CASE("splats and photograph stand before the plate where there is one, else before the background") {
-    Noise<cpu::Serial> noise(true);
-    Loss loss(noise.backend, {.background = {0.2, 0.4, 0.6}});
+    NoisyPhoto<cpu::Serial> noise(true);
+    NoiseLoss loss(noise.backend, {.background = {0.2, 0.4, 0.6}});
     for (std::size_t i = 3; i < noise.pixels.size(); i += 4) noise.pixels[i] = 0; // nobody is there
     for (double& opacity : noise.splats.opacities) opacity = 0;
     Image<double> color, truth, mask;
     loss.picture(noise.photo, noise.view(), color);
     loss.photograph(noise.photo, truth, mask);
     for (int c = 0; c < 3; ++c)
-        for (int y = 0; y < height; ++y)
-            for (int x = 0; x < width; ++x) {
-                const double behind = noise.plate[static_cast<std::size_t>(4 * (y * width + x) + c)] / 255.0;
+        for (int y = 0; y < noise_height; ++y)
+            for (int x = 0; x < noise_width; ++x) {
+                const double behind = noise.plate[static_cast<std::size_t>(4 * (y * noise_width + x) + c)] / 255.0;
                 CHECK(color.at(c, y, x) == doctest::Approx(behind));
                 CHECK(truth.at(c, y, x) == doctest::Approx(behind));
             }
@@ -129,8 +130,9 @@ TEST_CASE("splats and photograph stand before the plate where there is one, else
 TEST_CASE("the adjoint is the gradient of the loss with respect to splats and camera, and adds") {
     for (const double mask_weight : {0.0, 0.5}) {
         CAPTURE(mask_weight);
-        Noise<cpu::Serial> noise(mask_weight > 0);
-        Loss loss(noise.backend, {.filter = {.dilation = 0.1, .compensate_opacity = true}, .mask_weight = mask_weight});
+        NoisyPhoto<cpu::Serial> noise(mask_weight > 0);
+        NoiseLoss loss(noise.backend,
+                       {.filter = {.dilation = 0.1, .compensate_opacity = true}, .mask_weight = mask_weight});
         Splats<cpu::Serial, double> dL_dsplats;
         dL_dsplats.resize(9);
         fill_zero(noise.backend, dL_dsplats.view());
@@ -140,7 +142,7 @@ TEST_CASE("the adjoint is the gradient of the loss with respect to splats and ca
             loss.backward(noise.camera(), noise.view(), dL_dsplats.view(), dL_dcamera);
         };
         backward();
-        constexpr double scale = width * height; // the loss is a mean: a tolerance of 1e-6 must bite
+        constexpr double scale = noise_width * noise_height; // the loss is a mean: a tolerance of 1e-6 must bite
         const auto value = [&] { return scale * noise.loss(loss); };
         const auto check = [&](Span<double> x, Span<const double> dL_dx) {
             std::vector<double> scaled(dL_dx.begin(), dL_dx.end());
@@ -157,18 +159,18 @@ TEST_CASE("the adjoint is the gradient of the loss with respect to splats and ca
         check(test::scalars(noise.photo.camera.t), test::scalars(dL_dcamera[0].dL_dt));
         check({&noise.photo.camera.fx, 1}, {&dL_dcamera[0].dL_dfx, 1});
 
-        const auto once = numbers(dL_dsplats);
+        const auto once = splat_numbers(dL_dsplats);
         const vec3<double> once_t = dL_dcamera[0].dL_dt;
         backward();
-        const auto twice = numbers(dL_dsplats);
+        const auto twice = splat_numbers(dL_dsplats);
         for (std::size_t i = 0; i < once.size(); ++i) CHECK(twice[i] == doctest::Approx(2 * once[i]));
         CHECK(length(dL_dcamera[0].dL_dt - 2.0 * once_t) <= 1e-12 * length(once_t));
     }
 }
 
 TEST_CASE("the camera that is rendered from need not be the photograph's own") {
-    Noise<cpu::Serial> noise;
-    Loss loss(noise.backend);
+    NoisyPhoto<cpu::Serial> noise;
+    NoiseLoss loss(noise.backend);
     const double own = noise.loss(loss);
     Camera<double> moved = noise.camera();
     moved.t.x += 0.1;
@@ -181,14 +183,14 @@ TEST_CASE("the camera that is rendered from need not be the photograph's own") {
 TEST_CASE("losses and gradients are the same on threads bit for bit") {
     const auto run = [](auto where) {
         using B = decltype(where);
-        Noise<B> noise(true, std::move(where));
+        NoisyPhoto<B> noise(true, std::move(where));
         PhotoLoss<B, double> loss(noise.backend, {.mask_weight = 0.5});
         Splats<B, double> dL_dsplats;
         dL_dsplats.resize(9);
         fill_zero(noise.backend, dL_dsplats.view());
         std::vector<double> all{noise.loss(loss)};
         loss.backward(noise.camera(), noise.view(), dL_dsplats.view());
-        const auto gradient = numbers(dL_dsplats);
+        const auto gradient = splat_numbers(dL_dsplats);
         all.insert(all.end(), gradient.begin(), gradient.end());
         return all;
     };
@@ -197,8 +199,8 @@ TEST_CASE("losses and gradients are the same on threads bit for bit") {
 }
 
 TEST_CASE("pictures of several sizes follow each other") {
-    Noise<cpu::Serial> noise;
-    Loss loss(noise.backend);
+    NoisyPhoto<cpu::Serial> noise;
+    NoiseLoss loss(noise.backend);
     const double first = noise.loss(loss);
     Camera<double> other = noise.camera();
     other.width = 7, other.height = 40;
@@ -211,5 +213,5 @@ TEST_CASE("pictures of several sizes follow each other") {
 
 TEST_CASE("settings that cannot be are refused") {
     cpu::Serial backend;
-    CHECK_THROWS_AS(Loss(backend, {.mask_weight = -1}), ValueError);
+    CHECK_THROWS_AS(NoiseLoss(backend, {.mask_weight = -1}), ValueError);
 }

@@ -11,21 +11,20 @@ using namespace gsh;
 
 namespace {
 
-using B = cpu::Serial;
-using Any = AnyShadow<B, double>;
+using AnyOcclusion = AnyShadow<cpu::Serial, double>;
 
-static_assert(ShadowPolicy<Any, B, double>);
-static_assert(ShadowPolicy<NoShadow<B, double>, B, double>);
-static_assert(std::constructible_from<Any, TimeShadow<B, double, 3, 2>>);
-static_assert(!std::constructible_from<Any, TimeShadow<B, float, 3, 2>>); // another number type
-static_assert(!std::constructible_from<Any, int>);
+static_assert(ShadowPolicy<AnyOcclusion, cpu::Serial, double>);
+static_assert(ShadowPolicy<NoShadow<cpu::Serial, double>, cpu::Serial, double>);
+static_assert(std::constructible_from<AnyOcclusion, TimeShadow<cpu::Serial, double, 3, 2>>);
+static_assert(!std::constructible_from<AnyOcclusion, TimeShadow<cpu::Serial, float, 3, 2>>); // another number type
+static_assert(!std::constructible_from<AnyOcclusion, int>);
 
 /// A policy by itself and one behind AnyShadow do the same, bit for bit. make(scene) is the policy.
 template <class Make>
-void check_same(const Make& make) {
-    test::ShadowScene<B> scene;
+void check_same_shadow(const Make& make) {
+    test::ShadowScene<cpu::Serial> scene;
     auto policy = make(scene);
-    Any any = make(scene);
+    AnyOcclusion any = make(scene);
     test::randomize(policy), test::randomize(any);
     CHECK(any.casts() == policy.casts());
     CHECK(any.follows_pose() == policy.follows_pose());
@@ -47,18 +46,19 @@ void check_same(const Make& make) {
 } // namespace
 
 TEST_CASE("any shadow is bit-identical to the policy inside") {
-    check_same([](auto& scene) {
-        return TimeShadow<B, double, 3, 2>(scene.backend, scene.points, scene.frames, scene.params());
+    check_same_shadow([](auto& scene) {
+        return TimeShadow<cpu::Serial, double, 3, 2>(scene.backend, scene.points, scene.frames, scene.params());
     });
-    check_same([](auto& scene) {
-        return PoseShadow<B, double, 3, 2>(scene.backend, scene.points, scene.pose_feature_count(), scene.params());
+    check_same_shadow([](auto& scene) {
+        return PoseShadow<cpu::Serial, double, 3, 2>(scene.backend, scene.points, scene.pose_feature_count(),
+                                                     scene.params());
     });
-    check_same([](auto&) { return NoShadow<B, double>(); });
+    check_same_shadow([](auto&) { return NoShadow<cpu::Serial, double>(); });
 }
 
 TEST_CASE("no shadow learns nothing, follows nothing and writes nothing") {
-    test::ShadowScene<B> scene;
-    NoShadow<B, double> none;
+    test::ShadowScene<cpu::Serial> scene;
+    NoShadow<cpu::Serial, double> none;
     CHECK(!none.casts());
     CHECK(!none.follows_pose());
     CHECK(none.learned().empty());

@@ -11,22 +11,22 @@ using namespace gsh;
 namespace {
 
 template <class B>
-using Policy = SharedField<B, double, 2, 3, 2>;
+using Shared = SharedField<B, double, 2, 3, 2>;
 
-static_assert(AppearancePolicy<Policy<cpu::Serial>, double>);
+static_assert(AppearancePolicy<Shared<cpu::Serial>, double>);
 static_assert(AppearancePolicy<SharedField<cpu::Threads>, float>);
 
 } // namespace
 
 TEST_CASE("the shared field's adjoint is the gradient of colours and displacements, and adds") {
-    test::check_appearance<Policy>(test::small_appearance());
+    test::check_appearance<Shared>(test::small_appearance());
 }
 
 TEST_CASE("a shared field that reads the time has another gradient at another frame") {
-    test::check_appearance<Policy>(test::small_appearance(5), 3);
+    test::check_appearance<Shared>(test::small_appearance(5), 3);
     cpu::Serial backend;
     const auto points = test::scattered_points(backend);
-    Policy<cpu::Serial> moving(backend, points, test::small_appearance(5)),
+    Shared<cpu::Serial> moving(backend, points, test::small_appearance(5)),
         still(backend, points, test::small_appearance());
     CHECK(moving.reads_time());
     CHECK(!still.reads_time());
@@ -42,13 +42,13 @@ TEST_CASE("a shared field that reads the time has another gradient at another fr
 TEST_CASE("a table each for coarse and fine levels has the right gradient, too") {
     AppearanceParams params = test::small_appearance();
     params.separate_tables = true;
-    test::check_appearance<Policy>(params);
+    test::check_appearance<Shared>(params);
 }
 
 TEST_CASE("the last rows of the shared network make displacements and move at their rate") {
     cpu::Serial backend;
     const auto points = test::scattered_points(backend);
-    Policy<cpu::Serial> field(backend, points, test::small_appearance());
+    Shared<cpu::Serial> field(backend, points, test::small_appearance());
     const auto arrays = field.learned();
     REQUIRE(arrays.size() == 2);
     CHECK(arrays[0].name == "shared_field.table");
@@ -72,7 +72,7 @@ TEST_CASE("the last rows of the shared network make displacements and move at th
 TEST_CASE("a shared field starts near zero, whatever the features") {
     cpu::Serial backend;
     const auto points = test::scattered_points(backend);
-    Policy<cpu::Serial> field(backend, points, test::small_appearance());
+    Shared<cpu::Serial> field(backend, points, test::small_appearance());
     for (const double value : test::AppearanceProbe(field, points->size(), 0).outputs()) CHECK(std::abs(value) < 1e-2);
 }
 
@@ -81,5 +81,5 @@ TEST_CASE("a fine level that the grid does not have is refused") {
     const auto points = test::scattered_points(backend);
     AppearanceParams params = test::small_appearance();
     params.fine_level = 12;
-    CHECK_THROWS_AS(Policy<cpu::Serial>(backend, points, params), ValueError);
+    CHECK_THROWS_AS(Shared<cpu::Serial>(backend, points, params), ValueError);
 }

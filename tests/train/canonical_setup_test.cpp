@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/cpu.hpp>
+#include <gsh/backend/serial.hpp>
+#include <gsh/backend/threads.hpp>
+#include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/train/canonical_setup.hpp>
 
 #include "support/bodies.hpp"
@@ -55,7 +57,8 @@ void check_consistent(Tube& tube, const CanonicalSetup& setup, const Configurati
     validate(setup.motion, setup.rig.body, "test");
     AvatarConfig avatar = config.avatar;
     avatar.hash_base = 3, avatar.hash_growth = 1.5, avatar.hash_table_size = 256, avatar.ao_table_size = 256;
-    const AvatarModel<cpu::Serial> model(tube.backend, setup.rig, setup.samples, 1, avatar, setup.priors);
+    const auto model = make_avatar(tube.backend, setup.rig, setup.samples, setup.motion.frame_count(), 1, avatar,
+                                   setup.priors);
     CHECK(model.size() == tube_count);
 }
 

@@ -19,24 +19,22 @@ using test::SmallTraining;
 
 namespace {
 
-using B = cpu::Serial;
-using Refinement = MotionRefinement<B>;
-using Scene = SmallTraining<B>::SceneType;
-using Person = FrozenPerson<Scene, B>;
+using SmallPeople = SmallTraining<cpu::Serial>::SceneType;
+using OnePerson = FrozenPerson<SmallPeople, cpu::Serial>;
 
-static_assert(FrozenScene<FrozenAvatar<B>, B, float>);
-static_assert(FrozenScene<Person, B, float>);
-static_assert(!FrozenScene<Scene, B, float>); // its arrays learn
+static_assert(FrozenScene<FrozenAvatar<cpu::Serial>, cpu::Serial, float>);
+static_assert(FrozenScene<OnePerson, cpu::Serial, float>);
+static_assert(!FrozenScene<SmallPeople, cpu::Serial, float>); // its arrays learn
 
-RefinementConfig quick() {
+RefinementConfig quick_fit() {
     RefinementConfig config = test_time_config();
     config.pose.rate = 1e-2, config.transl.rate = 3e-3;
     return config;
 }
 
 template <class AnyScene>
-std::vector<float> splats_of(AnyScene& scene, std::size_t frame) {
-    Splats<B> splats;
+std::vector<float> frozen_splats(AnyScene& scene, std::size_t frame) {
+    Splats<cpu::Serial> splats;
     splats.resize(scene.size());
     scene.prepare(frame);
     scene.forward(frame, {0, 1, 3.5f}, splats.view());
@@ -48,26 +46,26 @@ std::vector<float> splats_of(AnyScene& scene, std::size_t frame) {
 }
 
 /// Two people side by side, both refined.
-struct Two {
+struct TwoFrozen {
     SmallScene scene;
-    B backend;
+    cpu::Serial backend;
     std::vector<Motion> motions{scene.motion, scene.motion};
     std::deque<SurfaceSamples> samples;
     std::deque<RigData> rigs;
-    std::deque<test::SmallAvatar<B>> models;
-    std::deque<Refinement> refinements;
-    Scene people;
+    std::deque<test::SmallAvatar<cpu::Serial>> models;
+    std::deque<MotionRefinement<cpu::Serial>> refinements;
+    SmallPeople people;
 
-    Two() : people(backend, cast()) {
+    TwoFrozen() : people(backend, cast()) {
         for (const std::size_t p : {0, 1}) {
-            refinements.emplace_back(backend, rigs[p], motions[p], std::vector<Camera<double>>(), quick());
+            refinements.emplace_back(backend, rigs[p], motions[p], std::vector<Camera<double>>(), quick_fit());
             people.refine(refinements[p], p);
         }
     }
 
 private:
-    std::vector<CastMember<test::SmallAvatar<B>>> cast() {
-        std::vector<CastMember<test::SmallAvatar<B>>> members;
+    std::vector<CastMember<test::SmallAvatar<cpu::Serial>>> cast() {
+        std::vector<CastMember<test::SmallAvatar<cpu::Serial>>> members;
         for (const std::size_t p : {0, 1}) {
             for (auto& transl : motions[p].transl) transl.x += p == 0 ? -0.3 : 0.3;
             samples.push_back(sample_surface(scene.body, shaped_vertices(scene.body, scene.betas),
@@ -85,18 +83,18 @@ private:
 
 TEST_CASE("a frozen avatar shows the avatar in the motion's pose and has nothing else to learn") {
     const PosedScene scene;
-    B backend;
-    Avatar<B> avatar(backend, scene.avatar);
-    Refinement motion(backend, scene.avatar.rig, scene.truth, {}, quick());
-    FrozenAvatar<B> frozen(avatar, motion);
+    cpu::Serial backend;
+    Avatar<cpu::Serial> avatar(backend, scene.avatar);
+    MotionRefinement<cpu::Serial> motion(backend, scene.avatar.rig, scene.truth, {}, quick_fit());
+    FrozenAvatar<cpu::Serial> frozen(avatar, motion);
     CHECK(frozen.size() == avatar.size());
     CHECK(frozen.frame_count() == PosedScene::frames);
     CHECK(&frozen.motion() == &motion);
     CHECK(frozen.learned().empty());
 
-    RigPose<B> pose;
-    Avatar<B>::Cache cache;
-    Splats<B> expected, found;
+    RigPose<cpu::Serial> pose;
+    Avatar<cpu::Serial>::Cache cache;
+    Splats<cpu::Serial> expected, found;
     expected.resize(avatar.size()), found.resize(avatar.size());
     avatar.rig().upload_pose(scene.truth, 3, pose);
     avatar.pose(pose, {0, 1, 3.5f}, expected.view(), cache);
@@ -105,27 +103,27 @@ TEST_CASE("a frozen avatar shows the avatar in the motion's pose and has nothing
 }
 
 TEST_CASE("a frozen person's splats are the scene's own, everybody's") {
-    Two two;
+    TwoFrozen two;
     two.people.come_to(0, 0);
-    Person second(two.people, 1);
+    OnePerson second(two.people, 1);
     CHECK(second.size() == two.people.size());
     CHECK(second.frame_count() == 2);
     CHECK(second.learned().empty());
     CHECK(&second.motion() == &two.refinements[1]);
-    CHECK(splats_of(second, 0) == splats_of(two.people, 0));
-    CHECK(splats_of(second, 0) != splats_of(second, 1));
+    CHECK(frozen_splats(second, 0) == frozen_splats(two.people, 0));
+    CHECK(frozen_splats(second, 0) != frozen_splats(second, 1));
 }
 
 TEST_CASE("a fit of one person in one frame moves that pose and nothing else") {
-    Two two;
+    TwoFrozen two;
     std::vector<Photo> photos;
     for (const Photo& photo : two.scene.photos)
         if (photo.frame == 1) photos.push_back(photo);
     two.people.come_to(0, 0.5);
     const auto values = test::learned_values(two.people), gradients = test::learned_gradients(two.people);
     const Motion first = two.refinements[0].motion(), second = two.refinements[1].motion();
-    Person frozen(two.people, 1);
-    PoseFit<B> fit(two.backend, {.dilation = 0.1, .compensate_opacity = true}, {.steps = 4});
+    OnePerson frozen(two.people, 1);
+    PoseFit<cpu::Serial> fit(two.backend, {.dilation = 0.1, .compensate_opacity = true}, {.steps = 4});
     const PoseFitReport report = fit.fit(frozen, 1, photos);
     CHECK(report.steps == 4);
     CHECK(report.kept);
@@ -142,7 +140,7 @@ TEST_CASE("a fit of one person in one frame moves that pose and nothing else") {
 
 TEST_CASE("a person whose poses are not refined, or who is not there, is refused") {
     const SmallScene scene;
-    SmallTraining<B> training(scene);
-    CHECK_THROWS_AS(Person(training.people, 0), ValueError);
-    CHECK_THROWS_AS(Person(training.people, 1), ValueError);
+    SmallTraining<cpu::Serial> training(scene);
+    CHECK_THROWS_AS(OnePerson(training.people, 0), ValueError);
+    CHECK_THROWS_AS(OnePerson(training.people, 1), ValueError);
 }

@@ -73,7 +73,7 @@ struct Training {
                             raster, dL_dsplats.view(), camera_gradient);
         if (refinement.learns_motion(frame) || refinement.learns_camera(c)) {
             const auto dL_dpose = refinement.pose_gradient();
-            avatar.pose_backward(pose, camera.center(), std::as_const(dL_dsplats).view(), cache, dL_dpose,
+            avatar.backward_to_pose(pose, camera.center(), std::as_const(dL_dsplats).view(), cache, dL_dpose,
                                  center_gradient);
             if (refinement.learns_motion(frame)) refinement.accumulate(frame, dL_dpose);
             if (refinement.learns_camera(c))
@@ -221,7 +221,7 @@ TEST_CASE("gradients of poses, cameras and terms reach every increment") {
     for (std::size_t i = 0; i < frame_numbers; ++i) CHECK(twice[i] == doctest::Approx(doubled[i]).epsilon(1e-12));
 }
 
-TEST_CASE("an avatar's pose_backward is the gradient of its splats, and adds") {
+TEST_CASE("an avatar's backward_to_pose is the gradient of its splats, and adds") {
     const PosedScene scene;
     cpu::Serial backend;
     AvatarData data = scene.avatar; // whose colours depend on where they are seen from
@@ -265,7 +265,7 @@ TEST_CASE("an avatar's pose_backward is the gradient of its splats, and adds") {
     vec3<double> dL_dcentre(0.0);
     const auto backward = [&] {
         (void)loss();
-        avatar.pose_backward(pose, center, std::as_const(weights).view(), cache,
+        avatar.backward_to_pose(pose, center, std::as_const(weights).view(), cache,
                              {dL_dpose.pose, dL_dpose.coefficients, dL_dpose.transl},
                              Span<vec3<double>>(&dL_dcentre, 1));
     };

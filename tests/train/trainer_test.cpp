@@ -396,7 +396,7 @@ TEST_CASE("the time that fields read is the frame's number, whatever the time on
     const auto expected = train();
     for (double& time : motion.timestamps) time = 7 + 0.1 * time;
     CHECK(train() == expected);
-    // The codes themselves are tested in pipeline/frame_codes_test.cpp: t = frame / frames, so that their number counts.
+    // The codes are tested in pipeline/frame_codes_test.cpp: t = frame / frames, so that the number of frames counts.
     motion.pose.resize(8), motion.expression.resize(4), motion.transl.resize(2), motion.timestamps.resize(2);
     CHECK(train() != expected);
 }
