@@ -2,6 +2,9 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/joint_error.hpp>
+#include <gsh/image/color.hpp>
+#include <gsh/loss/photometric.hpp>
+#include <gsh/render/rasterizer.hpp>
 #include <gsh/train/refinement.hpp>
 
 #include "support/posed_scene.hpp"
