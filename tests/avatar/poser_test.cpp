@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/avatar/poser.hpp>
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/body/surface_samples.hpp>
 
 #include "support/bodies.hpp"

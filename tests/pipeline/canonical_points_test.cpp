@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/backend/serial.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
 
 #include "support/gradient.hpp"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/pipeline/photo_loss.hpp>

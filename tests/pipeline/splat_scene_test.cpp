@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// A scene that is none of ours: whatever satisfies the concept trains in Trainer.
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/pipeline/splat_scene.hpp>
 #include <gsh/pipeline/static_model.hpp>
 #include <gsh/train/trainer.hpp>

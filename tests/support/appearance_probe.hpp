@@ -2,8 +2,7 @@
 /// @file  A scalar of an appearance's colours and displacements, and its adjoint: what every appearance is tested with.
 #pragma once
 
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/pipeline/appearance.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/pipeline/field_appearance.hpp>

@@ -84,22 +84,10 @@ void check_learned_gradients(Part& part, const Loss& loss, const GradientCheck& 
         double largest = 0;
         for (const double value : gradient) largest = std::max(largest, std::abs(value));
         CHECK(largest > 1e-3); // the check below must have something to see
-        if (!array.is_table()) {
-            GradientCheck options = check;
-            options.stride = array.values.size() / samples + 1;
-            check_gradient(loss, array.values, gradient, options);
-            continue;
-        }
-        REQUIRE(!array.touched_rows.empty());
-        const std::size_t stride = array.touched_rows.size() * array.row_size / samples + 1;
-        std::size_t rows = 0, with_gradient = 0;
-        for (std::size_t i = 0; i < array.touched_rows.size(); i += stride, ++rows) {
-            const std::size_t first = array.touched_rows[i] * array.row_size;
-            const Span<const double> row = gradient.subspan(first, array.row_size);
-            with_gradient += std::abs(row[0]) > 1e-4 * largest;
-            check_gradient(loss, array.values.subspan(first, array.row_size), row, check);
-        }
-        CHECK(2 * with_gradient > rows);
+        GradientCheck options = check;
+        options.elements = spread_elements(array.values.size(), array.is_table() ? &array.touched_rows : nullptr,
+                                           array.row_size, samples);
+        check_gradient(loss, array.values, gradient, options);
     }
 }
 

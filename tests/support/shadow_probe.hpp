@@ -3,8 +3,7 @@
 #pragma once
 
 #include <gsh/avatar/rig.hpp>
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/pipeline/field_shadow.hpp>

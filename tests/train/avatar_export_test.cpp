@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/backend/serial.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/train/avatar_export.hpp>
 
 #include "support/small_training.hpp"

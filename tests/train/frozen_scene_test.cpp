@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/backend/serial.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/pose_fit.hpp>
 

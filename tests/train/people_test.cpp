@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Several people in one training: each learns their own part of one picture.
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/body/joint_error.hpp>
 #include <gsh/io/model/checkpoint.hpp>
 #include <gsh/train/evaluation.hpp>

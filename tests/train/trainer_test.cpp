@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/body/joint_error.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/refinement.hpp>
