@@ -2,6 +2,7 @@
 /// @file  Learned arrays by their names, and their gradients against central differences.
 #pragma once
 
+#include <gsh/backend/serial.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/pipeline/learned_array.hpp>
 
@@ -36,19 +37,36 @@ auto learned_array(Part& part, std::string_view name) {
     return typename decltype(part.learned())::value_type();
 }
 
-/// The numbers of the array of this name, a copy.
-template <class Part>
-auto learned_values(Part& part, std::string_view name) {
+/// The numbers of the array of this name, a copy in host memory.
+template <class B, class Part>
+auto learned_values(B& backend, Part& part, std::string_view name) {
     const auto values = learned_array(part, name).values;
-    return std::vector(values.begin(), values.end());
+    std::vector<std::remove_cvref_t<decltype(values[0])>> host(values.size());
+    backend.download(Span<const std::remove_cvref_t<decltype(values[0])>>(values), Span(host.data(), host.size()));
+    return host;
 }
 
-/// The numbers of all arrays, one array after the other, a copy.
+/// The numbers of all arrays, one array after the other, a copy in host memory.
+template <class B, class Part>
+auto learned_values(B& backend, Part& part) {
+    std::vector<std::remove_cvref_t<decltype(part.learned().front().values[0])>> all;
+    for (const auto& array : part.learned()) {
+        const auto values = learned_values(backend, part, array.name);
+        all.insert(all.end(), values.begin(), values.end());
+    }
+    return all;
+}
+
+/// The same where the backend's memory is the host's.
+template <class Part>
+auto learned_values(Part& part, std::string_view name) {
+    cpu::Serial host;
+    return learned_values(host, part, name);
+}
 template <class Part>
 auto learned_values(Part& part) {
-    std::vector<std::remove_cvref_t<decltype(part.learned().front().values[0])>> all;
-    for (const auto& array : part.learned()) all.insert(all.end(), array.values.begin(), array.values.end());
-    return all;
+    cpu::Serial host;
+    return learned_values(host, part);
 }
 
 /// The gradients of all arrays, one array after the other, a copy.

@@ -144,9 +144,9 @@ struct SmallTraining {
     SmallTraining(const SmallTraining&) = delete;
 
     /// A learned array's numbers.
-    std::vector<float> parameters(std::string_view name) { return learned_values(model, name); }
+    std::vector<float> parameters(std::string_view name) { return learned_values(backend, model, name); }
     /// The numbers of all learned arrays, one after the other.
-    std::vector<float> parameters() { return learned_values(model); }
+    std::vector<float> parameters() { return learned_values(backend, model); }
     void steps(int count, double progress = 0) {
         for (int i = 0; i < count; ++i) trainer.step(progress);
     }

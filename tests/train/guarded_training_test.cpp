@@ -3,9 +3,11 @@
 ///        anywhere in them would crash here, and every number equals that of the reference backend.
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/backend/serial.hpp>
+#include <gsh/pipeline/static_model.hpp>
+#include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/pose_fit.hpp>
 #include <gsh/train/refinement.hpp>
-#include <gsh/train/static_trainer.hpp>
+#include <gsh/train/static_configuration.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include "support/guarded.hpp"
@@ -65,7 +67,7 @@ Outcome train_avatar(const SmallScene& scene, const AvatarConfig& config) {
     for (int step = 0; step < 5; ++step) training.trainer.step(0.1 + 0.2 * step); // shadows start at a tenth
     observe(training.trainer, scene.photos[1], outcome);
     outcome.learned = training.parameters();
-    const AvatarData avatar = training.trainer.avatar(training.rig);
+    const AvatarData avatar = training.exported();
     append(outcome.learned, avatar.gaussians);
     outcome.learned.insert(outcome.learned.end(), avatar.ao.begin(), avatar.ao.end());
     return outcome;
@@ -92,15 +94,16 @@ Outcome train_static(const SmallScene& scene) {
     std::vector<Photo> photos;
     for (const Photo& photo : scene.photos)
         if (photo.frame == 0) photos.push_back(photo);
-    StaticTrainer<B> trainer(backend, start_cloud(), photos, 5, config);
+    StaticModel<B> scene_model(backend, start_cloud(), config.extent, 5, config);
+    Trainer<B, StaticModel<B>> trainer(backend, scene_model, photos, static_order_seed(5), train_config_of(config));
     Outcome outcome;
     for (int step = 0; step < 20; ++step) trainer.step();
     observe(trainer, photos[0], outcome);
-    append(outcome.learned, trainer.cloud());
-    CHECK(trainer.total_change().split > 0);
-    CHECK(trainer.total_change().cloned > 0);
-    CHECK(trainer.total_change().pruned > 0);
-    CHECK(trainer.cloud().sh_degree == 1);
+    append(outcome.learned, scene_model.cloud());
+    CHECK(scene_model.total_change().split > 0);
+    CHECK(scene_model.total_change().cloned > 0);
+    CHECK(scene_model.total_change().pruned > 0);
+    CHECK(scene_model.cloud().sh_degree == 1);
     return outcome;
 }
 
@@ -121,7 +124,7 @@ template <class B>
 Outcome train_refined(const SmallScene& scene) {
     SmallTraining<B> training(scene, B(), 3, {.ao = AmbientOcclusion::pose});
     MotionRefinement<B> refinement(training.backend, training.rig, scene.motion, scene.cameras, everything());
-    training.trainer.refine(refinement);
+    training.people.refine(refinement);
     Outcome outcome;
     for (int step = 0; step < 8; ++step) training.trainer.step(0.2 + 0.1 * step);
     observe(training.trainer, scene.photos[3], outcome);
@@ -139,9 +142,10 @@ template <class B>
 Outcome fit_pose(const PosedScene& scene) {
     B backend;
     Avatar<B> avatar(backend, scene.avatar);
-    PoseFit<B> fit(backend, avatar, scene.avatar.filter, {.steps = 4, .mask_weight = 0.3});
+    PoseFit<B> fit(backend, scene.avatar.filter, {.steps = 4, .mask_weight = 0.3});
     MotionRefinement<B> motion(backend, scene.avatar.rig, scene.estimate(), {}, test_time_config());
-    const PoseFitReport report = fit.fit(motion, 2, scene.observe(2));
+    FrozenAvatar<B> frozen(avatar, motion);
+    const PoseFitReport report = fit.fit(frozen, 2, scene.observe(2));
     Outcome outcome{.pictures = {}, .losses = {report.loss_before, report.loss_after}, .learned = {}};
     for (const auto& angle : motion.motion().pose)
         outcome.losses.insert(outcome.losses.end(), {angle.x, angle.y, angle.z});
@@ -172,8 +176,8 @@ Outcome show(const PosedScene& scene, const AvatarData& data) {
     rasterizer.forward(camera, std::as_const(splats).view(), {}, {.color = image(color)}, raster);
     rasterizer.backward(camera, std::as_const(splats).view(), {}, {.color = image(dL_dcolor)}, raster,
                         dL_dsplats.view());
-    avatar.pose_backward(pose, camera.center(), std::as_const(dL_dsplats).view(), cache,
-                         {.pose = dL_dpose, .coefficients = {}, .transl = {}});
+    avatar.backward_to_pose(pose, camera.center(), std::as_const(dL_dsplats).view(), cache,
+                            {.pose = dL_dpose, .coefficients = {}, .transl = {}});
 
     Outcome outcome;
     outcome.learned.resize(color.size() + 3 * dL_dpose.size());
@@ -226,7 +230,7 @@ TEST_CASE("so is an avatar posed and rendered, with shadows that follow the pose
     const SmallScene small;
     SmallTraining<cpu::Serial> training(small, cpu::Serial(), 3, {.ao = AmbientOcclusion::pose});
     for (int step = 0; step < 3; ++step) training.trainer.step(0.5);
-    const AvatarData avatar = training.trainer.avatar(training.rig);
+    const AvatarData avatar = training.exported();
     REQUIRE(avatar.occlusion.has_value());
     check_equal(show<Guarded>(scene, avatar), show<cpu::Serial>(scene, avatar));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/backend/serial.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/train/memory.hpp>
 
