@@ -31,12 +31,12 @@ struct DensityParams {
     std::int64_t interval = 100;       ///< steps between changes; gradients are averaged over them
     std::int64_t reset_interval = 3000; ///< steps between opacity resets; 0: none
     double small = 0.01;               ///< a Gaussian whose longest axis is at most this is cloned, otherwise split
-    double large = 0.1;                ///< one with a longer axis is removed, once opacities were reset
+    double large = 0.1;                ///< a Gaussian with a longer axis is removed, once opacities were reset
     double large_on_screen = 0;        ///< the same for its radius in pixels (three sigma) in any view; 0: no limit
     double min_opacity = 0.005;        ///< Gaussians of lower opacity are removed
     double reset_opacity = 0.01;       ///< largest opacity after a reset
     double split_factor = 1.6;         ///< a split Gaussian's axes are divided by this
-    int split_count = 2;               ///< number of Gaussians that replace it
+    int split_count = 2;               ///< number of Gaussians that replace a split one
     std::size_t max_gaussians = 2'000'000; ///< hard limit; the largest gradients have precedence
 
     [[nodiscard]] bool adapts_after(std::int64_t step) const {
@@ -195,7 +195,7 @@ struct DescendGaussian {
     }
 };
 
-/// Adam's moments of new Gaussian r: those of its parent if it is the parent itself, else zero.
+/// Adam's moments of new Gaussian r. The parent itself keeps its moments; copies and parts start with zero.
 template <class T>
 struct DescendMoments {
     GaussiansView<const T> from;

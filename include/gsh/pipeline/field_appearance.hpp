@@ -22,11 +22,10 @@ struct AppearanceParams {
     int fine_level = 12;          ///< the first level that only points with τ > 0 read
     bool separate_tables = false; ///< coarse and fine levels have a table each
     double sh_dc_scale = 60;      ///< factor on a field's outputs for constant colours
-    /// Number of frames of the motion if fields read γ(t); colours and displacements then change with the frame. Else
-    /// 0.
+    /// Number of frames of the motion if fields read γ(t), and colours and displacements change with the frame. Else 0.
     std::size_t time_frames = 0;
     double sh_rate = 2e-3;                     ///< of table and network of a field with colours
-    double displacement_rate = 5e-4;           ///< of one with displacements alone, metres
+    double displacement_rate = 5e-4;           ///< of a displacement field, or a shared field's rows for them; metres
     double stored_sh_rate = 2.5e-3;            ///< of stored constant colours
     double stored_sh_band_rate = 2.5e-3 / 20;  ///< of stored bands above them
     double stored_displacement_rate = 1.6e-4;  ///< of stored δx; as 3DGS moves means

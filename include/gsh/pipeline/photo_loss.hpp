@@ -48,8 +48,8 @@ public:
 
     [[nodiscard]] const Params& params() const { return params_; }
 
-    /// The background of photographs without a plate, from the next set_photo on. The photograph that is set already
-    /// was composited before and keeps its colour.
+    /// Sets the background of renders and photographs without a plate. Call set_photo afterwards: the present
+    /// photograph was composited over the former colour.
     void set_background(const std::array<double, 3>& color) { backdrop_.set_color(color); }
 
     /// Composites the photograph over its plate or the background. render and compare use it from now on.

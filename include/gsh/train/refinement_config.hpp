@@ -50,7 +50,7 @@ struct RefinementConfig {
     std::vector<std::size_t> left_out = {};    ///< test frames: they do not learn, and terms between frames skip them
     std::vector<std::size_t> fixed_cameras{0}; ///< cameras that do not learn
     double longest_gap = 3.5;                  ///< in typical intervals; frames further apart are not neighbours
-    Adam adam{.beta1 = 0.9, .beta2 = 0.99}; ///< a row takes hundreds of steps, so the memory of squares is shorter
+    Adam adam{.beta1 = 0.9, .beta2 = 0.99}; ///< a row takes about a hundred steps: a shorter memory of squares
 
     [[nodiscard]] const RefinedGroup& operator[](RefinementGroup group) const {
         switch (group) {
