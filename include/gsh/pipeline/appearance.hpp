@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Appearance policies: where an avatar's colours and displacements come from, and any of them behind one type.
+/// @file  Appearance policies: the concept of what gives an avatar's colours and displacements, and AnyAppearance.
 #pragma once
 
 #include <gsh/core/span.hpp>
@@ -15,10 +15,11 @@
 
 namespace gsh {
 
-/// Colours and displacements of N Gaussians, where the policy keeps them; `AppearanceView<const T>` is an input.
+/// Colours and displacements of N Gaussians, in the memory of the policy. Strides allow one row to hold both.
 ///
-/// Shapes  sh [N, sh_stride] RGB coefficients, of which the first (degree + 1)² of each row count; displacements: every
-///         displacement_stride-th of the span is a Gaussian's δx, metres in the canonical frame.
+/// Shapes  sh [N, sh_stride] RGB coefficients; the first (degree + 1)² of each row are used. Element
+///         i displacement_stride of displacements is Gaussian i's δx.
+/// Units   metres, in the canonical frame.
 template <class T>
 struct AppearanceView {
     Span<const vec3<T>> sh;
@@ -27,21 +28,23 @@ struct AppearanceView {
     std::size_t displacement_stride = 1;
 };
 
-/// Where the gradient with respect to the colours is collected: rows as those of AppearanceView::sh.
+/// Where the gradient of the colours is added. Rows are those of AppearanceView::sh.
 template <class T>
 struct ColorGradient {
     Span<vec3<T>> sh;
     std::size_t sh_stride = 0;
 };
 
-/// An appearance: colours as spherical harmonics, and the canonical displacement of each Gaussian.
+/// An appearance gives colours as spherical harmonics, and the canonical displacement of each Gaussian.
 ///
-///     forward(frame)              evaluates both at a frame; only fields that read the time depend on it
-///     view()                      what forward left
-///     start_gradient()            where skinning adds the gradient of the colours; zeros, or an array's own gradient
-///     backward(frame, dL_dmeans)  takes over that gradient and the one of the displacements; adds to learned()
+///     forward(frame)              evaluates both; only fields that read the time depend on the frame
+///     view()                      returns the results of forward
+///     start_gradient()            returns where skinning adds the gradient of the colours: zeros, or, for stored
+///                                 colours, the array's own gradient
+///     backward(frame, dL_dmeans)  adjoint of forward, from that gradient and dL_dmeans [N], which is that of the
+///                                 displacements, too; adds to the gradients of learned()
 ///     reads_time()                whether forward depends on the frame
-///     lookups()                   table rows that forward reads
+///     lookups()                   number of table rows that forward reads
 template <class A, class T>
 concept AppearancePolicy = requires(A& appearance, const A& constant, std::size_t frame, Span<vec3<T>> dL_dmeans) {
     requires std::same_as<std::remove_cvref_t<decltype(A::sh_degree)>, int>;
@@ -54,7 +57,7 @@ concept AppearancePolicy = requires(A& appearance, const A& constant, std::size_
     { constant.lookups() } -> std::convertible_to<std::size_t>;
 };
 
-/// Any appearance of one degree, chosen while running: a virtual call for each pass.
+/// Any appearance of one degree, chosen at run time. Each pass costs a virtual call.
 template <std::floating_point T, int Degree>
 class AnyAppearance {
 public:

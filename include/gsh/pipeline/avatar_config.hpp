@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What a trainable avatar is made of: its parts, their sizes and what they start with.
+/// @file  Configuration of a trainable avatar: its parts, their sizes, initial values and learning rates.
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>
@@ -10,33 +10,34 @@
 
 namespace gsh {
 
-/// Where colours and displacements come from.
+/// Which networks give colours and displacements.
 enum class Heads {
-    joint,   ///< one network z ↦ (SH, δx), the paper's
-    separate ///< a field each, its direct baseline's
+    joint,   ///< one network for both, as in the paper
+    separate ///< a field for each, as in its direct baseline
 };
 
-/// What shadows depend on.
+/// What ambient occlusion depends on.
 enum class AmbientOcclusion {
     none, ///< ao = 1
-    time, ///< the frame, γ(t): the paper's; a new motion gets each Gaussian's mean over training
-    pose  ///< the joints' rotations relative to their parents: shadows replay on a new motion
+    time, ///< the frame, γ(t), as in the paper; in a new motion each Gaussian has its mean over the training frames
+    pose  ///< the joints' rotations relative to their parents; shadows follow a new motion
 };
 
-/// Steps of gradient descent per group, metres or unitless as the group is.
+/// Learning rates, in metres for joints and displacements, else without a unit.
 struct LearningRates {
     double joints = 5e-4;
     double quats = 1e-3;
     double log_scales = 5e-3;
     double opacity_logits = 0.05;
-    double displacement = 5e-4;           ///< table and network of the displacement field; its rows in a joint network
-    double sh = 2e-3;                     ///< table and network of the colour field, or of the joint one
-    double stored_displacements = 1.6e-4; ///< δx of each Gaussian, where no field gives it; metres, as 3DGS moves means
-    double stored_sh = 2.5e-3; ///< constant colour of each Gaussian, where no field gives it; the bands a 20th of it
-    double ao = 5e-3;          ///< table and network of ambient occlusion
+    double displacement = 5e-4;           ///< of a displacement field, or of the joint network's rows for displacements
+    double sh = 2e-3;                     ///< of table and network of the colour field, or of the joint field
+    double stored_displacements = 1.6e-4; ///< of stored δx, metres; as 3DGS moves means
+    double stored_sh = 2.5e-3; ///< of stored constant colours; the bands above have a 20th of it
+    double ao = 5e-3;          ///< of table and network of ambient occlusion
 };
 
-/// Rates of the direct baseline (Liu et al., "Animatable 3D Gaussian", 2024, its code): slow fields, frozen rotations.
+/// Rates of the direct baseline, as in its code: slow fields, fixed rotations.
+/// Source  Liu et al., "Animatable 3D Gaussian", 2024.
 [[nodiscard]] inline LearningRates baseline_rates() {
     return {.joints = 5e-4,
             .quats = 0,
@@ -48,40 +49,40 @@ struct LearningRates {
 
 /// Sizes, starting values, parts and learning rates of an avatar.
 struct AvatarConfig {
-    double hash_base = 4;                     ///< cells on the coarsest level, along the bounding cube's edge
-    double hash_growth = 1.6;                 ///< from one level to the next
-    std::uint32_t hash_table_size = 1u << 17; ///< most entries of a level
+    double hash_base = 4;                     ///< cells on the coarsest level, along the unit cube's edge
+    double hash_growth = 1.6;                 ///< ratio of cells from one level to the next
+    std::uint32_t hash_table_size = 1u << 17; ///< largest number of entries of a level
     int mlp_width = 64;                       ///< neurons of a hidden layer
     int mlp_hidden_layers = 2;
     Heads heads = Heads::joint;
-    bool hash_displacement = true; ///< δx from a field; else stored with each Gaussian
-    bool hash_sh = true;           ///< SH from a field; else stored with each Gaussian
-    /// The heads read γ(t) too: colours and displacements that change with the frame; a new motion gets their mean.
+    bool hash_displacement = true; ///< δx from a field; if false, stored with each Gaussian
+    bool hash_sh = true;           ///< SH from a field; if false, stored with each Gaussian
+    /// The heads also read γ(t), so that colours and displacements change with the frame. A new motion has their mean.
     bool head_time = false;
-    /// Fine levels, which only points with a share in the region have (if the avatar is given one).
-    int fine_level = 12; ///< what lies below must still resolve a training pixel of the torso, 4.3 mm
-    bool separate_tables = false; ///< coarse and fine features from a table each
-    /// Factor on CanonicalPriors::features. Adam moves all weights equally fast, so this is how fast the network comes
-    /// to lean on them: at 1 they drown what the encoding learns point by point.
+    /// The first fine level. Only points with τ > 0 read fine levels, if the avatar has a region.
+    int fine_level = 12; ///< the coarse levels below must still resolve a training pixel of the torso, 4.3 mm
+    bool separate_tables = false; ///< coarse and fine levels have a table each
+    /// Factor on CanonicalPriors::features. Adam moves all weights equally fast, so the factor sets how fast the
+    /// network learns to use the features. At 1 they dominate what the encoding learns point by point.
     double prior_scale = 0.1;
     AmbientOcclusion ao = AmbientOcclusion::none;
-    double ao_start = 0.1; ///< share of the run after which ambient occlusion is learned; 1 before (the paper: 0.4)
+    double ao_start = 0.1; ///< share of the run after which ambient occlusion is used and learned; the paper: 0.4
     std::uint32_t ao_table_size = 1u << 17;
-    double largest_ao = 2; ///< above 1, light may exceed the mean that the colours hold when ao starts
+    double largest_ao = 2; ///< upper bound of ao; above 1, ao can also brighten the colours learned before
     double initial_ao = 1;
     Deformation deformation = Deformation::linear;
     double initial_opacity = 0.2;
-    /// Standard deviation along the surface's normal, in shares of that along the surface. 1 starts round and unturned,
-    /// as the direct baseline does (and samples without a normal); a round Gaussian stands half its width off the
-    /// outline.
+    /// Standard deviation along the surface's normal, as a share of that along the surface. With 1, as in the direct
+    /// baseline, and at samples without a normal, Gaussians start round and unturned. A round Gaussian reaches half its
+    /// width beyond the outline of the body.
     double initial_thickness = 0.1;
     FieldBounds bounds = FieldBounds::cube;
-    double bounds_margin = 1.05; ///< the fields' cube or box, in sizes of the points'
-    double sh_dc_scale = 60;     ///< the network's constant-colour outputs are multiplied by this
+    double bounds_margin = 1.05; ///< size of the fields' cube or box, as a multiple of the points' own
+    double sh_dc_scale = 60;     ///< factor on the network's outputs for constant colours
     ColorClamp clamping = ColorClamp::both;
     LearningRates rates = {};
 
-    /// Whether one field gives colours and displacements: a joint head, and neither of them stored.
+    /// Whether one field gives both colours and displacements: the head is joint, and neither is stored.
     [[nodiscard]] bool has_joint_head() const { return heads == Heads::joint && hash_sh && hash_displacement; }
 };
 

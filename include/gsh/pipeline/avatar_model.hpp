@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The trainable avatar: appearance, shadow, rig and skinning composed; learned arrays in, posed splats out.
+/// @file  The trainable avatar: appearance, shadow, rig and skinning turn learned arrays into splats of a pose.
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>
@@ -30,15 +30,15 @@
 
 namespace gsh {
 
-/// Settings of an avatar's own arrays, and of how its Gaussians are posed.
+/// Settings of the arrays that the model itself owns, and of how its Gaussians are posed.
 struct AvatarModelParams {
     double initial_opacity = 0.2;
-    /// Standard deviation along the surface's normal, in shares of that along the surface. 1 starts with round,
-    /// unturned Gaussians, as do samples without a normal.
+    /// Standard deviation along the surface's normal, as a share of that along the surface. With 1, and at samples
+    /// without a normal, Gaussians start round and unturned.
     double initial_thickness = 0.1;
     ColorClamp clamping = ColorClamp::both;
     Deformation deformation = Deformation::linear;
-    double shadow_start = 0.1;        ///< share of the run after which the shadow is used and learned
+    double shadow_start = 0.1;        ///< share of the run after which the shadow is used and learned; ao is 1 before
     double joint_rate = 5e-4;         ///< metres
     double quat_rate = 1e-3;
     double log_scale_rate = 5e-3;
@@ -56,12 +56,12 @@ struct DisplacedMeans {
     GSH_HD void operator()(std::size_t i) const { means[i] = positions[i] + displacements[i * stride]; }
 };
 
-/// What the Gaussians of an avatar start with: flat on the surface, turned to its normal.
+/// Initial Gaussians of an avatar: flat on the surface, turned to its normal.
 template <class T>
 struct GaussianStart {
     std::vector<T> joints, quats, log_scales, opacity_logits;
 
-    /// Errors  ShapeError, ValueError: samples must be of the rig's points, settings must make sense.
+    /// Errors  ShapeError, ValueError: samples that are not the rig's points, settings out of range.
     GaussianStart(const RigData& rig, const SurfaceSamples& samples, const AvatarModelParams& params) {
         constexpr const char* where = "AvatarModel";
         check_size(where, "samples", samples.size(), rig.point_count(), "the rig must be made of these samples");
@@ -87,15 +87,15 @@ struct GaussianStart {
 
 } // namespace detail
 
-/// Splats of an avatar in a pose, from arrays that a gradient step can move:
+/// Splats of an avatar in a pose, from learned arrays:
 ///
 ///     SH, δx   = appearance(x₀)
 ///     x̂₀       = x₀ + δx + the body's own offsets at this pose and expression (Rig)
 ///     ao       = shadow(x₀, frame or pose)
 ///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH, ao; Σ w B(pose))
 ///
-/// Two stages, so that several views of a frame evaluate the fields once: `update_canonical` runs the appearance,
-/// `pose` the rest. backward runs both in reverse.
+/// There are two calls, so that several views of a frame evaluate the appearance once: `update_canonical` runs the
+/// appearance, `pose` the rest. `backward` is the adjoint of both.
 ///
 /// Shapes  N points, J joints of the rig.
 /// Source  paper §3.3 to §3.5; with SeparateFields and neither regions nor prior features its direct baseline,
@@ -111,14 +111,14 @@ public:
 
     static constexpr int sh_degree = Appearance::sh_degree;
 
-    /// What the passes leave for each other.
+    /// What forward stores for backward.
     struct Cache {
         typename Poser<B, T>::Cache poser;
         Buffer<T> ao, dL_dao; // [N], or empty without a shadow
     };
 
-    /// The rig's points become the Gaussians; `samples` gives their normals and initial scales. Appearance and shadow
-    /// must be made of the same points.
+    /// There is a Gaussian at each point of the rig. `samples` gives normals and initial scales. Appearance and shadow
+    /// must be made of the same `points`.
     AvatarModel(B& backend, const RigData& rig, const SurfaceSamples& samples, SharedPoints<B, T> points,
                 Appearance appearance, Shadow shadow = {}, const Params& params = {})
         : AvatarModel(backend, rig, detail::GaussianStart<T>(rig, samples, params), std::move(points),
@@ -133,14 +133,15 @@ public:
     [[nodiscard]] const Shadow& shadow() const { return shadow_; }
     [[nodiscard]] const Cache& cache() const { return cache_; }
 
-    /// progress in [0, 1] is the share of the run that is over: the shadow joins at Params::shadow_start.
+    /// progress in [0, 1] is the share of the run that is over. The shadow joins at Params::shadow_start.
     void come_to(double progress) { shadow_joined_ = progress >= params_.shadow_start; }
+    /// Whether there is a shadow and it has joined.
     [[nodiscard]] bool casts_shadow() const { return shadow_.casts() && shadow_joined_; }
 
-    /// Colours and displacements at a frame of the motion that is trained on.
+    /// Evaluates colours and displacements at a frame of the training motion.
     void update_canonical(std::size_t frame = 0) { appearance_.forward(frame); }
 
-    /// Splats in a pose, which is the one of `frame`, as seen from `center` (the camera's, in the world).
+    /// Writes splats of `pose`, the pose at `frame`, seen from `center`, the camera's centre in the world.
     void pose(const RigPose<B, T>& pose, std::size_t frame, const vec3<T>& center, const SplatView<T>& splats) {
         poser_.bones(pose, joints(), cache_.poser);
         write_means(cache_.poser.means);
@@ -149,8 +150,8 @@ public:
         poser_.template forward<sh_degree>(gaussians(), center, splats, cache_.poser);
     }
 
-    /// Adjoint of update_canonical and pose: adds to the gradients of learned(), and to what is asked for of the pose
-    /// and the camera's centre [1].
+    /// Adjoint of update_canonical and pose. Adds to the gradients of learned(), and to the gradients of the pose and
+    /// of the camera's centre [1] that are not empty.
     void backward(const RigPose<B, T>& pose, std::size_t frame, const vec3<T>& center,
                   const SplatView<const T>& dL_dsplats, RigPoseGradient<T> dL_dpose = {},
                   Span<vec3<T>> dL_dcenter = {}) {
@@ -169,7 +170,7 @@ public:
         appearance_.backward(frame, cache_.poser.dL_dmeans);
     }
 
-    /// Adjoint of pose with respect to the pose alone.
+    /// Adjoint of pose() with respect to the pose alone. Nothing is added to the gradients of learned().
     void backward_to_pose(const RigPose<B, T>& pose, std::size_t frame, const vec3<T>& center,
                           const SplatView<const T>& dL_dsplats, const RigPoseGradient<T>& dL_dpose,
                           Span<vec3<T>> dL_dcenter = {}) {
@@ -180,7 +181,7 @@ public:
         if (shadow_moves) shadow_.backward_to_pose(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
     }
 
-    /// The joints, the Gaussians' own attributes, then what appearance and shadow announce.
+    /// The joints, the Gaussians' own attributes, then the arrays of appearance and shadow.
     [[nodiscard]] LearnedArrays<T> learned() {
         LearnedArrays<T> arrays{joints_.announce("joints", params_.joint_rate),
                                 quats_.announce("quats", params_.quat_rate),
@@ -191,7 +192,7 @@ public:
         return arrays;
     }
 
-    /// Ambient occlusion [N] of a pose or frame, whether the shadow has joined or not.
+    /// Ambient occlusion [N] of a pose at a frame, whether the shadow has joined or not. Overwrites the cache.
     /// Errors  ValueError without a shadow.
     [[nodiscard]] Span<const T> occlusion(const RigPose<B, T>& pose, std::size_t frame) {
         check_value(shadow_.casts(), "AvatarModel::occlusion", "the model has no shadow");
@@ -203,7 +204,7 @@ public:
 
     /// The learned joints [J], in the backend's memory.
     [[nodiscard]] Span<const vec3<T>> joints() const { return view_as<const vec3<T>>(joints_.values()); }
-    /// The canonical Gaussians as they are, but for their means and weights; colours of the last update_canonical.
+    /// The canonical Gaussians without means and weights. Colours are those of the last update_canonical.
     [[nodiscard]] SkinnedView<const T> gaussians() const {
         const AppearanceView<T> appearance = appearance_.view();
         return {.quats = view_as<const quat<T>>(quats_.values()),
@@ -213,7 +214,7 @@ public:
                 .ao = cache_.ao,
                 .sh_stride = appearance.sh_stride};
     }
-    /// means[i] = x₀ + δx of the last update_canonical; [N] in the backend's memory.
+    /// means[i] = x₀ + δx, with δx of the last update_canonical. [N] in the backend's memory.
     void write_means(Span<vec3<T>> means) const {
         const AppearanceView<T> appearance = appearance_.view();
         backend_->for_each(size(), detail::DisplacedMeans<T>{points_->positions(), appearance.displacements,

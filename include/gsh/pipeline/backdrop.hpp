@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What stands behind a person, a plain colour or a photographed plate, and photographs over it.
+/// @file  The background of render and photograph: a plain colour, or a plate photographed without the person.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -17,7 +17,7 @@
 
 namespace gsh {
 
-/// The background of a rendering and of the photograph that it is compared with: both must have the same one.
+/// The background of a render and of the photograph that it is compared with. Both must have the same background.
 ///
 /// Units   display-referred sRGB.
 template <Backend B, std::floating_point T>
@@ -30,8 +30,8 @@ public:
 
     void set_color(const std::array<double, 3>& color) { color_ = {T(color[0]), T(color[1]), T(color[2])}; }
 
-    /// From here on `plate` [height, width, 4] stands there instead of the colour; an empty one is none.
-    /// Errors  ShapeError.
+    /// `plate` [height, width, 4] replaces the colour from now on. An empty plate restores the colour.
+    /// Errors  ShapeError for a plate of another size.
     void set_plate(B& backend, Span<const std::uint8_t> plate, int height, int width) {
         height_ = height, width_ = width;
         if (plate.empty()) return plate_.resize(0);
@@ -47,9 +47,9 @@ public:
         return {.color = color_, .image = {plate_, 3, height_, width_}};
     }
 
-    /// A photograph [height, width, 4] over its plate or the colour, as color [3, height, width] and, if asked, its
-    /// mask.
-    /// Errors  ShapeError.
+    /// Composites a photograph [height, width, 4] over its plate or the colour, into color [3, height, width]. Its mask
+    /// goes into alpha if that is given.
+    /// Errors  ShapeError for a photograph or plate of another size than color.
     void photograph(B& backend, Span<const std::uint8_t> rgba, Span<const std::uint8_t> plate,
                     const ImageView<T>& color, const ImageView<T>& alpha = {}) {
         set_plate(backend, plate, color.height, color.width);

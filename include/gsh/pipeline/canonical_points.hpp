@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The canonical points of an avatar as its fields read them: places, the unit cube, regions, prior features.
+/// @file  The canonical points of an avatar, as inputs of its fields: positions, unit cube, regions, prior features.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -16,7 +16,7 @@
 
 namespace gsh {
 
-/// What fields read of the canonical points beside their places. Either may be empty.
+/// Inputs of fields at the canonical points, beside their positions. Either may be empty.
 ///
 /// Shapes  region [N], τ of a RegionMask in [0, 1]; features [N, any number] row-major: depths and normals of prior
 ///         views.
@@ -25,25 +25,25 @@ struct CanonicalPriors {
     std::vector<double> features;
 };
 
-/// What becomes the unit cube in which fields live.
+/// What is mapped to the unit cube, the domain of fields.
 enum class FieldBounds {
-    cube, ///< the points' bounding cube: a hash level's cells are as wide as they are high and deep
-    box   ///< the points' bounding box, stretched along each axis: Animatable 3D Gaussian's
+    cube, ///< the points' bounding cube: cells of a hash level are cubes
+    box   ///< the points' bounding box, stretched along each axis, as in Animatable 3D Gaussian
 };
 
-/// How places become the unit cube in which fields live, and how strong prior features are.
+/// How positions are mapped to the unit cube, and the scale of prior features.
 struct CanonicalPointsParams {
     FieldBounds bounds = FieldBounds::cube;
-    double bounds_margin = 1.05; ///< the fields' cube or box, in sizes of the points'
-    /// Factor on CanonicalPriors::features. Adam moves all weights equally fast, so this is how fast a network comes to
-    /// lean on them: at 1 they drown what the encoding learns point by point.
+    double bounds_margin = 1.05; ///< size of the cube or box, as a multiple of the points' own
+    /// Factor on CanonicalPriors::features. Adam moves all weights equally fast, so the factor sets how fast a network
+    /// learns to use the features. At 1 they dominate what the encoding learns point by point.
     double prior_scale = 0.1;
 };
 
-/// Canonical points in a backend's memory. They never change, and several fields of one avatar share them.
+/// Canonical points in a backend's memory. They never change. All fields of an avatar share them.
 ///
 /// Shapes  positions [N] metres; unit [N] in [0, 1]^3; region [N] or empty; features [N, feature_count()], scaled.
-/// Errors  ShapeError, ValueError: priors must be of these points.
+/// Errors  ShapeError, ValueError: no points, priors of other points, settings out of range.
 template <Backend B, std::floating_point T = float>
 class CanonicalPoints {
 public:
@@ -107,7 +107,7 @@ private:
     Buffer<T> region_, features_;
 };
 
-/// Points that the parts of one avatar hold together.
+/// Points owned jointly by the parts of one avatar.
 template <Backend B, std::floating_point T = float>
 using SharedPoints = std::shared_ptr<const CanonicalPoints<B, T>>;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  An avatar whose parts are chosen while running: names of a configuration become types here.
+/// @file  An avatar whose parts are chosen at run time: the choices of a configuration become types here.
 #pragma once
 
 #include <gsh/avatar/rig.hpp>
@@ -23,12 +23,12 @@
 
 namespace gsh {
 
-/// The avatar of a configuration. Its type is the same for every choice of parts, so a trainer of it is compiled once;
-/// whoever knows the parts when writing names them in AvatarModel and pays no virtual call.
+/// The avatar of a configuration. Its type is the same for every choice of parts, so a trainer of it is compiled once.
+/// Code that knows the parts when it is written names their types in AvatarModel, and pays no virtual call.
 template <Backend B, std::floating_point T = float, int Degree = 2>
 using ConfiguredAvatar = AvatarModel<B, AnyAppearance<T, Degree>, AnyShadow<B, T>, T>;
 
-/// Settings of the appearance, the shadow and the model's own arrays as a configuration has them.
+/// The settings of a configuration as those of its parts: fields, appearance, shadow, and the model's own arrays.
 [[nodiscard]] inline FieldParams field_params(const AvatarConfig& config, std::uint32_t table_size) {
     return {.base = config.hash_base,
             .growth = config.hash_growth,
@@ -69,9 +69,10 @@ using ConfiguredAvatar = AvatarModel<B, AnyAppearance<T, Degree>, AnyShadow<B, T
             .opacity_logit_rate = config.rates.opacity_logits};
 }
 
-/// The avatar that a configuration describes, on a rig and the samples that the rig was made of. `frame_count` is the
-/// length of the motion that it is trained on, for parts that depend on the time.
-/// Errors  ShapeError, ValueError: samples and priors must be of the rig's points, the configuration must make sense.
+/// Makes the avatar that a configuration describes, from a rig and the samples of which the rig was made. `frame_count`
+/// is the length of the training motion, for parts that depend on the time.
+///
+/// Errors  ShapeError, ValueError: samples or priors that are not of the rig's points, a configuration out of range.
 template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4, int Degree = 2>
 [[nodiscard]] ConfiguredAvatar<B, T, Degree> make_avatar(B& backend, const RigData& rig, const SurfaceSamples& samples,
                                                          std::size_t frame_count, std::uint64_t seed,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Adaptive density control: Gaussians multiply where the images ask for more, and go where nobody sees them.
+/// @file  Adaptive density control: clones and splits Gaussians where gradients are large, removes faint ones.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -23,21 +23,21 @@
 
 namespace gsh {
 
-/// When Gaussians change in number, and which. Steps count from 1; sizes are shares of the scene's extent.
+/// When Gaussians are cloned, split and pruned, and which. Steps count from 1. Sizes are shares of the scene's extent.
 struct DensityParams {
-    double gradient_threshold = 2e-4;  ///< mean |dL/d center| with half the image's longer side as the unit of length
-    std::int64_t start = 500;          ///< the first steps move what is there
-    std::int64_t stop = 15000;         ///< from here on the number stays
-    std::int64_t interval = 100;       ///< steps between changes, over which gradients are averaged
+    double gradient_threshold = 2e-4;  ///< mean |dL/d center|; half the image's longer side is 1
+    std::int64_t start = 500;          ///< no changes up to this step
+    std::int64_t stop = 15000;         ///< no changes from this step on
+    std::int64_t interval = 100;       ///< steps between changes; gradients are averaged over them
     std::int64_t reset_interval = 3000; ///< steps between opacity resets; 0: none
-    double small = 0.01;               ///< longest axis up to which a Gaussian is cloned; a larger one is split
-    double large = 0.1;                ///< longest axis beyond which it goes, once opacities were reset
-    double large_on_screen = 0;        ///< likewise its radius in pixels (three sigma) in any view; 0: no limit
-    double min_opacity = 0.005;        ///< below this it goes
-    double reset_opacity = 0.01;       ///< what a reset leaves at most
+    double small = 0.01;               ///< a Gaussian whose longest axis is at most this is cloned, otherwise split
+    double large = 0.1;                ///< a Gaussian with a longer axis is removed, once opacities were reset
+    double large_on_screen = 0;        ///< the same for its radius in pixels (three sigma) in any view; 0: no limit
+    double min_opacity = 0.005;        ///< Gaussians of lower opacity are removed
+    double reset_opacity = 0.01;       ///< largest opacity after a reset
     double split_factor = 1.6;         ///< a split Gaussian's axes are divided by this
-    int split_count = 2;               ///< how many stand in its place
-    std::size_t max_gaussians = 2'000'000; ///< never more: those with the largest gradients go first
+    int split_count = 2;               ///< number of Gaussians that replace a split one
+    std::size_t max_gaussians = 2'000'000; ///< hard limit; the largest gradients have precedence
 
     [[nodiscard]] bool adapts_after(std::int64_t step) const {
         return step > start && step < stop && step % interval == 0;
@@ -50,7 +50,7 @@ struct DensityParams {
     }
 };
 
-/// The Gaussians of one change.
+/// Numbers of Gaussians in one change.
 struct DensityChange {
     std::size_t cloned = 0, split = 0, pruned = 0;
     bool opacity_reset = false;
@@ -58,15 +58,15 @@ struct DensityChange {
     [[nodiscard]] bool changed() const { return cloned + split + pruned > 0; }
 };
 
-/// What becomes of a Gaussian.
+/// What happens to a Gaussian.
 enum class Fate : std::uint8_t { keep, clone, split, prune };
 
 namespace detail {
 
-/// What a Gaussian is to the one whose number it takes over: that one itself, its copy, or a part of it.
+/// How a new Gaussian relates to its parent: the parent itself, its copy, or a part of it.
 enum class Kin : std::uint8_t { self, copy, part };
 
-/// The Gaussians after a change: whom each descends from, in the order of the parents.
+/// The Gaussians after a change: the parent of each, in the order of the parents.
 struct Descent {
     std::vector<std::uint32_t> parents;
     std::vector<Kin> kin;
@@ -78,8 +78,8 @@ struct Descent {
     }
 };
 
-/// Carries the fates out on paper. Where `most` leaves too little room, the largest gradients are served first (ties:
-/// the lower index) and the others stay as they are.
+/// Lists the Gaussians after a change. If `most` leaves too little room, those with the largest gradients are cloned or
+/// split first (ties: the lower index), and the others stay.
 template <class T>
 [[nodiscard]] Descent plan_descent(std::vector<Fate> fates, const std::vector<T>& gradients, std::size_t split_count,
                                    std::size_t most) {
@@ -165,7 +165,7 @@ struct DecideFates {
     return radius * cos(2 * std::numbers::pi * random_uniform(seed, 2 * index + 1));
 }
 
-/// New Gaussian r from its parent. A part lies where its parent's density says, at random, and is smaller.
+/// New Gaussian r from its parent. The mean of a part is a random sample of its parent's density; a part is smaller.
 template <class T>
 struct DescendGaussian {
     GaussiansView<const T> from;
@@ -195,7 +195,7 @@ struct DescendGaussian {
     }
 };
 
-/// Adam's moments of new Gaussian r: those of its former self, or zero.
+/// Adam's moments of new Gaussian r. The parent itself keeps its moments; copies and parts start with zero.
 template <class T>
 struct DescendMoments {
     GaussiansView<const T> from;
@@ -223,19 +223,20 @@ struct LimitFromAbove {
 
 } // namespace detail
 
-/// Watches the rasterizer's backward passes and, at set steps, clones, splits and prunes Gaussians with Adam's moments.
+/// Collects gradients of the rasterizer's backward passes. At scheduled steps it clones, splits and prunes Gaussians
+/// together with Adam's moments.
 ///
 ///     busy = mean over the views that saw it of |dL/d center| >= gradient_threshold
 ///     opacity < min_opacity: pruned;  busy and large: split;  too large: pruned;  busy and small: cloned
 ///
-/// A clone is an exact copy; a split puts samples of the Gaussian, its axes divided by split_factor, in its place. Both
-/// start with moments of zero; who stays keeps its own. The order stays that of the parents.
+/// A clone is an exact copy. A split replaces a Gaussian by samples of it, with axes divided by split_factor. Copies
+/// and parts start with moments of zero; a Gaussian that stays keeps its moments. The order is that of the parents.
 ///
 /// Units   gradients are of the loss with respect to the projected mean, in halves of the image's longer side:
 ///         normalised device coordinates, for a square image.
-/// Source  Kerbl et al., "3D Gaussian Splatting", 2023, §5 and its code. Different here: parts that are still too large
-///         go at the next change, not at once; the limit on the screen, which that code forgets before it applies it,
-///         is off by default and works.
+/// Source  Kerbl et al., "3D Gaussian Splatting", 2023, §5 and its code, with two differences. Parts that are still too
+///         large are removed at the next change, not at once. That code clears the radii on the screen before it
+///         applies their limit; here the limit works, and is off by default.
 template <Backend B, std::floating_point T = float>
 class DensityControl {
 public:
@@ -244,7 +245,7 @@ public:
     using Buffer = typename B::template Buffer<U>;
 
     /// Units   extent in metres: the radius of what the cameras see, or of their circle (scene_extent).
-    /// Errors  ValueError for settings that make no sense.
+    /// Errors  ValueError for settings out of range.
     DensityControl(B& backend, const Params& params, double extent, std::uint64_t seed)
         : backend_(&backend), params_(params), extent_(extent), seed_(seed) {
         constexpr const char* where = "DensityControl";
@@ -267,7 +268,7 @@ public:
 
     [[nodiscard]] const Params& params() const { return params_; }
 
-    /// Forgets what was seen: from now on there are `count` Gaussians.
+    /// Clears the statistics. From now on there are `count` Gaussians.
     void restart(std::size_t count) {
         for (Buffer<T>* buffer : {&gradient_sums_, &radii_}) {
             buffer->resize(count);
@@ -277,8 +278,8 @@ public:
         backend_->fill(Span<std::uint32_t>(view_counts_), 0u);
     }
 
-    /// Takes note of one view, after Rasterizer::backward.
-    /// Errors  ShapeError unless the cache is of the Gaussians of the last change or restart.
+    /// Adds one view to the statistics, after Rasterizer::backward.
+    /// Errors  ShapeError if the number of Gaussians is not that of the last change or restart.
     void observe(const RasterCache<B, T>& cache) {
         constexpr const char* where = "DensityControl::observe";
         const std::size_t count = gradient_sums_.size();
@@ -291,8 +292,8 @@ public:
                                                            radii_});
     }
 
-    /// What the schedule asks for after step `step`, counted from 1. If the Gaussians changed, so did their number:
-    /// gradients and splats need new sizes.
+    /// Makes the changes that the schedule has after step `step`, counted from 1. After a change the number of
+    /// Gaussians may be another one; gradients and splats then need new sizes.
     DensityChange after_step(std::int64_t step, Gaussians<B, T>& gaussians, Gaussians<B, T>& m, Gaussians<B, T>& v) {
         DensityChange change;
         if (params_.adapts_after(step))
@@ -305,7 +306,7 @@ public:
         return change;
     }
 
-    /// Clones, splits and prunes by what was seen since the last time; `seed` decides where parts lie.
+    /// Clones, splits and prunes by the statistics since the last change. `seed` determines the positions of parts.
     /// Errors  ShapeError for moments or statistics of another number of Gaussians.
     DensityChange adapt(Gaussians<B, T>& gaussians, Gaussians<B, T>& m, Gaussians<B, T>& v, std::uint64_t seed,
                         bool prune_large) {
@@ -336,8 +337,8 @@ public:
         return descent.change;
     }
 
-    /// Makes everything nearly transparent, and Adam forget how it got there: what matters grows again, the rest is
-    /// pruned.
+    /// Limits opacities to reset_opacity and clears their moments. The opacity of Gaussians that the images need grows
+    /// again; the others are pruned.
     void reset_opacity(Gaussians<B, T>& gaussians, Gaussians<B, T>& m, Gaussians<B, T>& v) {
         check_moments("DensityControl::reset_opacity", gaussians, m, v);
         backend_->for_each(gaussians.size(),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What appearances from fields have in common: their settings, and the query of the canonical points.
+/// @file  Settings of appearances, and what those from fields share: the query of the canonical points.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -19,22 +19,22 @@ namespace gsh {
 /// Settings of an appearance.
 struct AppearanceParams {
     FieldParams field;
-    int fine_level = 12;          ///< the first level that only points with a share in the region have
-    bool separate_tables = false; ///< coarse and fine features from a table each
-    double sh_dc_scale = 60;      ///< a field's constant-colour outputs are multiplied by this
-    /// Frames of the motion, if fields are to read γ(t): colours and displacements then change with the frame.
+    int fine_level = 12;          ///< the first level that only points with τ > 0 read
+    bool separate_tables = false; ///< coarse and fine levels have a table each
+    double sh_dc_scale = 60;      ///< factor on a field's outputs for constant colours
+    /// Number of frames of the motion if fields read γ(t), and colours and displacements change with the frame. Else 0.
     std::size_t time_frames = 0;
-    double sh_rate = 2e-3;                     ///< table and network of a field that gives colours
-    double displacement_rate = 5e-4;           ///< of one that gives displacements, metres
-    double stored_sh_rate = 2.5e-3;            ///< constant colour of each Gaussian, where it is stored
-    double stored_sh_band_rate = 2.5e-3 / 20;  ///< the bands above it
-    double stored_displacement_rate = 1.6e-4;  ///< δx of each Gaussian, where it is stored: as 3DGS moves means
+    double sh_rate = 2e-3;                     ///< of table and network of a field with colours
+    double displacement_rate = 5e-4;           ///< of a displacement field, or a shared field's rows for them; metres
+    double stored_sh_rate = 2.5e-3;            ///< of stored constant colours
+    double stored_sh_band_rate = 2.5e-3 / 20;  ///< of stored bands above them
+    double stored_displacement_rate = 1.6e-4;  ///< of stored δx; as 3DGS moves means
     std::uint64_t seed = 0;
 };
 
 namespace detail {
 
-/// Multiplies every stride-th vector: the constant colours among the coefficients.
+/// Multiplies every stride-th vector, the constant colours, by a factor.
 template <class T>
 struct ScaleConstant {
     Span<vec3<T>> values;
@@ -43,7 +43,7 @@ struct ScaleConstant {
     GSH_HD void operator()(std::size_t i) const { values[i * stride] *= factor; }
 };
 
-/// Every stride-th gradient = that of a mean.
+/// Every stride-th gradient becomes the gradient of a mean.
 template <class T>
 struct DisplacementGradient {
     Span<const vec3<T>> dL_dmeans;
@@ -52,7 +52,7 @@ struct DisplacementGradient {
     GSH_HD void operator()(std::size_t i) const { dL_ddisplacements[i * stride] = dL_dmeans[i]; }
 };
 
-/// The points as fields of colour and displacement read them: fine levels where the region is.
+/// The query of the points for fields of colour and displacement. Fine levels are read where τ > 0.
 /// Errors  ValueError for a fine level that the grid does not have.
 template <class Field, Backend B, std::floating_point T>
 [[nodiscard]] typename Field::Query appearance_query(B& backend, const CanonicalPoints<B, T>& points,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Shadows from a field over the canonical points and the time, or the points and the pose.
+/// @file  Shadows from a field over the canonical points and the time, or over the points and the pose.
 #pragma once
 
 #include <gsh/avatar/occlusion_field.hpp>
@@ -26,7 +26,7 @@ namespace gsh {
 /// Settings of a shadow from a field.
 struct FieldShadowParams {
     FieldParams field;
-    double largest = 2; ///< above 1, light may exceed the mean that the colours hold when shadows start
+    double largest = 2; ///< upper bound of ao; above 1, a shadow can also brighten the colours learned before it began
     double initial = 1; ///< ao of every Gaussian before the first step
     double rate = 5e-3; ///< of table and network
     std::uint64_t seed = 0;
@@ -34,8 +34,8 @@ struct FieldShadowParams {
 
 namespace detail {
 
-/// ao = largest · sigmoid(field(x₀, code) + logit(initial / largest)), the code the same for every point. The field
-/// starts at zero: there is no shadow yet.
+/// ao = largest · sigmoid(field(x₀, code) + logit(initial / largest)). The code is the same for every point. The field
+/// starts at zero, so that ao is `initial` everywhere at first.
 template <Backend B, std::floating_point T, int Levels, int Features>
 class ShadowField {
 public:
@@ -56,12 +56,13 @@ public:
         field_.forward(query_, ao, {{}, code});
         backend_->for_each(ao.size(), OcclusionFromLogit<T>{ao, static_cast<T>(bias()), T(params_.largest)});
     }
-    /// dL_dao becomes the gradient of the field's output, and goes on to table, network and, if asked for, the code.
+    /// Adds to the gradients of table and network, and to dL_dcode unless it is empty. Overwrites dL_dao with the
+    /// gradient of the field's output.
     void backward(Span<const T> code, Span<const T> ao, Span<T> dL_dao, Span<T> dL_dcode) {
         logit_backward(ao, dL_dao);
         field_.backward(query_, dL_dao, {{}, code}, dL_dcode);
     }
-    /// The same to the code alone.
+    /// The same for the code alone.
     void backward_to_code(Span<const T> code, Span<const T> ao, Span<T> dL_dao, Span<T> dL_dcode) {
         const Span<const T> features(field_.cache().features);
         unused_.resize(field_.mlp().parameter_count());
@@ -73,7 +74,7 @@ public:
     }
     [[nodiscard]] LearnedArrays<T> learned() { return field_.learned(query_, params_.rate); }
 
-    /// As avatar files keep it; nothing where the network is a single matrix, which cannot be baked.
+    /// The field as avatar files store it. Empty if the network is a single matrix, which cannot be baked.
     [[nodiscard]] std::optional<OcclusionFieldData> baked() const {
         if constexpr (std::same_as<T, float>) {
             if (field_.mlp().params().hidden_layers < 1) return std::nullopt;
@@ -98,12 +99,12 @@ private:
     FieldShadowParams params_;
     Field field_;
     typename Field::Query query_;
-    typename B::template Buffer<T> unused_; // where the network's own gradient is not asked for
+    typename B::template Buffer<T> unused_; // gradient of the network, not used
 };
 
 } // namespace detail
 
-/// Shadows over the time: ao_i = field(x₀, γ(t)). A new motion gets each Gaussian's mean over training.
+/// Shadows over the time: ao_i = field(x₀, γ(t)). In a new motion each Gaussian has its mean over the training frames.
 ///
 /// Source  paper §3.4, equations 15 and 16.
 template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>
@@ -128,8 +129,8 @@ private:
     detail::ShadowField<B, T, Levels, Features> field_;
 };
 
-/// Shadows over the pose: ao_i = field(x₀, vec(R - I)), R the rotations of all joints but the root relative to their
-/// parents. A pose that is refined takes its shadows along, and they come back on a new motion.
+/// Shadows over the pose: ao_i = field(x₀, vec(R - I)). R are the rotations of all joints but the root, relative to
+/// their parents. The shadow follows a pose that is refined, and a new motion.
 ///
 /// Source  the paper's ambient occlusion, §3.4, with the pose in place of γ(t).
 template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>

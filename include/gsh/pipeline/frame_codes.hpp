@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The time of each frame as fields read it: γ(t) of the paper.
+/// @file  The time code of each frame, an input of fields: γ(t) of the paper.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -17,8 +17,8 @@ namespace gsh {
 /// γ(t): four octaves of sines and cosines, and the time itself.
 using TimeEncoding = FrequencyEncoding<4>;
 
-/// γ(t) of every frame of a motion, t = frame / frames, in the backend's memory. Without frames every code is empty:
-/// that is a field which does not read the time.
+/// γ(t) of every frame of a motion, t = frame / frames, in the backend's memory. With frame_count 0 every code is
+/// empty, for fields that do not read the time.
 ///
 /// Source  paper, equations 15 and 24.
 template <Backend B, std::floating_point T = float>
@@ -33,8 +33,9 @@ public:
         backend.upload(Span<const T>(values), Span<T>(codes_));
     }
 
-    /// Numbers of a code.
+    /// Number of elements of a code.
     [[nodiscard]] std::size_t size() const { return frame_count_ ? TimeEncoding::output_count : 0; }
+    /// The code of one frame.
     /// Errors  ValueError for a frame that the motion does not have.
     [[nodiscard]] Span<const T> operator[](std::size_t frame) const {
         if (frame_count_ == 0) return {};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Arrays that training changes, as the parts of a model announce them to optimisers, checkpoints and reports.
+/// @file  Learned arrays: the list of what training changes, for optimisers, checkpoints and reports.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -15,18 +15,18 @@
 
 namespace gsh {
 
-/// One learned array: its numbers, their gradient, Adam's moments, and how fast it moves. The part that announces it
-/// owns the memory; the views hold until that part is changed in size or moved.
+/// One learned array: its numbers, their gradient, Adam's moments, and its learning rate. A part of a model announces
+/// it and owns the memory. The views are valid until that part changes its size or is moved.
 ///
 /// Shapes  values, gradient, first_moment, second_moment [N], in the backend's memory.
-/// Units   rate: change per step, in the unit of the values; 0 keeps them as they are.
+/// Units   rate: about the change per step of Adam, in the unit of the values; 0 keeps them as they are.
 template <class T>
 struct LearnedArray {
-    /// Some of the numbers move at another rate than the rest.
+    /// A second rate for some of the numbers.
     struct OtherRate {
         enum class Where {
             none,
-            columns, ///< all but the first `first` of every `width` numbers
+            columns, ///< of every `width` numbers, all but the first `first`
             tail     ///< the last `width` numbers of the array
         };
         Where where = Where::none;
@@ -34,11 +34,11 @@ struct LearnedArray {
         double rate = 0;
     };
 
-    std::string name; ///< unique among the arrays of a model; a checkpoint's key
+    std::string name; ///< unique among the arrays of a model; the key in a checkpoint
     Span<T> values, gradient, first_moment, second_moment;
     double rate = 0;
     OtherRate other = {};
-    /// For a table: the rows, `row_size` numbers each, that ever receive a gradient. Empty with row_size 0: all.
+    /// For a hash table: the rows that can receive a gradient, `row_size` numbers each. row_size is 0 for other arrays.
     Span<const std::uint32_t> touched_rows = {};
     std::size_t row_size = 0;
 
@@ -49,7 +49,7 @@ struct LearnedArray {
 template <class T>
 using LearnedArrays = std::vector<LearnedArray<T>>;
 
-/// Appends the arrays of one part to those of a whole, each name behind `prefix`.
+/// Appends the arrays of a part to a list. `prefix` is put before each name.
 template <class T>
 void append(LearnedArrays<T>& all, LearnedArrays<T> part, const std::string& prefix = {}) {
     for (LearnedArray<T>& array : part) {
@@ -58,7 +58,7 @@ void append(LearnedArrays<T>& all, LearnedArrays<T> part, const std::string& pre
     }
 }
 
-/// A learned array with memory of its own.
+/// The memory of one learned array: values, gradient and moments.
 template <Backend B, std::floating_point T = float>
 class LearnedBuffer {
 public:
@@ -87,7 +87,7 @@ private:
     typename B::template Buffer<T> values_, gradient_, first_moment_, second_moment_;
 };
 
-/// One step of Adam for one array, all of its rates multiplied by `factor`; the gradient is zero afterwards.
+/// One step of Adam for one array. `factor` multiplies all of its rates. The gradient is zero afterwards.
 template <Backend B, class T>
 void take_step(B& backend, const Adam& adam, const LearnedArray<T>& array, double factor, std::int64_t step_number) {
     using Where = typename LearnedArray<T>::OtherRate::Where;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A hash field that learns: table and network with their gradients and moments, and what its passes leave.
+/// @file  A hash field that learns: table and network with their gradients, moments and cache.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -20,20 +20,20 @@ namespace gsh {
 /// Sizes of a field's hash grid and network.
 struct FieldParams {
     double base = 4;                     ///< cells on the coarsest level, along the unit cube's edge
-    double growth = 1.6;                 ///< from one level to the next
-    std::uint32_t table_size = 1u << 17; ///< most entries of a level
+    double growth = 1.6;                 ///< ratio of cells from one level to the next
+    std::uint32_t table_size = 1u << 17; ///< largest number of entries of a level
     int width = 64;                      ///< neurons of a hidden layer
     int hidden_layers = 2;
 };
 
-/// What a field starts with.
+/// Where a field's random initial values come from.
 struct FieldStart {
     std::uint64_t seed = 0;
-    std::uint64_t stream = 0; ///< of random numbers: fields of one avatar differ in it
+    std::uint64_t stream = 0; ///< of random numbers; each field of an avatar has its own
 };
 
-/// HashField with the memory that learning it takes. The query is the caller's, so that fields over the same points
-/// share it; query and inputs of backward are those of forward.
+/// A HashField with the memory that learning takes. The caller owns the query, so that fields over the same points
+/// share it. backward takes the query and the inputs of forward again.
 ///
 /// Shapes  outputs, dL_doutputs [N, outputs] row-major in the backend's memory.
 template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>
@@ -44,7 +44,7 @@ public:
     using Query = typename Field::template Query<B, T>;
     using Cache = typename Field::template Cache<B, T>;
 
-    /// `tables` is the number of the query's grids.
+    /// `tables` is the number of the query's grids: 2 where coarse and fine levels have a table each, else 1.
     LearnedField(B& backend, std::string name, const FieldParams& params, int outputs, std::size_t point_inputs,
                  std::size_t shared_inputs, std::size_t tables, const FieldStart& start)
         : backend_(&backend), name_(std::move(name)),
@@ -57,7 +57,7 @@ public:
     [[nodiscard]] const Mlp& mlp() const { return field_.mlp(); }
     [[nodiscard]] Span<const T> table() const { return table_.values(); }
     [[nodiscard]] Span<const T> weights() const { return network_.values(); }
-    /// Where the passes leave what they remember.
+    /// What forward stores for backward.
     [[nodiscard]] Cache& cache() { return cache_; }
 
     /// Sets the last layer's weights to zero, so that the field starts as the constant 0.
@@ -65,8 +65,8 @@ public:
         const std::size_t last = mlp().layer_inputs(mlp().layer_count() - 1) * mlp().outputs();
         backend_->fill(network_.values().subspan(network_.size() - last, last), T(0));
     }
-    /// Sets the first layer's weights of everything beside the encoding to zero. The encoding starts near zero, and so
-    /// do the outputs; inputs of order one would make them jump.
+    /// Sets the first layer's weights of all inputs beside the encoding to zero. The encoding starts near zero, and so
+    /// do the outputs. Inputs of order one would make the first outputs large.
     void silence_other_inputs() {
         std::vector<T> weights(network_.size());
         backend_->download(this->weights(), Span<T>(weights));
@@ -85,7 +85,7 @@ public:
                         inputs, dL_dshared);
     }
 
-    /// The table, then the network; both at one rate.
+    /// The table, then the network, both at `rate`.
     [[nodiscard]] LearnedArrays<T> learned(const Query& query, double rate) {
         LearnedArrays<T> arrays{table_.announce(name_ + ".table", rate), network_.announce(name_ + ".network", rate)};
         arrays[0].touched_rows = query.touched;

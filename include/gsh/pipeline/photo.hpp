@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A photograph to train on or to judge by.
+/// @file  A photograph for training or evaluation.
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
@@ -15,8 +15,9 @@ namespace gsh {
 
 /// One photograph of a scene: its camera, the frame of the motion that it shows, and its pixels.
 ///
-/// Shapes  rgba [height, width, 4], straight alpha; alpha is the mask of what is to be learned. plate likewise, opaque:
-///         what the camera sees without the person; empty for a plain background. The caller owns the memory of both.
+/// Shapes  rgba [height, width, 4], straight alpha; alpha is the mask of what is learned. plate has the same shape and
+///         is opaque: the camera's view without the person. It is empty for a plain background. The caller owns the
+///         memory of both.
 struct Photo {
     std::string name;
     Camera<double> camera;
@@ -26,8 +27,10 @@ struct Photo {
     Span<const std::uint8_t> plate = {};
 };
 
-/// Throws ShapeError unless the photograph and its plate have their camera's size, ValueError unless the scene has the
-/// photograph's frame.
+/// Checks a photograph before it is used.
+///
+/// Errors  ShapeError unless photograph and plate have their camera's size; ValueError unless the photograph's frame is
+///         below frame_count.
 inline void check_photo(std::string_view where, const Photo& photo, std::size_t frame_count) {
     check_camera(where, photo.name, photo.camera);
     check_value(photo.frame < frame_count, where,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The loss of a photograph: splats are rendered from its camera and compared with it; the adjoint of both.
+/// @file  The loss of a photograph: renders splats from its camera and compares the picture with it; with adjoint.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -20,11 +20,10 @@
 
 namespace gsh {
 
-/// loss = (1 - λ) L1 + λ (1 - SSIM) of the rendered picture and the photograph, and, if asked for, mask_weight times
-/// the mean of |alpha - mask|.
+/// loss = (1 - λ) L1 + λ (1 - SSIM) of render and photograph, plus mask_weight times the mean of |alpha - mask|.
 ///
-/// Splats and photograph stand before the same background: the photograph's plate, or a plain colour. A step sets a
-/// photograph, renders, compares, and goes back; pictures for people are made by the same renderer.
+/// Render and photograph have the same background: the photograph's plate, or a plain colour. A step calls set_photo,
+/// render, compare and backward. The functions at the end make pictures on the host with the same renderer.
 ///
 /// Frame   splats in the world, as the photograph's camera is.
 /// Units   display-referred sRGB.
@@ -36,8 +35,8 @@ public:
     struct Params {
         PixelFilter filter = {};
         double ssim_weight = 0.2;                  ///< λ
-        double mask_weight = 0;                    ///< 0: the photograph's mask is not compared
-        std::array<double, 3> background{1, 1, 1}; ///< where there is no plate
+        double mask_weight = 0;                    ///< 0: masks are not compared
+        std::array<double, 3> background{1, 1, 1}; ///< of photographs without a plate
     };
 
     explicit PhotoLoss(B& backend, const Params& params = {})
@@ -49,44 +48,45 @@ public:
 
     [[nodiscard]] const Params& params() const { return params_; }
 
-    /// From here on this colour stands where there is no plate. A photograph that was set before keeps its own.
+    /// Sets the background of renders and photographs without a plate. Call set_photo afterwards: the present
+    /// photograph was composited over the former colour.
     void set_background(const std::array<double, 3>& color) { backdrop_.set_color(color); }
 
-    /// From here on splats are rendered before this photograph's plate or the background, and compared with it.
+    /// Composites the photograph over its plate or the background. render and compare use it from now on.
     void set_photo(const Photo& photo) {
         resize(photo.camera.height, photo.camera.width);
         backdrop_.photograph(*backend_, photo.rgba, photo.plate, view(truth_, 3),
                              with_mask() ? in(mask_, 1) : ImageView<T>{});
     }
 
-    /// Renders the splats from the photograph's camera, or from where it is believed to be by now.
+    /// Renders the splats. `camera` is the photograph's camera, as it was calibrated or as refinement has moved it.
     void render(const Camera<T>& camera, const SplatView<const T>& splats) {
         rasterizer_.forward(camera, splats, backdrop_.background(),
                             {.color = view(render_, 3), .alpha = with_mask() ? in(alpha_, 1) : ImageView<T>{}},
                             raster_cache_);
     }
 
-    /// Compares what was rendered with the photograph.
+    /// Compares the render with the photograph.
     void compare() {
         photometric_.forward(view(render_, 3), view(truth_, 3), photometric_cache_);
         if (with_mask()) mask_loss_.forward(view(alpha_, 1), view(mask_, 1), mask_cache_);
     }
 
-    /// The loss that compare() found; waits for it.
+    /// The loss of the last compare(). Waits for the backend.
     [[nodiscard]] double loss() const {
         const double photometric = values().loss;
         return with_mask() ? photometric + params_.mask_weight * mask_loss_.values(mask_cache_).loss : photometric;
     }
-    /// The photometric part of it; waits for it.
+    /// Its photometric part. Waits for the backend.
     [[nodiscard]] PhotometricValues values() const { return photometric_.values(photometric_cache_); }
-    /// PSNR of what was rendered against the photograph; waits for both.
+    /// PSNR of the render against the photograph. Waits for the backend.
     [[nodiscard]] double psnr() const {
         const Image<T> seen = download(render_, 3), wanted = download(truth_, 3);
         return gsh::psnr(seen.view(), wanted.view());
     }
 
-    /// Adjoint of render() and compare(), whose arguments it takes again: adds to dL_dsplats, and to dL_dcamera [1] if
-    /// it is given.
+    /// Adjoint of render() and compare(). Takes the arguments of render again. Adds to dL_dsplats, and to dL_dcamera
+    /// [1] if that is given.
     void backward(const Camera<T>& camera, const SplatView<const T>& splats, const SplatView<T>& dL_dsplats,
                   Span<CameraGradient<T>> dL_dcamera = {}) {
         const ImageView<T> dL_drender = in(dL_drender_, 3);
@@ -102,25 +102,25 @@ public:
         rasterizer_.backward(camera, splats, backdrop_.background(), dL_dtarget, raster_cache_, dL_dsplats, dL_dcamera);
     }
 
-    /// What the rasterizer left of the last picture: which splats it shows, and after backward how their places on the
-    /// screen pull.
+    /// The rasterizer's cache of the last picture: which splats are visible and, after backward, the gradient of each
+    /// projected centre.
     [[nodiscard]] const RasterCache<B, T>& raster_cache() const { return raster_cache_; }
 
-    // Pictures on the host. They take the place of the photograph and of what was rendered. ---------------------------
+    // Pictures on the host. These calls overwrite the photograph and the render. -------------------------------------
 
-    /// The splats before the photograph's plate, or before the background: color [3, height, width], and if asked alpha
-    /// [1, height, width].
+    /// Renders the splats over the photograph's plate or the background, into color [3, height, width]. alpha
+    /// [1, height, width] is written if it is given.
     void picture(const Photo& photo, const SplatView<const T>& splats, Image<T>& color, Image<T>* alpha = nullptr) {
         backdrop_.set_plate(*backend_, photo.plate, photo.camera.height, photo.camera.width);
         picture_from(photo.camera, splats, color, alpha);
     }
-    /// The splats before the background.
+    /// Renders the splats over the background.
     void picture(const Camera<double>& camera, const SplatView<const T>& splats, Image<T>& color,
                  Image<T>* alpha = nullptr) {
         backdrop_.clear_plate();
         picture_from(camera, splats, color, alpha);
     }
-    /// The photograph as it is compared: before its plate or the background, with its mask.
+    /// The photograph as it is compared: over its plate or the background, with its mask.
     void photograph(const Photo& photo, Image<T>& color, Image<T>& mask) {
         resize(photo.camera.height, photo.camera.width);
         backdrop_.photograph(*backend_, photo.rgba, photo.plate, view(truth_, 3), in(mask_, 1));
@@ -140,7 +140,7 @@ private:
         for (Buffer* buffer : {&render_, &truth_}) buffer->resize(3 * plane_size());
     }
     [[nodiscard]] ImageView<T> view(Buffer& buffer, int channels) const { return {buffer, channels, height_, width_}; }
-    /// The same, the buffer made large enough first.
+    /// The same after resizing the buffer.
     [[nodiscard]] ImageView<T> in(Buffer& buffer, int channels) const {
         buffer.resize(static_cast<std::size_t>(channels) * plane_size());
         return view(buffer, channels);
@@ -167,9 +167,9 @@ private:
     PhotometricLoss<B, T> photometric_;
     L1Loss<B, T> mask_loss_;
 
-    int height_ = 0, width_ = 0;            // of the photograph or picture at hand
+    int height_ = 0, width_ = 0;            // of the current photograph or picture
     Buffer render_, truth_, dL_drender_;    // [3, height, width]; they keep the memory of the largest
-    Buffer alpha_, mask_, dL_dalpha_;       // [height, width], where they are asked for
+    Buffer alpha_, mask_, dL_dalpha_;       // [height, width], or empty
     typename Rasterizer<B, T>::Cache raster_cache_;
     typename PhotometricLoss<B, T>::Cache photometric_cache_, mask_cache_;
 };

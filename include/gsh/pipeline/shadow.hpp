@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Shadow policies: what ambient occlusion an avatar has in a pose, and any of them behind one type.
+/// @file  Shadow policies: the concept of what gives an avatar's ambient occlusion in a pose, NoShadow and AnyShadow.
 #pragma once
 
 #include <gsh/avatar/occlusion_field.hpp>
@@ -18,26 +18,26 @@
 
 namespace gsh {
 
-/// What a shadow may depend on.
+/// The inputs of a shadow.
 ///
-/// Shapes  pose [J] axis-angle; rotations [J] of the joints relative to their parents; both in the backend's memory.
+/// Shapes  pose [J] axis-angle; rotations [J] of the joints relative to their parents. Both in the backend's memory.
 template <Backend B, std::floating_point T = float>
 struct ShadowInput {
-    std::size_t frame = 0; ///< of the motion that is trained on
+    std::size_t frame = 0; ///< of the training motion
     const Skeleton<B, T>& skeleton;
     Span<const vec3<T>> pose;
     Span<const mat3<T>> rotations;
 };
 
-/// A shadow: a factor ao_i on the colour of each Gaussian.
+/// A shadow gives a factor ao_i on the colour of each Gaussian.
 ///
-///     casts()                                  false: there is none, ao = 1, and the passes are not called
-///     follows_pose()                           whether ao depends on the pose, so that it holds in new motions
+///     casts()                                  false if there is no shadow: ao = 1, and no pass is called
+///     follows_pose()                           whether ao depends on the pose, so that it is right in new motions, too
 ///     forward(input, ao)                       writes ao [N]
-///     backward(input, ao, dL_dao, dL_dpose)    adds to learned(), and to dL_dpose [J] unless that is empty;
-///                                              overwrites dL_dao, which is scratch afterwards
-///     backward_to_pose(input, ao, dL_dao, dL_dpose)      the same for dL_dpose alone, the shadow being what it is
-///     baked()                                  the field that an avatar file keeps, for a shadow that follows the pose
+///     backward(input, ao, dL_dao, dL_dpose)    adds to the gradients of learned(), and to dL_dpose [J] unless that is
+///                                              empty; ao is that of forward; dL_dao [N] is scratch afterwards
+///     backward_to_pose(input, ao, dL_dao, dL_dpose)    adds to dL_dpose alone; the shadow does not learn
+///     baked()                                  the field that an avatar file stores, if the shadow follows the pose
 template <class S, class B, class T>
 concept ShadowPolicy = requires(S& shadow, const S& constant, const ShadowInput<B, T>& input, Span<const T> ao,
                                 Span<T> values, Span<vec3<T>> dL_dpose) {
@@ -50,7 +50,7 @@ concept ShadowPolicy = requires(S& shadow, const S& constant, const ShadowInput<
     { constant.baked() } -> std::same_as<std::optional<OcclusionFieldData>>;
 };
 
-/// No shadow: ao = 1.
+/// No shadow: ao = 1. It is also a base for shadows that need only some of the calls.
 template <Backend B, std::floating_point T = float>
 struct NoShadow {
     [[nodiscard]] bool casts() const { return false; }
@@ -62,7 +62,7 @@ struct NoShadow {
     [[nodiscard]] std::optional<OcclusionFieldData> baked() const { return std::nullopt; }
 };
 
-/// Any shadow, chosen while running: a virtual call for each pass.
+/// Any shadow, chosen at run time. Each pass costs a virtual call.
 template <Backend B, std::floating_point T = float>
 class AnyShadow {
 public:

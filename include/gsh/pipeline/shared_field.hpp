@@ -58,7 +58,7 @@ public:
         backend_->for_each(points_->size(), detail::ScaleConstant<T>{dL_doutputs_, stride, T(params_.sh_dc_scale)});
         field_.backward(query_, numbers(dL_doutputs_), inputs(frame));
     }
-    /// The network's last weights make the displacements and move at their rate.
+    /// The last weights of the network give the displacements. They move at displacement_rate.
     [[nodiscard]] LearnedArrays<T> learned() {
         LearnedArrays<T> arrays = field_.learned(query_, params_.sh_rate);
         const Mlp& mlp = field_.mlp();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The seam between models and training: what makes splats for a frame and learns from their gradient.
+/// @file  The concept between models and training: a scene makes splats for a frame and learns from their gradient.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -17,29 +17,29 @@
 
 namespace gsh {
 
-/// Where the gradient of a photograph's camera is collected. Both are empty if the camera does not learn.
+/// Where the gradient of a photograph's camera is added. Both are empty if the camera does not learn.
 ///
-/// Shapes  camera [1], center [1], in the backend's memory; center is the camera's centre as colours depend on it,
-///         apart from its projection.
+/// Shapes  camera [1], the gradient through the projection; center [1], the gradient of the camera's centre through
+///         view-dependent colours. Both in the backend's memory.
 template <class T>
 struct CameraGradientView {
     Span<CameraGradient<T>> camera = {};
     Span<vec3<T>> center = {};
 };
 
-/// Something that makes splats for a frame and learns from their gradient. A step of training calls, in this order:
+/// A scene makes splats for a frame and learns from their gradient. A training step makes these calls, in this order:
 ///
-///     come_to(step, progress)             the step's number, and the share in [0, 1] of the run that is over
-///     prepare(frame)                      evaluates what does not depend on the camera
-///     camera(photo)                       the photograph's camera as the scene has it now
-///     forward(frame, center, splats)      writes size() splats as seen from the camera's centre
-///     camera_gradient(photo)              zeros to add to, or nothing
+///     come_to(step, progress)             sets the step's number, and the share of the run that is over, in [0, 1]
+///     prepare(frame)                      evaluates everything that does not depend on the camera
+///     camera(photo)                       returns the photograph's camera, with refinement if there is any
+///     forward(frame, center, splats)      writes size() splats, seen from the camera's centre
+///     camera_gradient(photo)              returns zeros to add to, or empty spans
 ///     backward(frame, center, dL_dsplats, dL_dcenter)    adds to the gradients of learned()
-///     camera_backward(photo)              takes over what was added to camera_gradient(photo)
-///     learned()                           the arrays that take a step of Adam, with their rates at this step
-///     after_step(raster_cache)            changes that are due after the step; size() may change here alone
+///     camera_backward(photo)              takes the gradients that were added to camera_gradient(photo)
+///     learned()                           returns the arrays that take a step of Adam, with their rates at this step
+///     after_step(raster_cache)            makes changes that are due after the step; only here may size() change
 ///
-/// forward may be called several times after one prepare. Photo::frame lies below frame_count().
+/// forward may be called several times after one prepare. Every frame is below frame_count().
 template <class S, class B, class T>
 concept SplatScene = requires(S& scene, const Photo& photo, std::size_t frame, std::uint64_t step, double progress,
                               const vec3<T>& center, const SplatView<T>& splats, const SplatView<const T>& dL_dsplats,
@@ -57,8 +57,9 @@ concept SplatScene = requires(S& scene, const Photo& photo, std::size_t frame, s
     scene.after_step(raster_cache);
 };
 
-/// A base for scenes that need only some of these calls: cameras are fixed, nothing depends on the step or is prepared,
-/// and nothing happens after it. The size of the frames is left to the scene.
+/// A base for scenes that need only some of these calls. Cameras are fixed, nothing depends on the step, nothing is
+/// prepared, and nothing happens after the step. size(), frame_count(), forward, backward and learned() are the
+/// scene's.
 template <Backend B, std::floating_point T>
 struct PlainScene {
     void come_to(std::uint64_t /*step*/, double /*progress*/) {}

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Appearances whose colours and displacements have sources of their own: a field each, or stored per Gaussian.
+/// @file  Appearances with one source for colours and one for displacements: a field, or an array stored per Gaussian.
 #pragma once
 
 #include <gsh/avatar/rig.hpp>
@@ -64,7 +64,7 @@ private:
     typename B::template Buffer<vec3<T>> sh_, dL_dsh_; // [N, stride]
 };
 
-/// Colours stored with each Gaussian, as 3DGS has them.
+/// Colours stored with each Gaussian, as in 3DGS.
 template <Backend B, std::floating_point T, int Degree, int Levels, int Features>
 class StoredColors {
 public:
@@ -149,7 +149,7 @@ private:
     LearnedBuffer<B, T> displacements_; // [N, 3]
 };
 
-/// An appearance of two sources over the same points. Fields, where there are any, share the points' query.
+/// An appearance with two sources over the same points. Its fields share one query of the points.
 template <Backend B, class Colors, class Displacements, std::floating_point T, int Degree>
 class SplitAppearance {
 public:
@@ -191,7 +191,7 @@ private:
     Displacements displacements_;
 };
 
-/// A field each for colours and displacements.
+/// A field for colours, and a field for displacements.
 /// Source  Liu et al., "Animatable 3D Gaussian", 2024.
 template <Backend B, std::floating_point T = float, int Degree = 2, int Levels = 16, int Features = 4>
 using SeparateFields = SplitAppearance<B, FieldColors<B, T, Degree, Levels, Features>,

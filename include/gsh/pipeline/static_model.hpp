@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A static scene that learns: 3D Gaussian splatting of one moment, with adaptive density control.
+/// @file  A static scene that learns: 3D Gaussian splatting of one moment, with density control.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -30,31 +30,32 @@
 
 namespace gsh {
 
-/// Steps of gradient descent per attribute.
+/// Learning rates of the attributes.
 struct StaticRates {
-    double means = 1.6e-4, final_means = 1.6e-6; ///< of the scene's extent, falling geometrically
+    double means = 1.6e-4, final_means = 1.6e-6; ///< shares of the extent; the rate falls geometrically
     double quats = 1e-3;
     double log_scales = 5e-3;
     double opacity_logits = 0.05;
-    double sh = 2.5e-3;        ///< the constant coefficient
-    double sh_bands = 0.05;    ///< share of it at which the higher bands move
+    double sh = 2.5e-3;        ///< of the constant coefficient
+    double sh_bands = 0.05;    ///< of higher bands, as a share of sh
 };
 
-/// Every number of Kerbl et al. for a run of 30,000 steps; static_config(steps) fits them to another budget.
+/// The settings of Kerbl et al., "3D Gaussian Splatting", 2023, for a run of 30,000 steps. static_config(steps) adapts
+/// them to another number of steps.
 struct StaticConfig {
-    std::int64_t steps = 30000; ///< after which the means' rate has fallen to its end
+    std::int64_t steps = 30000; ///< after which the means' rate is final_means
     StaticRates rates = {};
     DensityParams density = {};
     int sh_degree = 3;                  ///< at the end; training starts with 0
     std::int64_t sh_interval = 1000;    ///< steps between degrees
-    double extent = 0;                  ///< metres; 0: from the cameras, see scene_extent
+    double extent = 0;                  ///< metres; 0: computed from the cameras, see scene_extent
     double ssim_weight = 0.2;
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, in training and in test
-    PixelFilter filter = {};            ///< the usual one, so that any viewer shows the PLY as it was trained
+    PixelFilter filter = {};            ///< the usual one, so that any viewer shows the PLY as trained
 };
 
-/// The settings for a budget of steps: what 3DGS does at a share of its 30,000 happens at the same share of these. A
-/// change still sums up 25 views, and opacities have 250 steps to recover from a reset.
+/// The settings for another number of steps, in the same proportions as 3DGS's 30,000. A change still collects at least
+/// 25 views, and at least 250 steps lie between two resets of opacities.
 [[nodiscard]] inline StaticConfig static_config(std::int64_t steps) {
     check_value(steps > 0, "static_config", "steps is " + std::to_string(steps) + ", expected at least 1");
     StaticConfig config;
@@ -70,9 +71,9 @@ struct StaticConfig {
     return config;
 }
 
-/// 1.1 times the largest distance of a camera from the middle of all, metres: the length to which 3DGS relates rates of
-/// positions and sizes.
-/// Errors  ValueError for cameras that stand in one place: they say nothing about the scene's size.
+/// The extent of a scene, metres: 1.1 times the largest distance of a camera from the mean of all. 3DGS relates rates
+/// of positions and sizes to it.
+/// Errors  ValueError for no photographs, or cameras that all stand in one place.
 [[nodiscard]] inline double scene_extent(const std::vector<Photo>& photos) {
     check_value(!photos.empty(), "scene_extent", "there are no photographs");
     vec3<double> middle(0.0);
@@ -85,7 +86,7 @@ struct StaticConfig {
 
 namespace detail {
 
-/// Coefficient i of a wider table; new columns are zero.
+/// Coefficient i of a wider table. New columns are zero.
 template <class T>
 struct WidenSh {
     Span<const vec3<T>> from;
@@ -100,11 +101,11 @@ struct WidenSh {
 
 } // namespace detail
 
-/// Gaussians of one moment that learn from photographs, and whose number follows what the photographs show. Colours
-/// begin with degree 0 of spherical harmonics and gain a degree every sh_interval steps. Every frame is the same.
+/// Gaussians of one moment that learn from photographs. Density control changes their number. Colours start with degree
+/// 0 of spherical harmonics and gain a degree every sh_interval steps. Every frame shows the same moment.
 ///
-/// Errors  ValueError: no Gaussians, more of them than max_gaussians, a degree beyond StaticConfig's; after a step, if
-///         pruning leaves none.
+/// Errors  ValueError: no Gaussians, more than max_gaussians, a degree beyond StaticConfig's; after a step, if pruning
+///         leaves none.
 /// Source  Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023.
 template <Backend B, std::floating_point T = float>
 class StaticModel : public PlainScene<B, T> {
@@ -112,8 +113,8 @@ public:
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
-    /// `start` may hold any degree up to the last one; initial_gaussians (train/static_start.hpp) makes one. `extent`
-    /// is the scene's size in metres, see scene_extent; `seed` is that of the whole run.
+    /// `start` may have any degree up to the last one; initial_gaussians (train/static_start.hpp) makes it. `extent` is
+    /// in metres, see scene_extent. `seed` is the seed of the run.
     StaticModel(B& backend, const GaussianCloud<T>& start, double extent, std::uint64_t seed,
                 const StaticConfig& config = {})
         : backend_(&backend), config_(config), extent_(extent),
@@ -140,9 +141,9 @@ public:
     [[nodiscard]] std::size_t frame_count() const { return std::numeric_limits<std::size_t>::max(); }
     [[nodiscard]] const StaticConfig& config() const { return config_; }
     [[nodiscard]] double extent() const { return extent_; }
-    /// Changes since the beginning, added up.
+    /// The sum of all changes so far.
     [[nodiscard]] const DensityChange& total_change() const { return total_change_; }
-    /// The Gaussians as they are, in host memory.
+    /// The present Gaussians, in host memory.
     [[nodiscard]] GaussianCloud<T> cloud() { return download(*backend_, gaussians_); }
 
     void come_to(std::uint64_t step, double /*progress*/) { step_ = static_cast<std::int64_t>(step); }
@@ -182,7 +183,7 @@ public:
         return arrays;
     }
 
-    /// Changes in number and degree that are due after the step.
+    /// Changes the number of Gaussians and the degree, if the schedule has it after this step.
     void after_step(const RasterCache<B, T>& raster_cache) {
         const std::int64_t steps = step_ + 1;
         density_.observe(raster_cache);
@@ -210,7 +211,7 @@ private:
         std::swap(gaussians.sh, sh);
         gaussians.sh_degree = degree;
     }
-    // Vectors, quaternions and the like as the numbers that they are made of.
+    // A buffer of vectors or quaternions as a span of numbers.
     static Span<T> numbers(auto& buffer) { return view_as<T>(Span(buffer.data(), buffer.size())); }
 
     B* backend_;

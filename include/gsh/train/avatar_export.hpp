@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A trained model as an avatar for files and for showing: fields evaluated, what depends on the time averaged.
+/// @file  Export of a trained model as AvatarData: fields are evaluated, and what depends on the time is averaged.
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
@@ -18,7 +18,7 @@
 
 namespace gsh {
 
-/// Frames that there are photographs of, each once, in the photographs' order.
+/// The frames of the photographs, each once, in the order of the photographs.
 [[nodiscard]] inline std::vector<std::size_t> photographed_frames(const std::vector<Photo>& photos) {
     std::vector<std::size_t> frames;
     for (const Photo& photo : photos)
@@ -47,8 +47,8 @@ template <class B, class Model>
     return cloud;
 }
 
-/// Each Gaussian's ambient occlusion, mean over `frames`: what a new motion gets where the shadow does not follow the
-/// pose. Empty without a shadow, or before it has joined.
+/// Each Gaussian's mean ambient occlusion over `frames`, for new motions if the shadow does not follow the pose. Empty
+/// without a shadow, or before it has joined.
 template <class Scene>
 [[nodiscard]] std::vector<typename Scene::Scalar> mean_occlusion(Scene& scene, const std::vector<std::size_t>& frames,
                                                                  std::size_t person = 0) {
@@ -64,14 +64,14 @@ template <class Scene>
     return mean;
 }
 
-/// A person's canonical Gaussians. Where colours and displacements depend on the time, each Gaussian has its mean over
-/// `frames`: what a new motion gets.
+/// A person's canonical Gaussians. If colours and displacements depend on the time, each Gaussian has its mean over
+/// `frames`, for new motions.
 template <class Scene>
 [[nodiscard]] GaussianCloud<typename Scene::Scalar> mean_gaussians(Scene& scene, std::vector<std::size_t> frames,
                                                                    std::size_t person = 0) {
     using T = typename Scene::Scalar;
     auto& model = scene.model(person);
-    if (!model.appearance().reads_time()) frames.resize(1); // they are all alike
+    if (!model.appearance().reads_time()) frames.resize(1); // all frames are equal
     GaussianCloud<T> cloud;
     std::vector<vec3<double>> means, sh;
     const auto add = [](const std::vector<vec3<T>>& values, std::vector<vec3<double>>& sums) {
@@ -89,8 +89,8 @@ template <class Scene>
     return cloud;
 }
 
-/// A person's avatar as it is now: `rig` with the learned joints, canonical Gaussians, and shadows: as a field where
-/// they follow the pose, else as their mean over `frames`. `filter` is what the scene is rendered with.
+/// A person's present avatar: `rig` with the learned joints, the canonical Gaussians, and the mean of the shadow over
+/// `frames`. A shadow that follows the pose is also exported as a field. `filter` is the one of the training.
 template <class Scene>
 [[nodiscard]] AvatarData export_avatar(Scene& scene, RigData rig, const std::vector<std::size_t>& frames,
                                        const PixelFilter& filter, std::size_t person = 0) {

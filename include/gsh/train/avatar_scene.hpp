@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Avatars in their motions as a scene that learns: one person, or several in the same photographs.
+/// @file  A scene of trainable avatars in their motions: one person, or several people in the same photographs.
 #pragma once
 
 #include <gsh/avatar/rig.hpp>
@@ -24,24 +24,25 @@
 
 namespace gsh {
 
-/// One of the people of a scene: the model to be trained, and the person's poses. The caller owns both.
+/// One person of a scene: the model to train, and the person's poses. The caller owns both.
 template <class Model>
 struct CastMember {
     Model* model = nullptr;
     const Motion* motion = nullptr;
 };
 
-/// What the names of a person's arrays begin with, in a scene of several people and in its files. Those of the first
-/// person have no prefix.
+/// Prefix of the names of a person's arrays, in a scene of several people and in its files. Names of the first person's
+/// arrays have no prefix.
 [[nodiscard]] inline std::string person_prefix(std::size_t person) {
     return person == 0 ? std::string() : "person" + std::to_string(person) + "/";
 }
 
-/// People in the frames of their motions. They share photographs and frames and nothing else: each has a model, a
-/// motion, and perhaps a refinement of the motion.
+/// People in the frames of their motions. They share only photographs and frames. Each has a model, a motion, and
+/// perhaps a refinement of the motion.
 ///
-/// Splats lie one person after the other in one scene that is rendered in one pass, so that people hide each other. On
-/// the way back each model reads its own part of the gradient. Functions about one person take that person's number.
+/// The splats of all people lie in one buffer, one person after the other, and are rendered in one pass, so that people
+/// hide each other. In backward, each model reads its own part of the gradient. Functions about one person take that
+/// person's number.
 template <Backend B, class Model, std::floating_point T = typename Model::Scalar>
 class AvatarScene {
 public:
@@ -79,7 +80,7 @@ public:
     [[nodiscard]] View part(std::size_t person, const View& scene) const {
         return scene.subview(at(person).first_splat, at(person).model->size());
     }
-    /// A person's pose at a frame as it is now; it holds until the next call.
+    /// A person's present pose at a frame. The reference is valid until the next call for the same person.
     [[nodiscard]] const RigPose<B, T>& pose(std::size_t frame, std::size_t person = 0) {
         Person& of = at(person);
         of.refinement ? of.refinement->pose(frame, of.pose)
@@ -87,9 +88,9 @@ public:
         return of.pose;
     }
 
-    /// From here on the person's poses, and the cameras if it holds any, are `refinement`'s, and learn with the
+    /// From now on `refinement` provides the person's poses, and the cameras if it has any. They learn with the
     /// avatars. It must outlive the scene.
-    /// Errors  ValueError if another person's refinement holds the cameras already: they are the same for all.
+    /// Errors  ValueError if another person's refinement has the cameras already; all people share the cameras.
     void refine(MotionRefinement<B, T>& refinement, std::size_t person = 0) {
         for (std::size_t i = 0; i < people_.size(); ++i)
             check_value(i == person || !refinement.camera_count() || !people_[i].refinement ||
@@ -127,7 +128,7 @@ public:
             if (!dL_dpose.empty()) refinement->accumulate(frame, dL_dpose);
         }
     }
-    /// Only cameras of training photographs are refined; a test view keeps its own, see Trainer::render.
+    /// Only cameras of training photographs are refined. A test view keeps its own, see Trainer::render.
     [[nodiscard]] Camera<T> camera(const Photo& photo) const {
         const auto* cameras = camera_refinement();
         return cameras ? cameras->template camera<T>(photo.camera_index) : photo.camera.template cast<T>();
@@ -151,7 +152,7 @@ public:
         for (std::size_t p = 0; p < people_.size(); ++p) append(arrays, people_[p].model->learned(), person_prefix(p));
         return arrays;
     }
-    /// Refinements take their own steps: only the rows that were seen move.
+    /// Refinements take their own steps, in which only the rows of visited frames and cameras move.
     void after_step(const RasterCache<B, T>&) {
         for (Person& person : people_)
             if (person.refinement) person.refinement->step();
@@ -172,7 +173,7 @@ private:
     }
     [[nodiscard]] Person& at(std::size_t person) { return check_person(person), people_[person]; }
     [[nodiscard]] const Person& at(std::size_t person) const { return check_person(person), people_[person]; }
-    /// The refinement that holds the cameras, or null.
+    /// The refinement that has the cameras, or null.
     [[nodiscard]] MotionRefinement<B, T>* camera_refinement() const {
         for (const Person& person : people_)
             if (person.refinement && person.refinement->camera_count()) return person.refinement;
@@ -181,7 +182,7 @@ private:
 
     B* backend_;
     std::vector<Person> people_;
-    std::size_t size_ = 0; // of all people's splats
+    std::size_t size_ = 0; // number of all people's splats
     typename B::template Buffer<CameraGradient<T>> dL_dcamera_; // [1] or empty
     typename B::template Buffer<vec3<T>> dL_dcenter_;           // likewise
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  From a body, its motion and a configuration to what an AvatarModel is made of.
+/// @file  Makes rig, samples and priors of an avatar from a body, its motion and a configuration.
 #pragma once
 
 #include <gsh/avatar/rig.hpp>
@@ -28,18 +28,19 @@
 
 namespace gsh {
 
-/// The canonical body as a configuration wants it: Gaussians on its surface, their rig, and what their fields are told.
+/// The canonical body of a configuration: samples of its surface, their rig, and the priors of their fields.
 struct CanonicalSetup {
-    Motion motion; ///< of the rig's joints
+    Motion motion; ///< in the rig's joints
     SurfaceSamples samples;
     RigData rig;
     CanonicalPriors priors;
 };
 
-/// `count` Gaussians on the body in the motion's shape, and what goes with them. Estimated views, where there are any,
-/// take the place of the mesh's; their frames are those of `motion`. A body without triangles gets a Gaussian per
+/// Samples `count` points on the body in the motion's shape, and makes their rig and priors. Estimated views, if there
+/// are any, replace those of the mesh; their frames are frames of `motion`. A body without triangles gets a sample per
 /// vertex, and neither region nor features.
-/// Errors  those of the parts: lists that name no vertex, nothing to sample, views that do not fit.
+///
+/// Errors  ValueError: region lists that name no vertex, nothing to sample, views that do not fit the body.
 template <CpuBackend B>
 [[nodiscard]] CanonicalSetup make_canonical_setup(B& backend, const BodyModel& body, const Motion& motion,
                                                   const Configuration& config, std::size_t count, std::uint64_t seed,
@@ -61,7 +62,7 @@ template <CpuBackend B>
         return setup;
     }
 
-    std::optional<RegionMask> mask; // of the whole body: a merged one has the same mesh, but knows less of its parts
+    std::optional<RegionMask> mask; // of the whole body; a merged one has fewer parts
     if (config.has_regions()) mask = region_mask(body, vertices, regions, config.region);
     const std::vector<double> per_vertex = config.region_samples ? mask->samples_per_vertex()
                                                                  : std::vector<double>(vertices.size(), 1.0);
@@ -73,7 +74,7 @@ template <CpuBackend B>
     const std::size_t N = setup.samples.size();
     if (config.fine_levels == FineLevels::none) setup.priors.region.assign(N, 0.0);
     if (config.fine_levels == FineLevels::region) {
-        constexpr double least = 1e-3; // τ below this is 0, and the rest is stretched to begin there: no step anywhere
+        constexpr double least = 1e-3; // below this τ becomes 0; above, it is rescaled so that there is no step
         setup.priors.region = mask->at(setup.samples);
         for (double& tau : setup.priors.region) tau = std::clamp((tau - least) / (1 - least), 0.0, 1.0);
     }

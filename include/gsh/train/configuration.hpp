@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Ways of reconstructing a person, as plain data with names: the paper's, its baseline's, what lies between.
+/// @file  Configurations of a reconstruction as plain data with names: the paper's, its baseline's, ablations.
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>
@@ -25,23 +25,23 @@ namespace gsh {
 
 /// Which joints move the avatar.
 enum class JointSet {
-    all,            ///< the body's own, with expression
-    trunk_and_limbs ///< fingers, jaw and eyes merged into their parents, no expression: SMPL's
+    all,            ///< all joints of the body, with expression
+    trunk_and_limbs ///< fingers, jaw and eyes merged into their parents, no expression: as in SMPL
 };
 
-/// Where points read the fine levels of the hash grid, AvatarConfig::fine_level and above.
+/// Which points read the fine levels of the hash grid, AvatarConfig::fine_level and above.
 enum class FineLevels {
-    region,     ///< where the region mask says so, by τ
-    everywhere, ///< one grid for all
-    none        ///< coarse levels alone
+    region,     ///< those in the region mask, where τ > 0
+    everywhere, ///< all points
+    none        ///< no point
 };
 
-/// Everything about a reconstruction but its input, its seed and its length. Settings have names, for files and command
-/// lines: for_each_setting lists them.
+/// Everything about a reconstruction except its input, its seed and its length. Settings have names, for files and
+/// command lines; for_each_setting lists them.
 struct Configuration {
     std::string name = "paper";
     JointSet joints = JointSet::all;
-    bool region_samples = true; ///< K(x): more Gaussians on face and hands; else the same number at every vertex
+    bool region_samples = true; ///< K(x): more Gaussians on face and hands; if false, as many at every vertex
     FineLevels fine_levels = FineLevels::region;
     RegionMaskParams region;
     SampleWeights sample_weights = SampleWeights::barycentric;
@@ -51,20 +51,20 @@ struct Configuration {
     PriorFeatureParams prior;
     AvatarConfig avatar{.ao = AmbientOcclusion::time};
     TrainConfig train;
-    RefinementConfig refinement; ///< of a run that refines
+    RefinementConfig refinement; ///< used by runs with refinement
     double finger_rate = 1;      ///< factor on the rate of refined poses at fingers
-    double face_rate = 1;        ///< and at jaw and eyes
-    std::size_t test_steps = 60; ///< steps in which a test frame's pose is fitted
+    double face_rate = 1;        ///< the same at jaw and eyes
+    std::size_t test_steps = 60; ///< number of steps that fit a test frame's pose
     double test_mask_weight = 0; ///< PoseFitParams::mask_weight of that fit
 
-    /// Whether there is a region mask: something reads τ.
+    /// Whether a region mask is needed: samples or fine levels depend on it.
     [[nodiscard]] bool has_regions() const { return region_samples || fine_levels == FineLevels::region; }
     /// Whether fields read depths or normals.
     [[nodiscard]] bool has_priors() const { return depth_prior || normal_prior; }
 };
 
-/// Names that named_configuration knows: the paper's method, its direct baseline with a body's 22 joints and with all
-/// of them, and the paper's less one part each.
+/// The names of named_configuration: the paper's method, its direct baseline with 22 joints and with all joints, and
+/// the paper's method with one part changed.
 inline constexpr std::array<std::string_view, 12> configuration_names{
     "paper",         "baseline",    "baseline-x", "no-ao",      "no-hash-sh", "no-hash-vd",
     "no-multiscale", "coarse-only", "no-depth",   "no-normals", "smpl-init",  "pose-ao"};
@@ -110,8 +110,8 @@ struct EnumNames<ColorClamp> {
 
 } // namespace detail
 
-/// Calls f(name, value, range) for every setting of a configuration but its own name. A range is what a setting may be
-/// by itself; check_settings knows which depend on each other.
+/// Calls f(name, value, range) for every setting of a configuration except the configuration's name. The range is that
+/// of the setting alone; check_settings checks those that depend on each other.
 template <class C, class F>
     requires std::same_as<std::remove_const_t<C>, Configuration>
 void for_each_setting(C& c, const F& f) {
@@ -191,14 +191,15 @@ void for_each_setting(C& c, const F& f) {
     f("refine.test_mask_weight", c.test_mask_weight, R::at_least(0));
 }
 
-/// A configuration by its name. `where` says who asks and `also` what else there is, for messages.
-/// Errors  ValueError that lists the names there are.
+/// A configuration by its name. For error messages, `where` names the caller, and `also` is appended to the list of
+/// names.
+/// Errors  ValueError that lists the names.
 [[nodiscard]] inline Configuration named_configuration(std::string_view name, std::string_view where = {},
                                                        std::string_view also = {}) {
     Configuration c;
     c.name = name;
-    // Liu et al., "Animatable 3D Gaussian", 2024, as its code has it, but that samples lie on the surface: there they
-    // are copies of the vertices, moved by a squared length taken for a length.
+    // Liu et al., "Animatable 3D Gaussian", 2024, as in its code, except that samples lie on the surface. In that code
+    // they are copies of the vertices, moved by a squared length that is used as a length.
     const auto make_baseline = [&] {
         c.sample_weights = SampleWeights::copied;
         c.avatar.bounds = FieldBounds::box;
@@ -238,10 +239,10 @@ void for_each_setting(C& c, const F& f) {
     return c;
 }
 
-/// Sets one setting from text, of a configuration or whatever else for_each_setting knows. `where` says who asks, for
+/// Sets one setting from text, of a configuration or any other type with for_each_setting. `where` names the caller in
 /// messages.
-/// Errors  ValueError for a setting that does not exist, text that it cannot be, or a number outside its range; nothing
-///         changes.
+/// Errors  ValueError for a setting that does not exist, text that cannot be read, or a number out of range; then
+///         nothing changes.
 template <class C>
 void set_setting(C& c, std::string_view key, const std::string& text, const std::string& where) {
     bool found = false;
@@ -254,8 +255,8 @@ void set_setting(C& c, std::string_view key, const std::string& text, const std:
         throw ValueError(where + ": there is no setting '" + std::string(key) + "'; docs/configurations.md lists them");
 }
 
-/// Checks what no setting can say alone, once all are set. `where` says who asks, for messages.
-/// Errors  ValueError that names the settings that do not go together.
+/// Checks settings that depend on each other, once all are set. `where` names the caller in messages.
+/// Errors  ValueError that names the settings that contradict each other.
 inline void check_settings(const Configuration& c, const std::string& where) {
     const auto text = [](double value) { return detail::setting_text(value); };
     check_value(c.avatar.initial_ao < c.avatar.largest_ao, where,
@@ -269,7 +270,7 @@ inline void check_settings(const Configuration& c, const std::string& where) {
         "heads.time is true and neither hash_sh nor hash_displacement is, expected a field that reads the time");
 }
 
-/// Text of each setting, in order: what a report prints.
+/// Name and text of each setting, in order, for reports.
 template <class C>
 [[nodiscard]] std::vector<std::pair<std::string, std::string>> settings_of(const C& c) {
     std::vector<std::pair<std::string, std::string>> result;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  How good an avatar is on photographs that it was not trained on.
+/// @file  Evaluation of a scene on photographs that training did not use.
 #pragma once
 
 #include <gsh/image/image.hpp>
@@ -15,28 +15,28 @@
 
 namespace gsh {
 
-/// Figures of one of several people: the pixels that show them, and of these face, hands, …
+/// Figures of one of several people: of all pixels that show the person, and of regions among them.
 struct PersonScore {
     RegionScore whole;
     std::vector<RegionScore> regions = {};
 };
 
-/// Figures of one image, unquantised, over the training background.
+/// Figures of one image, not quantised, over the training background.
 struct ImageScore {
     std::string name;
     double psnr = 0;        ///< decibels over the full image, range 1
-    double ssim = 0;        ///< as metrics.hpp has it
+    double ssim = 0;        ///< see loss/metrics.hpp
     double psnr_person = 0; ///< decibels over the pixels whose true alpha exceeds 1/2
-    std::vector<RegionScore> regions = {}; ///< face, hands, …; as many as were asked for
+    std::vector<RegionScore> regions = {}; ///< face, hands, …
     std::optional<double> lpips = {};
-    std::vector<PersonScore> people = {}; ///< each apart, where there are several
+    std::vector<PersonScore> people = {}; ///< of each person, if there are several
 };
 
-/// Means over images, as tables print them; NaN if there are none.
+/// Means over images, for tables. NaN if there are no images.
 [[nodiscard]] inline ImageScore mean_score(const std::vector<ImageScore>& scores) {
     ImageScore mean{.name = "mean"};
     double lpips = 0;
-    bool measured = !scores.empty(); // LPIPS, of all of them
+    bool measured = !scores.empty(); // whether all images have LPIPS
     for (const ImageScore& score : scores) {
         mean.psnr += score.psnr, mean.ssim += score.ssim, mean.psnr_person += score.psnr_person;
         measured = measured && score.lpips;
@@ -58,7 +58,7 @@ struct ImageScore {
     return means;
 }
 
-/// One person's means over the images that show enough of them.
+/// One person's means over the images that show enough of the person.
 struct PersonMean {
     RegionMean whole;
     std::vector<RegionMean> regions = {};
@@ -80,7 +80,7 @@ struct PersonMean {
     return means;
 }
 
-/// A photograph beside what the avatar makes of it.
+/// A photograph and its render.
 template <std::floating_point T>
 struct Comparison {
     ImageScore score;
@@ -88,8 +88,8 @@ struct Comparison {
     Image<T> mask;          // [1, height, width] the photograph's alpha
 };
 
-/// Renders the photograph's view at its frame and compares.
-/// Errors  ValueError for a photograph whose mask is empty: there is no person to compare.
+/// Renders the photograph's view at its frame and compares the two.
+/// Errors  ValueError for a photograph with an empty mask, which shows no person.
 template <class TrainerType>
 [[nodiscard]] auto compare(TrainerType& trainer, const Photo& photo) {
     using T = typename TrainerType::Scalar;

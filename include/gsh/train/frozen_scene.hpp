@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Scenes in which one person's pose moves and nothing else: what test-time refinement fits.
+/// @file  Scenes in which only one person's pose learns, for test-time refinement.
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
@@ -22,14 +22,13 @@
 
 namespace gsh {
 
-/// A scene whose gradient reaches a motion alone. Its arrays are the motion's own, which take their steps in
-/// after_step, so learned() is empty.
+/// A scene in which only a motion learns. The motion takes its own steps, in after_step, so learned() is empty.
 template <class S, class B, class T>
 concept FrozenScene = SplatScene<S, B, T> && requires(S& scene) {
     { scene.motion() } -> std::same_as<MotionRefinement<B, T>&>;
 };
 
-/// What frozen scenes have in common: the motion that moves.
+/// The common part of frozen scenes: the motion that learns. It must outlive the scene.
 template <Backend B, std::floating_point T>
 class FrozenSceneBase : public PlainScene<B, T> {
 public:
@@ -69,8 +68,8 @@ private:
     typename Avatar<B, T>::Cache cache_;
 };
 
-/// One person of a scene that is being trained, everything else as it is: the other people stay in their poses, and
-/// hide or are hidden. The person's refinement in the scene is the motion that moves. The scene must outlive it.
+/// One person of an AvatarScene. Only the motion of this person learns, which is the person's refinement in the scene.
+/// The other people stay in their poses, and hide or are hidden. The AvatarScene must outlive it.
 template <class Scene, Backend B, std::floating_point T = typename Scene::Scalar>
 class FrozenPerson : public FrozenSceneBase<B, T> {
 public:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  How much memory training takes, so that a budget can be an input.
+/// @file  An estimate of the memory that training takes, to choose the number of Gaussians for a budget.
 #pragma once
 
 #include <gsh/math/sh.hpp>
@@ -10,21 +10,21 @@
 
 namespace gsh {
 
-/// Bytes that training takes: a constant part, and a part per Gaussian.
+/// The memory of training in bytes: a constant part, and a part per Gaussian.
 struct MemoryModel {
     std::uint64_t fixed = 0;
     std::uint64_t per_gaussian = 0;
 
     [[nodiscard]] std::uint64_t bytes(std::size_t gaussians) const { return fixed + per_gaussian * gaussians; }
-    /// The most Gaussians that stay within a budget.
+    /// The largest number of Gaussians within a budget.
     [[nodiscard]] std::size_t gaussians_within(std::uint64_t budget) const {
         return budget <= fixed ? 0 : static_cast<std::size_t>((budget - fixed) / per_gaussian);
     }
 };
 
-/// What training AvatarModel in float takes, for images of `pixels` pixels and with `held` bytes (the capture) in
-/// memory already. Counted from the buffers: 1.1 times the peak that `paper` was measured to have with 210 images of
-/// 540². Of several people each has fields of their own, and the number of Gaussians is each one's.
+/// The memory of training AvatarModel in float, for images of `pixels` pixels, with `held` bytes (the capture) in
+/// memory already. The estimate is counted from the buffers. It is 1.1 times the peak that was measured for `paper`
+/// with 210 images of 540². Each of several people has own fields; the number of Gaussians is that of one person.
 [[nodiscard]] inline MemoryModel training_memory(const AvatarConfig& config, std::size_t pixels, std::uint64_t held,
                                                  std::size_t people = 1) {
     constexpr std::uint64_t program = 150'000'000; // code, body model, copies for checkpoints
@@ -40,7 +40,7 @@ struct MemoryModel {
         memory.fixed += people * sizeof(float) * 4 * tables * entries * levels * features;
         memory.per_gaussian += people * sizeof(float) * (2 * levels * features + hidden + 2 * outputs);
     };
-    const auto add_stored = [&](std::uint64_t numbers) { // parameters with gradient and two moments
+    const auto add_stored = [&](std::uint64_t numbers) { // values with gradient and two moments
         memory.per_gaussian += people * sizeof(float) * 4 * numbers;
     };
     const std::uint64_t tables = config.separate_tables ? 2 : 1;

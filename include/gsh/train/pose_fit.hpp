@@ -23,26 +23,27 @@
 
 namespace gsh {
 
+/// Settings of a fit.
 struct PoseFitParams {
     std::size_t steps = 100;
     double ssim_weight = 0.2;
-    double mask_weight = 0;                    ///< of mean |alpha - mask|: for clothes in the background's colour
+    double mask_weight = 0;                    ///< of mean |alpha - mask|; for clothes in the background's colour
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, as in training
-    std::function<bool()> stop = {};           ///< called before each step where given; true: no further step
+    std::function<bool()> stop = {};           ///< called before each step if given; true ends the fit
 };
 
-/// What a fit did: losses are means over the frame's photographs, without the motion's terms.
+/// The result of a fit. Losses are means over the frame's photographs, without the motion's terms.
 struct PoseFitReport {
     double loss_before = 0, loss_after = 0;
-    std::size_t steps = 0; ///< fewer than asked for where it was stopped
-    bool kept = false;     ///< false: nothing was better than the estimate, which stands
+    std::size_t steps = 0; ///< fewer than Params::steps if the fit was stopped
+    bool kept = false;     ///< false: the result was not better, and the estimate was restored
 };
 
-/// Moves pose, transl and expression of one frame down the photometric loss of its photographs.
+/// Fits pose, transl and expression of one frame by descending the photometric loss of its photographs.
 ///
-/// The numbers that move belong to the scene's motion (made with test_time_config()), so that its rates, its pull to
-/// the estimate and its ties to neighbouring frames hold here, too, and a whole test sequence is fitted in one motion.
-/// Figures from fitted poses are figures of test-time refinement, and a report must say so.
+/// The increments that learn belong to the scene's motion, made with test_time_config(). Its rates, its pull to the
+/// estimate and its terms between neighbouring frames therefore apply, and one motion serves a whole test sequence.
+/// Figures from fitted poses are figures of test-time refinement, and a report must state it.
 ///
 /// Errors  ShapeError for an image of another size than its camera; ValueError for a frame that is left out.
 template <Backend B, std::floating_point T = float>
@@ -50,16 +51,16 @@ class PoseFit {
 public:
     using Params = PoseFitParams;
 
-    /// filter: what the avatar was trained with (AvatarData::filter).
+    /// filter: the one of the avatar's training (AvatarData::filter).
     PoseFit(B& backend, const PixelFilter& filter, const Params& params = {})
         : backend_(&backend), params_(params), loss_(backend, {.filter = filter,
                                                                .ssim_weight = params.ssim_weight,
                                                                .mask_weight = params.mask_weight,
                                                                .background = params.background}) {}
 
-    /// Takes params.steps steps, one photograph after the other, rates falling from their first value to final_rate. An
-    /// end that is worse than the beginning is taken back, also where the fit was stopped. The photographs' own frame
-    /// numbers are not read: all show `frame`.
+    /// Takes params.steps steps, over the photographs in turn. Rates fall from their first value to final_rate. If the
+    /// loss at the end is not below that at the beginning, the pose at the beginning is restored, also if the fit was
+    /// stopped. All photographs must show `frame`; their own frame numbers are not read.
     template <FrozenScene<B, T> Scene>
     PoseFitReport fit(Scene& scene, std::size_t frame, const std::vector<Photo>& photos) {
         MotionRefinement<B, T>& motion = scene.motion();
@@ -108,7 +109,7 @@ private:
         for (const Photo& photo : photos) check_photo(where, photo, photo.frame + 1);
     }
 
-    /// Splats, picture and loss at the frame's present pose; the photograph's camera.
+    /// Computes splats, picture and loss at the frame's present pose. Returns the photograph's camera.
     Camera<T> render(auto& scene, std::size_t frame, const Photo& photo) {
         const Camera<T> camera = photo.camera.template cast<T>();
         loss_.set_photo(photo);

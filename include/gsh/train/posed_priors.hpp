@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  An estimator's views with the bones of the frames that they show, held against the body in them.
+/// @file  An estimator's views with the bones of the frames that they show, checked against the posed body.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -21,8 +21,8 @@
 
 namespace gsh {
 
-/// Who is in an estimator's maps: the person as captured, whose mesh is seen, and what moves the Gaussians, whose
-/// joints the samples' weights are of. Both are the same unless joints were merged.
+/// The person in an estimator's maps. `body` is the captured body, whose mesh the maps show. `mover` is the body that
+/// moves the Gaussians; the samples' weights belong to its joints. Both are the same unless joints were merged.
 struct SeenPerson {
     const BodyModel& body;
     const Motion& motion;
@@ -30,22 +30,23 @@ struct SeenPerson {
     const Motion& mover_motion;
 };
 
-/// What is to be made of an estimator's views; what nobody asks for is not looked at.
+/// Which features are made of an estimator's views. Maps of other kinds are not checked.
 struct PosedPriorsParams {
     bool depths = true, normals = true;
     DepthFeature feature = DepthFeature::difference;
 };
 
-/// Views with the bones of their frames: for φ_d the estimator's depths, then those that are integrated from normals
-/// which ask for it, with the depth of the body's posed mesh as prior; for φ_n its normals.
+/// Views with the bones of their frames. `depths`, for φ_d, are the estimator's depths, then depths integrated from the
+/// normal maps with EstimatedView::integrate, with the depth of the posed mesh as prior. `normals`, for φ_n, are its
+/// normals.
 struct PosedPriors {
     std::vector<PriorView> depths, normals;
 };
 
-/// Poses the person for each of the estimator's views, and holds the map against the mesh.
-/// Errors  ValueError for a frame that there is not, a map that does not lie on the body, bones beside a wish for
-///         integration, or, for differences of depth, depths half a metre off the body: other units; what
-///         check_prior_view says.
+/// Poses the person for each of the estimator's views, and compares the map with the mesh.
+/// Errors  ValueError for a frame that does not exist, a map that does not lie on the body, bones in a view that is to
+///         be integrated, or, for differences of depth, depths more than half a metre off the body, which have other
+///         units; those of check_prior_view.
 template <CpuBackend B>
 [[nodiscard]] PosedPriors posed_priors(B& backend, const SeenPerson& person, const EstimatedPriors& estimated,
                                        const PosedPriorsParams& params = {});
@@ -58,7 +59,7 @@ namespace detail {
     return pose_body(body, motion.pose_at(frame), motion.transl[frame], motion.betas, motion.expression_at(frame));
 }
 
-/// The view with its bones, checked alone.
+/// The view with the bones of its frame. Checks the view by itself.
 [[nodiscard]] inline PriorView with_bones(const SeenPerson& person, const EstimatedView& estimate, int channels) {
     PriorView view = estimate.view;
     check_prior_view(estimate.name, "view", view, channels);
@@ -70,7 +71,7 @@ namespace detail {
     return view;
 }
 
-/// The depth of the person's mesh where the view's map has its pixels. There is none for a view with bones of its own.
+/// The depth of the person's mesh in the view's camera. Not for a view with bones of its own.
 template <CpuBackend B>
 [[nodiscard]] PriorView mesh_depth(B& backend, const SeenPerson& person, const EstimatedView& estimate) {
     const auto vertices = estimate.frame ? pose_at(person.body, person.motion, *estimate.frame).vertices
@@ -78,7 +79,7 @@ template <CpuBackend B>
     return depth_view(backend, vertices, person.body.faces, estimate.view.camera);
 }
 
-/// Throws where map and body hardly meet: the map of another frame, camera or crop tells the network nonsense.
+/// Throws if map and body hardly overlap: the map is of another frame, camera or crop.
 inline void check_overlap(const EstimatedView& estimate, const PriorView& mesh) {
     const auto &map = estimate.view.map.mask.data, &body = mesh.map.mask.data;
     std::size_t of_map = 0, of_body = 0, both = 0;
@@ -92,7 +93,7 @@ inline void check_overlap(const EstimatedView& estimate, const PriorView& mesh) 
                     " are the same; is it of another frame, camera or crop?");
 }
 
-/// Throws where depths are in other units, or of no scale at all.
+/// Throws if depths have other units, or no scale.
 inline void check_depths(const EstimatedView& estimate, const PriorView& mesh) {
     constexpr double most = 0.5; // metres
     std::vector<double> off;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Refinement: estimated poses, shape, expressions and cameras learn along with the avatar.
+/// @file  Refinement: estimated poses, shape, expressions and cameras are corrected while the avatar learns.
 #pragma once
 
 #include <gsh/avatar/rig.hpp>
@@ -62,7 +62,7 @@ struct PullGradient {
     GSH_HD void operator()(std::size_t i) const { gradient[i] += weight * increments[i]; }
 };
 
-/// One camera: what reached it and its centre becomes its increment's gradient.
+/// One camera: gradients of the camera and of its centre become the gradient of its increment.
 template <class T>
 struct MovedCameraBackward {
     Camera<T> initial;
@@ -80,22 +80,23 @@ struct MovedCameraBackward {
 
 } // namespace detail
 
-/// A motion and its cameras as things to learn. What is learned are increments w, all zero at first:
+/// Corrections of a motion and its cameras. What is learned are increments w, all zero at first:
 ///
 ///     joint   exp(pose) exp(w)           transl + w, expression + w, betas + w
 ///     camera  moved_camera(camera, the root's mean place, w)
 ///
-/// An increment of a rotation lives in a fixed tangent space near the estimate: there is no singularity within half a
-/// turn, its three numbers are angles about the joint's own axes, so that one rate suits them all, and Adam's running
-/// squares keep their meaning. Axis-angle vectors have none of this near pi, where a person's root often is.
+/// An increment of a rotation lies in a fixed tangent space near the estimate. It has no singularity within half a
+/// turn. Its three numbers are angles about the joint's own axes, so that one rate fits all of them, and Adam's running
+/// squares keep their meaning. Axis-angle vectors have none of these properties near pi, where the angle of a person's
+/// root often is.
 ///
-/// A step sees some frames and cameras (one of each, in training); their rows alone move (RefinementTables). The terms
-/// that bind frames (loss/motion_terms.hpp) are gathered for those rows, so that all of it descends Σ photometric +
-/// terms, the terms counted once a visit.
+/// A step uses some frames and cameras (one of each, in training). Only their rows move (RefinementTables). The terms
+/// between frames (loss/motion_terms.hpp) are gathered for those rows. The steps therefore descend Σ photometric +
+/// terms, with the terms counted once per visit.
 ///
-/// Gauges  All cameras and the body may move as one, unseen: the first camera stays where it is. Betas do what learned
-///         joints and displacements do, too, and are off. A shift of all of transl and the opposite one of joints and
-///         displacements cancel; the pull to the estimate chooses.
+/// Gauges  No picture shows a common movement of all cameras and the body; the first camera therefore stays. Betas have
+///         the same effect as learned joints and displacements, and are off. A shift of transl in all frames and the
+///         opposite shift of joints and displacements cancel; the pull to the estimate chooses one solution.
 /// Shapes  T frames, J joints, S betas and E expression coefficients of the rig, C cameras.
 /// Errors  ShapeError, ValueError before any work starts.
 template <Backend B, std::floating_point T = float>
@@ -105,8 +106,8 @@ public:
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
-    /// cameras may be none where none is to be refined. A motion that knows fewer coefficients than the rig comes back
-    /// with all of them.
+    /// `cameras` is empty if no camera is refined. A motion with fewer coefficients than the rig is extended: motion()
+    /// returns all of them.
     MotionRefinement(B& backend, const RigData& rig, const Motion& motion, std::vector<Camera<double>> cameras,
                      const RefinementConfig& config = {})
         : backend_(&backend), config_(config), initial_(motion), cameras_(std::move(cameras)),
@@ -132,10 +133,11 @@ public:
     [[nodiscard]] std::size_t camera_count() const { return cameras_.size(); }
     [[nodiscard]] std::uint64_t step_count() const { return steps_; }
 
-    /// progress in [0, 1] is the share of the run that is over: groups begin with it, and rates fall to final_rate.
+    /// progress in [0, 1] is the share of the run that is over. Groups start at their RefinedGroup::start, and rates
+    /// fall to final_rate.
     void come_to(double progress) { progress_ = std::clamp(progress, 0.0, 1.0); }
 
-    /// Whether the next step moves the group; a gradient is worth computing then.
+    /// Whether the next step moves the group, so that its gradient is needed.
     [[nodiscard]] bool learns(RefinementGroup group) const {
         return config_[group].rate > 0 && progress_ >= config_[group].start;
     }
@@ -151,8 +153,9 @@ public:
                 learns(RefinementGroup::camera_focal) || learns(RefinementGroup::camera_center));
     }
 
-    /// A frame's present pose, in the backend's memory, nothing uploaded; before the first step the bits of
-    /// Rig::upload_pose (rotations beyond half a turn come as the shorter way round).
+    /// Computes a frame's present pose in the backend's memory, without an upload. Before the first step it is
+    /// bit-identical to that of Rig::upload_pose, except that rotations beyond half a turn are those of the shorter
+    /// way.
     void pose(std::size_t frame, RigPose<B, T>& pose) const {
         check_frame("pose", frame);
         pose.pose.resize(joint_count_);
@@ -169,7 +172,7 @@ public:
             coefficients.subspan(shape_count_, expression_count_));
     }
 
-    /// A camera as it is now; its nine numbers are fetched from the backend.
+    /// A present camera. Its nine numbers are downloaded from the backend.
     template <std::floating_point U = T>
     [[nodiscard]] Camera<U> camera(std::size_t camera) const {
         check_camera_index("camera", camera);
@@ -182,7 +185,7 @@ public:
         return moved_camera(cameras_[camera].template cast<U>(), vec3<U>(pivot_), increment);
     }
 
-    /// Zeros for a model's backward to add to; empty where nothing learns. accumulate takes it from there.
+    /// Zeros to which a model's backward adds; empty for what does not learn. Pass the result to accumulate.
     [[nodiscard]] RigPoseGradient<T> pose_gradient() {
         RigPoseGradient<T> gradient;
         const auto zeros = [&](auto& buffer, std::size_t count, auto zero) {
@@ -197,8 +200,9 @@ public:
         return gradient;
     }
 
-    /// Adds a photograph's gradient with respect to the pose of `frame`, in the backend's memory; empty spans are
-    /// skipped. Errors  ValueError for a frame that is left out.
+    /// Adds a photograph's gradient with respect to the pose of `frame`, in the backend's memory. Empty spans are
+    /// skipped.
+    /// Errors  ValueError for a frame that is left out.
     void accumulate(std::size_t frame, const RigPoseGradient<T>& dL_dpose) {
         constexpr std::string_view where = "MotionRefinement::accumulate";
         check_frame("accumulate", frame);
@@ -225,8 +229,9 @@ public:
         touch(frames_touched_, frame);
     }
 
-    /// Adds a photograph's gradient with respect to camera `camera` as camera() gave it, and to its centre if that was
-    /// used apart (viewing directions), both in the backend's memory, one element each. A fixed camera's is dropped.
+    /// Adds a photograph's gradient with respect to the camera that camera() returned, and with respect to its centre
+    /// if viewing directions depend on it. Both are in the backend's memory, one element each. The gradient of a fixed
+    /// camera is ignored.
     void accumulate_camera(std::size_t camera, Span<const CameraGradient<T>> dL_dcamera,
                            Span<const vec3<T>> dL_dcenter = {}) {
         constexpr std::string_view where = "MotionRefinement::accumulate_camera";
@@ -241,12 +246,12 @@ public:
         touch(cameras_touched_, camera);
     }
 
-    /// Adds the terms' gradients to what was accumulated, takes a step of Adam in the rows that were seen, and forgets
+    /// Adds the gradients of the terms to the accumulated ones, takes a step of Adam in the visited rows, and clears
     /// the gradients.
     void step() {
         const double decay = std::pow(config_.final_rate, progress_);
         each_touched_row([&](RefinementGroup group, std::size_t row) {
-            if (learns(group)) add_terms(group, row); // all rows first: neighbours see each other as they were
+            if (learns(group)) add_terms(group, row); // before any row moves, since rows read neighbours
         });
         each_touched_row([&](RefinementGroup group, std::size_t row) {
             if (!learns(group)) return tables_.forget_gradient(group, row);
@@ -259,7 +264,7 @@ public:
         ++steps_;
     }
 
-    /// Value of all terms at present, for reports and tests; waits for it.
+    /// The present value of all terms, for reports and tests. Waits for the backend.
     [[nodiscard]] double terms() {
         double total = sequence_value(*backend_, pose_sequence(), scratch_);
         for (const auto group : {RefinementGroup::transl, RefinementGroup::expression})
@@ -276,8 +281,8 @@ public:
         return total;
     }
 
-    /// Frames that are left out take the increments of their neighbours in time, linearly between two, the nearer one's
-    /// at the ends: what is known of the estimator's errors without looking at those frames' photographs.
+    /// Gives frames that are left out the increments of their neighbours in time: linear between two neighbours, those
+    /// of the nearer one at the ends. This corrects the estimator's errors without using these frames' photographs.
     void carry_to_left_out() {
         std::vector<std::size_t> kept;
         for (std::size_t t = 0; t < frame_count(); ++t)
@@ -301,7 +306,7 @@ public:
         tables_.set_increments(host);
     }
 
-    /// The motion as it is now, in double: estimates of rows that never moved are what they were, bit for bit.
+    /// The present motion, in double. Estimates of rows that never moved are bit-identical to the input.
     [[nodiscard]] Motion motion() const {
         Motion result = initial_;
         auto host = tables_.host_increments();
@@ -335,14 +340,14 @@ public:
         return tables_.increments(group, row);
     }
 
-    /// Everything that steps have changed; gradients that wait for a step are not part of it.
+    /// Everything that steps have changed. Gradients that were accumulated since the last step are not part of it.
     [[nodiscard]] RefinementState<T> state() const {
         RefinementState<T> state = tables_.state();
         state.steps = steps_;
         return state;
     }
-    /// Goes on where state() was taken, bit for bit.
-    /// Errors  ShapeError if it is of another motion, rig or number of cameras; nothing is taken over then.
+    /// Continues from state(), bit-identically.
+    /// Errors  ShapeError for the state of another motion, rig or number of cameras; then nothing changes.
     void set_state(const RefinementState<T>& state) {
         tables_.set_state(state);
         steps_ = state.steps;
@@ -396,7 +401,7 @@ private:
         check_value(config_.final_rate > 0 && config_.final_rate <= 1, where, "final_rate must lie in (0, 1]");
         for (std::size_t c = 0; c < cameras_.size(); ++c)
             check_camera(where, "camera " + std::to_string(c), cameras_[c]);
-        for (const std::size_t camera : config_.fixed_cameras) // the default names camera 0, be there one or not
+        for (const std::size_t camera : config_.fixed_cameras) // the default contains camera 0 even without cameras
             check_value(camera == 0 || camera < cameras_.size(), where,
                         "camera " + std::to_string(camera) + " is to be fixed, there are " +
                             std::to_string(cameras_.size()));
@@ -411,7 +416,7 @@ private:
         std::vector<vec3<T>> pose;
         for (const vec3<double>& v : initial_.pose) {
             const bool long_way =
-                dot(v, v) > 3.14159265358979 * 3.14159265358979; // the adjoint wants half a turn at most
+                dot(v, v) > 3.14159265358979 * 3.14159265358979; // the adjoint requires half a turn at most
             pose.push_back(vec3<T>(long_way ? axis_angle_from_rotation(rotation_from_axis_angle(v)) : v));
         }
         put(pose, initial_pose_);
@@ -487,7 +492,7 @@ private:
     std::size_t joint_count_, shape_count_, expression_count_;
     RefinementTables<B, T> tables_;
     std::vector<bool> left_out_, fixed_camera_;
-    vec3<double> pivot_ = vec3<double>(0); ///< what cameras turn about: where the root is on average
+    vec3<double> pivot_ = vec3<double>(0); ///< centre of the cameras' turns: the mean position of the root
 
     Buffer<FrameLink> links_;      // [T]
     Buffer<vec3<T>> initial_pose_; // [T, J]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What of poses, shape, expressions and cameras is refined, how fast, and how freely.
+/// @file  Settings of refinement: which of poses, shape, expressions and cameras learn, and their rates and terms.
 #pragma once
 
 #include <gsh/loss/motion_terms.hpp>
@@ -13,9 +13,9 @@
 
 namespace gsh {
 
-/// What can be refined. A row is a frame's, a camera's, or the one row that all share.
+/// The groups that can be refined. A row belongs to a frame, to a camera, or to all frames.
 enum class RefinementGroup : std::size_t {
-    pose,               ///< [T, 3 J] turns on top of the joints' rotations, radians
+    pose,               ///< [T, 3 J] rotations after those of the joints, radians
     transl,             ///< [T, 3] metres
     expression,         ///< [T, E]
     betas,              ///< [1, S]
@@ -28,28 +28,29 @@ inline constexpr std::array<std::string_view, 8> refinement_group_names{
     "pose", "transl", "expression", "betas", "camera_rotation", "camera_translation", "camera_focal", "camera_center"};
 inline constexpr std::size_t refinement_group_count = refinement_group_names.size();
 
-/// How a group learns.
+/// Settings of a group.
 struct RefinedGroup {
-    double rate = 0;         ///< about the distance that one step of Adam goes, in the group's unit; 0: it stays
-    double start = 0;        ///< share of the run before which it stays: first the avatar must look like someone
-    SequenceWeights terms{}; ///< beside the photometric loss, a mean over the image; two of them for frames only
+    double rate = 0;         ///< about the change per step of Adam, in the group's unit; 0: the group is fixed
+    double start = 0;        ///< share of the run before which it is fixed; the avatar learns a rough look first
+    SequenceWeights terms{}; ///< beside the photometric loss, a mean over the image; of frames also drift, acceleration
 };
 
+/// Settings of a refinement.
 struct RefinementConfig {
     RefinedGroup pose{.rate = 2e-3, .start = 0.1, .terms = {.pull = 1e-3}};
     RefinedGroup transl{.rate = 5e-4, .start = 0.1, .terms = {.pull = 1e-3}};
     RefinedGroup expression{.rate = 5e-3, .start = 0.1, .terms = {.pull = 1e-5}};
-    RefinedGroup betas{.start = 0.1, .terms = {.pull = 1e-4}}; ///< off: learned joints and displacements do the same
-    RefinedGroup camera_rotation{.rate = 2e-4, .terms = {.pull = 1e-3}}; ///< where there are cameras to refine
+    RefinedGroup betas{.start = 0.1, .terms = {.pull = 1e-4}}; ///< off: learned joints and displacements act alike
+    RefinedGroup camera_rotation{.rate = 2e-4, .terms = {.pull = 1e-3}}; ///< if there are cameras to refine
     RefinedGroup camera_translation{.rate = 2e-4, .terms = {.pull = 1e-3}};
     RefinedGroup camera_focal{.terms = {.pull = 1e-3}};
     RefinedGroup camera_center{.terms = {.pull = 1e-9}};
-    double final_rate = 0.1;                   ///< share of its rate that each group ends with
-    std::vector<double> joint_rates = {};      ///< [J] factors on the pose's rate, or empty: all 1
-    std::vector<std::size_t> left_out = {};    ///< frames that do not learn and are nobody's neighbours: kept for tests
-    std::vector<std::size_t> fixed_cameras{0}; ///< cameras that stay as they are
-    double longest_gap = 3.5;                  ///< typical intervals beyond which frames are not neighbours
-    Adam adam{.beta1 = 0.9, .beta2 = 0.99}; ///< a row sees a hundred steps, not thousands: a shorter memory of squares
+    double final_rate = 0.1;                   ///< final share of each group's rate
+    std::vector<double> joint_rates = {};      ///< [J] factors on the pose's rate; empty: all 1
+    std::vector<std::size_t> left_out = {};    ///< test frames: they do not learn, and terms between frames skip them
+    std::vector<std::size_t> fixed_cameras{0}; ///< cameras that do not learn
+    double longest_gap = 3.5;                  ///< in typical intervals; frames further apart are not neighbours
+    Adam adam{.beta1 = 0.9, .beta2 = 0.99}; ///< a row takes about a hundred steps: a shorter memory of squares
 
     [[nodiscard]] const RefinedGroup& operator[](RefinementGroup group) const {
         switch (group) {
@@ -66,8 +67,8 @@ struct RefinementConfig {
     }
 };
 
-/// The same for frames that training has not seen, refined one by one while the avatar stays as it is: the frame's own
-/// numbers, from the first step on, and twice as fast, since nothing else moves.
+/// Settings for frames that training has not used. Each is refined alone, with a fixed avatar. Only the frame's own
+/// rows learn, from the first step on, at twice the rate, because nothing else moves.
 [[nodiscard]] inline RefinementConfig test_time_config(RefinementConfig config = {}) {
     config.left_out.clear();
     config.betas.rate = 0;
@@ -75,8 +76,8 @@ struct RefinementConfig {
     return config;
 }
 
-/// Factors for RefinementConfig::joint_rates: fingers, and jaw and eyes, apart from the body. Bodies of 55 joints
-/// (SMPL-X) have both, bodies of 52 (SMPL-H) hands, all others neither.
+/// Factors for RefinementConfig::joint_rates, with own factors for fingers and for jaw and eyes. Bodies of 55 joints
+/// (SMPL-X) have both, bodies of 52 (SMPL-H) have fingers, all others have neither.
 [[nodiscard]] inline std::vector<double> joint_rates(std::size_t joint_count, double fingers, double face = 1) {
     std::vector<double> rates(joint_count, 1);
     const bool has_face = joint_count == 55, has_hands = has_face || joint_count == 52;
@@ -84,7 +85,7 @@ struct RefinementConfig {
     return rates;
 }
 
-/// A refinement's whole state on the host, for checkpoints: plain arrays, which fit refinements of the same input only.
+/// The whole state of a refinement on the host, for checkpoints. It fits only refinements of the same input.
 template <class T>
 struct RefinementState {
     std::uint64_t steps = 0;

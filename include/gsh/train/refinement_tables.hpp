@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The numbers of a refinement: tables of increments whose rows take steps of Adam, each when it is visited.
+/// @file  The numbers of a refinement: tables of increments. A row takes a step of Adam when it is visited.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -24,7 +24,7 @@ namespace gsh {
 
 namespace detail {
 
-/// One step of Adam for one row's numbers; the gradients are zero afterwards.
+/// One step of Adam for the numbers of one row. The gradients are zero afterwards.
 template <class T>
 struct RowStep {
     Span<T> parameters, gradients, m, v;
@@ -40,13 +40,12 @@ struct RowStep {
 
 } // namespace detail
 
-/// Increments, their gradients and Adam's moments: one table per group, all in one array of the backend, all zero at
-/// first.
+/// Increments, their gradients and Adam's moments. Each group has a table; all tables lie in one array of the backend.
+/// All numbers are zero at first.
 ///
-/// Rows are visited, now and then, and only a visited row takes a step, with its own count of steps: it moves by about
-/// the rate at each visit, however many rows there are. In dense Adam the zeros of all other rows' visits would shrink
-/// the second moment, and so raise the rate with the motion's length; and a frame would go on moving while others are
-/// looked at.
+/// Only a visited row takes a step, with its own step count. It moves by about the rate at each visit, for any number
+/// of rows. With dense Adam, the zero gradients during the visits of all other rows would shrink the second moment, and
+/// so raise the rate with the motion's length. A frame would also move in steps that do not use it.
 ///
 /// Shapes  see RefinementGroup; the four groups of a camera are one CameraIncrement.
 template <Backend B, std::floating_point T = float>
@@ -100,11 +99,11 @@ public:
         return at(Span<T>(gradient_), group, row);
     }
 
-    /// All rows of a group that has its table to itself: any but a camera's.
+    /// All rows of a group with a table of its own, which is any but those of cameras.
     [[nodiscard]] Span<const T> all_increments(RefinementGroup group) const {
         return Span<const T>(increments_).subspan(table(group).offset, table(group).rows * table(group).width);
     }
-    /// The four groups of a camera.
+    /// The numbers of all four groups of a camera.
     [[nodiscard]] Span<const T> camera_increments(std::size_t camera) const {
         return {increments(RefinementGroup::camera_rotation, camera).data(), camera_width};
     }
@@ -112,7 +111,7 @@ public:
         return {gradient(RefinementGroup::camera_rotation, camera).data(), camera_width};
     }
 
-    /// A row's step of Adam; its gradient is zero afterwards. rates: a factor for every three numbers, or empty.
+    /// A step of Adam for one row. Its gradient is zero afterwards. rates: a factor for every three numbers, or empty.
     void step(RefinementGroup group, std::size_t row, const Adam& adam, double rate, Span<const T> rates = {}) {
         const double t = static_cast<double>(++updates_[table(group).first_update + row]);
         const double correction1 = 1 - std::pow(adam.beta1, t), correction2 = 1 - std::pow(adam.beta2, t);
@@ -128,7 +127,7 @@ public:
     }
     void forget_gradient(RefinementGroup group, std::size_t row) { backend_->fill(gradient(group, row), T(0)); }
 
-    /// All increments on the host, to be read row by row.
+    /// All increments on the host, row by row.
     class HostIncrements {
     public:
         HostIncrements(const RefinementTables& tables) : tables_(&tables), numbers_(tables.increments_.size()) {
@@ -146,7 +145,7 @@ public:
     [[nodiscard]] HostIncrements host_increments() const { return HostIncrements(*this); }
     void set_increments(const HostIncrements& host) { backend_->upload(Span<const T>(host.numbers()), increments_); }
 
-    /// Everything but gradients that wait for a step; `steps` is the caller's.
+    /// Everything but gradients. The caller sets `steps`.
     [[nodiscard]] RefinementState<T> state() const {
         RefinementState<T> state;
         state.updates = updates_;
@@ -159,7 +158,8 @@ public:
         fetch(second_moment_, state.second_moment);
         return state;
     }
-    /// Errors  ShapeError if it is of other tables; nothing is taken over then.
+    /// Restores a state.
+    /// Errors  ShapeError for the state of other tables; then nothing changes.
     void set_state(const RefinementState<T>& state) {
         constexpr std::string_view where = "RefinementTables::set_state",
                                    hint = "resume with the input of the first run";
@@ -177,7 +177,7 @@ public:
 private:
     using Buffer = typename B::template Buffer<T>;
 
-    /// Where a group's numbers stand: row r at offset + r stride.
+    /// The place of a group's numbers: row r begins at offset + r stride.
     struct Table {
         std::size_t offset = 0, rows = 0, width = 0, stride = 0, first_update = 0;
     };
@@ -197,7 +197,7 @@ private:
     B* backend_;
     std::array<Table, refinement_group_count> tables_;
     Buffer increments_, gradient_, first_moment_, second_moment_;
-    std::vector<std::uint64_t> updates_; ///< steps that each row of each group has taken
+    std::vector<std::uint64_t> updates_; ///< number of steps of each row of each group
 };
 
 } // namespace gsh

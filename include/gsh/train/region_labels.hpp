@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Which part of which posed body each pixel shows, so that faces, hands and people can be judged apart.
+/// @file  Which part of which posed body each pixel shows, to evaluate faces, hands and people separately.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -19,13 +19,13 @@
 
 namespace gsh {
 
-/// A part of a mesh: the triangles all of whose corners are listed.
+/// A part of a mesh: the triangles with all corners in a list of vertices.
 struct MeshRegion {
     std::string name;          ///< "face"
     std::vector<int> vertices; ///< in any order
 };
 
-/// Region of each triangle, [F]: the first whose list holds all three corners, -1 if there is none.
+/// The region of each triangle, [F]: the first whose list contains all three corners, or -1.
 /// Errors  ValueError for a vertex or a corner out of range.
 [[nodiscard]] inline std::vector<int> triangle_regions(std::size_t vertex_count, Span<const std::array<int, 3>> faces,
                                                        Span<const MeshRegion> regions) {
@@ -53,10 +53,10 @@ struct MeshRegion {
     return result;
 }
 
-/// What each pixel of a view shows.
+/// The region that each pixel of a view shows.
 struct RegionLabels {
-    static constexpr int nothing = -2; ///< no body there
-    static constexpr int rest = -1;    ///< the body, but none of the regions
+    static constexpr int nothing = -2; ///< no body
+    static constexpr int rest = -1;    ///< the body outside all regions
 
     int height = 0, width = 0;
     std::vector<int> labels; // [height, width] index of a region, or one of the above
@@ -96,15 +96,15 @@ template <CpuBackend B>
     return result;
 }
 
-/// Somebody's posed mesh in a scene of several people.
+/// The posed mesh of one person in a scene of several people.
 struct LabelledBody {
     Span<const vec3<double>> vertices;    // [V]
     Span<const std::array<int, 3>> faces; // [F]
     Span<const MeshRegion> regions = {};
 };
 
-/// Labels a view of several people: each one's labels, as region_labels gives them, with `nothing` where somebody else
-/// stands in front. Of surfaces at equal depth the first person's is seen.
+/// Labels a view of several people. The labels of each person are those of region_labels, with `nothing` where another
+/// person is in front. Of surfaces at equal depth, the first person's is visible.
 /// Errors  as region_labels.
 template <CpuBackend B>
 [[nodiscard]] std::vector<RegionLabels> people_labels(B& backend, Span<const LabelledBody> people,
@@ -133,9 +133,10 @@ template <CpuBackend B>
     return result;
 }
 
-/// Whose each pixel of a photograph is: a mask for each person, 1 where `everybody`, the photograph's alpha, exceeds
-/// 1/2 and the pixel is theirs. What a body covers is whose body is seen there; with `clothes`, the rest goes to whom
-/// the fewest steps from pixel to pixel within the mask lead, so that hair and skirts have an owner.
+/// A mask for each person of a photograph, 1 where `everybody`, the photograph's alpha, exceeds 1/2 and the pixel
+/// belongs to the person. A pixel that a body covers belongs to the visible body. With `clothes`, each other pixel
+/// belongs to the person that is reached with the fewest steps from pixel to pixel within the mask. Hair and skirts
+/// then have an owner.
 ///
 /// Shapes  labels as of people_labels, one per person; everybody [1, height, width].
 template <class T>
@@ -146,7 +147,7 @@ template <class T>
     const int height = labels[0].height, width = labels[0].width;
     check_image("people_masks", "everybody", everybody, 1, height, width);
     std::vector<int> owner(labels[0].labels.size(), -1);
-    std::vector<std::size_t> reached; // in order of their distance
+    std::vector<std::size_t> reached; // in order of distance
     for (std::size_t i = 0; i < owner.size(); ++i)
         for (std::size_t p = 0; p < labels.size(); ++p)
             if (labels[p].labels[i] != RegionLabels::nothing && static_cast<double>(everybody.data[i]) > 0.5)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  One setting of a configuration as text: what it prints, what it reads, and the numbers that it may be.
+/// @file  One setting of a configuration as text: printing, reading, and the range of its numbers.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -19,7 +19,7 @@ namespace gsh {
 
 namespace detail {
 
-/// `names` of an enumeration's values, in order.
+/// Specialisations have `names`: those of an enumeration's values, in order.
 template <class E>
 struct EnumNames;
 
@@ -38,12 +38,12 @@ template <class V>
 
 } // namespace detail
 
-/// What a number among the settings may be; if nothing is said, whatever is finite.
+/// The range of a number. By default, any finite number.
 struct SettingRange {
     double least = -std::numeric_limits<double>::infinity();
     double most = std::numeric_limits<double>::infinity();
-    bool with_least = true, with_most = true; ///< whether the ends count
-    bool powers_of_two = false;               ///< and nothing between them
+    bool with_least = true, with_most = true; ///< whether the ends belong to the range
+    bool powers_of_two = false;               ///< whether only powers of two belong to it
 
     [[nodiscard]] static constexpr SettingRange at_least(double end) { return {.least = end}; }
     [[nodiscard]] static constexpr SettingRange above(double end) { return {.least = end, .with_least = false}; }
@@ -60,7 +60,7 @@ struct SettingRange {
         return !powers_of_two;
     }
 
-    /// "a number of at least 0 and below 1"; `kind` is its first words.
+    /// The range in words: "a number of at least 0 and below 1". `kind` is the beginning, "a number".
     [[nodiscard]] std::string words(std::string_view kind) const {
         if (powers_of_two) return "a power of two";
         std::string text(kind);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The stages of a training step, and a clock that measures them.
+/// @file  The stages of a training step, and a clock that measures their time.
 #pragma once
 
 #include <array>
@@ -10,19 +10,19 @@
 
 namespace gsh {
 
-/// What a training step does, in order.
+/// The stages of a training step, in order.
 enum class Stage : std::size_t { photo, field_forward, pose, render, loss, render_backward, model_backward, update };
 inline constexpr std::array<std::string_view, 8> stage_names{
     "photo", "field forward", "pose", "render", "loss", "render backward", "model backward", "update"};
 
-/// An observer of steps that measures nothing.
+/// An observer of steps that does nothing.
 struct NoObserver {
     void enter(Stage) {}
     void leave() {}
 };
 
-/// Adds up the host's time in each stage. A backend that queues its work is to be synchronized by an observer of its
-/// own.
+/// Adds up the host's time in each stage. For a backend that queues its work, write an observer that synchronizes it
+/// before reading the clock.
 class StageClock {
 public:
     void enter(Stage stage) {
@@ -30,14 +30,14 @@ public:
         if (running_) add(now);
         stage_ = stage, entered_ = now, running_ = true;
     }
-    /// The step is over.
+    /// Ends the step.
     void leave() {
         add(Clock::now());
         running_ = false;
         ++steps_;
     }
 
-    /// Seconds in each stage since the beginning, in the order of Stage.
+    /// Seconds in each stage over all steps, in the order of Stage.
     [[nodiscard]] const std::array<double, stage_names.size()>& seconds() const { return seconds_; }
     [[nodiscard]] std::uint64_t steps() const { return steps_; }
 

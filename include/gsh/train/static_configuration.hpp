@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The settings of a static scene under their names, for files and command lines.
+/// @file  The settings of a static scene by name, for files and command lines; its trainer's settings and seed.
 #pragma once
 
 #include <gsh/core/rng.hpp>
@@ -13,8 +13,7 @@
 
 namespace gsh {
 
-/// How a Trainer trains a static scene: the model's own schedule moves the rates, and the background is always the
-/// same.
+/// TrainConfig of a static scene. Rates follow the model's own schedule, and the background is constant.
 [[nodiscard]] inline TrainConfig train_config_of(const StaticConfig& config) {
     return {.decay_start = 1,
             .final_rate = 1,
@@ -24,12 +23,12 @@ namespace gsh {
             .filter = config.filter};
 }
 
-/// The seed of a static scene's Trainer, which the order of the photographs follows from; the model draws from `seed`
+/// The seed for the Trainer of a static scene, which determines the order of the photographs. StaticModel takes `seed`
 /// itself.
 [[nodiscard]] inline std::uint64_t static_order_seed(std::uint64_t seed) { return random_bits(seed, 2); }
 
-/// Calls f(name, value, range) for every setting of a static scene but its length and its largest number of Gaussians,
-/// which belong to the input.
+/// Calls f(name, value, range) for every setting of a static scene except its length and its largest number of
+/// Gaussians, which belong to the input.
 template <class C, class F>
     requires std::same_as<std::remove_const_t<C>, StaticConfig>
 void for_each_setting(C& c, const F& f) {

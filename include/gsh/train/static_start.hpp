@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What a static scene starts from: points of structure from motion, or random ones in the masks' visual hull.
+/// @file  Initial Gaussians of a static scene: from points of a reconstruction, or random ones in the visual hull.
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
@@ -22,7 +22,7 @@
 
 namespace gsh {
 
-/// Points with colours, which Gaussians grow from.
+/// Points with colours, from which initial Gaussians are made.
 ///
 /// Shapes  points, colors [N].
 /// Units   metres (or the reconstruction's own unit); display-referred sRGB in [0, 1].
@@ -35,25 +35,26 @@ struct Box {
     vec3<double> low = vec3<double>(0.0), high = vec3<double>(0.0);
 };
 
-/// Mean squared distance of each point to its `count` nearest others (to all of them if there are fewer, 0 if none).
-/// A tree of halves, since the points of a reconstruction lie dense in one place and far apart in another.
+/// Mean squared distance of each point to its `count` nearest others; to all others if there are fewer, 0 if there are
+/// none. Uses a k-d tree, because the density of a reconstruction's points varies widely.
 [[nodiscard]] inline std::vector<double> neighbor_distances(const std::vector<vec3<double>>& points, std::size_t count);
 
-/// Round Gaussians of degree 0: as wide as the root mean squared distance to the three nearest points, opacity 0.1.
+/// Round Gaussians of degree 0. The width of each is the root mean squared distance to its three nearest points.
 ///
-/// Errors  ShapeError for colours that do not match, ValueError for numbers that are not finite.
+/// Errors  ShapeError for another number of colours than points; ValueError for numbers that are not finite.
 /// Source  Kerbl et al., "3D Gaussian Splatting", 2023, §5.1 and its code.
 template <std::floating_point T = float>
 [[nodiscard]] GaussianCloud<T> initial_gaussians(const ColoredPoints& start, double opacity = 0.1);
 
-/// The box of the masks' visual hull, carved out of a cube around where the cameras look. Without masks it is the box
-/// of what three quarters of the photographs see of that cube.
+/// The box of the masks' visual hull, carved out of a cube around the point nearest to all optical axes. Without masks
+/// it is the box of those points of the cube that three quarters of the photographs see.
 ///
-/// Errors  ValueError if the optical axes are parallel, or the masks have no point in common: give a box.
+/// Errors  ValueError if the optical axes are parallel, or the masks have no point in common. Then use a box of your
+///         own.
 [[nodiscard]] inline Box hull_box(const std::vector<Photo>& photos);
 
-/// Random points of the box inside the visual hull: at least three quarters of the photographs see them, all of those
-/// on the mask (alpha above 1/2). Colours are the photographs' means.
+/// Random points of the box inside the visual hull. At least three quarters of the photographs see such a point, and in
+/// all of these it lies on the mask (alpha above 1/2). Colours are the means over these photographs.
 ///
 /// Errors  ValueError if the hull fills less than a 100,000th of the box.
 [[nodiscard]] inline ColoredPoints visual_hull_points(const std::vector<Photo>& photos, const Box& box,
@@ -63,7 +64,8 @@ template <std::floating_point T = float>
 
 namespace detail {
 
-/// A balanced k-d tree without nodes: the middle of each range of `order_` divides it along `axes_` of that place.
+/// A balanced k-d tree without nodes. The middle element of each range of `order_` divides it, along its entry of
+/// `axes_`.
 class PointTree {
 public:
     explicit PointTree(const std::vector<vec3<double>>& points)
@@ -124,7 +126,7 @@ private:
     std::vector<std::uint8_t> axes_;
 };
 
-/// The pixel that sees a point, or null.
+/// The pixel at a point's projection, or null.
 inline const std::uint8_t* pixel_of(const Photo& photo, const vec3<double>& point) {
     const vec3<double> p = to_camera(photo.camera, point);
     if (!(p.z > 0)) return nullptr;
@@ -134,7 +136,7 @@ inline const std::uint8_t* pixel_of(const Photo& photo, const vec3<double>& poin
     return photo.rgba.data() + 4 * (y * static_cast<std::size_t>(photo.camera.width) + x);
 }
 
-/// Whether a point is inside the hull; `color` becomes the mean of its pixels.
+/// Whether a point is inside the hull. Sets `color` to the mean of its pixels.
 inline bool in_hull(const std::vector<Photo>& photos, const vec3<double>& point, vec3<double>& color) {
     color = vec3<double>(0.0);
     std::size_t seen = 0;
@@ -150,7 +152,8 @@ inline bool in_hull(const std::vector<Photo>& photos, const vec3<double>& point,
     return true;
 }
 
-/// The box of those cells of a grid whose centres lie in the hull, widened by `margin` cells; false if there are none.
+/// Shrinks `box` to the cells of a grid whose centres lie in the hull, widened by `margin` cells. False if there are
+/// none.
 inline bool carve(const std::vector<Photo>& photos, Box& box, int margin) {
     constexpr int cells = 64;
     const vec3<double> step = (box.high - box.low) / double(cells);
@@ -218,7 +221,7 @@ inline Box hull_box(const std::vector<Photo>& photos) {
     double distance = 0;
     for (const Photo& photo : photos) distance = std::max(distance, length(photo.camera.center() - middle));
     Box box{middle - vec3<double>(distance), middle + vec3<double>(distance)};
-    // Twice: the first grid is coarse, and what is thinner than its cells may hide between their centres.
+    // Twice: the first grid is coarse, and may miss parts that are thinner than its cells.
     check_value(detail::carve(photos, box, 2) && detail::carve(photos, box, 1), where,
                 "no point lies on the masks of all photographs; do masks and cameras belong together? Or give a box");
     return box;

@@ -12,18 +12,18 @@ namespace gsh {
 
 /// Loss, backgrounds, pixel filter, and how rates fall over a run.
 struct TrainConfig {
-    double decay_start = 0.75; ///< share of the run over which rates stay: an avatar is rarely done learning
-    double final_rate = 0.03;  ///< share of its rate that each group ends with: small last steps average photographs
-    double ssim_weight = 0.4;  ///< λ of (1 - λ) L1 + λ (1 - SSIM); the direct baseline: 0.2
+    double decay_start = 0.75; ///< share of the run over which rates are constant
+    double final_rate = 0.03;  ///< final share of each rate; small last steps average over photographs
+    double ssim_weight = 0.4;  ///< λ of (1 - λ) L1 + λ (1 - SSIM); 0.2 in the direct baseline
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, in training and in test
-    /// In training another colour each step, so that no Gaussian can pass for background; views with plates keep
-    /// theirs.
+    /// Training uses another background colour in each step. This keeps white clothing from being reconstructed as
+    /// transparent. Photographs with plates keep their plates.
     bool random_background = true;
-    /// About what photographs have: 0.14 px² less a pixel's own box.
+    /// About the blur of the photographs: 0.14 px², less the pixel's own box.
     PixelFilter filter{.dilation = 0.1, .compensate_opacity = true};
 
-    /// Factor on every rate when a share of the run is over: 1 until decay_start, then falling geometrically to
-    /// final_rate.
+    /// Factor on every rate when the share `progress` of the run is over. It is 1 until decay_start, then falls
+    /// geometrically to final_rate.
     [[nodiscard]] double rate_factor(double progress) const {
         const double last = 1 - decay_start;
         const double fallen = last > 0 ? std::clamp((progress - decay_start) / last, 0.0, 1.0) : 0;
@@ -31,8 +31,9 @@ struct TrainConfig {
     }
 };
 
-/// Loss and filter of the direct baseline (Liu et al., "Animatable 3D Gaussian", 2024, its code), whose rates do not
-/// fall. docs/quality.md compares TrainConfig's own settings with these.
+/// Loss and filter of the direct baseline, as in its code. Its rates do not fall. docs/quality.md compares
+/// TrainConfig's own settings with these.
+/// Source  Liu et al., "Animatable 3D Gaussian", 2024.
 [[nodiscard]] inline TrainConfig baseline_config() {
     return {.decay_start = 0,
             .final_rate = 1,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Training: photographs in random order, forwards in order, backwards in reverse, a step of Adam.
+/// @file  The trainer: photographs in random order, forwards in order, backwards in reverse, a step of Adam.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -28,11 +28,11 @@
 
 namespace gsh {
 
-/// Trains a scene on photographs. A step sees one photograph; an epoch sees each once, in an order that depends on seed
-/// and epoch alone, so that a run may stop and resume anywhere.
+/// Trains a scene on photographs. A step uses one photograph. An epoch uses each once, in an order that depends only on
+/// seed and epoch, so that a run can stop and resume after any step.
 ///
-/// Source  paper §3.2 (loss) with Liu et al., "Animatable 3D Gaussian", 2024, for what it leaves open; for static
-///         scenes Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023.
+/// Source  paper §3.2 (loss), and Liu et al., "Animatable 3D Gaussian", 2024, for what the paper leaves open. For
+///         static scenes, Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023.
 template <Backend B, class Scene, std::floating_point T = float>
     requires SplatScene<Scene, B, T>
 class Trainer {
@@ -41,8 +41,8 @@ public:
     using SceneType = Scene;
 
     /// The caller owns the scene and the photographs' pixels.
-    /// Errors  ValueError: no photographs, one of a frame that the scene does not have, or settings outside their
-    ///         range. ShapeError: images of another size than their cameras.
+    /// Errors  ValueError: no photographs, a photograph of a frame that the scene does not have, settings or rates out
+    ///         of range. ShapeError: images of another size than their cameras.
     Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config = {})
         : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(checked(config)),
           loss_(backend,
@@ -63,16 +63,16 @@ public:
     [[nodiscard]] const TrainConfig& config() const { return config_; }
     /// Steps taken so far.
     [[nodiscard]] std::uint64_t step_count() const { return step_count_; }
-    /// Share of the run that was over at the last step.
+    /// The progress of the last step.
     [[nodiscard]] double progress() const { return progress_; }
-    /// Goes on after `steps` steps, the last of them at `progress`: with the learned arrays of a checkpoint.
+    /// Continues after `steps` steps, the last of which was at `progress`. The caller has restored the learned arrays.
     void resume(std::uint64_t steps, double progress) {
         step_count_ = steps;
         progress_ = progress;
         scene_->come_to(steps, progress);
     }
 
-    /// The photograph that step `step` sees.
+    /// The index of the photograph of step `step`.
     [[nodiscard]] std::size_t photo_of_step(std::uint64_t step) {
         const std::uint64_t epoch = step / photos_.size();
         if (order_.empty() || epoch != order_epoch_) {
@@ -82,9 +82,9 @@ public:
         return order_[step % photos_.size()];
     }
 
-    /// Takes one step. progress in [0, 1] is the share of the whole run that is over: learning rates fall with it, see
-    /// TrainConfig::rate_factor. A run that is to be repeatable counts steps for it, not seconds. The observer is told
-    /// of each stage as it begins.
+    /// Takes one step. progress in [0, 1] is the share of the whole run that is over. Learning rates fall with it, see
+    /// TrainConfig::rate_factor. For a repeatable run, compute it from steps, not from seconds. observer.enter is
+    /// called at the beginning of each stage, observer.leave at the end of the step.
     template <class Observer = NoObserver>
     void step(double progress = 0, Observer&& observer = {}) {
         const Photo& photo = photos_[photo_of_step(step_count_)];
@@ -124,23 +124,24 @@ public:
         observer.leave();
     }
 
-    /// Loss of the last step; waits for it.
+    /// Loss of the last step. Waits for the backend.
     [[nodiscard]] PhotometricValues last_loss() const { return loss_.values(); }
-    /// PSNR of the last step's render against its photograph, before the step's update; waits for both.
+    /// PSNR of the last step's render, which was made before its update, against the photograph. Waits for the backend.
     [[nodiscard]] double last_psnr() const { return loss_.psnr(); }
 
-    /// Renders a photograph's view at its frame, over its plate if it has one. The camera is the photograph's own.
+    /// Renders a photograph's view at its frame, over its plate if it has one. The camera is the photograph's own,
+    /// without refinement.
     void render(const Photo& photo, Image<T>& color, Image<T>* alpha = nullptr) {
         pose(photo.camera, photo.frame);
         loss_.picture(photo, splats(), color, alpha);
     }
-    /// Renders a frame at the present parameters: colour [3, height, width] over the plain background, and alpha if
-    /// asked.
+    /// Renders a frame with the present learned arrays: colour [3, height, width] over the plain background, and alpha
+    /// if it is given.
     void render(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha = nullptr) {
         pose(camera, frame);
         loss_.picture(camera, splats(), color, alpha);
     }
-    /// A photograph as training compares it, on the host: over the background, with its mask.
+    /// A photograph as training compares it, on the host: over its plate or the background, with its mask.
     void photo_pixels(const Photo& photo, Image<T>& color, Image<T>& mask) {
         check_photo("Trainer::photo_pixels", photo, scene_->frame_count());
         loss_.photograph(photo, color, mask);
