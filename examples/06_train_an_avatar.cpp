@@ -11,9 +11,8 @@
 #include <gsh/synthetic/studio.hpp>
 
 #include <story.hpp>
-
 using namespace gsh;
-using examples::Learned, examples::numbers, examples::on_backend, examples::on_host;
+using examples::numbers, examples::on_backend, examples::on_host;
 
 namespace {
 
@@ -66,19 +65,19 @@ void story(const std::filesystem::path& folder) {
     Rig<B> rig(backend, rig_data);
     const Rasterizer<B> rasterizer(backend, raster_params<float>({.dilation = 0.1, .compensate_opacity = true}));
     const PhotometricLoss<B> loss(backend);
-    Learned table(backend, field.grid().initial_table<float>(1));
-    Learned weights(backend, field.mlp().initial_weights<float>(2));
-    Learned opacity_logits(backend, std::vector<float>(count, 0)); // half transparent
-    Learned<B, Vec> log_scales(backend, discs), joints(backend, {rig_data.joints.begin(), rig_data.joints.end()});
-    Learned quats(backend, turns);
+    LearnedBuffer table(backend, field.grid().initial_table<float>(1));
+    LearnedBuffer weights(backend, field.mlp().initial_weights<float>(2));
+    LearnedBuffer opacity_logits(backend, std::vector<float>(count, 0)); // half transparent
+    LearnedBuffer<B, Vec> log_scales(backend, discs), joints(backend, {rig_data.joints.begin(), rig_data.joints.end()});
+    LearnedBuffer quats(backend, turns);
 
     // 5. What passes from part to part, forwards and back.
     const Buffer<Vec> points = on_backend(backend, start);
     Buffer<Vec> rows(count * stride), dL_drows(count * stride), means(count), dL_dmeans(count);
     const SkinnedView<const float> gaussians{
-        means, quats.values, log_scales.values, opacity_logits.values, rows, {}, rig.skin(), stride};
+        means, quats.values(), log_scales.values(), opacity_logits.values(), rows, {}, rig.skin(), stride};
     const SkinnedView<float> dL_dgaussians{
-        dL_dmeans, quats.gradient, log_scales.gradient, opacity_logits.gradient, dL_drows, {}, {}, stride};
+        dL_dmeans, quats.gradient(), log_scales.gradient(), opacity_logits.gradient(), dL_drows, {}, {}, stride};
     Buffer<Affine<float>> dL_dbones(rig.joint_count());
     Splats<B> splats, dL_dsplats;
     splats.resize(count), dL_dsplats.resize(count);
@@ -101,9 +100,9 @@ void story(const std::filesystem::path& folder) {
         rig.upload_pose(motion, view.frame, pose);
         backend.upload(Span<const std::uint8_t>(capture.image(view).data), rgba);
         composite_rgba8(backend, rgba, size, size, white.color, photo);
-        field.forward(backend, table.values, weights.values, query, numbers(rows), field_cache);
+        field.forward(backend, table.values(), weights.values(), query, numbers(rows), field_cache);
         backend.for_each(count, Displace{points, rows, means});
-        rig.forward(pose, joints.values, rig_cache);
+        rig.forward(pose, joints.values(), rig_cache);
         rig.add_offsets(rig_cache, means);
         skinned_splats_forward<degree>(backend, gaussians, rig_cache.bones, camera.center(), splats.view());
         rasterizer.forward(camera, splats.view(), white, {.color = render}, raster_cache);
@@ -117,10 +116,10 @@ void story(const std::filesystem::path& folder) {
         rasterizer.backward(camera, splats.view(), white, {.color = dL_drender}, raster_cache, dL_dsplats.view());
         skinned_splats_backward<degree>(backend, gaussians, rig_cache.bones, camera.center(), dL_dsplats.view(),
                                         skin_cache, dL_dgaussians, dL_dbones);
-        rig.backward(pose, rig_cache, dL_dbones, dL_dmeans, joints.gradient);
+        rig.backward(pose, rig_cache, dL_dbones, dL_dmeans, joints.gradient());
         backend.for_each(count, DisplaceBackward{dL_dmeans, dL_drows});
-        field.backward(backend, weights.values, query, numbers(dL_drows), field_cache, table.gradient,
-                       weights.gradient);
+        field.backward(backend, weights.values(), query, numbers(dL_drows), field_cache, table.gradient(),
+                       weights.gradient());
     };
 
     // 8. Training: a photograph a step, and an update of every array at its own pace, slower towards the end.
@@ -132,9 +131,10 @@ void story(const std::filesystem::path& folder) {
         backward();
         if (step % 100 == 0) std::printf("step %d: loss %.4f\n", step, loss.values(loss_cache).loss);
         const double pace = Schedule::exponential(1, 0.05, steps).rate(step);
-        table.step(backend, 1e-2 * pace, step), weights.step(backend, 3e-3 * pace, step);
-        opacity_logits.step(backend, 5e-2 * pace, step), joints.step(backend, 5e-4 * pace, step);
-        log_scales.step(backend, 1e-2 * pace, step), quats.step(backend, 1e-3 * pace, step);
+        for (const auto& array : {table.announce("table", 1e-2), weights.announce("weights", 3e-3),
+                                  opacity_logits.announce("opacities", 5e-2), joints.announce("joints", 5e-4),
+                                  log_scales.announce("log_scales", 1e-2), quats.announce("quats", 1e-3)})
+            take_step(backend, Adam(), array, pace, step); // the gradient is zero afterwards
     }
 
     // 9. The view that training never saw.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What the numbered stories share: where pictures go, what a claim is, how memory moves, and a landscape painted by a formula.
+/// @file  What the numbered stories share: how one is run, claims, memory of a backend, and a landscape as a formula.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -7,7 +7,6 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/math/vec.hpp>
-#include <gsh/optim/adam.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -55,24 +54,6 @@ template <Backend B, class T>
     backend.upload(Span<const T>(host), Span<T>(buffer));
     return buffer;
 }
-
-/// An array that learns, in a backend's memory: values, their gradient, and Adam's two moments.
-template <Backend B, class T>
-struct Learned {
-    typename B::template Buffer<T> values, gradient, m, v;
-
-    Learned(B& backend, const std::vector<T>& start) : values(on_backend(backend, start)) {
-        for (auto* buffer : {&gradient, &m, &v}) {
-            buffer->resize(start.size());
-            backend.fill(numbers(*buffer), 0.0f);
-        }
-    }
-    /// A step of Adam, counted from 1. The gradient is zero afterwards.
-    void step(B& backend, double rate, int number) {
-        Adam().step(backend, numbers(values), numbers(gradient), numbers(m), numbers(v), rate, number,
-                    UsedGradients::zero);
-    }
-};
 
 /// The host's copy of an image in a backend's memory.
 template <Backend B, class T>

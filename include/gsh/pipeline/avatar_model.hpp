@@ -59,7 +59,9 @@ struct DisplacedMeans {
 /// Initial Gaussians of an avatar: flat on the surface, turned to its normal.
 template <class T>
 struct GaussianStart {
-    std::vector<T> joints, quats, log_scales, opacity_logits;
+    std::vector<vec3<T>> joints, log_scales;
+    std::vector<quat<T>> quats;
+    std::vector<T> opacity_logits;
 
     /// Errors  ShapeError, ValueError: samples that are not the rig's points, settings out of range.
     GaussianStart(const RigData& rig, const SurfaceSamples& samples, const AvatarModelParams& params) {
@@ -72,14 +74,14 @@ struct GaussianStart {
         check_value(params.initial_thickness > 0 && params.initial_thickness <= 1, where,
                     "initial_thickness must lie above 0 and be at most 1");
         check_value(params.shadow_start >= 0, where, "shadow_start must not be negative");
-        for (const auto& joint : rig.joints) joints.insert(joints.end(), {T(joint.x), T(joint.y), T(joint.z)});
+        for (const auto& joint : rig.joints) joints.push_back(vec3<T>(joint));
         for (std::size_t i = 0; i < samples.size(); ++i) {
             const double scale = samples.scales[i];
             const bool round = params.initial_thickness == 1 || samples.normals[i] == vec3<double>(0);
             const quat<double> q = round ? quat<double>() : quat_from_z_axis(samples.normals[i]);
             const double thickness = round ? scale : scale * params.initial_thickness;
-            log_scales.insert(log_scales.end(), {T(std::log(scale)), T(std::log(scale)), T(std::log(thickness))});
-            quats.insert(quats.end(), {T(q.w), T(q.x), T(q.y), T(q.z)});
+            log_scales.push_back({T(std::log(scale)), T(std::log(scale)), T(std::log(thickness))});
+            quats.push_back({T(q.w), T(q.x), T(q.y), T(q.z)});
         }
         opacity_logits.assign(samples.size(), static_cast<T>(logit(params.initial_opacity)));
     }
@@ -159,13 +161,13 @@ public:
         const ColorGradient<T> dL_dcolors = appearance_.start_gradient();
         poser_.template backward<sh_degree>(
             pose, gaussians(), center, dL_dsplats, cache_.poser,
-            {.quats = view_as<quat<T>>(quats_.gradient()),
-             .log_scales = view_as<vec3<T>>(log_scales_.gradient()),
+            {.quats = quats_.gradient(),
+             .log_scales = log_scales_.gradient(),
              .opacity_logits = opacity_logits_.gradient(),
              .sh = dL_dcolors.sh,
              .ao = dL_dao,
              .sh_stride = dL_dcolors.sh_stride},
-            view_as<vec3<T>>(joints_.gradient()), dL_dpose, dL_dcenter);
+            joints_.gradient(), dL_dpose, dL_dcenter);
         if (!dL_dao.empty()) shadow_.backward(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
         appearance_.backward(frame, cache_.poser.dL_dmeans);
     }
@@ -203,12 +205,12 @@ public:
     }
 
     /// The learned joints [J], in the backend's memory.
-    [[nodiscard]] Span<const vec3<T>> joints() const { return view_as<const vec3<T>>(joints_.values()); }
+    [[nodiscard]] Span<const vec3<T>> joints() const { return joints_.values(); }
     /// The canonical Gaussians without means and weights. Colours are those of the last update_canonical.
     [[nodiscard]] SkinnedView<const T> gaussians() const {
         const AppearanceView<T> appearance = appearance_.view();
-        return {.quats = view_as<const quat<T>>(quats_.values()),
-                .log_scales = view_as<const vec3<T>>(log_scales_.values()),
+        return {.quats = quats_.values(),
+                .log_scales = log_scales_.values(),
                 .opacity_logits = opacity_logits_.values(),
                 .sh = appearance.sh,
                 .ao = cache_.ao,
@@ -226,7 +228,7 @@ private:
                 Appearance appearance, Shadow shadow, const Params& params)
         : backend_(&backend), params_(params), poser_(backend, rig, params.clamping, params.deformation),
           points_(std::move(points)), appearance_(std::move(appearance)), shadow_(std::move(shadow)),
-          joints_(backend, start.joints), quats_(backend, start.quats), log_scales_(backend, start.log_scales),
+          joints_(backend, start.joints), log_scales_(backend, start.log_scales), quats_(backend, start.quats),
           opacity_logits_(backend, start.opacity_logits) {
         check_size("AvatarModel", "points", points_->size(), rig.point_count(), "one per point of the rig");
     }
@@ -246,7 +248,9 @@ private:
     SharedPoints<B, T> points_; // x₀
     Appearance appearance_;
     Shadow shadow_;
-    LearnedBuffer<B, T> joints_, quats_, log_scales_, opacity_logits_; // [J, 3], [N, 4], [N, 3], [N]
+    LearnedBuffer<B, vec3<T>> joints_, log_scales_; // [J], [N]
+    LearnedBuffer<B, quat<T>> quats_;               // [N]
+    LearnedBuffer<B, T> opacity_logits_;            // [N]
     bool shadow_joined_ = params_.shadow_start <= 0;
     Cache cache_;
 };

@@ -4,12 +4,14 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/math/vec.hpp>
 #include <gsh/optim/adam.hpp>
 
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -58,33 +60,42 @@ void append(LearnedArrays<T>& all, LearnedArrays<T> part, const std::string& pre
     }
 }
 
-/// The memory of one learned array: values, gradient and moments.
-template <Backend B, std::floating_point T = float>
+/// The memory of one learned array: values, gradient and moments, of numbers or of vectors and quaternions of them.
+/// Others see it as an array of numbers.
+template <Backend B, class Element = float>
 class LearnedBuffer {
 public:
     LearnedBuffer() = default;
     /// Gradient and moments start at zero.
-    LearnedBuffer(B& backend, const std::vector<T>& initial) {
+    LearnedBuffer(B& backend, const std::vector<Element>& initial) {
         for (auto* buffer : {&values_, &gradient_, &first_moment_, &second_moment_}) buffer->resize(initial.size());
-        backend.upload(Span<const T>(initial), Span<T>(values_));
-        for (auto* buffer : {&gradient_, &first_moment_, &second_moment_}) backend.fill(Span<T>(*buffer), T(0));
+        backend.upload(Span<const Element>(initial), Span<Element>(values_));
+        for (auto* buffer : {&gradient_, &first_moment_, &second_moment_}) backend.fill(numbers(*buffer), Number(0));
     }
 
     [[nodiscard]] std::size_t size() const { return values_.size(); }
-    [[nodiscard]] Span<T> values() { return values_; }
-    [[nodiscard]] Span<const T> values() const { return values_; }
-    [[nodiscard]] Span<T> gradient() { return gradient_; }
-    [[nodiscard]] LearnedArray<T> announce(std::string name, double rate) {
-        return {.name = std::move(name),
-                .values = values_,
-                .gradient = gradient_,
-                .first_moment = first_moment_,
-                .second_moment = second_moment_,
-                .rate = rate};
+    [[nodiscard]] Span<Element> values() { return values_; }
+    [[nodiscard]] Span<const Element> values() const { return values_; }
+    [[nodiscard]] Span<Element> gradient() { return gradient_; }
+    [[nodiscard]] auto announce(std::string name, double rate) {
+        return LearnedArray<Number>{.name = std::move(name),
+                                    .values = numbers(values_),
+                                    .gradient = numbers(gradient_),
+                                    .first_moment = numbers(first_moment_),
+                                    .second_moment = numbers(second_moment_),
+                                    .rate = rate};
     }
 
 private:
-    typename B::template Buffer<T> values_, gradient_, first_moment_, second_moment_;
+    using Buffer = typename B::template Buffer<Element>;
+    static auto number_of(const Element& element) {
+        if constexpr (std::is_floating_point_v<Element>) return element;
+        else return element.x;
+    }
+    using Number = decltype(number_of(std::declval<Element>()));
+    static Span<Number> numbers(Buffer& buffer) { return view_as<Number>(Span<Element>(buffer)); }
+
+    Buffer values_, gradient_, first_moment_, second_moment_;
 };
 
 /// One step of Adam for one array. `factor` multiplies all of its rates. The gradient is zero afterwards.

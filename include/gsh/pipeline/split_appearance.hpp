@@ -75,11 +75,11 @@ public:
     StoredColors(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params, std::size_t,
                  std::size_t)
         : rate_(params.stored_sh_rate), band_rate_(params.stored_sh_band_rate),
-          sh_(backend, std::vector<T>(3 * stride * points.size(), T(0))) {}
+          sh_(backend, std::vector<vec3<T>>(stride * points.size(), vec3<T>(T(0)))) {}
 
     void forward(const typename Field::Query&, const FieldInputs<T>&) {}
-    [[nodiscard]] Span<const vec3<T>> view() const { return view_as<const vec3<T>>(sh_.values()); }
-    [[nodiscard]] Span<vec3<T>> start_gradient() { return view_as<vec3<T>>(sh_.gradient()); }
+    [[nodiscard]] Span<const vec3<T>> view() const { return sh_.values(); }
+    [[nodiscard]] Span<vec3<T>> start_gradient() { return sh_.gradient(); }
     void backward(const typename Field::Query&, const FieldInputs<T>&) {} // skinning added to the array's gradient
     [[nodiscard]] LearnedArrays<T> learned(const typename Field::Query&) {
         LearnedArrays<T> arrays{sh_.announce("sh", rate_)};
@@ -89,7 +89,7 @@ public:
 
 private:
     double rate_, band_rate_;
-    LearnedBuffer<B, T> sh_; // [N, stride, 3]
+    LearnedBuffer<B, vec3<T>> sh_; // [N, stride]
 };
 
 /// Displacements from a field of their own: δx = field(x₀).
@@ -131,13 +131,13 @@ public:
     StoredDisplacements(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params, std::size_t,
                         std::size_t)
         : backend_(&backend), rate_(params.stored_displacement_rate),
-          displacements_(backend, std::vector<T>(3 * points.size(), T(0))) {}
+          displacements_(backend, std::vector<vec3<T>>(points.size(), vec3<T>(T(0)))) {}
 
     void forward(const typename Field::Query&, const FieldInputs<T>&) {}
-    [[nodiscard]] Span<const vec3<T>> view() const { return view_as<const vec3<T>>(displacements_.values()); }
+    [[nodiscard]] Span<const vec3<T>> view() const { return displacements_.values(); }
     void backward(const typename Field::Query&, const FieldInputs<T>&, Span<vec3<T>> dL_dmeans) {
         backend_->for_each(displacements_.size(),
-                           detail::Accumulate<T>{view_as<T>(dL_dmeans), displacements_.gradient()});
+                           detail::Accumulate<vec3<T>>{dL_dmeans, displacements_.gradient()});
     }
     [[nodiscard]] LearnedArrays<T> learned(const typename Field::Query&) {
         return {displacements_.announce("displacements", rate_)};
@@ -146,7 +146,7 @@ public:
 private:
     B* backend_;
     double rate_;
-    LearnedBuffer<B, T> displacements_; // [N, 3]
+    LearnedBuffer<B, vec3<T>> displacements_; // [N]
 };
 
 /// An appearance with two sources over the same points. Its fields share one query of the points.
