@@ -102,8 +102,8 @@ public:
         rasterizer_.backward(camera, splats, backdrop_.background(), dL_dtarget, raster_cache_, dL_dsplats, dL_dcamera);
     }
 
-    /// The rasterizer's cache of the last picture: which splats are visible and, after backward, the gradient of each
-    /// projected centre.
+    /// The rasterizer's cache of the last picture: which splats are visible and, after backward, the norm of the
+    /// gradient of each projected centre.
     [[nodiscard]] const RasterCache<B, T>& raster_cache() const { return raster_cache_; }
 
     // Pictures on the host. These calls overwrite the photograph and the render. -------------------------------------
