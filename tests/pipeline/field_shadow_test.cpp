@@ -79,7 +79,7 @@ TEST_CASE("a shadow over the time has the gradient of its ambient occlusion, and
     CHECK(dL_dpose == zero_pose());
     CHECK(shadow.casts());
     CHECK(!shadow.follows_pose());
-    CHECK(!shadow.baked());
+    CHECK(!baked_field(shadow));
     CHECK(scene.occlusion(shadow, 1) != scene.occlusion(shadow, 2));
     CHECK_THROWS_AS((void)scene.occlusion(shadow, 5), ValueError);
 }

@@ -28,7 +28,7 @@ void check_same_shadow(const Make& make) {
     test::randomize(policy), test::randomize(any);
     CHECK(any.casts() == policy.casts());
     CHECK(any.follows_pose() == policy.follows_pose());
-    CHECK(any.baked().has_value() == policy.baked().has_value());
+    CHECK(any.baked().has_value() == baked_field(policy).has_value());
     CHECK(scene.occlusion(any) == scene.occlusion(policy));
     std::vector<vec3<double>> expected(4, vec3<double>(0.0)), found = expected;
     scene.backward(policy, expected), scene.backward(any, found);
@@ -62,7 +62,7 @@ TEST_CASE("no shadow learns nothing, follows nothing and writes nothing") {
     CHECK(!none.casts());
     CHECK(!none.follows_pose());
     CHECK(none.learned().empty());
-    CHECK(!none.baked());
+    CHECK(!baked_field(none));
     std::vector<double> ao(scene.size(), 0.25);
     none.forward(scene.input(), ao);
     CHECK(ao == std::vector<double>(scene.size(), 0.25));

@@ -62,7 +62,7 @@ public:
     }
     void backward() {
         appearance_->forward(frame_);
-        const ColorGradient<double> dL_dcolors = appearance_->start_gradient();
+        const ColorGradient<double> dL_dcolors = appearance_->color_gradient();
         for (std::size_t i = 0; i < displacements_.size(); ++i)
             for (std::size_t k = 0; k < basis; ++k) dL_dcolors.sh[i * dL_dcolors.sh_stride + k] += sh_[i * basis + k];
         std::vector<vec3<double>> dL_dmeans = displacements_;

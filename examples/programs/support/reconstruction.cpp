@@ -123,7 +123,7 @@ bool Reconstruction::refine_test_poses(Backend& backend) {
         for (const Photo& photo : test_photos)
             if (photo.frame == frame) photos.push_back(photo);
         for (std::size_t turn = 0; turn < rounds * people.size(); ++turn) {
-            FrozenPerson<Scene, Backend> frozen(scene, turn % people.size());
+            FrozenPerson<Scene> frozen(scene, turn % people.size());
             fit.fit(frozen, frame, photos);
             if (interrupted) return false;
         }

@@ -39,7 +39,7 @@ struct ColorGradient {
 ///
 ///     forward(frame)              evaluates both; only fields that read the time depend on the frame
 ///     view()                      returns the results of forward
-///     start_gradient()            returns where skinning adds the gradient of the colours: zeros, or, for stored
+///     color_gradient()            returns where skinning adds the gradient of the colours: zeros, or, for stored
 ///                                 colours, the array's own gradient
 ///     backward(frame, dL_dmeans)  adjoint of forward, from that gradient and dL_dmeans [N], which is that of the
 ///                                 displacements, too; adds to the gradients of learned()
@@ -50,7 +50,7 @@ concept AppearancePolicy = requires(A& appearance, const A& constant, std::size_
     requires std::same_as<std::remove_cvref_t<decltype(A::sh_degree)>, int>;
     appearance.forward(frame);
     { constant.view() } -> std::same_as<AppearanceView<T>>;
-    { appearance.start_gradient() } -> std::same_as<ColorGradient<T>>;
+    { appearance.color_gradient() } -> std::same_as<ColorGradient<T>>;
     appearance.backward(frame, dL_dmeans);
     { appearance.learned() } -> std::same_as<LearnedArrays<T>>;
     { constant.reads_time() } -> std::same_as<bool>;
@@ -71,7 +71,7 @@ public:
 
     void forward(std::size_t frame) { self_->forward(frame); }
     [[nodiscard]] AppearanceView<T> view() const { return self_->view(); }
-    [[nodiscard]] ColorGradient<T> start_gradient() { return self_->start_gradient(); }
+    [[nodiscard]] ColorGradient<T> color_gradient() { return self_->color_gradient(); }
     void backward(std::size_t frame, Span<vec3<T>> dL_dmeans) { self_->backward(frame, dL_dmeans); }
     [[nodiscard]] LearnedArrays<T> learned() { return self_->learned(); }
     [[nodiscard]] bool reads_time() const { return self_->reads_time(); }
@@ -82,7 +82,7 @@ private:
         virtual ~Interface() = default;
         virtual void forward(std::size_t frame) = 0;
         [[nodiscard]] virtual AppearanceView<T> view() const = 0;
-        [[nodiscard]] virtual ColorGradient<T> start_gradient() = 0;
+        [[nodiscard]] virtual ColorGradient<T> color_gradient() = 0;
         virtual void backward(std::size_t frame, Span<vec3<T>> dL_dmeans) = 0;
         [[nodiscard]] virtual LearnedArrays<T> learned() = 0;
         [[nodiscard]] virtual bool reads_time() const = 0;
@@ -94,7 +94,7 @@ private:
         explicit Model(A appearance) : policy(std::move(appearance)) {}
         void forward(std::size_t frame) override { policy.forward(frame); }
         [[nodiscard]] AppearanceView<T> view() const override { return policy.view(); }
-        [[nodiscard]] ColorGradient<T> start_gradient() override { return policy.start_gradient(); }
+        [[nodiscard]] ColorGradient<T> color_gradient() override { return policy.color_gradient(); }
         void backward(std::size_t frame, Span<vec3<T>> dL_dmeans) override { policy.backward(frame, dL_dmeans); }
         [[nodiscard]] LearnedArrays<T> learned() override { return policy.learned(); }
         [[nodiscard]] bool reads_time() const override { return policy.reads_time(); }

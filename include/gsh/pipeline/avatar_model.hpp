@@ -158,7 +158,7 @@ public:
                   const SplatView<const T>& dL_dsplats, RigPoseGradient<T> dL_dpose = {},
                   Span<vec3<T>> dL_dcenter = {}) {
         const Span<T> dL_dao = zeros(cache_.dL_dao, cache_.ao.size());
-        const ColorGradient<T> dL_dcolors = appearance_.start_gradient();
+        const ColorGradient<T> dL_dcolors = appearance_.color_gradient();
         poser_.template backward<sh_degree>(
             pose, gaussians(), center, dL_dsplats, cache_.poser,
             {.quats = quats_.gradient(),

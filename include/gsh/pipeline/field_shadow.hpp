@@ -122,7 +122,6 @@ public:
     }
     void backward_to_pose(const ShadowInput<B, T>&, Span<const T>, Span<T>, Span<vec3<T>>) {}
     [[nodiscard]] LearnedArrays<T> learned() { return field_.learned(); }
-    [[nodiscard]] std::optional<OcclusionFieldData> baked() const { return std::nullopt; }
 
 private:
     FrameCodes<B, T> codes_;

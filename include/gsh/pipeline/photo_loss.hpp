@@ -48,16 +48,17 @@ public:
 
     [[nodiscard]] const Params& params() const { return params_; }
 
-    /// Sets the background of renders and photographs without a plate. Call set_photo afterwards: the present
-    /// photograph was composited over the former colour.
-    void set_background(const std::array<double, 3>& color) { backdrop_.set_color(color); }
-
-    /// Composites the photograph over its plate or the background. render and compare use it from now on.
-    void set_photo(const Photo& photo) {
+    /// Composites the photograph over its plate or, without one, over `background`. render and compare use both from now
+    /// on.
+    void set_photo(const Photo& photo, const std::array<double, 3>& background) {
+        backdrop_.set_color(background);
         resize(photo.camera.height, photo.camera.width);
         backdrop_.photograph(*backend_, photo.rgba, photo.plate, view(truth_, 3),
                              with_mask() ? in(mask_, 1) : ImageView<T>{});
     }
+
+    /// The same over Params::background.
+    void set_photo(const Photo& photo) { set_photo(photo, params_.background); }
 
     /// Renders the splats. `camera` is the photograph's camera, as it was calibrated or as refinement has moved it.
     void render(const Camera<T>& camera, const SplatView<const T>& splats) {
@@ -108,7 +109,7 @@ public:
 
     // Pictures on the host. These calls overwrite the photograph and the render. -------------------------------------
 
-    /// Renders the splats over the photograph's plate or the background, into color [3, height, width]. alpha
+    /// Renders the splats over the photograph's plate or Params::background, into color [3, height, width]. alpha
     /// [1, height, width] is written if it is given.
     void picture(const Photo& photo, const SplatView<const T>& splats, Image<T>& color, Image<T>* alpha = nullptr) {
         backdrop_.set_plate(*backend_, photo.plate, photo.camera.height, photo.camera.width);
@@ -123,6 +124,7 @@ public:
     /// The photograph as it is compared: over its plate or the background, with its mask.
     void photograph(const Photo& photo, Image<T>& color, Image<T>& mask) {
         resize(photo.camera.height, photo.camera.width);
+        backdrop_.set_color(params_.background);
         backdrop_.photograph(*backend_, photo.rgba, photo.plate, view(truth_, 3), in(mask_, 1));
         color = download(truth_, 3);
         mask = download(mask_, 1);
@@ -153,6 +155,7 @@ private:
     void picture_from(const Camera<double>& camera, const SplatView<const T>& splats, Image<T>& color,
                       Image<T>* alpha) {
         resize(camera.height, camera.width);
+        backdrop_.set_color(params_.background);
         rasterizer_.forward(camera.template cast<T>(), splats, backdrop_.background(),
                             {.color = view(render_, 3), .alpha = alpha ? in(alpha_, 1) : ImageView<T>{}},
                             raster_cache_);

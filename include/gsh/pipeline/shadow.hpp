@@ -37,7 +37,9 @@ struct ShadowInput {
 ///     backward(input, ao, dL_dao, dL_dpose)    adds to the gradients of learned(), and to dL_dpose [J] unless that is
 ///                                              empty; ao is that of forward; dL_dao [N] is scratch afterwards
 ///     backward_to_pose(input, ao, dL_dao, dL_dpose)    adds to dL_dpose alone; the shadow does not learn
-///     baked()                                  the field that an avatar file stores, if the shadow follows the pose
+///
+/// A shadow that follows the pose may have baked(), the field that an avatar file stores (std::optional). Without it the
+/// file gets the mean of ao over training.
 template <class S, class B, class T>
 concept ShadowPolicy = requires(S& shadow, const S& constant, const ShadowInput<B, T>& input, Span<const T> ao,
                                 Span<T> values, Span<vec3<T>> dL_dpose) {
@@ -47,8 +49,14 @@ concept ShadowPolicy = requires(S& shadow, const S& constant, const ShadowInput<
     shadow.backward(input, ao, values, dL_dpose);
     shadow.backward_to_pose(input, ao, values, dL_dpose);
     { shadow.learned() } -> std::same_as<LearnedArrays<T>>;
-    { constant.baked() } -> std::same_as<std::optional<OcclusionFieldData>>;
 };
+
+/// What baked() returns, or nothing for a shadow that has none.
+template <class Shadow>
+[[nodiscard]] std::optional<OcclusionFieldData> baked_field(const Shadow& shadow) {
+    if constexpr (requires { shadow.baked(); }) return shadow.baked();
+    else return std::nullopt;
+}
 
 /// No shadow: ao = 1. It is also a base for shadows that need only some of the calls.
 template <Backend B, std::floating_point T = float>
@@ -59,7 +67,6 @@ struct NoShadow {
     void backward(const ShadowInput<B, T>&, Span<const T>, Span<T>, Span<vec3<T>>) {}
     void backward_to_pose(const ShadowInput<B, T>&, Span<const T>, Span<T>, Span<vec3<T>>) {}
     [[nodiscard]] LearnedArrays<T> learned() { return {}; }
-    [[nodiscard]] std::optional<OcclusionFieldData> baked() const { return std::nullopt; }
 };
 
 /// Any shadow, chosen at run time. Each pass costs a virtual call.
@@ -109,7 +116,7 @@ private:
             policy.backward_to_pose(input, ao, dL_dao, dL_dpose);
         }
         [[nodiscard]] LearnedArrays<T> learned() override { return policy.learned(); }
-        [[nodiscard]] std::optional<OcclusionFieldData> baked() const override { return policy.baked(); }
+        [[nodiscard]] std::optional<OcclusionFieldData> baked() const override { return baked_field(policy); }
     };
     std::unique_ptr<Interface> self_;
 };

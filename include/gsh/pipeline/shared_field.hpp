@@ -47,7 +47,7 @@ public:
     [[nodiscard]] AppearanceView<T> view() const {
         return {outputs_, stride, displacements(Span<const vec3<T>>(outputs_)), stride};
     }
-    [[nodiscard]] ColorGradient<T> start_gradient() {
+    [[nodiscard]] ColorGradient<T> color_gradient() {
         dL_doutputs_.resize(outputs_.size());
         backend_->fill(Span<vec3<T>>(dL_doutputs_), vec3<T>(T(0)));
         return {dL_doutputs_, stride};

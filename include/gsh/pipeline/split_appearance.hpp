@@ -42,7 +42,7 @@ public:
         scale(sh_);
     }
     [[nodiscard]] Span<const vec3<T>> view() const { return sh_; }
-    [[nodiscard]] Span<vec3<T>> start_gradient() {
+    [[nodiscard]] Span<vec3<T>> color_gradient() {
         dL_dsh_.resize(sh_.size());
         backend_->fill(Span<vec3<T>>(dL_dsh_), vec3<T>(T(0)));
         return dL_dsh_;
@@ -79,7 +79,7 @@ public:
 
     void forward(const typename Field::Query&, const FieldInputs<T>&) {}
     [[nodiscard]] Span<const vec3<T>> view() const { return sh_.values(); }
-    [[nodiscard]] Span<vec3<T>> start_gradient() { return sh_.gradient(); }
+    [[nodiscard]] Span<vec3<T>> color_gradient() { return sh_.gradient(); }
     void backward(const typename Field::Query&, const FieldInputs<T>&) {} // skinning added to the array's gradient
     [[nodiscard]] LearnedArrays<T> learned(const typename Field::Query&) {
         LearnedArrays<T> arrays{sh_.announce("sh", rate_)};
@@ -166,7 +166,7 @@ public:
         displacements_.forward(query_, inputs(frame));
     }
     [[nodiscard]] AppearanceView<T> view() const { return {colors_.view(), Colors::stride, displacements_.view(), 1}; }
-    [[nodiscard]] ColorGradient<T> start_gradient() { return {colors_.start_gradient(), Colors::stride}; }
+    [[nodiscard]] ColorGradient<T> color_gradient() { return {colors_.color_gradient(), Colors::stride}; }
     void backward(std::size_t frame, Span<vec3<T>> dL_dmeans) {
         displacements_.backward(query_, inputs(frame), dL_dmeans);
         colors_.backward(query_, inputs(frame));

@@ -10,6 +10,7 @@
 #include <gsh/math/sh.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/pipeline/photo.hpp>
+#include <gsh/pipeline/shadow.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -105,7 +106,7 @@ template <class Scene>
     for (std::size_t j = 0; j < joints.size(); ++j) rig.joints[j] = vec3<double>(joints[j]);
     avatar.rig = std::move(rig);
     avatar.ao = mean_occlusion(scene, frames, person);
-    if (!avatar.ao.empty()) avatar.occlusion = model.shadow().baked();
+    if (!avatar.ao.empty()) avatar.occlusion = baked_field(model.shadow());
     return avatar;
 }
 

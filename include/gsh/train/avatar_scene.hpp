@@ -48,6 +48,7 @@ class AvatarScene {
 public:
     using Scalar = T;
     using ModelType = Model;
+    using BackendType = B;
 
     /// Several people. Every motion covers every frame: in frames before a person enters, place the person outside
     /// every camera's view.

@@ -41,8 +41,8 @@ struct CanonicalSetup {
 /// vertex, and neither region nor features.
 ///
 /// Errors  ValueError: region lists that name no vertex, nothing to sample, views that do not fit the body.
-template <CpuBackend B>
-[[nodiscard]] CanonicalSetup make_canonical_setup(B& backend, const BodyModel& body, const Motion& motion,
+template <HostExecutor E>
+[[nodiscard]] CanonicalSetup make_canonical_setup(E& executor, const BodyModel& body, const Motion& motion,
                                                   const Configuration& config, std::size_t count, std::uint64_t seed,
                                                   const RegionLists& regions = {},
                                                   const EstimatedPriors& estimated = {}) {
@@ -80,16 +80,16 @@ template <CpuBackend B>
     }
     std::vector<std::pair<std::size_t, std::vector<double>>> columns;
     const auto& skin = setup.samples.weights.view();
-    auto posed = posed_priors(backend, {body, motion, mover, setup.motion}, estimated,
+    auto posed = posed_priors(executor, {body, motion, mover, setup.motion}, estimated,
                               {config.depth_prior, config.normal_prior, config.prior.depth});
     if (config.depth_prior) {
         std::vector<PriorView>& views = posed.depths;
-        if (views.empty()) views = four_depth_views(backend, vertices, body.faces);
+        if (views.empty()) views = four_depth_views(executor, vertices, body.faces);
         columns.emplace_back(views.size(), depth_features(setup.samples.positions, views, skin, config.prior));
     }
     if (config.normal_prior) {
         std::vector<PriorView>& views = posed.normals;
-        if (views.empty()) views = two_normal_views(backend, vertices, body.faces);
+        if (views.empty()) views = two_normal_views(executor, vertices, body.faces);
         columns.emplace_back(3 * views.size(), normal_features(setup.samples.positions, views, skin));
     }
     for (std::size_t i = 0; i < N; ++i)

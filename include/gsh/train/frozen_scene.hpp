@@ -70,7 +70,7 @@ private:
 
 /// One person of an AvatarScene. Only the motion of this person learns, which is the person's refinement in the scene.
 /// The other people stay in their poses, and hide or are hidden. The AvatarScene must outlive it.
-template <class Scene, Backend B, std::floating_point T = typename Scene::Scalar>
+template <class Scene, Backend B = typename Scene::BackendType, std::floating_point T = typename Scene::Scalar>
 class FrozenPerson : public FrozenSceneBase<B, T> {
 public:
     /// Errors  ValueError if the person's poses are not refined.

@@ -47,8 +47,8 @@ struct PosedPriors {
 /// Errors  ValueError for a frame that does not exist, a map that does not lie on the body, bones in a view that is to
 ///         be integrated, or, for differences of depth, depths more than half a metre off the body, which have other
 ///         units; those of check_prior_view.
-template <CpuBackend B>
-[[nodiscard]] PosedPriors posed_priors(B& backend, const SeenPerson& person, const EstimatedPriors& estimated,
+template <HostExecutor E>
+[[nodiscard]] PosedPriors posed_priors(E& executor, const SeenPerson& person, const EstimatedPriors& estimated,
                                        const PosedPriorsParams& params = {});
 
 // -------------------------------------------------------------------------------------------------------------
@@ -72,11 +72,11 @@ namespace detail {
 }
 
 /// The depth of the person's mesh in the view's camera. Not for a view with bones of its own.
-template <CpuBackend B>
-[[nodiscard]] PriorView mesh_depth(B& backend, const SeenPerson& person, const EstimatedView& estimate) {
+template <HostExecutor E>
+[[nodiscard]] PriorView mesh_depth(E& executor, const SeenPerson& person, const EstimatedView& estimate) {
     const auto vertices = estimate.frame ? pose_at(person.body, person.motion, *estimate.frame).vertices
                                          : shaped_vertices(person.body, person.motion.betas);
-    return depth_view(backend, vertices, person.body.faces, estimate.view.camera);
+    return depth_view(executor, vertices, person.body.faces, estimate.view.camera);
 }
 
 /// Throws if map and body hardly overlap: the map is of another frame, camera or crop.
@@ -109,15 +109,15 @@ inline void check_depths(const EstimatedView& estimate, const PriorView& mesh) {
 
 } // namespace detail
 
-template <CpuBackend B>
-PosedPriors posed_priors(B& backend, const SeenPerson& person, const EstimatedPriors& estimated,
+template <HostExecutor E>
+PosedPriors posed_priors(E& executor, const SeenPerson& person, const EstimatedPriors& estimated,
                          const PosedPriorsParams& params) {
     PosedPriors posed;
     if (params.depths)
         for (const EstimatedView& estimate : estimated.depths) {
             posed.depths.push_back(detail::with_bones(person, estimate, 1));
             if (!estimate.view.bones.empty()) continue;
-            const PriorView mesh = detail::mesh_depth(backend, person, estimate);
+            const PriorView mesh = detail::mesh_depth(executor, person, estimate);
             detail::check_overlap(estimate, mesh);
             if (params.feature == DepthFeature::difference) detail::check_depths(estimate, mesh);
         }
@@ -128,7 +128,7 @@ PosedPriors posed_priors(B& backend, const SeenPerson& person, const EstimatedPr
                     "brings its own bones; to integrate it, name the frame instead: the posed mesh says where it lies");
         PriorView view = detail::with_bones(person, estimate, 3);
         if (estimate.view.bones.empty()) {
-            const PriorView mesh = detail::mesh_depth(backend, person, estimate);
+            const PriorView mesh = detail::mesh_depth(executor, person, estimate);
             detail::check_overlap(estimate, mesh);
             if (integrate) posed.depths.push_back(integrate_normals(view, &mesh).view);
         }

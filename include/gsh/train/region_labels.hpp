@@ -84,12 +84,12 @@ struct RegionLabels {
 ///
 /// Shapes  vertices [V] posed, as of pose_body; faces [F].
 /// Errors  as rasterize_mesh and triangle_regions.
-template <CpuBackend B>
-[[nodiscard]] RegionLabels region_labels(B& backend, Span<const vec3<double>> vertices,
+template <HostExecutor E>
+[[nodiscard]] RegionLabels region_labels(E& executor, Span<const vec3<double>> vertices,
                                          Span<const std::array<int, 3>> faces, const Camera<double>& camera,
                                          Span<const MeshRegion> regions) {
     const std::vector<int> region_of = triangle_regions(vertices.size(), faces, regions);
-    const MeshImage seen = rasterize_mesh(backend, vertices, faces, camera);
+    const MeshImage seen = rasterize_mesh(executor, vertices, faces, camera);
     RegionLabels result{seen.height, seen.width, std::vector<int>(seen.size(), RegionLabels::nothing)};
     for (std::size_t i = 0; i < seen.size(); ++i)
         if (seen.covers(i)) result.labels[i] = region_of[static_cast<std::size_t>(seen.triangle[i])];
@@ -106,8 +106,8 @@ struct LabelledBody {
 /// Labels a view of several people. The labels of each person are those of region_labels, with `nothing` where another
 /// person is in front. Of surfaces at equal depth, the first person's is visible.
 /// Errors  as region_labels.
-template <CpuBackend B>
-[[nodiscard]] std::vector<RegionLabels> people_labels(B& backend, Span<const LabelledBody> people,
+template <HostExecutor E>
+[[nodiscard]] std::vector<RegionLabels> people_labels(E& executor, Span<const LabelledBody> people,
                                                       const Camera<double>& camera) {
     std::vector<vec3<double>> vertices;
     std::vector<std::array<int, 3>> faces;
@@ -122,7 +122,7 @@ template <CpuBackend B>
         region_of.insert(region_of.end(), own.begin(), own.end());
         person_of.insert(person_of.end(), own_faces.size(), p);
     }
-    const MeshImage seen = rasterize_mesh(backend, vertices, faces, camera);
+    const MeshImage seen = rasterize_mesh(executor, vertices, faces, camera);
     std::vector<RegionLabels> result(
         people.size(), {seen.height, seen.width, std::vector<int>(seen.size(), RegionLabels::nothing)});
     for (std::size_t i = 0; i < seen.size(); ++i) {

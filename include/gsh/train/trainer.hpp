@@ -92,8 +92,7 @@ public:
         scene_->come_to(step_count_, progress);
 
         observer.enter(Stage::photo);
-        if (config_.random_background) loss_.set_background(random_color(step_count_));
-        loss_.set_photo(photo);
+        loss_.set_photo(photo, config_.random_background ? random_color(step_count_) : config_.background);
         observer.enter(Stage::field_forward);
         scene_->prepare(photo.frame);
         observer.enter(Stage::pose);
@@ -120,7 +119,6 @@ public:
             take_step(*backend_, adam_, array, factor, static_cast<std::int64_t>(step_count_ + 1));
         scene_->after_step(loss_.raster_cache());
         ++step_count_;
-        loss_.set_background(config_.background);
         observer.leave();
     }
 
