@@ -48,8 +48,8 @@ public:
 
     [[nodiscard]] const Params& params() const { return params_; }
 
-    /// Composites the photograph over its plate or, without one, over `background`. render and compare use both from now
-    /// on.
+    /// Composites the photograph over its plate or, without one, over `background`. render and compare use both from
+    /// now on.
     void set_photo(const Photo& photo, const std::array<double, 3>& background) {
         backdrop_.set_color(background);
         resize(photo.camera.height, photo.camera.width);

@@ -38,8 +38,8 @@ struct ShadowInput {
 ///                                              empty; ao is that of forward; dL_dao [N] is scratch afterwards
 ///     backward_to_pose(input, ao, dL_dao, dL_dpose)    adds to dL_dpose alone; the shadow does not learn
 ///
-/// A shadow that follows the pose may have baked(), the field that an avatar file stores (std::optional). Without it the
-/// file gets the mean of ao over training.
+/// A shadow that follows the pose may have baked(), the field that an avatar file stores (std::optional). Without it
+/// the file gets the mean of ao over training.
 template <class S, class B, class T>
 concept ShadowPolicy = requires(S& shadow, const S& constant, const ShadowInput<B, T>& input, Span<const T> ao,
                                 Span<T> values, Span<vec3<T>> dL_dpose) {

@@ -56,10 +56,10 @@ struct PeopleCapture {
 
 /// Loads a capture with one or several people. In our own layout there is one pose file or folder per person, relative
 /// to the capture or absolute, in any layout of load_any_motion. A layout with several people supplies all of them.
-/// `bodies` is one model for all people or one per pose file; none if the layout contains its own. GalaBasketball accepts
-/// pose files, too, one for each of its people: motions of `bodies`, or of its own rig without them. With several people,
-/// FOLDER/person_masks/NAME/CAMERA/FRAME.png marks each person's pixels in white (or opaque). These masks are optional
-/// for each person and camera, and there must be as many as the camera has images.
+/// `bodies` is one model for all people or one per pose file; none if the layout contains its own. GalaBasketball
+/// accepts pose files, too, one for each of its people: motions of `bodies`, or of its own rig without them. With
+/// several people, FOLDER/person_masks/NAME/CAMERA/FRAME.png marks each person's pixels in white (or opaque). These
+/// masks are optional for each person and camera, and there must be as many as the camera has images.
 ///
 /// Errors    those of load_any_capture; ShapeError for poses whose number of frames differs from the first one's;
 ///           ValueError for numbers of bodies and poses that do not match, a name given twice, or several pose files in
