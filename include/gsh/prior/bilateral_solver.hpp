@@ -21,6 +21,7 @@
 
 #include <array>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <utility>
@@ -90,18 +91,22 @@ struct IntegrationReport {
     bool converged = false;
 };
 
-/// Iteratively re-weighted least squares on the grid.
+/// Iteratively re-weighted least squares on the grid. It is a template so that Eigen's solvers, which take seconds to
+/// compile, are compiled only where normals are integrated.
+template <std::same_as<double> T = double>
 class BilateralIntegrator {
 public:
+    using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
+
     /// prior_weights [grid.size()] are λ where the prior is valid, else 0; prior [grid.size()]; z is the initial value.
-    BilateralIntegrator(const IntegrationGrid& grid, Span<const SlopeEquations> equations, Eigen::VectorXd prior,
-                        Eigen::VectorXd prior_weights, const NormalIntegrationParams& params, Eigen::VectorXd z)
+    BilateralIntegrator(const IntegrationGrid& grid, Span<const SlopeEquations> equations, Vector prior,
+                        Vector prior_weights, const NormalIntegrationParams& params, Vector z)
         : grid_(grid), equations_(equations), weights_(grid.size()), prior_(std::move(prior)),
           prior_weights_(std::move(prior_weights)), params_(params), z_(std::move(z)), rhs_(z_.size()) {
         lay_out();
     }
 
-    [[nodiscard]] const Eigen::VectorXd& z() const { return z_; }
+    [[nodiscard]] const Vector& z() const { return z_; }
 
     /// Iterates until the energy converges.
     [[nodiscard]] IntegrationReport run() {
@@ -120,7 +125,7 @@ public:
     }
 
 private:
-    using Matrix = Eigen::SparseMatrix<double>;
+    using Matrix = Eigen::SparseMatrix<T>;
     static constexpr std::size_t directions = 4;
 
     [[nodiscard]] double at(std::size_t i) const { return z_[static_cast<Eigen::Index>(i)]; }
@@ -135,7 +140,7 @@ private:
     /// Sets up the matrix's constant pattern: its lower triangle, one column per pixel, rows ascending.
     void lay_out() {
         const auto n = static_cast<Eigen::Index>(grid_.size());
-        std::vector<Eigen::Triplet<double>> triplets;
+        std::vector<Eigen::Triplet<T>> triplets;
         for (std::size_t i = 0; i < grid_.size(); ++i) {
             triplets.emplace_back(static_cast<int>(i), static_cast<int>(i), 1.0);
             for (const std::size_t d : {IntegrationGrid::right, IntegrationGrid::down})
@@ -197,7 +202,7 @@ private:
             factors_.factorize(matrix_);
             z_ = factors_.solve(rhs_);
         } else {
-            using Preconditioner = Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::NaturalOrdering<int>>;
+            using Preconditioner = Eigen::IncompleteCholesky<T, Eigen::Lower, Eigen::NaturalOrdering<int>>;
             Eigen::ConjugateGradient<Matrix, Eigen::Lower, Preconditioner> solver;
             solver.setTolerance(params_.solver_tolerance);
             solver.setMaxIterations(2000); // the weights are updated then anyway
@@ -210,9 +215,9 @@ private:
     const IntegrationGrid& grid_;
     Span<const SlopeEquations> equations_;
     std::vector<std::array<double, directions>> weights_; // in the order of IntegrationGrid::Direction
-    Eigen::VectorXd prior_, prior_weights_;
+    Vector prior_, prior_weights_;
     NormalIntegrationParams params_;
-    Eigen::VectorXd z_, rhs_;
+    Vector z_, rhs_;
     Matrix matrix_;
     Eigen::SimplicialLDLT<Matrix, Eigen::Lower> factors_;
 };

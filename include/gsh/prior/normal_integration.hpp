@@ -15,6 +15,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -53,8 +54,9 @@ struct IntegratedDepth {
 ///         or params out of range; Error if a solve fails.
 /// Source  Cao et al., "Bilateral Normal Integration", 2022, equations 8 to 16; the prior's term as in Xiu et al.,
 ///         "ECON", 2023.
-[[nodiscard]] inline IntegratedDepth integrate_normals(const PriorView& normals, const PriorView* depth_prior = nullptr,
-                                                       const NormalIntegrationParams& params = {});
+template <std::same_as<double> T = double> // a template for BilateralIntegrator's reason
+[[nodiscard]] IntegratedDepth integrate_normals(const PriorView& normals, const PriorView* depth_prior = nullptr,
+                                                const NormalIntegrationParams& params = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -169,7 +171,7 @@ template <class AnyCamera>
             own += (x % 2 ? 0.5 : -0.5) * slope(a[0], b[0]) + (y % 2 ? 0.5 : -0.5) * slope(a[1], b[1]);
         }
     }
-    BilateralIntegrator integrator(grid, equations, std::move(prior), std::move(prior_weights), params, std::move(z));
+    BilateralIntegrator<> integrator(grid, equations, std::move(prior), std::move(prior_weights), params, std::move(z));
     report = integrator.run();
     return integrator.z();
 }
@@ -205,8 +207,9 @@ inline void check_integration(const PriorView& normals, const PriorView* depth_p
 
 } // namespace detail
 
-inline IntegratedDepth integrate_normals(const PriorView& normals, const PriorView* depth_prior,
-                                         const NormalIntegrationParams& params) {
+template <std::same_as<double> T>
+IntegratedDepth integrate_normals(const PriorView& normals, const PriorView* depth_prior,
+                                  const NormalIntegrationParams& params) {
     detail::check_integration(normals, depth_prior, params);
     const detail::IntegrationGrid grid(normals.map.mask);
     check_value(grid.size() > 0, "integrate_normals", "the mask is empty; no pixel has a normal");
