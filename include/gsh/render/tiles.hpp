@@ -72,8 +72,8 @@ template <class T>
     const T radius = sqrt(e.reach);
     const T v0 = e.w.vy * (y0 - e.y), v1 = e.w.vy * (y1 - e.y);
     if (!(v0 <= radius && v1 >= -radius)) return false;
-    // x = e.x + (u - shear v) / ux. On the circle u² + v² = reach, u - shear v is largest at v = -shear radius / sqrt(1
-    // + shear²). It is concave in v, so between the lines it is largest at the nearest allowed v.
+    // x = e.x + (u - shear v) / ux. On the circle u² + v² = reach, u - shear v is largest at
+    // v = -shear radius / sqrt(1 + shear²). It is concave in v: between the lines, its maximum is at the nearest v.
     const T shear = e.w.uy / e.w.vy;
     const T tip = radius * shear / sqrt(T(1) + shear * shear);
     const T right = clamp(-tip, v0, v1), left = clamp(tip, v0, v1);

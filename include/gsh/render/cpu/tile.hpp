@@ -3,7 +3,7 @@
 ///
 /// A block is 16 pixels in arrays of 16 numbers. Loops over a block are straight arithmetic, which the compiler turns
 /// into operations on one register (two or four on narrower machines). Small splats touch few pixels of a 16x16 tile.
-/// With blocks, about four of five computed pixels are outside the splat; with whole tiles it would be more.
+/// With blocks, about four of five computed pixels have no effect; with whole tiles it would be more.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
