@@ -109,8 +109,8 @@ private:
         Packet sums[Rows * Registers] = {(static_cast<void>(I), internal::pset1<Packet>(T(0)))...};
         const T* a_k = a.data + row * a.row_stride;
         const T* b_k = b.data + column;
-        // A row of B is loaded one step ahead. Held in registers, it costs one load per register. Compilers fold a load
-        // whose value is used at once into every fma, and the loads then exceed what a core can issue.
+        // A row of B is loaded one step ahead. Held in registers, it costs one load per register. Without this,
+        // compilers fold the load into every fma that uses it, and the loads exceed what a core can issue.
         Packet b_row[Rows * Registers] = {internal::ploadu<Packet>(b_k + I % Registers * width)...};
         for (std::size_t k = 0; k < inner; ++k, a_k += a.inner_stride) {
             b_k += k + 1 < inner ? b.stride : 0;
