@@ -105,8 +105,8 @@ struct Adam {
         adam_step_rows(backend, prepared<T>(parameters, gradients, m, v, rate, step_number, used), rows, width);
     }
 
-    /// One step of a [., width] table whose first `first` columns have one rate and the others another. Examples are the
-    /// constant and the higher bands of spherical harmonics.
+    /// One step of a [., width] table whose first `first` columns have one rate and the others another. Examples are
+    /// the constant and the higher bands of spherical harmonics.
     template <Backend B, std::floating_point T>
     void step_columns(B& backend, Span<T> parameters, std::type_identity_t<Span<T>> gradients,
                       std::type_identity_t<Span<T>> m, std::type_identity_t<Span<T>> v, std::size_t width,

@@ -169,7 +169,7 @@ private:
         if (status.nonfinite != 0)
             throw ValueError(std::string(where) + ": Gaussian " + std::to_string(status.first_nonfinite) +
                              " has a mean, covariance, opacity or color that is not finite (" +
-                             std::to_string(status.nonfinite) + " such in all); did a learning rate run away?");
+                             std::to_string(status.nonfinite) + " such in all); is a learning rate too high?");
         if (status.pairs > params_.max_pairs)
             throw ValueError(std::string(where) + ": the Gaussians cover " + std::to_string(status.pairs) +
                              " tiles in all, expected at most " + std::to_string(params_.max_pairs) +
