@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  An avatar that is ready to be shown: canonical Gaussians on a rig, posed by a motion.
+/// @file  An avatar that is ready for display: canonical Gaussians on a rig, posed by a motion.
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>
@@ -20,22 +20,22 @@
 
 namespace gsh {
 
-/// Everything that animating an avatar needs, on the host, as avatar files hold it.
+/// The data of an animatable avatar on the host, as avatar files store it.
 ///
-/// Shapes  rig with N points; gaussians [N], their means displaced already. rig.joints are the learned joints.
+/// Shapes  rig with N points; gaussians [N], with displaced means. rig.joints are the learned joints.
 struct AvatarData {
     RigData rig;
     GaussianCloud<float> gaussians;
     ColorClamp clamping = ColorClamp::both;
-    PixelFilter filter = {}; ///< for the rasterizer that draws it
+    PixelFilter filter = {}; ///< for the rasterizer
     Deformation deformation = Deformation::linear;
-    std::vector<float> ao = {}; ///< [N] ambient occlusion that holds in every pose, or empty for 1
-    /// Ambient occlusion that follows the pose. `ao` is then its mean over training, for what knows no poses.
+    std::vector<float> ao = {}; ///< [N] ambient occlusion of every pose, or empty for 1
+    /// Pose-dependent ambient occlusion. `ao` is then its mean over training, for formats without poses.
     std::optional<OcclusionFieldData> occlusion = {};
 };
 
-/// The canonical Gaussians with their `ao` in their colours, for files that know none: exact where a colour lies
-/// within [0, 1], ao (Y sh + 1/2) = Y (ao sh) + 1/2 + (ao - 1)/2.
+/// The canonical Gaussians with `ao` merged into their colours, for file formats without ambient occlusion. Exact where
+/// a colour lies within [0, 1]: ao (Y sh + 1/2) = Y (ao sh) + 1/2 + (ao - 1)/2.
 [[nodiscard]] inline GaussianCloud<float> shaded_cloud(const AvatarData& avatar) {
     GaussianCloud<float> cloud = avatar.gaussians;
     if (avatar.ao.empty()) return cloud;
@@ -47,11 +47,11 @@ struct AvatarData {
     return cloud;
 }
 
-/// Poses an avatar. Its fields were evaluated when it was made, so a frame costs skinning and shading, and most of one
-/// small network where shadows follow the pose.
+/// Poses an avatar. Its fields were evaluated when it was exported. A frame costs skinning and shading and, with
+/// pose-dependent shadows, most of one small network.
 ///
 /// Frame   see RigData (canonical) and Camera (world).
-/// Errors  ShapeError if rig and Gaussians differ in number, or if the occlusion field is another body's.
+/// Errors  ShapeError if rig and Gaussians differ in number, or if the occlusion field belongs to another body.
 template <Backend B, std::floating_point T = float>
 class Avatar {
 public:
@@ -61,7 +61,7 @@ public:
     /// One per frame in flight.
     struct Cache {
         typename Poser<B, T>::Cache poser;
-        Buffer<T> ao, dL_dao;           // [N] of this pose, where shadows follow it
+        Buffer<T> ao, dL_dao;           // [N] of this pose, with pose-dependent shadows
         Buffer<mat3<T>> dL_drotations;  // [J], likewise
         typename OcclusionField<B, T>::Cache occlusion;
     };
@@ -111,8 +111,8 @@ public:
         });
     }
 
-    /// Adjoint of pose with respect to the pose alone: adds to what is asked for in dL_dpose, and to dL_dcenter [1] if
-    /// it is given. The other arguments are those of the forward pass that filled the cache.
+    /// Adjoint of pose with respect to the pose alone: adds to the non-empty members of dL_dpose, and to dL_dcenter [1]
+    /// if it is given. The other arguments are those of the forward pass that filled the cache.
     void backward_to_pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
                           Cache& cache, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
         const bool shadows_move = occlusion_ && !dL_dpose.pose.empty();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Ways to make one motion of the bones that a Gaussian hangs on: linear, polar-projected, dual quaternions.
+/// @file  Deformation policies: a Gaussian moves by the linear, polar or dual-quaternion blend of its bones.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -15,18 +15,18 @@
 
 namespace gsh {
 
-/// How bones become the motion of a Gaussian.
+/// How the bones determine the motion of a Gaussian.
 enum class Deformation {
-    linear,         ///< M = Σ w_i B_i moves mean, covariance and direction, shears and all: the paper's
+    linear,         ///< M = Σ w_i B_i moves mean, covariance and direction, including shear, as in the paper
     polar,          ///< M moves the mean; covariance and direction turn by the rotation nearest to M
     dual_quaternion ///< the normalised blend of the bones' dual quaternions, a rigid motion, moves everything
 };
 
-/// normalise(L⁻¹ offset): a direction of the posed world as the canonical frame sees it, by the true inverse.
+/// normalise(L⁻¹ offset): a direction of the posed world in the canonical frame, by the true inverse.
 ///
-/// Length cancels in the direction, so L⁻¹ is replaced by sign(det L) times the adjugate, which is a polynomial:
-/// value and adjoint stay finite and exact however close L is to singular, as blends of opposed bones are. Where
-/// nothing is left to normalise (L of rank one, or offset zero) the direction is the z axis with a zero gradient.
+/// The direction does not depend on the length, so L⁻¹ is replaced by sign(det L) times the adjugate, which is a
+/// polynomial. Value and adjoint stay finite and exact however close L is to singular, as blends of opposed bones are.
+/// In the degenerate case (L of rank one, or offset zero), the direction is the z axis with a zero gradient.
 template <Lane T>
 struct CanonicalDirection {
     vec3<T> r0, r1, r2; ///< rows of the adjugate of L
@@ -78,12 +78,14 @@ struct RotatedDirection {
     }
 };
 
-/// A policy of skinning. Its bones and their blends are Bone<T>, with zero() and add_scaled(); a Transform<T>, made of
-/// a blend, holds what it does to a Gaussian:
+/// A policy of skinning. Its bones and their blends have the type Bone<T>, with zero() and add_scaled(). A Transform<T>
+/// is made from a blend and has:
+///
 ///     map()   the affine map that moves the mean
-///     turn()  the matrix that covariance and direction turn by
-/// A Transform's Gradient is made of the place dL_dblend to add to and has the same two names; complete() carries what
-/// it collected on to that place.
+///     turn()  the matrix that transforms covariance and direction
+///
+/// The Gradient of a Transform is made from the destination dL_dblend and has the same two members. complete() adds
+/// what the Gradient has collected to the destination.
 template <class D>
 concept DeformationPolicy = requires(const typename D::template Transform<float>& transform,
                                      typename D::template Transform<float>::Gradient& gradient,
@@ -120,15 +122,15 @@ struct LinearBlend {
         private:
             Affine<T>& dL_dM_;
         };
-        GSH_HD void complete(Gradient&, Affine<T>&) const {} // it is all there
+        GSH_HD void complete(Gradient&, Affine<T>&) const {} // Gradient already refers to dL_dM
 
     private:
         const Affine<T>& M_;
     };
 };
 
-/// M = Σ w_i B_i for the mean, the rotation nearest to M₃ for covariance and direction: Gaussians keep their size, and
-/// stay where linear blending puts them.
+/// M = Σ w_i B_i for the mean, the rotation nearest to M₃ for covariance and direction. Gaussians keep their size, and
+/// their means are those of linear blending.
 struct PolarBlend {
     static constexpr Deformation value = Deformation::polar;
     template <class T>
@@ -163,8 +165,9 @@ struct PolarBlend {
     };
 };
 
-/// The bones as unit dual quaternions, each with the sign that brings it nearer to the heaviest, summed and normalised:
-/// a rigid motion for everything. Bones must be rigid; a scale in one of them is lost.
+/// The normalised sum of the bones as unit dual quaternions, each with the sign that is nearer to the heaviest: a rigid
+/// motion for everything. Bones must be rigid; a scale in one of them is lost.
+///
 /// Source  Kavan et al., "Skinning with Dual Quaternions", 2007.
 struct DualQuaternionBlend {
     static constexpr Deformation value = Deformation::dual_quaternion;
@@ -201,7 +204,7 @@ static_assert(DeformationPolicy<LinearBlend> && DeformationPolicy<PolarBlend> &&
 
 namespace detail {
 
-/// Calls f with the policy of that name: where a number known when running becomes a type.
+/// Calls f with the policy of that name: turns a value known at run time into a type.
 template <class F>
 void with_deformation(Deformation deformation, const F& f) {
     switch (deformation) {

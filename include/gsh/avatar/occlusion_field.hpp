@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Ambient occlusion that follows the pose: a field over Gaussians and joints' rotations, baked for showing.
+/// @file  Pose-dependent ambient occlusion: a field over Gaussians and joint rotations, baked for display.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -22,28 +22,28 @@
 
 namespace gsh {
 
-/// A trained field of ambient occlusion on the host, as avatar files hold it.
+/// A trained field of ambient occlusion on the host, as avatar files store it.
 ///
-/// The points of an avatar never move in the canonical frame, so what their encoding brings to the first layer's
-/// neurons is a constant of each: it stands here in place of the encoding's table and half of the network.
+/// The points of an avatar never move in the canonical frame, so the contribution of their encoding to the first layer
+/// is constant. It is stored here in place of the encoding's table and of the first layer's weights for the encoding.
 ///
 /// Shapes  N Gaussians, W neurons, P = 9 (J - 1) numbers of a pose of J joints.
 struct OcclusionFieldData {
     std::vector<float> neurons = {};      // [N, W] W_0 h_i, the first layer's sums over the encoding
     std::vector<float> pose_weights = {}; // [W, P] the first layer's weights of vec(R - I)
-    std::vector<float> weights = {};      // those of the layers behind it, network() says how many
+    std::vector<float> weights = {};      // weights of the layers after the first; network() gives their shapes
     int width = 64;                       ///< W
     int hidden_layers = 2;                ///< of the whole network, at least one
     double bias = 0;                      ///< added to the network's output
-    double largest = 1;                   ///< ao lies between 0 and this
+    double largest = 1;                   ///< ao lies between 0 and this value
 
-    /// The layers behind the first.
+    /// The layers after the first.
     [[nodiscard]] Mlp network() const {
         return Mlp({.inputs = width, .outputs = 1, .width = width, .hidden_layers = hidden_layers - 1});
     }
 };
 
-/// Throws ShapeError or ValueError, naming the member, unless the field is one of `point_count` Gaussians and
+/// Throws ShapeError or ValueError, with the name of the member, unless the field fits `point_count` Gaussians and
 /// `joint_count` joints.
 inline void check_occlusion_field(std::string_view where, const OcclusionFieldData& field, std::size_t point_count,
                                   std::size_t joint_count) {
@@ -87,7 +87,7 @@ struct OcclusionFromLogitBackward {
     }
 };
 
-/// sums[o] = what a pose brings to neuron o.
+/// sums[o] = the contribution of a pose to neuron o.
 template <class T>
 struct PoseOfNeurons {
     Span<const T> weights, feature; // [W, P], [P]
@@ -111,7 +111,7 @@ struct PoseOfNeuronsBackward {
 
 } // namespace detail
 
-/// What a backend keeps for itself: weights in the form of its products, intermediate results, partial sums. Each
+/// Private storage of a backend: weights in the layout of its products, intermediate results, partial sums. Each
 /// backend specialises it beside its overloads.
 template <Backend B, std::floating_point T>
 struct OcclusionFieldScratch {
@@ -120,7 +120,7 @@ struct OcclusionFieldScratch {
                   "<gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
 };
 
-/// Where a backend's overloads are not included.
+/// Fallback without the backend's overloads: fails to compile, and names the header to include.
 template <Backend B, class... Arguments>
 void occlusion_forward(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
@@ -134,13 +134,13 @@ void occlusion_backward(B&, const Arguments&...) {
                   "<gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
 }
 
-/// ao_i(R) = largest · sigmoid(Mlp([h_i, vec(R - I)]) + bias), R the rotations of the non-root joints relative to their
-/// parents: a shadow comes back whenever the body bends that way again, whichever way it faces.
+/// ao_i(R) = largest · sigmoid(Mlp([h_i, vec(R - I)]) + bias), where R are the rotations of the non-root joints
+/// relative to their parents. A shadow returns whenever the body bends in the same way, in any orientation of the body.
 ///
-///     x_i = relu(W_0 h_i + W_p vec(R - I)),   ao_i = largest · sigmoid((the layers behind the first)(x_i) + bias)
+///     x_i = relu(W_0 h_i + W_p vec(R - I)),   ao_i = largest · sigmoid((the layers after the first)(x_i) + bias)
 ///
-/// W_0 h_i is OcclusionFieldData::neurons, W_p its pose_weights. Sums run in the order of the network that was trained,
-/// so ao is the same bit for bit.
+/// W_0 h_i is OcclusionFieldData::neurons, W_p its pose_weights. Sums run in the order of the trained network, so ao is
+/// bit-identical to its output.
 ///
 /// Shapes  rotations [J], ao [N].
 /// Errors  ShapeError, ValueError before any work starts.
@@ -151,10 +151,10 @@ public:
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
-    /// What the passes leave for each other, and working storage.
+    /// Intermediate values of both passes, and working storage.
     struct Cache {
         Buffer<T> feature, dL_dfeature;      // [P]
-        Buffer<T> neurons, dL_dneurons;      // [W] the pose's part
+        Buffer<T> neurons, dL_dneurons;      // [W] contribution of the pose
         Buffer<T> dL_dlogits;                // [N]
         OcclusionFieldScratch<B, T> scratch; // the backend's own
     };
@@ -175,7 +175,7 @@ public:
 
     [[nodiscard]] std::size_t size() const { return neurons_.size() / width_; }
 
-    /// skeleton: the rotations'.
+    /// skeleton is the one to which the rotations belong.
     void forward(const Skeleton<B, T>& skeleton, Span<const mat3<T>> rotations, Span<T> ao, Cache& cache) const {
         check_size("OcclusionField::forward", "ao", ao.size(), size(), "one per Gaussian");
         check_size("OcclusionField::forward", "the pose's numbers", skeleton.pose_feature_count(),
@@ -191,8 +191,8 @@ public:
         backend_->for_each(size(), detail::OcclusionFromLogit<T>{ao, bias_, largest_});
     }
 
-    /// Adjoint with respect to the rotations, the field being what it is: adds to dL_drotations. ao and cache are
-    /// forward's.
+    /// Adjoint with respect to the rotations, for a fixed field: adds to dL_drotations. ao and cache are those of
+    /// forward.
     void backward(const Skeleton<B, T>& skeleton, Span<const T> ao, Span<const T> dL_dao, Cache& cache,
                   Span<mat3<T>> dL_drotations) const {
         check_size("OcclusionField::backward", "ao", ao.size(), size(), "one per Gaussian");
@@ -219,15 +219,16 @@ public:
 
 private:
     B* backend_;
-    Mlp network_; // behind the first layer
+    Mlp network_; // the layers after the first
     std::size_t width_;
     T bias_, largest_;
     Buffer<T> neurons_, pose_weights_, weights_;
 };
 
-/// Bakes a trained network Mlp([encoding, vec(R - I)]): `weights` are all of its weights, `features` the encoding of
-/// each Gaussian, both in the backend's memory. The pose's numbers are the inputs that features do not cover.
-/// Errors  ShapeError, ValueError: a network with one output and at least one hidden layer, weights to match.
+/// Bakes a trained network Mlp([encoding, vec(R - I)]). `weights` are all of its weights and `features` the encoding of
+/// each Gaussian, both in the backend's memory. The inputs after the features are the numbers of the pose.
+///
+/// Errors  ShapeError or ValueError unless the network has one output, at least one hidden layer, and matching weights.
 template <Backend B>
 [[nodiscard]] OcclusionFieldData bake_occlusion_field(B& backend, const Mlp& mlp, Span<const float> weights,
                                                       const FeatureView<const float>& features, double bias,

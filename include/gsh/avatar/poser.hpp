@@ -17,14 +17,14 @@
 
 namespace gsh {
 
-/// Poses the Gaussians of an avatar. One frame takes three calls, because what an avatar adds to its canonical means
-/// and its ambient occlusion may depend on the pose:
+/// Poses the Gaussians of an avatar. One frame takes three calls, because the displacement of the canonical means and
+/// the ambient occlusion may depend on the pose:
 ///
 ///     bones(pose, joints, cache)       joint rotations, bones, offsets of the body's surface
 ///     cache.means := x₀ + δx           by the caller, [N]
 ///     forward(gaussians, …)            adds the offsets to the means, skins, shades
 ///
-/// Shapes  N points and J joints of the rig; `gaussians` brings all attributes but means and weights.
+/// Shapes  N points and J joints of the rig; `gaussians` holds all attributes but means and weights.
 /// Frame   see RigData (canonical) and Camera (world).
 template <Backend B, std::floating_point T = float>
 class Poser {
@@ -32,12 +32,12 @@ public:
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
-    /// What the passes leave for each other; one per frame in flight.
+    /// Intermediate values of both passes; one cache per frame in flight.
     struct Cache {
         typename Rig<B, T>::Cache rig;
         Buffer<vec3<T>> means;       // [N] x̂₀(t) after forward
         Buffer<vec3<T>> dL_dmeans;   // [N] after backward
-        Buffer<vec3<T>> dL_djoints;  // [J], where the caller does not ask for it
+        Buffer<vec3<T>> dL_djoints;  // [J], used if the caller passes none
         Buffer<Affine<T>> dL_dbones; // [J]
         SkinnedSplatsWorkspace<B, T> workspace;
     };
@@ -63,9 +63,9 @@ public:
                                        cache.workspace, clamping_, deformation_);
     }
 
-    /// Adjoint of forward and bones: adds to the attributes of dL_dgaussians that are not empty, to dL_djoints [J]
-    /// unless it is empty, and to what is asked for of the pose and the centre. Overwrites cache.dL_dmeans with the
-    /// gradient of the canonical means.
+    /// Adjoint of forward and bones: adds to the non-empty attributes of dL_dgaussians, to dL_djoints [J] unless it is
+    /// empty, and to the non-empty parts of dL_dpose and dL_dcenter. Overwrites cache.dL_dmeans with the gradient of
+    /// the canonical means.
     template <int Degree>
     void backward(const RigPose<B, T>& pose, SkinnedView<const T> gaussians, const vec3<T>& center,
                   const SplatView<const T>& dL_dsplats, Cache& cache, SkinnedView<T> dL_dgaussians,

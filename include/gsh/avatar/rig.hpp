@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What moves canonical points with a body: its skeleton, its blend shapes, and where the points hang on them.
+/// @file  The rig of an avatar: skeleton, blend shapes, and the attachment of canonical points to the body.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -24,15 +24,15 @@
 
 namespace gsh {
 
-/// A rig on the host, as files hold it: a body, its learned joints, and N points attached to its surface.
+/// A rig on the host, as files store it: a body, its learned joints, and N points attached to its surface.
 ///
 /// Shapes  J joints, N points.
 /// Frame   the canonical pose: the zero pose of the body with shape `betas` and a neutral face.
 struct RigData {
     BodyModel body;                            ///< with shape directions for `betas` only
     std::vector<double> betas;                 // [S] the shape that the canonical points lie on
-    std::vector<vec3<double>> joints;          // [J] rest positions at that shape, as training left them
-    std::vector<std::array<int, 3>> triangles; // [N] vertices that a point lies between
+    std::vector<vec3<double>> joints;          // [J] rest positions at that shape, after training
+    std::vector<std::array<int, 3>> triangles; // [N] vertices of the triangle that holds the point
     std::vector<vec3<double>> barycentric;     // [N]
     SkinWeightTable<double> skin;              // [N]
 
@@ -40,8 +40,9 @@ struct RigData {
     [[nodiscard]] std::size_t point_count() const { return triangles.size(); }
 };
 
-/// The rig of a body of shape `betas` and of samples on its surface. Shape directions that betas do not speak of are
-/// left out: a file with 300 of them is not carried along for ten numbers.
+/// The rig of a body of shape `betas` with samples on its surface. Shape directions without a beta are dropped, so that
+/// a file with 300 of them is not stored for ten betas.
+///
 /// Errors  ValueError if there are more betas than shape directions.
 [[nodiscard]] inline RigData make_rig(const BodyModel& body, Span<const double> betas, const SurfaceSamples& samples) {
     const auto S = static_cast<std::size_t>(body.shape_count);
@@ -81,7 +82,7 @@ struct RigPose {
     typename B::template Buffer<vec3<T>> transl;
 };
 
-/// Gradient with respect to a RigPose; an empty span is not asked for.
+/// Gradient with respect to a RigPose; the parts with an empty span are not computed.
 template <std::floating_point T>
 struct RigPoseGradient {
     Span<vec3<T>> pose;
@@ -109,13 +110,13 @@ struct Accumulate {
 
 } // namespace detail
 
-/// Moves canonical points with a body: bones for skinning, and the offsets that expression, shape and pose add to the
-/// points before skinning,
+/// Moves canonical points with a body: computes the bones for skinning, and the offsets of expression, shape and pose
+/// that are added to the points before skinning,
 ///
 ///     x̂₀(t) = x₀ + δx + E(x₀) ψ + P(x₀) vec(R - I) + S(x₀)(β - β_init),
 ///     J(t)   = J_learned + regressed(β, ψ) - regressed(β_init, 0).
 ///
-/// Source  method of the paper §3.5 for the skeleton; the offsets are the body model's own, Pavlakos et al.,
+/// Source  method of the paper §3.5 for the skeleton; the offsets are those of the body model, Pavlakos et al.,
 ///         "Expressive Body Capture" (SMPL-X), 2019, equations 1 to 5.
 template <Backend B, std::floating_point T = float>
 class Rig {
@@ -123,14 +124,14 @@ public:
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
-    /// What forward leaves for `add_offsets` and `backward`.
+    /// Results of forward, which `add_offsets` and `backward` need.
     struct Cache {
         Buffer<mat3<T>> rotations;        // [J]
         Buffer<T> coefficients;           // [S + E + 9 (J - 1)]: β - β_init, ψ, vec(R - I)
         Buffer<vec3<T>> joints;           // [J] at this frame
         Buffer<Affine<T>> bones;          // [J]
         Buffer<vec3<T>> vertex_offsets;   // [V]
-        // gradients on their way back
+        // working storage of backward
         Buffer<mat3<T>> dL_drotations;
         Buffer<T> dL_dcoefficients;
         Buffer<vec3<T>> dL_djoints, dL_dvertex_offsets, dL_dtransl;
@@ -169,9 +170,10 @@ public:
     [[nodiscard]] const Skeleton<B, T>& skeleton() const { return skeleton_; }
     [[nodiscard]] SkinWeights<T> skin() const { return {skin_joints_, skin_weights_, influences_}; }
 
-    /// Brings frame `frame` of a motion to the backend. A motion may know fewer coefficients than the rig (the rest
-    /// are zero; no betas at all means the rig's own shape).
-    /// Errors  ShapeError if the motion's joints are not the rig's, or if it has more coefficients.
+    /// Uploads frame `frame` of a motion to the backend. A motion may have fewer coefficients than the rig; the rest
+    /// are zero. Without betas, the motion has the shape of the rig.
+    ///
+    /// Errors  ShapeError if the joints of the motion are not those of the rig, or if it has more coefficients.
     void upload_pose(const Motion& motion, std::size_t frame, RigPose<B, T>& pose) const {
         check_size("Rig::upload_pose", "the motion's joints", motion.joint_count, joint_count_,
                    "the motion must be made for the avatar's skeleton");
@@ -230,7 +232,7 @@ public:
         interpolation_.forward(cache.vertex_offsets, points);
     }
 
-    /// Adjoint of forward and add_offsets: adds to dL_djoints and to what is asked for in dL_dpose.
+    /// Adjoint of forward and add_offsets: adds to dL_djoints and to the non-empty members of dL_dpose.
     void backward(const RigPose<B, T>& pose, Cache& cache, Span<const Affine<T>> dL_dbones,
                   Span<const vec3<T>> dL_dpoints, Span<vec3<T>> dL_djoints, RigPoseGradient<T> dL_dpose = {}) {
         check_memory(*backend_, "Rig::backward", "dL_dbones", dL_dbones);

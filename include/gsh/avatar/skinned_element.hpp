@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  One Gaussian of an avatar: what its bones make of it, the adjoint, and the arrays that it comes from.
+/// @file  One Gaussian of an avatar: posing and its adjoint, and views of the arrays of attributes.
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>
@@ -25,18 +25,18 @@
 
 namespace gsh {
 
-/// One Gaussian of an avatar: what the blend of its bones makes of it.
+/// One Gaussian of an avatar, posed by a blend of bones.
 ///
-/// With M the affine map and A the 3x3 matrix that the policy D makes of the blend (for LinearBlend A = M₃, not made
+/// M is the affine map and A the 3x3 matrix that the policy D derives from the blend (for LinearBlend A = M₃, not made
 /// orthonormal): mean = M x, covariance = A R S Sᵀ Rᵀ Aᵀ, opacity = sigmoid(o), and the colour seen along
-/// d = normalise(A⁻¹ (M x - center)) in the frame that the coefficients live in.
+/// d = normalise(A⁻¹ (M x - center)), a direction in the frame of the coefficients.
 ///
 /// Shapes  sh [basis_count] RGB.
 /// Frame   x, q, sh canonical; mean, covariance, center in the world.
 /// Units   metres, logarithm of metres; ao a factor on the colour.
 /// Errors  none, this is kernel code; a singular A gives a flat covariance and a finite direction.
-/// Source  the equations are those of the paper's deformation section; with the inverse where the Animatable 3D
-///         Gaussian code (Liu et al., 2024) takes the transpose, and with every term of the adjoint.
+/// Source  the equations are those of the paper's deformation section. The Animatable 3D Gaussian code (Liu et al.,
+///         2024) has the transpose of A in place of the inverse; the adjoint here has every term.
 template <int Degree, DeformationPolicy D = LinearBlend>
 struct SkinnedGaussian {
     static constexpr int basis_count = sh_basis_count(Degree);
@@ -61,7 +61,7 @@ struct SkinnedGaussian {
         T opacity;
         vec3<T> color;
     };
-    /// Gradient with respect to an Input; sh points to where its part is to be added.
+    /// Gradient with respect to an Input; sh points to the array to which its part is added.
     template <Lane T>
     struct Gradient {
         vec3<T> mean = vec3<T>(T(0));
@@ -107,11 +107,11 @@ struct SkinnedGaussian {
     }
 };
 
-/// Views of an avatar's N Gaussians; `SkinnedView<const T>` is an input, `SkinnedView<T>` a gradient. In a gradient an
-/// attribute may be left empty: nobody asks for it, nothing is written. Weights are fixed and have no gradient.
+/// Views of an avatar's N Gaussians; `SkinnedView<const T>` is an input, `SkinnedView<T>` a gradient. An attribute of a
+/// gradient may be empty; it is then not computed. Weights are fixed and have no gradient.
 ///
-/// Shapes  means, quats, log_scales, opacity_logits [N]; sh [N, sh_stride] RGB, of which the first (Degree+1)² count,
-///         so that coefficients may stay where a network wrote them; ao [N], or empty for 1.
+/// Shapes  means, quats, log_scales, opacity_logits [N]; sh [N, sh_stride] RGB, of which the first (Degree+1)² are
+///         used, so that the output of a network can be viewed in place; ao [N], or empty for 1.
 template <class T>
 struct SkinnedView {
     using Scalar = std::remove_const_t<T>;
@@ -130,7 +130,7 @@ struct SkinnedView {
     [[nodiscard]] GSH_HD std::size_t size() const { return means.size(); }
 };
 
-/// Throws MemoryError unless the backend reaches every attribute.
+/// Throws MemoryError unless the backend can access every attribute.
 template <Backend B, class T>
 void check_memory(const B& backend, std::string_view where, std::string_view argument, const SkinnedView<T>& view) {
     check_memory(backend, where, argument, view.means, "means");
@@ -176,7 +176,7 @@ struct SkinnedSplatForward {
     }
 };
 
-/// The adjoint of one Gaussian: adds to its own attributes, and to bones and a centre that the caller owns.
+/// The adjoint of one Gaussian: adds to its own attributes, and to bones and a centre that the caller provides.
 template <int Degree, class T, class D = LinearBlend>
 struct SkinnedSplatBackward {
     SkinnedInput<Degree, T, D> input;
@@ -205,7 +205,8 @@ struct SkinnedSplatBackward {
         dL_dcenter += gradient.center;
     }
 
-    /// The adjoint is linear: a Gaussian that no pixel saw, one in two of a body, has nothing to add.
+    /// True if the gradient of the splat is zero. The adjoint is linear, so such a Gaussian contributes nothing. This
+    /// holds for about half of the Gaussians of a body, which no pixel sees.
     [[nodiscard]] GSH_HD bool unseen(std::size_t i) const {
         const vec3<T>&mean = dL_dsplats.means[i], &color = dL_dsplats.colors[i];
         const sym3<T>& cov = dL_dsplats.covariances[i];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  From a canonical Gaussian to a posed splat: position, covariance and colour through a blend of bones.
+/// @file  From canonical Gaussians to posed splats: position, covariance and colour under a blend of bones.
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>
@@ -22,8 +22,8 @@
 
 namespace gsh {
 
-/// What a backend keeps for itself in backward, for instance partial sums over bones. Each backend specialises it
-/// beside its overloads.
+/// Private storage of a backend in backward, for instance partial sums over bones. Each backend specialises it beside
+/// its overloads.
 template <Backend B, std::floating_point T>
 struct SkinnedSplatsScratch {
     static_assert(detail::overload_is_included<B>,
@@ -31,10 +31,10 @@ struct SkinnedSplatsScratch {
                   "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
 };
 
-/// Working storage of both passes; keep it from step to step.
+/// Working storage of both passes, kept from step to step.
 template <Backend B, std::floating_point T = float>
 struct SkinnedSplatsWorkspace {
-    // Where bones are blended as dual quaternions:
+    // Used if bones are blended as dual quaternions:
     typename B::template Buffer<dual_quat<T>> dual_bones, dL_ddual_bones; // [J]
     SkinnedSplatsScratch<B, T> scratch;                                   // the backend's own
 };
@@ -54,7 +54,7 @@ void check_skinned(std::string_view where, std::string_view argument, const Skin
     check("quats", view.quats.size(), count, "one quaternion per Gaussian");
     check("log_scales", view.log_scales.size(), count, "three log-scales per Gaussian");
     check("opacity_logits", view.opacity_logits.size(), count, "one opacity logit per Gaussian");
-    // A strided view may end with its last Gaussian's coefficients.
+    // A strided view may end after the coefficients of its last Gaussian.
     const std::size_t shortest = count ? (count - 1) * stride + basis_count : 0;
     if (view.sh.size() < shortest || view.sh.size() > count * stride)
         check("sh", view.sh.size(), count * stride, "(Degree + 1)² RGB coefficients per Gaussian, or sh_stride");
@@ -84,7 +84,7 @@ template <class D, Backend B, class T>
     }
 }
 
-/// Where their gradients are summed: dL_dbones itself, or zeros in the workspace, as many as there are dL_dbones.
+/// Memory for the gradients of these bones: dL_dbones itself, or a zeroed array of the same length in the workspace.
 template <class D, Backend B, class T>
 [[nodiscard]] Span<typename D::template Bone<T>> bone_gradients_of(B& backend, Span<Affine<T>> dL_dbones,
                                                                    SkinnedSplatsWorkspace<B, T>& workspace) {
@@ -99,7 +99,7 @@ template <class D, Backend B, class T>
 
 } // namespace detail
 
-/// Where a backend has no overload of its own, each index is one Gaussian.
+/// Fallback for backends without an overload: each index is one Gaussian.
 template <Backend B, int Degree, class T, class D>
 void skinned_splats_pose(B& backend, const detail::SkinnedSplatForward<Degree, T, D>& element) {
     static_assert(!CpuBackend<B>, "SkinnedGaussian: include its backend's overloads, "
@@ -107,7 +107,8 @@ void skinned_splats_pose(B& backend, const detail::SkinnedSplatForward<Degree, T
     backend.for_each(element.input.gaussians.size(), element);
 }
 
-/// Where a backend's overloads are not included: its sums over bones need one.
+/// Fallback without the backend's overloads, which the sums over bones require: fails to compile, and names the header
+/// to include.
 template <Backend B, class... Arguments>
 void skinned_splats_accumulate(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
@@ -115,13 +116,13 @@ void skinned_splats_accumulate(B&, const Arguments&...) {
                   "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
 }
 
-/// Poses an avatar's Gaussians. The bones are blended anew for each Gaussian, here and in backward: that reads less
-/// memory than a stored blend would.
+/// Poses the Gaussians of an avatar. Both passes blend the bones anew for each Gaussian, which reads less memory than a
+/// stored blend.
 ///
 /// Shapes  gaussians [N], bones [J], splats [N]; center [3].
-/// Frame   bones: world from canonical, rigid for Deformation::dual_quaternion; center: the camera's, in the world
+/// Frame   bones: world from canonical, rigid for Deformation::dual_quaternion; center: of the camera, in the world
 ///         (Camera::center()).
-/// Errors  ShapeError where a size does not fit.
+/// Errors  ShapeError where a size does not match.
 template <int Degree, Backend B, class T>
 void skinned_splats_forward(B& backend, const std::type_identity_t<SkinnedView<const T>>& gaussians,
                             std::type_identity_t<Span<const Affine<T>>> bones,
@@ -143,7 +144,7 @@ void skinned_splats_forward(B& backend, const std::type_identity_t<SkinnedView<c
     });
 }
 
-/// The same with a workspace of its own, which only dual quaternions need: eight numbers per bone.
+/// The same with a temporary workspace, which only dual quaternions need: eight numbers per bone.
 template <int Degree, Backend B, class T>
 void skinned_splats_forward(B& backend, const std::type_identity_t<SkinnedView<const T>>& gaussians,
                             std::type_identity_t<Span<const Affine<T>>> bones,
@@ -153,9 +154,9 @@ void skinned_splats_forward(B& backend, const std::type_identity_t<SkinnedView<c
     skinned_splats_forward<Degree>(backend, gaussians, bones, center, splats, workspace, clamping, deformation);
 }
 
-/// Adjoint of skinned_splats_forward: adds to the attributes of dL_dgaussians that are not empty, and where given to
-/// dL_dbones [J] and dL_dcenter, one vector in the backend's memory. With dual quaternions the gradient of a bone's
-/// nine numbers is the one along turns (dual_quat_from_rigid_backward).
+/// Adjoint of skinned_splats_forward: adds to the non-empty attributes of dL_dgaussians and, where given, to dL_dbones
+/// [J] and to dL_dcenter, one vector in the backend's memory. With dual quaternions, the gradient of the nine numbers
+/// of a bone's rotation is its component along turns (dual_quat_from_rigid_backward).
 template <int Degree, Backend B, class T>
 void skinned_splats_backward(B& backend, const std::type_identity_t<SkinnedView<const T>>& gaussians,
                              std::type_identity_t<Span<const Affine<T>>> bones,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What a component may ask of the machine that it runs on.
+/// @file  The backend concepts: the operations of a machine that components use.
 #pragma once
 
 #include <gsh/core/span.hpp>
@@ -18,7 +18,7 @@ struct NoOpChunk {
     void operator()(std::size_t, std::size_t, std::size_t) const {}
 };
 
-/// False for every backend. A component asserts it where it would run a backend's overload and finds none.
+/// False for every backend. A component asserts it where an overload of its backend is missing.
 template <class B>
 inline constexpr bool overload_is_included = false;
 
@@ -29,12 +29,12 @@ concept TellsItsMemory = requires { requires std::same_as<decltype(B::host_memor
                          });
 } // namespace detail
 
-/// An object that owns threads or a stream, hands out storage and runs function objects over index ranges.
+/// An object that owns threads or a stream, allocates storage and runs function objects over index ranges.
 ///
-/// A Buffer's memory belongs to the backend: only for_each bodies and the backend's own overloads may touch it;
-/// the host gets at it through upload and download. Where host_memory is true a Buffer is host memory, and any other
-/// host memory serves in its place. Where it is false, owns tells the backend's memory from the host's, and components
-/// refuse the latter (check_memory, backend/memory.hpp).
+/// A Buffer's memory belongs to the backend: only for_each bodies and the backend's own overloads may access it. The
+/// host accesses it through upload and download. Where host_memory is true, a Buffer is host memory, and any other host
+/// memory may take its place. Where it is false, owns distinguishes the backend's memory from the host's, and
+/// components refuse host memory (check_memory, backend/memory.hpp).
 template <class B>
 concept Backend = requires(B& backend, std::size_t n, detail::NoOp body, typename B::template Buffer<float>& buffer,
                            Span<float> span, Span<const float> input) {
@@ -52,11 +52,12 @@ concept Backend = requires(B& backend, std::size_t n, detail::NoOp body, typenam
     backend.synchronize();           // throws DeviceError if the work failed
 };
 
-/// Something that runs fixed chunks of a range on the host: all that readers of files and other set-up code ask for.
+/// An object that runs fixed chunks of a range on the host. File readers and other set-up code require no more than
+/// this.
 ///
-/// for_chunks(n, grain, body) calls body(chunk, begin, end) once for every chunk of `grain` consecutive indices, in
-/// any order. Chunks depend on n and grain alone, so sums that are kept per chunk and joined in chunk order are
-/// bit for bit the same at any thread count.
+/// for_chunks(n, grain, body) calls body(chunk, begin, end) once for every chunk of `grain` consecutive indices, in any
+/// order. Chunks depend on n and grain alone. Sums that are kept per chunk and added in chunk order are therefore
+/// bit-identical at any thread count.
 template <class E>
 concept HostExecutor =
     requires(E& executor, std::size_t n, detail::NoOpChunk body) { executor.for_chunks(n, n, body); };
@@ -67,7 +68,7 @@ concept CpuBackend = Backend<B> && B::host_memory && HostExecutor<B> && requires
     { backend.thread_count() } -> std::convertible_to<std::size_t>;
 };
 
-/// Number of chunks that for_chunks(n, grain, …) makes.
+/// Number of chunks in for_chunks(n, grain, …).
 [[nodiscard]] constexpr std::size_t chunk_count(std::size_t n, std::size_t grain) { return (n + grain - 1) / grain; }
 
 } // namespace gsh

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Storage of the CPU backends: aligned, uninitialised until written.
+/// @file  Storage of the CPU backends: aligned and uninitialised.
 #pragma once
 
 #include <gsh/core/span.hpp>
@@ -12,8 +12,8 @@
 
 namespace gsh::cpu::inline GSH_ISA {
 
-/// Owning array of trivially copyable T, aligned to a cache line. resize leaves the contents unspecified; memory is
-/// kept when shrinking, so a step that repeats its sizes allocates nothing.
+/// Owning array of trivially copyable T, aligned to a cache line. resize leaves the contents unspecified. Shrinking
+/// keeps the memory, so a step that repeats its sizes allocates nothing.
 template <class T>
     requires std::is_trivially_copyable_v<T>
 class Buffer {
@@ -31,7 +31,7 @@ public:
 
     void resize(std::size_t size) {
         if (size > capacity_) {
-            storage_.reset(); // first, so that old and new never stand side by side
+            storage_.reset(); // free first: the old and the new array never exist at the same time
             capacity_ = 0, size_ = 0;
             storage_.reset(static_cast<T*>(::operator new(size * sizeof(T), std::align_val_t(alignment))));
             capacity_ = size;

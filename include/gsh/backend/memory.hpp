@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A check that an argument lies in its backend's memory: host memory is refused, not read by a device.
+/// @file  A check that an argument lies in the memory of its backend.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -11,9 +11,9 @@
 
 namespace gsh {
 
-/// Throws MemoryError unless the backend reaches the span: "where: argument lies in host memory; upload it …". Of an
-/// argument with several arrays, `part` names the one. Costs nothing on a backend whose memory is the host's; empty
-/// spans pass.
+/// Throws MemoryError unless the backend can access the span: "where: argument is not memory of the backend …; upload
+/// it …". `part` names one of the arrays of an argument that has several. The check costs nothing on a backend with
+/// host memory. Empty spans pass.
 ///
 /// Views have overloads of the same form beside their definitions, so that a component writes one line per argument.
 template <Backend B, class T>

@@ -13,7 +13,7 @@
 namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
-/// Element copies that every backend with host memory shares.
+/// Memory operations of all backends with host memory.
 struct HostMemory {
     template <class T>
     using Buffer = cpu::Buffer<T>;
@@ -40,7 +40,7 @@ struct HostMemory {
 };
 } // namespace detail
 
-/// Runs everything on the calling thread. What it computes is what every other backend is compared with.
+/// Runs everything on the calling thread. Its results are the reference for every other backend.
 class Serial : public detail::HostMemory {
 public:
     [[nodiscard]] static constexpr std::string_view name() { return "serial"; }

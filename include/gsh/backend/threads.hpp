@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The everyday backend: a oneTBB arena of a chosen number of threads.
+/// @file  The multi-threaded CPU backend: a oneTBB arena with a chosen number of threads.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -21,8 +21,8 @@
 namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
-/// One parallel loop, on the caller's stack. Fork and join are spelled out as a release and an acquire: oneTBB orders
-/// them anyway, but ThreadSanitizer cannot look into that library, and two atomics per task are cheap.
+/// One parallel loop, on the caller's stack. Fork and join are written as a release and an acquire. oneTBB orders them
+/// anyway, but ThreadSanitizer does not see the synchronisation inside that library. Two atomics per task are cheap.
 template <class Body>
 class Loop {
 public:
@@ -49,8 +49,8 @@ private:
     std::atomic<unsigned> join_ = 0;
 };
 
-/// The body that oneTBB copies from task to task. Its own reads of such a copy are the one place that the sanitizer
-/// must not judge; everything from Loop::operator() on is checked.
+/// The body that oneTBB copies from task to task. ThreadSanitizer does not check how oneTBB reads such a copy; it
+/// checks everything from Loop::operator() on.
 template <class Body>
 struct LoopTask {
     Loop<Body>* loop;
@@ -63,7 +63,7 @@ struct LoopTask {
 /// Runs chunks of a range on `thread_count` threads; exceptions of a body reach the caller.
 class Threads : public detail::HostMemory {
 public:
-    /// thread_count 0 takes what the machine has.
+    /// thread_count 0 stands for all hardware threads.
     explicit Threads(std::size_t thread_count = 0)
         : thread_count_(thread_count ? thread_count : std::max(1u, std::thread::hardware_concurrency())),
           arena_(static_cast<int>(thread_count_)) {
@@ -79,7 +79,7 @@ public:
     void for_each(std::size_t n, const Body& body) {
         constexpr std::size_t grain = 512; // long enough to hide a task's cost, short enough to balance
         for_chunks(n, grain, [&](std::size_t, std::size_t begin, std::size_t end) {
-            const Body mine = body; // no store can alias a local copy's members: the loop may vectorise
+            const Body mine = body; // no store can alias the members of a local copy, so the loop may be vectorised
             for (std::size_t i = begin; i < end; ++i) mine(i);
         });
     }
@@ -99,7 +99,7 @@ public:
 
 private:
     std::size_t thread_count_;
-    std::optional<tbb::global_control> more_than_cores_; ///< oneTBB keeps to the cores unless told otherwise
+    std::optional<tbb::global_control> more_than_cores_; ///< raises the limit of oneTBB, which is the number of cores
     tbb::task_arena arena_;
 };
 static_assert(CpuBackend<Threads>);

@@ -15,7 +15,7 @@
 
 namespace gsh {
 
-/// What a backend keeps for itself in backward, for instance partial sums. Each backend specialises it beside its
+/// Private storage of a backend in backward, for instance partial sums. Each backend specialises it beside its
 /// overloads.
 template <Backend B, std::floating_point T>
 struct BlendShapesScratch {
@@ -23,7 +23,7 @@ struct BlendShapesScratch {
                   "BlendShapes: include its backend's overloads, <gsh/body/cpu/blend_shapes.hpp> or <gsh/cpu.hpp>");
 };
 
-/// Where a backend's overloads are not included.
+/// Fallback without the backend's overloads: fails to compile, and names the header to include.
 template <Backend B, class... Arguments>
 void blend_shapes_forward(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
@@ -35,12 +35,12 @@ void blend_shapes_backward(B&, const Arguments&...) {
                   "BlendShapes: include its backend's overloads, <gsh/body/cpu/blend_shapes.hpp> or <gsh/cpu.hpp>");
 }
 
-/// offsets[v] += Σ_k directions[v, k] coefficients[k]: shape, expression and pose directions of a mesh, or what
-/// they do to the joints (joint_directions, body_model.hpp).
+/// offsets[v] += Σ_k directions[v, k] coefficients[k]: shape, expression and pose directions of a mesh, or their effect
+/// on the joints (joint_directions, body_model.hpp).
 ///
-/// The directions are constants, kept once per vertex and never per Gaussian: a body with 486 pose directions has
-/// 5 million of them, its 170,000 Gaussians would have 83 million. What reaches the Gaussians are the summed
-/// offsets, by SurfaceInterpolation. Stored direction-major, so that a pass streams each direction once and a zero
+/// The directions are constants and are stored once per vertex, not per Gaussian: a body with 486 pose directions has 5
+/// million of them, and its 170,000 Gaussians would have 83 million. SurfaceInterpolation carries the summed offsets to
+/// the Gaussians. Directions are stored one after the other, so that a pass streams each of them once, and a zero
 /// coefficient costs nothing.
 ///
 /// Shapes  coefficients [C], in the order of the blocks given; offsets [V].
@@ -48,11 +48,13 @@ void blend_shapes_backward(B&, const Arguments&...) {
 template <Backend B, std::floating_point T = float>
 class BlendShapes {
 public:
-    /// The workspace of backward: kept by the caller, so that steps of equal sizes allocate nothing.
+    /// The workspace of backward. The caller keeps it, so that steps of equal sizes allocate nothing.
     using Workspace = BlendShapesScratch<B, T>;
 
-    /// Blocks of directions, each [V, its count] as the body model holds them: {shapedirs, exprdirs, posedirs}.
-    /// Empty blocks are skipped. Errors  ShapeError where a block does not divide into vertex_count rows.
+    /// Blocks of directions, each [V, its count] as in the body model: {shapedirs, exprdirs, posedirs}. Empty blocks
+    /// are skipped.
+    ///
+    /// Errors  ShapeError where a block does not divide into vertex_count rows.
     BlendShapes(B& backend, std::size_t vertex_count, std::initializer_list<Span<const vec3<double>>> blocks)
         : backend_(&backend), vertex_count_(vertex_count) {
         for (const auto& block : blocks) {
@@ -77,7 +79,7 @@ public:
     [[nodiscard]] std::size_t vertex_count() const { return vertex_count_; }
     [[nodiscard]] std::size_t coefficient_count() const { return coefficient_count_; }
 
-    /// Adds to offsets; start from zeros, or from what is to be offset.
+    /// Adds to offsets, which start as zeros or as the points to be offset.
     void forward(Span<const T> coefficients, Span<vec3<T>> offsets) const {
         check_size("BlendShapes::forward", "coefficients", coefficients.size(), coefficient_count_);
         check_size("BlendShapes::forward", "offsets", offsets.size(), vertex_count_, "store one per vertex");

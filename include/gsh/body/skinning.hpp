@@ -23,8 +23,8 @@ namespace gsh {
 
 /// Skinning weights of N points, each with the same number of (joint, weight) slots.
 ///
-/// Shapes  joints, weights [N, influences]; a point's weights are sorted, largest first, and sum to 1. Unused slots
-///         hold weight 0 and come last.
+/// Shapes  joints, weights [N, influences]; the weights of a point are sorted, largest first, and sum to 1. Unused
+///         slots come last and have weight 0.
 template <std::floating_point T>
 struct SkinWeights {
     Span<const std::uint16_t> joints;
@@ -34,20 +34,20 @@ struct SkinWeights {
     [[nodiscard]] GSH_HD std::size_t size() const { return influences ? weights.size() / influences : 0; }
 };
 
-/// The weight of bone `joint` in a blend whose heaviest bone is `heaviest`. A matrix represents its motion uniquely, so
-/// the weight stays as it is.
+/// The weight of bone `joint` in a blend whose heaviest bone is `heaviest`. Unlike a dual quaternion, a matrix
+/// represents its motion uniquely, so the weight is unchanged.
 template <std::floating_point T>
 [[nodiscard]] GSH_HD T blend_weight(Span<const Affine<T>>, std::size_t, std::size_t, T weight) {
     return weight;
 }
-/// Dual quaternions q and -q are the same motion. Each bone takes the sign that brings it to the heaviest bone's side,
-/// so that a blend takes the shorter way.
+/// Dual quaternions q and -q represent the same motion. Each bone takes the sign for which its rotation is nearer to
+/// that of the heaviest bone, so that a blend takes the shorter way.
 template <std::floating_point T>
 [[nodiscard]] GSH_HD T blend_weight(Span<const dual_quat<T>> bones, std::size_t heaviest, std::size_t joint, T weight) {
     return dot(bones[heaviest].real, bones[joint].real) < T(0) ? -weight : weight;
 }
 
-/// Calls visit(joint, weight) for each bone that moves point i, the heaviest first; weights as blend_weight has them.
+/// Calls visit(joint, weight) for each bone that moves point i, the heaviest first; weights are those of blend_weight.
 template <std::floating_point T, class Bone, class Visit>
 GSH_INLINE GSH_HD void for_each_influence(const SkinWeights<T>& skin, std::size_t i, Span<const Bone> bones,
                                           const Visit& visit) {
@@ -58,10 +58,10 @@ GSH_INLINE GSH_HD void for_each_influence(const SkinWeights<T>& skin, std::size_
     }
 }
 
-/// M = Σ_k weight_k bone_k, the transform of point i; dual quaternions are not yet normalised.
+/// M = Σ_k weight_k bone_k, the transform of point i; dual quaternions are not normalised yet.
 ///
-/// Sum   the type that the sum is kept in: Bone, or one that holds the same numbers in registers. It has zero(),
-///       add_scaled() and conversions from and to Bone.
+/// Sum     type in which the sum is kept: Bone, or one that holds the same numbers in registers. It has zero(),
+///         add_scaled() and conversions from and to Bone.
 template <class Sum, std::floating_point T, class Bone>
 [[nodiscard]] GSH_INLINE GSH_HD Bone blend_in(const SkinWeights<T>& skin, std::size_t i, Span<const Bone> bones) {
     Sum blended = Sum::zero();
@@ -79,9 +79,9 @@ template <std::floating_point T>
     return blend_in<dual_quat<T>>(skin, i, bones);
 }
 
-/// Adjoint of blend: adds to dL_dbones. The caller sees to it that no other point writes there at the same time. Where
-/// the sign of a dual quaternion changes (bones half a turn apart) the blend jumps; next to it this is the gradient of
-/// either side.
+/// Adjoint of blend: adds to dL_dbones. The caller ensures that no other point writes there at the same time. The blend
+/// is discontinuous where the sign of a dual quaternion changes (bones half a turn apart); near such a place, this is
+/// the gradient on the side of the argument.
 template <class Sum, std::floating_point T, class Bone>
 GSH_INLINE GSH_HD void blend_backward_in(const SkinWeights<T>& skin, std::size_t i, Span<const Bone> bones,
                                          const Bone& dL_dblended, Span<Bone> dL_dbones) {
@@ -103,7 +103,7 @@ GSH_HD void blend_backward(const SkinWeights<T>& skin, std::size_t i, Span<const
     blend_backward_in<dual_quat<T>>(skin, i, bones, dL_dblended, dL_dbones);
 }
 
-/// Skinning weights on the host, ready for upload: SkinWeights' layout in memory of its own.
+/// Skinning weights on the host, ready for upload: an owning array with the layout of SkinWeights.
 template <std::floating_point T>
 struct SkinWeightTable {
     std::vector<std::uint16_t> joints; // [N, influences]
@@ -113,7 +113,7 @@ struct SkinWeightTable {
     [[nodiscard]] std::size_t size() const { return influences ? weights.size() / influences : 0; }
     [[nodiscard]] SkinWeights<T> view() const { return {joints, weights, influences}; }
 
-    /// The same weights in another scalar type, again summing to 1 there: the largest takes up what rounding left.
+    /// The same weights in another scalar type. They sum to 1 there, too: the largest weight absorbs the rounding.
     template <std::floating_point U>
     [[nodiscard]] SkinWeightTable<U> cast() const {
         SkinWeightTable<U> result{joints, std::vector<U>(weights.begin(), weights.end()), influences};
@@ -126,10 +126,10 @@ struct SkinWeightTable {
     }
 };
 
-/// Gathers one point's weights into sorted slots, then all points' into a table.
+/// Collects the weights of one point in sorted slots, then those of all points in a table.
 class SkinWeightBuilder {
 public:
-    /// Keeps at most max_influences weights a point (the largest, renormalised); 0 keeps all.
+    /// Keeps at most max_influences weights for each point (the largest, renormalised); 0 keeps all.
     explicit SkinWeightBuilder(std::size_t max_influences = 0) : max_influences_(max_influences) {}
 
     /// Adds `scale` times a dense row of weights to the current point.
@@ -142,7 +142,9 @@ public:
         }
     }
 
-    /// Closes the current point. Errors  ValueError if it has no positive weight.
+    /// Closes the current point.
+    ///
+    /// Errors  ValueError if it has no positive weight.
     void finish_point() {
         check_value(!current_.empty(), "SkinWeightBuilder", "a point has no positive skinning weight");
         std::sort(current_.begin(), current_.end(), [&](std::uint16_t a, std::uint16_t b) {
@@ -178,12 +180,13 @@ private:
     std::size_t max_influences_;
     std::vector<double> sums_;                              // dense row of the current point
     std::vector<std::uint16_t> current_;                    // its non-zero joints
-    std::vector<std::pair<std::uint16_t, double>> entries_; // of all finished points
+    std::vector<std::pair<std::uint16_t, double>> entries_; // joints and weights of all finished points
     std::vector<std::size_t> ends_;
 };
 
-/// The weights of a dense [N, joint_count] matrix, zeros left out.
-/// Errors  ShapeError if the matrix is not rectangular, ValueError at a row without a positive weight.
+/// The weights of a dense [N, joint_count] matrix without its zeros.
+///
+/// Errors  ShapeError if the matrix is not rectangular, ValueError for a row without a positive weight.
 [[nodiscard]] inline SkinWeightTable<double> sparse_weights(Span<const double> dense, std::size_t joint_count,
                                                             std::size_t max_influences = 0) {
     const std::size_t rows = joint_count ? dense.size() / joint_count : 0;
@@ -196,7 +199,7 @@ private:
     return builder.table();
 }
 
-/// Throws ShapeError unless joints and weights hold `count` points, once for every array-level caller.
+/// Throws ShapeError unless joints and weights hold `count` points.
 template <std::floating_point T>
 void check_skin(std::string_view where, const SkinWeights<T>& skin, std::size_t count) {
     check_size(where, "weights.weights", skin.weights.size(), count * skin.influences,

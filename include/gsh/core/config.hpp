@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Version and the one host/device marker; libraries' doors (GLM, Eigen, xsimd) ask for the compiler, too.
+/// @file  Version, the host/device marker, and the instruction set that the compiler targets.
 #pragma once
 
 #define GSH_VERSION_MAJOR 0
@@ -13,14 +13,14 @@
 #define GSH_HD
 #endif
 
-/// Marks a function that must melt into its caller: a call would keep the caller's loop from becoming vector code.
+/// Forces a function to be inlined. A remaining call would keep the loop of the caller from being vectorised.
 #if defined(__GNUC__)
 #define GSH_INLINE [[gnu::always_inline]] inline
 #else
 #define GSH_INLINE inline
 #endif
 
-/// Bytes of the widest vector register of the machine that the compiler writes code for.
+/// Size in bytes of the widest vector register of the target machine.
 #if defined(__AVX512F__)
 #define GSH_VECTOR_BYTES 64
 #elif defined(__AVX__)
@@ -29,13 +29,14 @@
 #define GSH_VECTOR_BYTES 16
 #endif
 
-/// Name of the instruction set that the compiler writes code for, and of the inline namespace of what depends on it.
+/// Name of the target instruction set, and of the inline namespace of all code that depends on it.
 ///
-/// Lanes (Wide) and the work of the CPU backends differ in layout and in rounding from one set to the next: registers
-/// are wider, rows are padded to whole registers, a product and a sum become one instruction. Without the namespace,
-/// two translation units compiled for two sets define the same functions in two ways, and the linker keeps one of each,
-/// whichever comes first. With it each unit keeps its own, and gsh::cpu::Serial of one unit is another type than that
-/// of the other. Plain data, such as vec3, Camera or Gaussians on the host, is the same in both.
+/// The layout and the rounding of lanes (Wide) and of the CPU backends' kernels depend on the instruction set:
+/// registers are wider, rows are padded to whole registers, and a product and a sum become one instruction. Without the
+/// namespace, two translation units compiled for two instruction sets would define the same functions in two ways, and
+/// the linker would keep whichever definition comes first. With it each unit keeps its own definitions, and
+/// gsh::cpu::Serial is a different type in each. Plain host data, such as vec3, Camera or Gaussians, has the same type
+/// in both.
 #if defined(__AVX512F__)
 #define GSH_ISA avx512
 #elif defined(__AVX2__) && defined(__FMA__)

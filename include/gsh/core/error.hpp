@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Typed exceptions with helpful messages, and the checks that throw them.
+/// @file  Typed exceptions, and the checks that throw them.
 #pragma once
 
 #include <gsh/core/span.hpp>
@@ -12,13 +12,13 @@
 
 namespace gsh {
 
-/// Base of everything gsh throws.
+/// Base class of all exceptions that gsh throws.
 class Error : public std::runtime_error {
 public:
     using std::runtime_error::runtime_error;
 };
 
-/// A size, shape or count that does not fit its neighbours.
+/// A size, shape or count that does not match the other arguments.
 class ShapeError : public Error {
 public:
     using Error::Error;
@@ -36,13 +36,13 @@ public:
     using Error::Error;
 };
 
-/// A device that failed or is not there.
+/// A device that failed or is not available.
 class DeviceError : public Error {
 public:
     using Error::Error;
 };
 
-/// Memory that the backend at work cannot reach.
+/// Memory that the backend in use cannot access.
 class MemoryError : public Error {
 public:
     using Error::Error;

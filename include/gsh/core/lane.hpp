@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What per-element code may ask of its number type: a scalar, or a SIMD pack of scalars.
+/// @file  The number types of per-element code: a scalar, or a SIMD pack of scalars.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -12,8 +12,8 @@
 
 namespace gsh {
 
-/// Names the scalar, mask and index types of a lane type. The primary template serves float and double;
-/// simd/pack.hpp adds SIMD packs.
+/// Names the scalar, mask and index types of a lane type. The primary template covers float and double; simd/pack.hpp
+/// adds SIMD packs.
 template <class T>
 struct LaneTraits {};
 
@@ -31,8 +31,8 @@ struct LaneTraits<T> {
     [[nodiscard]] GSH_HD static T gather(const T* table, Index index) { return table[index]; }
 };
 
-/// A number that per-element code is written over. Branches become `select`, so that one source serves a
-/// thread on a device, a register on a CPU, and the gradient test in double.
+/// A number type for which per-element code is written. Branches become `select`, so that one source runs in a device
+/// thread, in a vector register of a CPU, and in a gradient test in double.
 template <class T>
 concept Lane = requires { typename LaneTraits<T>::Scalar; } && std::is_trivially_copyable_v<T>;
 

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Asking for memory before it is needed.
+/// @file  A hint that loads memory into the cache before it is needed.
 #pragma once
 
 namespace gsh {
 
-/// Brings the cache line at `address` nearer; any address is allowed, nothing else happens.
+/// Loads the cache line at `address` into the cache. Any address is allowed, and there is no other effect.
 ///
-/// The empty statement behind it has no instruction, but GCC 12 takes a function that prefetches for one that does
-/// nothing else, and drops calls to it together with what they wrote (seen at -O1, where it calls the function).
+/// The empty asm statement emits no instruction. Without it GCC 12 treats a function that contains a prefetch as one
+/// without other effects, and removes calls to it although the function also writes memory (seen at -O1, where the
+/// function is not inlined).
 [[gnu::always_inline]] inline void prefetch(const void* address) {
     __builtin_prefetch(address);
     asm volatile("");

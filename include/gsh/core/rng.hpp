@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Counter-based random numbers: the same seed and counter give the same number on every machine.
+/// @file  Counter-based random numbers: a seed and a counter give the same number on every machine.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -21,7 +21,8 @@ namespace gsh {
     return x ^ (x >> 31);
 }
 
-/// The random bits of element `index` in the stream `seed`: no state, so elements may be drawn in any order.
+/// The random bits of element `index` in the stream `seed`. The generator has no state, so elements may be drawn in any
+/// order.
 [[nodiscard]] GSH_HD constexpr std::uint64_t random_bits(std::uint64_t seed, std::uint64_t index) {
     return mix_bits(mix_bits(seed) ^ (index * 0xD1B54A32D192ED03ull));
 }
@@ -31,7 +32,7 @@ namespace gsh {
     return static_cast<double>(random_bits(seed, index) >> 11) * 0x1p-53;
 }
 
-/// A sequence of draws for host code. Its whole state is two integers, so a checkpoint can hold it.
+/// A sequence of draws for host code. Its state is two integers, which a checkpoint can store.
 class Rng {
 public:
     struct State {

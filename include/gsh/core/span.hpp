@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A pointer and a count that a kernel may carry by value.
+/// @file  A view of contiguous elements: a pointer and a count, passed to kernels by value.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -14,8 +14,9 @@ namespace gsh {
 
 /// View of `size` contiguous elements in host or device memory; `Span<const T>` is an input.
 ///
-/// Trivially copyable, so it goes into a kernel as it is, and needs no compiler flag there, unlike std::span.
-/// Made implicitly from whatever has contiguous `data()` and `size()`: std::vector, std::span, a backend's Buffer.
+/// Trivially copyable, so it can be passed to a kernel by value. Unlike std::span, it needs no extra compiler flag in
+/// device code. Any object with contiguous `data()` and `size()` converts to it implicitly: std::vector, std::span, a
+/// backend's Buffer.
 template <class T>
 class Span {
 public:
@@ -34,7 +35,7 @@ public:
                  })
     constexpr Span(Range&& range) : data_(std::data(range)), size_(std::size(range)) {}
 
-    /// A writable view serves wherever a read-only one is asked for.
+    /// A writable view converts to a read-only one.
     template <class U>
         requires(std::is_same_v<const U, T> && !std::is_const_v<U>)
     GSH_HD constexpr Span(Span<U> other) : data_(other.data()), size_(other.size()) {}

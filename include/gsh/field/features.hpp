@@ -13,9 +13,9 @@
 
 namespace gsh {
 
-/// A matrix [rows, columns] whose columns are stored in groups of `block`, one group after the other; within a group
-/// a row's numbers are neighbours. block = columns is the plain row-major matrix. block = Features of a hash grid
-/// keeps each level to itself, so that a pass over one level streams through memory.
+/// A matrix [rows, columns] whose columns are stored in groups of `block`, one group after the other. Within a group,
+/// the numbers of a row are contiguous. block = columns is the plain row-major matrix. block = Features of a hash grid
+/// stores each level separately, so that a pass over one level streams through memory.
 ///
 /// Shapes  values [columns / block][rows][block]; block divides columns.
 template <class T>
@@ -26,7 +26,7 @@ struct FeatureView {
     FeatureView() = default;
     FeatureView(Span<T> values_, std::size_t rows_, std::size_t columns_, std::size_t block_)
         : values(values_), rows(rows_), columns(columns_), block(block_) {}
-    /// A writable view serves wherever a read-only one is asked for.
+    /// A writable view converts to a read-only one.
     template <std::same_as<T> U> // a template, since nvcc warns of a conversion to one's own type
         requires(!std::is_const_v<T>)
     [[nodiscard]] operator FeatureView<const U>() const
@@ -40,7 +40,7 @@ struct FeatureView {
     }
     [[nodiscard]] GSH_HD T& operator()(std::size_t row, std::size_t c) const { return column(c)[row * block]; }
 
-    /// The same rows, columns [first, first + count) only; both are multiples of block unless all columns are taken.
+    /// The same rows, columns [first, first + count) only. Both are multiples of block, unless all columns are taken.
     [[nodiscard]] FeatureView slice(std::size_t first, std::size_t count) const {
         check_value(first + count <= columns && first % block == 0 && count % block == 0, "FeatureView::slice",
                     "first and count must be multiples of block and lie within columns");
@@ -75,7 +75,7 @@ void check_features(std::string_view where, std::string_view argument, const Fea
     check_size(where, std::string(argument).append(".values"), view.values.size(), rows * columns);
 }
 
-/// What a network reads: features, and beside them what every point has of its own and what all points share.
+/// Inputs of a network: features, further numbers of each point, and numbers common to all points.
 ///
 /// Shapes  features [N, F] in any blocks, points [N, P] row-major, shared [S]; the network's inputs are F + P + S
 ///         numbers in this order.
@@ -86,8 +86,8 @@ struct MlpInputs {
     Span<const T> shared = {};
 };
 
-/// What a backward pass does with an output that nothing else feeds: add as everywhere, or overwrite, which saves the
-/// caller the zeroing and the pass the reading of a large intermediate gradient.
+/// How a backward pass writes an output to which nothing else contributes: add, as everywhere, or assign. Assigning
+/// saves the caller the zeroing, and the pass the reading of a large intermediate gradient.
 enum class Write { add, assign };
 
 } // namespace gsh

@@ -12,7 +12,7 @@ namespace gsh {
 /// γ(t) = (sin πt, cos πt, sin 2πt, cos 2πt, …, sin 2^(O-1) πt, cos 2^(O-1) πt, t) and its adjoint.
 ///
 /// Shapes  features [2 * Octaves + 1].
-/// Units   t in [0, 1) covers half a period of the slowest wave.
+/// Units   t in [0, 1) is half a period of the slowest wave.
 /// Errors  none, this is kernel code.
 /// Source  Mildenhall et al., "NeRF", 2020, equation 4, with t itself appended.
 template <int Octaves>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A continuous parameter field over space: hash encoding, then a small network.
+/// @file  A continuous parameter field over space: a hash encoding followed by a small network.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -19,23 +19,23 @@
 
 namespace gsh {
 
-/// How a field tells regions that deserve detail (τ near 1) from the rest (τ = 0):
+/// Resolution that depends on the region: fine where detail matters (τ near 1), coarse elsewhere (τ = 0),
 ///
-///     z = τ F_h + (1 - τ) F_l,   F_h all levels, F_l the coarse ones alone.
+///     z = τ F_h + (1 - τ) F_l,   with F_h of all levels, F_l of the coarse levels alone.
 ///
 /// Shapes  region [N], τ in [0, 1] per point, in the backend's memory; empty: every level counts everywhere.
-/// Source  paper §3.3, equation 9, and §3.4 for which levels are whose.
+/// Source  paper §3.3, equation 9, and §3.4 for the assignment of levels.
 template <class T>
 struct MultiScale {
-    int fine_level = 0;          ///< the first level that only regions with τ > 0 have
-    bool separate_tables = false; ///< F_h and F_l from a table each; else they share one, and z = [coarse, τ fine]
+    int fine_level = 0;          ///< the first level that counts only where τ > 0
+    bool separate_tables = false; ///< F_h and F_l have one table each; else they share one, and z = [coarse, τ fine]
     Span<const T> region;
 };
 
-/// What a field's network reads beside the encoding.
+/// Inputs of a field's network beside the encoding.
 ///
-/// Shapes  points [N, point_inputs] row-major, each point's own (prior features); shared [shared_inputs], the same for
-///         every point (the time, a pose); both in the backend's memory.
+/// Shapes  points [N, point_inputs] row-major, separate for each point (prior features); shared [shared_inputs], the
+///         same for every point (the time, a pose); both in the backend's memory.
 template <class T>
 struct FieldInputs {
     Span<const T> points = {};
@@ -53,15 +53,15 @@ class HashField {
 public:
     using Grid = HashGrid<Levels, Features>;
 
-    /// Fixed points, prepared once for every pass. One grid, or two where the tables of fine and coarse are separate:
-    /// then the first is F_l's.
+    /// Fixed points, prepared once for all passes. There is one grid, or two where fine and coarse levels have separate
+    /// tables; the first is then that of F_l.
     template <Backend B, std::floating_point T = float>
     struct Query {
         std::vector<typename Grid::template Query<B, T>> grids;
-        typename B::template Buffer<std::uint32_t> touched; ///< entries that some point refers to, ascending
+        typename B::template Buffer<std::uint32_t> touched; ///< entries that at least one point uses, ascending
 
         [[nodiscard]] std::size_t size() const { return grids.empty() ? 0 : grids[0].size(); }
-        /// Table rows that one pass over all points reads.
+        /// Number of table rows that one pass over all points reads.
         [[nodiscard]] std::size_t lookups() const {
             std::size_t sum = 0;
             for (const auto& grid : grids) sum += grid.lookups;
@@ -76,7 +76,7 @@ public:
         Mlp::Cache<B, T> mlp;
     };
 
-    /// The network's input count follows from the others, whatever `network` says.
+    /// network.inputs is ignored: the number of inputs follows from the other arguments.
     HashField(typename Grid::Params grid, Mlp::Params network, std::size_t point_inputs = 0,
               std::size_t shared_inputs = 0)
         : grid_(grid), mlp_(with_inputs(network, point_inputs + shared_inputs)), point_inputs_(point_inputs),
@@ -87,9 +87,10 @@ public:
     [[nodiscard]] std::size_t point_inputs() const { return point_inputs_; }
     [[nodiscard]] std::size_t shared_inputs() const { return shared_inputs_; }
 
-    /// Takes over the points, in [0, 1]^3, and how far each one's levels reach.
+    /// Stores the points, in [0, 1]^3, and the weights of their levels.
+    ///
     /// Shapes  points [N] in the backend's memory.
-    /// Errors  ShapeError unless there are as many τ as points, ValueError for a fine_level outside the grid's levels.
+    /// Errors  ShapeError unless there is one τ per point, ValueError for a fine_level outside the grid's levels.
     template <Backend B, std::floating_point T>
     void prepare(B& backend, std::type_identity_t<Span<const vec3<T>>> points, Query<B, T>& query,
                  const std::type_identity_t<MultiScale<T>>& scales = {}) const {
@@ -120,13 +121,13 @@ public:
         join_touched(backend, query);
     }
 
-    /// How many numbers the table of a field with this query holds: the grid's, or with separate tables twice as many,
-    /// those of F_l before those of F_h.
+    /// Size of the table of a field with this query: that of the grid, or with separate tables twice that, F_l before
+    /// F_h.
     [[nodiscard]] std::size_t table_parameter_count(const auto& query) const {
         return query.grids.size() * grid_.parameter_count();
     }
 
-    /// Writes every point's outputs and what backward needs to the cache.
+    /// Writes the outputs of every point, and stores in the cache what backward needs.
     template <Backend B, std::floating_point T>
     void forward(B& backend, std::type_identity_t<Span<const T>> table, std::type_identity_t<Span<const T>> weights,
                  const Query<B, T>& query, std::type_identity_t<Span<T>> outputs, Cache<B, T>& cache,
@@ -141,7 +142,8 @@ public:
         mlp_.forward(backend, weights, MlpInputs<T>{features, inputs.points, inputs.shared}, outputs, cache.mlp);
     }
 
-    /// Adds to dL_dtable, dL_dweights and, unless it is empty, dL_dshared; weights, inputs and cache are forward's.
+    /// Adds to dL_dtable, dL_dweights and, unless it is empty, dL_dshared. weights, inputs and cache are those of
+    /// forward.
     template <Backend B, std::floating_point T>
     void backward(B& backend, std::type_identity_t<Span<const T>> weights, const Query<B, T>& query,
                   std::type_identity_t<Span<const T>> dL_doutputs, Cache<B, T>& cache,

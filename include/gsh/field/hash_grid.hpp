@@ -24,7 +24,7 @@
 
 namespace gsh {
 
-/// Where a backend's overloads are not included.
+/// Fallback without the backend's overloads: fails to compile, and names the header to include.
 template <Backend B, class... Arguments>
 void hash_prepare(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
@@ -41,13 +41,14 @@ void hash_backward(B&, const Arguments&...) {
                   "HashGrid: include its backend's overloads, <gsh/field/cpu/hash_grid.hpp> or <gsh/cpu.hpp>");
 }
 
-/// features[l * Features + f] = sum over a cell's corners of weight(corner) * table[entry(l, corner), f], trilinear,
-/// on Levels grids of growing resolution, and its adjoint to the table and to the point.
+/// features[l * Features + f] = sum over a cell's corners of weight(corner) * table[entry(l, corner), f], trilinear, on
+/// Levels grids of growing resolution; with the adjoint to the table and to the point.
 ///
-/// Shapes  table [entry_count, Features]; points [N] in [0, 1]^3; features [N, Levels * Features] in any blocks
-///         (blocks of Features columns are the fastest).
+/// Shapes  table [entry_count, Features]; points [N] in [0, 1]^3; features [N, Levels * Features] in any blocks (blocks
+///         of Features columns are the fastest).
 /// Units   level l has base * growth^l - 1 cells per unit length and resolution ceil(that) + 1. It is dense while
-///         (resolution + 1)^3 entries fit table_size, else its entries are the corners' hashes, collisions and all.
+///         (resolution + 1)^3 entries fit table_size; else a hash of the corner gives the entry, and corners may
+///         collide.
 /// Errors  ShapeError, ValueError before any work starts; the per-point functions are kernel code.
 /// Source  Müller et al., "Instant Neural Graphics Primitives with a Multiresolution Hash Encoding", 2022.
 template <int Levels, int Features>
@@ -59,19 +60,19 @@ public:
     struct Params {
         double base = 4;                     ///< cells per unit length on level 0, plus one
         double growth = 1.5;                 ///< from one level to the next
-        std::uint32_t table_size = 1u << 17; ///< most entries of a level; a power of two
+        std::uint32_t table_size = 1u << 17; ///< largest number of entries of a level; a power of two
     };
 
     /// Fixed points, prepared once for every pass over every table of this geometry.
     template <Backend B, std::floating_point T = float>
     struct Query {
         typename B::template Buffer<T> x, y, z;           ///< [N]
-        typename B::template Buffer<std::uint32_t> touched; ///< entries that some point refers to, ascending
+        typename B::template Buffer<std::uint32_t> touched; ///< entries that at least one point uses, ascending
         std::array<std::size_t, Levels + 1>
-            touched_begin{}; ///< level l owns touched[touched_begin[l], touched_begin[l + 1])
+            touched_begin{}; ///< level l has touched[touched_begin[l], touched_begin[l + 1])
         int split = 0;                                       ///< first fine level
         typename B::template Buffer<T> coarse, fine;         ///< [N] or empty: weights of the levels
-        std::size_t lookups = 0;                             ///< table rows that a pass over all points reads
+        std::size_t lookups = 0;                             ///< number of table rows that a pass over all points reads
 
         [[nodiscard]] std::size_t size() const { return x.size(); }
         [[nodiscard]] LevelWeights<T> weights() const { return {split, coarse, fine}; }
@@ -106,7 +107,7 @@ public:
     [[nodiscard]] std::size_t entry_count() const { return entry_count_; }
     [[nodiscard]] std::size_t parameter_count() const { return entry_count_ * Features; }
 
-    /// A table uniform in ±1e-4, the same for the same seed.
+    /// A table of uniform random numbers in ±1e-4, the same for the same seed.
     template <std::floating_point T>
     [[nodiscard]] std::vector<T> initial_table(std::uint64_t seed) const {
         std::vector<T> table(parameter_count());
@@ -122,19 +123,19 @@ public:
     GSH_HD void encode(const ScalarOf<T>* table, const vec3<T>& point, T* features,
                        const LevelWeight<T>& weight = {}) const;
 
-    /// Adds to dL_dpoint. Inside a cell features are smooth; across its faces the derivative jumps.
+    /// Adds to dL_dpoint. Features are smooth inside a cell; their derivative jumps at its faces.
     template <Lane T>
     GSH_HD void encode_backward_point(const ScalarOf<T>* table, const vec3<T>& point, const T* dL_dfeatures,
                                       vec3<T>& dL_dpoint, const LevelWeight<T>& weight = {}) const;
 
-    /// Adds to dL_dtable; for scalars, since lanes may meet in one entry.
+    /// Adds to dL_dtable. Scalars only, since two lanes may add to the same entry.
     template <std::floating_point T>
     GSH_HD void encode_backward_table(const vec3<T>& point, const T* dL_dfeatures, T* dL_dtable,
                                       const LevelWeight<T>& weight = {}) const;
 
     // Many points ---------------------------------------------------------------------------------------------------
 
-    /// Takes over the points and the weights of their levels, and lists the entries that they touch.
+    /// Stores the points and the weights of their levels, and lists the entries that they use.
     template <Backend B, std::floating_point T>
     void prepare(B& backend, std::type_identity_t<Span<const vec3<T>>> points, Query<B, T>& query,
                  const std::type_identity_t<LevelWeights<T>>& weights = {}) const {
@@ -157,7 +158,7 @@ public:
         hash_prepare(backend, *this, points, weights, query);
     }
 
-    /// features = encoding of each point of the query; with Write::add they are added to what is there.
+    /// features = encoding of each point of the query; Write::add adds it to features instead.
     template <Backend B, std::floating_point T>
     void forward(B& backend, std::type_identity_t<Span<const T>> table, const Query<B, T>& query,
                  std::type_identity_t<FeatureView<T>> features, Write mode = Write::assign) const {
@@ -231,7 +232,7 @@ GSH_HD void HashGrid<Levels, Features>::encode_backward_point(const ScalarOf<T>*
         }
         dL_dinside += dL_dfraction * (T(static_cast<ScalarOf<T>>(levels_[l].scale)) * level_weight(l));
     }
-    for (int axis = 0; axis < 3; ++axis) // a coordinate beyond a face was moved to it
+    for (int axis = 0; axis < 3; ++axis) // a coordinate outside the cube was moved to a face: no gradient
         dL_dpoint[axis] += select(point[axis] < T(0) || point[axis] > T(1), T(0), dL_dinside[axis]);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  One level of a hash grid: where a point's eight corners lie in the table, and how much each counts.
+/// @file  One level of a hash grid: table entries and weights of the eight corners around a point.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -16,7 +16,7 @@ namespace gsh {
 /// bit 2 in z.
 template <Lane T>
 struct HashCell {
-    IndexOf<T> x[2], y[2], z[2]; ///< what each coordinate of a corner contributes to its index
+    IndexOf<T> x[2], y[2], z[2]; ///< contribution of each coordinate of a corner to its entry
     vec3<T> fraction;            ///< position inside the cell, [0, 1)
 
     [[nodiscard]] GSH_HD T weight(int corner) const { return along(0, corner) * along(1, corner) * along(2, corner); }
@@ -44,7 +44,7 @@ struct HashLevel {
     std::uint32_t resolution = 0; ///< the largest corner coordinate
     std::uint32_t size = 0;       ///< entries of this level
     std::uint32_t offset = 0;     ///< first entry of this level in the table
-    bool hashed = false;          ///< else corner (x, y, z) has the entry x + stride (y + stride z)
+    bool hashed = false;          ///< if false, corner (x, y, z) has the entry x + stride (y + stride z)
 
     [[nodiscard]] GSH_HD std::uint32_t stride() const { return resolution + 1; }
 
@@ -87,12 +87,12 @@ struct HashLevel {
 private:
     template <Lane T>
     [[nodiscard]] GSH_HD T inside(const T& coordinate) const {
-        // In this order NaN becomes 0, so that no index leaves the table.
+        // This order of arguments turns NaN into 0, so that no index leaves the table.
         return min(T(1), max(T(0), coordinate)) * T(static_cast<ScalarOf<T>>(scale)) + T(ScalarOf<T>(0.5));
     }
 };
 
-/// How much coarse and fine levels count at a point: its features on a level are multiplied by the level's weight.
+/// Weights of coarse and fine levels at a point: its features on a level are multiplied by the weight of the level.
 template <class T>
 struct LevelWeight {
     int split = 0; ///< levels [0, split) are coarse, the others fine
@@ -101,7 +101,8 @@ struct LevelWeight {
     [[nodiscard]] GSH_HD const T& operator()(int level) const { return level < split ? coarse : fine; }
 };
 
-/// The same for N points. An empty array is 1 everywhere; where a weight is 0 nothing is looked up and nothing learned.
+/// The same for N points. An empty array means 1 everywhere. Where a weight is 0, the table is neither read nor
+/// updated.
 template <class T>
 struct LevelWeights {
     int split = 0;              ///< levels [0, split) are coarse, the others fine
@@ -110,7 +111,7 @@ struct LevelWeights {
     [[nodiscard]] GSH_HD LevelWeight<T> operator[](std::size_t i) const {
         return {split, coarse.empty() ? T(1) : coarse[i], fine.empty() ? T(1) : fine[i]};
     }
-    /// The array that speaks of a level.
+    /// The weights that apply to a level.
     [[nodiscard]] Span<const T> of_level(int level) const { return level < split ? coarse : fine; }
 };
 

@@ -19,15 +19,15 @@
 
 namespace gsh {
 
-/// What a backend keeps between the passes and for itself: activations, weights in the form of its products, partial
-/// sums. Each backend specialises it beside its overloads.
+/// Private storage of a backend: activations, weights in the layout of its products, partial sums. Each backend
+/// specialises it beside its overloads.
 template <Backend B, std::floating_point T>
 struct MlpScratch {
     static_assert(detail::overload_is_included<B>,
                   "Mlp: include its backend's overloads, <gsh/field/cpu/mlp.hpp> or <gsh/cpu.hpp>");
 };
 
-/// Where a backend's overloads are not included.
+/// Fallback without the backend's overloads: fails to compile, and names the header to include.
 template <Backend B, class... Arguments>
 void mlp_forward(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
@@ -53,10 +53,10 @@ public:
         int inputs = 0;
         int outputs = 0;
         int width = 64;        ///< numbers in a hidden layer
-        int hidden_layers = 2; ///< 0 is a single matrix
+        int hidden_layers = 2; ///< 0 means a single matrix
     };
 
-    /// What backward needs of forward, and working storage; one per batch in flight.
+    /// Values of forward that backward needs, and working storage; one per batch in flight.
     template <Backend B, std::floating_point T = float>
     struct Cache {
         std::size_t rows = 0;     ///< batch size of the last forward
@@ -72,7 +72,7 @@ public:
     [[nodiscard]] const Params& params() const { return params_; }
     [[nodiscard]] std::size_t inputs() const { return static_cast<std::size_t>(params_.inputs); }
     [[nodiscard]] std::size_t outputs() const { return static_cast<std::size_t>(params_.outputs); }
-    /// Matrices, one more than hidden layers.
+    /// Number of matrices: one more than hidden layers.
     [[nodiscard]] std::size_t layer_count() const { return static_cast<std::size_t>(params_.hidden_layers) + 1; }
     [[nodiscard]] std::size_t layer_inputs(std::size_t layer) const {
         return layer == 0 ? inputs() : static_cast<std::size_t>(params_.width);
@@ -80,7 +80,7 @@ public:
     [[nodiscard]] std::size_t layer_outputs(std::size_t layer) const {
         return layer + 1 == layer_count() ? outputs() : static_cast<std::size_t>(params_.width);
     }
-    /// Where a layer's matrix starts in weights.
+    /// Index in weights of the first number of a layer's matrix.
     [[nodiscard]] std::size_t layer_offset(std::size_t layer) const {
         std::size_t offset = 0;
         for (std::size_t l = 0; l < layer; ++l) offset += layer_inputs(l) * layer_outputs(l);
@@ -88,7 +88,7 @@ public:
     }
     [[nodiscard]] std::size_t parameter_count() const { return layer_offset(layer_count()); }
 
-    /// Weights uniform in ±sqrt(6 / (inputs + outputs)) of each layer, the same for the same seed.
+    /// Uniform random weights in ±sqrt(6 / (inputs + outputs)) of each layer, the same for the same seed.
     template <std::floating_point T>
     [[nodiscard]] std::vector<T> initial_weights(std::uint64_t seed) const {
         std::vector<T> weights;
@@ -117,8 +117,8 @@ public:
         if (cache.rows) mlp_forward(backend, *this, weights, inputs, outputs, cache.scratch);
     }
 
-    /// Adds to dL_dweights and dL_dshared; adds to or, with Write::assign, overwrites dL_dfeatures. The latter two may
-    /// be empty ({}). weights, inputs and cache are those of forward.
+    /// Adds to dL_dweights and dL_dshared. Adds to dL_dfeatures or, with Write::assign, overwrites it. dL_dfeatures and
+    /// dL_dshared may be empty ({}). weights, inputs and cache are those of forward.
     template <Backend B, std::floating_point T>
     void backward(B& backend, std::type_identity_t<Span<const T>> weights,
                   const std::type_identity_t<MlpInputs<T>>& inputs, std::type_identity_t<Span<const T>> dL_doutputs,

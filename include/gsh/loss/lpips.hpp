@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  LPIPS: how different two images look to a network that was trained to name what it sees.
+/// @file  LPIPS: the perceptual distance of two images in the features of a trained network.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -19,7 +19,7 @@
 
 namespace gsh {
 
-/// Where a backend's overloads are not included.
+/// Fallback without the backend's overloads: fails to compile, and names the header to include.
 template <Backend B, class... Arguments>
 void lpips_forward(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
@@ -32,23 +32,23 @@ double lpips_distance(B&, const Arguments&...) {
     return {};
 }
 
-/// d(a, b) = sum over maps l of mean over pixels of sum_c w_lc (â_lc - b̂_lc)², â being a map's features at a pixel
-/// scaled to length 1.
+/// d(a, b) = sum over maps l of mean over pixels of sum_c w_lc (â_lc - b̂_lc)², where â is the feature vector of a map
+/// at a pixel, scaled to length 1.
 ///
 /// Shapes  images [3, height, width], RGB, at least smallest_side(network) long and wide (31 for AlexNet).
-/// Units   display-referred sRGB in [0, 1]; `scaling` says how they are fed.
-/// Errors  ShapeError for images without three planes or of two sizes; ValueError for images that are too small or
-///         hold a NaN, and for a network that validate() refuses.
+/// Units   display-referred sRGB in [0, 1]; `scaling` selects the range that the network receives.
+/// Errors  ShapeError for images without three planes or of two sizes; ValueError for images that are too small or hold
+///         a NaN, and for a network that validate() refuses.
 /// Source  Zhang et al., "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric", 2018, version 0.1.
 template <Backend B, std::floating_point T = float>
 class Lpips {
 public:
     using Features = LpipsFeatures<B, T>;
 
-    /// Keeps its own copy of the weights.
+    /// Copies the weights.
     Lpips(B& backend, const LpipsNetwork& network, LpipsScaling scaling = LpipsScaling::correct);
 
-    /// The maps of one image: a truth that many renders are compared with needs them once.
+    /// The maps of one image. An image that many renders are compared with needs them only once.
     void forward(const ImageView<const T>& image, Features& features) const {
         constexpr std::string_view where = "Lpips::forward";
         check_image(where, "image", image, 3, image.height, image.width);
@@ -61,7 +61,7 @@ public:
         lpips_forward(*backend_, weights_, image, scaling_, features); // the backend's own overload
     }
 
-    /// 0 for equal images, the same both ways.
+    /// The distance of two images from their maps: 0 for equal images, and symmetric.
     [[nodiscard]] double distance(const Features& a, const Features& b) const {
         constexpr std::string_view where = "Lpips::distance";
         for (const Features* features : {&a, &b})
@@ -79,7 +79,7 @@ public:
         return result;
     }
 
-    /// Both images at once.
+    /// The distance of two images.
     [[nodiscard]] double distance(const ImageView<const T>& image, const ImageView<const T>& truth) const {
         check_image("Lpips::distance", "image", image, 3, truth.height, truth.width);
         Features a, b;
@@ -88,7 +88,7 @@ public:
         return distance(a, b);
     }
 
-    /// For the protocol line of a report: "AlexNet v0.1, images fed in [-1, 1]".
+    /// Description of the metric for a report: "AlexNet v0.1, images fed in [-1, 1]".
     [[nodiscard]] std::string protocol() const {
         return name_ + " v0.1, images fed in " + (scaling_ == LpipsScaling::correct ? "[-1, 1]" : "[0, 1]");
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The networks that LPIPS looks through: their steps, their weights, and the feature maps they leave.
+/// @file  The networks of LPIPS: their steps, weights and feature maps.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -18,10 +18,10 @@ namespace gsh {
 
 /// One step of a network: a convolution with bias and ReLU, or a maximum over a window.
 struct LpipsStep {
-    int number = 0;   ///< in torchvision's `features`, by which files name the weights
-    int channels = 0; ///< of the output; 0 is a max pooling, which keeps its input's
+    int number = 0;   ///< index in torchvision's `features`; weight files use it as a name
+    int channels = 0; ///< of the output; 0 marks max pooling, which keeps the number of channels
     int kernel = 1, stride = 1, padding = 0;
-    bool compared = false; ///< its output takes part in the distance
+    bool compared = false; ///< the output contributes to the distance
 
     [[nodiscard]] bool is_convolution() const { return channels > 0; }
     /// Length of the output along an axis; 0 where the window does not fit.
@@ -41,12 +41,13 @@ struct LpipsNetwork {
     std::string name;
     std::vector<LpipsStep> steps{};
     std::vector<LpipsConvolution> convolutions{}; // one per convolution, in order
-    std::vector<std::vector<float>> lins{};       // one per compared step, [its channels]: how much each channel counts
-    /// What is taken from an RGB image in [-1, 1], and what it is then divided by; version 0.1's numbers.
+    std::vector<std::vector<float>> lins{};       // one per compared step, [its channels]: weight of each channel
+    /// An RGB image in [-1, 1] is normalised as (image - shift) / scale; the numbers are those of version 0.1.
     std::array<float, 3> shift{-0.030f, -0.088f, -0.188f}, scale{0.458f, 0.448f, 0.450f};
 };
 
-/// AlexNet's convolutions without weights: five, each one compared.
+/// AlexNet's five convolutions without weights; all are compared.
+///
 /// Source  Krizhevsky, "One weird trick for parallelizing convolutional neural networks", 2014, as in torchvision.
 [[nodiscard]] inline LpipsNetwork lpips_alexnet() {
     return {.name = "AlexNet",
@@ -59,28 +60,29 @@ struct LpipsNetwork {
                       {10, 256, 3, 1, 1, true}}};
 }
 
-/// VGG16's convolutions without weights: thirteen, the last of each group compared.
+/// VGG16's thirteen convolutions without weights; the last of each group is compared.
+///
 /// Source  Simonyan and Zisserman, "Very deep convolutional networks for large-scale image recognition", 2015.
 [[nodiscard]] inline LpipsNetwork lpips_vgg16() {
     LpipsNetwork network{.name = "VGG16"};
     int number = 0;
     for (const auto& [channels, count] : {std::array{64, 2}, {128, 2}, {256, 3}, {512, 3}, {512, 3}}) {
         if (number > 0) network.steps.push_back({number++, 0, 2, 2});
-        for (int i = 0; i < count; ++i, number += 2) // a ReLU has a number of its own
+        for (int i = 0; i < count; ++i, number += 2) // a ReLU also has a number in torchvision
             network.steps.push_back({number, channels, 3, 1, 1, i + 1 == count});
     }
     return network;
 }
 
-/// Shortest side of an image that still reaches the last step.
+/// Shortest image side for which every step has an output.
 [[nodiscard]] inline int smallest_side(const LpipsNetwork& network) {
-    int side = 1; // walked backwards: what the last step needs of the one before
+    int side = 1; // from the last step back to the first: the input side that each step needs
     for (auto step = network.steps.rbegin(); step != network.steps.rend(); ++step)
         side = std::max((side - 1) * step->stride + step->kernel - 2 * step->padding, 1);
     return side;
 }
 
-/// Throws ShapeError or ValueError, in the name of `where`, unless steps and weights make a network.
+/// Throws ShapeError or ValueError, with `where` in the message, unless steps and weights match.
 inline void validate(const LpipsNetwork& network, std::string_view where) {
     std::size_t convolution = 0, compared = 0;
     int channels = 3;
@@ -115,20 +117,20 @@ inline void validate(const LpipsNetwork& network, std::string_view where) {
     for (const float s : network.scale) check_value(s != 0, where, "scale holds a 0");
 }
 
-/// How images in [0, 1] are fed.
+/// Range in which images from [0, 1] are passed to the network.
 enum class LpipsScaling {
-    correct, ///< stretched to [-1, 1], which the network was made for
-    table,   ///< as they are: what published benchmark code on PeopleSnapshot does, and so what its tables hold
+    correct, ///< stretched to [-1, 1], the range for which the network was trained
+    table,   ///< unchanged, as published benchmark code on PeopleSnapshot does; its tables hold these numbers
 };
 
-/// The network's weights where the backend wants them.
+/// The network's weights in the backend's memory.
 template <Backend B, std::floating_point T = float>
 struct LpipsWeights {
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
     struct Convolution {
-        Buffer<T> weight; ///< [channels, kernel, kernel, input channels]: a row is laid out as a patch of a map
+        Buffer<T> weight; ///< [channels, kernel, kernel, input channels]: a row has the layout of a patch of a map
         Buffer<T> bias;   ///< [channels]
     };
     std::vector<LpipsStep> steps{};
@@ -137,7 +139,7 @@ struct LpipsWeights {
     std::array<T, 3> shift{}, scale{};
 };
 
-/// What a network says of one image: the compared maps.
+/// The feature maps of one image that are compared.
 template <Backend B, std::floating_point T = float>
 struct LpipsFeatures {
     struct Map {

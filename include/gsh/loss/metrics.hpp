@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Metrics of a report: PSNR and SSIM, over a whole image or inside a mask. Host code, sums in double.
+/// @file  Image metrics: PSNR and SSIM of a whole image or inside a mask. Host code, sums in double.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -16,11 +16,12 @@
 
 namespace gsh {
 
-/// Decibels of a mean squared error, for images with range 1; +infinity for an error of 0, which a mean over images
-/// should leave out and a file should write as null.
+/// PSNR in decibels of a mean squared error, for images with range 1. An error of 0 gives +infinity, which a mean over
+/// images should leave out and a file should store as null.
 [[nodiscard]] inline double psnr_of_mse(double mse) { return -10 * std::log10(mse); }
 
 /// Mean squared difference over all pixels and channels.
+///
 /// Errors  ShapeError for images that differ in shape, ValueError for empty ones.
 template <class A, class B>
 [[nodiscard]] double mean_squared_error(const ImageView<A>& image, const ImageView<B>& truth) {
@@ -37,6 +38,7 @@ template <class A, class B>
 }
 
 /// The same over the pixels where mask > 0.5, all channels of each.
+///
 /// Shapes  mask [1, height, width], such as an alpha channel.
 /// Errors  as above, and ValueError for a mask without such a pixel.
 template <class A, class B, class M>
@@ -123,8 +125,9 @@ void for_ssim_rows(const ImageView<A>& image, const ImageView<B>& truth, const R
 
 /// Mean structural similarity over channels and pixels: window 11 x 11, Gaussian with sigma 1.5, K1 0.01, K2 0.03.
 ///
-/// The protocol pads by reflection and then crops the border of 5 pixels again; no window that is left reaches into the
-/// padding, so only whole windows are evaluated here, (height - 10) x (width - 10) of them.
+/// The protocol pads by reflection and then crops a border of 5 pixels. No remaining window reaches into the padding,
+/// so only whole windows are evaluated here, (height - 10) x (width - 10) of them.
+///
 /// Errors  ShapeError for images that differ in shape; ValueError for images smaller than the window.
 /// Source  Wang et al., 2004; padding and crop as in torchmetrics' structural_similarity_index_measure.
 template <class A, class B>
@@ -138,8 +141,9 @@ template <class A, class B>
     return 1 - loss / static_cast<double>(count);
 }
 
-/// The mean of the same windows whose central pixel has mask > 0.5. A window sees what surrounds its centre, so the
-/// mask's border counts what lies 5 pixels beyond it.
+/// The mean over the windows whose central pixel has mask > 0.5. A window extends 5 pixels around its centre, so at the
+/// border of the mask it includes pixels outside the mask.
+///
 /// Errors  as above, and ValueError where no such pixel is 5 pixels away from the image's border.
 template <class A, class B, class M>
 [[nodiscard]] double ssim(const ImageView<A>& image, const ImageView<B>& truth, const ImageView<M>& mask) {
@@ -156,7 +160,7 @@ template <class A, class B, class M>
     return 1 - loss / static_cast<double>(count);
 }
 
-/// Figures of one image's pixels inside a mask.
+/// Scores of the pixels of one image inside a mask.
 struct RegionScore {
     std::size_t pixels = 0;  ///< mask > 0.5
     std::size_t windows = 0; ///< of these, at least 5 pixels inside the image
@@ -164,7 +168,8 @@ struct RegionScore {
     double ssim = std::numeric_limits<double>::quiet_NaN(); ///< NaN without a window
 };
 
-/// A region of one image: a face that is turned away is no error, it has no pixels.
+/// Scores of a region of one image. A region without pixels, such as a face that is turned away, is not an error.
+///
 /// Errors  ShapeError for images or masks that differ in shape; ValueError for images smaller than 11 x 11.
 template <class A, class B, class M>
 [[nodiscard]] RegionScore score_region(const ImageView<A>& image, const ImageView<B>& truth, const ImageView<M>& mask) {
@@ -182,17 +187,17 @@ template <class A, class B, class M>
     return score;
 }
 
-/// What a table prints of a region.
+/// Scores of a region averaged over images.
 struct RegionMean {
-    std::size_t images = 0; ///< that show at least min_pixels of it
+    std::size_t images = 0; ///< images that show at least min_pixels of the region
     std::size_t equal = 0;  ///< of these, with a PSNR of +infinity: left out of the mean
     double psnr = std::numeric_limits<double>::quiet_NaN(); ///< dB, mean over images; NaN if there are none,
                                                             ///< +infinity if all are equal
     double ssim = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// Means over the images that show the region: PSNR per image, then averaged, each image counting once. An image's NaN
-/// stays visible: the mean is NaN, too.
+/// Means over the images that show the region: PSNR per image, then averaged with equal weights. If a score of an image
+/// is NaN because the image holds a NaN, the mean is NaN.
 [[nodiscard]] inline RegionMean mean_over_images(Span<const RegionScore> scores, std::size_t min_pixels = 50) {
     RegionMean mean;
     double psnr = 0, ssim = 0;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What is plausible of a motion's corrections: small, alike in neighbouring frames, and a smooth motion with
-/// them.
+/// @file  Regularisation of motion corrections: small, alike in neighbouring frames, smooth in their result.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -24,17 +23,20 @@
 
 namespace gsh {
 
-/// A frame's neighbours in time.
+/// Neighbours of a frame in time.
 ///
-/// Units   intervals in the motion's typical one, so that evenly filmed neighbours are 1 apart at any frame rate.
+/// Units   intervals relative to the typical (median) interval of the motion: evenly filmed neighbours are 1 apart at
+///         any frame rate.
 struct FrameLink {
     std::int32_t before = -1, after = -1; ///< frames, or -1: none
     double to_before = 0, to_after = 0;
 };
 
-/// Links each frame to its neighbours in time. A frame that is left out has none and is nobody's: what was before and
-/// after it become neighbours, at their distance. Frames further apart than longest_gap typical (median) intervals are
-/// not neighbours. Errors  ValueError if two frames have one time, or a frame to leave out is not there.
+/// Links each frame to its neighbours in time. A frame that is left out has no neighbours and is not a neighbour; the
+/// frames before and after it become neighbours, at their distance. Frames that are further apart than longest_gap
+/// typical (median) intervals are not neighbours.
+///
+/// Errors  ValueError if two frames have the same time, or if a frame to leave out does not exist.
 [[nodiscard]] inline std::vector<FrameLink>
 link_frames(Span<const double> timestamps, Span<const std::size_t> left_out = {}, double longest_gap = 3.5) {
     constexpr std::string_view where = "link_frames";
@@ -71,11 +73,11 @@ link_frames(Span<const double> timestamps, Span<const std::size_t> left_out = {}
     return links;
 }
 
-/// How much each term counts; a residual in units of its quantity (radians, metres, coefficients) per typical interval.
+/// Weights of the terms. A residual is in units of its quantity (radians, metres, coefficients) per typical interval.
 struct SequenceWeights {
-    double pull = 0;  ///< of |increment|²/2: back to the initial estimate
-    double drift = 0; ///< of |difference of neighbouring increments|²/2: estimators err alike in neighbouring frames
-    double acceleration = 0; ///< of |second difference of the corrected motion|²/2: bodies do not jump
+    double pull = 0;  ///< of |increment|²/2: pulls towards the initial estimate
+    double drift = 0; ///< of |difference of neighbouring increments|²/2: errors in neighbouring frames are alike
+    double acceleration = 0; ///< of |second difference of the corrected motion|²/2: bodies move smoothly
 };
 
 /// The terms of a sequence of rotations R[i] = exp(initial[i]) exp(increment[i]), several to a frame.
@@ -83,8 +85,8 @@ struct SequenceWeights {
 ///     E = Σ_i  pull/2 |w_i|²  +  drift/2 |(w_n - w_i)/d1|²  +  acceleration/2 |r_i|²
 ///     r_i = 2/(d0 + d1) (log(R_iᵀ R_n)/d1 - log(R_pᵀ R_i)/d0)
 ///
-/// with p and n the frames before and after i, d0 and d1 the intervals to them; terms whose neighbours are missing are
-/// not there. Both logarithms are rotation vectors in frame i's own axes, so r is zero exactly for a steady turn.
+/// Here p and n are the frames before and after i, and d0 and d1 the intervals to them. Terms with a missing neighbour
+/// are omitted. Both logarithms are rotation vectors in the axes of frame i, so r is zero exactly for a steady turn.
 ///
 /// Shapes  links [T]; initial, increments [T, width].
 template <std::floating_point T>
@@ -94,7 +96,7 @@ struct RotationSequence {
     std::size_t width = 0;
     SequenceWeights weights;
 
-    /// Frame i's terms for the rotation `column`; their sum over both is E.
+    /// The terms of frame i for the rotation `column`; their sum over frames and columns is E.
     [[nodiscard]] GSH_HD T value(std::size_t i, std::size_t column) const {
         const FrameLink link = links[i];
         const vec3<T> w = increment(i, column);
@@ -121,8 +123,8 @@ struct RotationSequence {
             dE_dw += (w - increment(index(link.before), column)) * T(weights.drift / (link.to_before * link.to_before));
         if (weights.acceleration == 0) return dE_dw;
 
-        // A turn x of R_i moves log(R_pᵀ R_i) = a by J(a)⁻¹ x and log(R_iᵀ R_n) = b by -J(b)⁻ᵀ x. R_i takes part in the
-        // bend at i, as the frame after in the bend at p, and as the frame before in the bend at n.
+        // A turn x of R_i changes log(R_pᵀ R_i) = a by J(a)⁻¹ x and log(R_iᵀ R_n) = b by -J(b)⁻ᵀ x. R_i occurs in three
+        // bends: at i, at p as the frame after, and at n as the frame before.
         vec3<T> dE_dturn(T(0));
         if (link.before >= 0 && link.after >= 0) {
             const Bend here = bend(i, column);
@@ -232,7 +234,7 @@ private:
 
 namespace detail {
 
-/// values[n] = the terms of number n of the sequence.
+/// values[n] = the terms of number n of the sequence, counted row by row.
 template <class Sequence, class T>
 struct SequenceValue {
     Sequence sequence;
@@ -251,9 +253,10 @@ struct SequenceGradient {
 
 } // namespace detail
 
-/// dE_dincrements [width] += the gradient of E with respect to frame `frame`'s increments, all others held.
+/// dE_dincrements [width] += the gradient of E with respect to the increments of frame `frame`, with all others fixed.
 ///
-/// Each number is gathered from the frames around it, so nothing is scattered and the order of frames does not matter.
+/// Each number is gathered from the neighbouring frames and nothing is scattered, so the order of frames does not
+/// matter.
 template <Backend B, class Sequence, class U>
 void sequence_backward(B& backend, const Sequence& sequence, std::size_t frame, Span<U> dE_dincrements) {
     check_size("sequence_backward", "dE_dincrements", dE_dincrements.size(), sequence.width);
@@ -266,7 +269,8 @@ void sequence_backward(B& backend, const Sequence& sequence, std::size_t frame, 
     backend.for_each(sequence.width, detail::SequenceGradient<Sequence, U>{sequence, frame, dE_dincrements});
 }
 
-/// E, on the host; waits for it. scratch is the caller's, so that a repeated sum allocates nothing there.
+/// E, on the host; waits for the backend. The caller keeps scratch, so that a repeated sum allocates nothing on the
+/// backend.
 template <Backend B, class Sequence, class Buffer>
 [[nodiscard]] double sequence_value(B& backend, const Sequence& sequence, Buffer& scratch) {
     using T = std::remove_cvref_t<decltype(sequence.value(0, 0))>;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The training loss: how far a render is from a photograph, by absolute difference and by structure.
+/// @file  The training loss between a render and a photograph: absolute difference and SSIM.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -15,7 +15,7 @@
 
 namespace gsh {
 
-/// Where a backend's overloads are not included.
+/// Fallback without the backend's overloads: fails to compile, and names the header to include.
 template <Backend B, class... Arguments>
 void photometric_forward(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
@@ -31,7 +31,7 @@ void photometric_backward(B&, const Arguments&...) {
 ///
 /// Shapes  render, truth, dL_drender [channels, height, width], any size, also smaller than the window.
 /// Units   display-referred sRGB in [0, 1]; SSIM's window is 11 x 11, Gaussian with sigma 1.5, zero beyond the border.
-/// Errors  ShapeError for images that differ in shape, or a cache that comes from another shape.
+/// Errors  ShapeError for images that differ in shape, or for a cache of another shape.
 /// Source  loss: Kerbl et al., "3D Gaussian Splatting", 2023; SSIM: Wang et al., 2004.
 template <Backend B, std::floating_point T = float>
 class PhotometricLoss {
@@ -44,7 +44,7 @@ public:
                     "ssim_weight is " + std::to_string(params.ssim_weight) + ", expected a number in [0, 1]");
     }
 
-    /// Leaves value and parts in the cache, on the backend; values() fetches them.
+    /// Stores the loss and its parts in the cache, in the memory of the backend; values() copies them to the host.
     void forward(const ImageView<const T>& render, const ImageView<const T>& truth, Cache& cache) const {
         check_image("PhotometricLoss::forward", "render", render, render.channels, render.height, render.width);
         check_image("PhotometricLoss::forward", "truth", truth, render.channels, render.height, render.width);
@@ -56,7 +56,7 @@ public:
         photometric_forward(*backend_, render, truth, params_, cache); // the backend's own overload
     }
 
-    /// Adds dL_dloss times the loss's gradient to dL_drender. |x| has slope 0 at 0.
+    /// Adds dL_dloss times the gradient of the loss to dL_drender. The derivative of |x| at 0 is taken as 0.
     void backward(const ImageView<const T>& render, const ImageView<const T>& truth, T dL_dloss, const Cache& cache,
                   const ImageView<T>& dL_drender) const {
         constexpr std::string_view where = "PhotometricLoss::backward";
@@ -71,7 +71,7 @@ public:
         photometric_backward(*backend_, render, truth, dL_dloss, params_, cache, dL_drender);
     }
 
-    /// Brings the last forward's values to the host; waits for it.
+    /// Copies the values of the last forward to the host; waits for the backend.
     [[nodiscard]] PhotometricValues values(const Cache& cache) const {
         check_size("PhotometricLoss::values", "cache.values", cache.values.size(), 3, "call forward first");
         std::array<double, 3> host{};
@@ -86,7 +86,7 @@ private:
     Params params_;
 };
 
-/// Mean absolute difference alone.
+/// The mean absolute difference alone.
 template <Backend B, std::floating_point T = float>
 class L1Loss : public PhotometricLoss<B, T> {
 public:

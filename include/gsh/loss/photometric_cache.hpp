@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What the photometric loss is told, reports, and remembers between forward and backward.
+/// @file  Settings, values and cache of the photometric loss.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -11,25 +11,25 @@ namespace gsh {
 template <class T>
 struct PhotometricParams {
     T ssim_weight = T(0.2);  ///< λ of (1-λ) L1 + λ (1 - SSIM), as in 3D Gaussian Splatting
-    bool skip_equal = true;  ///< leave out tiles in which the images are equal: same bits, less time
+    bool skip_equal = true;  ///< skip tiles in which the images are equal: bit-identical, and faster
 };
 
-/// The parts of the loss, as one report.
+/// The loss and its parts.
 struct PhotometricValues {
     double loss = 0; ///< (1-λ) l1 + λ (1 - ssim)
     double l1 = 0;   ///< mean |render - truth|
     double ssim = 0; ///< mean over pixels and channels; NaN where ssim_weight is 0: not computed
 };
 
-/// What a backend keeps between the passes and for itself, for instance partial derivatives of the SSIM term and sums
-/// tile by tile. Each backend specialises it beside its overloads.
+/// Private storage of a backend, for instance partial derivatives of the SSIM term and sums of each tile. Each backend
+/// specialises it beside its overloads.
 template <Backend B, std::floating_point T>
 struct PhotometricScratch {
     static_assert(detail::overload_is_included<B>,
                   "PhotometricLoss: include its backend's overloads, <gsh/loss/cpu/photometric.hpp> or <gsh/cpu.hpp>");
 };
 
-/// What forward reports and backward needs.
+/// Results of forward, which backward needs.
 template <Backend B, std::floating_point T = float>
 struct PhotometricCache {
     int channels = 0, height = 0, width = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Structural similarity of two windows from four filtered numbers, and its partial derivatives.
+/// @file  SSIM of two windows from four filtered numbers, and its partial derivatives.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -23,14 +23,14 @@ struct SsimWindow {
     }
 };
 
-/// What the window w sees of two images a and b, in terms of their sum s = a + b and difference d = a - b.
+/// Two images a and b filtered by the window w, in terms of their sum s = a + b and difference d = a - b.
 template <Lane T>
 struct SsimMoments {
     T s, d, ss, dd; ///< w * s, w * d, w * s², w * d²
 };
 
-/// dL/d of the moments. With a alone as variable ds = dd = da, so the first two are kept as their sum:
-/// dL_da = w * dL_dmean + 2 s (w * dL_dss) + 2 d (w * dL_ddd), * being the correlation with the window.
+/// dL/d of the moments. If only a varies, ds = dd = da, so the first two are stored as their sum: dL_da = w * dL_dmean
+/// + 2 s (w * dL_dss) + 2 d (w * dL_ddd), where * is the correlation with the window.
 template <Lane T>
 struct SsimPartials {
     T mean, ss, dd;
@@ -38,11 +38,12 @@ struct SsimPartials {
 
 /// 1 - SSIM of one window, for images in [0, 1]: C1 = 0.01², C2 = 0.03².
 ///
-/// The usual (2 μa μb + C1)(2 σab + C2) / ((μa² + μb² + C1)(σa² + σb² + C2)) is (1 - u)(1 - v) with
+/// The usual (2 μa μb + C1)(2 σab + C2) / ((μa² + μb² + C1)(σa² + σb² + C2)) equals (1 - u)(1 - v) with
 ///
 ///     u = μd² / A,  A = (μs² + μd²)/2 + C1        v = σd² / B,  B = (σs² + σd²)/2 + C2
 ///
-/// which needs four filtered images and not five, and is exact where it matters: equal windows give exactly 0.
+/// This form needs four filtered images instead of five, and equal windows give exactly 0.
+///
 /// Source  Wang, Bovik, Sheikh and Simoncelli, "Image quality assessment", 2004; the form in s and d is ours.
 template <Lane T>
 [[nodiscard]] GSH_HD T ssim_loss(const SsimMoments<T>& m, SsimPartials<T>& partials) {

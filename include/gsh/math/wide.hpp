@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A vector register as a lane type, from the compiler alone: what the CPU overloads run per-element code on.
+/// @file  A vector register as a lane type, from compiler extensions alone, for per-element code on the CPU.
 ///
-/// simd/pack.hpp has more functions in fewer instructions, but needs xsimd, which gsh::gsh comes without. Here the
-/// arithmetic, the roots and the exponential of floats are vector code; the other functions go lane by lane through
-/// std.
+/// simd/pack.hpp has more functions, in fewer instructions, but needs xsimd, on which gsh::gsh does not depend. Here
+/// the arithmetic, the square root and the exponential of floats are vector code. The other functions run lane by lane
+/// through std.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -26,9 +26,9 @@ struct VectorRegister {
 };
 } // namespace detail
 
-inline namespace GSH_ISA { // a register of another instruction set is another type
+inline namespace GSH_ISA { // registers of different instruction sets are different types
 
-/// The outcome of a comparison of Wides whose numbers have sizeof(Bits) bytes: all bits set in each true lane.
+/// Result of comparing Wides whose numbers have sizeof(Bits) bytes: all bits are set in each true lane.
 template <std::signed_integral Bits>
 struct WideMask {
     using Vector = typename detail::VectorRegister<Bits, GSH_VECTOR_BYTES>::type;
@@ -39,7 +39,7 @@ struct WideMask {
     [[nodiscard]] GSH_INLINE friend WideMask operator!(WideMask a) { return {~a.bits}; }
 };
 
-/// As many numbers as one register of the machine compiled for holds; arithmetic works on all of them at once.
+/// As many numbers as one vector register of the target machine holds; arithmetic acts on all of them at once.
 template <class S>
     requires(std::is_arithmetic_v<S> && sizeof(S) >= 4 && sizeof(S) <= 8)
 struct Wide {
@@ -159,7 +159,7 @@ template <std::floating_point S>
     using W = Wide<float>;
     using Bits = Wide<float>::Mask::Vector;
     x = select(x > W(89.0f), W(89.0f), x), x = select(x < W(-104.0f), W(-104.0f), x);
-    const W shift(12582912.0f); // 1.5 · 2²³: what is added to it is rounded to an integer, found in its lowest bits
+    const W shift(12582912.0f); // 1.5 · 2²³: a sum with it is rounded to an integer, which is in its lowest bits
     const W shifted = x * W(1.44269504f) + shift, n = shifted - shift;
     const W r = (x - n * W(0.693359375f)) + n * W(2.12194440e-4f); // log 2 in two parts, the first times n is exact
     W series(1.0f / 5040);
@@ -167,7 +167,7 @@ template <std::floating_point S>
         series = series * r + W(factor);
     Bits whole;
     std::memcpy(&whole, &shifted.v, sizeof whole);
-    whole = whole - 0x4b400000; // the bits of shift
+    whole = whole - 0x4b400000; // the bit pattern of shift
     const Bits half = whole >> 1, first = (half + 127) << 23, second = (whole - half + 127) << 23;
     W a, b;
     std::memcpy(&a.v, &first, sizeof a.v), std::memcpy(&b.v, &second, sizeof b.v);
@@ -177,9 +177,9 @@ template <std::floating_point S>
     return LaneTraits<Wide<double>>::per_lane<Wide<double>>(x, [](double v) { return std::exp(v); });
 }
 
-/// Puts a struct of S (a vector, a matrix, …) into each of the lanes [lane, lane + lanes_per_store) of the same struct
-/// of Wide<S>; numbers(j) is the struct of lane + j. Several lanes share one store: stores are what such a transpose
-/// waits for.
+/// Writes a struct of S (a vector, a matrix, …) to each of the lanes [lane, lane + lanes_per_store) of the same struct
+/// of Wide<S>; numbers(j) is the struct of lane + j. Several lanes share one store, since stores limit the speed of
+/// such a transpose.
 template <class S>
 inline constexpr std::size_t lanes_per_store = 16 / sizeof(S);
 
@@ -198,7 +198,7 @@ GSH_INLINE void put_lanes(Wides& wides, std::size_t lane, const F& numbers) {
     }
 }
 
-/// And back: `numbers` becomes one lane of `wides`.
+/// Copies one lane of `wides` to `numbers`.
 template <class S, class Wides, class Numbers>
 GSH_INLINE void get_lane(const Wides& wides, std::size_t lane, Numbers& numbers) {
     constexpr std::size_t count = sizeof(Numbers) / sizeof(S);
@@ -207,7 +207,7 @@ GSH_INLINE void get_lane(const Wides& wides, std::size_t lane, Numbers& numbers)
         reinterpret_cast<S*>(&numbers)[k] = reinterpret_cast<const Wide<S>*>(&wides)[k][lane];
 }
 
-/// The same with +=.
+/// Adds one lane of `wides` to `numbers`.
 template <class S, class Wides, class Numbers>
 GSH_INLINE void add_lane(const Wides& wides, std::size_t lane, Numbers& numbers) {
     constexpr std::size_t count = sizeof(Numbers) / sizeof(S);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Adam: gradient descent with a running mean and a running square of each gradient.
+/// @file  Adam: gradient descent scaled by running means of each gradient and of its square.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -16,18 +16,18 @@
 
 namespace gsh {
 
-/// What a step does with the gradients that it has used. Zeroing them on the way saves a pass over memory.
+/// What a step does with the gradients after use. Zeroing them in the same pass saves a pass over memory.
 enum class UsedGradients { keep, zero };
 
 namespace detail {
 
-/// The numbers of one step that all elements share.
+/// Numbers of one step that are common to all elements.
 template <class T>
 struct AdamCoefficients {
     T beta1, beta2, one_minus_beta1, one_minus_beta2, step_size, inverse_root_correction2, epsilon;
 };
 
-/// m, v and the parameter of one element (per lane).
+/// Updates m, v and the parameter of one element (per lane).
 template <Lane T>
 GSH_HD void adam_update(T& parameter, T gradient, T& m, T& v, const AdamCoefficients<ScalarOf<T>>& c) {
     m = T(c.beta1) * m + T(c.one_minus_beta1) * gradient;
@@ -50,7 +50,7 @@ struct AdamStep {
 
 } // namespace detail
 
-/// Where a backend's overloads are not included.
+/// Fallback without the backend's overloads: fails to compile, and names the header to include.
 template <Backend B, class... Arguments>
 void adam_step(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
@@ -73,9 +73,9 @@ void adam_step_columns(B&, const Arguments&...) {
 /// Errors  ShapeError, ValueError before any work starts.
 /// Source  Kingma and Ba, "Adam: A Method for Stochastic Optimization", 2015, algorithm 1.
 struct Adam {
-    double beta1 = 0.9;     ///< memory of the mean: about 10 steps
-    double beta2 = 0.999;   ///< memory of the square: about 1000 steps
-    double epsilon = 1e-15; ///< tiny, so that rarely touched entries still take full steps
+    double beta1 = 0.9;     ///< the mean covers about 10 steps
+    double beta2 = 0.999;   ///< the mean of the square covers about 1000 steps
+    double epsilon = 1e-15; ///< small, so that rarely touched entries still take full steps
 
     /// One step of every parameter.
     template <Backend B, std::floating_point T>
@@ -86,11 +86,13 @@ struct Adam {
         adam_step(backend, prepared<T>(parameters, gradients, m, v, rate, step_number, used), parameters.size());
     }
 
-    /// One step of some rows of a [., width] table, for instance the entries that a hash grid's query touches.
+    /// One step of some rows of a [., width] table, for instance the entries that a hash grid's query uses.
     ///
-    /// Rows that never had a gradient have m = v = 0 and do not move in a dense step either, so stepping every row
-    /// that ever has one, each time, equals dense Adam bit for bit at a fraction of the traffic.
-    /// Shapes  rows [R], distinct, ascending where speed matters.
+    /// Rows that never had a gradient have m = v = 0 and do not move in a dense step either. If every step includes all
+    /// rows that ever have a gradient, the result is bit-identical to dense Adam, with a fraction of the memory
+    /// traffic.
+    ///
+    /// Shapes  rows [R], distinct; ascending rows are the fastest.
     template <Backend B, std::floating_point T>
     void step_rows(B& backend, Span<T> parameters, std::type_identity_t<Span<T>> gradients,
                    std::type_identity_t<Span<T>> m, std::type_identity_t<Span<T>> v,
@@ -103,8 +105,8 @@ struct Adam {
         adam_step_rows(backend, prepared<T>(parameters, gradients, m, v, rate, step_number, used), rows, width);
     }
 
-    /// One step of a [., width] table whose first `first` columns move at one rate and the others at another, as the
-    /// constant and the higher bands of spherical harmonics do.
+    /// One step of a [., width] table whose first `first` columns have one rate and the others another. Examples are
+    /// the constant and the higher bands of spherical harmonics.
     template <Backend B, std::floating_point T>
     void step_columns(B& backend, Span<T> parameters, std::type_identity_t<Span<T>> gradients,
                       std::type_identity_t<Span<T>> m, std::type_identity_t<Span<T>> v, std::size_t width,

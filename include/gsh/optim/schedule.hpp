@@ -14,7 +14,7 @@ struct Schedule {
     double initial = 0;
     double final = initial;       ///< reached decay_steps after start, and kept
     std::int64_t decay_steps = 0; ///< 0: constant
-    std::int64_t start = 0;       ///< before this step nothing moves
+    std::int64_t start = 0;       ///< before this step the rate is zero
 
     [[nodiscard]] static Schedule constant(double rate, std::int64_t start = 0) { return {rate, rate, 0, start}; }
     [[nodiscard]] static Schedule exponential(double initial, double final, std::int64_t decay_steps,
@@ -32,7 +32,7 @@ struct Schedule {
         return initial * std::pow(final / initial, fraction);
     }
 
-    /// The number of updates made up to and including this step: what Adam's bias correction counts.
+    /// Number of updates up to and including this step, as the bias correction of Adam requires it.
     [[nodiscard]] std::int64_t update_number(std::int64_t step) const { return active(step) ? step - start + 1 : 0; }
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  EWA projection: a Gaussian in the world becomes a Gaussian on the image plane.
+/// @file  EWA projection of a Gaussian from the world to the image plane.
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
@@ -14,11 +14,11 @@ namespace gsh {
 
 template <std::floating_point S>
 struct ProjectionParams {
-    S near_plane = S(0.2);              ///< metres; what is not farther than this is culled
-    S dilation = S(0.3);                ///< px², added to both variances: no splat is thinner than a pixel
-    S jacobian_margin = S(0.15);        ///< of the image size, on each side: how far out the Jacobian keeps turning
-    bool compensate_opacity = false;    ///< anti-aliasing: dilation then spreads a splat's weight, adding none
-    S compensation_floor = S(0.000025); ///< below this ratio of determinants the compensation stays as it is
+    S near_plane = S(0.2);              ///< metres; Gaussians that are not farther away are culled
+    S dilation = S(0.3);                ///< px², added to both variances, so that no splat is thinner than a pixel
+    S jacobian_margin = S(0.15);        ///< of the image size, on each side: the Jacobian is clamped beyond it
+    bool compensate_opacity = false;    ///< anti-aliasing: opacity is lowered so that dilation adds no total weight
+    S compensation_floor = S(0.000025); ///< lower limit of the ratio of determinants
 
     template <std::floating_point U>
     [[nodiscard]] ProjectionParams<U> cast() const {
@@ -33,12 +33,12 @@ struct Projection {
     T depth;              ///< camera z, metres
     sym2<T> covariance;   ///< px², dilated
     T opacity_factor;     ///< sqrt(max(floor, det before / det after dilation)) if compensated, else 1
-    MaskOf<T> in_front;   ///< beyond the near plane; where not, the other members mean nothing
+    MaskOf<T> in_front;   ///< beyond the near plane; elsewhere the other members are meaningless
 };
 
 namespace detail {
 
-/// What forward and adjoint both need: covariance = [a b]ᵀ Σ [a b] with the rows a, b of J R.
+/// Intermediate values of both passes: covariance = [a b]ᵀ Σ [a b] with the rows a, b of J R.
 template <class T>
 struct ProjectionFrame {
     vec3<T> p, row0, row1, row2;  // camera point; rows of R
@@ -57,7 +57,7 @@ struct ProjectionFrame {
         inverse_z = T(S(1)) / p.z;
         x = p.x * inverse_z;
         y = p.y * inverse_z;
-        // The clamp in pixels from the principal point, where its limits need no division.
+        // The clamp acts on pixels relative to the principal point, where its limits need no division.
         const T width(S(camera.width)), height(S(camera.height)), margin(params.jacobian_margin);
         const T left = -camera.cx - margin * width, right = width - camera.cx + margin * width;
         const T top = -camera.cy - margin * height, bottom = height - camera.cy + margin * height;
@@ -114,8 +114,9 @@ project(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
 
 /// Adjoint of project for a Gaussian in front of the near plane: adds to dL_dmean, dL_dcovariance and, unless that is
 /// null, to *dL_dcamera.
-/// Nothing passes through the Jacobian's clamp but to the intrinsics that set its limits, and nothing through the
-/// floor of the compensation. dL_dprojection.in_front is not read.
+///
+/// The clamp of the Jacobian passes no gradient except to the intrinsics that set its limits. The floor of the
+/// compensation passes none. dL_dprojection.in_front is not read.
 template <Lane T>
 GSH_INLINE GSH_HD void project_backward(const Camera<T>& camera, const vec3<T>& mean, const sym3<T>& covariance,
                              const ProjectionParams<ScalarOf<T>>& params, const Projection<T>& dL_dprojection,

@@ -18,7 +18,7 @@
 
 namespace gsh {
 
-/// The usual settings with a scene's pixel filter.
+/// The default settings with a scene's pixel filter.
 template <std::floating_point T>
 [[nodiscard]] RasterParams<T> raster_params(const PixelFilter& filter) {
     RasterParams<T> params;
@@ -27,7 +27,7 @@ template <std::floating_point T>
     return params;
 }
 
-/// Where a backend's overloads are not included.
+/// Fallback without the backend's overloads: fails to compile, and names the header to include.
 template <Backend B, class... Arguments>
 void composite_forward(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
@@ -42,16 +42,16 @@ void composite_backward(B&, const Arguments&...) {
 /// Projects Gaussians and composites them front to back over a background.
 ///
 ///     alpha = min(alpha_max, opacity * exp(-dᵀ Σ⁻¹ d / 2))  at a pixel's centre; skipped if below alpha_min
-///     C = sum T alpha color + T_end background,  T = product of (1 - alpha) of what lies in front
+///     C = sum T alpha color + T_end background,  T = product of (1 - alpha) of the splats in front
 ///
-/// in the order of camera z, ties by index. A pixel stops before a splat would take T below transmittance_min.
+/// Splats are ordered by camera z, ties by index. A pixel stops before a splat would take T below transmittance_min.
 ///
 /// Shapes  images planar, [channels, height, width] of the camera.
-/// Errors  ShapeError for sizes that do not fit; ValueError for settings or a camera that make no sense, for a
-///         Gaussian with a NaN or infinite number (named; nothing is drawn) and for more than max_pairs pairs.
-/// Source  Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023. Different here: a
-///         splat counts wherever alpha >= alpha_min, not within three sigma alone, and nothing passes back through
-///         the cap alpha_max.
+/// Errors  ShapeError for sizes that do not match. ValueError for invalid settings, for an invalid camera, for a
+///         Gaussian with a NaN or infinite number (the message gives its index; nothing is drawn), and for more than
+///         max_pairs pairs.
+/// Source  Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023. Two differences: a splat
+///         counts wherever alpha >= alpha_min, not only within three sigma, and the cap alpha_max passes no gradient.
 template <Backend B, std::floating_point T = float>
 class Rasterizer {
 public:
@@ -92,14 +92,14 @@ public:
         check_memory(*backend_, where, "expected_depth", target.expected_depth);
         check_memory(*backend_, where, "median_depth", target.median_depth);
         check_memory(*backend_, where, "background", background.image);
-        cache.splat_count = 0, cache.width = cache.height = 0; // until there is something for backward
+        cache.splat_count = 0, cache.width = cache.height = 0; // backward refuses the cache until forward has succeeded
         composite_forward(*backend_, camera, splats, background, params_, target, cache); // the backend's own overload
         check_status(where, cache);
         cache.splat_count = splats.size(), cache.width = camera.width, cache.height = camera.height;
     }
 
-    /// Adds to dL_dsplats, whose empty spans are skipped, and to dL_dcamera and dL_dbackground if given. The other
-    /// arguments are those of the forward pass that filled the cache.
+    /// Adds to the non-empty spans of dL_dsplats, and to dL_dcamera and dL_dbackground if given. The other arguments
+    /// are those of the forward pass that filled the cache.
     void backward(const Camera<T>& camera, const SplatView<const T>& splats, const Background<T>& background,
                   const RenderGradient<T>& dL_dtarget, Cache& cache, const SplatView<T>& dL_dsplats,
                   Span<CameraGradient<T>> dL_dcamera = {}, const BackgroundGradient<T>& dL_dbackground = {}) const {
@@ -169,7 +169,7 @@ private:
         if (status.nonfinite != 0)
             throw ValueError(std::string(where) + ": Gaussian " + std::to_string(status.first_nonfinite) +
                              " has a mean, covariance, opacity or color that is not finite (" +
-                             std::to_string(status.nonfinite) + " such in all); did a learning rate run away?");
+                             std::to_string(status.nonfinite) + " such in all); is a learning rate too high?");
         if (status.pairs > params_.max_pairs)
             throw ValueError(std::string(where) + ": the Gaussians cover " + std::to_string(status.pairs) +
                              " tiles in all, expected at most " + std::to_string(params_.max_pairs) +

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What a rasterizer writes and what it composites over, with the gradients of both.
+/// @file  Output images and background of the rasterizer, and the gradients of both.
 #pragma once
 
 #include <gsh/core/span.hpp>
@@ -8,21 +8,21 @@
 
 namespace gsh {
 
-/// What shows where the splats do not cover: one colour, or an image if there is one.
+/// The background behind the splats: one colour, or an image if one is given.
 template <class T>
 struct Background {
     vec3<T> color = vec3<T>(T(0));
     ImageView<const T> image = {}; ///< [3, height, width] or empty
 };
 
-/// Gradient of a background; the caller fills in the part that it wants.
+/// Gradient of a background; the caller sets the members that it needs.
 template <class T>
 struct BackgroundGradient {
     Span<vec3<T>> color = {};  ///< [1] or empty
     ImageView<T> image = {};   ///< [3, height, width] or empty
 };
 
-/// Where a rendering goes. All but the colour may be empty.
+/// Output images of a rendering. All but the colour may be empty.
 ///
 /// Shapes  color [3, height, width], the others [1, height, width].
 /// Units   display-referred sRGB; metres along the camera's z axis.
@@ -30,7 +30,7 @@ template <class T>
 struct RenderTarget {
     ImageView<T> color;
     ImageView<T> alpha = {};          ///< 1 - final transmittance
-    ImageView<T> expected_depth = {}; ///< sum of weight * z: divide by alpha for the mean depth of what is there
+    ImageView<T> expected_depth = {}; ///< sum of weight * z; divided by alpha it is the mean depth of the splats
     ImageView<T> median_depth = {};   ///< z of the splat that takes the transmittance to 1/2 or below; 0 if none does
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Tiles of pixels, and which of them an ellipse touches.
+/// @file  Square tiles of pixels, and the tiles that an ellipse covers.
 #pragma once
 
 #include <gsh/core/lane.hpp>
@@ -22,21 +22,22 @@ struct TileGrid {
     }
 };
 
-/// A linear map W of the image plane that turns a splat into a round one: with (u, v) = W (pixel - mean2d),
+/// A linear map W of the image plane in which a splat is round: with (u, v) = W (pixel - mean2d),
 ///
 ///     opacity factor at a pixel = exp(-dᵀ Σ⁻¹ d / 2) = 2^-(u² + v²).
 ///
-/// W is upper triangular, so v is constant along a row. Distances in (u, v) suffer no cancellation, however thin the
-/// splat, where the usual conic A dx² + 2 B dx dy + C dy² loses digits by the square of its elongation.
+/// W is upper triangular, so v is constant along a row of pixels. Distances in (u, v) suffer no cancellation, however
+/// thin the splat. The usual conic A dx² + 2 B dx dy + C dy² loses digits with the square of the splat's elongation.
 template <class T>
 struct Whitening {
     T ux, uy, vy; ///< u = ux dx + uy dy, v = vy dy
 };
 
-/// log2(e) / 2, which turns exp(-q / 2) into 2^-(…).
+/// log2(e) / 2: exp(-q / 2) = 2^-(half_log2_e q).
 inline constexpr double half_log2_e = 0.72134752044448170368;
 
-/// From the covariance and 1 / sqrt of its yy and of its determinant, for who has a way to get at them.
+/// The map of a covariance, given 1 / sqrt of its yy and of its determinant: for callers with a faster way to compute
+/// these.
 template <Lane T>
 [[nodiscard]] GSH_HD Whitening<T> whiten(const sym2<T>& covariance, T inverse_root_yy, T inverse_root_det) {
     const T vy = T(ScalarOf<T>(0.84932180028801904272)) * inverse_root_yy; // sqrt(log2(e) / 2)
@@ -57,22 +58,22 @@ template <Lane T>
     return 3 * sqrt(half_log2_e * larger / det);
 }
 
-/// Where an ellipse u² + v² <= reach lies on the image, and the rows it spans.
+/// The ellipse u² + v² <= reach around (x, y).
 template <class T>
 struct Ellipse {
-    T x, y; ///< the middle, mean2d of a splat, pixels
+    T x, y; ///< centre: mean2d of a splat, pixels
     Whitening<T> w;
     T reach;
 };
 
-/// Interval of x that the ellipse covers between the lines y0 <= y1 (y1 may equal y0); false if it does not get there.
+/// Interval of x that the ellipse covers between the lines y0 <= y1 (y1 may equal y0); false if it does not reach them.
 template <class T>
 [[nodiscard]] GSH_HD bool horizontal_extent(const Ellipse<T>& e, T y0, T y1, T& x0, T& x1) {
     const T radius = sqrt(e.reach);
     const T v0 = e.w.vy * (y0 - e.y), v1 = e.w.vy * (y1 - e.y);
     if (!(v0 <= radius && v1 >= -radius)) return false;
-    // x = e.x + (u - shear v) / ux: on the circle u - shear v is largest at v = -shear radius / sqrt(1 + shear²),
-    // and being concave in v, at the nearest v that the lines allow.
+    // x = e.x + (u - shear v) / ux. On the circle u² + v² = reach, u - shear v is largest at
+    // v = -shear radius / sqrt(1 + shear²). It is concave in v: between the lines, its maximum is at the nearest v.
     const T shear = e.w.uy / e.w.vy;
     const T tip = radius * shear / sqrt(T(1) + shear * shear);
     const T right = clamp(-tip, v0, v1), left = clamp(tip, v0, v1);
@@ -89,14 +90,14 @@ struct TileRect {
 
 namespace detail {
 
-/// x cut to [0, high]; 0 if it is not a number.
+/// x clamped to [0, high]; 0 if x is NaN.
 GSH_HD inline double cut_to(double x, double high) {
     const double above = x > 0 ? x : 0;
     return above < high ? above : high;
 }
 
-/// Pixels of [0, size) whose centres lie in [low, high], as a half-open range. Cut to the image first, a number has no
-/// sign and truncation is floor.
+/// Pixels of [0, size) whose centres lie in [low, high], as a half-open range. Numbers are clamped to the image first;
+/// they are then not negative, and truncation equals floor.
 GSH_HD inline void pixel_range(double low, double high, int size, int& first, int& end) {
     const double last = static_cast<double>(size), from = cut_to(low - 0.5, last);
     first = static_cast<int>(from);

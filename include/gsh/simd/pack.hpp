@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  SIMD packs as lanes: per-element code written over a Lane runs on a whole register at once.
+/// @file  SIMD packs of xsimd as lane types for per-element code.
 ///
-/// Opt-in (needs xsimd); the umbrella header does not include it. Arithmetic, comparisons, select, min, max, abs,
-/// sqrt, exp and floor come from xsimd itself by argument-dependent lookup.
+/// Opt-in (needs xsimd); the umbrella header does not include it. Arithmetic, comparisons, select, min, max, abs, sqrt,
+/// exp and floor are those of xsimd, found by argument-dependent lookup.
 #pragma once
 
 #include <gsh/core/lane.hpp>
 
 #if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wuninitialized" // GCC 12's own AVX-512 intrinsics start from an undefined register
+#pragma GCC diagnostic ignored "-Wuninitialized" // the AVX-512 intrinsics of GCC 12 start from an undefined register
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #endif
 #include <xsimd/xsimd.hpp>
@@ -41,7 +41,7 @@ struct LaneTraits<xsimd::batch<S, Arch>> {
     }
 
 private:
-    /// Applies f to each lane through memory: exact, and as fast as the loads it stands for.
+    /// Applies f to each lane through memory: exact, and as fast as the scalar loads that it replaces.
     template <class To, class From, class F>
     static xsimd::batch<To, Arch> per_lane(const xsimd::batch<From, Arch>& lanes, F f) {
         alignas(Arch::alignment()) From in[width];

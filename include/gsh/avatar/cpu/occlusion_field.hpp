@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Ambient occlusion on the CPU: a tile of Gaussians at a time passes the network in the first-level cache.
+/// @file  Ambient occlusion on the CPU: tiles of Gaussians pass the network within the first-level cache.
 #pragma once
 
 #include <gsh/avatar/occlusion_field.hpp>
@@ -17,8 +17,8 @@ namespace gsh {
 
 template <CpuBackend B, std::floating_point T>
 struct OcclusionFieldScratch<B, T> {
-    typename B::template Buffer<T> packed;   // weights as the products read them
-    typename B::template Buffer<T> tiles;    // what each chunk works on: a tile of every layer
+    typename B::template Buffer<T> packed;   // weights in the layout of the products
+    typename B::template Buffer<T> tiles;    // working storage of each chunk: a tile of every layer
     typename B::template Buffer<T> partials; // [chunks, W] each chunk's sum of dL_dpose
 };
 
@@ -26,8 +26,7 @@ namespace cpu::inline GSH_ISA {
 
 namespace detail {
 
-/// One chunk's way through the layers behind the first, tile by tile; nothing but its inputs and results leaves the
-/// cache.
+/// The pass of one chunk through the layers after the first, tile by tile. Only inputs and results leave the cache.
 template <class T, class Network>
 struct OcclusionTile {
     const MlpLayout<T, Network>& layout;
@@ -37,7 +36,7 @@ struct OcclusionTile {
     [[nodiscard]] std::size_t inputs_size() const { return mlp_tile_rows * layout.padded_in(0); }
     [[nodiscard]] std::size_t hidden_size() const { return layout.hidden_offset(mlp_tile_rows, 0, 0); }
     [[nodiscard]] std::size_t output_size() const { return mlp_tile_rows * layout.padded_out(layout.layers() - 1); }
-    /// Numbers that `forward` works on.
+    /// Length of the working storage of `forward`.
     [[nodiscard]] std::size_t size() const { return inputs_size() + hidden_size() + output_size(); }
 
     T* inputs;
@@ -45,7 +44,7 @@ struct OcclusionTile {
     [[nodiscard]] T* output() const { return hidden() + hidden_size(); }
     [[nodiscard]] typename Gemm<T>::Right active() const { return {inputs, layout.padded_in(0)}; }
 
-    /// Rows [first, first + count) of [first, end).
+    /// Processes rows [first, first + count) of a chunk that ends at row `end`.
     void forward(const T* packed, std::size_t first, std::size_t count, std::size_t end) const {
         const std::size_t stride = layout.padded_in(0), W = width();
         for (std::size_t r = 0; r < count; ++r) {
@@ -63,7 +62,7 @@ struct OcclusionTile {
     }
 };
 
-/// Nothing is fetched ahead, whatever the layer.
+/// Prefetches nothing, for any layer.
 template <class T>
 struct NothingAhead {
     typename Gemm<T>::Nothing operator[](std::size_t) const { return {}; }
@@ -94,8 +93,8 @@ void occlusion_forward(B& backend, const Network& network, Span<const T> weights
     });
 }
 
-/// Adjoint with respect to what the pose brings: adds to dL_dpose [W]. The forward pass is run again tile by tile,
-/// which is cheaper than keeping what it leaves.
+/// Adjoint with respect to the contribution of the pose: adds to dL_dpose [W]. The forward pass is repeated tile by
+/// tile, which is cheaper than storing its results.
 template <CpuBackend B, class Network, class T>
 void occlusion_backward(B& backend, const Network& network, Span<const T> weights, Span<const T> neurons,
                         Span<const T> pose, Span<const T> dL_dlogits, OcclusionFieldScratch<B, T>& scratch,
@@ -117,7 +116,7 @@ void occlusion_backward(B& backend, const Network& network, Span<const T> weight
         T* work = scratch.tiles.data() + chunk * work_size;
         const detail::OcclusionTile<T, Network> tile{layout, neurons, pose, work};
         T* const gradients[2] = {work + sizes.size(), work + sizes.size() + gradient_size};
-        T* unused = work + sizes.size() + 2 * gradient_size; // sums of the weights' gradient: nobody asks for them
+        T* unused = work + sizes.size() + 2 * gradient_size; // sums of the gradient of the weights, not used
         T* sums = scratch.partials.data() + chunk * W;
         std::fill_n(unused, sums_size, T(0));
         std::fill_n(sums, W, T(0));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Posing Gaussians on the CPU: a vector register's worth of them at a time, one in each lane.
+/// @file  Posing Gaussians on the CPU, with one Gaussian in each lane of a vector register.
 #pragma once
 
 #include <gsh/avatar/skinned_element.hpp>
@@ -22,10 +22,10 @@ namespace gsh {
 template <CpuBackend B, std::floating_point T>
 struct SkinnedSplatsScratch<B, T> {
     typename B::template Buffer<Affine<T>> dL_dbones;          // [chunks, J]
-    typename B::template Buffer<dual_quat<T>> dL_ddual_bones;  // [chunks, J], where bones are dual quaternions
+    typename B::template Buffer<dual_quat<T>> dL_ddual_bones;  // [chunks, J], used if bones are dual quaternions
     typename B::template Buffer<vec3<T>> dL_dcenters;          // [chunks]
 
-    /// The chunks' sums over bones of a kind.
+    /// The sums of each chunk over bones of the given type.
     [[nodiscard]] auto& chunk_bones(const Affine<T>*) { return dL_dbones; }
     [[nodiscard]] auto& chunk_bones(const dual_quat<T>*) { return dL_ddual_bones; }
 };
@@ -38,8 +38,8 @@ using gsh::detail::SkinnedInput;
 using gsh::detail::SkinnedSplatBackward;
 using gsh::detail::SkinnedSplatForward;
 
-/// The numbers of a bone (an affine map's twelve, a dual quaternion's eight) as vectors of four, so that sums over an
-/// unknown number of bones stay in registers: a Sum of blend_in and blend_backward_in, body/skinning.hpp.
+/// The numbers of a bone (twelve of an affine map, eight of a dual quaternion) as vectors of four, so that sums over
+/// any number of bones stay in registers. It is a Sum of blend_in and blend_backward_in, body/skinning.hpp.
 template <class T, class Bone>
 struct BoneRegisters {
     typedef T Four __attribute__((vector_size(4 * sizeof(T))));
@@ -71,7 +71,7 @@ private:
     GSH_INLINE BoneRegisters() : x{}, y{}, z{} {}
 };
 
-/// Up to `width` Gaussians, one per lane; where there are fewer, the last one fills the other lanes.
+/// Up to `width` Gaussians, one per lane. If there are fewer, the last one fills the other lanes.
 template <int Degree, class T, class D>
 struct SkinnedBlock {
     using W = Wide<T>;
@@ -83,7 +83,7 @@ struct SkinnedBlock {
     std::size_t index[width];
     std::size_t count = 0;
 
-    /// True when the block is full.
+    /// Adds Gaussian i; true if the block is then full.
     bool push(std::size_t i) {
         index[count++] = i;
         return count == width;
@@ -174,7 +174,8 @@ private:
 
 } // namespace detail
 
-/// Every lane's result depends on its own Gaussian alone, so that how Gaussians share blocks changes no bit of it.
+/// The result of a lane depends on its own Gaussian alone, so the grouping of Gaussians into blocks does not change any
+/// result.
 template <CpuBackend B, int Degree, class T, class D>
 void skinned_splats_pose(B& backend, const gsh::detail::SkinnedSplatForward<Degree, T, D>& element) {
     constexpr std::size_t grain = 1024;
@@ -187,9 +188,9 @@ void skinned_splats_pose(B& backend, const gsh::detail::SkinnedSplatForward<Degr
     });
 }
 
-/// Adds the adjoints of all Gaussians that were seen. Each fixed chunk sums into bones and a centre of its own, in the
-/// order of its Gaussians; they are joined in the order of the chunks, so that the result does not depend on who ran
-/// what.
+/// Adds the adjoints of all Gaussians with a gradient. Each fixed chunk sums its Gaussians, in order, into its own
+/// bones and centre. The sums of the chunks are added in order, so the result does not depend on the assignment of
+/// chunks to threads.
 template <CpuBackend B, int Degree, class T, class D>
 void skinned_splats_accumulate(B& backend, const gsh::detail::SkinnedSplatBackward<Degree, T, D>& element,
                                Span<typename D::template Bone<T>> dL_dbones, Span<vec3<T>> dL_dcenter,

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Small matrix products on registers: the one loop behind the MLP on the CPU.
+/// @file  Small matrix products in vector registers, for the MLP on the CPU.
 ///
-/// All three products of a layer have the shape C[r, :] += sum_k A(r, k) B[k, :], where C and B are row-major with
-/// rows padded to whole registers, and A is read one number at a time through any two strides. Sums run over k in
-/// order and fuse multiply and add where the machine does, so a result depends on the operands alone.
+/// All three products of a layer have the shape C[r, :] += sum_k A(r, k) B[k, :]. C and B are row-major with rows
+/// padded to whole registers. A is read one number at a time with any two strides. Sums run over k in order, with fused
+/// multiply-add where the machine has it, so a result depends on the operands alone.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -19,7 +19,7 @@ struct Gemm {
     using Packet = typename Eigen::internal::packet_traits<T>::type;
     static constexpr std::size_t width = Eigen::internal::unpacket_traits<Packet>::size;
 
-    /// Numbers in a row of `columns` numbers padded to whole registers.
+    /// Length of a row of `columns` numbers padded to whole registers.
     [[nodiscard]] static constexpr std::size_t padded(std::size_t columns) {
         return (columns + width - 1) / width * width;
     }
@@ -37,7 +37,7 @@ struct Gemm {
         std::size_t stride;
     };
 
-    // What happens to a register of sums at element `offset` of C.
+    // Epilogues, applied to a register of sums at element `offset` of C.
     struct Assign {
         Packet operator()(Packet sum, const T*, std::size_t) const { return sum; }
     };
@@ -46,7 +46,7 @@ struct Gemm {
             return Eigen::internal::padd(Eigen::internal::ploadu<Packet>(c), sum);
         }
     };
-    struct Relu { // a mask, not pmax: GCC 12's header for the latter warns of its own undefined operand
+    struct Relu { // a mask, since the header of GCC 12 for pmax warns of an undefined operand
         Packet operator()(Packet sum, const T*, std::size_t) const { return where_positive(sum, sum); }
     };
     struct WhereActive { ///< the adjoint of Relu: keeps a sum where `activations`, laid out as C, are positive
@@ -60,13 +60,13 @@ struct Gemm {
         void operator()(std::size_t, std::size_t) const {}
     };
 
-    /// C[0..rows, 0..padded(columns)] = epilogue(sum over k in [0, inner) of A(r, k) B[k, :]); calls ahead(row, count)
-    /// once for every few rows, to fetch what comes after this product.
+    /// C[0..rows, 0..padded(columns)] = epilogue(sum over k in [0, inner) of A(r, k) B[k, :]). Calls ahead(row, count)
+    /// once for every few rows, to prefetch data for the work after this product.
     template <class Epilogue, class Ahead = Nothing>
     static void product(std::size_t rows, std::size_t columns, std::size_t inner, Left a, Right b, Result c,
                         const Epilogue& epilogue, const Ahead& ahead = {}) {
         const std::size_t end = padded(columns);
-        // Sixteen sums in flight cover the latency of fma twice over and leave registers for the operands.
+        // Sixteen independent sums cover twice the latency of fma, and leave registers for the operands.
         std::size_t column = 0;
         while (column < end) {
             const std::size_t registers = (end - column) / width;
@@ -109,8 +109,8 @@ private:
         Packet sums[Rows * Registers] = {(static_cast<void>(I), internal::pset1<Packet>(T(0)))...};
         const T* a_k = a.data + row * a.row_stride;
         const T* b_k = b.data + column;
-        // A row of B is fetched one step ahead: held in registers it costs one load per register, whereas compilers
-        // fold a load used at once into every fma, and the loads then outnumber what a core can issue.
+        // A row of B is loaded one step ahead. Held in registers, it costs one load per register. Without this,
+        // compilers fold the load into every fma that uses it, and the loads exceed what a core can issue.
         Packet b_row[Rows * Registers] = {internal::ploadu<Packet>(b_k + I % Registers * width)...};
         for (std::size_t k = 0; k < inner; ++k, a_k += a.inner_stride) {
             b_k += k + 1 < inner ? b.stride : 0;

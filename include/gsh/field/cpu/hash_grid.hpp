@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The hash grid on the CPU: level by level, so that one level's entries stay in the cache.
+/// @file  The hash grid on the CPU, level by level, so that the entries of one level stay in the cache.
 ///
-/// Corner indices and weights are recomputed for a block of points at a time in vector registers: that costs less
-/// than reading them back from memory would, and nothing is stored. The table's gradient is scattered by one thread
-/// per level in the order of the points: no atomics, the same sums at any thread count.
+/// Corner indices and weights are recomputed in vector registers for a block of points at a time. This costs less than
+/// reading them from memory. One thread per level scatters the gradient of the table, in the order of the points: this
+/// needs no atomics and is bit-identical at any thread count.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -30,13 +30,14 @@ struct HashBlock {
     static constexpr std::size_t capacity = 128;
     alignas(64) std::uint32_t index[8][capacity];
     alignas(64) T weight[8][capacity];
-    const T* level_weight; ///< of the block's points, or null: 1
+    const T* level_weight; ///< weights of the block's points, or null: all 1
 
     void fill(const HashLevel& level, const T* x, const T* y, const T* z, std::size_t count) {
         level.hashed ? fill<true>(level, x, y, z, count) : fill<false>(level, x, y, z, count);
     }
 
-    /// Asks for the entries of a point some way ahead of point i: on the fine levels each lies on a line of its own.
+    /// Prefetches the entries of a point some way ahead of point i; on the fine levels each has a cache line of its
+    /// own.
     template <std::size_t Features>
     void prefetch_ahead(const T* entries, std::size_t i, std::size_t count) const {
         constexpr std::size_t distance = 32; // points; covers the third-level cache's latency
@@ -44,7 +45,7 @@ struct HashBlock {
         for (int corner = 0; corner < 8; ++corner) prefetch(entries + index[corner][i + distance] * Features);
     }
 
-    /// Whether the level counts at point i at all.
+    /// True unless the level has weight 0 at point i.
     [[nodiscard]] bool counts(std::size_t i) const { return !level_weight || level_weight[i] != T(0); }
 
 private:
@@ -63,8 +64,8 @@ private:
     }
 };
 
-/// Calls body(block, first, count) for blocks of the query's points in [begin, end), corners of level l filled in, or
-/// passes over a block of which no point asks for the level: then skipped(first, count).
+/// Calls body(block, first, count) for blocks of the query's points in [begin, end), with the corners of level l filled
+/// in. For a block in which every point has weight 0 on the level, it calls skipped(first, count) instead.
 template <class T, class Grid, class Query, class Body, class Skipped>
 void for_hash_blocks(const Grid& grid, std::size_t l, const Query& query, std::size_t begin, std::size_t end,
                      const Body& body, const Skipped& skipped) {
@@ -84,7 +85,8 @@ void for_hash_blocks(const Grid& grid, std::size_t l, const Query& query, std::s
     }
 }
 
-/// Features of points [begin, end) on level l; out is where point `begin` has them, points lie `stride` apart.
+/// Features of points [begin, end) on level l. out is the address for point `begin`; consecutive points are `stride`
+/// numbers apart.
 template <class T, class Grid, class Query>
 void hash_encode(const Grid& grid, std::size_t l, const T* entries, const Query& query, std::size_t begin,
                  std::size_t end, T* out, std::size_t stride, Write mode) {
@@ -117,8 +119,8 @@ void hash_encode(const Grid& grid, std::size_t l, const T* entries, const Query&
     mode == Write::add ? encode(std::true_type()) : encode(std::false_type());
 }
 
-/// Adds to the table's gradient what points [begin, end) have on level l; `in` is where point `begin` has its
-/// dL_dfeatures.
+/// Adds the share of points [begin, end) to the gradient of the table on level l. `in` is the address of dL_dfeatures
+/// of point `begin`.
 template <class T, class Grid, class Query>
 void hash_scatter(const Grid& grid, std::size_t l, T* dL_dentries, const Query& query, std::size_t begin,
                   std::size_t end, const T* in, std::size_t stride) {
@@ -191,8 +193,8 @@ void hash_forward(B& backend, const Grid& grid, Span<const T> table, const Query
     const std::size_t chunks = chunk_count(query.size(), grain);
     const bool level_outermost = features.block == width;
     backend.for_chunks(levels * chunks, 1, [&](std::size_t task, std::size_t, std::size_t) {
-        // Whole levels one after the other keep a table in the cache; where a row of features interleaves the
-        // levels, the rows' lines matter more.
+        // Processing one level after the other keeps its table in the cache. Where a row of features interleaves the
+        // levels, the cache lines of the rows matter more.
         const std::size_t l = level_outermost ? task / chunks : task % levels;
         const std::size_t begin = (level_outermost ? task % chunks : task / levels) * grain;
         const std::size_t end = std::min(begin + grain, query.size());
@@ -206,7 +208,7 @@ void hash_backward(B& backend, const Grid& grid, FeatureView<const T> dL_dfeatur
                    Span<T> dL_dtable) {
     constexpr std::size_t levels = Grid::level_count, width = Grid::feature_count;
     backend.for_chunks(levels, 1, [&](std::size_t task, std::size_t, std::size_t) {
-        const std::size_t l = levels - 1 - task; // the finest levels take longest, so they go first
+        const std::size_t l = levels - 1 - task; // the finest levels take longest and therefore come first
         detail::hash_scatter(grid, l, dL_dtable.data(), query, 0, query.size(), dL_dfeatures.column(l * width),
                              dL_dfeatures.block);
     });

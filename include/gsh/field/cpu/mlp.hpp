@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The MLP on the CPU: a tile of rows runs through all layers while it sits in the first-level cache.
+/// @file  The MLP on the CPU: a tile of rows passes through all layers within the first-level cache.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -19,7 +19,7 @@ namespace gsh {
 template <CpuBackend B, std::floating_point T>
 struct MlpScratch<B, T> {
     typename B::template Buffer<T> hidden;   ///< activations after ReLU, tile after tile, in each layer after layer
-    typename B::template Buffer<T> packed;   ///< weights as the products read them
+    typename B::template Buffer<T> packed;   ///< weights in the layout of the products
     typename B::template Buffer<T> tiles;    ///< each chunk's tile of inputs, outputs or gradients
     typename B::template Buffer<T> partials; ///< each chunk's sum of dL_dweights
 };
@@ -37,10 +37,10 @@ inline constexpr std::size_t mlp_tile_rows = 64;
     return std::max(least_tiles, chunk_count(tiles, most_chunks)) * mlp_tile_rows;
 }
 
-/// Sizes and places that forward and backward share.
+/// Sizes and offsets common to forward and backward.
 ///
-/// Inputs that all rows share take no part in the products: what the first layer makes of them is the same for every
-/// row, so it rides along as the matrix column of one more input, which is 1.
+/// Inputs that all rows share take no part in the products. Their contribution to the first layer is the same for every
+/// row. It becomes the column of one additional input, which is 1.
 template <class T, class Network>
 struct MlpLayout {
     using G = Gemm<T>;
@@ -49,7 +49,7 @@ struct MlpLayout {
 
     [[nodiscard]] std::size_t layers() const { return network.layer_count(); }
     [[nodiscard]] std::size_t hidden_layers() const { return layers() - 1; }
-    /// Inputs that each row has of its own.
+    /// Number of inputs that differ from row to row.
     [[nodiscard]] std::size_t row_inputs() const { return network.inputs() - shared.size(); }
     /// Columns of a layer's matrix in the products.
     [[nodiscard]] std::size_t in(std::size_t layer) const {
@@ -62,25 +62,25 @@ struct MlpLayout {
         return std::max({padded_in(0), padded_out(layers() - 1), padded_out(0)});
     }
 
-    /// [in][padded out]: forward's right operand.
+    /// [in][padded out]: right operand of forward.
     [[nodiscard]] std::size_t transposed_offset(std::size_t layer) const {
         std::size_t offset = 0;
         for (std::size_t l = 0; l < layer; ++l) offset += in(l) * padded_out(l);
         return offset;
     }
-    /// [out][padded in]: backward's right operand, and the layout of its sums.
+    /// [out][padded in]: right operand of backward, and the layout of its sums.
     [[nodiscard]] std::size_t padded_offset(std::size_t layer) const {
         std::size_t offset = 0;
         for (std::size_t l = 0; l < layer; ++l) offset += out(l) * padded_in(l);
         return offset;
     }
-    /// Activations of a tile that starts at row `first` and has `count` rows, layer after layer (all hidden layers are
-    /// as wide as the first).
+    /// Offset of the activations of a tile that starts at row `first` and has `count` rows, layer after layer (all
+    /// hidden layers are as wide as the first).
     [[nodiscard]] std::size_t hidden_offset(std::size_t first, std::size_t layer, std::size_t count) const {
         return (first * hidden_layers() + layer * count) * padded_out(0);
     }
 
-    /// Number (output o, input i) of a layer's matrix as the products have it.
+    /// Number (output o, input i) of a layer's matrix in the form that the products use.
     [[nodiscard]] T entry(Span<const T> weights, std::size_t layer, std::size_t o, std::size_t i) const {
         const T* row = weights.data() + network.layer_offset(layer) + o * network.layer_inputs(layer);
         if (layer || i < row_inputs()) return row[i];
@@ -106,7 +106,7 @@ struct MlpLayout {
     }
 };
 
-/// Calls f with the block size, as a compile-time constant where it is a common one.
+/// Calls f with the block size, as a compile-time constant for common sizes.
 template <class F>
 void with_block(std::size_t block, const F& f) {
     switch (block) {
@@ -117,8 +117,8 @@ void with_block(std::size_t block, const F& f) {
     }
 }
 
-/// Asks for rows of the next tile while this one is being worked on, a few lines at a time: the hardware alone loses
-/// track at every tile's end.
+/// Prefetches rows of the next tile during the work on this one, a few cache lines at a time. The hardware prefetcher
+/// alone loses track at the end of every tile.
 template <class T>
 struct Ahead {
     FeatureView<const T> view;
@@ -134,8 +134,8 @@ struct Ahead {
     }
 };
 
-/// What the backward pass reads next: the inputs of the next tile while layer 0 is worked on, its activations while
-/// the others are.
+/// Data that the backward pass reads next: the inputs of the next tile during the work on layer 0, its activations
+/// during the work on the other layers.
 template <class T, class Network>
 struct AheadOfLayers {
     const MlpLayout<T, Network>& layout;
@@ -151,7 +151,7 @@ struct AheadOfLayers {
     }
 };
 
-/// Rows [first, first + rows) of the view to a row-major tile.
+/// Copies rows [first, first + rows) of the view to a row-major tile.
 template <class T>
 void features_to_rows(const FeatureView<const T>& view, std::size_t first, std::size_t rows, T* tile,
                       std::size_t stride) {
@@ -164,7 +164,7 @@ void features_to_rows(const FeatureView<const T>& view, std::size_t first, std::
     });
 }
 
-/// A row-major tile to rows [first, first + rows) of the view.
+/// Writes a row-major tile to rows [first, first + rows) of the view.
 template <class T>
 void rows_to_features(const T* tile, std::size_t stride, std::size_t first, std::size_t rows,
                       const FeatureView<T>& view, Write mode) {
@@ -182,8 +182,9 @@ void rows_to_features(const T* tile, std::size_t stride, std::size_t first, std:
     });
 }
 
-/// Rows [first, first + rows) as the products read them: the features' own memory where its rows suit, else a copy of
-/// features, what each point has beside them, and a 1 for what all points share, padded with zeros.
+/// Rows [first, first + rows) in the layout of the products. This is the memory of the features where it has that
+/// layout; else a copy of the features, the further inputs of each point, and a 1 for the shared inputs, padded with
+/// zeros.
 template <class T, class Network>
 typename Gemm<T>::Right input_tile(const MlpLayout<T, Network>& layout, const MlpInputs<T>& inputs, std::size_t first,
                                    std::size_t rows, T* copy) {
@@ -202,8 +203,8 @@ typename Gemm<T>::Right input_tile(const MlpLayout<T, Network>& layout, const Ml
     return {copy, stride};
 }
 
-/// All layers of one tile. x: its inputs; hidden: where its activations go; packed: pack_transposed's; output: padded
-/// rows of the result.
+/// All layers of one tile. x: its inputs; hidden: destination of its activations; packed: result of pack_transposed;
+/// output: padded rows of the result.
 template <class T, class Network, class Ahead>
 void mlp_tile_forward(const MlpLayout<T, Network>& layout, const T* packed, typename Gemm<T>::Right x,
                       std::size_t count, T* hidden, T* output, const Ahead& ahead) {
@@ -227,8 +228,8 @@ void mlp_tile_forward(const MlpLayout<T, Network>& layout, const T* packed, type
     }
 }
 
-/// The adjoint for one tile: adds to `sums` (pack_padded's layout) and returns dL_dx as padded rows, which lie in one
-/// of the two scratch tiles; null where dL_dx is not asked for.
+/// The adjoint for one tile: adds to `sums` (in the layout of pack_padded). Returns dL_dx as padded rows, which lie in
+/// one of the two scratch tiles, or null unless wants_inputs.
 template <class T, class Network, class Ahead>
 const T* mlp_tile_backward(const MlpLayout<T, Network>& layout, const T* packed, typename Gemm<T>::Right x,
                            typename Gemm<T>::Right dL_dy, std::size_t count, const T* hidden, T* const (&scratch)[2],
@@ -253,7 +254,7 @@ const T* mlp_tile_backward(const MlpLayout<T, Network>& layout, const T* packed,
     return dL_dy.data;
 }
 
-/// Joins the partial sums in order and adds them to dL_dweights, and to dL_dshared unless that is empty.
+/// Adds the partial sums, in order, to dL_dweights, and to dL_dshared unless that is empty.
 template <CpuBackend B, class T, class Network>
 void mlp_join(B& backend, const MlpLayout<T, Network>& layout, Span<const T> weights, const T* partials,
               std::size_t partial_count, Span<T> dL_dweights, Span<T> dL_dshared) {

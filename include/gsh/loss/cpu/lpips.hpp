@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  LPIPS on CPUs: convolutions as matrix products over tiles of pixels, by Eigen.
+/// @file  LPIPS on the CPU: convolutions as matrix products over tiles of pixels, with Eigen.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -19,7 +19,8 @@ namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 
-/// A feature map, channels innermost: a patch is then a few long runs of memory, and a matrix product's result is one.
+/// A feature map with channels innermost: a patch is a few long runs of memory, and the result of a matrix product is
+/// one run.
 template <class T>
 struct LpipsMapView {
     T* data = nullptr;
@@ -54,7 +55,7 @@ template <CpuBackend B, class T>
 void convolve_relu(B& backend, const LpipsMapView<const T>& in, const LpipsStep& step, const T* weight, const T* bias,
                    const LpipsMapView<T>& out) {
     using Matrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
-    constexpr std::size_t tile = 256; // pixels; their patches stay in the second cache
+    constexpr std::size_t tile = 256; // pixels; their patches stay in the second-level cache
     const auto channels = Eigen::Index(step.channels), taps = Eigen::Index(step.kernel) * step.kernel * in.channels;
     const Eigen::Map<const Matrix> rows(weight, taps, channels);
     backend.for_chunks(out.pixel_count(), tile, [&](std::size_t, std::size_t begin, std::size_t end) {
@@ -74,7 +75,7 @@ void convolve_relu(B& backend, const LpipsMapView<const T>& in, const LpipsStep&
     });
 }
 
-/// The largest of each window; windows lie inside the map.
+/// Maximum over each window; windows lie inside the map.
 template <CpuBackend B, class T>
 void max_pool(B& backend, const LpipsMapView<const T>& in, const LpipsStep& step, const LpipsMapView<T>& out) {
     backend.for_chunks(std::size_t(out.height), 1, [&](std::size_t, std::size_t row, std::size_t) {
@@ -91,7 +92,7 @@ void max_pool(B& backend, const LpipsMapView<const T>& in, const LpipsStep& step
     });
 }
 
-/// Planes to interleaved pixels, x -> (x * stretch + offset - shift) / scale. False if a number is not finite.
+/// Converts planes to interleaved pixels, x -> (x * stretch + offset - shift) / scale. False if a number is not finite.
 template <CpuBackend B, class T>
 bool normalise_image(B& backend, const ImageView<const T>& image, const LpipsWeights<B, T>& network,
                      LpipsScaling scaling, const LpipsMapView<T>& out) {
@@ -115,7 +116,7 @@ bool normalise_image(B& backend, const ImageView<const T>& image, const LpipsWei
     return finite;
 }
 
-/// sum_c w_c (a_c / |a| - b_c / |b|)² at one pixel; a pixel of zeros counts as direction 0.
+/// sum_c w_c (a_c / |a| - b_c / |b|)² at one pixel; the direction of a zero vector is 0.
 template <class T>
 T direction_difference(const T* a, const T* b, const T* w, std::size_t channels) {
     T aa = T(0), bb = T(0), sum = T(0);
@@ -130,12 +131,14 @@ T direction_difference(const T* a, const T* b, const T* w, std::size_t channels)
 
 } // namespace detail
 
-/// Fills features.maps. Errors  ValueError for an image that holds a NaN or an infinity.
+/// Fills features.maps.
+///
+/// Errors  ValueError for an image that holds a NaN or an infinity.
 template <CpuBackend B, class T>
 void lpips_forward(B& backend, const LpipsWeights<B, T>& network, const ImageView<const T>& image,
                    LpipsScaling scaling, LpipsFeatures<B, T>& features) {
     using View = detail::LpipsMapView<T>;
-    typename B::template Buffer<T> work[2]; // maps that nobody asks for take turns
+    typename B::template Buffer<T> work[2]; // maps that are not compared alternate between two buffers
     int turn = 0;
     const auto fresh = [&](int height, int width, int channels) -> View {
         auto& buffer = work[turn = 1 - turn];

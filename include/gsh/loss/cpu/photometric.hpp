@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The photometric loss on CPUs: tiles small enough for the first cache, loops that compilers vectorise.
+/// @file  The photometric loss on the CPU: tiles that fit the first-level cache, and vectorised loops.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -20,7 +20,7 @@ template <CpuBackend B, std::floating_point T>
 struct PhotometricScratch<B, T> {
     typename B::template Buffer<T> partials;          ///< [tiles, 3, tile rows, tile columns] of the SSIM term;
                                                       ///< unspecified in tiles that are not active
-    typename B::template Buffer<std::uint8_t> active; ///< [tiles] 1 where some window of the tile sees a difference
+    typename B::template Buffer<std::uint8_t> active; ///< [tiles] 1 where some window of the tile contains a difference
     typename B::template Buffer<double> sums;         ///< [tiles, 2] sums of |render - truth| and of 1 - SSIM
 };
 
@@ -28,7 +28,7 @@ namespace cpu::inline GSH_ISA {
 
 namespace detail {
 
-/// An image's cover by tiles, and where their pixels lie.
+/// The tiles that cover an image, and the positions of their pixels.
 struct PhotometricTiles {
     static constexpr int rows = 32, columns = 64;
     static constexpr int radius = SsimWindow<float>::radius;
@@ -41,7 +41,7 @@ struct PhotometricTiles {
     struct Tile {
         int channel, j, i;      ///< channel, tile row, tile column
         int y, x;               ///< first pixel
-        int height, width;      ///< part of it inside the image
+        int height, width;      ///< size of the part inside the image
     };
 
     [[nodiscard]] std::size_t count() const { return std::size_t(channels) * std::size_t(down) * std::size_t(across); }
@@ -53,13 +53,13 @@ struct PhotometricTiles {
         const int j = rest % down, y = j * rows, x = i * columns;
         return {rest / down, j, i, y, x, std::min(rows, height - y), std::min(columns, width - x)};
     }
-    /// True when the tile is inside the image's cover and its windows see a difference.
+    /// True if the tile exists and one of its windows contains a difference.
     [[nodiscard]] bool active(Span<const std::uint8_t> flags, int channel, int j, int i) const {
         return j >= 0 && j < down && i >= 0 && i < across && flags[index(channel, j, i)] != 0;
     }
 };
 
-/// Does any window of the tile see a pixel in which the images differ?
+/// True if some window of the tile contains a pixel in which the images differ.
 template <class T>
 bool windows_differ(const ImageView<const T>& a, const ImageView<const T>& b, const PhotometricTiles::Tile& tile) {
     constexpr int radius = PhotometricTiles::radius;
@@ -74,7 +74,7 @@ bool windows_differ(const ImageView<const T>& a, const ImageView<const T>& b, co
     return false;
 }
 
-/// out[x] = sum_k taps[k] in[k * stride + x]: along a row with stride 1, across rows with the row's length.
+/// out[x] = sum_k taps[k] in[k * stride + x]. Stride 1 filters along a row, the length of a row across rows.
 template <int Columns, int Stride, class T>
 void correlate(const T (&taps)[SsimWindow<T>::size], const T* __restrict in, T* __restrict out) {
     for (int x = 0; x < Columns; ++x) {
@@ -203,7 +203,7 @@ private:
         for (int m = 0; m < maps; ++m)
             for (int r = 0; r < Tiles::halo_rows; ++r) {
                 const int y = tile.y + r - radius, j = y < 0 ? -1 : y / Tiles::rows, row = y - j * Tiles::rows;
-                const auto source = [&](int i) -> const T* { // this row in a tile beside, or null where all is 0
+                const auto source = [&](int i) -> const T* { // this row of a tile beside, or null where it is 0
                     if (!tiles.active(active, tile.channel, j, i)) return nullptr;
                     return partials.data() + (tiles.index(tile.channel, j, i) * maps + std::size_t(m)) * Tiles::area +
                            row * Tiles::columns;
@@ -240,7 +240,7 @@ void photometric_forward(B& backend, const ImageView<const T>& render, const Ima
         double* sums = scratch.sums.data() + 2 * index;
         sums[0] = sums[1] = 0;
         scratch.active[index] = !params.skip_equal || detail::windows_differ(render, truth, tile);
-        if (!scratch.active[index]) return; // 1 - SSIM is 0 in each window, the partials 0 or times 0
+        if (!scratch.active[index]) return; // 1 - SSIM is 0 in each window; the partials are 0 or multiplied by 0
         detail::PhotometricForwardTile<T> work;
         work.run(window, render, truth, tile, with_ssim,
                  with_ssim ? scratch.partials.data() + 3 * Tiles::area * index : nullptr, sums);
@@ -268,7 +268,7 @@ void photometric_backward(B& backend, const ImageView<const T>& render, const Im
     const SsimWindow<T> window;
     backend.for_chunks(tiles.count(), 1, [&](std::size_t index, std::size_t, std::size_t) {
         const Tiles::Tile tile = tiles[index];
-        bool reached = false; // by an active tile's windows
+        bool reached = false; // true if windows of an active tile reach this one
         for (int j = tile.j - 1; j <= tile.j + 1; ++j)
             for (int i = tile.i - 1; i <= tile.i + 1; ++i)
                 reached = reached || tiles.active(scratch.active, tile.channel, j, i);

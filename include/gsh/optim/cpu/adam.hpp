@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Adam on the CPU: runs of neighbouring elements, so that the compiler may use whole registers.
+/// @file  Adam on the CPU, in runs of contiguous elements that the compiler vectorises.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -12,8 +12,8 @@ namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 
-/// step(i) for i in [begin, end). The step comes by value: behind a reference its coefficients could change with
-/// every store, for all that the compiler knows.
+/// step(i) for i in [begin, end). The step is passed by value: behind a reference, the compiler would have to assume
+/// that every store may change its coefficients.
 template <class Step>
 void adam_run(Step step, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) step(i);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  From screen splats to tile lists on the CPU: sort by depth, distribute in that order.
+/// @file  Tile lists on the CPU: splats are sorted by depth, then distributed to their tiles in that order.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -43,7 +43,7 @@ void for_each_tile(const ScreenSplat<T>& splat, const TileCover& cover, const Ti
 
 } // namespace detail
 
-/// Second stage: front to back, ties by index.
+/// Second stage: sorts front to back, ties by index.
 template <CpuBackend B, std::floating_point T>
 [[nodiscard]] auto sort_by_depth(B& backend, RasterCache<B, T>& cache) {
     using Item = SortItem<typename RasterScratch<B, T>::Key>;
@@ -53,7 +53,7 @@ template <CpuBackend B, std::floating_point T>
                       Span<Item>(scratch.items_scratch.data(), visible), scratch.histograms);
 }
 
-/// Third stage: a stable counting sort of (splat, tile) pairs by tile, and the order in which to work on the tiles.
+/// Third stage: a stable counting sort of (splat, tile) pairs by tile, and the order in which the tiles are processed.
 template <CpuBackend B, std::floating_point T, class Item>
 void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
     RasterScratch<B, T>& scratch = cache.scratch;
@@ -66,7 +66,8 @@ void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
     scratch.histograms.resize(chunks * tiles);
     const Span<std::uint32_t> counts = scratch.histograms;
 
-    // Covers lie all over memory in this order. Fetched some at a time by a loop without branches, the waits overlap.
+    // In depth order, the covers are scattered in memory. A loop without branches fetches several at once, so that the
+    // cache misses overlap.
     const auto for_each_pair = [&](std::size_t begin, std::size_t end, const auto& visit) {
         constexpr std::size_t batch = 64;
         TileCover covers[batch];
@@ -91,7 +92,7 @@ void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
         std::fill(count, count + tiles, 0u);
         for_each_pair(begin, end, [&](std::uint32_t tile, TileInstance) { ++count[tile]; });
     });
-    std::uint32_t sum = 0; // counts become places: by tile, then by chunk
+    std::uint32_t sum = 0; // counts become start positions: by tile, then by chunk
     for (std::size_t tile = 0; tile < tiles; ++tile) {
         scratch.tile_begin[tile] = sum;
         for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
@@ -108,7 +109,8 @@ void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
                       [&](std::uint32_t tile, TileInstance instance) { scratch.instances[place[tile]++] = instance; });
     });
 
-    // Long lists first, in classes of powers of two: what is left for the end is small, and the threads end together.
+    // Long lists come first, in classes of powers of two. The last tasks are then small, and all threads finish at
+    // about the same time.
     constexpr int classes = 33;
     std::uint32_t start[classes + 1] = {};
     const auto class_of = [&](std::size_t tile) {

@@ -15,7 +15,7 @@ namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 
-/// The blend's state at the 16 pixels of a block.
+/// Accumulated values of the blend at the 16 pixels of a block.
 template <class T>
 struct alignas(64) BlendBlock {
     Lanes<T> product;       ///< of (1 - alpha) of all splats so far
@@ -27,7 +27,7 @@ struct alignas(64) BlendBlock {
 template <bool Depth, class T>
 inline void blend(const TileSplat<T>& splat, const BlendLimits<T>& bounds, const Lanes<T>& x, const Lanes<T>& y,
                   BlendBlock<T>& __restrict block) {
-    const TileSplat<T> s = splat; // copies, which nothing written here can change
+    const TileSplat<T> s = splat; // local copies: the stores below cannot alias them
     const BlendLimits<T> limits = bounds;
     for (std::size_t l = 0; l < block_lanes; ++l) {
         const T before = block.product[l];
@@ -45,7 +45,7 @@ inline void blend(const TileSplat<T>& splat, const BlendLimits<T>& bounds, const
     }
 }
 
-/// Writes `value(pixel in block order)` to the tile's place in a plane.
+/// Writes `value(pixel in block order)` to the pixels of the tile in one channel of an image.
 template <class T, class Value>
 void write_tile(const TilePlace& tile, const ImageView<T>& image, int channel, const Value& value) {
     for (int y = 0; y < tile.height; ++y) {
@@ -75,7 +75,7 @@ void write_target(const TilePlace& tile, const Background<T>& background, const 
     if (!target.median_depth.empty()) write_tile(tile, target.median_depth, 0, median);
 }
 
-/// True while a pixel of the block takes splats.
+/// True while some pixel of the block accepts further splats.
 template <class T>
 [[nodiscard]] bool is_live(const BlendBlock<T>& block, T transmittance_min) {
     T largest = T(0);
@@ -83,8 +83,8 @@ template <class T>
     return largest >= transmittance_min;
 }
 
-/// Blends a tile's list, block by block, so that a block's state stays in registers over the splats of a batch;
-/// returns how much of the list any pixel looked at.
+/// Blends a tile's list block by block, so that the state of a block stays in registers over the splats of a batch.
+/// Returns the length of the part of the list that was read.
 template <bool Depth, class T>
 std::uint32_t blend_tile(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const TileInstance> list,
                          const BlendLimits<T>& limits, BlendBlock<T>* blocks) {
@@ -158,7 +158,7 @@ void blend_tiles(B& backend, const Background<T>& background, const RasterParams
     });
 }
 
-/// Rasterizes; see Rasterizer::forward. Writes nothing but cache.status if that reports something to refuse.
+/// Rasterizes; see Rasterizer::forward. If cache.status reports an error, the target is left unchanged.
 template <CpuBackend B, std::floating_point T>
 void composite_forward(B& backend, const Camera<T>& camera, const SplatView<const T>& splats,
                        const Background<T>& background, const RasterParams<T>& params, const RenderTarget<T>& target,

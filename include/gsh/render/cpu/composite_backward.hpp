@@ -17,27 +17,29 @@ namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 
-/// The blend's state at the 16 pixels of a block on its second way front to back, and the pixels' gradients.
+/// State of the second sweep front to back at the 16 pixels of a block, and the gradients of the pixels.
 ///
 /// With the pixel's value F = sum w s + T_end s_end, where s is a splat's colour (and depth) dotted with the pixel's
-/// gradient, dF/d alpha = T s - (what lies behind) / (1 - alpha). `behind` starts at F and loses w s at each splat.
+/// gradient, dF/d alpha = T s - (share of F behind the splat) / (1 - alpha). `behind` starts at F and loses w s at each
+/// splat.
 template <class T>
 struct alignas(64) GradientBlock {
     Lanes<T> product, behind, dL_dred, dL_dgreen, dL_dblue, dL_ddepth, dL_dmedian;
 };
 
-/// A slot's entries, not yet summed over the pixels of a block.
+/// Entries of a slot before they are summed over the pixels of a block.
 template <bool Depth, class T>
 struct alignas(64) SlotSums {
     Lanes<T> lanes[slot_size<Depth>];
 };
 
-/// Takes one splat's share of the gradient in one block. The first block of a splat sets the sums, others add.
+/// Adds one splat's share of the gradient in one block. The first block of a splat sets the sums, later blocks add to
+/// them.
 template <bool Depth, bool First, class T>
 inline void blend_backward(const TileSplat<T>& splat, const BlendLimits<T>& bounds, const Lanes<T>& x,
                            const Lanes<T>& y, GradientBlock<T>& __restrict block,
                            SlotSums<Depth, T>& __restrict sums) {
-    const TileSplat<T> s = splat; // copies, which nothing written here can change
+    const TileSplat<T> s = splat; // local copies: the stores below cannot alias them
     const BlendLimits<T> limits = bounds;
     for (std::size_t l = 0; l < block_lanes; ++l) {
         const T before = block.product[l];
@@ -76,7 +78,7 @@ inline void blend_backward(const TileSplat<T>& splat, const BlendLimits<T>& boun
     }
 }
 
-inline constexpr std::size_t sums_at_once = 16; // splats whose pixels are added up together
+inline constexpr std::size_t sums_at_once = 16; // number of splats whose pixels are summed together
 
 /// Sums the 16 pixels of each entry in a fixed order, half by half.
 template <bool Depth, class T>
@@ -92,7 +94,7 @@ void reduce(const SlotSums<Depth, T>* sums, std::size_t count, T* entries) {
         entries[i] = (by4[4 * i] + by4[4 * i + 2]) + (by4[4 * i + 1] + by4[4 * i + 3]);
 }
 
-/// One plane of an image in block order; zero where the plane is empty or the tile leaves the image.
+/// One plane of an image in block order; zero where the plane is empty or the tile extends beyond the image.
 template <class T>
 void read_tile(const TilePlace& tile, const ImageView<const T>& image, int channel, T* pixels) {
     if (image.empty() || tile.width < TileGrid::tile_size || tile.height < TileGrid::tile_size)
@@ -105,7 +107,7 @@ void read_tile(const TilePlace& tile, const ImageView<const T>& image, int chann
     }
 }
 
-/// Second sweep over a tile's list; leaves a splat's sums in its slot.
+/// Second sweep over a tile's list: writes the sums of each splat to its slot.
 template <bool Depth, class T>
 void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const TileInstance> list,
                          const BlendLimits<T>& limits, GradientBlock<T>* blocks, T* slots) {
@@ -142,7 +144,8 @@ void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splat
 
 } // namespace detail
 
-/// First stage: each tile leaves its share of its splats' gradients in their slots, and the background's.
+/// First stage: each tile writes its share of the gradients of its splats to their slots, and adds to the gradient of
+/// the background.
 template <CpuBackend B, std::floating_point T>
 void blend_tiles_backward(B& backend, const Background<T>& background, const RasterParams<T>& params,
                           const RenderGradient<T>& dL_dtarget, RasterCache<B, T>& cache,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The rasterizer's first stage on the CPU: splats on the screen, and the tiles they touch.
+/// @file  First stage of the rasterizer on the CPU: projected splats, and the tiles that they touch.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -21,9 +21,9 @@ namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 
-inline constexpr std::size_t splat_grain = 1024; // splats of one chunk of the per-splat passes
+inline constexpr std::size_t splat_grain = 1024; // number of splats in one chunk of the per-splat passes
 
-/// Tiles are chosen a little too generously, so that rounding never loses a pixel to which the blend gives a say.
+/// Enlarges a cut slightly, so that rounding in the choice of tiles never loses a pixel that the blend would draw.
 [[nodiscard]] constexpr double generous(double cut) { return cut * 1.0001 + 1e-3; }
 
 template <std::floating_point T>
@@ -35,11 +35,11 @@ template <std::floating_point T>
 inline void cover_columns(const Ellipse<double>& ellipse, const TileCover& cover, int row, const TileGrid& grid,
                           int& first, int& end) {
     tile_columns(ellipse, row, grid, first, end);
-    first = std::max(first, int(cover.x0)); // the rectangle is rounded in another way
+    first = std::max(first, int(cover.x0)); // the rectangle was rounded differently
     end = std::max(first, std::min(end, cover.x0 + cover.columns));
 }
 
-/// The tiles that the ellipse touches of the rectangle that holds it; returns their number.
+/// The tiles of a rectangle that the ellipse inside it touches; returns their number.
 template <std::floating_point T>
 [[nodiscard]] std::uint32_t cover_tiles(const ScreenSplat<T>& splat, const TileRect& rect, const TileGrid& grid,
                                         TileCover& cover) {
@@ -47,7 +47,7 @@ template <std::floating_point T>
     cover = {0, static_cast<std::uint16_t>(rect.x0), static_cast<std::uint16_t>(rect.y0),
              static_cast<std::uint16_t>(columns), static_cast<std::uint16_t>(rows)};
     const bool small = columns <= 8 && rows <= 8;
-    if (small && (columns == 1 || rows == 1)) { // the bounding box touches the ellipse on every side: nothing to spare
+    if (small && (columns == 1 || rows == 1)) { // the ellipse meets all tiles
         constexpr std::uint64_t first_column = 0x0101010101010101ull;
         cover.mask = ((1ull << columns) - 1) * (first_column >> (64 - 8 * rows));
         return static_cast<std::uint32_t>(columns * rows);
@@ -64,12 +64,12 @@ template <std::floating_point T>
     return count;
 }
 
-/// Some splats by member, in double, so that their projection is a loop over plain arrays.
+/// A batch of splats, member by member and in double, so that their projection is a loop over plain arrays.
 struct ProjectionBatch {
     static constexpr std::size_t size = 64;
     alignas(64) double mean_x[size], mean_y[size], mean_z[size];
     alignas(64) double xx[size], xy[size], xz[size], yy[size], yz[size], zz[size];
-    alignas(64) double opacity[size], cut[size]; // in; out compensated
+    alignas(64) double opacity[size], cut[size]; // input; the opacity that is output is compensated
     alignas(64) double nonfinite[size];          // 0, or NaN
     alignas(64) double x[size], y[size], depth[size], ux[size], uy[size], vy[size]; // out
     alignas(64) double half_width[size], half_height[size]; // of the bounding box; negative if the splat is culled
@@ -89,7 +89,7 @@ struct ProjectionBatch {
         }
     }
 
-    /// Compensate tells the compiler whether there will be a square root, which would cost the loop its vectors.
+    /// Compensate is known at compile time, since the square root that it needs keeps the loop from being vectorised.
     template <bool Compensate>
     void project(const Camera<double>& camera, ProjectionParams<double> params, const TileGrid& grid,
                  double alpha_min, double largest_cut, std::size_t count) {
@@ -139,8 +139,8 @@ struct ProjectionBatch {
 
 } // namespace detail
 
-/// First stage: screen splats, their tiles, their gradient slots, and the visible ones as sort items.
-/// Returns false, having reported why in cache.status, if there is something to refuse.
+/// First stage: screen splats, their tiles, their gradient slots, and sort items of the visible ones. Returns false if
+/// cache.status reports an error.
 template <CpuBackend B, std::floating_point T>
 [[nodiscard]] bool project_splats(B& backend, const Camera<T>& camera, const SplatView<const T>& splats,
                                   const RasterParams<T>& params, RasterCache<B, T>& cache) {
@@ -160,7 +160,7 @@ template <CpuBackend B, std::floating_point T>
     const Camera<double> wide_camera = camera.template cast<double>();
     const ProjectionParams<double> projection_params = params.template cast<double>();
     const double alpha_min = params.alpha_min;
-    constexpr double largest_cut = sizeof(T) == 4 ? 120 : 1000; // where exp2_minus ends; far beyond any opacity up to 1
+    constexpr double largest_cut = sizeof(T) == 4 ? 120 : 1000; // limit of exp2_minus, far above any opacity up to 1
     backend.for_chunks(n, detail::splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         RasterStatus status;
         // Arithmetic first, branches second, so that a misprediction does not stall it.
@@ -199,7 +199,7 @@ template <CpuBackend B, std::floating_point T>
         if (total.nonfinite == 0) total.first_nonfinite = status.first_nonfinite;
         total.nonfinite += status.nonfinite;
         const RasterStatus here = status;
-        status.pairs = total.pairs, status.visible = total.visible; // now: what came before
+        status.pairs = total.pairs, status.visible = total.visible; // from here on: sums over the chunks before
         total.pairs += here.pairs, total.visible += here.visible;
     }
     cache.status[0] = total;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The rasterizer's last stage on the CPU: sums over tiles become gradients of splats and camera.
+/// @file  Last stage of the rasterizer on the CPU: from sums over tiles to gradients of splats and camera.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -16,7 +16,7 @@ namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
 
-/// What the tiles sum up for each splat, with G = dL/d ln(alpha) at a pixel.
+/// Sums over the pixels of a tile for each splat, with G = dL/d ln(alpha) at a pixel.
 enum SlotEntry : int {
     slot_g,                           // sum G
     slot_u, slot_v,                   // sum G u, G v
@@ -27,7 +27,8 @@ enum SlotEntry : int {
 template <bool Depth>
 inline constexpr std::size_t slot_size = Depth ? 10 : 9;
 
-/// Some splats by member, in double, so that the adjoint of their projection is a loop over plain arrays.
+/// A batch of splats, member by member and in double, so that the adjoint of their projection is a loop over plain
+/// arrays.
 struct ProjectionBackwardBatch {
     static constexpr std::size_t size = 64;
 
@@ -64,8 +65,9 @@ struct ProjectionBackwardBatch {
     }
 
     /// ln(alpha) = ln(opacity) - ln(2) (u² + v²), (u, v) = W (pixel - mean2d), Σ⁻¹ = 2 ln(2) Wᵀ W, so that with the
-    /// moments m = sum G (u, v), M = sum G (u, v) (u, v)ᵀ:  dL_dmean2d = 2 ln(2) Wᵀ m,  dL_dΣ = 2 ln(2)² Wᵀ M W.
-    /// General is false where neither square roots nor camera gradients keep the loop from becoming vector code.
+    /// moments m = sum G (u, v), M = sum G (u, v) (u, v)ᵀ: dL_dmean2d = 2 ln(2) Wᵀ m, dL_dΣ = 2 ln(2)² Wᵀ M W.
+    ///
+    /// General is true where square roots or camera gradients are needed; these keep the loop from being vectorised.
     template <bool General>
     void project_backward(const Camera<double>& camera, ProjectionParams<double> params,
                           CameraGradient<double>* dL_dcamera) {
@@ -94,7 +96,7 @@ struct ProjectionBackwardBatch {
 
 } // namespace detail
 
-/// Second stage: each splat sums its slots and carries the gradient through the projection.
+/// Second stage: sums the slots of each splat, and carries the gradient through the projection.
 template <CpuBackend B, std::floating_point T>
 void project_splats_backward(B& backend, const Camera<T>& camera, const SplatView<const T>& splats,
                              const RasterParams<T>& params, RasterCache<B, T>& cache,

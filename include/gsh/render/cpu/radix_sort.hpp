@@ -12,16 +12,16 @@
 
 namespace gsh::cpu::inline GSH_ISA {
 
-/// Sorts items by their unsigned member `key`; equal keys stay in order. Returns the one of the two arrays that
-/// holds the result. Digits cover only the bits in which the keys differ from the least of them, so depths of a
-/// body two metres away take two passes, not three.
+/// Sorts items by their unsigned member `key`; equal keys stay in order. Returns whichever of the two arrays holds the
+/// result. Digits cover only the bits in which the keys differ from the smallest key, so the depths of a body two
+/// metres away take two passes instead of three.
 ///
 /// Shapes  items [n], scratch [n]; histograms is resized as needed.
 template <CpuBackend B, class Item>
 [[nodiscard]] Span<Item> radix_sort(B& backend, Span<Item> items, Span<Item> scratch,
                                     typename B::template Buffer<std::uint32_t>& histograms) {
     using Key = decltype(Item::key);
-    constexpr int max_digit_bits = 11; // 2048 counters of a chunk: 8 KiB, well inside the first cache
+    constexpr int max_digit_bits = 11; // 2048 counters for each chunk: 8 KiB, which fits the first-level cache
     const std::size_t n = items.size();
     if (n < 2) return items;
     const std::size_t grain = std::max<std::size_t>(8192, (n + 31) / 32), chunks = chunk_count(n, grain);
@@ -48,7 +48,7 @@ template <CpuBackend B, class Item>
             std::fill(count, count + digits, 0u);
             for (std::size_t i = begin; i < end; ++i) ++count[digit(items[i].key)];
         });
-        std::uint32_t sum = 0; // counts become places: by digit, then by chunk
+        std::uint32_t sum = 0; // counts become start positions: by digit, then by chunk
         for (std::size_t d = 0; d < digits; ++d)
             for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
                 std::uint32_t& place = counts[chunk * digits + d];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What the rasterizer's passes on the CPU keep: splats on the screen, tile lists, sort buffers, partial sums.
+/// @file  Scratch memory of the CPU rasterizer: projected splats, tile lists, sort buffers, partial sums.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -17,8 +17,8 @@ namespace gsh {
 
 namespace cpu::inline GSH_ISA {
 
-/// A splat as the tiles see it. Position and shape are double even for float splats, since a pixel's distance to a
-/// splat is a small difference of large numbers; taken relative to a tile it fits a float again.
+/// A projected splat. Position and shape are double even for float splats, since the distance of a pixel from a splat
+/// is a small difference of large numbers. Relative to a tile, float is precise enough.
 template <std::floating_point T>
 struct ScreenSplat {
     vec2<double> mean2d;      ///< pixels
@@ -26,24 +26,24 @@ struct ScreenSplat {
     T opacity;                ///< after compensation
     T depth;                  ///< camera z, metres
     vec3<T> color;
-    T cut;                    ///< log2(opacity / alpha_min): where u² + v² exceeds it, alpha < alpha_min
+    T cut;                    ///< log2(opacity / alpha_min): alpha < alpha_min where u² + v² exceeds it
 };
 
-/// The tiles of one splat. A rectangle of up to 8x8 tiles carries a bit for each, eight to a row; of a larger one the
-/// splat's own shape says which tiles count.
+/// The tiles of one splat. For a rectangle of up to 8x8 tiles, the mask has one bit for each tile, eight to a row. For
+/// a larger rectangle it is 0, and the tiles follow from the shape of the splat.
 struct TileCover {
     std::uint64_t mask = 0;
     std::uint16_t x0 = 0, y0 = 0, columns = 0, rows = 0;
 };
 
-/// Depth as an integer that sorts like it, and the splat it belongs to.
+/// Depth as an integer with the same order, and the index of the splat.
 template <class Key>
 struct SortItem {
     Key key;
     std::uint32_t splat;
 };
 
-/// One splat in one tile; `slot` is where the tile leaves its share of the splat's gradient.
+/// One splat in one tile; the tile writes its share of the gradient of the splat to `slot`.
 struct TileInstance {
     std::uint32_t splat, slot;
 };
@@ -56,7 +56,7 @@ struct RasterScratch<B, T> {
     using Buffer = typename B::template Buffer<U>;
     using Key = std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>;
 
-    // Between the passes.
+    // Kept from forward to backward.
     TileGrid grid;
     Buffer<cpu::ScreenSplat<T>> splats;        // [N]
     Buffer<cpu::TileCover> covers;             // [N]
@@ -64,11 +64,11 @@ struct RasterScratch<B, T> {
     Buffer<std::uint32_t> tile_begin;          // [tiles + 1]
     Buffer<cpu::TileInstance> instances;       // [pairs] by tile, front to back
     Buffer<std::uint32_t> tile_order;          // [tiles] long lists first, empty tiles last
-    Buffer<std::uint32_t> tile_used;           // [tiles] length of the list that some pixel still looked at
-    std::uint32_t active_tiles = 0;            // tiles with a list
+    Buffer<std::uint32_t> tile_used;           // [tiles] length of the part of the list that was read
+    std::uint32_t active_tiles = 0;            // tiles with a non-empty list
     Buffer<T> pixels; // [active tiles, 5, 256] red, green, blue, depth sums; final transmittance
 
-    // Within a pass.
+    // Used within one pass.
     Buffer<cpu::SortItem<Key>> items, items_scratch; // [N]
     Buffer<std::uint32_t> histograms;
     Buffer<RasterStatus> chunk_status;

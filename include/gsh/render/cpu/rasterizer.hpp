@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The rasterizer on the CPU: what Rasterizer needs of the backends cpu::Serial and cpu::Threads.
+/// @file  The CPU overloads of Rasterizer, for cpu::Serial and cpu::Threads.
 #pragma once
 
 #include <gsh/render/cpu/composite.hpp>

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What both passes over a tile share: its 4x4 pixel blocks, splats staged in its own frame, the blend's
-///        arithmetic, and the queue of tiles.
+/// @file  Common parts of both passes over a tile: 4x4 pixel blocks, splats in tile coordinates, and the blend.
 ///
-/// A block is 16 pixels in arrays of 16 numbers, and each loop over them is straight arithmetic, so that the compiler
-/// turns it into one register's work (two or four on narrower machines). Small splats touch few pixels of a 16x16
-/// tile; blocks keep the pixels that are computed in vain down to about four of five.
+/// A block is 16 pixels in arrays of 16 numbers. Loops over a block are straight arithmetic, which the compiler turns
+/// into operations on one register (two or four on narrower machines). Small splats touch few pixels of a 16x16 tile.
+/// With blocks, about four of five computed pixels have no effect; with whole tiles it would be more.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -33,7 +32,7 @@ inline constexpr std::size_t batch_size = 64;
 template <class T>
 using Lanes = std::array<T, block_lanes>;
 
-/// A pixel's column or row in its tile, for each pixel of each block.
+/// The column (or, with Rows, the row) within its tile of each pixel of each block.
 template <class T, bool Rows>
 inline constexpr auto pixel_coordinates = [] {
     std::array<Lanes<T>, blocks_of_tile> table{};
@@ -43,12 +42,12 @@ inline constexpr auto pixel_coordinates = [] {
     return table;
 }();
 
-/// A pixel's place in block order.
+/// Index of a pixel in block order.
 [[nodiscard]] constexpr int block_order(int x, int y) {
     return ((y >> 2) * 4 + (x >> 2)) * block_lanes + (y & 3) * 4 + (x & 3);
 }
 
-/// A tile's place in the image.
+/// Position and size of a tile in the image.
 struct TilePlace {
     int x, y, width, height; // first pixel; pixels inside the image
 
@@ -61,7 +60,7 @@ struct TilePlace {
     }
 };
 
-/// A splat in the frame of a tile: u, v are those of the centre of the first pixel.
+/// A splat in tile coordinates: u, v are those of the centre of the first pixel.
 template <class T>
 struct alignas(16 * sizeof(T)) TileSplat {
     T u, v, ux, uy, vy, opacity, cut, red, green, blue, depth;
@@ -74,7 +73,7 @@ struct Batch {
     alignas(64) std::uint32_t blocks[batch_size]; // bit b: the splat may touch block b
     std::size_t size = 0;
 
-    /// Takes the list's splats from `begin` on, and asks for those that come after them.
+    /// Copies the list's splats from `begin` on, and prefetches those of the next batch.
     void load(Span<const ScreenSplat<T>> from, Span<const TileInstance> list, std::size_t begin,
               const TilePlace& tile) {
         size = std::min(batch_size, list.size() - begin);
@@ -99,7 +98,7 @@ struct Batch {
         find_blocks(shapes);
     }
 
-    /// The same bits by block: bit j of splats_of[b] for bit b of blocks[j].
+    /// The same bits by block: bit j of splats_of[b] equals bit b of blocks[j].
     void by_block(std::uint64_t (&splats_of)[blocks_of_tile]) const {
         std::fill_n(splats_of, blocks_of_tile, 0u);
         for (std::size_t first = 0; first < size; first += 16) {
@@ -111,16 +110,16 @@ struct Batch {
     }
 
 private:
-    /// The splats' ellipses by member, for a loop over splats.
+    /// The ellipses of the splats, member by member, for a loop over splats.
     struct Shapes {
         alignas(64) float u[batch_size], v[batch_size], ux[batch_size], uy[batch_size], vy[batch_size];
         alignas(64) float reach[batch_size];
     };
 
-    /// The blocks of each row of blocks that the ellipse's extent between its first and last line of pixels meets: as
-    /// horizontal_extent (tiles.hpp), in single precision with a margin, without branches.
+    /// Finds, in each row of blocks, the blocks that the ellipse meets between the first and the last line of pixels.
+    /// It works as horizontal_extent (tiles.hpp), in single precision with a margin and without branches.
     void find_blocks(Shapes& s) {
-        const std::size_t padded = (size + 15) / 16 * 16; // whole registers, filled up with ellipses out of reach
+        const std::size_t padded = (size + 15) / 16 * 16; // whole registers, padded with ellipses out of reach
         for (std::size_t j = size; j < padded; ++j)
             s.u[j] = s.v[j] = 1e6f, s.ux[j] = s.uy[j] = s.vy[j] = 1, s.reach[j] = 0;
         for (std::size_t first = 0; first < padded; first += 16) {
@@ -163,14 +162,14 @@ struct BlendLimits {
         : alpha_min(p.alpha_min), alpha_max(p.alpha_max), transmittance_min(p.transmittance_min) {}
 };
 
-/// What a splat does to a pixel, the same in both passes to the last bit.
+/// The effect of a splat on a pixel; bit-identical in both passes.
 ///
-/// The product of (1 - alpha) runs on whether or not a pixel has stopped: it only falls, so a splat is blended exactly
-/// if the product after it has not fallen below the limit, and no pixel waits for a comparison.
+/// The product of (1 - alpha) continues after a pixel has stopped. It only falls, so a splat is blended exactly if the
+/// product after it is not below the limit. No pixel needs a branch.
 template <class T>
 struct BlendStep {
     T u, v, raw, alpha, keep, after, weight;
-    bool live; ///< blended, or passed by without effect
+    bool live; ///< the pixel has not stopped: the splat is blended, or has no effect
 
     BlendStep(const TileSplat<T>& s, const BlendLimits<T>& limits, T x, T y, T before) {
         constexpr T least = sizeof(T) == 4 ? T(1e-36) : T(1e-300); // so that the product never becomes denormal
@@ -198,8 +197,8 @@ template <class T>
     return transmittance;
 }
 
-/// Runs work(rank) for rank in [0, count): each thread takes the next one when it is done with the last. Results
-/// must not depend on who does what.
+/// Runs work(rank) for rank in [0, count): each thread takes the next rank when it has finished its last one. Results
+/// must not depend on which thread runs which rank.
 template <CpuBackend B, class Work>
 void run_queue(B& backend, std::size_t count, const Work& work) {
     std::atomic<std::size_t> next{0};
