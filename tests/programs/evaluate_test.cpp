@@ -107,7 +107,7 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
     const test::Outcome outcome =
         run(s.evaluate(out, s.configs({"paper", "no-ao", "static"}), {"--steps", "6,3", "--views", "2"}));
     check_done(outcome);
-    for (const char* words : {"| paper ", "| no-ao ", "| static ", "## What each part is worth", "3 of 6 steps"})
+    for (const char* words : {"| paper ", "| no-ao ", "| static ", "## Contribution of each part", "3 of 6 steps"})
         CHECK(outcome.out.find(words) != std::string::npos);
 
     const Json tables = ordered_json_of(out / "tables.json");
