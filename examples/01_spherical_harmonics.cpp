@@ -133,7 +133,7 @@ void story(const std::filesystem::path& folder) {
     const auto row = examples::beside<double>({&truth, &ball1, &ball2, &ball3, &ball4});
     write_png(folder / "01_spherical_harmonics.png", row);
 
-    examples::claim(one.rms > two.rms && two.rms > three.rms && three.rms > four.rms, "higher degrees have smaller errors");
+    examples::claim(one.rms > two.rms && two.rms > three.rms && three.rms > four.rms, "a higher degree fits better");
     examples::claim(four.rms < 0.02, "the rms error of degree 4 is below 0.02");
     examples::claim(four.from_integral < 1e-3, "gradient descent converges to the coefficients of the integral");
     examples::claim(degrees < 3, "gradient ascent along dL_ddir ends at the highlight");

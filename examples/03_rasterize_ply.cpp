@@ -117,7 +117,8 @@ void story(const std::filesystem::path& folder) {
     while (front_alpha.at(0, middle, middle + covered + 1) > 0) ++covered;
     std::printf("the balls end %d pixels from the middle, by hand %d\n", covered, reach);
 
-    examples::claim(loaded.means == scene.means && loaded.log_scales == scene.log_scales, "reading is bit-exact");
+    examples::claim(loaded.means == scene.means && loaded.log_scales == scene.log_scales,
+                    "means and scales are bit-identical after reading");
     examples::claim(length(found_front - expect_front) < 1e-4f, "the middle pixel is gold over teal over background");
     examples::claim(length(found_behind - expect_behind) < 1e-4f, "from behind, it is gold over background");
     examples::claim(covered == reach, "the silhouette ends where alpha falls below 1/255");
