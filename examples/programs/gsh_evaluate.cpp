@@ -99,7 +99,7 @@ int evaluate(const EvaluateOptions& o) {
         std::fflush(stdout);
         if (!evaluator.evaluate(run, folder,
                                 run.name + " (" + std::to_string(i + 1) + " of " + std::to_string(runs.size()) + ")")) {
-            std::fprintf(stderr, "stopped; the same command goes on from there\n");
+            std::fprintf(stderr, "stopped; the same command continues from there\n");
             return exit_interrupted;
         }
         for (const RunResult& result : folder.results())
