@@ -1,5 +1,5 @@
-# libzip by its header and library: the config file that comes with it insists on command-line tools which distributions
-# put into packages of their own.
+# Finds libzip by its header and library. The config file of libzip requires command-line tools, which distributions put
+# into separate packages.
 find_path(libzip_INCLUDE_DIR zip.h)
 find_library(libzip_LIBRARY zip)
 mark_as_advanced(libzip_INCLUDE_DIR libzip_LIBRARY)

@@ -1,5 +1,5 @@
-# stb as Debian ships it: <stb/stb_image.h> and a library with the implementations. Where a packager ships the headers
-# alone, stb::stb is header-only, and one source of the program defines STB_IMAGE_IMPLEMENTATION itself.
+# Finds stb as Debian packages it: <stb/stb_image.h> and a library with the implementations. If a package has only the
+# headers, stb::stb is header-only, and one source file of the program must define STB_IMAGE_IMPLEMENTATION.
 find_path(stb_INCLUDE_DIR stb/stb_image.h)
 find_library(stb_LIBRARY stb)
 mark_as_advanced(stb_INCLUDE_DIR stb_LIBRARY)

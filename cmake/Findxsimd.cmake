@@ -1,4 +1,4 @@
-# xsimd by its header: the target that Debian 12 exports asks the linker for a library "xtl" that does not exist.
+# Finds xsimd by its header. The target that Debian 12 exports links a library "xtl", which does not exist.
 find_path(xsimd_INCLUDE_DIR xsimd/xsimd.hpp)
 mark_as_advanced(xsimd_INCLUDE_DIR)
 

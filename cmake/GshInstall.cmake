@@ -1,5 +1,5 @@
-# Headers, targets and the package files. Each opt-in component is an export of its own, so that find_package(gsh) needs
-# only the dependencies of what it is asked for.
+# Installs headers, targets and package files. Each opt-in component has its own export set, so that find_package(gsh)
+# needs only the dependencies of the requested components.
 include(CMakePackageConfigHelpers)
 include(GNUInstallDirs)
 

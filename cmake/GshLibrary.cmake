@@ -1,5 +1,5 @@
-# What a program links. gsh::gsh is the core: all folders but those below, with Eigen, GLM and oneTBB. The others are
-# opt-in, each a target with the dependencies of its folder:
+# The targets that a program links. gsh::gsh is the core: all folders but those below, with Eigen, GLM and oneTBB. The
+# others are opt-in components. Each is a target with the dependencies of its folder:
 #   gsh::simd       simd/         xsimd
 #   gsh::io         io/           libzip, stb, nlohmann-json
 #   gsh::check      check/        those of gsh::io
@@ -25,7 +25,7 @@ target_sources(gsh INTERFACE FILE_SET HEADERS BASE_DIRS ${gsh_include_dir} FILES
 target_compile_features(gsh INTERFACE cxx_std_20)
 target_link_libraries(gsh INTERFACE glm::glm Eigen3::Eigen TBB::tbb Threads::Threads)
 
-# gsh_add_component(name targets...): the opt-in target gsh::name with its headers and what they need.
+# gsh_add_component(name targets...): adds the opt-in target gsh::name with its headers and their dependencies.
 function(gsh_add_component name)
   add_library(gsh_${name} INTERFACE)
   add_library(gsh::${name} ALIAS gsh_${name})
@@ -34,7 +34,8 @@ function(gsh_add_component name)
   target_link_libraries(gsh_${name} INTERFACE gsh ${ARGN})
 endfunction()
 
-# A component comes with the libraries that it needs: as a subproject we take what is there, on our own we insist.
+# A component exists if its libraries are found. They are required if gsh is the top-level project, optional if it is a
+# subproject.
 if(PROJECT_IS_TOP_LEVEL)
   set(gsh_need REQUIRED)
 else()

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Story 1: spherical harmonics learn how a shiny point looks from every side.
+/// @file  Story 1: spherical harmonics learn the colour of a glossy point from all directions.
 ///
-/// The colour of a Gaussian depends on where it is seen from. We make up a glossy point with two lamps, fit SH of
-/// rising degree to it by plain gradient descent, and then walk along the fitted colour to its highlight: both
-/// halves of SHEval's adjoint at work. Writes
-/// 01_spherical_harmonics.png: truth | degree 1 | 2 | 3 | 4.
+/// The colour of a Gaussian depends on the viewing direction. The story defines a glossy point with two lamps and fits
+/// SH of degrees 1 to 4 to its colour by gradient descent, with dL_dsh. Then it finds the highlight of the fitted
+/// colour by gradient ascent, with dL_ddir.
+/// Writes 01_spherical_harmonics.png: truth | degree 1 | 2 | 3 | 4.
 #include <gsh/image/image.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/math/sh.hpp>
@@ -25,8 +25,8 @@ using Vec = vec3<double>;
 
 namespace {
 
-// 1. A glossy red point. Lamps send their reflections towards two sides; seen along `dir` (from the camera to the
-//    point) we stand at -dir. Two lobes of different width, on top of a colour that is the same from everywhere.
+// 1. A glossy red point. Its colour is the sum of a constant and two lobes of different width, the reflections of two
+//    lamps. `dir` is the direction from the camera to the point, so the camera is in the direction -dir.
 const Vec warm_lobe = normalize(Vec(-0.6, 0.55, 0.58)), cold_lobe = normalize(Vec(0.8, -0.3, 0.5));
 
 Vec glossy_point(const Vec& dir) {
@@ -35,7 +35,7 @@ Vec glossy_point(const Vec& dir) {
            std::pow(cold, 3) * Vec(0.0, 0.15, 0.40);
 }
 
-// 2. Look at it from everywhere: directions on a spiral that spreads them evenly over the sphere.
+// 2. Viewing directions on a spiral, which are distributed evenly over the sphere.
 std::vector<Vec> spread_directions(int count) {
     std::vector<Vec> directions;
     for (int i = 0; i < count; ++i) {
@@ -45,7 +45,7 @@ std::vector<Vec> spread_directions(int count) {
     return directions;
 }
 
-// A fit: SH coefficients, and the colour that they give. Like everywhere, SH are the difference from mid-grey.
+// A fit: SH coefficients, and the colour that they give. As everywhere in gsh, SH encode the difference from mid-grey.
 template <int Degree>
 struct Fit {
     std::vector<Vec> sh = std::vector<Vec>(SHEval<Degree>::basis_count, Vec(0));
@@ -60,14 +60,14 @@ Fit<Degree> fit(const std::vector<Vec>& directions) {
     const double n = static_cast<double>(directions.size());
 
     // 3. Gradient descent on L = mean |color - truth|²: forward, dL_dcolor, backward, a step against the gradient.
-    //    The harmonics are orthonormal, so the loss curves alike along every coefficient (by 1/2π), and a rate of 4
-    //    takes away 64% of the error each step.
+    //    The harmonics are orthonormal, so the curvature of the loss is 1/2π along every coefficient, and each step
+    //    with a rate of 4 removes 64% of the error.
     for (int step = 0; step < 30; ++step) {
         std::vector<Vec> dL_dsh(result.sh.size(), Vec(0));
         double sum = 0;
         for (const Vec& dir : directions) {
             const Vec difference = result(dir) - glossy_point(dir), dL_dcolor = difference * (2 / n);
-            Vec dL_ddir(0); // where we look from is given here; step 5 asks for it
+            Vec dL_ddir(0); // not used here: the directions are fixed; step 5 uses it
             SHEval<Degree>::backward(result.sh.data(), dir, dL_dcolor, dL_dsh.data(), dL_ddir);
             sum += dot(difference, difference);
         }
@@ -75,7 +75,7 @@ Fit<Degree> fit(const std::vector<Vec>& directions) {
         result.rms = std::sqrt(sum / (3 * n));
     }
 
-    // 4. Orthonormal also means that the answer is known: sh_k is the integral of (colour - grey) times Y_k.
+    // 4. For orthonormal functions the solution is also known directly: sh_k is the integral of (colour - grey) Y_k.
     std::vector<Vec> integral(result.sh.size(), Vec(0));
     for (const Vec& dir : directions) {
         Vec unused(0);
@@ -89,11 +89,11 @@ Fit<Degree> fit(const std::vector<Vec>& directions) {
     return result;
 }
 
-// 5. Where is it brightest? Climb along the direction's gradient of red, which the warm lamp adds. The adjoint takes
-//    x, y and z as independent; normalize_backward keeps us on the sphere.
+// 5. The highlight, by gradient ascent of red, the main colour of the warm lamp, over the direction. The adjoint treats
+//    x, y and z as independent; normalize_backward is the adjoint of the normalisation.
 template <int Degree>
 Vec brightest_side(const Fit<Degree>& fitted) {
-    Vec dir(0, 0, -1); // from straight ahead
+    Vec dir(0, 0, -1); // the camera is in the direction +z
     for (int step = 0; step < 200; ++step) {
         std::vector<Vec> unused(fitted.sh.size(), Vec(0));
         Vec up_dir(0), up(0);
@@ -104,7 +104,7 @@ Vec brightest_side(const Fit<Degree>& fitted) {
     return -dir;
 }
 
-// 6. Paint a ball whose every spot wears the colour that the point shows to somebody who stands there.
+// 6. A picture of a ball. The colour at each spot is the colour of the point seen from the direction of that spot.
 template <class Color>
 Image<double> paint_ball(const Color& color) {
     constexpr int size = 160;
@@ -126,17 +126,17 @@ void story(const std::filesystem::path& folder) {
     const auto three = fit<3>(directions);
     const auto four = fit<4>(directions);
     const double degrees = std::acos(std::min(1.0, dot(brightest_side(four), warm_lobe))) * 180 / std::numbers::pi;
-    std::printf("the highlight of the fit lies %.1f degrees from the lamp's reflection\n", degrees);
+    std::printf("the highlight of the fit is %.1f degrees from the lamp's reflection\n", degrees);
 
     const auto truth = paint_ball(glossy_point), ball1 = paint_ball(one), ball2 = paint_ball(two),
                ball3 = paint_ball(three), ball4 = paint_ball(four);
     const auto row = examples::beside<double>({&truth, &ball1, &ball2, &ball3, &ball4});
     write_png(folder / "01_spherical_harmonics.png", row);
 
-    examples::claim(one.rms > two.rms && two.rms > three.rms && three.rms > four.rms, "each degree fits better");
-    examples::claim(four.rms < 0.02, "degree 4 comes within 2% of this gloss");
-    examples::claim(four.from_integral < 1e-3, "gradient descent finds the coefficients that the integral gives");
-    examples::claim(degrees < 3, "climbing along dL_ddir ends at the highlight");
+    examples::claim(one.rms > two.rms && two.rms > three.rms && three.rms > four.rms, "a higher degree fits better");
+    examples::claim(four.rms < 0.02, "the rms error of degree 4 is below 0.02");
+    examples::claim(four.from_integral < 1e-3, "gradient descent converges to the coefficients of the integral");
+    examples::claim(degrees < 3, "gradient ascent along dL_ddir ends at the highlight");
 }
 
 } // namespace

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Story 2: a hash grid and a small network learn a picture.
 ///
-/// HashField maps points of the unit cube to numbers; avatars keep colour and displacement in such fields. Here it
-/// learns a landscape, hung up in the cube as the slice z = 1/2, from 128 x 128 points, and is then asked for the spots
-/// in between. Writes 02_hash_grid_image.png: truth | learned.
+/// HashField maps points of the unit cube to numbers. Avatars store colours and displacements in such fields. Here a
+/// field learns a landscape, placed in the slice z = 1/2 of the cube, from 128 x 128 points. It is then evaluated
+/// between these points. Writes 02_hash_grid_image.png: truth | learned.
 #include <gsh/cpu.hpp>
 #include <gsh/field/hash_field.hpp>
 #include <gsh/io/image/image_file.hpp>
@@ -24,7 +24,7 @@ namespace {
 using Backend = cpu::Threads;
 using Field = HashField<8, 2>; // 8 levels with 2 numbers each
 
-// A field, its parameters, and what Adam remembers of them.
+// A field, its parameters, and Adam's moments.
 struct LearnedField {
     Field field{{.base = 4, .growth = 1.6, .table_size = 1u << 15}, {.outputs = 3, .width = 32, .hidden_layers = 2}};
     std::vector<float> table = field.grid().initial_table<float>(1), weights = field.mlp().initial_weights<float>(2);
@@ -32,7 +32,7 @@ struct LearnedField {
     std::vector<float> weights_m = std::vector<float>(weights.size()), weights_v = weights_m;
 };
 
-// 1. The points at which a picture of size x size pixels has its pixel centres.
+// 1. The pixel centres of a picture of size x size pixels, as points of the cube.
 std::vector<vec3<float>> pixel_centers(int size) {
     std::vector<vec3<float>> points;
     for (int y = 0; y < size; ++y)
@@ -42,7 +42,7 @@ std::vector<vec3<float>> pixel_centers(int size) {
     return points;
 }
 
-// 2. Training. The points never change, so they are prepared once: a Query knows which entries they touch.
+// 2. Training. The points do not change, so they are prepared once: a Query stores the table entries that they read.
 void learn(Backend& backend, LearnedField& learned, const Image<float>& picture) {
     const std::vector<vec3<float>> points = pixel_centers(picture.width);
     Field::Query<Backend, float> query;
@@ -54,7 +54,7 @@ void learn(Backend& backend, LearnedField& learned, const Image<float>& picture)
     const Adam adam;
     const std::size_t plane = points.size();
     for (int step = 1; step <= 300; ++step) {
-        // 3. Forward, then the gradient of the squared error; outputs are rows of RGB, pictures are planes.
+        // 3. Forward, then the gradient of the squared error. Outputs are rows of RGB; pictures are planes.
         learned.field.forward(backend, learned.table, learned.weights, query, outputs, cache);
         double loss = 0;
         for (std::size_t i = 0; i < plane; ++i)
@@ -64,8 +64,8 @@ void learn(Backend& backend, LearnedField& learned, const Image<float>& picture)
                 loss += difference * difference / static_cast<double>(outputs.size());
             }
 
-        // 4. Backward adds to both gradients, and Adam zeroes them after use. Of the table it steps only the entries
-        //    that some point touches: the others never move anyway.
+        // 4. Backward adds to both gradients, and Adam zeroes them after use. In the table, Adam updates only the
+        //    entries that at least one point reads: the gradients of the others are always zero.
         learned.field.backward(backend, learned.weights, query, dL_doutputs, cache, dL_dtable, dL_dweights);
         const double rate = step <= 200 ? 1e-2 : 2e-3;
         adam.step_rows(backend, Span<float>(learned.table), dL_dtable, learned.table_m, learned.table_v, query.touched,
@@ -76,7 +76,7 @@ void learn(Backend& backend, LearnedField& learned, const Image<float>& picture)
     }
 }
 
-// 5. A field has no pixels: ask it at any size.
+// 5. A field has no pixels, so it can be evaluated at any resolution.
 Image<float> paint(Backend& backend, const LearnedField& learned, int size) {
     const std::vector<vec3<float>> points = pixel_centers(size);
     Field::Query<Backend, float> query;
@@ -97,15 +97,15 @@ void story(const std::filesystem::path& folder) {
     const Image<float> lesson = examples::landscape_picture(size);
     learn(backend, learned, lesson);
 
-    // 6. Judge it: on the lesson, and at three times the resolution, where eight of nine pixels are new to it.
+    // 6. Evaluation on the training points, and at three times the resolution, where eight of nine pixels are new.
     const Image<float> truth = examples::landscape_picture(3 * size), painted = paint(backend, learned, 3 * size);
     const double known = psnr(paint(backend, learned, size).view(), lesson.view());
     const double between = psnr(painted.view(), truth.view());
-    std::printf("PSNR %.1f dB on what it saw, %.1f dB with the spots in between; %zu numbers in the field\n", known,
-                between, learned.table.size() + learned.weights.size());
+    std::printf("PSNR %.1f dB on the training points, %.1f dB with the points in between; %zu numbers in the field\n",
+                known, between, learned.table.size() + learned.weights.size());
     write_png(folder / "02_hash_grid_image.png", examples::beside<float>({&truth, &painted}));
-    examples::claim(known > 35, "the field knows its lesson to 35 dB");
-    examples::claim(between > 30, "between the points that it saw it stays above 30 dB");
+    examples::claim(known > 35, "on the training points the PSNR is above 35 dB");
+    examples::claim(between > 30, "with the points in between the PSNR is above 30 dB");
 }
 
 } // namespace

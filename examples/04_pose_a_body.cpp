@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Story 4: Gaussians on a body follow its bones.
 ///
-/// A procedural actor gets 40,000 Gaussians on its skin, each in the colour of the bone that it hangs on most. A motion
-/// poses them; where they should go we know from the posed mesh itself, which is computed on another path. Writes
+/// A procedural actor gets 40,000 Gaussians on its skin, each in the colour of the bone with the largest weight. A
+/// motion poses them. Their positions are compared with those on the posed mesh, which other code computes. Writes
 /// 04_pose_a_body.png: rest | pose.
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/rig.hpp>
@@ -33,22 +33,22 @@ namespace {
 
 using Backend = cpu::Threads;
 
-// A colour for each bone, neighbours far apart on the wheel; light from above and the front, baked in.
+// One colour per bone; neighbours have very different hues. Light from above and the front is baked in.
 vec3<float> bone_color(std::size_t bone, const vec3<double>& normal) {
     const double hue = 2.4 * static_cast<double>(bone), light = 0.65 + 0.35 * dot(normal, {0.4, 0.7, 0.6});
     const vec3<double> wheel(std::cos(hue), std::cos(hue - 2.1), std::cos(hue + 2.1));
     return vec3<float>(light * (0.6 + 0.35 * wheel));
 }
 
-// 1. Gaussians on the skin: flat discs of the size that the sampling suggests, nearly opaque, and of one colour from
-//    all sides (SH of degree 0).
+// 1. Gaussians on the skin: flat discs whose size follows from the sampling, nearly opaque, with one colour from all
+//    sides (SH of degree 0).
 GaussianCloud<float> dress(const SurfaceSamples& skin) {
     GaussianCloud<float> cloud(skin.size(), 0);
     for (std::size_t i = 0; i < skin.size(); ++i) {
         const std::size_t heaviest = skin.weights.joints[i * skin.weights.influences]; // sorted, largest first
         cloud.means[i] = vec3<float>(skin.positions[i]);
-        const vec3<float> n(skin.normals[i].z < 0 ? -skin.normals[i] : skin.normals[i]); // discs have no front
-        cloud.quats[i] = {1 + n.z, -n.y, n.x, 0};                                          // turns z to n
+        const vec3<float> n(skin.normals[i].z < 0 ? -skin.normals[i] : skin.normals[i]); // a disc has no front
+        cloud.quats[i] = {1 + n.z, -n.y, n.x, 0};                                          // rotates z to n
         const float scale = static_cast<float>(skin.scales[i]);
         cloud.log_scales[i] = {std::log(scale), std::log(scale), std::log(0.2f * scale)};
         cloud.opacity_logits[i] = logit(0.9f);
@@ -57,7 +57,7 @@ GaussianCloud<float> dress(const SurfaceSamples& skin) {
     return cloud;
 }
 
-// 2. What it takes to show an avatar: a pose brought to the backend, splats, an image.
+// 2. The steps that show an avatar: upload a pose, compute splats, rasterize an image.
 class Stage {
 public:
     Stage(Backend& backend, const AvatarData& data) : backend_(backend), avatar_(backend, data), rasterizer_(backend) {
@@ -72,7 +72,7 @@ public:
         return image;
     }
 
-    /// Where the Gaussians are that were shown last.
+    /// The positions of the Gaussians that were shown last.
     [[nodiscard]] std::vector<vec3<float>> means() {
         std::vector<vec3<float>> host(avatar_.size());
         backend_.download(Span<const vec3<float>>(splats_.means), host);
@@ -89,7 +89,7 @@ private:
     Rasterizer<Backend>::Cache raster_cache_;
 };
 
-// 3. Where they ought to be: at their place in their triangle of the posed mesh. How far off are they, in metres?
+// 3. The distance of each Gaussian, in metres, from its expected position: its place in its triangle of the posed mesh.
 struct Distance {
     double mean = 0, most = 0;
 };
@@ -110,7 +110,7 @@ Distance off_the_mesh(const std::vector<vec3<float>>& means, const SurfaceSample
 }
 
 void story(const std::filesystem::path& folder) {
-    // 4. A body, its skin sampled evenly by area, and the rig that moves the samples.
+    // 4. A body, samples of its skin (evenly by area), and the rig that moves the samples.
     const BodyModel body = make_actor({.edge_scale = 1.4});
     const std::vector<double> betas(static_cast<std::size_t>(body.shape_count), 0.0);
     const std::vector<vec3<double>> vertices = shaped_vertices(body, betas);
@@ -119,7 +119,7 @@ void story(const std::filesystem::path& folder) {
     const AvatarData data{make_rig(body, betas, skin), dress(skin)};
     std::printf("%zu vertices, %zu joints, %zu Gaussians\n", body.vertex_count(), body.joint_count(), skin.size());
 
-    // 5. Two frames of a motion: the rest pose (all zeros, arms out) and a step of a dance.
+    // 5. Two frames of a motion: the rest pose (all zeros, arms spread) and a dance step.
     Motion motion = actor_motion(ActorMotion::stride, 8);
     std::fill_n(motion.pose.begin(), motion.joint_count, vec3<double>(0));
     std::fill_n(motion.expression.begin(), motion.expression_count, 0.0);
@@ -138,10 +138,10 @@ void story(const std::filesystem::path& folder) {
     const Distance step_off = off_the_mesh(stage.means(), skin, posed.vertices);
     write_png(folder / "04_pose_a_body.png", examples::beside<float>({&rest_image, &step_image}));
 
-    // 6. At rest nothing moves. In a pose a Gaussian is skinned by its own blend of bones, its triangle's corners by
-    //    theirs: the two part where a triangle bends, and on this coarse mesh that is millimetres at the joints.
-    std::printf("off the mesh: at most %.4f mm at rest; %.3f mm in the pose, at most %.1f mm\n", 1e3 * rest_off.most,
-                1e3 * step_off.mean, 1e3 * step_off.most);
+    // 6. In the rest pose nothing moves. In other poses, a Gaussian and the corners of its triangle have different
+    //    blends of bones. At the joints the results differ, on this coarse mesh by millimetres.
+    std::printf("distance from the mesh: at most %.4f mm at rest; mean %.3f mm in the pose, at most %.1f mm\n",
+                1e3 * rest_off.most, 1e3 * step_off.mean, 1e3 * step_off.most);
     examples::claim(rest_off.most < 1e-5, "the rest pose moves nothing");
     examples::claim(step_off.mean < 2e-4 && step_off.most < 5e-3, "posed Gaussians stay on the posed mesh");
 }

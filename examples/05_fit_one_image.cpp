@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Story 5: free Gaussians become a picture.
+/// @file  Story 5: free Gaussians are fitted to one picture.
 ///
-/// Fifteen hundred Gaussians, thrown at random before a camera, are moved, turned, stretched and coloured until they
-/// look like a landscape. It is the training step of every splatting program as ordinary code: forwards in order,
+/// 1500 Gaussians have random positions in front of a camera. Training changes their positions, rotations, scales,
+/// opacities and colours until they look like a landscape. A training step is ordinary code: forwards in order,
 /// backwards in reverse. Writes 05_fit_one_image.png: truth | start | after 20 steps | end.
 #include <gsh/core/rng.hpp>
 #include <gsh/cpu.hpp>
@@ -28,7 +28,7 @@ namespace {
 
 using Backend = cpu::Threads;
 
-// 1. The start: grey blobs in random places of a thin slab around z = 0.
+// 1. The start: grey Gaussians at random positions in a thin slab around z = 0.
 GaussianCloud<float> random_blobs(std::size_t count) {
     GaussianCloud<float> cloud(count, 0);
     Rng rng(5);
@@ -41,7 +41,7 @@ GaussianCloud<float> random_blobs(std::size_t count) {
     return cloud;
 }
 
-// 2. All that belongs to one fit. Every buffer is made once; steps allocate nothing.
+// 2. The state of one fit. All buffers are created once, so steps allocate nothing.
 class PictureFit {
 public:
     PictureFit(Backend& backend, const GaussianCloud<float>& start, const Image<float>& truth)
@@ -55,7 +55,7 @@ public:
         splats_.resize(start.size());
         dL_dsplats_.resize(start.size());
 
-        // The camera stands one metre before the slab and sees one metre of it.
+        // The camera is one metre in front of the slab and sees one metre of it.
         camera_.t = {0, 0, 1};
         camera_.fx = camera_.fy = static_cast<float>(truth.width);
         camera_.cx = camera_.cy = 0.5f * static_cast<float>(truth.width);
@@ -70,7 +70,7 @@ public:
         return loss_.values(loss_cache_).loss;
     }
 
-    // 4. Backwards in reverse: each adds to its outputs, so what comes between starts at zero.
+    // 4. Backwards in reverse. Each adjoint adds to its outputs, so intermediate gradients start at zero.
     void backward() {
         backend_.fill(Span<float>(dL_drender_.data), 0.0f);
         loss_.backward(render_.view(), truth_.view(), 1.0f, loss_cache_, dL_drender_.view());
@@ -81,7 +81,7 @@ public:
                                   dL_dgaussians_.view());
     }
 
-    // 5. A step of Adam, each attribute at its own pace. Used gradients are zeroed on the way.
+    // 5. A step of Adam, with a rate for each attribute. It zeroes the gradients after use.
     void step(int number) {
         using examples::numbers;
         const auto move = [&](auto& values, auto& gradients, auto& m, auto& v, double rate) {
@@ -132,12 +132,12 @@ void story(const std::filesystem::path& folder) {
     }
     fit.forward();
 
-    // 6. Look and judge.
+    // 6. The picture and the figures.
     write_png(folder / "05_fit_one_image.png", examples::beside<float>({&truth, &start, &early, &fit.render()}));
     const double before = psnr(start.view(), truth.view()), after = psnr(fit.render().view(), truth.view());
     std::printf("PSNR %.1f dB at the start, %.1f dB at the end; SSIM %.3f\n", before, after,
                 ssim(fit.render().view(), truth.view()));
-    examples::claim(after > 35, "1500 Gaussians show the landscape with at least 35 dB");
+    examples::claim(after > 35, "1500 Gaussians represent the landscape with more than 35 dB");
 }
 
 } // namespace

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Story 6: photographs of a moving person become an avatar, through a pipeline of parts.
+/// @file  Story 6: a pipeline of parts trains an avatar from photographs of a moving person.
 ///
-/// A field gives the colours and displacements of Gaussians on the body, a rig poses them, a rasterizer draws them, a
-/// loss compares the drawing with one of 48 photographs, Adam updates what learns. A seventh camera's view is held out.
-/// Writes 06_train_an_avatar.png, that view: truth | start | end.
+/// A field gives colours and displacements of Gaussians on the body. A rig poses them, a rasterizer renders them, a
+/// loss compares the render with one of 48 photographs, and Adam updates the learned arrays. The seventh camera is held
+/// out. Writes 06_train_an_avatar.png, a view of that camera: truth | start | end.
 #include <gsh/gsh.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/synthetic/actor.hpp>
@@ -16,16 +16,16 @@ using examples::numbers, examples::on_backend, examples::on_host;
 
 namespace {
 
-using B = cpu::Threads; // the backend: to train on another one, change this line
+using B = cpu::Threads; // the backend: another one is a change of this line
 template <class T>
 using Buffer = B::Buffer<T>;
 using Vec = vec3<float>;
 using Field = HashField<12, 2>; // 12 levels with 2 numbers each
 
 constexpr int degree = 1, size = 192, steps = 800;
-constexpr std::size_t count = 10000, basis = sh_basis_count(degree), stride = basis + 1; // of field rows: SH, δx
+constexpr std::size_t count = 10000, basis = sh_basis_count(degree), stride = basis + 1; // a row of the field: SH, δx
 
-// 1. A part of our own: x₀ + δx, and its adjoint. δx is in centimetres, so that all field outputs are of order one.
+// 1. A part of the program's own: x₀ + δx, and its adjoint. δx is in cm, so that all field outputs are of order one.
 struct Displace {
     Span<const Vec> points, rows;
     Span<Vec> means;
@@ -38,7 +38,7 @@ struct DisplaceBackward {
 };
 
 void story(const std::filesystem::path& folder) {
-    // 2. A capture (filmed on the CPU), samples of the body's surface (denser on face and hands), their rig.
+    // 2. A capture (rendered on the CPU), samples of the body's surface (denser on face and hands), and their rig.
     cpu::Threads studio;
     const BodyModel body = make_actor({.edge_scale = 1.5});
     const Motion motion = actor_motion(ActorMotion::talk, 8);
@@ -48,15 +48,15 @@ void story(const std::filesystem::path& folder) {
     const SurfaceSamples skin = sample_surface(body, vertices, mask.samples_per_vertex(), 1, {.total = count});
     const RigData rig_data = make_rig(body, motion.betas, skin);
 
-    // 3. The Gaussians at the start: discs on the skin, a tenth as thick as wide.
+    // 3. The initial Gaussians: discs on the skin, with a tenth of their width as thickness.
     std::vector<Vec> start(skin.positions.begin(), skin.positions.end()), in_cube, discs;
-    for (const Vec& p : start) in_cube.push_back(0.5f * p + Vec(0.5f)); // the actor lies within a metre of the origin
+    for (const Vec& p : start) in_cube.push_back(0.5f * p + Vec(0.5f)); // the actor is within a metre of the origin
     for (const double s : skin.scales) discs.push_back(Vec(std::log(float(s))) + Vec(0, 0, std::log(0.1f)));
     std::vector<quat<float>> turns;
     for (const vec3<double>& normal : skin.normals) turns.push_back(quat_from_z_axis(Vec(normal)));
     const std::vector<double> tau = mask.at(skin);
 
-    // 4. The parts, and what they learn. The field's fine levels count only where the mask says: on face and hands.
+    // 4. The parts and the learned arrays. The mask restricts the fine levels of the field to face and hands.
     B backend;
     const Field field({.base = 4, .growth = 1.6, .table_size = 1u << 15}, {.outputs = 3 * stride});
     Field::Query<B> query;
@@ -71,7 +71,7 @@ void story(const std::filesystem::path& folder) {
     LearnedBuffer<B, Vec> log_scales(backend, discs), joints(backend, {rig_data.joints.begin(), rig_data.joints.end()});
     LearnedBuffer quats(backend, turns);
 
-    // 5. What passes from part to part, forwards and back.
+    // 5. Intermediate values between the parts, and their gradients.
     const Buffer<Vec> points = on_backend(backend, start);
     Buffer<Vec> rows(count * stride), dL_drows(count * stride), means(count), dL_dmeans(count);
     const SkinnedView<const float> gaussians{
@@ -94,7 +94,7 @@ void story(const std::filesystem::path& folder) {
     Rasterizer<B>::Cache raster_cache;
     PhotometricLoss<B>::Cache loss_cache;
 
-    // 6. Forwards in order: from a view's photograph (over white), camera and pose to the loss of our drawing.
+    // 6. Forwards in order: from a view's photograph (over white), camera and pose to the loss of the render.
     const auto forward = [&](const CaptureView& view) {
         camera = capture.cameras[view.camera].camera.cast<float>();
         rig.upload_pose(motion, view.frame, pose);
@@ -122,7 +122,7 @@ void story(const std::filesystem::path& folder) {
                        weights.gradient());
     };
 
-    // 8. Training: a photograph a step, and an update of every array at its own pace, slower towards the end.
+    // 8. Training: each step takes one photograph and updates every array at its own rate, which decreases.
     const std::vector<CaptureView> lessons = capture.views(false), exam = capture.views(true);
     forward(exam[0]);
     const Image<float> truth = on_host(backend, photo), before = on_host(backend, render);
@@ -137,7 +137,7 @@ void story(const std::filesystem::path& folder) {
             take_step(backend, Adam(), array, pace, step); // the gradient is zero afterwards
     }
 
-    // 9. The view that training never saw.
+    // 9. The held-out view.
     forward(exam[0]);
     const Image<float> after = on_host(backend, render);
     const double decibels = psnr(after.view(), truth.view());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Story 7: a part that gsh lacks, plugged into its trainer. Every second frame of a capture was taken in dimmer
-/// light. A factor per frame takes the place of the avatar's shadow, and training finds how dim the frames were.
+/// @file  Story 7: gsh's trainer trains a part that gsh does not have. Every second frame of a capture is darker. The
+/// part is a brightness factor per frame, in the place of the avatar's shadow. Training finds the factors.
 #include <gsh/gsh.hpp>
 #include <gsh/io/capture/photos.hpp>
 #include <gsh/synthetic/actor.hpp>
@@ -11,7 +11,7 @@
 using namespace gsh;
 using Device = cpu::Threads; // another backend is a change of this line
 
-// 1. The part: ao = exp(g[frame]) for every Gaussian. NoShadow has the calls that need no change.
+// 1. The part: ao = exp(g[frame]) for every Gaussian. The other calls are those of NoShadow.
 struct Exposure : NoShadow<Device> {
     Device* backend;
     LearnedBuffer<Device> g; // [frames]
@@ -31,16 +31,16 @@ struct Exposure : NoShadow<Device> {
 };
 
 void story(const std::filesystem::path&) {
-    // 2. The built-in actor, filmed in four frames; the odd ones are darkened to 60%.
+    // 2. Four frames of the built-in actor. Frames 1 and 3 are darkened to 60%.
     Device backend;
     const BodyModel body = make_actor({.edge_scale = 1.5});
     const Motion motion = actor_motion(ActorMotion::talk, 4);
     Capture capture = film(backend, body, motion, {.image_size = 128, .samples = 4, .light = {}});
-    for (std::size_t image = 1; image < capture.images.size(); image += 2) // frames follow each other
+    for (std::size_t image = 1; image < capture.images.size(); image += 2) // frames vary fastest
         for (std::size_t i = 0; i < capture.images[image].data.size(); ++i)
             if (std::uint8_t& byte = capture.images[image].data[i]; i % 4 < 3) byte = std::uint8_t(0.6 * byte + 0.5);
 
-    // 3. gsh's parts, ours among them, and gsh's trainer.
+    // 3. The part above together with parts of gsh, and gsh's trainer.
     const auto vertices = shaped_vertices(body, motion.betas);
     const SurfaceSamples skin = sample_surface(body, vertices, std::vector(vertices.size(), 1.0), 1, {.total = 4000});
     const auto points = std::make_shared<const CanonicalPoints<Device>>(backend, skin.positions);
@@ -50,11 +50,11 @@ void story(const std::filesystem::path&) {
     Trainer trainer(backend, scene, photos_of(capture, false), 1);
     for (int step = 0; step < 200; ++step) trainer.step(step / 200.0);
 
-    // 4. What it found.
+    // 4. The result.
     std::vector<float> g(motion.frame_count());
     backend.download(Span<const float>(model.shadow().g.values()), Span<float>(g));
     const double ratio = std::exp(0.5 * (g[1] + g[3] - g[0] - g[2]));
-    examples::claim(std::abs(ratio - 0.6) < 0.05, "dim frames have 0.6 of the light, found " + std::to_string(ratio));
+    examples::claim(std::abs(ratio - 0.6) < 0.05, "the factor of dark frames is 0.6, found " + std::to_string(ratio));
 }
 
 int main(int argc, char** argv) { return examples::tell(argc, argv, story); }

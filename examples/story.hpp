@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What the numbered stories share: how one is run, claims, memory of a backend, and a landscape as a formula.
+/// @file  Shared by the numbered stories: main function, claims, memory of a backend, a landscape as a formula.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -20,7 +20,8 @@
 
 namespace gsh::examples {
 
-/// Tells a story into the folder named on the command line (or here); a broken claim or an error ends it with 1.
+/// Runs a story with the folder named on the command line (default: the current one). Returns 1 after a broken claim or
+/// an error.
 template <class Story>
 int tell(int argc, char** argv, const Story& story) {
     try {
@@ -34,19 +35,20 @@ int tell(int argc, char** argv, const Story& story) {
     }
 }
 
-/// What a story says must hold.
+/// Checks a statement of a story and prints it.
+/// Errors  ValueError if it does not hold.
 inline void claim(bool holds, const std::string& what) {
     check_value(holds, "broken claim", what);
     std::printf("holds: %s\n", what.c_str());
 }
 
-/// Vectors, quaternions and the like in a backend's memory, as the numbers that they are made of.
+/// A view of vectors, quaternions and similar types in a backend's memory as numbers.
 template <class Buffer>
 [[nodiscard]] Span<float> numbers(Buffer& buffer) {
     return view_as<float>(Span<std::remove_pointer_t<decltype(buffer.data())>>(buffer));
 }
 
-/// A buffer of a backend with the host's values.
+/// A buffer of a backend with a copy of values from the host.
 template <Backend B, class T>
 [[nodiscard]] typename B::template Buffer<T> on_backend(B& backend, const std::vector<T>& host) {
     typename B::template Buffer<T> buffer;
@@ -55,7 +57,7 @@ template <Backend B, class T>
     return buffer;
 }
 
-/// The host's copy of an image in a backend's memory.
+/// A copy on the host of an image in a backend's memory.
 template <Backend B, class T>
 [[nodiscard]] Image<T> on_host(B& backend, const ImageView<T>& image) {
     Image<T> host(image.channels, image.height, image.width);
@@ -63,7 +65,7 @@ template <Backend B, class T>
     return host;
 }
 
-/// Pictures of one height next to each other.
+/// Places pictures of the same height side by side.
 template <class T>
 [[nodiscard]] Image<T> beside(std::initializer_list<const Image<T>*> pictures) {
     int width = 0;
@@ -81,10 +83,10 @@ template <class T>
     return row;
 }
 
-/// A landscape at dusk, defined everywhere on the unit square: u to the right, v down. Edges are a hundredth wide.
+/// The colour of a landscape at dusk at a point of the unit square: u to the right, v down. Edges have a width of 0.01.
 [[nodiscard]] inline vec3<float> landscape(float u, float v) {
     const auto mix = [](const vec3<float>& a, const vec3<float>& b, float t) { return a + (b - a) * t; };
-    const auto step = [](float x) { // from 0 to 1 about x = 0
+    const auto step = [](float x) { // from 0 to 1 around x = 0
         const float t = std::clamp(x / 0.01f + 0.5f, 0.0f, 1.0f);
         return t * t * (3 - 2 * t);
     };
@@ -98,12 +100,12 @@ template <class T>
         color = mix(color, mix(far_hill, near_hill, nearness), step(v - ridge));
     }
     const float distance = (v - 0.80f) / 0.20f;                                        // a field in the foreground
-    const float furrows = 0.5f + 0.5f * std::sin(40 * (u - 0.5f) / (0.4f + distance)); // that meet far away
+    const float furrows = 0.5f + 0.5f * std::sin(40 * (u - 0.5f) / (0.4f + distance)); // that meet at the horizon
     const vec3<float> soil = mix({0.55f, 0.38f, 0.20f}, {0.85f, 0.70f, 0.35f}, furrows);
     return mix(color, soil, step(v - 0.80f - 0.02f * std::sin(6 * u)));
 }
 
-/// The landscape at the centres of a square picture's pixels.
+/// The landscape at the pixel centres of a square picture.
 [[nodiscard]] inline Image<float> landscape_picture(int size) {
     Image<float> picture(3, size, size);
     for (int y = 0; y < size; ++y)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A frame of an avatar of 170,000 Gaussians, from pose to splats, without and with shadows by pose.
+/// @file  Bench of one frame of an avatar of 170,000 Gaussians, from pose to splats, without and with shadows by pose.
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/rng.hpp>
@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::size_t N = 170000;
 
-/// The actor, and a field of the trained networks' sizes.
+/// The actor, and a field with the sizes of the trained networks.
 const AvatarData& avatar(bool shaded) {
     static const auto make = [](bool with_field) {
         const BodyModel body = make_actor();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Posing 170,000 Gaussians on 55 bones, SH of degree 2, and the way back, in every deformation.
+/// @file  Bench of posing 170,000 Gaussians on 55 bones with SH of degree 2, and of the adjoint, for each deformation.
 #include <gsh/avatar/cpu/skinned_gaussian.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/serial.hpp>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t N = 170000, J = 55, influences = 6, basis = 9;
 
-/// Arrays in the order that Morton-sorted samples have: neighbours hang on the same bones.
+/// Arrays in an order like that of Morton-sorted samples: neighbours have the same bones.
 struct Scene {
     std::vector<vec3<float>> means, log_scales, sh, splat_means, colors;
     std::vector<quat<float>> quats;
@@ -53,8 +53,8 @@ struct Scene {
     SplatView<float> splats() { return {splat_means, covariances, opacities, colors}; }
 };
 
-/// Arguments of every case: the Deformation, ambient occlusion or none, and of backward the percentage of Gaussians
-/// that no pixel saw, half of them on a body.
+/// Arguments: the Deformation; ambient occlusion or none; for backward, the percentage of Gaussians that no pixel
+/// shows, which is half of them on a body.
 Deformation deformation(const benchmark::State& state) { return static_cast<Deformation>(state.range(0)); }
 
 template <class B>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Blend shapes of SMPL-X's size, with and without pose correctives.
+/// @file  Bench of blend shapes of SMPL-X's size, with and without pose correctives.
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/blend_shapes.hpp>

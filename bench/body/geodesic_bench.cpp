@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Distances along a body's surface from its face and hands: what a region mask costs, once per avatar.
+/// @file  Bench of distances along a body's surface from face and hands, which a region mask needs once per avatar.
 #include <gsh/body/region_mask.hpp>
 #include <gsh/synthetic/actor.hpp>
 
@@ -20,7 +20,7 @@ void prepare(benchmark::State& state) {
 }
 BENCHMARK(prepare)->Unit(benchmark::kMillisecond);
 
-/// As far as so many millimetres; 0: over the whole body.
+/// Argument: the largest distance in millimetres; 0: the whole body.
 void from_face_and_hands(benchmark::State& state) {
     const GeodesicDistance geodesic(body().v_template, body().faces);
     const std::vector<int> high = body_regions(body()).high();
@@ -32,7 +32,7 @@ void from_face_and_hands(benchmark::State& state) {
 }
 BENCHMARK(from_face_and_hands)->Arg(90)->Arg(180)->Arg(0)->Unit(benchmark::kMillisecond);
 
-/// The hardest case: everything seen from one vertex.
+/// The most expensive case: the distances of all vertices from one vertex.
 void from_one_vertex(benchmark::State& state) {
     const GeodesicDistance geodesic(body().v_template, body().faces);
     const std::vector<int> source{0};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Forward kinematics of 55 joints and its adjoint.
+/// @file  Bench of forward kinematics with 55 joints, and of its adjoint.
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/core/rng.hpp>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Offsets of 10,475 vertices to 170,000 samples, and gradients back.
+/// @file  Bench of interpolating offsets of 10,475 vertices at 170,000 samples, and of the adjoint.
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/surface_interpolation.hpp>
@@ -25,7 +25,7 @@ void interpolation(benchmark::State& state) {
     Rng rng(3);
     std::vector<std::array<int, 3>> triangles;
     for (std::size_t i = 0; i < N; ++i) {
-        const auto near = static_cast<int>(i * (V - 40) / N); // sorted samples hang on nearby vertices
+        const auto near = static_cast<int>(i * (V - 40) / N); // sorted samples depend on nearby vertices
         triangles.push_back({near, near + static_cast<int>(rng.below(40)), near + static_cast<int>(rng.below(40))});
     }
     const SurfaceInterpolation<B, float> surface(backend, V, triangles,

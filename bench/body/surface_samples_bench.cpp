@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Sampling 170,000 points on a mesh of SMPL-X's size, once per avatar.
+/// @file  Bench of sampling 170,000 points on a mesh of SMPL-X's size, which is done once per avatar.
 #include <gsh/body/surface_samples.hpp>
 
 #include <benchmark/benchmark.h>

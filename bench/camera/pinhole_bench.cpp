@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Projecting an avatar's points, and the way back to points and camera; a memory-bound pass is the limit.
+/// @file  Bench of projecting an avatar's points, and of the adjoint to points and camera; memory-bound.
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/camera/pinhole.hpp>
@@ -24,7 +24,7 @@ struct Project {
     void operator()(std::size_t i) const { pixels[i] = to_pixel(camera, to_camera(camera, points[i])); }
 };
 
-/// Camera gradients are a few to a thread, as in the rasterizer; here a row of them stands for all.
+/// The camera gradient is summed in a row of partial sums, as in the rasterizer, where each thread has a few.
 struct ProjectBackward {
     Camera<float> camera;
     Span<const vec3<float>> points;
@@ -63,7 +63,7 @@ void project(benchmark::State& state) {
     state.SetBytesProcessed(state.iterations() * std::int64_t(count * (sizeof(vec3<float>) + sizeof(vec2<float>))));
 }
 
-void project_backward(benchmark::State& state) { // one thread: gradients of a camera are shared
+void project_backward(benchmark::State& state) { // on one thread, because points share the partial sums
     Data data;
     cpu::Serial backend;
     for (auto _ : state) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Points on a crude human of capsules in the unit cube, in Morton order: what an avatar's field is asked.
+/// @file  Points on a human body of capsules in the unit cube, in Morton order, as inputs of an avatar's field.
 #pragma once
 
 #include <gsh/core/rng.hpp>
@@ -23,7 +23,7 @@ inline std::uint64_t morton(const vec3<float>& p) {
 
 inline std::vector<vec3<float>> body_points(std::size_t count) {
     struct Capsule {
-        vec3<double> from, to; // metres, about the body's centre
+        vec3<double> from, to; // metres, relative to the body's centre
         double radius, share;
     };
     const Capsule parts[] = {{{0, -.1, 0}, {0, .45, 0}, .16, .36},      {{0, .65, 0}, {0, .72, 0}, .1, .1},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The time encoding γ(t): nine numbers of one, and the way back.
+/// @file  Bench of the time encoding γ(t), one input and nine outputs, and its adjoint.
 #include <gsh/field/frequency.hpp>
 
 #include <benchmark/benchmark.h>

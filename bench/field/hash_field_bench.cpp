@@ -19,8 +19,8 @@ namespace {
 using Field = HashField<16, 4>;
 constexpr std::size_t points = 170'000;
 
-/// A field of the avatar's size. Arguments: outputs; shared inputs; per cent of the points that ask for levels 12 to
-/// 15; tables, of as many entries together as one.
+/// A field of the avatar's size. Arguments: number of outputs; number of shared inputs; percentage of the points that
+/// read levels 12 to 15; number of tables, which share the entries of one.
 template <class B>
 struct Setup {
     B backend;
@@ -34,7 +34,7 @@ struct Setup {
                 {.outputs = static_cast<int>(state.range(0))}, 0, static_cast<std::size_t>(state.range(1))),
           weights(field.mlp().initial_weights<float>(2)), shared(field.shared_inputs(), 0.5f),
           outputs(points * field.mlp().outputs()), dL_dweights(weights.size()) {
-        // As K(x) puts them on a body, seven in ten of the points with τ > 0 have τ = 1.
+        // As with K(x) on a body, 70% of the points with τ > 0 have τ = 1.
         std::vector<float> region(points, 0.0f);
         const std::size_t fine = points * static_cast<std::size_t>(state.range(2)) / 100;
         for (std::size_t i = 0; i < fine; ++i) region[i] = 10 * i < 7 * fine ? 1.0f : 0.5f;
@@ -49,7 +49,7 @@ struct Setup {
     void backward() { field.backward(backend, weights, query, outputs, cache, dL_dtable, dL_dweights, {{}, shared}); }
 };
 
-/// Multiplications and additions of the network, and table rows read.
+/// Counts the multiplications and additions of the network, and the table rows that are read.
 template <class B>
 void count(benchmark::State& state, const Setup<B>& s, double products) {
     const double times = static_cast<double>(state.iterations());
@@ -75,8 +75,9 @@ void backward(benchmark::State& state) {
     count(state, s, 2);
 }
 
-/// SH of degree 2; displacements; one number that follows nine shared inputs; and both heads joined, with fine levels
-/// everywhere, for as many points as K(x) puts where τ > 0, for them with a table each, for a quarter, and for none.
+/// The heads of an avatar: SH of degree 2; displacements; one output with nine shared inputs; and SH and displacements
+/// in one field. The last one has fine levels for all points; for the 65% of them that K(x) places where τ > 0; for the
+/// same points with a table of their own; for a quarter; and for none.
 void heads(benchmark::internal::Benchmark* bench) {
     bench->Args({27, 0, 100, 1})->Args({3, 0, 100, 1})->Args({1, 9, 100, 1});
     bench->Args({30, 0, 100, 1})->Args({30, 0, 65, 1})->Args({30, 0, 65, 2})->Args({30, 0, 25, 1})->Args({30, 0, 0, 1});

@@ -14,14 +14,14 @@ namespace {
 using Grid = HashGrid<16, 4>;
 constexpr std::size_t points = 170'000;
 
-/// Corner entries read (and, backwards, written) once each, and the rows of features.
+/// Bytes per point: each corner entry is read once (and written once in backward), and each row of features once.
 void count(benchmark::State& state, std::size_t passes) {
     const auto times = state.iterations() * static_cast<std::int64_t>(points);
     state.SetItemsProcessed(times);
     state.SetBytesProcessed(times * static_cast<std::int64_t>((8 * passes + 1) * Grid::output_count * sizeof(float)));
 }
 
-/// The widest grid of the avatar; argument: 1 level by level, 0 row-major.
+/// The widest grid of the avatar. Argument: layout of the features, 1 level by level, 0 row-major.
 template <class B>
 struct Setup {
     B backend;

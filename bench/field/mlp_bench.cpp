@@ -20,7 +20,7 @@ void count(benchmark::State& state, const Mlp& mlp, double passes) {
                                                   benchmark::Counter::kIsRate);
 }
 
-/// The avatar's networks, inputs level by level; argument: outputs (27 spherical harmonics, 3 displacement).
+/// The avatar's networks, with inputs level by level. Argument: outputs (27: spherical harmonics, 3: displacement).
 template <class B>
 struct Setup {
     B backend;

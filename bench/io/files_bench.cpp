@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Reading and writing what a training run reads and writes: images, arrays, Gaussians.
+/// @file  Bench of reading and writing the files of a training run: images, arrays, Gaussians.
 #include <gsh/core/rng.hpp>
 #include <gsh/io/file/archive.hpp>
 #include <gsh/io/image/image_file.hpp>
@@ -23,7 +23,7 @@ void count(benchmark::State& state, std::size_t items, std::size_t bytes) {
     state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(bytes));
 }
 
-/// A person-like picture: a textured tenth of 540 x 540, transparent elsewhere.
+/// A picture like that of a person: a tenth of 540 x 540 pixels is textured, the rest is transparent.
 PixelImage picture() {
     PixelImage image(4, 540, 540);
     Rng rng(1);
@@ -49,7 +49,7 @@ void png_encode(benchmark::State& state) {
     count(state, 540 * 540, 4 * 540 * 540);
 }
 
-/// 64 MiB of parameters, as a checkpoint holds them.
+/// 64 MiB of parameters, as in a checkpoint.
 constexpr std::size_t parameters = std::size_t(1) << 24;
 void write_parameters(const std::filesystem::path& path, const std::vector<float>& values) {
     ArchiveWriter file(path, "bench", 1);

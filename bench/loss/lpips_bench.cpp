@@ -13,7 +13,7 @@ using namespace gsh;
 
 namespace {
 
-/// Random weights: time does not depend on what a network has learned.
+/// Random weights; the time does not depend on the values of the weights.
 LpipsNetwork with_random_weights(LpipsNetwork network) {
     Rng rng(1);
     std::size_t inputs = 3;
@@ -35,7 +35,7 @@ LpipsNetwork with_random_weights(LpipsNetwork network) {
     return network;
 }
 
-/// Multiply-adds of one forward pass.
+/// The number of multiply-adds of one forward pass.
 double work(const LpipsNetwork& network, int side) {
     double sum = 0, inputs = 3;
     for (const LpipsStep& step : network.steps) {
@@ -47,7 +47,7 @@ double work(const LpipsNetwork& network, int side) {
     return sum;
 }
 
-/// One image of side range(0) against features that are there already, as in a comparison of many configurations.
+/// Compares one image of side range(0) with stored features, as in an evaluation of many configurations.
 template <class B>
 void forward_distance(benchmark::State& state, const LpipsNetwork& structure) {
     const LpipsNetwork network = with_random_weights(structure);

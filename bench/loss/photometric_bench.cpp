@@ -13,7 +13,7 @@ using namespace gsh;
 
 namespace {
 
-/// 540 x 540: `noise` differs everywhere; otherwise a standing figure's ellipse (14 % of the pixels) on white.
+/// 540 x 540 pixels. With `noise` all pixels differ, otherwise those of an ellipse (14 % of the pixels) on white.
 void fill(Image<float>& a, Image<float>& b, bool noise) {
     Rng rng(1);
     for (int c = 0; c < 3; ++c)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Sigmoid and exponential of an avatar's opacities and scales, as scalars and as SIMD packs, and the way back.
+/// @file  Bench of sigmoid and exponential of an avatar's opacities and scales, as scalars and packs, and of adjoints.
 #include <gsh/backend/serial.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/math/activation.hpp>

@@ -13,7 +13,7 @@ using namespace gsh;
 
 namespace {
 
-/// A body has 55 rotations a frame; 100,000 show the cost of one.
+/// A body has 55 rotations per frame. The bench uses 100,000 to measure the cost of one.
 constexpr std::size_t count = 100'000;
 
 template <Lane T>

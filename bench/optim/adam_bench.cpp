@@ -13,7 +13,7 @@ using namespace gsh;
 
 namespace {
 
-constexpr std::size_t entries = 1'331'760, width = 4; // an avatar's hash table
+constexpr std::size_t entries = 1'331'760, width = 4; // size of an avatar's hash table
 
 struct State {
     std::vector<float> parameters, gradients, m, v;
@@ -22,7 +22,7 @@ struct State {
     State() : parameters(entries * width), gradients(entries * width), m(entries * width), v(entries * width) {
         for (std::size_t i = 0; i < gradients.size(); ++i)
             gradients[i] = static_cast<float>(random_uniform(1, i) - 0.5);
-        // Runs of touched entries with gaps, half the table.
+        // Half of the rows are touched, in runs with gaps in between.
         for (std::uint32_t r = 0; r < entries; ++r)
             if (random_bits(2, r / 16) & 1) rows.push_back(r);
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What density control costs: a look at each step, and a change of 100,000 Gaussians now and then.
+/// @file  Bench of density control: the statistics of each step, and a change of 100,000 Gaussians.
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>

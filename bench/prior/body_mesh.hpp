@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The body of the prior benches: the file that the environment names as GSH_BODY, else the built-in actor.
+/// @file  The body of the prior benches: the file in the environment variable GSH_BODY, or the built-in actor.
 #pragma once
 
 #include <gsh/io/body/body_file.hpp>

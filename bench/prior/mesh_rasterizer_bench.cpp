@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A body's mesh at 512 x 512: from the front, through a pinhole, and its four depth views.
+/// @file  Bench of rasterizing a body's mesh at 512 x 512: front view, pinhole camera, and the four depth views.
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/prior/mesh_rasterizer.hpp>

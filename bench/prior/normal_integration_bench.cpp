@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Bilateral integration of a body's front normals at 512 x 512, and of an image that is full.
+/// @file  Bench of bilateral integration at 512 x 512: the front normals of a body, and an image without background.
 #include <gsh/backend/serial.hpp>
 #include <gsh/prior/normal_integration.hpp>
 #include <gsh/prior/prior_view.hpp>
@@ -17,7 +17,7 @@ void report(benchmark::State& state, const IntegratedDepth& result, std::int64_t
     state.counters["pixels"] = static_cast<double>(pixels);
 }
 
-/// With argument 1 the mesh's depth is the prior.
+/// With argument 1, the depth of the mesh is the prior.
 void body_front(benchmark::State& state) {
     cpu::Serial backend;
     const auto camera = side_camera(bench::body().v_template, BodySide::front);
@@ -31,7 +31,7 @@ void body_front(benchmark::State& state) {
 }
 BENCHMARK(body_front)->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
 
-/// A ramp beside a plane: one straight step from edge to edge.
+/// A ramp beside a plane, with a straight step from one edge of the image to the other.
 void full_image(benchmark::State& state) {
     const int size = static_cast<int>(state.range(0));
     OrthographicCamera camera;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Depth and normal features of 170,000 points on a body, once per avatar.
+/// @file  Bench of depth and normal features of 170,000 points on a body, computed once per avatar.
 #include <gsh/backend/serial.hpp>
 #include <gsh/prior/prior_features.hpp>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Rasterizing a body of 170,000 small Gaussians, and a harder load, at two image sizes; where the time goes.
+/// @file  Bench of rasterizing a body of 170,000 small Gaussians and a harder scene, at two image sizes, and by stage.
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
@@ -27,8 +27,8 @@ struct Capsule {
     double area() const { return 2 * std::numbers::pi * radius * (length(to - from) + 2 * radius); }
 };
 
-/// Surface points of capsules by area, along each capsule's axis from one end to the other, so that neighbours in
-/// memory are near each other, as in a trained avatar.
+/// Points on the surfaces of capsules, evenly by area, in order along each capsule's axis. Neighbours in memory are
+/// therefore near each other, as in a trained avatar.
 struct Load {
     std::vector<vec3<float>> means, colors;
     std::vector<sym3<float>> covariances;
@@ -53,7 +53,7 @@ struct Load {
             for (; done < end; ++done) {
                 const double h = span * (static_cast<double>(done - begin) + rng.uniform()) / count - r;
                 const double angle = rng.uniform(0, 2 * std::numbers::pi);
-                const double beyond = h < 0 ? h : std::max(0.0, h - (span - 2 * r)); // into a cap
+                const double beyond = h < 0 ? h : std::max(0.0, h - (span - 2 * r)); // depth in a cap
                 const double across = std::sqrt(std::max(0.0, r * r - beyond * beyond)) / r;
                 const vec3<double> normal =
                     normalize((side * std::cos(angle) + other * std::sin(angle)) * across + axis * (beyond / r));
@@ -70,7 +70,7 @@ struct Load {
     }
 };
 
-/// A person of capsules, 1.7 m tall: flat Gaussians on the surface, 0.6 of their spacing in size, most of them opaque.
+/// A person of capsules, 1.7 m tall. Flat Gaussians on the surface have 0.6 of their spacing as size; most are opaque.
 Load make_body() {
     const std::vector<Capsule> body = {
         {{0, -0.62, 0}, {0, -0.76, 0}, 0.10},        {{0, -0.40, 0}, {0, 0.0, 0}, 0.15},
@@ -91,12 +91,13 @@ Load make_body() {
     return load;
 }
 
-/// One fat capsule with jitter, Gaussians of all directions and 4 mm in the median, half transparent: many layers.
+/// One thick capsule with jitter. The Gaussians have all directions, a median size of 4 mm, and form many transparent
+/// layers.
 Load make_stress() {
     Load load;
     load.sample({{{0, -0.6, 0}, {0, 0.6, 0}, 0.25}}, [&](const vec3<double>& p, const vec3<double>& normal) {
         Rng& rng = load.rng;
-        const quat<double> q{rng.normal(), rng.normal(), rng.normal(), rng.normal()}; // braces: in this order
+        const quat<double> q{rng.normal(), rng.normal(), rng.normal(), rng.normal()}; // braces: evaluated in order
         mat3<double> axes = rotation_matrix(normalize(q));
         for (int k = 0; k < 3; ++k) axes[k] *= 0.004 * std::exp(0.5 * rng.normal());
         const vec3<double> mean = p + normal * (0.002 * rng.normal());
@@ -172,7 +173,7 @@ void forward_backward(benchmark::State& state) {
     setup.report(state, N * 52 * 4 + setup.color.data.size() * 8);
 }
 
-/// The stages one by one, in ms.
+/// The time of each stage, in ms.
 template <class B>
 void stages(benchmark::State& state) {
     Setup<B> s(state);

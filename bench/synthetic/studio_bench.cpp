@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Making the actor, and filming it: what the default capture costs.
+/// @file  Bench of the actor and of rendering its default capture.
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/synthetic/actor.hpp>
@@ -18,7 +18,7 @@ void make(benchmark::State& state) {
 }
 BENCHMARK(make)->Name("make_actor")->Unit(benchmark::kMillisecond);
 
-/// One frame of the default capture: seven cameras of 320 x 320 pixels, 25 rays of sight each.
+/// One frame of the default capture: seven cameras of 320 x 320 pixels, with 25 camera rays per pixel.
 template <class B>
 void shoot(benchmark::State& state) {
     B backend;
@@ -32,7 +32,7 @@ void shoot(benchmark::State& state) {
             for (std::size_t i = 3; i < image.data.size(); i += 4) pixels += image.data[i] > 0;
         }
     }
-    state.SetItemsProcessed(static_cast<std::int64_t>(pixels)); // that show the body
+    state.SetItemsProcessed(static_cast<std::int64_t>(pixels)); // pixels that show the body
     state.SetBytesProcessed(static_cast<std::int64_t>(bytes));
 }
 BENCHMARK(shoot<cpu::Serial>)->Name("film/serial")->Unit(benchmark::kMillisecond)->UseRealTime();

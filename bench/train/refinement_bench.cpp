@@ -39,7 +39,7 @@ Motion motion() {
     return m;
 }
 
-/// What refinement adds to a step of training: a frame's pose, its gradient's way back, the terms and Adam.
+/// The work of refinement in a training step: the pose of a frame, its adjoint, the regularisation terms, and Adam.
 void step(benchmark::State& state) {
     cpu::Serial backend;
     RefinementConfig config = test_time_config();

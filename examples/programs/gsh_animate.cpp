@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  gsh-animate: avatars in motions that they were not trained on, together in one scene, frame by frame.
+/// @file  gsh-animate: renders avatars in new motions, together in one scene, one image per frame.
 
 #include "support/framing.hpp"
 #include "support/input_files.hpp"
@@ -36,7 +36,7 @@ struct AnimateOptions {
     std::filesystem::path camera, out;
     std::string camera_name;
     int size = 540;
-    bool upright = false, as_stored = false; ///< of two that exclude each other
+    bool upright = false, as_stored = false; ///< at most one of them is set
     std::array<double, 3> background{1, 1, 1};
     std::size_t threads = 0;
 };
@@ -47,9 +47,9 @@ std::string frame_name(std::size_t frame) {
     return name;
 }
 
-/// Everything that a body touches in the frames that are shown.
+/// Adds the vertices of a body in every frame that is shown.
 void add_motion(Framing& framing, const RigData& rig, const Motion& motion, std::size_t frames) {
-    // Joints as training left them, moved on to the motion's shape.
+    // The joints are those after training, plus the difference that the motion's betas make to the regressed joints.
     const auto regressed = [&](const std::vector<double>& betas) {
         return regress_joints(rig.body, shaped_vertices(rig.body, betas));
     };
@@ -62,7 +62,7 @@ void add_motion(Framing& framing, const RigData& rig, const Motion& motion, std:
                 .vertices);
 }
 
-/// A camera in front of everybody that sees all of them in every frame, and as large as that allows.
+/// A camera in front of all people, as near as possible while every frame shows all of them completely.
 Camera<double> frame_people(const ShownPeople& people, int size) {
     constexpr double field_of_view = 30 * std::numbers::pi / 180;
     Framing framing(look_at<double>({0, 0.1, 1}, {0, 0, 0}, {0, 1, 0}, field_of_view, size, size));
@@ -71,7 +71,7 @@ Camera<double> frame_people(const ShownPeople& people, int size) {
     return framing.camera();
 }
 
-/// How many pictures a folder holds from a frame on without a gap.
+/// The number of consecutive pictures in a folder from frame `first` on.
 std::size_t frames_from(const std::filesystem::path& folder, std::size_t first) {
     std::size_t count = 0;
     std::error_code ignored;
@@ -80,7 +80,7 @@ std::size_t frames_from(const std::filesystem::path& folder, std::size_t first) 
 }
 
 int animate(const AnimateOptions& options) {
-    // Poses that were estimated before a camera belong to it as they are; before one of our own, people stand.
+    // Estimated poses match the given camera as they are. With the framing camera, bodies are turned upright.
     const bool upright = options.upright || (options.camera.empty() && !options.as_stored);
     const ShownPeople people(options.avatars, options.poses, upright);
     const std::size_t frames = people.frame_count();
@@ -107,7 +107,7 @@ int animate(const AnimateOptions& options) {
     out.commit();
     if (const std::size_t others = frames_from(options.out, done))
         warn(options.out.string() + ": " + std::to_string(others) +
-             " pictures of a longer motion stay behind these; remove them before you make a video");
+             " pictures of a longer motion remain after these; remove them before you make a video");
     std::printf("%zu of %zu frames in %s\n", done, frames, options.out.c_str());
     return done < frames ? exit_interrupted : exit_done;
 }
@@ -120,17 +120,17 @@ int main(int argc, char** argv) {
     app.add_option("avatars", options.avatars, "AVATAR.gsh, one or several in one scene")->required();
     app.add_option(
            "--poses", options.poses,
-           "motion in any layout that we read (.npz, folder), one for each avatar in their order: --poses A --poses B")
+           "one motion per avatar, in the same order: --poses A --poses B; any layout that gsh reads (.npz, folder)")
         ->required()
         ->allow_extra_args(false);
-    app.add_option("--camera", options.camera, "CAMERA.json; without it a camera frames the whole motion");
-    app.add_option("--camera-name", options.camera_name, "which entry, if the file holds several cameras");
-    app.add_option("--size", options.size, "pixels of the square image without --camera (default 540)")
+    app.add_option("--camera", options.camera, "CAMERA.json; without it, a camera is placed to show the whole motion");
+    app.add_option("--camera-name", options.camera_name, "name of the entry, if the file has several cameras");
+    app.add_option("--size", options.size, "side of the square image in pixels, without --camera (default 540)")
         ->check(CLI::Range(16, 8192));
     auto* upright =
         app.add_flag("--upright", options.upright,
-                     "turn each motion's world so that the body stands along +y (default without --camera)");
-    app.add_flag("--as-stored", options.as_stored, "leave the world as it is (default with --camera)")
+                     "rotate the world of each motion so that the body stands along +y (default without --camera)");
+    app.add_flag("--as-stored", options.as_stored, "keep the world of each motion as it is (default with --camera)")
         ->excludes(upright);
     app.add_option("--out", options.out, "folder for the frames")->required();
     add_background(app, options.background, "white");

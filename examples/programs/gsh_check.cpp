@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  gsh-check: whether a capture's images, cameras, poses and body belong together; pictures and likely faults.
+/// @file  gsh-check: tests whether the images, cameras, poses and body of a capture match; lists likely faults.
 
 #include "support/figures.hpp"
 #include "support/input_files.hpp"
@@ -37,21 +37,21 @@ struct CheckOptions : PeopleOptions {
     std::optional<std::size_t> person;
 };
 
-/// The files' word: the capture, who is in it, and what its readers found suspicious.
+/// Loads the capture and its people, with the warnings of the readers.
 Source load(cpu::Threads& backend, const CheckOptions& options) {
     CaptureOptions how;
-    how.empty_masks = true; // they are findings
+    how.empty_masks = true; // reported as findings
     how.person = static_cast<int>(options.person.value_or(0));
     Source source = load_people(backend, options, how);
     auto& people = source.people;
-    // The check says with figures what a glance at three frames suspects.
+    // The reader's warnings are estimates from three frames. The check reports the same faults with figures.
     for (std::size_t p = 0; p < people.size(); ++p)
         for (const std::string& text : warnings_of(source.capture, source.body(p), people[p].motion))
             std::erase(source.warnings,
                        (people.size() > 1 ? people[p].name + ": " : "") + options.capture.string() + ": " + text);
     if (options.person && people.size() > 1) {
         check_value(*options.person < people.size(), "--person " + std::to_string(*options.person),
-                    "there are " + std::to_string(people.size()) + " people, who count from 0");
+                    "there are " + std::to_string(people.size()) + " people, counted from 0");
         people = {people[*options.person]};
     }
     return source;
@@ -63,7 +63,7 @@ std::string overlay_name(const Capture& capture, CaptureView view) {
     return "overlays/" + capture.cameras[view.camera].name + frame;
 }
 
-/// Above 0 for joints at the left, below for those at the right, 0 in the middle.
+/// The side of each joint: positive on the left, negative on the right, 0 in the middle.
 std::vector<int> joint_sides(const BodyModel& body) {
     const auto joints = regress_joints(body, body.v_template);
     const auto counterparts = joint_counterparts(body);
@@ -75,7 +75,8 @@ std::vector<int> joint_sides(const BodyModel& body) {
     return sides;
 }
 
-/// The mask's outline, and everybody's body and skeleton in a frame. `sides` are those of each body's joints.
+/// Draws the mask's outline and the bodies and skeletons of all people in a frame. `sides` has the joint sides of each
+/// body.
 PixelImage overlay(const Source& source, CaptureView view, const std::vector<std::vector<int>>& sides) {
     const OverlayColors colors;
     const PixelImage& image = source.capture.image(view);
@@ -91,7 +92,7 @@ PixelImage overlay(const Source& source, CaptureView view, const std::vector<std
     return canvas;
 }
 
-/// False if somebody interrupts.
+/// Returns false after an interrupt.
 bool write_overlays(cpu::Threads& backend, OutputFolder& out, const Source& source, const CaptureCheck& check) {
     std::vector<std::vector<int>> sides;
     for (const BodyModel& body : source.bodies) sides.push_back(joint_sides(body));
@@ -151,7 +152,7 @@ void write_json(const std::filesystem::path& path, const Source& source, const C
     examples::write_json(path, json);
 }
 
-/// Means of each of several people over the images, where they are seen.
+/// Prints the means of each of several people over the images that show them.
 void print_people(const Source& source, const CaptureCheck& check) {
     std::printf("\n%-20s %8s %8s\n", "person", "covered", "inside");
     for (std::size_t p = 0; p < source.people.size(); ++p) {
@@ -168,7 +169,7 @@ void print_people(const Source& source, const CaptureCheck& check) {
     }
 }
 
-/// One screen: the cameras' means, the worst images, the people, the findings.
+/// Prints one screen: means per camera, the worst images, the people, the findings.
 void print(const Source& source, const CaptureCheck& check, const std::filesystem::path& out) {
     const Capture& capture = source.capture;
     constexpr std::size_t most_cameras = 8, most_images = 8;
@@ -226,7 +227,7 @@ int check(const CheckOptions& options) {
         people.push_back({source.people[p].name, &source.body(p), &source.people[p].motion});
     const CaptureCheck result = check_capture(backend, source.capture, people, params);
     if (interrupted || !write_overlays(backend, out, source, result)) return exit_interrupted;
-    write_json(out.file("check.json"), source, result); // last: who finds it finds all
+    write_json(out.file("check.json"), source, result); // last: if it exists, all files are complete
     out.commit();
     print(source, result, options.out);
     return result.findings.empty() ? int(exit_done) : exit_findings;
@@ -236,13 +237,13 @@ int check(const CheckOptions& options) {
 
 int main(int argc, char** argv) {
     CheckOptions options;
-    CLI::App app("Checks whether images, cameras, poses and body of a capture belong together.", "gsh-check");
-    app.add_option("capture", options.capture, "folder, in any layout that we read")->required();
+    CLI::App app("Checks whether the images, cameras, poses and body of a capture match.", "gsh-check");
+    app.add_option("capture", options.capture, "folder, in any layout that gsh reads")->required();
     add_people(app, options);
-    app.add_option("--person", options.person, "one of several people alone, counted from 0 (default: everybody)")
+    app.add_option("--person", options.person, "check only this one of several people, counted from 0 (default: all)")
         ->check(not_negative());
     app.add_option("--out", options.out, "folder for pictures and check.json (default ./check)");
-    app.add_option("--frames", options.frames, "how many frames to look at, evenly spaced (default 30; 0: all)")
+    app.add_option("--frames", options.frames, "number of frames to check, evenly spaced (default 30; 0: all)")
         ->check(not_negative());
     add_threads(app, options.threads);
     return run_program(app, argc, argv, [&] {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  gsh-evaluate: configurations side by side on a capture: how good each is, what each part is worth and costs.
+/// @file  gsh-evaluate: compares configurations on a capture: quality, contribution of each part, cost.
 ///
-/// 1. List the runs: a configuration each, and a budget each where seconds are counted.
-/// 2. Load the capture; see that there is what to judge by.
-/// 3. Train and judge each run that is not finished yet, or go on with the one that was interrupted.
-/// 4. After each, write tables, picture grids and a page of all that is finished.
+/// 1. List the runs: one per configuration, or one per configuration and budget in seconds.
+/// 2. Load the capture and check that it has test views.
+/// 3. Train and evaluate each run that is not finished. Continue a run that was interrupted.
+/// 4. After each run, write tables, picture grids and a page with all finished results.
 
 #include "support/evaluation_report.hpp"
 #include "support/evaluation_runs.hpp"
@@ -34,36 +34,36 @@ void add_options(CLI::App& app, EvaluateOptions& o) {
     app.add_option("--capture", common.capture, "folder with images/, cameras.json and poses")->required();
     add_people(app, common);
     app.add_option("--configs", o.configs,
-                   "configurations by name, or JSON files, separated by commas; static: one frame, no body")
+                   "configurations by name or as JSON files, separated by commas; static: one frame, no body")
         ->required()
         ->delimiter(',');
-    app.add_option("--out", common.out, "folder for the results; what is finished there is kept")->required();
+    app.add_option("--out", common.out, "folder for the results; finished runs in it are kept")->required();
     auto* steps = app.add_option("--steps", o.steps,
-                                 "judge after so many steps; of several, separated by commas, the largest is the "
-                                 "run's length (default 3000)");
+                                 "number of steps after which to evaluate (default 3000); of several numbers, "
+                                 "separated by commas, the largest is the length of the run");
     steps->delimiter(',')->check(above_zero());
-    app.add_option("--budgets", o.budgets, "train for so long instead, a run each: 5s,30s,2min")
+    app.add_option("--budgets", o.budgets, "duration of training instead of --steps, one run for each: 5s,30s,2min")
         ->delimiter(',')
         ->excludes(steps);
     app.add_option("--gaussians", common.gaussians, "number of Gaussians (default 170000)")
         ->check(CLI::Range(1, 100'000'000));
-    app.add_option("--seed", common.seed, "of all random choices (default 0)")->check(not_negative());
+    app.add_option("--seed", common.seed, "seed of all random choices (default 0)")->check(not_negative());
     add_threads(app, common.threads);
     app.add_flag("--refine", common.refine,
-                 "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
-    app.add_flag("--refine-cameras", common.refine_cameras, "with --refine: all cameras but the first learn too");
+                 "refine the poses during training; test poses are fitted to the test images, as the protocol states");
+    app.add_flag("--refine-cameras", common.refine_cameras, "with --refine: refine all cameras but the first, too");
     add_lpips(app, common);
     app.add_option("--regions", common.regions, "JSON lists of face and hand vertices, or importance per vertex");
     app.add_option("--priors", common.priors,
                    "JSON list of an estimator's normal and depth maps, for configurations with priors");
-    app.add_option("--set", common.set, "a setting of all these configurations, key=value; may be repeated");
-    app.add_option("--frame", common.frame, "of the configuration static (default 0)");
-    app.add_option("--views", o.views, "test views to make pictures of (default 4)")->check(CLI::Range(0, 1000));
+    app.add_option("--set", common.set, "change a setting of all these configurations, key=value; may be repeated");
+    app.add_option("--frame", common.frame, "frame for the configuration static (default 0)");
+    app.add_option("--views", o.views, "number of test views in the pictures (default 4)")->check(CLI::Range(0, 1000));
     app.add_option("--checkpoint-interval", common.checkpoint_interval, "seconds between checkpoints (default 60)")
         ->check(above_zero());
 }
 
-/// Figures of a run's last mark in a line.
+/// One line with the figures of a run's last mark.
 std::string summary(const RunResult& result) {
     const ImageScore& mean = result.marks.back().mean;
     std::string text = result.name + ", " + result.marks.back().after + ": PSNR " + fixed(mean.psnr, 2) + " dB, SSIM " +
@@ -99,7 +99,7 @@ int evaluate(const EvaluateOptions& o) {
         std::fflush(stdout);
         if (!evaluator.evaluate(run, folder,
                                 run.name + " (" + std::to_string(i + 1) + " of " + std::to_string(runs.size()) + ")")) {
-            std::fprintf(stderr, "stopped; the same command goes on from there\n");
+            std::fprintf(stderr, "stopped; the same command continues from there\n");
             return exit_interrupted;
         }
         for (const RunResult& result : folder.results())
@@ -115,7 +115,7 @@ int evaluate(const EvaluateOptions& o) {
 
 int main(int argc, char** argv) {
     EvaluateOptions options;
-    CLI::App app("Compares configurations on a capture: tables, pictures, a page.", "gsh-evaluate");
+    CLI::App app("Compares configurations on a capture and writes tables, pictures and a page.", "gsh-evaluate");
     add_options(app, options);
     return run_program(app, argc, argv, [&] {
         complete_poses(options.common);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  gsh-reconstruct: from a capture of a person to an animatable avatar, judged on views it never saw.
+/// @file  gsh-reconstruct: trains an animatable avatar from a capture of a person and evaluates it on held-out views.
 ///
-/// 1. Load the body and the capture, or make both (--synthetic).
-/// 2. Sample Gaussians on the body's surface and attach them to its rig.
+/// 1. Load the body and the capture, or generate both (--synthetic).
+/// 2. Sample Gaussians on the body's surface and attach them to the body's rig.
 /// 3. Train, with a checkpoint every few seconds.
-/// 4. Judge on the test views, and write what was found.
+/// 4. Evaluate on the test views and write the results.
 
 #include "support/figures.hpp"
 #include "support/input_files.hpp"
@@ -28,7 +28,7 @@ using namespace gsh::examples;
 
 namespace {
 
-/// The configuration `static`: one moment as a 3DGS scene, without a body.
+/// The configuration `static`: one frame as a 3DGS scene, without a body.
 int reconstruct_scene(cpu::Threads& backend, const ReconstructOptions& options) {
     const StaticSource source = load_static_source(options.capture, options.frame);
     const StaticOptions chosen = static_options(options);

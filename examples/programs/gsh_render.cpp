@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  gsh-render: one picture of a 3DGS scene (.ply), or of avatars (.gsh) in a frame of their motions.
+/// @file  gsh-render: renders one picture of a 3DGS scene (.ply), or of avatars (.gsh) in one frame of their motions.
 
 #include "support/input_files.hpp"
 #include "support/messages.hpp"
@@ -28,7 +28,7 @@ using namespace gsh::examples;
 namespace {
 
 struct RenderOptions {
-    std::vector<std::filesystem::path> scenes, poses; ///< a .ply, or avatars with a motion each
+    std::vector<std::filesystem::path> scenes, poses; ///< one .ply, or avatars with one motion each
     std::filesystem::path camera, out, npy;
     std::string camera_name;
     std::size_t frame = 0;
@@ -36,7 +36,7 @@ struct RenderOptions {
     std::size_t threads = 0;
 };
 
-/// The picture's numbers as rows of pixels, [height, width, 3]: before any rounding to bytes.
+/// Writes the picture as rows of pixels, [height, width, 3], not rounded to bytes.
 void write_pixels(const std::filesystem::path& path, const Image<float>& image) {
     std::vector<float> pixels;
     pixels.reserve(image.data.size());
@@ -46,7 +46,7 @@ void write_pixels(const std::filesystem::path& path, const Image<float>& image) 
     write_npy<float>(path, pixels, {static_cast<std::size_t>(image.height), static_cast<std::size_t>(image.width), 3});
 }
 
-/// Whether a picture is background alone.
+/// True if a picture shows nothing but the background.
 bool is_empty(const Image<float>& picture, const vec3<float>& background) {
     for (int c = 0; c < 3; ++c)
         for (int y = 0; y < picture.height; ++y)
@@ -55,13 +55,14 @@ bool is_empty(const Image<float>& picture, const vec3<float>& background) {
     return true;
 }
 
-/// Avatars whose motions hold the frame that is wanted.
+/// Loads the avatars and their motions.
+/// Errors  ValueError if a motion does not have the frame that is requested; else those of the files.
 ShownPeople people_of(const RenderOptions& options) {
     ShownPeople people(options.scenes, options.poses);
     for (std::size_t p = 0; p < people.motions.size(); ++p)
         check_value(options.frame < people.motions[p].frame_count(), "--frame " + std::to_string(options.frame),
                     options.poses.empty() ? "needs --poses"
-                                          : "is beyond " + options.poses[p].string() + ", which holds " +
+                                          : "is beyond " + options.poses[p].string() + ", which has " +
                                                 std::to_string(people.motions[p].frame_count()) + " frames, from 0");
     return people;
 }
@@ -71,11 +72,11 @@ int render(const RenderOptions& options) {
     const bool avatars = std::all_of(options.scenes.begin(), options.scenes.end(), is_avatar);
     for (const auto& scene : options.scenes)
         check_value(is_avatar(scene) || options.scenes.size() == 1, scene.string(),
-                    "is no avatar (.gsh); only avatars are drawn together");
+                    "is not an avatar (.gsh); only avatars can be drawn together");
     check_value(avatars || (options.poses.empty() && options.frame == 0), options.scenes[0].string(),
-                "--poses and --frame are for avatars (.gsh)");
+                "--poses and --frame need avatars (.gsh)");
     const auto kind = options.out.extension();
-    check_value(kind.empty() || kind == ".png", "--out " + options.out.string(), "is written as a PNG; name it .png");
+    check_value(kind.empty() || kind == ".png", "--out " + options.out.string(), "is a PNG file; name it .png");
     const Camera<double> camera = camera_of_file(options.camera, options.camera_name).camera;
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
     cpu::Threads backend(options.threads);
@@ -88,8 +89,8 @@ int render(const RenderOptions& options) {
         picture = Renderer(backend).render(read_gaussian_ply(options.scenes[0]), camera, background);
     }
     if (is_empty(picture, background))
-        warn(options.camera.string() + ": sees nothing of the scene; +z is ahead, and x_cam = R x + t");
-    AtomicFile png(options.out); // both files or none
+        warn(options.camera.string() + ": sees nothing of the scene; the camera looks along +z, and x_cam = R x + t");
+    AtomicFile png(options.out); // both files are written or none
     png.write(encode_png(quantise(picture.view())));
     if (!options.npy.empty()) write_pixels(options.npy, picture);
     png.commit(Sync::none);
@@ -102,18 +103,18 @@ int main(int argc, char** argv) {
     RenderOptions options;
     CLI::App app("Renders a 3DGS scene or avatars.", "gsh-render");
     app.add_option("scene", options.scenes,
-                   "SCENE.ply (standard 3DGS) or AVATAR.gsh, of these also several in one scene")
+                   "SCENE.ply (standard 3DGS), or one or several AVATAR.gsh")
         ->required();
     app.add_option(
            "--poses", options.poses,
-           "motion in any layout that we read (.npz, folder), one for each avatar in their order; without it, the "
+           "one motion per avatar, in the same order, in any layout that gsh reads (.npz, folder); without it, the "
            "canonical pose")
         ->allow_extra_args(false);
     app.add_option("--frame", options.frame, "frame of the motions (default 0)")->check(not_negative());
     app.add_option("--camera", options.camera, "CAMERA.json: width, height, K, R, t")->required();
-    app.add_option("--camera-name", options.camera_name, "which entry, if the file holds several cameras");
+    app.add_option("--camera-name", options.camera_name, "name of the entry, if the file has several cameras");
     app.add_option("--out", options.out, "IMAGE.png")->required();
-    app.add_option("--npy", options.npy, "IMAGE.npy: the same as floats (height, width, 3), not rounded");
+    app.add_option("--npy", options.npy, "IMAGE.npy: the same picture as floats (height, width, 3), not rounded");
     add_background(app, options.background, "black");
     add_threads(app, options.threads);
     return run_program(app, argc, argv, [&] { return render(options); });

@@ -173,7 +173,7 @@ TEST_CASE("options that make no sense") {
            {"--frame 3", "dance.npz", "3 frames"});
     refuse({"gsh-render", s.scene, "--camera", s.camera, "--out", out / "a.jpg"}, {"a.jpg", "PNG"});
     refuse({"gsh-animate", s.avatar, "--out", out}, {"--poses"});
-    refuse({"gsh-animate", s.scene, "--poses", s.dance, "--out", out}, {"scene.ply", "no avatar"});
+    refuse({"gsh-animate", s.scene, "--poses", s.dance, "--out", out}, {"scene.ply", "not an avatar"});
     refuse({"gsh-animate", s.avatar, "--poses", s.dance, "--out", out, "--size", "0"}, {"--size"});
 
     write_file(folder / "file", "in the way");

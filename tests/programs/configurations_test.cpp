@@ -153,7 +153,7 @@ TEST_CASE("a file of settings is what the same settings are on the command line"
     // The page and the checkpoint know it, too.
     CHECK(read_file(file / "report.html").find("mine") != std::string::npos);
     check_refused(reconstruct(file, {"--steps", "4", "--config", "no-ao", "--resume"}), "gsh-reconstruct",
-                  {"checkpoint.gsh", "made otherwise"});
+                  {"checkpoint.gsh", "a different run"});
     check_done(reconstruct(file, {"--steps", "4", "--config", mine.string(), "--resume"}));
     CHECK(file.metrics().at("steps") == 4);
 }
@@ -236,7 +236,7 @@ TEST_CASE("regions of the user's decide where Gaussians and fine levels go") {
     check_done(reconstruct(painted, more));
     regions["importance"][0] = 0.5;
     write_file(painted.folder / "regions.json", regions.dump());
-    check_refused(reconstruct(painted, more), "gsh-reconstruct", {"checkpoint.gsh", "made otherwise", "'regions "});
+    check_refused(reconstruct(painted, more), "gsh-reconstruct", {"checkpoint.gsh", "a different run", "'regions "});
 }
 
 TEST_CASE("a person before a plate is trained and judged over it") {

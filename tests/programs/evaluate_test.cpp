@@ -107,7 +107,7 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
     const test::Outcome outcome =
         run(s.evaluate(out, s.configs({"paper", "no-ao", "static"}), {"--steps", "6,3", "--views", "2"}));
     check_done(outcome);
-    for (const char* words : {"| paper ", "| no-ao ", "| static ", "## What each part is worth", "3 of 6 steps"})
+    for (const char* words : {"| paper ", "| no-ao ", "| static ", "## Contribution of each part", "3 of 6 steps"})
         CHECK(outcome.out.find(words) != std::string::npos);
 
     const Json tables = ordered_json_of(out / "tables.json");
@@ -226,7 +226,7 @@ TEST_CASE("an interrupted evaluation goes on, and ends with the figures of one t
         process.send(SIGINT);
         const test::Outcome outcome = process.wait();
         CHECK(outcome.code == 130);
-        CHECK(outcome.err.find("stopped; the same command goes on from there") != std::string::npos);
+        CHECK(outcome.err.find("stopped; the same command continues from there") != std::string::npos);
         CHECK(fs::exists(folder / "parts/runs/paper-60-steps/checkpoint.gsh"));
         CHECK(!fs::exists(folder / "parts/runs/paper-60-steps/result.json"));
         CHECK(ordered_json_of(folder / "parts/tables.json").at("figures").size() == 2); // of what was finished

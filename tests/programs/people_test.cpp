@@ -320,7 +320,7 @@ TEST_CASE("avatars are shown together, in whatever order") {
                   {"--poses", "1 motions for 2 avatars"});
     check_refused(run({"gsh-render", ann, (s.out / "avatar-bob.ply").string(), "--camera", s.camera.string(), "--out",
                        (folder / "none.png").string()}),
-                  "gsh-render", {"avatar-bob.ply", "only avatars are drawn together"});
+                  "gsh-render", {"avatar-bob.ply", "only avatars can be drawn together"});
     AvatarData filtered = load_avatar(bob);
     filtered.filter.dilation = 0.3;
     save_avatar(folder / "filtered.gsh", filtered);
@@ -432,7 +432,7 @@ TEST_CASE("configurations are compared on two people") {
     }
     CHECK(figures[0].at("psnr_person") != figures[1].at("psnr_person"));
     const std::string page = read_file(folder / "out" / fs::path("tables.md"));
-    CHECK(page.find("## Each of them") != std::string::npos);
+    CHECK(page.find("## Each person") != std::string::npos);
 }
 
 TEST_CASE("each of two people who pass each other is as good as alone") {

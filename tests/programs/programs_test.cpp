@@ -214,7 +214,7 @@ TEST_CASE("a checkpoint belongs to one training alone") {
     for (const auto& [other, said] : {std::pair(Words{"--config", "baseline-x"}, "region.samples = false"),
                                       {Words{"--set", "rate.sh=1e-3"}, "rate.sh = 0.001"},
                                       {Words{"--refine"}, "'nothing' where this run has 'refine'"}})
-        check_refused(resume(other), "gsh-reconstruct", {"checkpoint.gsh", "made otherwise", said});
+        check_refused(resume(other), "gsh-reconstruct", {"checkpoint.gsh", "a different run", said});
     Words fewer = s.reconstruct(out.path, {"--steps", "3", "--resume"});
     *std::next(std::find(fewer.begin(), fewer.end(), "--gaussians")) = "400";
     check_refused(run(fewer), "gsh-reconstruct", {"checkpoint.gsh", "gaussians = 400"});

@@ -17,7 +17,7 @@ namespace gsh::examples {
 
 namespace {
 
-/// The square about a region of a posed body as a camera sees it.
+/// The square around a region of a posed body in the image of a camera.
 Crop crop_of(const std::vector<vec3<double>>& vertices, const std::vector<int>& region, const Camera<double>& camera) {
     constexpr double near = 1e-3, margin = 1.15;
     constexpr int least = 12, largest_zoom = 4; // pixels; times
@@ -45,7 +45,7 @@ Crop crop_of(const std::vector<vec3<double>>& vertices, const std::vector<int>& 
     return crop;
 }
 
-/// Copies a square or the whole of an image into a picture, enlarged.
+/// Copies a square of an image, enlarged, or a whole image into a picture.
 void paste(const PixelImage& from, const Crop& part, PixelImage& to, int x0, int y0) {
     for (int y = 0; y < part.side * part.zoom; ++y)
         for (int x = 0; x < part.side * part.zoom; ++x)

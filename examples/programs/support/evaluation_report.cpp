@@ -19,13 +19,13 @@ namespace gsh::examples {
 
 namespace {
 
-/// A row of a picture grid: what it shows, and its PNG.
+/// A row of a picture grid: its label, its PNG and its pixels.
 struct GridRow {
     std::string label, png;
     PixelImage pixels;
 };
 
-/// The photograph, then every result that has a picture of the view.
+/// The row of the photograph, then one row for each result that has a picture of the view.
 std::vector<GridRow> grid_rows(const ShownView& view, const Photo& photo, const std::vector<RunResult>& results) {
     PixelImage truth = row_picture(view, truth_image(photo), nullptr);
     std::string truth_png = encode_png(truth);
@@ -44,7 +44,7 @@ std::vector<GridRow> grid_rows(const ShownView& view, const Photo& photo, const 
     return rows;
 }
 
-/// What the columns of a row are.
+/// The text that names the columns of a row.
 std::string columns_text(const ShownView& view) {
     if (view.crops.empty()) return "render, error times 5";
     return "render, error times 5, enlarged " +
@@ -80,7 +80,7 @@ void write_evaluation(const EvaluationFolder& folder, const std::string& capture
         }
         markdown += "\n";
         page += "</table>";
-        std::error_code ignored; // writing says what is wrong
+        std::error_code ignored; // write_png reports the error
         std::filesystem::create_directories(folder.path(file).parent_path(), ignored);
         write_png(folder.path(file), stacked(pixels));
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What gsh-evaluate writes from its results: tables.md, tables.json, picture grids, a page that holds it all.
+/// @file  The output files of gsh-evaluate: tables.md, tables.json, picture grids, and a page with all of them.
 #pragma once
 
 #include "support/evaluation_pictures.hpp"
@@ -14,7 +14,7 @@ namespace gsh::examples {
 
 class EvaluationFolder;
 
-/// Writes everything anew from the results, of which there must be some. Each file appears whole.
+/// Rewrites all output files from the results, of which there must be at least one. Each file is replaced atomically.
 void write_evaluation(const EvaluationFolder& folder, const std::string& capture,
                       const std::vector<ShownView>& views, const std::vector<Photo>& photos,
                       const std::vector<RunResult>& results);

@@ -7,7 +7,7 @@ namespace gsh::examples {
 
 namespace {
 
-/// JSON has no NaN and no infinity; number_or_null writes null for either.
+/// The inverse of number_or_null, except that infinity also becomes NaN.
 double number_of(const Json& json) {
     return json.is_null() ? std::nan("") : json.get<double>();
 }

@@ -17,18 +17,18 @@ namespace gsh::examples {
 
 namespace {
 
-/// Seconds of "5s", "5", "0.5min" or "2m".
+/// The seconds of a budget such as "5s", "5", "0.5min" or "2m".
 double seconds_of(const std::string& budget) {
     double number = 0;
     const auto end = std::from_chars(budget.data(), budget.data() + budget.size(), number);
     const std::string unit(static_cast<const char*>(end.ptr), budget.data() + budget.size());
     const bool minutes = unit == "m" || unit == "min";
     if (end.ec != std::errc() || !(number > 0) || !std::isfinite(number) || !(minutes || unit.empty() || unit == "s"))
-        throw ValueError("--budgets: '" + budget + "' is no time, expected one like 5s, 30s or 2min");
+        throw ValueError("--budgets: '" + budget + "' is not a duration, expected one like 5s, 30s or 2min");
     return minutes ? 60 * number : number;
 }
 
-/// A name as part of a file's.
+/// A name in the form in which it can be part of a file name.
 std::string file_word(const std::string& name) {
     std::string word;
     for (const char c : name) {
@@ -56,7 +56,7 @@ Json settings_json(const Run& run) {
     return json;
 }
 
-/// Whether all configurations are static scenes, which share settings.
+/// True if all configurations are static scenes. These have the same settings.
 bool is_scene_only(const EvaluateOptions& o) {
     return std::all_of(o.configs.begin(), o.configs.end(),
                        [](const std::string& config) { return is_scene_configuration(config); });
@@ -70,7 +70,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
     marks.erase(std::unique(marks.begin(), marks.end()), marks.end());
     std::vector<double> budgets;
     for (const std::string& budget : o.budgets) budgets.push_back(seconds_of(budget));
-    if (budgets.empty()) budgets.push_back(0); // count steps
+    if (budgets.empty()) budgets.push_back(0); // a run by steps
 
     std::vector<Run> runs;
     for (const std::string& config : o.configs)
@@ -83,10 +83,10 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
             run.options.seconds = seconds;
             if (seconds == 0) run.marks = marks, run.options.steps = marks.back();
             if (run.scene) {
-                check_value(seconds == 0, "static", "counts steps; use --steps in place of --budgets");
+                check_value(seconds == 0, "static", "has no time budget; use --steps instead of --budgets");
                 check_value(o.common.set.empty() || is_scene_only(o), "static",
-                            "has other settings than what --set changes; evaluate it in a call of its own");
-                run.options.refine = run.options.refine_cameras = false; // it has no poses
+                            "does not have the settings of the others; with --set, evaluate it in a call of its own");
+                run.options.refine = run.options.refine_cameras = false; // a static scene has no poses
                 run.config = "static";
                 run.name = std::filesystem::path(config).stem().string() + set_words(run.options);
                 run.options.priors.clear();
@@ -122,7 +122,7 @@ EvaluationFolder::EvaluationFolder(const EvaluateOptions& o) : folder_(o.common.
     const auto path = [](const std::filesystem::path& p) {
         return p.empty() ? "" : std::filesystem::weakly_canonical(p).string();
     };
-    const auto file = [&](const std::filesystem::path& p) { // what is in it counts, too
+    const auto file = [&](const std::filesystem::path& p) { // the path and the content
         return p.empty() ? "" : path(p) + " " + file_checksum(p);
     };
     std::string bodies;
@@ -143,14 +143,14 @@ EvaluationFolder::EvaluationFolder(const EvaluateOptions& o) : folder_(o.common.
     for (std::size_t i = 0; i < input_.size() && i < said.first.size(); ++i)
         check_value(said.first[i] == input_[i], index().string(),
                     "was begun with " + said.first[i].first + " '" + said.first[i].second + "', not '" +
-                        input_[i].second + "'; give another input another --out");
+                        input_[i].second + "'; use another --out for another input");
     keys_ = said.second;
 }
 
 void EvaluationFolder::add(const Run& run) {
     if (std::find(keys_.begin(), keys_.end(), run.key) != keys_.end()) return;
     keys_.push_back(run.key);
-    std::error_code ignored; // writing says what is wrong
+    std::error_code ignored; // write_json reports the error
     std::filesystem::create_directories(folder_, ignored);
     write_json(index(), {{"input", input_}, {"runs", keys_}});
 }

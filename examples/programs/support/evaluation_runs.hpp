@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Which runs gsh-evaluate is asked for, and the folder that keeps what is done of them.
+/// @file  The runs of a call of gsh-evaluate, and the folder that stores their results.
 #pragma once
 
 #include "support/evaluation_result.hpp"
@@ -19,48 +19,48 @@
 namespace gsh::examples {
 
 struct EvaluateOptions {
-    ReconstructOptions common; ///< of every run; steps and seconds are the run's own
+    ReconstructOptions common; ///< shared by all runs; each run sets its own steps and seconds
     std::vector<std::string> configs;
-    std::vector<std::uint64_t> steps; ///< marks within one run of the largest number
-    std::vector<std::string> budgets; ///< "5s", "0.5min": a run each
-    std::size_t views = 4;            ///< test views to make pictures of
+    std::vector<std::uint64_t> steps; ///< marks in one run; the largest is its length
+    std::vector<std::string> budgets; ///< "5s", "0.5min": one run for each
+    std::size_t views = 4;            ///< number of test views that are shown as pictures
 };
 
-/// One training, judged at its end and perhaps on the way there.
+/// One training, evaluated at its end and optionally at earlier marks.
 struct Run {
     std::string name;   ///< in tables: "paper", "paper, refined"
-    std::string key;    ///< of its folder: "paper-3000-steps"
-    std::string config; ///< the configuration's own name, without --set
+    std::string key;    ///< name of the folder: "paper-3000-steps"
+    std::string config; ///< the name of the configuration, without --set
     Configuration configuration;
     bool scene = false;               ///< `static`: one frame, no body
     ReconstructOptions options;       ///< out is the run's folder
-    std::vector<std::uint64_t> marks; ///< steps after which to judge, ascending; empty where seconds are counted
+    std::vector<std::uint64_t> marks; ///< steps after which to evaluate, ascending; empty for a run by seconds
     Json settings;                    ///< names and values, as text
 
     [[nodiscard]] std::filesystem::path file(const std::string& file_name) const { return options.out / file_name; }
 };
 
-/// The runs that the options ask for, in their order; the same one is asked for once.
-/// Errors  ValueError for a configuration, a setting or a budget that there is not, or options that exclude each other.
+/// The runs that the options request, in their order, without repetitions.
+/// Errors  ValueError for an unknown configuration or setting, an invalid budget, or options that exclude each other.
 [[nodiscard]] std::vector<Run> planned_runs(const EvaluateOptions& o);
 
-/// The folder of an evaluation: evaluation.json says of what input it is and which runs there were, in their order;
-/// runs/KEY/ keeps each, a finished one as result.json with a row picture per shown view.
+/// The folder of an evaluation. evaluation.json lists the input and the runs in their order. runs/KEY/ belongs to one
+/// run; for a finished one it has result.json and one row picture per shown view.
 class EvaluationFolder {
 public:
-    /// Errors  ValueError if the folder is of another input.
+    /// Errors  ValueError if the folder belongs to another input.
     explicit EvaluationFolder(const EvaluateOptions& o);
 
-    /// Puts a run on the list.
+    /// Appends a run to the list.
     void add(const Run& run);
 
-    /// Whether a run is finished, with its present settings and all its marks.
+    /// True if a run is finished with its present settings and all its marks.
     [[nodiscard]] bool has(const Run& run) const;
 
-    /// Whether there is a result of a run, with whatever settings and marks.
+    /// True if a run has a result with other settings or marks.
     [[nodiscard]] bool has_outdated(const Run& run) const { return !has(run) && read(run.key); }
 
-    /// What is finished, of this call and of earlier ones, in the order in which it was first asked for.
+    /// The finished results of this call and of earlier ones, in the order in which their runs were first requested.
     [[nodiscard]] std::vector<RunResult> results() const;
     [[nodiscard]] std::filesystem::path path(const std::string& name) const { return folder_ / name; }
 

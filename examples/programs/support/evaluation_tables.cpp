@@ -31,8 +31,8 @@ struct PublishedScore {
     double psnr, ssim, lpips;
 };
 
-/// PeopleSnapshot after 30 s, once from the paper's ablation and once as the mean of its comparison; GalaBasketball
-/// after 70 s with ambient occlusion, 50 s without.
+/// PeopleSnapshot: after 30 s, one set from the paper's ablation and one as the mean over its comparison.
+/// GalaBasketball: after 70 s with ambient occlusion, after 50 s without.
 constexpr std::array<PublishedScore, 11> published_scores{{
     {"paper", "PeopleSnapshot, ablation", 28.14, 0.9653, 0.0291},
     {"no-hash-sh", "PeopleSnapshot, ablation", 26.53, 0.9322, 0.0720},
@@ -58,7 +58,7 @@ std::string mebibytes(std::uint64_t bytes) {
     return fixed(static_cast<double>(bytes) / (1 << 20), 0) + " MiB";
 }
 
-/// "12,000 of 1,000,000", or a dash where there is no table.
+/// "12,000 of 1,000,000", or a dash if there is no table.
 std::string share(std::size_t part, std::size_t all) {
     return all ? detail::grouped(part) + " of " + detail::grouped(all) : "–";
 }
@@ -70,13 +70,13 @@ bool has_lpips(const std::vector<RunResult>& results) {
     });
 }
 
-/// "[2]", where all protocols' list has it.
+/// The reference to a protocol, such as "[2]", by its position in the list.
 std::string reference_to(const std::string& protocol, const std::vector<std::string>& protocols) {
     return detail::reference(
         static_cast<std::size_t>(std::find(protocols.begin(), protocols.end(), protocol) - protocols.begin()));
 }
 
-/// Headings of figures, with a unit in front of none: all but SSIM and LPIPS are dB.
+/// Adds the headings of the figures. They have no units: all figures but SSIM and LPIPS are in dB.
 void add_figure_headings(std::vector<std::string>& heading, bool lpips) {
     heading.insert(heading.end(), {"PSNR", "SSIM"});
     if (lpips) heading.push_back("LPIPS");
@@ -103,7 +103,7 @@ std::vector<MarkDifference> mark_differences(const std::vector<RunResult>& resul
         return all;
     };
     std::vector<MarkDifference> differences;
-    // Runs by seconds are a result for each budget: the first configuration may have several.
+    // A run by seconds has one result per budget, so the first configuration may have several results.
     for (const RunResult& result : results) {
         if (result.name == results.front().name) continue;
         for (const Mark& mark : result.marks)
@@ -247,33 +247,30 @@ std::vector<Section> table_sections(const std::vector<RunResult>& results) {
     const auto add = [&](std::string title, std::string text, Table table) {
         if (table.size() > 1) sections.push_back({std::move(title), std::move(text), std::move(table)});
     };
-    add("How good",
-        "Means over the test images. PSNR in dB: of the full image, of the person, and of the parts of it that an "
-        "image shows. "
-        "Full images hide faces and hands: these are few pixels.",
+    add("Quality",
+        "Means over the test images. PSNR is in dB: of the full image, of the person, and of the parts of the person "
+        "that an image shows. Faces and hands have few pixels and hardly change the PSNR of the full image.",
         quality_table(results));
-    add("Each of them", "Means over the test images that show enough of a person, over the pixels that do.",
+    add("Each person", "Means over the test images that show enough of the person, on the pixels of the person.",
         people_table(results));
-    add("What each part is worth",
-        "Figures less those of " + first +
-            " after the same training, on the same images; PSNR in dB. A part that helps has a row below zero when it "
-            "is "
-            "left out. The paper's own differences are from other data, other hardware and other budgets: signs "
-            "compare, sizes hardly." +
+    add("Contribution of each part",
+        "Figures minus those of " + first +
+            ", after the same training and on the same images; PSNR in dB. If a part helps, the configuration without "
+            "it has a negative difference in PSNR. The paper's differences are from other data, other hardware and "
+            "other budgets, so only their signs can be compared." +
             (has_lpips(results)
-                 ? " So it is with LPIPS, all the more as published tables mostly feed it images in [0, 1]: "
+                 ? " This holds for LPIPS, too. Most published tables compute LPIPS from images in [0, 1], as "
                    "--lpips-table does."
                  : ""),
         worth_table(results));
-    add("What it costs",
-        "Training alone, without loading, sampling, checkpoints and judging. Memory is what the program holds at the "
-        "end of training, the "
-        "capture among it. Lookups are table rows that the fields of colour and displacement read in one pass; touched "
-        "entries are the rows "
-        "of their tables that some Gaussian refers to, and so the only ones that learn.",
+    add("Cost",
+        "Time is training only, without loading, sampling, checkpoints and evaluation. Memory is the resident memory "
+        "at the end of training, including the capture. Lookups are the table rows that the fields of colour and "
+        "displacement read in one pass. Touched entries are the rows of their tables that at least one Gaussian reads; "
+        "only these change in training.",
         cost_table(results));
-    add("Where the time goes", "Milliseconds per step.", stage_table(results));
-    add("What differs", "", settings_table(results));
+    add("Time per stage", "Milliseconds per step.", stage_table(results));
+    add("Settings that differ", "", settings_table(results));
     return sections;
 }
 

@@ -32,7 +32,7 @@ namespace {
 void write_progress(const Run& run, const std::vector<Mark>& marks) {
     Json json{{"settings", run.settings}, {"marks", Json::array()}};
     for (const Mark& mark : marks) json["marks"].push_back(mark_json(mark));
-    std::error_code ignored; // writing says what is wrong
+    std::error_code ignored; // write_json reports the error
     std::filesystem::create_directories(run.options.out, ignored);
     write_json(run.file("progress.json"), json);
 }
@@ -43,15 +43,16 @@ void discard_progress(const Run& run) {
     std::filesystem::remove(checkpoint_path(run.options), ignored);
 }
 
-/// The result in its place, and nothing else: checkpoints are large.
+/// Writes the result and removes the checkpoint, because checkpoints are large.
 void finish(const Run& run, OutputFolder& out, const RunResult& result) {
     write_json(out.file("result.json"), result_json(result));
     out.commit();
     discard_progress(run);
 }
 
-/// Brings a run to where an earlier call left it, or makes it begin anew: with other settings than now, or past a
-/// mark that nobody judged at, what there is of it is of no use.
+/// Restores the state in which an earlier call left a run. If there is none, or if its settings were different, the run
+/// starts from the beginning.
+/// Errors  ValueError if the checkpoint is past a mark at which the run was not evaluated.
 void resume(const Run& run, Reconstruction& reconstruction, TrainingRecord& record, std::vector<Mark>& marks) {
     std::error_code ignored;
     if (std::filesystem::exists(checkpoint_path(run.options), ignored) &&
@@ -69,15 +70,15 @@ void resume(const Run& run, Reconstruction& reconstruction, TrainingRecord& reco
                                                    [&](const Mark& mark) { return mark.steps == steps; });
             });
             check_value(!passed, checkpoint_path(run.options).string(),
-                        "is past a number of steps that was not judged; name the --steps of the first call, or "
-                        "delete the file to begin anew");
+                        "is past a number of steps at which the run was not evaluated; use the --steps of the first "
+                        "call, or delete the file to start over");
             marks = said.second;
             std::erase_if(marks, [&](const Mark& mark) {
                 return std::find(run.marks.begin(), run.marks.end(), mark.steps) == run.marks.end();
             });
             return;
         }
-        std::printf("%s: settings are not what they were when it was interrupted; it begins anew\n", run.name.c_str());
+        std::printf("%s: the settings have changed since it was interrupted; it starts over\n", run.name.c_str());
     }
     discard_progress(run);
     write_progress(run, {});
@@ -113,7 +114,7 @@ std::string after(const Run& run, std::uint64_t steps) {
            " steps";
 }
 
-/// How a mark's training went, in words.
+/// A text that describes the training up to a mark.
 std::string training_protocol(const Run& run, std::uint64_t steps, std::size_t threads) {
     std::string text;
     if (run.options.seconds > 0)
@@ -141,7 +142,7 @@ Evaluator::Evaluator(cpu::Threads& backend, const Source& source, const Evaluate
     : backend_(backend), source_(source), judge_(backend, source, o.common),
       test_photos_(test_photos_of(source.capture)), views_(shown_views(source, test_photos_, o.views)) {
     check_value(!test_photos_.empty(), source.capture.name,
-                "has no test views to judge by; give a camera the role test, or name test_frames");
+                "has no test views; give a camera the role test, or list test_frames");
 }
 
 void Evaluator::check(const Run& run) const {
@@ -157,7 +158,7 @@ StaticSource Evaluator::scene_of(const Run& run) const {
     char frame[16];
     std::snprintf(frame, sizeof frame, "_%04zu", run.options.frame);
     for (auto* photos : {&scene.training, &scene.test})
-        for (Photo& photo : *photos) photo.name += frame; // as the capture's photographs are called
+        for (Photo& photo : *photos) photo.name += frame; // the same names as those of the capture's photographs
     return scene;
 }
 
@@ -239,7 +240,7 @@ bool Evaluator::evaluate_scene(const Run& run, EvaluationFolder& folder, const s
 }
 
 bool Evaluator::evaluate(const Run& run, EvaluationFolder& folder, const std::string& title) {
-    malloc_trim(0); // memory that an earlier run gave back does not count as this one's
+    malloc_trim(0); // so that memory released by an earlier run is not counted for this one
     return run.scene ? evaluate_scene(run, folder, title) : evaluate_avatar(run, folder, title);
 }
 

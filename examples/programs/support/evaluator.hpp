@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Training and judging the runs of gsh-evaluate, with what it takes to be interrupted.
+/// @file  Training and evaluation of the runs of gsh-evaluate; they can be interrupted and continued.
 #pragma once
 
 #include "support/evaluation_pictures.hpp"
@@ -23,7 +23,7 @@ struct EvaluateOptions;
 struct Run;
 struct StaticSource;
 
-/// Trains and judges runs on one source.
+/// Trains and evaluates runs on one source.
 class Evaluator {
 public:
     /// Errors  ValueError for a capture without test views.
@@ -32,18 +32,19 @@ public:
     [[nodiscard]] const std::vector<Photo>& test_photos() const { return test_photos_; }
     [[nodiscard]] const std::vector<ShownView>& views() const { return views_; }
 
-    /// Frames of `static` must have cameras on all sides.
+    /// Checks the frame of a `static` run.
+    /// Errors  ValueError if it does not have at least two training cameras and one test camera.
     void check(const Run& run) const;
 
-    /// Trains, or goes on training, and leaves result.json with its pictures. False if somebody interrupted; what is
-    /// done until then is kept, but for `static`.
+    /// Trains, or continues training, then writes result.json with its pictures. Returns false after an interrupt. The
+    /// progress up to then is kept, except for `static`.
     bool evaluate(const Run& run, EvaluationFolder& folder, const std::string& title);
 
 private:
     bool evaluate_avatar(const Run& run, EvaluationFolder& folder, const std::string& title);
     bool evaluate_scene(const Run& run, EvaluationFolder& folder, const std::string& title);
 
-    /// Figures of a mark, and pictures if there is where to put them. False if somebody interrupted.
+    /// Computes the figures of a mark, and writes pictures if `out` is not null. Returns false after an interrupt.
     template <class Trained>
     bool judge(Trained& trained, const std::vector<Photo>& photos, Mark& mark, OutputFolder* out, RunResult& result);
 

@@ -15,16 +15,16 @@ namespace gsh::examples {
 
 using Json = nlohmann::ordered_json;
 
-/// Names of what is judged apart, in the order of ImageScore::regions.
+/// Names of the regions with figures of their own, in the order of ImageScore::regions.
 std::vector<std::string> region_names();
 
-/// JSON has no infinity (the PSNR of equal images) and no NaN (a mean without images).
+/// The number, or null for infinity (the PSNR of equal images) and NaN (a mean without images), which JSON lacks.
 Json number_or_null(double value);
 
 /// "12.35" for 2 digits; "none" for NaN.
 std::string fixed(double value, int digits);
 
-/// Figures of one of several people, in one image or their mean.
+/// Figures of one of several people: of one image, or their mean.
 template <class Score>
 Json person_json(const Score& whole, const std::vector<Score>& regions) {
     Json json{{"psnr_person", number_or_null(whole.psnr)}, {"ssim_person", number_or_null(whole.ssim)}};
@@ -36,7 +36,7 @@ Json person_json(const Score& whole, const std::vector<Score>& regions) {
 /// Figures of one image.
 Json score_json(const ImageScore& score);
 
-/// Names may come from files and folders, which may be called anything; JSON is UTF-8.
+/// Writes JSON to a file. Bytes that are not UTF-8, as in names of files and folders, are replaced.
 void write_json(const std::filesystem::path& path, const Json& json);
 
 } // namespace gsh::examples

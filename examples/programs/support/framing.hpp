@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A camera that sees given points as large as its image allows.
+/// @file  Places a camera so that given points fill its image.
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
@@ -12,16 +12,16 @@
 
 namespace gsh::examples {
 
-/// Finds the place of a camera that looks in a given direction.
+/// Finds the position of a camera with a given direction.
 ///
-/// A point q, in axes of the camera, lies within the part of the image to be filled if |q + t| <= h (q + t).z for x and
-/// y, h being the tangent of half that part's angle. With the least room on each side,
+/// Let q be a point in the axes of the camera, and h the tangent of half the angle of the image part to be filled. The
+/// point lies within that part if |q + t| <= h (q + t).z for x and for y. With the minima over all points
 ///     low = min(h q.z + q.x),  high = min(h q.z - q.x),
-/// that is -h t.z - low <= t.x <= h t.z + high: the nearest place has t.z = -(low + high) / 2h on the axis that needs
-/// more, and the middle is t.x = (high - low) / 2.
+/// the condition for x is -h t.z - low <= t.x <= h t.z + high. The nearest position therefore has
+/// t.z = -(low + high) / 2h, computed for the axis that needs the larger distance, and t.x = (high - low) / 2.
 class Framing {
 public:
-    /// `camera` says direction and lens; points will fill the share `fill` of its width or of its height.
+    /// `camera` gives direction and lens. The points will fill the share `fill` of its width or of its height.
     explicit Framing(const Camera<double>& camera, double fill = 0.92)
         : camera_(camera), half_(fill * 0.5 * camera.width / camera.fx, fill * 0.5 * camera.height / camera.fy) {
         camera_.cx = 0.5 * camera.width, camera_.cy = 0.5 * camera.height;

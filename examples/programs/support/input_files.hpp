@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The library's readers of input files, compiled once, with the JSON and archives that nearly all stand on.
+/// @file  The library's readers of input files, compiled once together with the JSON and archive code that they use.
 #pragma once
 
 #include <gsh/backend/threads.hpp>
@@ -35,7 +35,7 @@ namespace gsh::examples {
 PeopleCapture people_of_folder(cpu::Threads& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
                                const std::vector<std::filesystem::path>& poses, const CaptureOptions& options,
                                std::vector<std::string>& warnings);
-/// Whether a folder is a capture whose layout brings its own body.
+/// True if a folder is a capture whose layout includes a body.
 bool brings_own_body(const std::filesystem::path& folder);
 /// capture_warnings.
 std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& body, const Motion& motion);
@@ -44,14 +44,14 @@ std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& bo
 BodyModel body_of_file(const std::filesystem::path& path);
 /// read_regions.
 RegionLists regions_of_file(const std::filesystem::path& path, std::size_t vertex_count);
-/// read_prior_views: for each of the people.
+/// read_prior_views, for each person.
 std::vector<EstimatedPriors> priors_of_file(const std::filesystem::path& path, const Capture& capture,
                                             const std::vector<std::string>& people);
 /// prior_views_checksum, as text.
 std::string priors_checksum(const std::filesystem::path& path);
-/// CRC-32 of a file, as text: whether it is still what it was.
+/// CRC-32 of a file as text, to detect changes.
 std::string file_checksum(const std::filesystem::path& path);
-/// load_any_motion, turned upright if so wished.
+/// load_any_motion; with `upright` the world is rotated so that the body stands along +y.
 Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
                       bool upright = false);
 /// load_avatar.
@@ -68,7 +68,7 @@ Configuration configuration_called(const std::string& name_or_path, std::string_
 bool is_scene_configuration(const std::string& name_or_path);
 /// find_static_configuration.
 StaticConfig scene_configuration_called(const std::string& name_or_path, std::int64_t steps);
-/// Any JSON.
+/// Reads any JSON file.
 /// Errors  IoError naming the file.
 nlohmann::ordered_json json_of_file(const std::filesystem::path& path);
 

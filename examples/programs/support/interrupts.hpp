@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  How somebody asks a program to end.
+/// @file  Signals that end a program.
 #pragma once
 
 #include <atomic>
@@ -7,10 +7,11 @@
 
 namespace gsh::examples {
 
-/// Set by Ctrl-C (SIGINT) and SIGTERM once `watch_interrupts` was called.
+/// Set by Ctrl-C (SIGINT) and SIGTERM after watch_interrupts() was called.
 inline std::atomic<bool> interrupted{false};
 
-/// From here on the first Ctrl-C asks the program to end in good order; a second one ends it at once.
+/// From this call on, the first Ctrl-C only sets `interrupted`, so that the program can end in order. A second one ends
+/// the program at once.
 inline void watch_interrupts() {
     const auto note = [](int signal) {
         interrupted = true;

@@ -45,7 +45,7 @@ Comparison<float> Judge::judge(Comparison<float> comparison, const Photo& photo)
     const auto everybody = std::as_const(comparison.mask).view();
     comparison.score.regions = score_regions(all, everybody);
     if (labels.size() > 1) {
-        // Over a plate the whole photograph counts as the people: what no body covers is nobody's.
+        // Over a plate every pixel counts as people, so pixels that no body covers belong to no person.
         std::vector<Image<std::uint8_t>> masks = people_masks(labels, everybody, photo.plate.empty());
         for (std::size_t p = 0; p < labels.size(); ++p) {
             if (const auto* given = source_.people[p].mask({photo.camera_index, photo.frame})) masks[p] = *given;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Judging an avatar on test photographs: full image, person, regions, and LPIPS where there are weights.
+/// @file  Evaluates an avatar on test photographs: full image, person, regions, and LPIPS if weights are given.
 #pragma once
 
 #include "support/reconstruct_options.hpp"
@@ -19,24 +19,24 @@
 
 namespace gsh::examples {
 
-/// Reads LPIPS weights and forgets them: what is wrong with them is better known before training.
+/// Reads LPIPS weights and discards them, so that errors in the file are reported before training.
 /// Errors  those of read_lpips.
 void check_lpips(const std::filesystem::path& weights);
 
-/// Judges photographs of one source. Regions are where the posed body's face and hands are seen; the body is the rest
-/// of the photograph's person. Several people are judged together and each apart: over the pixels of their mask if the
-/// capture has one, else where they are the one in front.
+/// Evaluates photographs of one source. The regions face and hands are the pixels that show them on the posed body. The
+/// region body is the remaining pixels of the person. Several people are evaluated together, and each one separately:
+/// on the pixels of the person's mask if the capture has one, otherwise on those where the person is in front.
 class Judge {
 public:
     Judge(cpu::Threads& backend, const Source& source, const ReconstructOptions& o);
     ~Judge();
 
-    /// Adds to a photograph's comparison the figures of regions and people, and LPIPS.
+    /// Adds the figures of regions and people, and LPIPS, to the comparison of a photograph.
     [[nodiscard]] Comparison<float> judge(Comparison<float> comparison, const Photo& photo);
 
-    /// Which part of each person each pixel shows, in the poses that the capture gives.
+    /// For each person, the part that each pixel shows, in the poses of the capture.
     [[nodiscard]] std::vector<RegionLabels> labels_of(const Photo& photo);
-    /// How LPIPS was computed, for a protocol; empty without weights.
+    /// The protocol's sentence on how LPIPS was computed; empty without weights.
     [[nodiscard]] std::string lpips_protocol() const;
 
 private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What a program takes of its machine, for reports.
+/// @file  Memory of the process and the name of the processor, for reports.
 #pragma once
 
 #include <cstdint>
@@ -7,13 +7,13 @@
 
 namespace gsh::examples {
 
-/// Bytes of this process that are in memory now.
+/// Resident memory of this process, in bytes.
 std::uint64_t resident_bytes();
 
-/// The most that there have been.
+/// Peak resident memory of this process, in bytes.
 std::uint64_t peak_memory_bytes();
 
-/// What the machine calls its processor.
+/// The name of the processor.
 std::string processor_name();
 
 } // namespace gsh::examples

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What programs say on standard error, a line each.
+/// @file  Messages of programs on standard error, one line each.
 #pragma once
 
 #include <cctype>
@@ -8,7 +8,7 @@
 
 namespace gsh::examples {
 
-/// A message that stays on its line, whatever file names and libraries put into it.
+/// Replaces control characters, which may come from file names and libraries, so that a message stays on one line.
 inline std::string one_line(std::string text) {
     for (char& c : text)
         if (std::iscntrl(static_cast<unsigned char>(c))) c = ' ';

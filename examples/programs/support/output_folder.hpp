@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Results that appear in their folder together, or not at all.
+/// @file  An output folder in which either all results of a run appear or none.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -13,16 +13,17 @@
 
 namespace gsh::examples {
 
-/// A folder for results. Files are written into results.partial/ within it and move into place on commit, in the order
-/// in which they were asked for. Without a commit they go, and so does the folder, if it was made here and is empty.
-/// Errors  IoError naming what cannot be created or moved.
+/// A folder for results. Files are written into its subfolder results.partial/. commit() moves them into place, in the
+/// order of the calls of file(). Without a commit they are removed, and so is the folder, if it was created here and is
+/// empty.
+/// Errors  IoError naming the path that cannot be created or moved.
 class OutputFolder {
 public:
     explicit OutputFolder(std::filesystem::path folder)
         : folder_(std::move(folder)), staging_(folder_ / "results.partial") {
         std::error_code ignored;
         existed_ = std::filesystem::exists(folder_, ignored);
-        std::filesystem::remove_all(staging_, ignored); // of a run that was killed
+        std::filesystem::remove_all(staging_, ignored); // left by a run that was killed
         make(folder_);
     }
     OutputFolder(const OutputFolder&) = delete;
@@ -33,14 +34,14 @@ public:
         if (!existed_) std::filesystem::remove(folder_, ignored); // only if empty
     }
 
-    /// Where to write the result `name`, which may lie in a subfolder.
+    /// The path to which the result `name` must be written. The name may contain a subfolder.
     [[nodiscard]] std::filesystem::path file(const std::string& name) {
         make((staging_ / name).parent_path());
         names_.push_back(name);
         return staging_ / name;
     }
 
-    /// A subfolder of pictures that is this program's own: on commit, those of earlier results go.
+    /// Declares a subfolder that has only pictures of this program. commit() removes those of earlier results.
     void own(const std::string& subfolder) { owned_.push_back(subfolder); }
 
     void commit() {

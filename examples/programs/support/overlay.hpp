@@ -19,16 +19,16 @@ namespace gsh::examples {
 
 using Rgb = std::array<std::uint8_t, 3>;
 
-/// What overlays are drawn in; docs/programs.md tells the reader.
+/// The colours of overlays, as listed in docs/programs.md.
 struct OverlayColors {
     Rgb mask{255, 214, 10};    ///< yellow
     Rgb body{0, 229, 255};     ///< cyan
-    Rgb left{255, 64, 64};     ///< red, as on a ship
+    Rgb left{255, 64, 64};     ///< red, as the port light of a ship
     Rgb right{48, 224, 80};    ///< green
     Rgb middle{255, 255, 255}; ///< white
 };
 
-/// The photograph over grey, a little dimmed, so that lines stand out.
+/// The photograph, dimmed and composited over grey, so that lines are easy to see.
 [[nodiscard]] inline PixelImage overlay_canvas(const PixelImage& photograph) {
     PixelImage canvas(3, photograph.height, photograph.width);
     for (int y = 0; y < canvas.height; ++y)
@@ -46,9 +46,9 @@ inline void draw_dot(PixelImage& canvas, int x, int y, int half, const Rgb& colo
             std::copy(color.begin(), color.end(), canvas.pixel(v, u));
 }
 
-/// A straight line between two points, pixels; parts outside the image are left out.
+/// Draws a straight line between two points, in pixels. Parts outside the image are left out.
 inline void draw_line(PixelImage& canvas, vec2<double> a, vec2<double> b, int half, const Rgb& color) {
-    // Cut to a frame around the image first: a bone beside the camera may end anywhere.
+    // First clip the line to a frame around the image: the end of a bone beside the camera may be very far away.
     double begin = 0, end = 1;
     const vec2<double> d = b - a;
     const double low = -8, high[2] = {canvas.width + 8.0, canvas.height + 8.0};
@@ -60,7 +60,7 @@ inline void draw_line(PixelImage& canvas, vec2<double> a, vec2<double> b, int ha
         const double p = (low - a[axis]) / d[axis], q = (high[axis] - a[axis]) / d[axis];
         begin = std::max(begin, std::min(p, q)), end = std::min(end, std::max(p, q));
     }
-    if (!(begin <= end)) return; // for NaN, too
+    if (!(begin <= end)) return; // also for NaN
     const vec2<double> first = a + d * begin, last = a + d * end;
     const int steps = 1 + static_cast<int>(std::max(std::abs(last.x - first.x), std::abs(last.y - first.y)));
     for (int i = 0; i <= steps; ++i) {
@@ -69,8 +69,8 @@ inline void draw_line(PixelImage& canvas, vec2<double> a, vec2<double> b, int ha
     }
 }
 
-/// The pixels of a silhouette that have a neighbour outside; the image's border counts as outside. A silhouette at
-/// 1/reduction of the canvas is drawn in blocks.
+/// Draws the pixels of a silhouette that have a neighbour outside. The border of the image counts as outside. A
+/// silhouette of 1/reduction of the canvas size is drawn in blocks.
 inline void draw_outline(PixelImage& canvas, const Silhouette& silhouette, const Rgb& color, int reduction = 1) {
     const auto inside = [&](int y, int x) {
         return y >= 0 && x >= 0 && y < silhouette.height && x < silhouette.width && silhouette.row(y)[x] != 0;
@@ -84,12 +84,12 @@ inline void draw_outline(PixelImage& canvas, const Silhouette& silhouette, const
         }
 }
 
-/// A line from each joint to its parent, in the colour of the joint's side, and a dot at each joint.
+/// Draws a line from each joint to its parent, in the colour of the joint's side, and a dot at each joint.
 ///
-/// Shapes  joints [J] in the world; parents [J]; sides [J], above 0 at the left, below at the right, 0 in the middle.
+/// Shapes  joints [J] in the world; parents [J]; sides [J]: positive left, negative right, 0 in the middle.
 inline void draw_skeleton(PixelImage& canvas, const Camera<double>& camera, Span<const vec3<double>> joints,
                           Span<const int> parents, const std::vector<int>& sides, const OverlayColors& colors = {}) {
-    constexpr double near = 1e-3; // metres; what is behind the camera is not drawn
+    constexpr double near = 1e-3; // metres; points behind the camera are not drawn
     const int thick = std::max(canvas.width, canvas.height) >= 720 ? 1 : 0;
     for (std::size_t j = 0; j < joints.size(); ++j) {
         const vec3<double> p = to_camera(camera, joints[j]);

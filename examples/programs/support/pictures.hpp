@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Pictures for people to look at.
+/// @file  Pictures that compare a render with its photograph.
 #pragma once
 
 #include <gsh/image/image.hpp>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What every program does the same: options, one clear message for what went wrong, exit codes.
+/// @file  Shared by all programs: common options, one message per error, exit codes.
 #pragma once
 
 #include "support/interrupts.hpp"
@@ -18,7 +18,7 @@
 
 namespace gsh::examples {
 
-/// Exit codes. Bad input and a full disk are the user's to mend, so they share one.
+/// Exit codes. Bad input and a full disk share one, because the user can fix both.
 enum Exit { exit_done = 0, exit_bad_input = 2, exit_interrupted = 130 };
 
 /// Parses the command line, runs the work, and turns every failure into one line on standard error.
@@ -28,7 +28,7 @@ int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
         std::fprintf(stderr, "%s: %s\n", app.get_name().c_str(), one_line(message).c_str());
         return exit_bad_input;
     };
-    std::signal(SIGXFSZ, SIG_IGN); // a limit on file sizes comes back as an error of write, with a message
+    std::signal(SIGXFSZ, SIG_IGN); // a limit on file sizes then becomes an error of write, which has a message
     try {
         app.parse(argc, argv);
         return work();
@@ -42,7 +42,7 @@ int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
     }
 }
 
-/// Numbers that an option takes: those for which `fits` holds, "expected" says which.
+/// Accepts the numbers for which `fits` returns true; `expected` describes them in the message.
 template <class Condition>
 CLI::Validator numbers(const Condition& fits, const std::string& expected) {
     const auto complaint = [=](std::string& text) {
@@ -61,7 +61,7 @@ inline CLI::Validator not_negative() {
     return numbers([](double value) { return value >= 0; }, "0 or more");
 }
 
-/// The option --threads; 0 stands for all of the machine's.
+/// The option --threads; 0 means all threads of the machine.
 inline void add_threads(CLI::App& app, std::size_t& threads) {
     app.add_option("--threads", threads, "CPU threads (default: all)")->check(CLI::Range(1, 1024));
 }

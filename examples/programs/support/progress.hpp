@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A progress line on a terminal, or a line now and then in a log.
+/// @file  A progress line: redrawn on a terminal, printed every ten seconds in a log.
 #pragma once
 
 #include <unistd.h>
@@ -11,7 +11,7 @@
 
 namespace gsh::examples {
 
-/// Shows how far a long job is. On a terminal the line is redrawn ten times a second; elsewhere a new line is
+/// Shows the progress of a long job. On a terminal, the line is redrawn ten times per second. Otherwise, a new line is
 /// printed every ten seconds, so that logs stay short.
 class Progress {
 public:
@@ -20,7 +20,7 @@ public:
     Progress& operator=(const Progress&) = delete;
     ~Progress() { finish(); }
 
-    /// `fraction` in [0, 1]; `details` says what else is worth knowing.
+    /// `fraction` is in [0, 1]; `details` is printed behind the percentage.
     void show(double fraction, const std::string& details) {
         const auto now = Clock::now();
         const auto pause = terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(10000);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The rasterizer of the programs: its passes on cpu::Threads are compiled once, in rasterizer.cpp.
+/// @file  The rasterizer of the programs: rasterizer.cpp compiles its passes on cpu::Threads once for all of them.
 #pragma once
 
 #include <gsh/backend/threads.hpp>

@@ -12,51 +12,50 @@ namespace gsh::examples {
 /// The options --body and --poses.
 inline void add_people(CLI::App& app, PeopleOptions& o) {
     app.add_option("--body", o.bodies,
-                   "body model (.npz, SMPL / SMPL-H / SMPL-X layout); of several people one for all, or one each")
+                   "body model (.npz, SMPL / SMPL-H / SMPL-X layout); for several people one for all, or one for each")
         ->allow_extra_args(false);
     app.add_option("--poses", o.poses,
-                   "poses in any layout that we read: a file or folder in the capture's (default poses.npz), or a "
-                   "path; of several "
-                   "people one each, repeated or separated by commas")
+                   "poses in any layout that gsh reads: a file or folder in the capture's folder (default "
+                   "poses.npz), or a path; for several people one for each, repeated or separated by commas")
         ->allow_extra_args(false);
 }
 
 /// The options --lpips and --lpips-table.
 inline void add_lpips(CLI::App& app, ReconstructOptions& o) {
-    app.add_option("--lpips", o.lpips, "LPIPS weights (.safetensors or .npz): judge by LPIPS, too");
+    app.add_option("--lpips", o.lpips, "LPIPS weights (.safetensors or .npz); the results then include LPIPS");
     app.add_flag("--lpips-table", o.lpips_table,
-                 "with --lpips: images in [0, 1] as they are, as most published avatar tables have it, not in the "
-                 "network's [-1, 1]");
+                 "with --lpips: the network receives images in [0, 1], as in most published avatar tables, instead of "
+                 "its own range [-1, 1]");
 }
 
 inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--capture", o.capture, "folder with images/, cameras.json and poses");
     add_people(app, o);
-    app.add_flag("--synthetic", o.synthetic, "film the built-in actor and reconstruct that, instead of a capture");
+    app.add_flag("--synthetic", o.synthetic, "film the built-in actor and reconstruct it, instead of a capture");
     app.add_option("--out", o.out, "folder for the results")->required();
     app.add_option("--steps", o.steps, "training steps (default 3000; 1200 with --synthetic)")->check(above_zero());
-    app.add_option("--seconds", o.seconds, "train for so long instead of counting steps")->check(above_zero());
+    app.add_option("--seconds", o.seconds, "duration of training, instead of a number of steps")->check(above_zero());
     app.add_option("--gaussians", o.gaussians,
-                   "number of Gaussians, of each person (default 170000; 60000 with --synthetic)")
+                   "number of Gaussians for each person (default 170000; 60000 with --synthetic)")
         ->check(CLI::Range(1, 100'000'000));
-    app.add_option("--seed", o.seed, "of all random choices (default 0)")->check(not_negative());
+    app.add_option("--seed", o.seed, "seed of all random choices (default 0)")->check(not_negative());
     add_threads(app, o.threads);
-    app.add_option("--max-memory", o.max_memory, "bytes that training may take; fewer Gaussians if need be")
+    app.add_option("--max-memory", o.max_memory, "limit on memory in bytes; reduces the number of Gaussians if needed")
         ->check(above_zero());
     app.add_option("--checkpoint-interval", o.checkpoint_interval, "seconds between checkpoints (default 5)")
         ->check(above_zero());
     app.add_option("--config", o.config,
                    "configuration by name, or a JSON file of settings (default paper); static: one frame, no body");
-    app.add_option("--set", o.set, "a setting of the configuration, key=value; may be repeated");
+    app.add_option("--set", o.set, "change a setting of the configuration, key=value; may be repeated");
     app.add_flag("--refine", o.refine,
-                 "poses learn with the avatar; test poses are fitted to the test images, and reported as such");
-    app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: all cameras but the first learn too");
+                 "refine the poses during training; test poses are fitted to the test images, as the protocol states");
+    app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: refine all cameras but the first, too");
     app.add_option("--regions", o.regions, "JSON lists of face and hand vertices, or importance per vertex");
     app.add_option("--priors", o.priors,
-                   "JSON list of an estimator's normal and depth maps, in place of the mesh's own");
+                   "JSON list of an estimator's normal and depth maps, instead of those of the body's mesh");
     add_lpips(app, o);
-    app.add_option("--frame", o.frame, "with --config static: the frame (default 0)");
-    app.add_flag("--resume", o.resume, "go on from the checkpoint in --out");
+    app.add_option("--frame", o.frame, "with --config static: frame of the capture (default 0)");
+    app.add_flag("--resume", o.resume, "continue from the checkpoint in --out");
 }
 
 } // namespace gsh::examples

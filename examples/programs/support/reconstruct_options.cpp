@@ -12,7 +12,7 @@ namespace gsh::examples {
 
 namespace {
 
-/// Words between commas, one after the other; a word that names a file of `folder` is left whole.
+/// Splits words at commas. A word that is the name of a file in `folder` is not split.
 std::vector<std::string> listed(const std::vector<std::string>& words, const std::filesystem::path& folder) {
     std::vector<std::string> result;
     for (const std::string& word : words) {
@@ -21,13 +21,13 @@ std::vector<std::string> listed(const std::vector<std::string>& words, const std
         for (std::size_t begin = 0, end = 0; end != std::string::npos; begin = end + 1) {
             end = whole ? std::string::npos : word.find(',', begin);
             result.push_back(word.substr(begin, end - begin));
-            check_value(!result.back().empty(), "--poses " + word, "names an empty file between its commas");
+            check_value(!result.back().empty(), "--poses " + word, "has an empty name between its commas");
         }
     }
     return result;
 }
 
-/// Sets what --set says on top of a configuration.
+/// Applies the settings of --set to a configuration.
 template <class C>
 void set_all(C& configuration, const std::vector<std::string>& settings) {
     for (const std::string& setting : settings) {
@@ -54,27 +54,27 @@ void check_options(ReconstructOptions& o) {
     const auto expect = [](bool condition, const char* message) {
         if (!condition) throw ValueError(message);
     };
-    const bool scene = is_scene_configuration(o.config); // needs no body, and no poses
+    const bool scene = is_scene_configuration(o.config); // has neither body nor poses
     expect(o.synthetic || (!o.capture.empty() && (scene || has_body(o))),
-           "--capture and --body are needed, or --synthetic alone");
-    for (const auto& [given, option] : {std::pair(o.synthetic, "--synthetic: it takes a capture"),
+           "needs --capture and --body, or --synthetic alone");
+    for (const auto& [given, option] : {std::pair(o.synthetic, "--synthetic: it needs a capture"),
                                         {o.refine, "--refine"},
                                         {o.resume, "--resume"},
-                                        {o.seconds > 0, "--seconds: it counts --steps"},
+                                        {o.seconds > 0, "--seconds: use --steps"},
                                         {o.max_memory > 0, "--max-memory"},
                                         {!o.poses.empty(), "--poses"},
                                         {!o.regions.empty(), "--regions"},
                                         {!o.priors.empty(), "--priors"},
-                                        {!o.lpips.empty(), "--lpips: gsh-evaluate judges it by LPIPS"}})
-        if (scene && given) throw ValueError(std::string("--config static knows no ") + option);
-    expect(scene || o.frame == 0, "--frame is for --config static");
+                                        {!o.lpips.empty(), "--lpips: gsh-evaluate computes LPIPS for it"}})
+        if (scene && given) throw ValueError(std::string("--config static has no ") + option);
+    expect(scene || o.frame == 0, "--frame needs --config static");
     expect(!o.synthetic || (o.capture.empty() && o.bodies.empty() && o.poses.empty()),
-           "--synthetic brings its own capture, body and poses; leave out --capture, --body and --poses");
+           "--synthetic has its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
     check_companions(o);
     if (o.steps == 0) o.steps = o.synthetic ? 1200 : 3000;
     if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
-    if (scene) { // settings that cannot be are refused before anything is loaded
+    if (scene) { // reports invalid settings before anything is loaded
         (void)scene_configuration_of(o);
     } else {
         const Configuration configuration = configuration_of(o);
@@ -110,7 +110,7 @@ bool has_body(const PeopleOptions& o) {
 }
 
 void check_body(const PeopleOptions& o) {
-    check_value(has_body(o), "--body", "is needed: only GalaBasketball's captures bring their own");
+    check_value(has_body(o), "--body", "is required: only GalaBasketball's captures include a body");
 }
 
 void check_companions(const ReconstructOptions& o) {

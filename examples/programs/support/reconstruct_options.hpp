@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What gsh-reconstruct, and gsh-evaluate in each of its runs, is asked for; who is in a capture.
+/// @file  Options of gsh-reconstruct and of each run of gsh-evaluate, and the files of the people in a capture.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@ struct StaticConfig;
 
 namespace gsh::examples {
 
-/// A capture and the files that tell who is in it.
+/// A capture, and the body and pose files of its people.
 struct PeopleOptions {
     std::filesystem::path capture;
     std::vector<std::filesystem::path> bodies; ///< one for all, or one per person
@@ -27,48 +27,49 @@ struct ReconstructOptions : PeopleOptions {
     bool synthetic = false;
     bool resume = false;
     std::string config = "paper";  ///< name or JSON file
-    std::vector<std::string> set;  ///< key=value on top of it
-    bool refine = false;           ///< poses learn too, and test poses are fitted
-    bool refine_cameras = false;   ///< cameras as well
+    std::vector<std::string> set;  ///< key=value, applied to the configuration
+    bool refine = false;           ///< refine poses in training, fit test poses
+    bool refine_cameras = false;   ///< refine cameras, too
     std::filesystem::path regions; ///< JSON lists of vertices
     std::filesystem::path priors;  ///< JSON list of an estimator's maps
     std::filesystem::path lpips;   ///< weights
-    bool lpips_table = false;      ///< judge as published tables do, see LpipsScaling
-    std::size_t frame = 0;         ///< of the configuration `static`
-    std::uint64_t steps = 0;       ///< 0: the default of the kind of input
-    double seconds = 0;            ///< of training; 0: count steps
-    std::size_t gaussians = 0;     ///< 0: the default of the kind of input
+    bool lpips_table = false;      ///< LPIPS as in published tables, see LpipsScaling
+    std::size_t frame = 0;         ///< for the configuration `static`
+    std::uint64_t steps = 0;       ///< 0: the default for the kind of input
+    double seconds = 0;            ///< of training; 0: use steps
+    std::size_t gaussians = 0;     ///< 0: the default for the kind of input
     std::uint64_t seed = 0;
-    std::size_t threads = 0;        ///< 0: all of the machine's
+    std::size_t threads = 0;        ///< 0: all threads of the machine
     std::uint64_t max_memory = 0;   ///< bytes; 0: no limit
     double checkpoint_interval = 5; ///< seconds
 };
 
-/// One pose file per person; poses.npz where none is named.
+/// Splits lists of pose files into one file per person; poses.npz if none is given.
 void complete_poses(PeopleOptions& o);
 
-/// The pose files as a user would name them.
+/// The pose files as the user gave them, separated by commas.
 std::string poses_text(const PeopleOptions& o);
 
-/// Fills in defaults; refuses combinations that make no sense.
+/// Fills in defaults and checks the combination of options.
+/// Errors  ValueError for options that exclude each other or have no effect.
 void check_options(ReconstructOptions& o);
 
-/// The configuration that was asked for, single settings and all.
+/// The configuration of --config with the settings of --set.
 Configuration configuration_of(const ReconstructOptions& o);
 
-/// The same where it is a static scene's.
+/// The same for the configuration of a static scene.
 StaticConfig scene_configuration_of(const ReconstructOptions& o);
 
-/// What --set says, as words behind a configuration's name.
+/// The settings of --set, as words that follow the name of the configuration.
 std::string set_words(const ReconstructOptions& o);
 
-/// Whether there is a body: a file's, or that of a capture which brings its own.
+/// True if there is a body: from a file, or included in the capture.
 bool has_body(const PeopleOptions& o);
 
-/// Refuses to go on without.
+/// Errors  ValueError without a body.
 void check_body(const PeopleOptions& o);
 
-/// Refuses options that lack the one that they belong to.
+/// Errors  ValueError for an option that needs another one which is not given.
 void check_companions(const ReconstructOptions& o);
 
 } // namespace gsh::examples

@@ -22,15 +22,15 @@ namespace gsh::examples {
 
 namespace {
 
-/// How many Gaussians each person gets: as many as were asked for, or as fit where memory is limited.
-/// Errors  ValueError if not even a tenth of them fit.
+/// The number of Gaussians of each person: as requested, or as many as fit into --max-memory.
+/// Errors  ValueError if less than a tenth of the requested number fits.
 std::size_t gaussian_count(const Source& source, const Configuration& configuration, const ReconstructOptions& o) {
     if (o.max_memory == 0) return o.gaussians;
     std::size_t pixels = 0;
     for (const auto& camera : source.capture.cameras)
         pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) *
                                       static_cast<std::size_t>(camera.camera.height));
-    std::size_t held = 0; // what is in memory already
+    std::size_t held = 0; // bytes of photographs that are in memory already
     for (const auto& image : source.capture.images) held += image.data.size();
     const MemoryModel memory = training_memory(configuration.avatar, pixels, held, source.people.size());
     const std::size_t count = std::min(o.gaussians, memory.gaussians_within(o.max_memory));
@@ -63,13 +63,13 @@ Reconstruction::Reconstruction(Backend& backend, const Source& source, const Con
       trainer(backend, scene, photos_of(source.capture, false), o.seed, configuration.train) {
     if (!o.refine) return;
     check_value(configuration.test_mask_weight >= 0, "refine.test_mask_weight",
-                "must not be negative"); // before training, not after
+                "must not be negative"); // checked before training
     RefinementConfig config = configuration.refinement;
     std::set<std::size_t> seen;
     for (const Photo& photo : trainer.photos()) seen.insert(photo.frame);
     for (std::size_t frame = 0; frame < scene.frame_count(); ++frame)
         if (!seen.contains(frame)) config.left_out.push_back(frame);
-    std::vector<Camera<double>> cameras; // the same for all, so that one person's refinement holds them
+    std::vector<Camera<double>> cameras; // shared by all people; the first person's refinement holds them
     if (o.refine_cameras)
         for (const auto& camera : source.capture.cameras) cameras.push_back(camera.camera);
     for (std::size_t p = 0; p < people.size(); ++p) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The models of people with their trainer, and the record that is kept of training.
+/// @file  The models of people with their trainer, and the record of the training.
 #pragma once
 
 #include "support/reconstruct_options.hpp"
@@ -28,7 +28,7 @@
 
 namespace gsh::examples {
 
-/// The models and their trainer, ready for the first step.
+/// The models and their trainer, initialised for the first step.
 struct Reconstruction {
     using Backend = cpu::Threads;
     using Model = ConfiguredAvatar<Backend>;
@@ -41,61 +41,62 @@ struct Reconstruction {
         std::string name;
         CanonicalSetup setup;
         Model model;
-        std::optional<Refinement> refinement, test_refinement; ///< of training frames, and of those to judge by
+        std::optional<Refinement> refinement, test_refinement; ///< of training frames; of test frames
 
         Person(Backend& backend, std::string called, CanonicalSetup made, std::uint64_t seed,
                const AvatarConfig& config);
     };
 
     Configuration configuration;
-    std::string regions_checksum, priors_checksum; ///< of the source; empty where none are used
-    std::deque<Person> people;                     ///< they stay where they are
+    std::string regions_checksum, priors_checksum; ///< of the source; empty if none are used
+    std::deque<Person> people;                     ///< a deque: their addresses do not change
     std::vector<Photo> test_photos;
     Scene scene;
-    TrainerType trainer; ///< to read and to keep; what computes is below, so that it is compiled once
-    StageClock clock;    ///< of this run's steps
+    TrainerType trainer; ///< to be read and stored; the calls that compute are members below, compiled once
+    StageClock clock;    ///< times the steps of this run
 
-    /// source must outlive this: photographs are not copied.
+    /// `source` must outlive this object, because photographs are not copied.
     Reconstruction(Backend& backend, const Source& source, const Configuration& chosen, const ReconstructOptions& o);
     Reconstruction(const Reconstruction&) = delete;
     ~Reconstruction();
 
-    /// Everybody's Gaussians.
+    /// The number of Gaussians of all people.
     [[nodiscard]] std::size_t gaussian_count() const { return scene.size(); }
 
-    /// Trainer::step; then what it came to.
+    /// Trainer::step, and the figures of the last step.
     void step(double progress);
     [[nodiscard]] double last_loss() const;
     [[nodiscard]] double last_psnr() const;
 
-    /// gsh::compare: a photograph beside its render.
+    /// gsh::compare: a photograph and its render.
     [[nodiscard]] Comparison<float> compare(const Photo& photo);
 
-    /// The avatars as they are now, for files. A body with fewer joints than the capture's is what moves them.
+    /// The avatars in their present state, for files. An avatar's body may have fewer joints than that of the capture.
     [[nodiscard]] std::vector<AvatarData> avatars();
 
-    /// Fits the poses of the frames to judge by to their own photographs, the avatars staying as they are; several
-    /// people take turns. Figures after this are figures of test-time refinement. False if somebody interrupted.
+    /// Fits the poses of the test frames to the test photographs. The avatars do not change. Several people are fitted
+    /// in turns. Later figures are figures of test-time refinement. Returns false after an interrupt.
     bool refine_test_poses(Backend& backend);
-    /// Back to the poses of training.
+    /// Restores the poses of training.
     void end_test_refinement();
 
 private:
-    /// Makes the people; each draws from random numbers of their own.
+    /// Creates the people, each with random numbers of its own.
     std::vector<CastMember<Model>> cast_of(Backend& backend, const Source& source, const ReconstructOptions& o);
 };
 
-/// What is kept about the course of training, for the report and for resuming.
+/// The course of the training, for the report and for resuming.
 struct TrainingRecord {
     std::uint64_t steps = 0;
-    double seconds = 0; ///< of training alone
+    double seconds = 0; ///< of training only
     std::uint64_t interval = 10;
-    std::vector<std::pair<double, double>> loss, psnr; ///< (step, value) of the training view at hand
+    std::vector<std::pair<double, double>> loss, psnr; ///< (step, value) of the step's training view
     std::array<double, stage_names.size()> stage_seconds{}; ///< in the order of Stage
-    std::uint64_t timed_steps = 0;                          ///< steps that stage_seconds covers
+    std::uint64_t timed_steps = 0;                          ///< number of steps in stage_seconds
 
     [[nodiscard]] bool wants_sample() const { return steps == 1 || steps % interval == 0; }
-    /// A long run keeps the first and every other sample, so that a curve has at most a few hundred points.
+    /// Adds a sample. When a curve becomes long, every second sample but the first is removed, so that it has at most a
+    /// few hundred points.
     void add_sample(double loss_value, double psnr_value);
 };
 

@@ -17,7 +17,7 @@ PixelFilter common_filter(const std::vector<AvatarData>& avatars) {
                 avatar.filter.compensate_opacity == avatars[0].filter.compensate_opacity,
             "avatars",
             "were trained with different pixel filters (filter.dilation, filter.compensate), so that one picture "
-            "cannot be right for all of them; train them alike");
+            "cannot be correct for all of them; train them with the same filter");
     return avatars[0].filter;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Scenes and avatars to pictures in host memory.
+/// @file  Renders scenes and avatars into pictures in host memory.
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
@@ -16,30 +16,30 @@
 
 namespace gsh::examples {
 
-/// Somebody in a picture: an avatar in a frame of a motion. The caller owns both.
+/// A person in a picture: an avatar and a frame of a motion. The caller owns both.
 struct Pose {
     const Avatar<cpu::Threads>* avatar = nullptr;
     const Motion* motion = nullptr;
     std::size_t frame = 0;
 };
 
-/// The filter that avatars are drawn with together: all of them must have learned with the same.
-/// Errors  ValueError if they did not.
+/// The pixel filter that all avatars were trained with.
+/// Errors  ValueError if they were trained with different filters.
 PixelFilter common_filter(const std::vector<AvatarData>& avatars);
 
-/// Keeps its buffers from picture to picture.
+/// Renders pictures; the buffers are kept from one picture to the next.
 class Renderer {
 public:
     using Backend = cpu::Threads;
 
-    /// The filter is the scene's: an avatar's file says it, a plain PLY was made for the usual one.
+    /// `filter` must be the one of the scene: an avatar's file contains it; a plain PLY has the default one.
     explicit Renderer(Backend& backend, const PixelFilter& filter = {});
     ~Renderer();
 
-    /// Avatars in one scene: whoever stands in front hides the others.
+    /// Renders avatars in one scene; a person in front hides the others.
     Image<float> render(const std::vector<Pose>& people, const Camera<double>& camera, const vec3<float>& background);
 
-    /// A static 3DGS scene.
+    /// Renders a static 3DGS scene.
     Image<float> render(const GaussianCloud<float>& scene, const Camera<double>& camera, const vec3<float>& background);
 
 private:

@@ -32,7 +32,7 @@ std::string number(double value, int digits = 4) {
     return text;
 }
 
-/// An SVG line chart, small enough to read at a glance.
+/// A small SVG line chart.
 std::string chart(const Curve& curve) {
     constexpr double width = 520, height = 200, left = 56, right = 8, top = 8, bottom = 28;
     if (curve.points.size() < 2) return {};
@@ -115,7 +115,7 @@ void write_report(const std::filesystem::path& path, const Report& report) {
         html += "<tr><th>" + escape(name) + "</th><td>" + escape(value) + "</td></tr>";
     html += "</table>";
     if (report.people.size() > 1)
-        html += "<h2>Each person</h2><p>Over the pixels that show them.</p>" + table(report.people);
+        html += "<h2>Each person</h2><p>On the pixels that show the person.</p>" + table(report.people);
     if (!report.curves.empty()) {
         html += "<h2>Training</h2><div class=\"curves\">";
         for (const auto& curve : report.curves)
@@ -130,7 +130,7 @@ void write_report(const std::filesystem::path& path, const Report& report) {
                     base64(picture.png) + "\"><figcaption>" + escape(picture.caption) + "</figcaption></figure>";
     }
     if (report.images.size() > 1) html += "<h2>Every test image</h2>" + table(report.images);
-    if (report.stages.size() > 1) html += "<h2>Where the time goes</h2>" + table(report.stages);
+    if (report.stages.size() > 1) html += "<h2>Time per stage</h2>" + table(report.stages);
     write_file(path, html + "</body></html>\n");
 }
 

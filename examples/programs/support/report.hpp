@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Self-contained HTML pages: figures, curves and pictures in one file, and what pages are made of.
+/// @file  Self-contained HTML pages with figures, curves and pictures, and the parts of such a page.
 #pragma once
 
 #include <cstdint>
@@ -23,11 +23,11 @@ struct Picture {
 
 struct Report {
     std::string title;
-    std::string protocol;                                        ///< one sentence: what was measured, and how
+    std::string protocol;                                        ///< one sentence: the measures and how they were taken
     std::vector<std::pair<std::string, std::string>> facts;      ///< the table at the top
     std::vector<std::vector<std::string>> images;                ///< per-image rows; the first row is the heading
-    std::vector<std::vector<std::string>> people;                ///< a row per person where there are several, likewise
-    std::vector<std::vector<std::string>> stages;                ///< milliseconds per stage, likewise
+    std::vector<std::vector<std::string>> people;                ///< likewise, one row per person, if there are several
+    std::vector<std::vector<std::string>> stages;                ///< likewise, milliseconds per stage
     std::vector<Curve> curves;
     std::vector<Picture> pictures;
 };
@@ -40,12 +40,12 @@ std::string base64(const std::vector<std::uint8_t>& bytes);
 
 std::string table(const std::vector<std::vector<std::string>>& rows);
 
-/// Everything of a page up to its heading.
+/// The beginning of a page, up to and including its heading.
 std::string page_head(const std::string& title);
 
 } // namespace detail
 
-/// Writes the page; the file appears whole or not at all.
+/// Writes the page. The file is written atomically.
 void write_report(const std::filesystem::path& path, const Report& report);
 
 } // namespace gsh::examples

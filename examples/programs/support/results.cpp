@@ -31,15 +31,15 @@ namespace gsh::examples {
 
 namespace {
 
-/// All settings of a configuration, a line each.
+/// All settings of a configuration, one per line.
 std::string settings_text(const Configuration& configuration) {
     std::string text;
     for (const auto& [key, value] : settings_of(configuration)) text += key + " = " + value + "\n";
     return text;
 }
 
-/// What a checkpoint was made for, in words, a line each: people where there are several, how many Gaussians, settings,
-/// refinement, regions, estimated priors.
+/// The input and settings that a checkpoint belongs to, one per line: people if there are several, number of Gaussians,
+/// settings, refinement, regions, estimated priors.
 std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& reconstruction) {
     std::string text;
     if (reconstruction.people.size() > 1)
@@ -52,7 +52,7 @@ std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& r
     return text;
 }
 
-/// The first line in which two texts differ, in words.
+/// A message with the first line in which two texts differ.
 std::string difference(const std::string& there, const std::string& here) {
     std::istringstream a(there), b(here);
     std::string of_a, of_b;
@@ -60,10 +60,10 @@ std::string difference(const std::string& there, const std::string& here) {
         if (!std::getline(a, of_a)) of_a = "nothing";
         if (!std::getline(b, of_b)) of_b = "nothing";
     } while (of_a == of_b && (a || b));
-    return "it says '" + of_a + "' where this run has '" + of_b + "'";
+    return "it has '" + of_a + "' where this run has '" + of_b + "'";
 }
 
-/// "avatar" for one person alone; of several, each one's name goes with it.
+/// The name of a result file: "avatar" for one person, "avatar-NAME" for one of several.
 std::string result_name(const Reconstruction& reconstruction, const std::string& what, std::size_t person) {
     return reconstruction.people.size() == 1 ? what : what + "-" + reconstruction.people[person].name;
 }
@@ -101,7 +101,7 @@ void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
     const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
     const std::string there = file.read_text("configuration"), here = checkpoint_text(o, reconstruction);
     check_value(there == here, checkpoint_path(o).string(),
-                "was made otherwise: " + difference(there, here) +
+                "belongs to a different run: " + difference(there, here) +
                     "; resume with the same --config, --set, --gaussians, --refine, --regions, --priors and --poses");
     load_trainer(file, reconstruction.trainer);
     for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
@@ -115,7 +115,7 @@ void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
     };
     read_curve("loss", record.loss);
     read_curve("psnr", record.psnr);
-    if (!file.has("stage_seconds")) return; // older
+    if (!file.has("stage_seconds")) return; // a file of an older version
     const auto stages = file.read<double>("stage_seconds");
     check_size(checkpoint_path(o).string(), "stage_seconds", stages.size(), record.stage_seconds.size());
     for (std::size_t s = 0; s < stages.size(); ++s) record.stage_seconds[s] = stages[s];
@@ -152,13 +152,13 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
                                         Reconstruction& reconstruction, const TrainingRecord& record) {
     auto& trainer = reconstruction.trainer;
     Judge judge(trainer.backend(), source, o);
-    const std::vector<AvatarData> avatars = reconstruction.avatars(); // before test images have a say
+    const std::vector<AvatarData> avatars = reconstruction.avatars(); // before poses are fitted to test images
     const std::size_t people = reconstruction.people.size();
     if (o.refine && !reconstruction.refine_test_poses(trainer.backend())) return std::nullopt;
     out.own("test");
     Report report;
     std::vector<ImageScore> scores;
-    constexpr std::size_t shown = 6; // pictures on the page; all of them are in test/
+    constexpr std::size_t shown = 6; // number of pictures on the page; test/ has all of them
     const std::size_t every = std::max<std::size_t>(1, reconstruction.test_photos.size() / shown);
     report.images.push_back({"image", "PSNR", "SSIM", "PSNR on the person"});
     for (const std::string& name : region_names()) report.images.back().push_back(name);
@@ -201,7 +201,7 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
     json["seconds"] = record.seconds;
     json["gaussians"] = reconstruction.gaussian_count();
     std::vector<PersonMean> apart = mean_people(scores);
-    apart.resize(people); // without test views they have no figures
+    apart.resize(people); // without test views the list is empty
     if (people > 1) report.people.push_back({"person", "PSNR", "SSIM", "face", "hands", "body", "Gaussians"});
     for (std::size_t p = 0; people > 1 && p < people; ++p) {
         const Reconstruction::Person& person = reconstruction.people[p];

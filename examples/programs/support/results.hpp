@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What gsh-reconstruct leaves in its output folder: checkpoint, avatar, figures, pictures, a page.
+/// @file  The output files of gsh-reconstruct: checkpoint, avatar, figures, pictures, a page.
 #pragma once
 
 #include "support/output_folder.hpp"
@@ -24,18 +24,18 @@ std::filesystem::path checkpoint_path(const ReconstructOptions& o);
 
 void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record);
 
-/// Errors  ValueError for a checkpoint of another configuration or other people; else those of the file.
+/// Errors  ValueError for a checkpoint of another configuration or of other people; else those of the file.
 void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record);
 
-/// What the figures measure, in words.
+/// A text that describes the measures.
 std::string measures_of(const Judge& judge);
 
-/// How the figures came about, in words.
+/// A text that describes how the figures were obtained.
 std::string protocol_of(const ReconstructOptions& o, const Source& source, const Configuration& configuration,
                         const Judge& judge, std::size_t images);
 
-/// Judges the avatar on the test views and writes everything; metrics.json comes last, so whoever finds it finds all.
-/// Returns nothing, and leaves nothing, if somebody interrupts.
+/// Evaluates the avatar on the test views and writes all files. metrics.json is the last one: if it exists, all files
+/// are complete. After an interrupt it returns nothing and leaves no files.
 std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
                                         Reconstruction& reconstruction, const TrainingRecord& record);
 

@@ -15,11 +15,11 @@ namespace gsh::examples {
 ShownPeople::ShownPeople(const std::vector<std::filesystem::path>& avatars,
                          const std::vector<std::filesystem::path>& poses, bool upright) {
     check_value(poses.empty() || poses.size() == avatars.size(), "--poses",
-                "names " + std::to_string(poses.size()) + " motions for " + std::to_string(avatars.size()) +
-                    " avatars; give one for each, in their order");
+                "has " + std::to_string(poses.size()) + " motions for " + std::to_string(avatars.size()) +
+                    " avatars; give one for each, in the same order");
     std::vector<std::string> warnings;
     for (std::size_t p = 0; p < avatars.size(); ++p) {
-        check_value(avatars[p].extension() == ".gsh", avatars[p].string(), "is no avatar (.gsh)");
+        check_value(avatars[p].extension() == ".gsh", avatars[p].string(), "is not an avatar (.gsh)");
         data.push_back(avatar_of_file(avatars[p]));
         const RigData& rig = data[p].rig;
         motions.push_back(poses.empty() ? rest_motion(rig) : motion_of_file(poses[p], rig.body, warnings, upright));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Avatars with a motion each, from files: what gsh-animate and gsh-render show together.
+/// @file  Avatars and their motions, read from files, for gsh-animate and gsh-render.
 #pragma once
 
 #include "support/renderer.hpp"
@@ -15,29 +15,29 @@
 
 namespace gsh::examples {
 
-/// Avatars, and a motion for each of them.
+/// Avatars, with one motion for each.
 struct ShownPeople {
     std::vector<AvatarData> data;
     std::vector<Motion> motions;
 
-    /// A file or folder of poses per avatar, in their order; none at all leaves everybody in the canonical pose.
-    /// `upright` turns each motion's world so that the body stands along +y.
-    /// Errors  ValueError for numbers that do not match; else those of the files.
+    /// Takes one file or folder of poses per avatar, in the same order. Without poses, all are in the canonical pose.
+    /// `upright` rotates the world of each motion so that the body stands along +y.
+    /// Errors  ValueError if the numbers of avatars and motions differ; else those of the files.
     ShownPeople(const std::vector<std::filesystem::path>& avatars, const std::vector<std::filesystem::path>& poses,
                 bool upright = false);
 
-    /// Frames that every motion has.
+    /// The length of the shortest motion.
     [[nodiscard]] std::size_t frame_count() const;
     [[nodiscard]] PixelFilter filter() const { return common_filter(data); }
 };
 
-/// The same on a backend, ready to be drawn. `people` must outlive it.
+/// The same people in the memory of a backend, for rendering. `people` must outlive it.
 class Ensemble {
 public:
     Ensemble(cpu::Threads& backend, const ShownPeople& people);
     ~Ensemble();
 
-    /// Everybody at a frame.
+    /// All people at a frame.
     [[nodiscard]] std::vector<Pose> at(std::size_t frame) const;
 
 private:

@@ -51,8 +51,8 @@ Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
         source = load_people(backend, o);
         if (source.bodies[0].faces.empty())
             source.warnings.push_back(o.capture.string() +
-                                      ": its body has no triangles, so each person gets a Gaussian per vertex; "
-                                      "region mask, priors and --gaussians have no effect, and regions are not judged");
+                                      ": its body has no triangles, so each person gets one Gaussian per vertex; "
+                                      "region mask, priors and --gaussians have no effect; regions have no figures");
     }
     for (const BodyModel& body : source.bodies)
         source.regions.push_back(o.regions.empty() ? RegionLists() : regions_of_file(o.regions, body.vertex_count()));
@@ -78,7 +78,7 @@ std::vector<Photo> test_photos_of(const Capture& capture) {
         bool person = false;
         for (std::size_t i = 3; i < photo.rgba.size() && !person; i += 4) person = photo.rgba[i] > 127;
         check_value(person, "test image " + photo.name,
-                    "has a mask (alpha) that nowhere exceeds 1/2, expected a person to judge");
+                    "has a mask (alpha) that nowhere exceeds 1/2, expected a mask that shows a person");
     }
     return photos;
 }

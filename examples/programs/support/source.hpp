@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What is reconstructed, or checked: the capture, who is in it, their bodies, and its photographs.
+/// @file  The input of a reconstruction or a check: the capture, its people, their bodies, and its photographs.
 #pragma once
 
 #include "support/reconstruct_options.hpp"
@@ -19,30 +19,30 @@
 
 namespace gsh::examples {
 
-/// What is reconstructed, or checked: body models, the capture and who is in it, wherever they come from.
+/// The input of a reconstruction or a check: body models, the capture and its people, from files or generated.
 struct Source {
     std::vector<BodyModel> bodies;
-    std::vector<RegionLists> regions; ///< of each body, where they are asked for
+    std::vector<RegionLists> regions; ///< of each body; empty lists without --regions
     Capture capture;
     std::vector<CapturePerson> people;
     std::vector<EstimatedPriors> priors; ///< of each person
-    std::string regions_checksum, priors_checksum; ///< empty where none are asked for
+    std::string regions_checksum, priors_checksum; ///< empty without --regions, --priors
     std::vector<std::string> warnings;
 
     [[nodiscard]] const BodyModel& body(std::size_t person = 0) const { return bodies[people[person].body]; }
-    /// A person's mesh at a frame, as the capture has it.
+    /// The mesh of a person at a frame, in the pose of the capture.
     [[nodiscard]] PosedBody posed(std::size_t person, std::size_t frame) const;
     [[nodiscard]] BodyRegions body_regions_of(std::size_t person) const;
 };
 
-/// Loads what the options name.
+/// Loads the files that the options name.
 /// Errors  those of the files.
 Source load_people(cpu::Threads& backend, const PeopleOptions& o, const CaptureOptions& how = {});
 
-/// The same with regions and estimated priors, or the built-in actor, filmed.
+/// The same with regions and estimated priors; or films the built-in actor.
 Source load_source(cpu::Threads& backend, const ReconstructOptions& o);
 
-/// Photographs to judge by. What cannot be judged had better be known before training than after it.
+/// The test photographs. They are checked here, so that errors are reported before training.
 /// Errors  ValueError for a photograph that is smaller than the SSIM window, or whose mask nowhere exceeds 1/2.
 std::vector<Photo> test_photos_of(const Capture& capture);
 

@@ -28,11 +28,11 @@ namespace {
 
 void add_photo(StaticSource& source, const std::string& name, const Camera<double>& camera, PixelImage image,
                bool test, std::size_t frame = 0) {
-    source.images.push_back(std::move(image)); // the pixels stay where they are when the list grows
+    source.images.push_back(std::move(image)); // the addresses of the pixels do not change when the list grows
     (test ? source.test : source.training).push_back({name, camera, frame, source.images.back().data});
 }
 
-/// One frame of a capture on the disk, by its cameras and images alone: no body and no poses are needed.
+/// Loads the cameras and images of one frame of a capture. It needs neither a body nor poses.
 StaticSource load_capture_frame(const std::filesystem::path& folder, std::size_t frame) {
     StaticSource source;
     source.name = std::filesystem::weakly_canonical(folder).filename().string() + ", frame " + std::to_string(frame);
@@ -40,7 +40,7 @@ StaticSource load_capture_frame(const std::filesystem::path& folder, std::size_t
         const auto read = [&](const char* kind) {
             const auto files = gsh::detail::list_images(folder / kind / camera.name);
             check_value(frame < files.size(), (folder / kind / camera.name).string(),
-                        "holds " + std::to_string(files.size()) + " images, expected frame " + std::to_string(frame) +
+                        "has " + std::to_string(files.size()) + " images, expected frame " + std::to_string(frame) +
                             " among them");
             PixelImage image = read_image(files[frame]);
             gsh::detail::check_image_size(files[frame], image, camera);
@@ -54,8 +54,8 @@ StaticSource load_capture_frame(const std::filesystem::path& folder, std::size_t
     return source;
 }
 
-/// A reconstruction of COLMAP: FOLDER/sparse/0 (or FOLDER itself), FOLDER/images, and FOLDER/masks if it is there.
-/// Every `hold`-th image by name, the first one included, is left out of training and judged by; 0: none.
+/// Loads a reconstruction of COLMAP: FOLDER/sparse/0 (or FOLDER itself), FOLDER/images, and FOLDER/masks if it exists.
+/// Every `hold`-th image by name, beginning with the first one, is a test image; 0: none.
 StaticSource load_colmap_source(const std::filesystem::path& folder, std::size_t hold = 8) {
     ColmapScene scene = read_colmap(folder);
     StaticSource source;

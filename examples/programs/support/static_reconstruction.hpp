@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The configuration `static`: one moment of a capture, or a reconstruction of COLMAP, as a 3DGS scene.
+/// @file  The configuration `static`: one frame of a capture, or a reconstruction of COLMAP, as a 3DGS scene.
 #pragma once
 
 #include "support/output_folder.hpp"
@@ -26,72 +26,73 @@
 
 namespace gsh::examples {
 
-/// Photographs of one moment, and what the scene may start from.
+/// Photographs of one moment, and points to initialise the scene with.
 struct StaticSource {
     std::string name;
-    std::vector<PixelImage> images;        ///< what the photographs point into
+    std::vector<PixelImage> images;        ///< the pixels of the photographs
     std::vector<Photo> training, test;
     std::optional<ColoredPoints> points;   ///< of structure from motion; else the masks' visual hull is filled
 
     StaticSource() = default;
-    StaticSource(StaticSource&&) = default; // pixels stay where they are; in a copy they would not
+    StaticSource(StaticSource&&) = default; // a move keeps the addresses of the pixels, a copy would not
     StaticSource& operator=(StaticSource&&) = default;
 };
 
 struct StaticOptions {
     StaticConfig config;
-    std::size_t points = 0; ///< to start from, where the source brings none
+    std::size_t points = 0; ///< number of initial points if the source has none
     std::uint64_t seed = 0;
 };
 
-/// What a reconstruction's options mean for a static scene.
+/// The options of a static scene that follow from those of a reconstruction.
 StaticOptions static_options(const ReconstructOptions& o);
 
-/// What was made, and how good it is.
+/// The scene and its figures.
 struct StaticResult {
     GaussianCloud<float> scene;
     std::vector<ImageScore> scores;        ///< of the test photographs
     ImageScore mean;                       ///< NaN without test photographs
     std::vector<Image<float>> pictures;    ///< render, truth and error of each
-    std::uint64_t steps = 0;               ///< fewer than asked for if somebody interrupted
-    double seconds = 0;                    ///< of training alone
+    std::uint64_t steps = 0;               ///< less than requested after an interrupt
+    double seconds = 0;                    ///< of training only
     std::size_t threads = 0;
     DensityChange change;
 };
 
-/// One frame of a capture in memory; cameras with the role test are left out of training.
+/// One frame of a capture in memory. Cameras with the role test are not used for training.
 StaticSource static_source(const Capture& capture, std::size_t frame);
 
-/// A folder of either kind: with cameras.json it is a capture, of which one frame's cameras and images are read and
-/// nothing else; without, a reconstruction of COLMAP.
+/// Loads a folder. A folder with cameras.json is a capture, of which only the cameras and the images of one frame are
+/// read. Any other folder is a reconstruction of COLMAP.
 StaticSource load_static_source(const std::filesystem::path& folder, std::size_t frame = 0);
 
 /// A scene in training.
 class StaticReconstruction {
 public:
     StaticModel<cpu::Threads> scene;
-    Trainer<cpu::Threads, StaticModel<cpu::Threads>> trainer; ///< what computes is below, so that it is compiled once
-    double seconds = 0;                                       ///< of training alone
+    Trainer<cpu::Threads, StaticModel<cpu::Threads>> trainer; ///< calls that compute are members below, compiled once
+    double seconds = 0;                                       ///< of training only
 
-    /// Errors  ValueError for a source that cannot be trained on; source must outlive this.
+    /// `source` must outlive this object.
+    /// Errors  ValueError for a source that cannot be trained on.
     StaticReconstruction(cpu::Threads& backend, const StaticSource& source, const StaticOptions& options);
     ~StaticReconstruction();
 
-    /// Trains until step `until`, at most all of them, or until somebody interrupts; shows how far it is.
+    /// Trains until step `until`, the last step or an interrupt. Shows the progress.
     void train(std::uint64_t until, const std::string& title = "training");
 
-    /// gsh::compare: a photograph beside its render.
+    /// gsh::compare: a photograph and its render.
     [[nodiscard]] Comparison<float> compare(const Photo& photo);
 
 private:
     std::uint64_t steps_;
 };
 
-/// Trains, showing how far it is, and judges on the test photographs.
+/// Trains with a progress line, and evaluates on the test photographs.
 StaticResult reconstruct_static(cpu::Threads& backend, const StaticSource& source,
                                 const StaticOptions& options);
 
-/// scene.ply, test/NAME.png (render, truth, error) and, last, metrics.json.
+/// Writes scene.ply, test/NAME.png (render, truth, error) and, as the last file, metrics.json.
 void write_static_result(OutputFolder& out, const StaticSource& source, const StaticOptions& options,
                          const StaticResult& result);
 

@@ -28,7 +28,7 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
         save_checkpoint(options, reconstruction, record);
     };
     auto last_checkpoint = Clock::now();
-    double paused = 0; // evaluation and checkpoints do not count as training
+    double paused = 0; // seconds of evaluation and checkpoints, which do not count as training
     const auto start = Clock::now();
     const auto since = [](Clock::time_point t) { return std::chrono::duration<double>(Clock::now() - t).count(); };
 

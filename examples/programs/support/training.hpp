@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The training loop of the programs: steps, a progress line, checkpoints, and an end when somebody interrupts.
+/// @file  The training loop of the programs: steps, a progress line, checkpoints, and an end after an interrupt.
 #pragma once
 
 #include "support/reconstruct_options.hpp"
@@ -12,8 +12,8 @@ namespace gsh::examples {
 struct Reconstruction;
 struct TrainingRecord;
 
-/// Trains until the steps or the seconds of the run are used up, until step `until` if that comes first (0: there is
-/// none), or until somebody interrupts. A checkpoint is left behind.
+/// Trains until the steps or the seconds of the run are over, until step `until` (0: no such limit), or until an
+/// interrupt, whichever comes first. At the end it writes a checkpoint.
 void train(Reconstruction& reconstruction, const ReconstructOptions& options, TrainingRecord& record,
            const std::string& title = "training", std::uint64_t until = 0);
 
