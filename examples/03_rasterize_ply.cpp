@@ -63,7 +63,8 @@ Image<float> render(Backend& backend, const GaussianCloud<float>& cloud, const C
     upload(backend, cloud, gaussians);
     splats.resize(cloud.size());
     with_sh_degree(cloud.sh_degree, [&](auto degree) {
-        static_splats_forward<degree()>(backend, gaussians.view(), camera.center(), splats.view());
+        StaticSplatsCache<Backend> cache;
+        StaticSplats<Backend, degree()>(backend).forward(gaussians.view(), camera.center(), splats.view(), cache);
     });
     const Rasterizer<Backend> rasterizer(backend);
     Rasterizer<Backend>::Cache cache;

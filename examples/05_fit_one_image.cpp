@@ -45,8 +45,8 @@ GaussianCloud<float> random_blobs(std::size_t count) {
 class PictureFit {
 public:
     PictureFit(Backend& backend, const GaussianCloud<float>& start, const Image<float>& truth)
-        : backend_(backend), rasterizer_(backend), loss_(backend), truth_(truth), render_(3, truth.height, truth.width),
-          dL_drender_(render_) {
+        : backend_(backend), to_splats_(backend), rasterizer_(backend), loss_(backend), truth_(truth),
+          render_(3, truth.height, truth.width), dL_drender_(render_) {
         upload(backend, start, gaussians_);
         for (auto* like : {&dL_dgaussians_, &m_, &v_}) {
             like->resize(start.size(), start.sh_degree);
@@ -64,7 +64,7 @@ public:
 
     // 3. Forwards in order: Gaussians → splats → picture → loss.
     double forward() {
-        static_splats_forward<0>(backend_, gaussians_.view(), camera_.center(), splats_.view());
+        to_splats_.forward(gaussians_.view(), camera_.center(), splats_.view(), splats_cache_);
         rasterizer_.forward(camera_, splats_.view(), background_, {.color = render_.view()}, raster_cache_);
         loss_.forward(render_.view(), truth_.view(), loss_cache_);
         return loss_.values(loss_cache_).loss;
@@ -77,8 +77,8 @@ public:
         fill_zero(backend_, dL_dsplats_.view());
         rasterizer_.backward(camera_, splats_.view(), background_, {.color = dL_drender_.view()}, raster_cache_,
                              dL_dsplats_.view());
-        static_splats_backward<0>(backend_, gaussians_.view(), camera_.center(), dL_dsplats_.view(), workspace_,
-                                  dL_dgaussians_.view());
+        to_splats_.backward(gaussians_.view(), camera_.center(), dL_dsplats_.view(), splats_cache_,
+                            dL_dgaussians_.view());
     }
 
     // 5. A step of Adam, with a rate for each attribute. It zeroes the gradients after use.
@@ -101,6 +101,7 @@ public:
 
 private:
     Backend& backend_;
+    StaticSplats<Backend, 0> to_splats_;
     Rasterizer<Backend> rasterizer_;
     PhotometricLoss<Backend> loss_;
     Adam adam_;
@@ -112,7 +113,7 @@ private:
     Image<float> render_, dL_drender_;
     Rasterizer<Backend>::Cache raster_cache_;
     PhotometricLoss<Backend>::Cache loss_cache_;
-    StaticSplatsWorkspace<Backend, float> workspace_;
+    StaticSplats<Backend, 0>::Cache splats_cache_;
 };
 
 void story(const std::filesystem::path& folder) {

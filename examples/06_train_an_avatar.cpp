@@ -21,7 +21,6 @@ template <class T>
 using Buffer = B::Buffer<T>;
 using Vec = vec3<float>;
 using Field = HashField<12, 2>; // 12 levels with 2 numbers each
-
 constexpr int degree = 1, size = 192, steps = 800;
 constexpr std::size_t count = 10000, basis = sh_basis_count(degree), stride = basis + 1; // a row of the field: SH, δx
 
@@ -63,6 +62,7 @@ void story(const std::filesystem::path& folder) {
     field.prepare(backend, on_backend(backend, in_cube), query,
                   {.fine_level = 9, .region = on_backend<B, float>(backend, {tau.begin(), tau.end()})});
     Rig<B> rig(backend, rig_data);
+    const SkinnedSplats<B, degree> skinning(backend);
     const Rasterizer<B> rasterizer(backend, raster_params<float>({.dilation = 0.1, .compensate_opacity = true}));
     const PhotometricLoss<B> loss(backend);
     LearnedBuffer table(backend, field.grid().initial_table<float>(1));
@@ -90,7 +90,7 @@ void story(const std::filesystem::path& folder) {
     RigPose<B> pose;
     Field::Cache<B> field_cache;
     Rig<B>::Cache rig_cache;
-    SkinnedSplatsWorkspace<B> skin_cache;
+    SkinnedSplats<B, degree>::Cache skin_cache;
     Rasterizer<B>::Cache raster_cache;
     PhotometricLoss<B>::Cache loss_cache;
 
@@ -104,7 +104,7 @@ void story(const std::filesystem::path& folder) {
         backend.for_each(count, Displace{points, rows, means});
         rig.forward(pose, joints.values(), rig_cache);
         rig.add_offsets(rig_cache, means);
-        skinned_splats_forward<degree>(backend, gaussians, rig_cache.bones, camera.center(), splats.view());
+        skinning.forward(gaussians, rig_cache.bones, camera.center(), splats.view(), skin_cache);
         rasterizer.forward(camera, splats.view(), white, {.color = render}, raster_cache);
         loss.forward(render, photo, loss_cache);
     };
@@ -114,8 +114,8 @@ void story(const std::filesystem::path& folder) {
         for (auto sum : {numbers(dL_drows), numbers(dL_dmeans), numbers(dL_dbones)}) backend.fill(sum, 0.0f);
         loss.backward(render, photo, 1.0f, loss_cache, dL_drender);
         rasterizer.backward(camera, splats.view(), white, {.color = dL_drender}, raster_cache, dL_dsplats.view());
-        skinned_splats_backward<degree>(backend, gaussians, rig_cache.bones, camera.center(), dL_dsplats.view(),
-                                        skin_cache, dL_dgaussians, dL_dbones);
+        skinning.backward(gaussians, rig_cache.bones, camera.center(), dL_dsplats.view(), skin_cache, dL_dgaussians,
+                          dL_dbones);
         rig.backward(pose, rig_cache, dL_dbones, dL_dmeans, joints.gradient());
         backend.for_each(count, DisplaceBackward{dL_dmeans, dL_drows});
         field.backward(backend, weights.values(), query, numbers(dL_drows), field_cache, table.gradient(),

@@ -61,10 +61,10 @@ template <class B>
 void forward(benchmark::State& state) {
     Scene scene;
     B backend;
-    SkinnedSplatsWorkspace<B, float> workspace;
+    const SkinnedSplats<B, 2> skin(backend, {.deformation = deformation(state)});
+    typename SkinnedSplats<B, 2>::Cache cache;
     for (auto _ : state) {
-        skinned_splats_forward<2>(backend, scene.view(state.range(1)), scene.bones, vec3<float>(0, 1, 4),
-                                  scene.splats(), workspace, ColorClamp::both, deformation(state));
+        skin.forward(scene.view(state.range(1)), scene.bones, vec3<float>(0, 1, 4), scene.splats(), cache);
         benchmark::ClobberMemory();
     }
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(N));
@@ -76,9 +76,9 @@ void backward(benchmark::State& state) {
     Scene scene, gradient;
     B backend;
     const auto view = scene.view(state.range(1));
-    SkinnedSplatsWorkspace<B, float> workspace;
-    skinned_splats_forward<2>(backend, view, scene.bones, vec3<float>(0, 1, 4), scene.splats(), workspace,
-                              ColorClamp::both, deformation(state));
+    const SkinnedSplats<B, 2> skin(backend, {.deformation = deformation(state)});
+    typename SkinnedSplats<B, 2>::Cache cache;
+    skin.forward(view, scene.bones, vec3<float>(0, 1, 4), scene.splats(), cache);
     for (std::size_t i = 0; i < N; ++i)
         if ((i / 64) % 2 && state.range(2) == 50) {
             scene.splat_means[i] = scene.colors[i] = vec3<float>(0);
@@ -89,8 +89,7 @@ void backward(benchmark::State& state) {
         gradient.sh,    state.range(1) ? Span<float>(gradient.ao) : Span<float>()};
     std::vector<vec3<float>> center(1);
     for (auto _ : state) {
-        skinned_splats_backward<2>(backend, view, scene.bones, vec3<float>(0, 1, 4), scene.splats(), workspace, out,
-                                   gradient.bones, center, ColorClamp::both, deformation(state));
+        skin.backward(view, scene.bones, vec3<float>(0, 1, 4), scene.splats(), cache, out, gradient.bones, center);
         benchmark::ClobberMemory();
     }
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(N));

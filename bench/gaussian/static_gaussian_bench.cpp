@@ -31,8 +31,10 @@ void forward(benchmark::State& state) {
     upload(backend, random_cloud(Degree), gaussians);
     Splats<B, float> splats;
     splats.resize(count);
+    const StaticSplats<B, Degree> to_splats(backend);
+    typename StaticSplats<B, Degree>::Cache cache;
     for (auto _ : state) {
-        static_splats_forward<Degree>(backend, gaussians.view(), vec3<float>(0, 0, -4), splats.view());
+        to_splats.forward(gaussians.view(), vec3<float>(0, 0, -4), splats.view(), cache);
         benchmark::DoNotOptimize(splats.colors.data());
     }
     state.SetItemsProcessed(state.iterations() * std::int64_t(count));
@@ -48,11 +50,11 @@ void backward(benchmark::State& state) {
     upload(backend, GaussianCloud<float>(count, Degree), dL_dgaussians);
     Splats<B, float> dL_dsplats;
     dL_dsplats.resize(count);
-    static_splats_forward<Degree>(backend, gaussians.view(), vec3<float>(0, 0, -4), dL_dsplats.view());
-    StaticSplatsWorkspace<B, float> workspace;
+    const StaticSplats<B, Degree> to_splats(backend);
+    typename StaticSplats<B, Degree>::Cache cache;
+    to_splats.forward(gaussians.view(), vec3<float>(0, 0, -4), dL_dsplats.view(), cache);
     for (auto _ : state) {
-        static_splats_backward<Degree>(backend, gaussians.view(), vec3<float>(0, 0, -4), dL_dsplats.view(), workspace,
-                                       dL_dgaussians.view());
+        to_splats.backward(gaussians.view(), vec3<float>(0, 0, -4), dL_dsplats.view(), cache, dL_dgaussians.view());
         benchmark::DoNotOptimize(dL_dgaussians.sh.data());
     }
     state.SetItemsProcessed(state.iterations() * std::int64_t(count));

@@ -23,6 +23,9 @@ constexpr Deformation deformations[] = {Deformation::linear, Deformation::polar,
 constexpr double pi = std::numbers::pi;
 using test::SplatArrays;
 
+template <class T, class B = cpu::Serial>
+using Skin = SkinnedSplats<B, 2, T>;
+
 /// A scene on a real skeleton: its bones are what kinematics makes of a pose.
 struct Puppet {
     static constexpr std::size_t J = test::SkinnedScene<double>::joint_count;
@@ -67,8 +70,10 @@ struct Ball {
         weights = {1 - share, share};
         const std::vector<Affine<double>> bones = {first, second};
         cpu::Serial backend;
-        skinned_splats_forward<2>(backend, {means, quats, log_scales, logits, sh, {}, {joints, weights, 2}}, bones,
-                                  vec3<double>(0, 0, -3), splats.view(), ColorClamp::both, deformation);
+        Skin<double>::Cache cache;
+        Skin<double>(backend, {.deformation = deformation})
+            .forward({means, quats, log_scales, logits, sh, {}, {joints, weights, 2}}, bones, vec3<double>(0, 0, -3),
+                     splats.view(), cache);
         return splats;
     }
 };
@@ -84,11 +89,11 @@ TEST_CASE("every deformation's adjoint is the gradient with respect to pose, joi
         cpu::Serial backend;
         SplatArrays<double> splats(count);
         const SplatArrays<double> dL_dsplats(count, 22);
-        SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
+        const Skin<double> skin(backend, {.deformation = deformation});
+        Skin<double>::Cache cache;
         const auto loss = [&] {
             puppet.move();
-            skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(), workspace,
-                                      ColorClamp::both, deformation);
+            skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
             return inner(splats, dL_dsplats);
         };
         std::vector<vec3<double>> dL_dpose(Puppet::J, vec3<double>(0)), dL_djoints = dL_dpose,
@@ -96,9 +101,8 @@ TEST_CASE("every deformation's adjoint is the gradient with respect to pose, joi
         std::vector<mat3<double>> dL_drotations(Puppet::J, mat3<double>(0.0));
         std::vector<Affine<double>> scratch(Puppet::J);
         const auto backward = [&] {
-            skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(),
-                                       workspace, gradient.view(), gradient.bones, gradient.center, ColorClamp::both,
-                                       deformation);
+            skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
+                          gradient.bones, gradient.center);
         };
         loss();
         backward();
@@ -140,14 +144,14 @@ TEST_CASE("linear and polar take bones that are no rotations, and are gradients 
         cpu::Serial backend;
         SplatArrays<double> splats(6);
         const SplatArrays<double> dL_dsplats(6, 24);
-        SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
+        const Skin<double> skin(backend, {.deformation = deformation});
+        Skin<double>::Cache cache;
         const auto loss = [&] {
-            skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(),
-                                      ColorClamp::both, deformation);
+            skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
             return inner(splats, dL_dsplats);
         };
-        skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                                   gradient.view(), gradient.bones, gradient.center, ColorClamp::both, deformation);
+        skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
+                      gradient.bones, gradient.center);
         test::check_gradient(loss, test::scalars(scene.bones), test::scalars(gradient.bones), {.tolerance = 4e-6});
     }
 }
@@ -159,10 +163,10 @@ TEST_CASE("with dual quaternions a bone's nine numbers receive the gradient alon
     gradient.clear();
     cpu::Serial backend;
     const SplatArrays<double> dL_dsplats(6, 25);
-    SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
-    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                               gradient.view(), gradient.bones, gradient.center, ColorClamp::both,
-                               Deformation::dual_quaternion);
+    const Skin<double> skin(backend, {.deformation = Deformation::dual_quaternion});
+    Skin<double>::Cache cache;
+    skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
+                  gradient.bones, gradient.center);
     double size = 0;
     for (std::size_t j = 0; j < Puppet::J; ++j) {
         const mat3<double> inside = transpose(scene.bones[j].linear) * gradient.bones[j].linear; // must be skew
@@ -188,12 +192,11 @@ TEST_CASE("Threads equals Serial bit for bit in every deformation, sizes from no
                 SplatArrays<float> splats(count);
                 auto gradient = scene;
                 gradient.clear();
-                SkinnedSplatsWorkspace<B, float> workspace;
-                skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(),
-                                          workspace, ColorClamp::both, deformation);
-                skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(),
-                                           workspace, gradient.view(), gradient.bones, gradient.center,
-                                           ColorClamp::both, deformation);
+                const Skin<float, B> skin(backend, {.deformation = deformation});
+                typename Skin<float, B>::Cache cache;
+                skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
+                skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
+                              gradient.bones, gradient.center);
                 return std::pair(splats, gradient);
             };
             const auto same = [](const auto& a, const auto& b) {
@@ -226,16 +229,15 @@ TEST_CASE_TEMPLATE("registers of Gaussians compute what one Gaussian at a time d
     SplatArrays<double> wide(count), plain(count);
     auto wide_gradient = scene, plain_gradient = scene;
     wide_gradient.clear(), plain_gradient.clear();
-    SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
-    skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], wide.view(), workspace,
-                              ColorClamp::both, D::value);
-    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                               wide_gradient.view(), wide_gradient.bones, wide_gradient.center, ColorClamp::both,
-                               D::value);
+    const Skin<double> skin(backend, {.deformation = D::value});
+    Skin<double>::Cache cache;
+    skin.forward(scene.input(), scene.bones, scene.center[0], wide.view(), cache);
+    skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, wide_gradient.view(),
+                  wide_gradient.bones, wide_gradient.center);
 
     using Bone = typename D::template Bone<double>;
     const Span<const Affine<double>> affine(scene.bones);
-    const auto bones = detail::bones_of<D>(backend, affine, workspace);
+    const auto bones = detail::bones_of<D>(backend, affine, cache);
     const detail::SkinnedInput<2, double, D> input{scene.input(), bones, scene.center[0], 9};
     std::vector<Bone> dL_dbones(Puppet::J, Bone::zero());
     const detail::SkinnedSplatForward<2, double, D> forward{input, ColorClamp::both, plain.view()};
@@ -274,9 +276,10 @@ TEST_CASE("where all bones move alike, all deformations agree") {
     for (auto& bone : puppet.scene.bones) bone = puppet.scene.bones[3];
     cpu::Serial backend;
     const auto pose = [&](Deformation deformation) {
+        const Skin<double> skin(backend, {.deformation = deformation});
+        Skin<double>::Cache cache;
         SplatArrays<double> splats(20);
-        skinned_splats_forward<2>(backend, puppet.scene.input(), puppet.scene.bones, puppet.scene.center[0],
-                                  splats.view(), ColorClamp::both, deformation);
+        skin.forward(puppet.scene.input(), puppet.scene.bones, puppet.scene.center[0], splats.view(), cache);
         return splats;
     };
     const auto linear = pose(Deformation::linear);
@@ -332,15 +335,14 @@ TEST_CASE_TEMPLATE("opposed bones and a camera at the Gaussian give finite numbe
         cpu::Serial backend;
         SplatArrays<T> splats(9);
         const SplatArrays<T> dL_dsplats(9, 32);
-        SkinnedSplatsWorkspace<cpu::Serial, T> workspace;
-        skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(), ColorClamp::both,
-                                  deformation);
+        const Skin<T> skin(backend, {.deformation = deformation});
+        typename Skin<T>::Cache cache;
+        skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
         scene.center[0] = splats.means[1];
         gradient.clear();
-        skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(), ColorClamp::both,
-                                  deformation);
-        skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                                   gradient.view(), gradient.bones, gradient.center, ColorClamp::both, deformation);
+        skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
+        skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
+                      gradient.bones, gradient.center);
         const auto finite = [](const auto& values) {
             using Number = std::remove_cvref_t<decltype(values[0])>;
             for (const auto& value : values)
@@ -364,13 +366,14 @@ TEST_CASE("a bone gradient that nobody asks for is not computed, the others stay
     cpu::Serial backend;
     const SplatArrays<double> dL_dsplats(11, 34);
     for (const Deformation deformation : deformations) {
-        SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
+        const Skin<double> skin(backend, {.deformation = deformation});
+        Skin<double>::Cache cache;
         auto all = scene, some = scene;
         all.clear(), some.clear();
-        skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                                   all.view(), all.bones, all.center, ColorClamp::both, deformation);
-        skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                                   SkinnedView<double>{.means = some.means}, {}, {}, ColorClamp::both, deformation);
+        skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, all.view(), all.bones,
+                      all.center);
+        skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache,
+                      SkinnedView<double>{.means = some.means});
         CHECK(some.means == all.means);
     }
 }

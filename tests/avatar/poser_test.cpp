@@ -38,7 +38,7 @@ struct PosedTube {
     std::vector<double> dL_dopacity_logits, dL_dao, dL_dcoefficients;
 
     explicit PosedTube(Deformation deformation = Deformation::linear, B where = B())
-        : backend(std::move(where)), poser(backend, data, ColorClamp::both, deformation) {
+        : backend(std::move(where)), poser(backend, data, {.deformation = deformation}) {
         test::Rng rng(9);
         const std::size_t N = poser.size();
         for (std::size_t i = 0; i < N; ++i) {

@@ -25,6 +25,9 @@ template <class T>
 using Scene = test::SkinnedScene<T>;
 using test::SplatArrays;
 
+template <class T, int Degree = 2, class B = cpu::Serial>
+using Skin = SkinnedSplats<B, Degree, T>;
+
 TEST_CASE("the canonical direction is that of the true inverse, also for mirrored maps") {
     test::Rng rng(1);
     int mirrored = 0;
@@ -91,7 +94,7 @@ TEST_CASE("a rigid transform moves the Gaussian and leaves its colour to a camer
     CHECK(posed.covariance.zz == doctest::Approx(expected.zz));
 }
 
-TEST_CASE_TEMPLATE("skinned_splats_backward is the gradient of forward with respect to every input", D, Degree<0>,
+TEST_CASE_TEMPLATE("SkinnedSplats::backward is the gradient of forward with respect to every input", D, Degree<0>,
                    Degree<1>, Degree<2>, Degree<3>, Degree<4>) {
     constexpr int degree = D::value;
     constexpr std::size_t basis = (degree + 1) * (degree + 1), count = 7;
@@ -99,16 +102,17 @@ TEST_CASE_TEMPLATE("skinned_splats_backward is the gradient of forward with resp
         Scene<double> scene(count, basis, stride, 5), gradient = scene;
         gradient.clear();
         cpu::Serial backend;
+        const Skin<double, degree> skin(backend);
+        typename Skin<double, degree>::Cache cache;
         SplatArrays<double> splats(count);
         const SplatArrays<double> dL_dsplats(count, 6);
         const auto loss = [&] {
-            skinned_splats_forward<degree>(backend, scene.input(), scene.bones, scene.center[0], splats.view());
+            skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
             return inner(splats, dL_dsplats);
         };
-        SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
         const auto backward = [&] {
-            skinned_splats_backward<degree>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(),
-                                            workspace, gradient.view(), gradient.bones, gradient.center);
+            skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
+                          gradient.bones, gradient.center);
         };
         backward();
         test::check_gradient(loss, test::scalars(scene.means), test::scalars(gradient.means));
@@ -141,16 +145,16 @@ TEST_CASE("colours clamped below only keep their gradient above one") {
     Scene<double> scene(4, 9, 9, 7), gradient = scene;
     gradient.clear();
     cpu::Serial backend;
+    const Skin<double> skin(backend, {.clamping = ColorClamp::below});
+    Skin<double>::Cache cache;
     SplatArrays<double> splats(4);
     const SplatArrays<double> dL_dsplats(4, 8);
-    SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
     const auto loss = [&] {
-        skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(),
-                                  ColorClamp::below);
+        skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
         return inner(splats, dL_dsplats);
     };
-    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                               gradient.view(), gradient.bones, gradient.center, ColorClamp::below);
+    skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
+                  gradient.bones, gradient.center);
     test::check_gradient(loss, test::scalars(scene.sh), test::scalars(gradient.sh));
     CHECK(splats.colors[2].y > 1);
     CHECK(gradient.sh[2 * 9].y != 0);
@@ -163,13 +167,14 @@ TEST_CASE("ambient occlusion receives the loss times the colour before it, in fu
     std::fill(lit.ao.begin(), lit.ao.end(), 1.0);
     gradient.clear();
     cpu::Serial backend;
+    const Skin<double> skin(backend);
+    Skin<double>::Cache cache;
     SplatArrays<double> splats(count), unoccluded(count);
     const SplatArrays<double> dL_dsplats(count, 18);
-    SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
-    skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view());
-    skinned_splats_forward<2>(backend, lit.input(), scene.bones, scene.center[0], unoccluded.view());
-    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                               gradient.view(), gradient.bones, gradient.center);
+    skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
+    skin.forward(lit.input(), scene.bones, scene.center[0], unoccluded.view(), cache);
+    skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
+                  gradient.bones, gradient.center);
     for (std::size_t i = 0; i < count; ++i) {
         CHECK(length(splats.colors[i] - unoccluded.colors[i] * scene.ao[i]) < 1e-15);
         CHECK(gradient.ao[i] == doctest::Approx(dot(dL_dsplats.colors[i], unoccluded.colors[i])));
@@ -183,12 +188,13 @@ TEST_CASE("attributes that nobody asks for are left alone, the others do not cha
     Scene<double> scene(count, 9, 9, 9), all = scene, some = scene;
     all.clear(), some.clear();
     cpu::Serial backend;
+    const Skin<double> skin(backend);
+    Skin<double>::Cache cache;
     const SplatArrays<double> dL_dsplats(count, 10);
-    SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
-    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                               all.view(), all.bones, all.center);
-    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                               SkinnedView<double>{.means = some.means});
+    skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, all.view(), all.bones,
+                  all.center);
+    skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache,
+                  SkinnedView<double>{.means = some.means});
     CHECK(some.means == all.means);
     CHECK(some.sh[0] == vec3<double>(0));
     // A Gaussian that the loss does not see adds nothing.
@@ -196,8 +202,8 @@ TEST_CASE("attributes that nobody asks for are left alone, the others do not cha
     half.means[4] = half.colors[4] = vec3<double>(0), half.covariances[4] = {}, half.opacities[4] = 0;
     auto seen = scene;
     seen.clear();
-    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], half.view(), workspace,
-                               seen.view(), seen.bones, seen.center);
+    skin.backward(scene.input(), scene.bones, scene.center[0], half.view(), cache, seen.view(), seen.bones,
+                  seen.center);
     CHECK(seen.means[4] == vec3<double>(0));
     CHECK(seen.ao[4] == 0);
     CHECK(seen.means[3] == all.means[3]);
@@ -206,8 +212,8 @@ TEST_CASE("attributes that nobody asks for are left alone, the others do not cha
     std::fill(lit.ao.begin(), lit.ao.end(), 1.0);
     unlit.ao.clear();
     SplatArrays<double> a(count), b(count);
-    skinned_splats_forward<2>(backend, lit.input(), scene.bones, scene.center[0], a.view());
-    skinned_splats_forward<2>(backend, unlit.input(), scene.bones, scene.center[0], b.view());
+    skin.forward(lit.input(), scene.bones, scene.center[0], a.view(), cache);
+    skin.forward(unlit.input(), scene.bones, scene.center[0], b.view(), cache);
     CHECK(a.colors == b.colors);
 }
 
@@ -299,10 +305,11 @@ TEST_CASE("Threads equals Serial bit for bit; any size from none to beyond a chu
             SplatArrays<float> splats(count);
             Scene<float> gradient = scene;
             gradient.clear();
-            SkinnedSplatsWorkspace<B, float> workspace;
-            skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view());
-            skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(),
-                                       workspace, gradient.view(), gradient.bones, gradient.center);
+            const Skin<float, 2, B> skin(backend);
+            typename Skin<float, 2, B>::Cache cache;
+            skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
+            skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
+                          gradient.bones, gradient.center);
             return std::pair(splats, gradient);
         };
         const auto equal = [](const auto& a, const auto& b) {
@@ -331,12 +338,13 @@ TEST_CASE("sizes that do not fit are refused") {
     Scene<double> scene(3, 9, 9, 15), gradient = scene;
     SplatArrays<double> splats(3);
     cpu::Serial backend;
-    SkinnedSplatsWorkspace<cpu::Serial, double> workspace;
+    const Skin<double> skin(backend);
+    Skin<double>::Cache cache;
     const auto forward = [&](auto break_it) {
         auto input = scene.input();
         auto out = splats.view();
         break_it(input, out);
-        skinned_splats_forward<2>(backend, input, scene.bones, scene.center[0], out);
+        skin.forward(input, scene.bones, scene.center[0], out, cache);
     };
     const auto shorter = [](auto& span) { span = span.subspan(0, span.size() - 1); };
     CHECK_NOTHROW(forward([](auto&, auto&) {}));
@@ -356,8 +364,7 @@ TEST_CASE("sizes that do not fit are refused") {
 
     std::vector<vec3<double>> centers(2);
     const auto backward = [&](SkinnedView<double> view, Span<Affine<double>> bones, Span<vec3<double>> center) {
-        skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(), workspace, view,
-                                   bones, center);
+        skin.backward(scene.input(), scene.bones, scene.center[0], splats.view(), cache, view, bones, center);
     };
     CHECK_NOTHROW(backward(gradient.view(), gradient.bones, gradient.center));
     CHECK_THROWS_AS(backward(gradient.view(), Span<Affine<double>>(gradient.bones).subspan(0, 2), gradient.center),

@@ -301,13 +301,12 @@ TEST_CASE("posing, shading and rendering refuse host memory") {
                   [&] { rasterizer.backward(camera, view, {}, {.color = image}, cache, gradient.view(), dL_dcamera); });
 
     const test::SkinnedScene<float> scene(3, 1, 1, 4);
-    check_refused("skinned_splats_forward", "gaussians.means", [&] {
-        skinned_splats_forward<0>(backend, scene.input(), scene.bones, scene.center[0], splats.view());
-    });
-    SkinnedSplatsWorkspace<Guarded, float> workspace;
-    check_refused("skinned_splats_backward", "gaussians.means", [&] {
-        skinned_splats_backward<0>(backend, scene.input(), scene.bones, scene.center[0], view, workspace,
-                                   SkinnedView<float>{});
+    const SkinnedSplats<Guarded, 0> skin(backend);
+    SkinnedSplats<Guarded, 0>::Cache skin_cache;
+    check_refused("SkinnedSplats::forward", "gaussians.means",
+                  [&] { skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), skin_cache); });
+    check_refused("SkinnedSplats::backward", "gaussians.means", [&] {
+        skin.backward(scene.input(), scene.bones, scene.center[0], view, skin_cache, SkinnedView<float>{});
     });
 
     const GaussianCloud<float> cloud(3, 0);
@@ -315,15 +314,15 @@ TEST_CASE("posing, shading and rendering refuse host memory") {
     upload(backend, cloud, gaussians);
     const auto all = std::as_const(gaussians).view();
     const vec3<float> center(0, 0, 3);
-    StaticSplatsWorkspace<Guarded> static_workspace;
-    check_refused("static_splats_forward", "gaussians.means",
-                  [&] { static_splats_forward<0>(backend, cloud.view(), center, splats.view()); });
-    check_refused("static_splats_forward", "splats.means",
-                  [&] { static_splats_forward<0>(backend, all, center, host.view()); });
+    const StaticSplats<Guarded, 0> to_splats(backend);
+    StaticSplats<Guarded, 0>::Cache static_cache;
+    check_refused("StaticSplats::forward", "gaussians.means",
+                  [&] { to_splats.forward(cloud.view(), center, splats.view(), static_cache); });
+    check_refused("StaticSplats::forward", "splats.means",
+                  [&] { to_splats.forward(all, center, host.view(), static_cache); });
     std::vector<vec3<float>> dL_dcenter(1);
-    check_refused("static_splats_backward", "dL_dcenter", [&] {
-        static_splats_backward<0>(backend, all, center, view, static_workspace, gaussians.view(), dL_dcenter);
-    });
+    check_refused("StaticSplats::backward", "dL_dcenter",
+                  [&] { to_splats.backward(all, center, view, static_cache, gaussians.view(), dL_dcenter); });
 }
 
 TEST_CASE("images, losses and terms of a motion refuse host memory") {

@@ -93,20 +93,20 @@ void use_skinned_gaussians(B& backend) {
     for (const Deformation deformation : {Deformation::linear, Deformation::polar, Deformation::dual_quaternion}) {
         SkinnedScene<float> scene(2, 9, 9, 1), gradient = scene;
         SplatArrays<float> splats(2);
-        SkinnedSplatsWorkspace<B> workspace;
-        skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(), workspace,
-                                  ColorClamp::both, deformation);
-        skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0],
-                                   SplatView<const float>(splats.view()), workspace, gradient.view(), gradient.bones,
-                                   gradient.center, ColorClamp::both, deformation);
+        const SkinnedSplats<B, 2> skin(backend, {.deformation = deformation});
+        typename SkinnedSplats<B, 2>::Cache cache;
+        skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
+        skin.backward(scene.input(), scene.bones, scene.center[0], SplatView<const float>(splats.view()), cache,
+                      gradient.view(), gradient.bones, gradient.center);
     }
 }
 
 template <class B>
 void use_static_gaussians(B& backend) {
-    StaticSplatsWorkspace<B> workspace;
+    const StaticSplats<B, 0> to_splats(backend);
+    typename StaticSplats<B, 0>::Cache cache;
     std::vector<vec3<float>> dL_dcenter(1);
-    static_splats_backward<0>(backend, {}, vec3<float>(0), {}, workspace, GaussiansView<float>{}, dL_dcenter);
+    to_splats.backward({}, vec3<float>(0), {}, cache, GaussiansView<float>{}, dL_dcenter);
 }
 
 template <class B>

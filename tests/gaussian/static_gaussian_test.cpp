@@ -65,17 +65,19 @@ GaussianCloud<T> zero_cloud(std::size_t count, int degree) {
 
 } // namespace
 
-TEST_CASE("static_splats_backward is the gradient of static_splats_forward, and adds") {
+TEST_CASE("StaticSplats::backward is the gradient of forward, and adds") {
     constexpr int degree = 3;
     constexpr std::size_t count = 3;
     auto cloud = random_cloud<double>(count, degree);
     vec3<double> center(0.3, -0.2, -4);
     auto weight = random_gradient<double>(count);
     cpu::Serial backend;
+    const StaticSplats<cpu::Serial, degree, double> to_splats(backend);
+    StaticSplats<cpu::Serial, degree, double>::Cache cache;
     Splats<cpu::Serial, double> splats;
     splats.resize(count);
     const auto loss = [&] {
-        static_splats_forward<degree>(backend, cloud.view(), center, splats.view());
+        to_splats.forward(cloud.view(), center, splats.view(), cache);
         double sum = 0;
         for (std::size_t i = 0; i < count; ++i) {
             const sym3<double>&s = splats.covariances[i], &w = weight.covariances[i];
@@ -87,9 +89,7 @@ TEST_CASE("static_splats_backward is the gradient of static_splats_forward, and 
     };
     auto gradient = zero_cloud<double>(count, degree);
     std::vector<vec3<double>> dL_dcenter(1, vec3<double>(0.0));
-    StaticSplatsWorkspace<cpu::Serial, double> workspace;
-    static_splats_backward<degree>(backend, cloud.view(), center, weight.view(), workspace, gradient.view(),
-                                   dL_dcenter);
+    to_splats.backward(cloud.view(), center, weight.view(), cache, gradient.view(), dL_dcenter);
     test::check_gradient(loss, test::scalars(cloud.means), test::scalars(gradient.means));
     test::check_gradient(loss, test::scalars(cloud.quats), test::scalars(gradient.quats));
     test::check_gradient(loss, test::scalars(cloud.log_scales), test::scalars(gradient.log_scales));
@@ -99,7 +99,7 @@ TEST_CASE("static_splats_backward is the gradient of static_splats_forward, and 
 
     auto twice = gradient;
     const vec3<double> center_once = dL_dcenter[0];
-    static_splats_backward<degree>(backend, cloud.view(), center, weight.view(), workspace, twice.view(), dL_dcenter);
+    to_splats.backward(cloud.view(), center, weight.view(), cache, twice.view(), dL_dcenter);
     for (std::size_t i = 0; i < count; ++i) {
         CHECK(length(twice.means[i] - gradient.means[i] * 2.0) < 1e-13);
         CHECK(length(twice.log_scales[i] - gradient.log_scales[i] * 2.0) < 1e-13);
@@ -116,11 +116,12 @@ TEST_CASE("Threads equals Serial bit for bit at any thread count and size") {
         const auto cloud = random_cloud<float>(count, 2);
         const auto dL_dsplats = random_gradient<float>(count);
         const auto run = [&](auto& backend, auto& splats, auto& gradient, auto& dL_dcenter) {
-            StaticSplatsWorkspace<std::remove_reference_t<decltype(backend)>, float> workspace;
+            using B = std::remove_reference_t<decltype(backend)>;
+            const StaticSplats<B, 2> to_splats(backend);
+            typename StaticSplats<B, 2>::Cache cache;
             splats.resize(count);
-            static_splats_forward<2>(backend, cloud.view(), center, splats.view());
-            static_splats_backward<2>(backend, cloud.view(), center, dL_dsplats.view(), workspace, gradient.view(),
-                                      dL_dcenter);
+            to_splats.forward(cloud.view(), center, splats.view(), cache);
+            to_splats.backward(cloud.view(), center, dL_dsplats.view(), cache, gradient.view(), dL_dcenter);
         };
         cpu::Serial serial;
         Splats<cpu::Serial, float> expected;
@@ -146,12 +147,13 @@ TEST_CASE("empty gradients are left alone, the others do not change for it") {
     const auto cloud = random_cloud<double>(4, 1);
     const auto dL_dsplats = random_gradient<double>(4);
     cpu::Serial backend;
-    StaticSplatsWorkspace<cpu::Serial, double> workspace;
+    const StaticSplats<cpu::Serial, 1, double> to_splats(backend);
+    StaticSplats<cpu::Serial, 1, double>::Cache cache;
     auto all = zero_cloud<double>(4, 1), some = all;
     some.quats.clear(), some.sh.clear();
     const vec3<double> center(0, 0, -3);
-    static_splats_backward<1>(backend, cloud.view(), center, dL_dsplats.view(), workspace, all.view());
-    static_splats_backward<1>(backend, cloud.view(), center, dL_dsplats.view(), workspace, some.view());
+    to_splats.backward(cloud.view(), center, dL_dsplats.view(), cache, all.view());
+    to_splats.backward(cloud.view(), center, dL_dsplats.view(), cache, some.view());
     CHECK(some.means == all.means);
     CHECK(some.log_scales == all.log_scales);
     CHECK(some.sh.empty());
@@ -161,25 +163,28 @@ TEST_CASE("a Gaussian at the camera's centre makes no NaN") {
     auto cloud = random_cloud<double>(1, 2);
     const vec3<double> center = cloud.means[0];
     cpu::Serial backend;
+    const StaticSplats<cpu::Serial, 2, double> to_splats(backend);
+    StaticSplats<cpu::Serial, 2, double>::Cache cache;
     Splats<cpu::Serial, double> splats;
     splats.resize(1);
-    static_splats_forward<2>(backend, cloud.view(), center, splats.view());
+    to_splats.forward(cloud.view(), center, splats.view(), cache);
     CHECK(std::isfinite(splats.colors[0].x));
-    StaticSplatsWorkspace<cpu::Serial, double> workspace;
     auto gradient = zero_cloud<double>(1, 2);
-    static_splats_backward<2>(backend, cloud.view(), center, random_gradient<double>(1).view(), workspace,
-                              gradient.view());
+    to_splats.backward(cloud.view(), center, random_gradient<double>(1).view(), cache, gradient.view());
     CHECK(std::isfinite(gradient.means[0].x));
 }
 
 TEST_CASE("sizes and degrees are checked") {
     cpu::Serial backend;
+    const StaticSplats<cpu::Serial, 1, double> to_splats(backend);
+    StaticSplats<cpu::Serial, 1, double>::Cache cache;
     auto cloud = random_cloud<double>(2, 1);
     Splats<cpu::Serial, double> splats;
     splats.resize(2);
     const vec3<double> center(0.0);
-    CHECK_THROWS_WITH_AS(static_splats_forward<2>(backend, cloud.view(), center, splats.view()),
-                         "static_splats_forward: sh_degree is 1, expected 2; choose the template's degree with "
+    const StaticSplats<cpu::Serial, 2, double> of_degree_2(backend);
+    CHECK_THROWS_WITH_AS(of_degree_2.forward(cloud.view(), center, splats.view(), cache),
+                         "StaticSplats::forward: sh_degree is 1, expected 2; choose the template's degree with "
                          "with_sh_degree",
                          ShapeError);
     for (const int which : {0, 1, 2, 3}) {
@@ -189,22 +194,18 @@ TEST_CASE("sizes and degrees are checked") {
         if (which == 1) wrong.covariances.resize(1);
         if (which == 2) wrong.opacities.resize(1);
         if (which == 3) wrong.colors.resize(1);
-        CHECK_THROWS_AS(static_splats_forward<1>(backend, cloud.view(), center, wrong.view()), ShapeError);
-        StaticSplatsWorkspace<cpu::Serial, double> workspace;
+        CHECK_THROWS_AS(to_splats.forward(cloud.view(), center, wrong.view(), cache), ShapeError);
         auto gradient = zero_cloud<double>(2, 1);
-        CHECK_THROWS_AS(
-            static_splats_backward<1>(backend, cloud.view(), center, wrong.view(), workspace, gradient.view()),
-            ShapeError);
+        CHECK_THROWS_AS(to_splats.backward(cloud.view(), center, wrong.view(), cache, gradient.view()), ShapeError);
     }
-    StaticSplatsWorkspace<cpu::Serial, double> workspace;
     auto gradient = zero_cloud<double>(2, 1), other = zero_cloud<double>(3, 1), higher = zero_cloud<double>(2, 2);
     std::vector<vec3<double>> two(2);
     const auto backward = [&](auto& out, Span<vec3<double>> dL_dcenter) {
-        static_splats_backward<1>(backend, cloud.view(), center, splats.view(), workspace, out.view(), dL_dcenter);
+        to_splats.backward(cloud.view(), center, splats.view(), cache, out.view(), dL_dcenter);
     };
     CHECK_THROWS_AS(backward(other, {}), ShapeError);
     CHECK_THROWS_AS(backward(higher, {}), ShapeError);
     CHECK_THROWS_AS(backward(gradient, two), ShapeError);
     cloud.quats.pop_back();
-    CHECK_THROWS_AS(static_splats_forward<1>(backend, cloud.view(), center, splats.view()), ShapeError);
+    CHECK_THROWS_AS(to_splats.forward(cloud.view(), center, splats.view(), cache), ShapeError);
 }

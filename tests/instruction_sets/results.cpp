@@ -34,10 +34,11 @@ std::vector<double> posed() {
     const test::SplatArrays<float> dL_dsplats(count, 7);
     gradient.clear();
     cpu::Serial backend;
-    SkinnedSplatsWorkspace<cpu::Serial, float> workspace;
-    skinned_splats_forward<2>(backend, scene.input(), scene.bones, scene.center[0], splats.view(), workspace);
-    skinned_splats_backward<2>(backend, scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), workspace,
-                               gradient.view(), gradient.bones, gradient.center);
+    const SkinnedSplats<cpu::Serial, 2> skin(backend);
+    SkinnedSplats<cpu::Serial, 2>::Cache cache;
+    skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
+    skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
+                  gradient.bones, gradient.center);
     std::vector<double> all;
     append_all(all, splats.means), append_all(all, splats.covariances), append_all(all, splats.colors);
     append_all(all, gradient.means), append_all(all, gradient.quats), append_all(all, gradient.sh);

@@ -331,9 +331,10 @@ TEST_CASE("the chain's gradient of a Gaussian's mean") {
     SkinnedView<const double> gaussians = chain.model.gaussians();
     gaussians.means = means;
     gaussians.weights = chain.model.rig().skin();
+    const SkinnedSplats<cpu::Serial, 2, double> skin(chain.backend);
+    SkinnedSplats<cpu::Serial, 2, double>::Cache skin_cache;
     const auto loss = [&] {
-        skinned_splats_forward<2>(chain.backend, gaussians, cache.rig.bones, chain.camera.center(),
-                                  chain.splats.view());
+        skin.forward(gaussians, cache.rig.bones, chain.camera.center(), chain.splats.view(), skin_cache);
         chain.rasterizer.forward(chain.camera, std::as_const(chain.splats).view(), {.color = {0.9, 0.8, 0.7}},
                                  {.color = chain.render.view()}, chain.raster_cache);
         chain.loss_function.forward(std::as_const(chain.render).view(), std::as_const(chain.truth).view(),

@@ -226,7 +226,9 @@ TEST_CASE("cloning and splitting keep the picture close") {
         const auto camera = look_at<float>({0, 0, -2}, {0, 0, 0}, {0, 1, 0}, 0.7f, 64, 64);
         Splats<cpu::Serial> splats;
         splats.resize(gaussians.size());
-        static_splats_forward<0>(backend, std::as_const(gaussians).view(), camera.center(), splats.view());
+        StaticSplats<cpu::Serial, 0>::Cache splats_cache;
+        StaticSplats<cpu::Serial, 0>(backend).forward(std::as_const(gaussians).view(), camera.center(), splats.view(),
+                                                      splats_cache);
         Image<float> image(3, 64, 64);
         Rasterizer<cpu::Serial>::Cache cache;
         Rasterizer<cpu::Serial>(backend).forward(camera, std::as_const(splats).view(), {}, {.color = image.view()},

@@ -121,7 +121,9 @@ TEST_CASE("gsh-render draws a standard PLY as its format says") {
     for (std::size_t k = 0; k < cloud.sh.size(); ++k) wide.sh[k] = vec3<double>(cloud.sh[k]);
     Splats<cpu::Serial, double> own;
     own.resize(cloud.size());
-    static_splats_forward<3>(backend, std::as_const(wide).view(), camera.center(), own.view());
+    StaticSplats<cpu::Serial, 3, double>::Cache splats_cache;
+    StaticSplats<cpu::Serial, 3, double>(backend).forward(std::as_const(wide).view(), camera.center(), own.view(),
+                                                          splats_cache);
     Image<double> drawn(3, 130, 150);
     Rasterizer<cpu::Serial, double>::Cache cache;
     Rasterizer<cpu::Serial, double>(backend).forward(camera, std::as_const(own).view(), {.color = background},

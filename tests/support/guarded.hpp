@@ -221,10 +221,10 @@ template <int Degree, class T, class D>
 void skinned_splats_pose(Guarded&, const gsh::detail::SkinnedSplatForward<Degree, T, D>& element) {
     GSH_GUARDED_OVERLOAD(skinned_splats_pose, element);
 }
-template <class Element, class Bones, class Center, class Workspace>
+template <class Element, class Bones, class Center, class Scratch>
 void skinned_splats_accumulate(Guarded&, const Element& element, const Bones& dL_dbones, const Center& dL_dcenter,
-                               Workspace& workspace) {
-    GSH_GUARDED_OVERLOAD(skinned_splats_accumulate, element, dL_dbones, dL_dcenter, workspace);
+                               Scratch& scratch) {
+    GSH_GUARDED_OVERLOAD(skinned_splats_accumulate, element, dL_dbones, dL_dcenter, scratch);
 }
 template <class Network, class W, class L, class Cache>
 void occlusion_forward(Guarded&, const Network& network, const W& weights, const W& neurons, const W& pose,

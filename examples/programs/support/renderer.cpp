@@ -48,9 +48,10 @@ Image<float> Renderer::render(const GaussianCloud<float>& scene, const Camera<do
     Gaussians<Backend, float> gaussians;
     upload(*backend_, scene, gaussians);
     splats_.resize(scene.size());
+    StaticSplatsCache<Backend> cache;
     with_sh_degree(scene.sh_degree, [&](auto degree) {
-        static_splats_forward<decltype(degree)::value>(*backend_, std::as_const(gaussians).view(), view.center(),
-                                                       splats_.view());
+        StaticSplats<Backend, decltype(degree)::value>(*backend_).forward(std::as_const(gaussians).view(),
+                                                                          view.center(), splats_.view(), cache);
     });
     return draw(view, background);
 }

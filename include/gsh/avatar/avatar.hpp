@@ -67,7 +67,7 @@ public:
     };
 
     Avatar(B& backend, const AvatarData& data)
-        : backend_(&backend), poser_(backend, data.rig, data.clamping, data.deformation) {
+        : backend_(&backend), poser_(backend, data.rig, {data.clamping, data.deformation}) {
         check_size("Avatar", "gaussians", data.gaussians.size(), data.rig.point_count(), "one per point of the rig");
         if (!data.ao.empty())
             check_size("Avatar", "ao", data.ao.size(), data.rig.point_count(), "one per Gaussian, or none");

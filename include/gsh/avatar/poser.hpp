@@ -39,11 +39,11 @@ public:
         Buffer<vec3<T>> dL_dmeans;   // [N] after backward
         Buffer<vec3<T>> dL_djoints;  // [J], used if the caller passes none
         Buffer<Affine<T>> dL_dbones; // [J]
-        SkinnedSplatsWorkspace<B, T> workspace;
+        SkinnedSplatsCache<B, T> skin;
     };
 
-    Poser(B& backend, const RigData& rig, ColorClamp clamping, Deformation deformation)
-        : backend_(&backend), rig_(backend, rig), clamping_(clamping), deformation_(deformation) {}
+    Poser(B& backend, const RigData& rig, const SkinnedSplatsParams& params = {})
+        : backend_(&backend), rig_(backend, rig), params_(params) {}
 
     [[nodiscard]] const Rig<B, T>& rig() const { return rig_; }
     [[nodiscard]] std::size_t size() const { return rig_.point_count(); }
@@ -59,8 +59,7 @@ public:
     void forward(SkinnedView<const T> gaussians, const vec3<T>& center, const SplatView<T>& splats,
                  Cache& cache) const {
         rig_.add_offsets(cache.rig, cache.means);
-        skinned_splats_forward<Degree>(*backend_, posed(gaussians, cache), cache.rig.bones, center, splats,
-                                       cache.workspace, clamping_, deformation_);
+        skin<Degree>().forward(posed(gaussians, cache), cache.rig.bones, center, splats, cache.skin);
     }
 
     /// Adjoint of forward and bones: adds to the non-empty attributes of dL_dgaussians, to dL_djoints [J] unless it is
@@ -77,13 +76,16 @@ public:
             dL_djoints = cache.dL_djoints;
         }
         dL_dgaussians.means = cache.dL_dmeans;
-        skinned_splats_backward<Degree>(*backend_, posed(gaussians, cache), cache.rig.bones, center, dL_dsplats,
-                                        cache.workspace, dL_dgaussians, cache.dL_dbones, dL_dcenter, clamping_,
-                                        deformation_);
+        skin<Degree>().backward(posed(gaussians, cache), cache.rig.bones, center, dL_dsplats, cache.skin, dL_dgaussians,
+                                cache.dL_dbones, dL_dcenter);
         rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans, dL_djoints, dL_dpose);
     }
 
 private:
+    template <int Degree>
+    [[nodiscard]] SkinnedSplats<B, Degree, T> skin() const {
+        return SkinnedSplats<B, Degree, T>(*backend_, params_);
+    }
     [[nodiscard]] SkinnedView<const T> posed(SkinnedView<const T> gaussians, const Cache& cache) const {
         gaussians.means = cache.means;
         gaussians.weights = rig_.skin();
@@ -96,8 +98,7 @@ private:
 
     B* backend_;
     Rig<B, T> rig_;
-    ColorClamp clamping_;
-    Deformation deformation_;
+    SkinnedSplatsParams params_;
 };
 
 } // namespace gsh

@@ -27,13 +27,19 @@ namespace gsh {
 template <Backend B, std::floating_point T>
 struct SkinnedSplatsScratch {
     static_assert(detail::overload_is_included<B>,
-                  "SkinnedGaussian: include its backend's overloads, "
+                  "SkinnedSplats: include its backend's overloads, "
                   "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
+};
+
+/// The settings of SkinnedSplats.
+struct SkinnedSplatsParams {
+    ColorClamp clamping = ColorClamp::both;        ///< the colours of a photograph lie in [0, 1]
+    Deformation deformation = Deformation::linear; ///< the paper's
 };
 
 /// Working storage of both passes, kept from step to step.
 template <Backend B, std::floating_point T = float>
-struct SkinnedSplatsWorkspace {
+struct SkinnedSplatsCache {
     // Used if bones are blended as dual quaternions:
     typename B::template Buffer<dual_quat<T>> dual_bones, dL_ddual_bones; // [J]
     SkinnedSplatsScratch<B, T> scratch;                                   // the backend's own
@@ -74,26 +80,26 @@ void check_posed(std::string_view where, std::string_view argument, const SplatV
 /// The bones in the form that policy D blends.
 template <class D, Backend B, class T>
 [[nodiscard]] Span<const typename D::template Bone<T>> bones_of(B& backend, Span<const Affine<T>> bones,
-                                                                SkinnedSplatsWorkspace<B, T>& workspace) {
+                                                                SkinnedSplatsCache<B, T>& cache) {
     if constexpr (std::is_same_v<typename D::template Bone<T>, Affine<T>>) {
         return bones;
     } else {
-        workspace.dual_bones.resize(bones.size());
-        backend.for_each(bones.size(), BonesAsDualQuats<T>{bones, workspace.dual_bones});
-        return workspace.dual_bones;
+        cache.dual_bones.resize(bones.size());
+        backend.for_each(bones.size(), BonesAsDualQuats<T>{bones, cache.dual_bones});
+        return cache.dual_bones;
     }
 }
 
-/// Memory for the gradients of these bones: dL_dbones itself, or a zeroed array of the same length in the workspace.
+/// Memory for the gradients of these bones: dL_dbones itself, or a zeroed array of the same length in the cache.
 template <class D, Backend B, class T>
 [[nodiscard]] Span<typename D::template Bone<T>> bone_gradients_of(B& backend, Span<Affine<T>> dL_dbones,
-                                                                   SkinnedSplatsWorkspace<B, T>& workspace) {
+                                                                   SkinnedSplatsCache<B, T>& cache) {
     if constexpr (std::is_same_v<typename D::template Bone<T>, Affine<T>>) {
         return dL_dbones;
     } else {
-        workspace.dL_ddual_bones.resize(dL_dbones.size());
-        backend.fill(view_as<T>(Span<dual_quat<T>>(workspace.dL_ddual_bones)), T(0));
-        return workspace.dL_ddual_bones;
+        cache.dL_ddual_bones.resize(dL_dbones.size());
+        backend.fill(view_as<T>(Span<dual_quat<T>>(cache.dL_ddual_bones)), T(0));
+        return cache.dL_ddual_bones;
     }
 }
 
@@ -102,7 +108,7 @@ template <class D, Backend B, class T>
 /// Fallback for backends without an overload: each index is one Gaussian.
 template <Backend B, int Degree, class T, class D>
 void skinned_splats_pose(B& backend, const detail::SkinnedSplatForward<Degree, T, D>& element) {
-    static_assert(!CpuBackend<B>, "SkinnedGaussian: include its backend's overloads, "
+    static_assert(!CpuBackend<B>, "SkinnedSplats: include its backend's overloads, "
                                   "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
     backend.for_each(element.input.gaussians.size(), element);
 }
@@ -112,7 +118,7 @@ void skinned_splats_pose(B& backend, const detail::SkinnedSplatForward<Degree, T
 template <Backend B, class... Arguments>
 void skinned_splats_accumulate(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
-                  "SkinnedGaussian: include its backend's overloads, "
+                  "SkinnedSplats: include its backend's overloads, "
                   "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
 }
 
@@ -123,77 +129,75 @@ void skinned_splats_accumulate(B&, const Arguments&...) {
 /// Frame   bones: world from canonical, rigid for Deformation::dual_quaternion; center: of the camera, in the world
 ///         (Camera::center()).
 /// Errors  ShapeError where a size does not match.
-template <int Degree, Backend B, class T>
-void skinned_splats_forward(B& backend, const std::type_identity_t<SkinnedView<const T>>& gaussians,
-                            std::type_identity_t<Span<const Affine<T>>> bones,
-                            const std::type_identity_t<vec3<T>>& center, const SplatView<T>& splats,
-                            SkinnedSplatsWorkspace<B, T>& workspace, ColorClamp clamping = ColorClamp::both,
-                            Deformation deformation = Deformation::linear) {
-    constexpr auto where = "skinned_splats_forward";
-    constexpr std::size_t basis_count = SkinnedGaussian<Degree>::basis_count;
-    const std::size_t count = gaussians.size(), stride = gaussians.sh_stride ? gaussians.sh_stride : basis_count;
-    detail::check_skinned(where, "gaussians", gaussians, count, basis_count, false);
-    detail::check_posed(where, "splats", splats, count);
-    check_memory(backend, where, "gaussians", gaussians);
-    check_memory(backend, where, "bones", bones);
-    check_memory(backend, where, "splats", splats);
-    detail::with_deformation(deformation, [&]<class D>(D) {
-        const auto own = detail::bones_of<D>(backend, bones, workspace);
-        skinned_splats_pose(
-            backend, detail::SkinnedSplatForward<Degree, T, D>{{gaussians, own, center, stride}, clamping, splats});
-    });
-}
+template <Backend B, int Degree, std::floating_point T = float>
+class SkinnedSplats {
+public:
+    using Params = SkinnedSplatsParams;
+    using Cache = SkinnedSplatsCache<B, T>;
 
-/// The same with a temporary workspace, which only dual quaternions need: eight numbers per bone.
-template <int Degree, Backend B, class T>
-void skinned_splats_forward(B& backend, const std::type_identity_t<SkinnedView<const T>>& gaussians,
-                            std::type_identity_t<Span<const Affine<T>>> bones,
-                            const std::type_identity_t<vec3<T>>& center, const SplatView<T>& splats,
-                            ColorClamp clamping = ColorClamp::both, Deformation deformation = Deformation::linear) {
-    SkinnedSplatsWorkspace<B, T> workspace;
-    skinned_splats_forward<Degree>(backend, gaussians, bones, center, splats, workspace, clamping, deformation);
-}
+    explicit SkinnedSplats(B& backend, const Params& params = {}) : backend_(&backend), params_(params) {}
 
-/// Adjoint of skinned_splats_forward: adds to the non-empty attributes of dL_dgaussians and, where given, to dL_dbones
-/// [J] and to dL_dcenter, one vector in the backend's memory. With dual quaternions, the gradient of the nine numbers
-/// of a bone's rotation is its component along turns (dual_quat_from_rigid_backward).
-template <int Degree, Backend B, class T>
-void skinned_splats_backward(B& backend, const std::type_identity_t<SkinnedView<const T>>& gaussians,
-                             std::type_identity_t<Span<const Affine<T>>> bones,
-                             const std::type_identity_t<vec3<T>>& center,
-                             const std::type_identity_t<SplatView<const T>>& dL_dsplats,
-                             SkinnedSplatsWorkspace<B, T>& workspace, const SkinnedView<T>& dL_dgaussians,
-                             Span<std::type_identity_t<Affine<T>>> dL_dbones = {},
-                             Span<std::type_identity_t<vec3<T>>> dL_dcenter = {},
-                             ColorClamp clamping = ColorClamp::both,
-                             Deformation deformation = Deformation::linear) {
-    constexpr auto where = "skinned_splats_backward";
-    constexpr std::size_t basis_count = SkinnedGaussian<Degree>::basis_count;
-    const std::size_t count = gaussians.size(), stride = gaussians.sh_stride ? gaussians.sh_stride : basis_count;
-    detail::check_skinned(where, "gaussians", gaussians, count, basis_count, false);
-    detail::check_posed(where, "dL_dsplats", dL_dsplats, count);
-    detail::check_skinned(where, "dL_dgaussians", dL_dgaussians, count, basis_count, true);
-    if (!dL_dbones.empty()) check_size(where, "dL_dbones", dL_dbones.size(), bones.size(), "one per bone, or none");
-    if (!dL_dcenter.empty()) check_size(where, "dL_dcenter", dL_dcenter.size(), 1, "one vector, or none");
-    check_memory(backend, where, "gaussians", gaussians);
-    check_memory(backend, where, "bones", bones);
-    check_memory(backend, where, "dL_dsplats", dL_dsplats);
-    check_memory(backend, where, "dL_dgaussians", dL_dgaussians);
-    check_memory(backend, where, "dL_dbones", dL_dbones);
-    check_memory(backend, where, "dL_dcenter", dL_dcenter);
-    const std::size_t dL_dsh_stride = dL_dgaussians.sh_stride ? dL_dgaussians.sh_stride : basis_count;
-    detail::with_deformation(deformation, [&]<class D>(D) {
-        const auto own = detail::bones_of<D>(backend, bones, workspace);
-        const auto dL_down = detail::bone_gradients_of<D>(backend, dL_dbones, workspace);
-        skinned_splats_accumulate(
-            backend,
-            detail::SkinnedSplatBackward<Degree, T, D>{
-                {gaussians, own, center, stride}, clamping, dL_dsplats, dL_dgaussians, dL_dsh_stride},
-            dL_down, dL_dcenter, workspace.scratch);
-        if constexpr (!std::is_same_v<typename D::template Bone<T>, Affine<T>>)
-            backend.for_each(dL_dbones.size(),
-                             detail::BonesAsDualQuatsBackward<T>{bones, own, dL_down, dL_dbones});
-    });
-}
+    [[nodiscard]] const Params& params() const { return params_; }
+
+    /// Overwrites the splats. Only dual quaternions use the cache: eight numbers per bone.
+    void forward(const SkinnedView<const T>& gaussians, Span<const Affine<T>> bones, const vec3<T>& center,
+                 const SplatView<T>& splats, Cache& cache) const {
+        constexpr auto where = "SkinnedSplats::forward";
+        const std::size_t count = gaussians.size();
+        detail::check_skinned(where, "gaussians", gaussians, count, basis_count, false);
+        detail::check_posed(where, "splats", splats, count);
+        check_memory(*backend_, where, "gaussians", gaussians);
+        check_memory(*backend_, where, "bones", bones);
+        check_memory(*backend_, where, "splats", splats);
+        detail::with_deformation(params_.deformation, [&]<class D>(D) {
+            const auto own = detail::bones_of<D>(*backend_, bones, cache);
+            skinned_splats_pose(*backend_, detail::SkinnedSplatForward<Degree, T, D>{
+                                               {gaussians, own, center, stride(gaussians)}, params_.clamping, splats});
+        });
+    }
+
+    /// Adjoint of forward: adds to the non-empty attributes of dL_dgaussians and, where given, to dL_dbones [J] and to
+    /// dL_dcenter, one vector in the backend's memory. With dual quaternions, the gradient of the nine numbers of a
+    /// bone's rotation is its component along turns (dual_quat_from_rigid_backward).
+    void backward(const SkinnedView<const T>& gaussians, Span<const Affine<T>> bones, const vec3<T>& center,
+                  const SplatView<const T>& dL_dsplats, Cache& cache, const SkinnedView<T>& dL_dgaussians,
+                  Span<Affine<T>> dL_dbones = {}, Span<vec3<T>> dL_dcenter = {}) const {
+        constexpr auto where = "SkinnedSplats::backward";
+        const std::size_t count = gaussians.size();
+        detail::check_skinned(where, "gaussians", gaussians, count, basis_count, false);
+        detail::check_posed(where, "dL_dsplats", dL_dsplats, count);
+        detail::check_skinned(where, "dL_dgaussians", dL_dgaussians, count, basis_count, true);
+        if (!dL_dbones.empty()) check_size(where, "dL_dbones", dL_dbones.size(), bones.size(), "one per bone, or none");
+        if (!dL_dcenter.empty()) check_size(where, "dL_dcenter", dL_dcenter.size(), 1, "one vector, or none");
+        check_memory(*backend_, where, "gaussians", gaussians);
+        check_memory(*backend_, where, "bones", bones);
+        check_memory(*backend_, where, "dL_dsplats", dL_dsplats);
+        check_memory(*backend_, where, "dL_dgaussians", dL_dgaussians);
+        check_memory(*backend_, where, "dL_dbones", dL_dbones);
+        check_memory(*backend_, where, "dL_dcenter", dL_dcenter);
+        detail::with_deformation(params_.deformation, [&]<class D>(D) {
+            const auto own = detail::bones_of<D>(*backend_, bones, cache);
+            const auto dL_down = detail::bone_gradients_of<D>(*backend_, dL_dbones, cache);
+            skinned_splats_accumulate(
+                *backend_,
+                detail::SkinnedSplatBackward<Degree, T, D>{{gaussians, own, center, stride(gaussians)},
+                                                           params_.clamping,
+                                                           dL_dsplats,
+                                                           dL_dgaussians,
+                                                           stride(dL_dgaussians)},
+                dL_down, dL_dcenter, cache.scratch);
+            if constexpr (!std::is_same_v<typename D::template Bone<T>, Affine<T>>)
+                backend_->for_each(dL_dbones.size(),
+                                   detail::BonesAsDualQuatsBackward<T>{bones, own, dL_down, dL_dbones});
+        });
+    }
+
+private:
+    static constexpr std::size_t basis_count = SkinnedGaussian<Degree>::basis_count;
+    static std::size_t stride(const auto& view) { return view.sh_stride ? view.sh_stride : basis_count; }
+
+    B* backend_;
+    Params params_;
+};
 
 } // namespace gsh

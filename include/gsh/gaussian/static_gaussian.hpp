@@ -11,10 +11,10 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/math/activation.hpp>
 
+#include <concepts>
 #include <cstddef>
 #include <string>
 #include <string_view>
-#include <type_traits>
 
 namespace gsh {
 
@@ -111,9 +111,14 @@ inline void check_degree(std::string_view where, int found, int expected) {
 
 } // namespace detail
 
-/// Temporary storage of static_splats_backward; reuse it between steps to avoid allocation.
+/// The settings of StaticSplats.
+struct StaticSplatsParams {
+    ColorClamp clamping = ColorClamp::below; ///< as 3DGS does
+};
+
+/// Temporary storage of backward; reuse it between steps to avoid allocation.
 template <Backend B, std::floating_point T = float>
-struct StaticSplatsWorkspace {
+struct StaticSplatsCache {
     typename B::template Buffer<vec3<T>> dL_dcenters, partials;
 };
 
@@ -123,46 +128,55 @@ struct StaticSplatsWorkspace {
 /// Frame   all in the world; center is the camera's centre, Camera::center().
 /// Errors  ShapeError where a size or the degree does not fit.
 /// Source  Kerbl et al., "3D Gaussian Splatting", 2023.
-template <int Degree, Backend B, class T>
-void static_splats_forward(B& backend, const std::type_identity_t<GaussiansView<const T>>& gaussians,
-                           const std::type_identity_t<vec3<T>>& center, const SplatView<T>& splats,
-                           ColorClamp clamping = ColorClamp::below) {
-    constexpr auto where = "static_splats_forward";
-    detail::check_degree(where, gaussians.sh_degree, Degree);
-    check_gaussians(where, "gaussians", gaussians, gaussians.size());
-    detail::check_splats(where, "splats", splats, gaussians.size());
-    check_memory(backend, where, "gaussians", gaussians);
-    check_memory(backend, where, "splats", splats);
-    backend.for_each(gaussians.size(), detail::StaticSplatForward<Degree, T>{gaussians, center, clamping, splats});
-}
+template <Backend B, int Degree, std::floating_point T = float>
+class StaticSplats {
+public:
+    using Params = StaticSplatsParams;
+    using Cache = StaticSplatsCache<B, T>;
 
-/// Adjoint of static_splats_forward: adds to the attributes of dL_dgaussians that are not empty. If dL_dcenter is
-/// given, it is one vector in the backend's memory and is added to as well.
-template <int Degree, Backend B, class T>
-void static_splats_backward(B& backend, const std::type_identity_t<GaussiansView<const T>>& gaussians,
-                            const std::type_identity_t<vec3<T>>& center,
-                            const std::type_identity_t<SplatView<const T>>& dL_dsplats,
-                            StaticSplatsWorkspace<B, T>& workspace, const GaussiansView<T>& dL_dgaussians,
-                            Span<std::type_identity_t<vec3<T>>> dL_dcenter = {},
-                            ColorClamp clamping = ColorClamp::below) {
-    constexpr auto where = "static_splats_backward";
-    const std::size_t count = gaussians.size();
-    detail::check_degree(where, gaussians.sh_degree, Degree);
-    detail::check_degree(where, dL_dgaussians.sh_degree, Degree);
-    check_gaussians(where, "gaussians", gaussians, count);
-    detail::check_splats(where, "dL_dsplats", dL_dsplats, count);
-    check_gaussians(where, "dL_dgaussians", dL_dgaussians, count, true);
-    if (!dL_dcenter.empty()) check_size(where, "dL_dcenter", dL_dcenter.size(), 1, "one vector, or none");
-    check_memory(backend, where, "gaussians", gaussians);
-    check_memory(backend, where, "dL_dsplats", dL_dsplats);
-    check_memory(backend, where, "dL_dgaussians", dL_dgaussians);
-    check_memory(backend, where, "dL_dcenter", dL_dcenter);
+    explicit StaticSplats(B& backend, const Params& params = {}) : backend_(&backend), params_(params) {}
 
-    workspace.dL_dcenters.resize(dL_dcenter.empty() ? 0 : count);
-    backend.for_each(count, detail::StaticSplatBackward<Degree, T>{gaussians, center, clamping, dL_dsplats,
-                                                                   dL_dgaussians, workspace.dL_dcenters});
-    if (!dL_dcenter.empty())
-        add_sum(backend, Span<const vec3<T>>(workspace.dL_dcenters), dL_dcenter, workspace.partials);
-}
+    [[nodiscard]] const Params& params() const { return params_; }
+
+    /// Overwrites the splats. backward computes everything anew, so the cache stays as it is.
+    void forward(const GaussiansView<const T>& gaussians, const vec3<T>& center, const SplatView<T>& splats,
+                 Cache& /*cache*/) const {
+        constexpr auto where = "StaticSplats::forward";
+        detail::check_degree(where, gaussians.sh_degree, Degree);
+        check_gaussians(where, "gaussians", gaussians, gaussians.size());
+        detail::check_splats(where, "splats", splats, gaussians.size());
+        check_memory(*backend_, where, "gaussians", gaussians);
+        check_memory(*backend_, where, "splats", splats);
+        backend_->for_each(gaussians.size(),
+                           detail::StaticSplatForward<Degree, T>{gaussians, center, params_.clamping, splats});
+    }
+
+    /// Adjoint of forward: adds to the attributes of dL_dgaussians that are not empty. If dL_dcenter is given, it is
+    /// one vector in the backend's memory and is added to as well.
+    void backward(const GaussiansView<const T>& gaussians, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
+                  Cache& cache, const GaussiansView<T>& dL_dgaussians, Span<vec3<T>> dL_dcenter = {}) const {
+        constexpr auto where = "StaticSplats::backward";
+        const std::size_t count = gaussians.size();
+        detail::check_degree(where, gaussians.sh_degree, Degree);
+        detail::check_degree(where, dL_dgaussians.sh_degree, Degree);
+        check_gaussians(where, "gaussians", gaussians, count);
+        detail::check_splats(where, "dL_dsplats", dL_dsplats, count);
+        check_gaussians(where, "dL_dgaussians", dL_dgaussians, count, true);
+        if (!dL_dcenter.empty()) check_size(where, "dL_dcenter", dL_dcenter.size(), 1, "one vector, or none");
+        check_memory(*backend_, where, "gaussians", gaussians);
+        check_memory(*backend_, where, "dL_dsplats", dL_dsplats);
+        check_memory(*backend_, where, "dL_dgaussians", dL_dgaussians);
+        check_memory(*backend_, where, "dL_dcenter", dL_dcenter);
+
+        cache.dL_dcenters.resize(dL_dcenter.empty() ? 0 : count);
+        backend_->for_each(count, detail::StaticSplatBackward<Degree, T>{gaussians, center, params_.clamping,
+                                                                         dL_dsplats, dL_dgaussians, cache.dL_dcenters});
+        if (!dL_dcenter.empty()) add_sum(*backend_, Span<const vec3<T>>(cache.dL_dcenters), dL_dcenter, cache.partials);
+    }
+
+private:
+    B* backend_;
+    Params params_;
+};
 
 } // namespace gsh

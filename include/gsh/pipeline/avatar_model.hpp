@@ -226,7 +226,7 @@ public:
 private:
     AvatarModel(B& backend, const RigData& rig, const detail::GaussianStart<T>& start, SharedPoints<B, T> points,
                 Appearance appearance, Shadow shadow, const Params& params)
-        : backend_(&backend), params_(params), poser_(backend, rig, params.clamping, params.deformation),
+        : backend_(&backend), params_(params), poser_(backend, rig, {params.clamping, params.deformation}),
           points_(std::move(points)), appearance_(std::move(appearance)), shadow_(std::move(shadow)),
           joints_(backend, start.joints), log_scales_(backend, start.log_scales), quats_(backend, start.quats),
           opacity_logits_(backend, start.opacity_logits) {

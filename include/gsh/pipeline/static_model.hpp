@@ -150,14 +150,15 @@ public:
 
     void forward(std::size_t /*frame*/, const vec3<T>& center, const SplatView<T>& splats) {
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
-            static_splats_forward<decltype(degree)::value>(*backend_, std::as_const(gaussians_).view(), center, splats);
+            to_splats<decltype(degree)::value>().forward(std::as_const(gaussians_).view(), center, splats,
+                                                         splats_cache_);
         });
     }
     void backward(std::size_t /*frame*/, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
                   Span<vec3<T>> /*dL_dcenter*/) {
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
-            static_splats_backward<decltype(degree)::value>(*backend_, std::as_const(gaussians_).view(), center,
-                                                            dL_dsplats, workspace_, gradient_.view());
+            to_splats<decltype(degree)::value>().backward(std::as_const(gaussians_).view(), center, dL_dsplats,
+                                                          splats_cache_, gradient_.view());
         });
     }
 
@@ -203,6 +204,10 @@ public:
     }
 
 private:
+    template <int Degree>
+    [[nodiscard]] StaticSplats<B, Degree, T> to_splats() const {
+        return StaticSplats<B, Degree, T>(*backend_);
+    }
     void raise_degree(Gaussians<B, T>& gaussians) {
         const auto basis = [](int degree) { return static_cast<std::size_t>(sh_basis_count(degree)); };
         const int degree = gaussians.sh_degree + 1;
@@ -221,7 +226,7 @@ private:
     DensityChange total_change_;
     std::int64_t step_ = 0;
     Gaussians<B, T> gaussians_, gradient_, first_moment_, second_moment_;
-    StaticSplatsWorkspace<B, T> workspace_;
+    StaticSplatsCache<B, T> splats_cache_;
 };
 
 } // namespace gsh
