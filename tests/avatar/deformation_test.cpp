@@ -24,7 +24,7 @@ constexpr double pi = std::numbers::pi;
 using test::SplatArrays;
 
 template <class T, class B = cpu::Serial>
-using Skin = SkinnedSplats<B, 2, T>;
+using SkinnedDegree2 = SkinnedSplats<B, 2, T>;
 
 /// A scene on a real skeleton: its bones are what kinematics makes of a pose.
 struct Puppet {
@@ -70,8 +70,8 @@ struct Ball {
         weights = {1 - share, share};
         const std::vector<Affine<double>> bones = {first, second};
         cpu::Serial backend;
-        Skin<double>::Cache cache;
-        Skin<double>(backend, {.deformation = deformation})
+        SkinnedDegree2<double>::Cache cache;
+        SkinnedDegree2<double>(backend, {.deformation = deformation})
             .forward({means, quats, log_scales, logits, sh, {}, {joints, weights, 2}}, bones, vec3<double>(0, 0, -3),
                      splats.view(), cache);
         return splats;
@@ -89,8 +89,8 @@ TEST_CASE("every deformation's adjoint is the gradient with respect to pose, joi
         cpu::Serial backend;
         SplatArrays<double> splats(count);
         const SplatArrays<double> dL_dsplats(count, 22);
-        const Skin<double> skin(backend, {.deformation = deformation});
-        Skin<double>::Cache cache;
+        const SkinnedDegree2<double> skin(backend, {.deformation = deformation});
+        SkinnedDegree2<double>::Cache cache;
         const auto loss = [&] {
             puppet.move();
             skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
@@ -144,8 +144,8 @@ TEST_CASE("linear and polar take bones that are no rotations, and are gradients 
         cpu::Serial backend;
         SplatArrays<double> splats(6);
         const SplatArrays<double> dL_dsplats(6, 24);
-        const Skin<double> skin(backend, {.deformation = deformation});
-        Skin<double>::Cache cache;
+        const SkinnedDegree2<double> skin(backend, {.deformation = deformation});
+        SkinnedDegree2<double>::Cache cache;
         const auto loss = [&] {
             skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
             return inner(splats, dL_dsplats);
@@ -163,8 +163,8 @@ TEST_CASE("with dual quaternions a bone's nine numbers receive the gradient alon
     gradient.clear();
     cpu::Serial backend;
     const SplatArrays<double> dL_dsplats(6, 25);
-    const Skin<double> skin(backend, {.deformation = Deformation::dual_quaternion});
-    Skin<double>::Cache cache;
+    const SkinnedDegree2<double> skin(backend, {.deformation = Deformation::dual_quaternion});
+    SkinnedDegree2<double>::Cache cache;
     skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
                   gradient.bones, gradient.center);
     double size = 0;
@@ -192,8 +192,8 @@ TEST_CASE("Threads equals Serial bit for bit in every deformation, sizes from no
                 SplatArrays<float> splats(count);
                 auto gradient = scene;
                 gradient.clear();
-                const Skin<float, B> skin(backend, {.deformation = deformation});
-                typename Skin<float, B>::Cache cache;
+                const SkinnedDegree2<float, B> skin(backend, {.deformation = deformation});
+                typename SkinnedDegree2<float, B>::Cache cache;
                 skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
                 skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, gradient.view(),
                               gradient.bones, gradient.center);
@@ -229,8 +229,8 @@ TEST_CASE_TEMPLATE("registers of Gaussians compute what one Gaussian at a time d
     SplatArrays<double> wide(count), plain(count);
     auto wide_gradient = scene, plain_gradient = scene;
     wide_gradient.clear(), plain_gradient.clear();
-    const Skin<double> skin(backend, {.deformation = D::value});
-    Skin<double>::Cache cache;
+    const SkinnedDegree2<double> skin(backend, {.deformation = D::value});
+    SkinnedDegree2<double>::Cache cache;
     skin.forward(scene.input(), scene.bones, scene.center[0], wide.view(), cache);
     skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, wide_gradient.view(),
                   wide_gradient.bones, wide_gradient.center);
@@ -276,8 +276,8 @@ TEST_CASE("where all bones move alike, all deformations agree") {
     for (auto& bone : puppet.scene.bones) bone = puppet.scene.bones[3];
     cpu::Serial backend;
     const auto pose = [&](Deformation deformation) {
-        const Skin<double> skin(backend, {.deformation = deformation});
-        Skin<double>::Cache cache;
+        const SkinnedDegree2<double> skin(backend, {.deformation = deformation});
+        SkinnedDegree2<double>::Cache cache;
         SplatArrays<double> splats(20);
         skin.forward(puppet.scene.input(), puppet.scene.bones, puppet.scene.center[0], splats.view(), cache);
         return splats;
@@ -335,8 +335,8 @@ TEST_CASE_TEMPLATE("opposed bones and a camera at the Gaussian give finite numbe
         cpu::Serial backend;
         SplatArrays<T> splats(9);
         const SplatArrays<T> dL_dsplats(9, 32);
-        const Skin<T> skin(backend, {.deformation = deformation});
-        typename Skin<T>::Cache cache;
+        const SkinnedDegree2<T> skin(backend, {.deformation = deformation});
+        typename SkinnedDegree2<T>::Cache cache;
         skin.forward(scene.input(), scene.bones, scene.center[0], splats.view(), cache);
         scene.center[0] = splats.means[1];
         gradient.clear();
@@ -366,8 +366,8 @@ TEST_CASE("a bone gradient that nobody asks for is not computed, the others stay
     cpu::Serial backend;
     const SplatArrays<double> dL_dsplats(11, 34);
     for (const Deformation deformation : deformations) {
-        const Skin<double> skin(backend, {.deformation = deformation});
-        Skin<double>::Cache cache;
+        const SkinnedDegree2<double> skin(backend, {.deformation = deformation});
+        SkinnedDegree2<double>::Cache cache;
         auto all = scene, some = scene;
         all.clear(), some.clear();
         skin.backward(scene.input(), scene.bones, scene.center[0], dL_dsplats.view(), cache, all.view(), all.bones,

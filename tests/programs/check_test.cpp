@@ -196,7 +196,7 @@ TEST_CASE("input that cannot be checked is refused") {
         CHECK(!fs::exists(out));
     };
     refuse({"gsh-check", "--out", out}, {"capture", "--help"});
-    refuse({"gsh-check", studio().path, "--out", out}, {"--body", "needed"});
+    refuse({"gsh-check", studio().path, "--out", out}, {"--body", "required"});
     refuse(words(folder / "nowhere", out), {"nowhere", "not a folder"});
     refuse(words(studio().path, out, {"--poses", "other.npz"}), {"other.npz", "No such file"});
     refuse(words(studio().path, out, {"--poses", studio().dance}), {"2 images", "expected 3"});
