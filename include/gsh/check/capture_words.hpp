@@ -97,7 +97,7 @@ std::string finding_text(const Capture& capture, const Finding& finding, const s
            "; " + remedy;
 }
 
-inline constexpr auto absence_remedy = "nobody in the images has these poses: leave them out, or look for another "
+inline constexpr auto absence_remedy = "no person in the images has these poses: leave them out, or look for another "
                                        "fault of these poses, or for masks that "
                                        "omit a person";
 

@@ -47,7 +47,6 @@ template <Backend B, class Model, std::floating_point T = typename Model::Scalar
 class AvatarScene {
 public:
     using Scalar = T;
-    using ModelType = Model;
     using BackendType = B;
 
     /// Several people. Every motion covers every frame: in frames before a person enters, place the person outside
@@ -73,7 +72,6 @@ public:
 
     [[nodiscard]] std::size_t size() const { return size_; }
     [[nodiscard]] std::size_t frame_count() const { return people_.front().motion->frame_count(); }
-    [[nodiscard]] std::size_t person_count() const { return people_.size(); }
     [[nodiscard]] B& backend() { return *backend_; }
     [[nodiscard]] Model& model(std::size_t person = 0) { return *at(person).model; }
     /// A person's part of the scene's splats, or of their gradient.
@@ -128,6 +126,14 @@ public:
             person.model->backward(person.pose, frame, center, part(p, dL_dsplats), dL_dpose, dL_dcenter);
             if (!dL_dpose.empty()) refinement->accumulate(frame, dL_dpose);
         }
+    }
+    /// Adjoint of the last forward with respect to one person's pose alone: adds to the person's refinement.
+    void backward_to_pose(std::size_t person, std::size_t frame, const vec3<T>& center,
+                          const SplatView<const T>& dL_dsplats) {
+        Person& of = at(person);
+        const RigPoseGradient<T> dL_dpose = of.refinement->pose_gradient();
+        of.model->backward_to_pose(of.pose, frame, center, part(person, dL_dsplats), dL_dpose);
+        of.refinement->accumulate(frame, dL_dpose);
     }
     /// Only cameras of training photographs are refined. A test view keeps its own, see Trainer::render.
     [[nodiscard]] Camera<T> camera(const Photo& photo) const {

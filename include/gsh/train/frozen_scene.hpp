@@ -83,10 +83,7 @@ public:
         scene_->forward(frame, center, splats);
     }
     void backward(std::size_t frame, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Span<vec3<T>>) {
-        const RigPoseGradient<T> dL_dpose = this->motion().pose_gradient();
-        scene_->model(person_).backward_to_pose(scene_->pose(frame, person_), frame, center,
-                                                scene_->part(person_, dL_dsplats), dL_dpose);
-        this->motion().accumulate(frame, dL_dpose);
+        scene_->backward_to_pose(person_, frame, center, dL_dsplats);
     }
 
 private:

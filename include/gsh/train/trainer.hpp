@@ -38,7 +38,6 @@ template <Backend B, class Scene, std::floating_point T = float>
 class Trainer {
 public:
     using Scalar = T;
-    using SceneType = Scene;
 
     /// The caller owns the scene and the photographs' pixels.
     /// Errors  ValueError: no photographs, a photograph of a frame that the scene does not have, settings or rates out
