@@ -76,6 +76,8 @@
 #include <gsh/avatar/skinned_element.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 
+#include <gsh/light/light.hpp>
+
 #include <gsh/render/projection.hpp>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/render/rasterizer.hpp>
