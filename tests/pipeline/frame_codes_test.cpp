@@ -26,7 +26,7 @@ TEST_CASE("fields read γ(t) with t = frame / frames") {
         REQUIRE(code.size() == 9);
         for (std::size_t k = 0; k < 9; ++k) CHECK(std::abs(code[k] - expected[k]) < 1e-5);
     }
-    CHECK_THROWS_AS((void)codes[5], ValueError);
+    CHECK_THROWS_WITH_AS((void)codes[5], "FrameCodes: frame 5 does not exist; the motion has 5 frames", ValueError);
 }
 
 TEST_CASE("without frames every code is empty") {

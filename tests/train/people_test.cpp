@@ -359,7 +359,8 @@ TEST_CASE("people that do not fit together are refused") {
     Motion shorter = scene.motion;
     shorter.transl.pop_back();
     CHECK_THROWS_AS(SceneType(cast.backend, {{&models[0], &scene.motion}, {&models[1], &shorter}}), ShapeError);
-    CHECK_THROWS_AS((void)cast.people.model(2), ValueError);
+    CHECK_THROWS_WITH_AS((void)cast.people.model(2), "AvatarScene: person 2 does not exist; the scene has 2 people",
+                         ValueError);
     using Frozen = FrozenPerson<SceneType, cpu::Serial>;
     CHECK_THROWS_AS(Frozen(cast.people, 0), ValueError); // its poses are not refined
     CHECK_THROWS_AS(Frozen(cast.people, 2), ValueError);

@@ -178,7 +178,7 @@ public:
         check_size("Rig::upload_pose", "the motion's joints", motion.joint_count, joint_count_,
                    "the motion must be made for the avatar's skeleton");
         check_value(frame < motion.frame_count(), "Rig::upload_pose",
-                    "frame " + std::to_string(frame) + " is asked for, the motion has " +
+                    "frame " + std::to_string(frame) + " does not exist; the motion has " +
                         std::to_string(motion.frame_count()) + " frames");
         if (motion.betas.size() > shape_count_)
             throw ShapeError("Rig::upload_pose: the motion has " + std::to_string(motion.betas.size()) +

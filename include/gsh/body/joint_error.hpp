@@ -40,8 +40,8 @@ struct JointErrors {
         double sum = 0;
         for (const std::size_t joint : joints) {
             check_value(joint < per_joint_mm.size(), "JointErrors::mean_of_mm",
-                        "joint " + std::to_string(joint) + " is asked for, there are " +
-                            std::to_string(per_joint_mm.size()));
+                        "joint " + std::to_string(joint) + " does not exist; the body has " +
+                            std::to_string(per_joint_mm.size()) + " joints");
             sum += per_joint_mm[joint];
         }
         return joints.empty() ? 0 : sum / static_cast<double>(joints.size());
@@ -97,8 +97,8 @@ struct JointErrors {
     errors.per_joint_mm.assign(J, 0);
     for (const std::size_t t : compared) {
         check_value(t < truth.frame_count(), where,
-                    "frame " + std::to_string(t) + " is to be compared, the motions have " +
-                        std::to_string(truth.frame_count()));
+                    "frame " + std::to_string(t) + " does not exist; the motions have " +
+                        std::to_string(truth.frame_count()) + " frames");
         mat3<double> turn(1.0);
         if (alignment == RootAlignment::rotation)
             turn = rotation_from_axis_angle(truth.pose_at(t)[0]) *

@@ -58,8 +58,8 @@ link_frames(Span<const double> timestamps, Span<const std::size_t> left_out = {}
     std::vector<bool> out(timestamps.size(), false);
     for (const std::size_t frame : left_out) {
         check_value(frame < timestamps.size(), where,
-                    "frame " + std::to_string(frame) + " is to be left out, there are " +
-                        std::to_string(timestamps.size()));
+                    "left_out contains frame " + std::to_string(frame) + "; the motion has " +
+                        std::to_string(timestamps.size()) + " frames");
         out[frame] = true;
     }
     std::erase_if(order, [&](std::uint32_t frame) { return out[frame]; });

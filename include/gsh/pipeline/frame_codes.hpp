@@ -40,8 +40,8 @@ public:
     [[nodiscard]] Span<const T> operator[](std::size_t frame) const {
         if (frame_count_ == 0) return {};
         check_value(frame < frame_count_, "FrameCodes",
-                    "frame " + std::to_string(frame) + " is asked for, expected one of " +
-                        std::to_string(frame_count_));
+                    "frame " + std::to_string(frame) + " does not exist; the motion has " +
+                        std::to_string(frame_count_) + " frames");
         return Span<const T>(codes_).subspan(frame * size(), size());
     }
 

@@ -34,7 +34,7 @@ struct Photo {
 inline void check_photo(std::string_view where, const Photo& photo, std::size_t frame_count) {
     check_camera(where, photo.name, photo.camera);
     check_value(photo.frame < frame_count, where,
-                photo.name + " is of frame " + std::to_string(photo.frame) + ", expected one of " +
+                photo.name + " shows frame " + std::to_string(photo.frame) + ", which does not exist; the motion has " +
                     std::to_string(frame_count) + " frames");
     check_size(where, photo.name, photo.rgba.size(),
                4 * static_cast<std::size_t>(photo.camera.width) * static_cast<std::size_t>(photo.camera.height),

@@ -175,8 +175,8 @@ private:
     };
     void check_person(std::size_t person) const {
         check_value(person < people_.size(), "AvatarScene",
-                    "person " + std::to_string(person) + " is asked for, expected one of " +
-                        std::to_string(people_.size()));
+                    "person " + std::to_string(person) + " does not exist; the scene has " +
+                        std::to_string(people_.size()) + " people");
     }
     [[nodiscard]] Person& at(std::size_t person) { return check_person(person), people_[person]; }
     [[nodiscard]] const Person& at(std::size_t person) const { return check_person(person), people_[person]; }

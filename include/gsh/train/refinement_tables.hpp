@@ -190,7 +190,7 @@ private:
         if (row >= t.rows)
             throw ValueError("refinement: row " + std::to_string(row) + " of " +
                              std::string(refinement_group_names[static_cast<std::size_t>(group)]) +
-                             " is asked for, there are " + std::to_string(t.rows));
+                             " does not exist; the group has " + std::to_string(t.rows) + " rows");
         return numbers.subspan(t.offset + row * t.stride, t.width);
     }
 

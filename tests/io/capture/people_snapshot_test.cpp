@@ -289,7 +289,7 @@ TEST_CASE_FIXTURE(Subject, "files that do not belong together") {
     }
     SUBCASE("a frame on both sides") {
         test::write_text(path / "split.json", R"({"train": [0, 8, 2], "test": [6, 9, 3]})");
-        fails({"frame 6", "judged"});
+        fails({"frame 6", "test split"});
     }
     SUBCASE("a split of nothing") {
         test::write_text(path / "split.json", R"({"train": [0, 8, 0]})");

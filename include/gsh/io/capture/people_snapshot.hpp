@@ -228,7 +228,7 @@ Capture load_people_snapshot(E& executor, const std::filesystem::path& folder, c
         if (!split.test && border < count) split.test = FrameRange{border, count - 1, step};
         warn(folder.string() + ": no split is known for '" + capture.name + "': frames 0 to " +
              std::to_string(border - 1) + " by " + std::to_string(step) +
-             " are trained on, the others judged by; write split.json to say otherwise");
+             " are for training, the others for tests; write split.json to choose other frames");
     }
     std::vector<detail::SnapshotFrame> frames;
     for (const bool test : {false, true})
@@ -236,7 +236,7 @@ Capture load_people_snapshot(E& executor, const std::filesystem::path& folder, c
             detail::check_range(*range, folder.string());
             for (int frame = range->first; frame <= std::min(range->last, count - 1); frame += range->step) {
                 check_value(!test || !split.train->contains(frame), folder.string(),
-                            "frame " + std::to_string(frame) + " is to be trained on and to be judged by");
+                            "frame " + std::to_string(frame) + " is in the training split and in the test split");
                 frames.push_back({frame, test});
             }
         }
