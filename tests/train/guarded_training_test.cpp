@@ -116,7 +116,7 @@ RefinementConfig everything() {
     config.camera_rotation = {.rate = 1e-3, .terms = {.pull = 0.05}};
     config.camera_translation = {.rate = 1e-3, .terms = {.pull = 0.06}};
     config.camera_focal = {.rate = 1e-3, .terms = {.pull = 0.07}};
-    config.camera_center = {.rate = 1e-2, .terms = {.pull = 0.08}};
+    config.camera_principal_point = {.rate = 1e-2, .terms = {.pull = 0.08}};
     return config;
 }
 

@@ -27,7 +27,7 @@ RefinementConfig everything() {
     config.camera_rotation = {.rate = 1e-3, .terms = {.pull = 0.05}};
     config.camera_translation = {.rate = 1e-3, .terms = {.pull = 0.06}};
     config.camera_focal = {.rate = 1e-3, .terms = {.pull = 0.07}};
-    config.camera_center = {.rate = 1e-2, .terms = {.pull = 0.08}};
+    config.camera_principal_point = {.rate = 1e-2, .terms = {.pull = 0.08}};
     return config;
 }
 
@@ -308,7 +308,7 @@ TEST_CASE("photographs bring noisy poses back, cameras too") {
         cameras[1] = moved_camera(cameras[1], vec3<double>(0, 0.3, 0), error);
         config.pose = config.transl = {};
         config.camera_rotation = {.rate = 3e-3}, config.camera_translation = {.rate = 3e-3};
-        config.camera_focal = {.rate = 1e-3}, config.camera_center = {.rate = 0.03};
+        config.camera_focal = {.rate = 1e-3}, config.camera_principal_point = {.rate = 0.03};
         config.fixed_cameras = {0, 2};
         MotionRefinement<cpu::Serial> refinement(backend, scene.avatar.rig, scene.truth, cameras, config);
         const auto distance = [&](const Camera<double>& camera) { // in pixels, at points about the body

@@ -183,7 +183,7 @@ void for_each_setting(C& c, const F& f) {
     refined("refine.camera_rotation", c.refinement.camera_rotation, false);
     refined("refine.camera_translation", c.refinement.camera_translation, false);
     refined("refine.camera_focal", c.refinement.camera_focal, false);
-    refined("refine.camera_center", c.refinement.camera_center, false);
+    refined("refine.camera_principal_point", c.refinement.camera_principal_point, false);
     f("refine.fingers", c.finger_rate, R::at_least(0));
     f("refine.face", c.face_rate, R::at_least(0));
     f("refine.final", c.refinement.final_rate, R::above(0).up_to(1));

@@ -150,7 +150,7 @@ public:
         check_camera_index("learns_camera", camera);
         return !fixed_camera_[camera] &&
                (learns(RefinementGroup::camera_rotation) || learns(RefinementGroup::camera_translation) ||
-                learns(RefinementGroup::camera_focal) || learns(RefinementGroup::camera_center));
+                learns(RefinementGroup::camera_focal) || learns(RefinementGroup::camera_principal_point));
     }
 
     /// Computes a frame's present pose in the backend's memory, without an upload. Before the first step it is
@@ -359,7 +359,7 @@ private:
     static constexpr std::array frame_groups{RefinementGroup::pose, RefinementGroup::transl,
                                              RefinementGroup::expression};
     static constexpr std::array camera_groups{RefinementGroup::camera_rotation, RefinementGroup::camera_translation,
-                                              RefinementGroup::camera_focal, RefinementGroup::camera_center};
+                                              RefinementGroup::camera_focal, RefinementGroup::camera_principal_point};
 
     void complete_motion(const RigData& rig) {
         constexpr std::string_view where = "MotionRefinement";

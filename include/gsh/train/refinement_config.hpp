@@ -15,17 +15,18 @@ namespace gsh {
 
 /// The groups that can be refined. A row belongs to a frame, to a camera, or to all frames.
 enum class RefinementGroup : std::size_t {
-    pose,               ///< [T, 3 J] rotations after those of the joints, radians
-    transl,             ///< [T, 3] metres
-    expression,         ///< [T, E]
-    betas,              ///< [1, S]
-    camera_rotation,    ///< [C, 3] about the subject, radians
-    camera_translation, ///< [C, 3] along the camera's axes, metres
-    camera_focal,       ///< [C, 1] logarithm of a factor on both focal lengths
-    camera_center,      ///< [C, 2] of the principal point, pixels
+    pose,                   ///< [T, 3 J] rotations after those of the joints, radians
+    transl,                 ///< [T, 3] metres
+    expression,             ///< [T, E]
+    betas,                  ///< [1, S]
+    camera_rotation,        ///< [C, 3] about the subject, radians
+    camera_translation,     ///< [C, 3] along the camera's axes, metres
+    camera_focal,           ///< [C, 1] logarithm of a factor on both focal lengths
+    camera_principal_point, ///< [C, 2] pixels
 };
 inline constexpr std::array<std::string_view, 8> refinement_group_names{
-    "pose", "transl", "expression", "betas", "camera_rotation", "camera_translation", "camera_focal", "camera_center"};
+    "pose",            "transl",             "expression",   "betas",
+    "camera_rotation", "camera_translation", "camera_focal", "camera_principal_point"};
 inline constexpr std::size_t refinement_group_count = refinement_group_names.size();
 
 /// Settings of a group.
@@ -44,7 +45,7 @@ struct RefinementConfig {
     RefinedGroup camera_rotation{.rate = 2e-4, .terms = {.pull = 1e-3}}; ///< if there are cameras to refine
     RefinedGroup camera_translation{.rate = 2e-4, .terms = {.pull = 1e-3}};
     RefinedGroup camera_focal{.terms = {.pull = 1e-3}};
-    RefinedGroup camera_center{.terms = {.pull = 1e-9}};
+    RefinedGroup camera_principal_point{.terms = {.pull = 1e-9}};
     double final_rate = 0.1;                   ///< final share of each group's rate
     std::vector<double> joint_rates = {};      ///< [J] factors on the pose's rate; empty: all 1
     std::vector<std::size_t> left_out = {};    ///< test frames: they do not learn, and terms between frames skip them
@@ -61,9 +62,9 @@ struct RefinementConfig {
         case RefinementGroup::camera_rotation: return camera_rotation;
         case RefinementGroup::camera_translation: return camera_translation;
         case RefinementGroup::camera_focal: return camera_focal;
-        case RefinementGroup::camera_center: break;
+        case RefinementGroup::camera_principal_point: break;
         }
-        return camera_center;
+        return camera_principal_point;
     }
 };
 

@@ -76,7 +76,7 @@ public:
         place(RefinementGroup::camera_rotation, sizes.cameras, 3, camera_width, numbers);
         place(RefinementGroup::camera_translation, sizes.cameras, 3, camera_width, numbers + 3);
         place(RefinementGroup::camera_focal, sizes.cameras, 1, camera_width, numbers + 6);
-        place(RefinementGroup::camera_center, sizes.cameras, 2, camera_width, numbers + 7);
+        place(RefinementGroup::camera_principal_point, sizes.cameras, 2, camera_width, numbers + 7);
         numbers += sizes.cameras * camera_width;
         updates_.assign(rows, 0);
         for (Buffer* buffer : {&increments_, &gradient_, &first_moment_, &second_moment_}) {

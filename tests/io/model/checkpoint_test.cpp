@@ -40,7 +40,7 @@ struct Everything {
         config.transl = {.rate = 5e-4, .start = 0.1, .terms = {.pull = 1e-3}};
         config.expression = {.rate = 5e-3, .start = 0.2, .terms = {.pull = 1e-3}};
         config.betas = {.rate = 1e-3, .start = 0, .terms = {.pull = 1e-3}};
-        config.camera_focal.rate = 1e-4, config.camera_center.rate = 1e-2;
+        config.camera_focal.rate = 1e-4, config.camera_principal_point.rate = 1e-2;
         return config;
     }
     /// Steps `first` to `last` of a run of 20.

@@ -26,11 +26,11 @@ namespace gsh {
 
 /// A motion in the frame of the camera that it was fitted to, and the file's data about that camera.
 struct SmplifyxFits {
-    Motion motion;                                      ///< in the camera's frame: R = 1, t = 0
-    std::vector<int> frame_ids;                         ///< [T] image of each row; empty: in order
-    std::optional<std::array<double, 2>> focal_length;  ///< pixels
-    std::optional<std::array<double, 2>> camera_center; ///< pixels; if not set, the centre of the image
-    std::optional<std::array<double, 4>> ndc;           ///< HAHA's camera_matrix: [0, 0], [1, 1], [0, 2], [1, 2]
+    Motion motion;                                        ///< in the camera's frame: R = 1, t = 0
+    std::vector<int> frame_ids;                           ///< [T] image of each row; empty: in order
+    std::optional<std::array<double, 2>> focal_length;    ///< pixels
+    std::optional<std::array<double, 2>> principal_point; ///< pixels; if not set, the centre of the image
+    std::optional<std::array<double, 4>> ndc;             ///< HAHA's camera_matrix: [0, 0], [1, 1], [0, 2], [1, 2]
 
     [[nodiscard]] bool has_camera() const { return ndc || focal_length; }
     /// The camera of the fits for images of this size; requires has_camera().
@@ -43,8 +43,8 @@ struct SmplifyxFits {
             camera.cx = (1 + (*ndc)[2]) * w / 2, camera.cy = (1 + (*ndc)[3]) * h / 2;
         } else {
             const auto focal = focal_length.value_or(std::array<double, 2>{0, 0});
-            const auto center = camera_center.value_or(std::array<double, 2>{w / 2, h / 2});
-            camera.fx = focal[0], camera.fy = focal[1], camera.cx = center[0], camera.cy = center[1];
+            const auto point = principal_point.value_or(std::array<double, 2>{w / 2, h / 2});
+            camera.fx = focal[0], camera.fy = focal[1], camera.cx = point[0], camera.cy = point[1];
         }
         check_camera("SmplifyxFits", "camera", camera);
         return camera;
@@ -55,7 +55,8 @@ struct SmplifyxFits {
 /// body_pose [T, 63], betas, and optionally jaw_pose, leye_pose, reye_pose, left_hand_pose and right_hand_pose (45, or
 /// principal components), expression, transl. The camera's pose is camera_rotation [T, 3, 3] with
 /// camera_translation [T, 3], or camera_transform [T, 4, 4]. Its intrinsics are focal_length (SMPLify-X's default is
-/// 5000) and camera_center, or camera_matrix [T, 4, 4]. frame_ids is [T]. Axes of length 1 are ignored.
+/// 5000) and camera_center (the principal point), or camera_matrix [T, 4, 4]. frame_ids is [T]. Axes of length 1 are
+/// ignored.
 ///
 /// The camera's pose is applied to the motion, so that one camera at the origin sees all frames. Shapes that vary over
 /// the frames are averaged. Hand poses are relative to the mean hand unless flat_hand or options specify otherwise.
@@ -172,7 +173,7 @@ inline SmplifyxFits load_smplifyx_fits(const std::filesystem::path& path, const 
         fits.focal_length = {f[0], f.back()};
         if (file.has_array("camera_center")) {
             const std::vector<double> c = detail::constant_member(file, "camera_center", 2);
-            fits.camera_center = {c[0], c[1]};
+            fits.principal_point = {c[0], c[1]};
         }
     }
     if (file.has_array("frame_ids")) {
