@@ -256,11 +256,11 @@ TEST_CASE("a shadow joins when the run has come to its start") {
     model.update_canonical(chain.frame);
     model.pose(chain.pose, chain.frame, chain.camera.center(), chain.splats.view());
     CHECK(model.cache().ao.size() == 0);
-    model.come_to(0.3);
+    model.set_progress(0.3);
     CHECK(model.casts_shadow());
     model.pose(chain.pose, chain.frame, chain.camera.center(), chain.splats.view());
     CHECK(model.cache().ao.size() == model.size());
-    model.come_to(0.29);
+    model.set_progress(0.29);
     CHECK(!model.casts_shadow());
 }
 

@@ -241,7 +241,7 @@ TEST_CASE("a static scene trains as 3DGS does: one background, rates that its ow
     cpu::Serial backend;
     StaticModel<cpu::Serial> model(backend, GaussianCloud<float>(4, 2), 2.5, 0, config);
     const auto means_rate = [&](std::uint64_t step) {
-        model.come_to(step, 0);
+        model.set_progress(step, 0);
         return test::learned_array(model, "means").rate;
     };
     CHECK(means_rate(0) == doctest::Approx(2.5 * 1.6e-4));

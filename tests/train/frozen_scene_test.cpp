@@ -104,7 +104,7 @@ TEST_CASE("a frozen avatar shows the avatar in the motion's pose and has nothing
 
 TEST_CASE("a frozen person's splats are the scene's own, everybody's") {
     TwoFrozen two;
-    two.people.come_to(0, 0);
+    two.people.set_progress(0, 0);
     OnePerson second(two.people, 1);
     CHECK(second.size() == two.people.size());
     CHECK(second.frame_count() == 2);
@@ -119,7 +119,7 @@ TEST_CASE("a fit of one person in one frame moves that pose and nothing else") {
     std::vector<Photo> photos;
     for (const Photo& photo : two.scene.photos)
         if (photo.frame == 1) photos.push_back(photo);
-    two.people.come_to(0, 0.5);
+    two.people.set_progress(0, 0.5);
     const auto values = test::learned_values(two.people), gradients = test::learned_gradients(two.people);
     const Motion first = two.refinements[0].motion(), second = two.refinements[1].motion();
     OnePerson frozen(two.people, 1);

@@ -53,7 +53,7 @@ struct Training {
     }
 
     void step(MotionRefinement<B>& refinement, std::size_t frame, std::size_t c, double progress) {
-        refinement.come_to(progress);
+        refinement.set_progress(progress);
         const Background<float> white{.color = vec3<float>(1.0f)};
         const Camera<float> camera = refinement.camera(c);
         composite_rgba8(*backend, scene->observe(frame, c).rgba, PosedScene::size, PosedScene::size, white.color,
@@ -373,7 +373,7 @@ TEST_CASE("groups wait for their start, joints move at their rates, rows at thei
     CHECK(refinement.pose_gradient().transl.size() == 1);
     CHECK(refinement.pose_gradient().coefficients.empty());
     step(0), step(0);
-    refinement.come_to(0.5);
+    refinement.set_progress(0.5);
     CHECK(refinement.increments(RefinementGroup::pose, 0)[0] == 0);
     CHECK(refinement.increments(RefinementGroup::transl, 0)[0] == doctest::Approx(-2e-3));
     step(0);

@@ -136,7 +136,7 @@ public:
     [[nodiscard]] const Cache& cache() const { return cache_; }
 
     /// progress in [0, 1] is the share of the run that is over. The shadow joins at Params::shadow_start.
-    void come_to(double progress) { shadow_joined_ = progress >= params_.shadow_start; }
+    void set_progress(double progress) { shadow_joined_ = progress >= params_.shadow_start; }
     /// Whether there is a shadow and it has joined.
     [[nodiscard]] bool casts_shadow() const { return shadow_.casts() && shadow_joined_; }
 

@@ -29,7 +29,7 @@ struct CameraGradientView {
 
 /// A scene makes splats for a frame and learns from their gradient. A training step makes these calls, in this order:
 ///
-///     come_to(step, progress)             sets the step's number, and the share of the run that is over, in [0, 1]
+///     set_progress(step, progress)        sets the step's number, and the share of the run that is over, in [0, 1]
 ///     prepare(frame)                      evaluates everything that does not depend on the camera
 ///     camera(photo)                       returns the photograph's camera, with refinement if there is any
 ///     forward(frame, center, splats)      writes size() splats, seen from the camera's centre
@@ -46,7 +46,7 @@ concept SplatScene = requires(S& scene, const Photo& photo, std::size_t frame, s
                               Span<vec3<T>> dL_dcenter, const RasterCache<B, T>& raster_cache) {
     { scene.size() } -> std::convertible_to<std::size_t>;
     { scene.frame_count() } -> std::convertible_to<std::size_t>;
-    scene.come_to(step, progress);
+    scene.set_progress(step, progress);
     scene.prepare(frame);
     { scene.camera(photo) } -> std::same_as<Camera<T>>;
     scene.forward(frame, center, splats);
@@ -62,7 +62,7 @@ concept SplatScene = requires(S& scene, const Photo& photo, std::size_t frame, s
 /// scene's.
 template <Backend B, std::floating_point T>
 struct PlainScene {
-    void come_to(std::uint64_t /*step*/, double /*progress*/) {}
+    void set_progress(std::uint64_t /*step*/, double /*progress*/) {}
     void prepare(std::size_t /*frame*/) {}
     [[nodiscard]] Camera<T> camera(const Photo& photo) const { return photo.camera.template cast<T>(); }
     [[nodiscard]] CameraGradientView<T> camera_gradient(const Photo&) const { return {}; }

@@ -146,7 +146,7 @@ public:
     /// The present Gaussians, in host memory.
     [[nodiscard]] GaussianCloud<T> cloud() { return download(*backend_, gaussians_); }
 
-    void come_to(std::uint64_t step, double /*progress*/) { step_ = static_cast<std::int64_t>(step); }
+    void set_progress(std::uint64_t step, double /*progress*/) { step_ = static_cast<std::int64_t>(step); }
 
     void forward(std::size_t /*frame*/, const vec3<T>& center, const SplatView<T>& splats) {
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {

@@ -102,10 +102,10 @@ public:
 
     // SplatScene ------------------------------------------------------------------------------------------------------
 
-    void come_to(std::uint64_t /*step*/, double progress) {
+    void set_progress(std::uint64_t /*step*/, double progress) {
         for (Person& person : people_) {
-            person.model->come_to(progress);
-            if (person.refinement) person.refinement->come_to(progress);
+            person.model->set_progress(progress);
+            if (person.refinement) person.refinement->set_progress(progress);
         }
     }
     void prepare(std::size_t frame) {

@@ -36,7 +36,7 @@ public:
 
     [[nodiscard]] MotionRefinement<B, T>& motion() { return *motion_; }
     [[nodiscard]] std::size_t frame_count() const { return motion_->frame_count(); }
-    void come_to(std::uint64_t /*step*/, double progress) { motion_->come_to(progress); }
+    void set_progress(std::uint64_t /*step*/, double progress) { motion_->set_progress(progress); }
     [[nodiscard]] LearnedArrays<T> learned() { return {}; }
     void after_step(const RasterCache<B, T>&) { motion_->step(); }
 

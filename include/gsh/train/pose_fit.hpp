@@ -65,7 +65,7 @@ public:
     PoseFitReport fit(Scene& scene, std::size_t frame, const std::vector<Photo>& photos) {
         MotionRefinement<B, T>& motion = scene.motion();
         check(photos, "PoseFit::fit");
-        scene.come_to(0, 0);
+        scene.set_progress(0, 0);
         check_value(motion.learns_motion(frame), "PoseFit::fit",
                     "frame " + std::to_string(frame) +
                         " does not learn; is it left out, or does it start later? see test_time_config");
@@ -74,7 +74,7 @@ public:
         report.loss_before = mean_loss_of(scene, frame, photos);
         remember(motion, frame);
         for (; report.steps < params_.steps && !(params_.stop && params_.stop()); ++report.steps) {
-            scene.come_to(report.steps, static_cast<double>(report.steps) / static_cast<double>(params_.steps));
+            scene.set_progress(report.steps, static_cast<double>(report.steps) / static_cast<double>(params_.steps));
             const Photo& photo = photos[report.steps % photos.size()];
             const Camera<T> camera = render(scene, frame, photo);
             dL_dsplats_.resize(scene.size());

@@ -135,7 +135,7 @@ public:
 
     /// progress in [0, 1] is the share of the run that is over. Groups start at their RefinedGroup::start, and rates
     /// fall to final_rate.
-    void come_to(double progress) { progress_ = std::clamp(progress, 0.0, 1.0); }
+    void set_progress(double progress) { progress_ = std::clamp(progress, 0.0, 1.0); }
 
     /// Whether the next step moves the group, so that its gradient is needed.
     [[nodiscard]] bool learns(RefinementGroup group) const {

@@ -52,7 +52,7 @@ public:
             check_value(array.rate >= 0 && std::isfinite(array.rate) && array.other.rate >= 0 &&
                             std::isfinite(array.other.rate),
                         "Trainer", "the rate of " + array.name + " must not be negative");
-        scene.come_to(0, 0);
+        scene.set_progress(0, 0);
     }
 
     [[nodiscard]] B& backend() { return *backend_; }
@@ -68,7 +68,7 @@ public:
     void resume(std::uint64_t steps, double progress) {
         step_count_ = steps;
         progress_ = progress;
-        scene_->come_to(steps, progress);
+        scene_->set_progress(steps, progress);
     }
 
     /// The index of the photograph of step `step`.
@@ -88,7 +88,7 @@ public:
     void step(double progress = 0, Observer&& observer = {}) {
         const Photo& photo = photos_[photo_of_step(step_count_)];
         progress_ = progress;
-        scene_->come_to(step_count_, progress);
+        scene_->set_progress(step_count_, progress);
 
         observer.enter(Stage::photo);
         loss_.set_photo(photo, config_.random_background ? random_color(step_count_) : config_.background);
