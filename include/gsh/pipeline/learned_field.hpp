@@ -26,10 +26,20 @@ struct FieldParams {
     int hidden_layers = 2;
 };
 
+/// Streams of random numbers of an avatar's fields, which have the same seed. A field of stream s draws the entries of
+/// its tables from the streams s and s + 100, and the weights of its network from s + 1. Streams of fields are
+/// therefore odd. Other numbers would serve as well, but they would give other initial values for the same seed.
+namespace field_stream {
+inline constexpr std::uint64_t displacements = 1; ///< FieldDisplacements
+inline constexpr std::uint64_t colors = 3;        ///< FieldColors
+inline constexpr std::uint64_t shared = 5;        ///< SharedField: colours and displacements
+inline constexpr std::uint64_t shadow = 7;        ///< TimeShadow, PoseShadow
+} // namespace field_stream
+
 /// Where a field's random initial values come from.
 struct FieldStart {
     std::uint64_t seed = 0;
-    std::uint64_t stream = 0; ///< of random numbers; each field of an avatar has its own
+    std::uint64_t stream = 0; ///< of random numbers, see field_stream; each field of an avatar has its own
 };
 
 /// A HashField with the memory that learning takes. The caller owns the query, so that fields over the same points

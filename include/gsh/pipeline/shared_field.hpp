@@ -35,7 +35,7 @@ public:
         : backend_(&backend), params_(params), points_(std::move(points)), codes_(backend, params.time_frames),
           query_(detail::appearance_query<Field>(backend, *points_, params)),
           field_(backend, "shared_field", params.field, 3 * static_cast<int>(stride), points_->feature_count(),
-                 codes_.size(), query_.grids.size(), {params.seed, 5}),
+                 codes_.size(), query_.grids.size(), {params.seed, field_stream::shared}),
           outputs_(points_->size() * stride) {
         field_.silence_other_inputs();
     }

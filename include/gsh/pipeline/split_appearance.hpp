@@ -33,7 +33,7 @@ public:
                 std::size_t tables)
         : backend_(&backend), scale_(params.sh_dc_scale), rate_(params.sh_rate),
           field_(backend, "sh_field", params.field, 3 * static_cast<int>(stride), points.feature_count(), code_size,
-                 tables, {params.seed, 3}),
+                 tables, {params.seed, field_stream::colors}),
           sh_(points.size() * stride) {
         field_.silence_other_inputs();
     }
@@ -102,7 +102,7 @@ public:
     FieldDisplacements(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params,
                        std::size_t code_size, std::size_t tables)
         : rate_(params.displacement_rate), field_(backend, "displacement_field", params.field, 3,
-                                                  points.feature_count(), code_size, tables, {params.seed, 1}),
+                                                  points.feature_count(), code_size, tables, {params.seed, field_stream::displacements}),
           displacements_(points.size()) {
         field_.silence_other_inputs();
     }

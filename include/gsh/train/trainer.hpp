@@ -160,8 +160,10 @@ private:
         splats_.resize(scene_->size());
         scene_->forward(frame, camera.template cast<T>().center(), splats_.view());
     }
+    /// The background of a step. Its stream of random numbers is not that of the photographs' order, which is seed_.
     [[nodiscard]] std::array<double, 3> random_color(std::uint64_t step) const {
-        const std::uint64_t bits = random_bits(mix_bits(seed_ + 2), step);
+        constexpr std::uint64_t background_stream = 2;
+        const std::uint64_t bits = random_bits(mix_bits(seed_ + background_stream), step);
         std::array<double, 3> color;
         for (std::size_t c = 0; c < 3; ++c) color[c] = static_cast<double>(bits >> (21 * c) & 0x1FFFFF) / 0x1FFFFF;
         return color;
