@@ -45,7 +45,11 @@ public:
     ShadowField(B& backend, const CanonicalPoints<B, T>& points, const FieldShadowParams& params,
                 std::size_t code_size)
         : backend_(&backend), params_(params),
-          field_(backend, "shadow_field", params.field, 1, 0, code_size, 1, {params.seed, field_stream::shadow}) {
+          field_(backend, {.name = "shadow_field",
+                           .sizes = params.field,
+                           .outputs = 1,
+                           .shared_inputs = code_size,
+                           .start = {params.seed, field_stream::shadow}}) {
         check_value(params.initial > 0 && params.initial < params.largest, "FieldShadowParams",
                     "initial must lie between 0 and largest");
         field_.field().prepare(backend, points.unit(), query_);

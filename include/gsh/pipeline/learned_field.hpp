@@ -12,7 +12,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -54,14 +53,25 @@ public:
     using Query = typename Field::template Query<B, T>;
     using Cache = typename Field::template Cache<B, T>;
 
-    /// `tables` is the number of the query's grids: 2 where coarse and fine levels have a table each, else 1.
-    LearnedField(B& backend, std::string name, const FieldParams& params, int outputs, std::size_t point_inputs,
-                 std::size_t shared_inputs, std::size_t tables, const FieldStart& start)
-        : backend_(&backend), name_(std::move(name)),
-          field_({.base = params.base, .growth = params.growth, .table_size = params.table_size},
-                 {.outputs = outputs, .width = params.width, .hidden_layers = params.hidden_layers}, point_inputs,
-                 shared_inputs),
-          table_(backend, initial_tables(tables, start)), network_(backend, initial_weights(start)) {}
+    struct Params {
+        std::string name;              ///< prefix of the names of the learned arrays
+        FieldParams sizes = {};        ///< of hash grid and network
+        int outputs = 1;               ///< numbers per point
+        std::size_t point_inputs = 0;  ///< inputs of the network beside the encoding, a row per point
+        std::size_t shared_inputs = 0; ///< inputs of the network that are the same for all points
+        std::size_t tables = 1;        ///< one per grid of the query: 2 if coarse and fine levels have separate tables
+        FieldStart start = {};
+    };
+
+    LearnedField(B& backend, const Params& params)
+        : backend_(&backend), name_(params.name),
+          field_({.base = params.sizes.base, .growth = params.sizes.growth, .table_size = params.sizes.table_size},
+                 {.outputs = params.outputs,
+                  .width = params.sizes.width,
+                  .hidden_layers = params.sizes.hidden_layers},
+                 params.point_inputs, params.shared_inputs),
+          table_(backend, initial_tables(params.tables, params.start)),
+          network_(backend, initial_weights(params.start)) {}
 
     [[nodiscard]] const Field& field() const { return field_; }
     [[nodiscard]] const Mlp& mlp() const { return field_.mlp(); }

@@ -34,8 +34,13 @@ public:
     SharedField(B& backend, SharedPoints<B, T> points, const AppearanceParams& params = {})
         : backend_(&backend), params_(params), points_(std::move(points)), codes_(backend, params.time_frames),
           query_(detail::appearance_query<Field>(backend, *points_, params)),
-          field_(backend, "shared_field", params.field, 3 * static_cast<int>(stride), points_->feature_count(),
-                 codes_.size(), query_.grids.size(), {params.seed, field_stream::shared}),
+          field_(backend, {.name = "shared_field",
+                           .sizes = params.field,
+                           .outputs = 3 * static_cast<int>(stride),
+                           .point_inputs = points_->feature_count(),
+                           .shared_inputs = codes_.size(),
+                           .tables = query_.grids.size(),
+                           .start = {params.seed, field_stream::shared}}),
           outputs_(points_->size() * stride) {
         field_.silence_other_inputs();
     }

@@ -32,8 +32,13 @@ public:
     FieldColors(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params, std::size_t code_size,
                 std::size_t tables)
         : backend_(&backend), scale_(params.sh_dc_scale), rate_(params.sh_rate),
-          field_(backend, "sh_field", params.field, 3 * static_cast<int>(stride), points.feature_count(), code_size,
-                 tables, {params.seed, field_stream::colors}),
+          field_(backend, {.name = "sh_field",
+                           .sizes = params.field,
+                           .outputs = 3 * static_cast<int>(stride),
+                           .point_inputs = points.feature_count(),
+                           .shared_inputs = code_size,
+                           .tables = tables,
+                           .start = {params.seed, field_stream::colors}}),
           sh_(points.size() * stride) {
         field_.silence_other_inputs();
     }
@@ -101,8 +106,14 @@ public:
 
     FieldDisplacements(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params,
                        std::size_t code_size, std::size_t tables)
-        : rate_(params.displacement_rate), field_(backend, "displacement_field", params.field, 3,
-                                                  points.feature_count(), code_size, tables, {params.seed, field_stream::displacements}),
+        : rate_(params.displacement_rate),
+          field_(backend, {.name = "displacement_field",
+                           .sizes = params.field,
+                           .outputs = 3,
+                           .point_inputs = points.feature_count(),
+                           .shared_inputs = code_size,
+                           .tables = tables,
+                           .start = {params.seed, field_stream::displacements}}),
           displacements_(points.size()) {
         field_.silence_other_inputs();
     }
