@@ -11,14 +11,13 @@
 using namespace gsh;
 using Device = cpu::Threads; // another backend is a change of this line
 
-// 1. The part: ao = exp(g[frame]) for every Gaussian. The other calls are those of NoShadow.
-struct Exposure : NoShadow<Device> {
+// 1. The part: ao = exp(g[frame]) for every Gaussian. PlainShadow has the other calls of a shadow.
+struct Exposure : PlainShadow<Device> {
     Device* backend;
     LearnedBuffer<Device> g; // [frames]
     Device::Buffer<float> partials;
 
     Exposure(Device& where, std::size_t frames) : backend(&where), g(where, std::vector<float>(frames, 0)) {}
-    bool casts() const { return true; }
     void forward(const ShadowInput<Device>& input, Span<float> ao) {
         const Span<const float> g_frame = g.values().subspan(input.frame, 1);
         backend->for_each(ao.size(), [=](std::size_t i) { ao[i] = std::exp(g_frame[0]); });

@@ -3,6 +3,7 @@
 
 #include "support/shadow_probe.hpp"
 
+#include <algorithm>
 #include <cstddef>
 #include <utility>
 #include <vector>
@@ -18,6 +19,17 @@ static_assert(ShadowPolicy<NoShadow<cpu::Serial, double>, cpu::Serial, double>);
 static_assert(std::constructible_from<AnyOcclusion, TimeShadow<cpu::Serial, double, 3, 2>>);
 static_assert(!std::constructible_from<AnyOcclusion, TimeShadow<cpu::Serial, float, 3, 2>>); // another number type
 static_assert(!std::constructible_from<AnyOcclusion, int>);
+static_assert(!ShadowPolicy<PlainShadow<cpu::Serial, double>, cpu::Serial, double>); // it lacks the passes
+
+/// A fixed shadow on a base: the same ao for every Gaussian.
+struct Dusk : PlainShadow<cpu::Serial, double> {
+    void forward(const ShadowInput<cpu::Serial, double>&, Span<double> ao) {
+        std::fill(ao.data(), ao.data() + ao.size(), 0.5);
+    }
+    void backward(const ShadowInput<cpu::Serial, double>&, Span<const double>, Span<double>, Span<vec3<double>>) {}
+    LearnedArrays<double> learned() { return {}; }
+};
+static_assert(ShadowPolicy<Dusk, cpu::Serial, double>);
 
 /// A policy by itself and one behind AnyShadow do the same, bit for bit. make(scene) is the policy.
 template <class Make>
@@ -54,6 +66,18 @@ TEST_CASE("any shadow is bit-identical to the policy inside") {
                                                      scene.params());
     });
     check_same_shadow([](auto&) { return NoShadow<cpu::Serial, double>(); });
+    check_same_shadow([](auto&) { return Dusk(); });
+}
+
+TEST_CASE("a shadow on the plain base casts, does not follow the pose, and adds nothing to its gradient") {
+    test::ShadowScene<cpu::Serial> scene;
+    Dusk dusk;
+    CHECK(dusk.casts());
+    CHECK(!dusk.follows_pose());
+    CHECK(scene.occlusion(dusk) == std::vector<double>(scene.size(), 0.5));
+    std::vector<vec3<double>> dL_dpose(4, vec3<double>(0.25));
+    scene.backward_to_pose(dusk, dL_dpose);
+    CHECK(dL_dpose == std::vector<vec3<double>>(4, vec3<double>(0.25)));
 }
 
 TEST_CASE("no shadow learns nothing, follows nothing and writes nothing") {

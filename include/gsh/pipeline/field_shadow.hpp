@@ -112,19 +112,16 @@ private:
 ///
 /// Source  paper §3.4, equations 15 and 16.
 template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>
-class TimeShadow {
+class TimeShadow : public PlainShadow<B, T> {
 public:
     TimeShadow(B& backend, const CanonicalPoints<B, T>& points, std::size_t frame_count,
                const FieldShadowParams& params = {})
         : codes_(backend, frame_count), field_(backend, points, params, codes_.size()) {}
 
-    [[nodiscard]] bool casts() const { return true; }
-    [[nodiscard]] bool follows_pose() const { return false; }
     void forward(const ShadowInput<B, T>& input, Span<T> ao) { field_.forward(codes_[input.frame], ao); }
     void backward(const ShadowInput<B, T>& input, Span<const T> ao, Span<T> dL_dao, Span<vec3<T>>) {
         field_.backward(codes_[input.frame], ao, dL_dao, {});
     }
-    void backward_to_pose(const ShadowInput<B, T>&, Span<const T>, Span<T>, Span<vec3<T>>) {}
     [[nodiscard]] LearnedArrays<T> learned() { return field_.learned(); }
 
 private:

@@ -58,14 +58,20 @@ template <class Shadow>
     else return std::nullopt;
 }
 
-/// No shadow: ao = 1. It is also a base for shadows that need only some of the calls.
+/// A base for shadows that do not depend on the pose. forward, backward and learned() are the shadow's.
 template <Backend B, std::floating_point T = float>
-struct NoShadow {
-    [[nodiscard]] bool casts() const { return false; }
+struct PlainShadow {
+    [[nodiscard]] bool casts() const { return true; }
     [[nodiscard]] bool follows_pose() const { return false; }
+    void backward_to_pose(const ShadowInput<B, T>&, Span<const T>, Span<T>, Span<vec3<T>>) {}
+};
+
+/// No shadow: ao = 1.
+template <Backend B, std::floating_point T = float>
+struct NoShadow : PlainShadow<B, T> {
+    [[nodiscard]] bool casts() const { return false; }
     void forward(const ShadowInput<B, T>&, Span<T>) {}
     void backward(const ShadowInput<B, T>&, Span<const T>, Span<T>, Span<vec3<T>>) {}
-    void backward_to_pose(const ShadowInput<B, T>&, Span<const T>, Span<T>, Span<vec3<T>>) {}
     [[nodiscard]] LearnedArrays<T> learned() { return {}; }
 };
 
