@@ -32,7 +32,7 @@ const AvatarData& avatar(bool shaded) {
             data.gaussians.log_scales[i] = vec3<float>(-5);
         }
         if (with_field) {
-            OcclusionFieldData& field = data.occlusion.emplace();
+            OcclusionFieldData& field = data.occlusion_field.emplace();
             Rng rng(2);
             const auto fill = [&](std::vector<float>& values, std::size_t count) {
                 values.resize(count);

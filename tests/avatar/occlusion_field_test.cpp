@@ -51,7 +51,7 @@ struct Trained {
 };
 
 template <class T, class B>
-std::vector<T> occlusion(B& backend, const OcclusionFieldData& data, const Trained& trained) {
+std::vector<T> field_ao(B& backend, const OcclusionFieldData& data, const Trained& trained) {
     const Skeleton<B, T> skeleton(backend, parents);
     const std::size_t count = trained.features.size() / trained.encoded;
     const OcclusionField<B, T> field(backend, data, count, J);
@@ -92,7 +92,7 @@ TEST_CASE("a baked field is the trained network bit for bit") {
             trained.mlp.forward(backend, Span<const float>(trained.weights), MlpInputs<float>{features, {}, feature},
                                 Span<float>(expected), cache);
             for (float& value : expected) value = 1.5f * sigmoid(value + 1.2f);
-            CHECK(occlusion<float>(backend, trained.bake(backend), trained) == expected);
+            CHECK(field_ao<float>(backend, trained.bake(backend), trained) == expected);
         }
 }
 
@@ -172,7 +172,7 @@ TEST_CASE("an avatar's shadows follow its pose, and its pose learns from them") 
     }
     for (auto& value : data.gaussians.sh) value = vec3<float>(rng.vec(-0.2, 0.2));
     AvatarData plain = data;
-    data.occlusion = random_field(samples.size(), 4);
+    data.occlusion_field = random_field(samples.size(), 4);
     data.ao.assign(samples.size(), 0.5f); // the mean, which nobody asks for
 
     cpu::Serial backend;

@@ -135,7 +135,7 @@ using Bodies = Types<
     gsh::detail::Difference<T>, gsh::detail::Accumulate<T>, gsh::detail::Accumulate<vec3<T>>,
     gsh::detail::ObserveSplats<T>, gsh::detail::DecideFates<T>, gsh::detail::DescendGaussian<T>,
     gsh::detail::DescendMoments<T>, gsh::detail::LimitFromAbove<T>,
-    gsh::detail::OcclusionFromLogit<T>, gsh::detail::OcclusionFromLogitBackward<T>, gsh::detail::PoseOfNeurons<T>,
+    gsh::detail::AoFromLogit<T>, gsh::detail::AoFromLogitBackward<T>, gsh::detail::PoseOfNeurons<T>,
     gsh::detail::PoseOfNeuronsBackward<T>, gsh::detail::DisplacedMeans<T>, gsh::detail::DisplacementGradient<T>,
     gsh::detail::ScaleConstant<T>, gsh::detail::WidenSh<T>, TilesTouched<T>,
     gsh::detail::AdamStep<T>, Skin<T, Affine<T>>, Skin<T, dual_quat<T>>, HashTableBackward<T>,

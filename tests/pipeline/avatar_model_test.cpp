@@ -239,10 +239,10 @@ TEST_CASE("ambient occlusion starts the same everywhere, and as it was asked to"
     Chain<cpu::Serial> chain;
     auto model = Chain<cpu::Serial>::make(chain.backend, chain.rig, chain.samples,
                                           {.ao = AmbientOcclusion::time, .initial_ao = 0.9});
-    const auto shadow = model.occlusion(chain.pose, chain.frame);
+    const auto shadow = model.ao(chain.pose, chain.frame);
     REQUIRE(shadow.size() == model.size());
     for (const double ao : shadow) CHECK(ao == doctest::Approx(0.9));
-    CHECK_THROWS_AS((void)chain.model.occlusion(chain.pose, chain.frame), ValueError); // it has no shadow
+    CHECK_THROWS_AS((void)chain.model.ao(chain.pose, chain.frame), ValueError); // it has no shadow
 }
 
 TEST_CASE("a shadow joins when the run has come to its start") {
@@ -425,6 +425,6 @@ TEST_CASE("a pose's gradient through its shadows, the avatar being what it is") 
     const auto& cached = chain.model.cache().ao;
     const std::vector<double> shadows(cached.begin(), cached.end());
     REQUIRE(shadows.size() == chain.model.size());
-    const auto alone = chain.model.occlusion(chain.pose, chain.frame);
+    const auto alone = chain.model.ao(chain.pose, chain.frame);
     CHECK(std::equal(alone.begin(), alone.end(), shadows.begin(), shadows.end()));
 }

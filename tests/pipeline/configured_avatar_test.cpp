@@ -155,7 +155,7 @@ TEST_CASE("settings reach the parts") {
     CHECK(model.params().initial_opacity == 0.3);
     RigPose<cpu::Serial, float> pose;
     model.rig().upload_pose(rest_motion(tube.rig), 0, pose);
-    for (const float ao : model.occlusion(pose, 0)) CHECK(ao == doctest::Approx(0.75));
+    for (const float ao : model.ao(pose, 0)) CHECK(ao == doctest::Approx(0.75));
     const std::size_t N = tube.samples.size();
     CHECK(tube.make({}, {std::vector<double>(N, 0.0), {}}).appearance().lookups() == N * 8); // the coarse level alone
 }

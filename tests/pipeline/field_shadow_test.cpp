@@ -49,7 +49,7 @@ void check_shadow(const Make& make) {
     test::check_learned_gradients(shadow, loss);
     test::check_gradient(loss, pose_numbers(scene.pose.pose), test::scalars(dL_dpose),
                          {.may_vanish = !shadow.follows_pose()});
-    const auto once = test::learned_gradients(shadow), ao = scene.occlusion(shadow);
+    const auto once = test::learned_gradients(shadow), ao = scene.ao_of(shadow);
     const auto once_pose = dL_dpose;
     scene.backward(shadow, dL_dpose);
     test::check_doubled(once, test::learned_gradients(shadow));
@@ -60,7 +60,7 @@ void check_shadow(const Make& make) {
         test::randomize(threaded);
         auto dL_dpose_there = zero_pose();
         there.backward(threaded, dL_dpose_there);
-        CHECK(there.occlusion(threaded) == ao);
+        CHECK(there.ao_of(threaded) == ao);
         CHECK(test::learned_gradients(threaded) == once);
         CHECK(dL_dpose_there == once_pose);
     }
@@ -80,8 +80,8 @@ TEST_CASE("a shadow over the time has the gradient of its ambient occlusion, and
     CHECK(shadow.casts());
     CHECK(!shadow.follows_pose());
     CHECK(!baked_field(shadow));
-    CHECK(scene.occlusion(shadow, 1) != scene.occlusion(shadow, 2));
-    CHECK_THROWS_AS((void)scene.occlusion(shadow, 5), ValueError);
+    CHECK(scene.ao_of(shadow, 1) != scene.ao_of(shadow, 2));
+    CHECK_THROWS_AS((void)scene.ao_of(shadow, 5), ValueError);
 }
 
 TEST_CASE("a shadow over the pose has the gradient of its ambient occlusion, with respect to the pose, too") {
@@ -91,7 +91,7 @@ TEST_CASE("a shadow over the pose has the gradient of its ambient occlusion, wit
     test::randomize(shadow);
     CHECK(shadow.casts());
     CHECK(shadow.follows_pose());
-    CHECK(scene.occlusion(shadow, 1) == scene.occlusion(shadow, 2)); // the frame does not matter
+    CHECK(scene.ao_of(shadow, 1) == scene.ao_of(shadow, 2)); // the frame does not matter
     auto dL_dpose = zero_pose(), alone = zero_pose();
     scene.backward(shadow, dL_dpose);
     double largest = 0;
@@ -108,7 +108,7 @@ TEST_CASE("a shadow over the pose has the gradient of its ambient occlusion, wit
 TEST_CASE("shadows that follow the pose read the joints' rotations, all but the root's") {
     ShadowTube<cpu::Serial> scene;
     auto shadow = pose_shadow(scene);
-    (void)scene.occlusion(shadow);
+    (void)scene.ao_of(shadow);
     const Span<const double> feature = shadow.feature();
     REQUIRE(feature.size() == 9 * 3);
     for (std::size_t j = 1; j < 4; ++j) {
@@ -128,8 +128,8 @@ TEST_CASE("shadows start the same everywhere, and as they were asked to") {
     ShadowTube<cpu::Serial> scene;
     auto time = time_shadow(scene);
     auto pose = pose_shadow(scene);
-    for (const double ao : scene.occlusion(time)) CHECK(ao == doctest::Approx(0.9));
-    for (const double ao : scene.occlusion(pose)) CHECK(ao == doctest::Approx(0.9));
+    for (const double ao : scene.ao_of(time)) CHECK(ao == doctest::Approx(0.9));
+    for (const double ao : scene.ao_of(pose)) CHECK(ao == doctest::Approx(0.9));
     CHECK(test::learned_array(pose, "shadow_field.table").rate == 5e-3);
     CHECK(test::learned_array(pose, "shadow_field.network").rate == 5e-3);
 }
@@ -139,7 +139,7 @@ TEST_CASE("shadows stay below the largest, and settings that cannot be are refus
     auto shadow = pose_shadow(scene);
     for (double& weight : test::learned_array(shadow, "shadow_field.network").values) weight *= 1e3;
     for (double& weight : test::learned_array(shadow, "shadow_field.table").values) weight *= 1e5;
-    for (const double ao : scene.occlusion(shadow)) CHECK((ao >= 0 && ao <= 1.7));
+    for (const double ao : scene.ao_of(shadow)) CHECK((ao >= 0 && ao <= 1.7));
     for (const double initial : {0.0, -1.0, 1.7, 2.0}) {
         auto params = ShadowTube<cpu::Serial>::params();
         params.initial = initial;

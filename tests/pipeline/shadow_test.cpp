@@ -12,13 +12,13 @@ using namespace gsh;
 
 namespace {
 
-using AnyOcclusion = AnyShadow<cpu::Serial, double>;
+using AnyDoubleShadow = AnyShadow<cpu::Serial, double>;
 
-static_assert(ShadowPolicy<AnyOcclusion, cpu::Serial, double>);
+static_assert(ShadowPolicy<AnyDoubleShadow, cpu::Serial, double>);
 static_assert(ShadowPolicy<NoShadow<cpu::Serial, double>, cpu::Serial, double>);
-static_assert(std::constructible_from<AnyOcclusion, TimeShadow<cpu::Serial, double, 3, 2>>);
-static_assert(!std::constructible_from<AnyOcclusion, TimeShadow<cpu::Serial, float, 3, 2>>); // another number type
-static_assert(!std::constructible_from<AnyOcclusion, int>);
+static_assert(std::constructible_from<AnyDoubleShadow, TimeShadow<cpu::Serial, double, 3, 2>>);
+static_assert(!std::constructible_from<AnyDoubleShadow, TimeShadow<cpu::Serial, float, 3, 2>>); // another number type
+static_assert(!std::constructible_from<AnyDoubleShadow, int>);
 static_assert(!ShadowPolicy<PlainShadow<cpu::Serial, double>, cpu::Serial, double>); // it lacks the passes
 
 /// A fixed shadow on a base: the same ao for every Gaussian.
@@ -36,12 +36,12 @@ template <class Make>
 void check_same_shadow(const Make& make) {
     test::ShadowScene<cpu::Serial> scene;
     auto policy = make(scene);
-    AnyOcclusion any = make(scene);
+    AnyDoubleShadow any = make(scene);
     test::randomize(policy), test::randomize(any);
     CHECK(any.casts() == policy.casts());
     CHECK(any.follows_pose() == policy.follows_pose());
     CHECK(any.baked().has_value() == baked_field(policy).has_value());
-    CHECK(scene.occlusion(any) == scene.occlusion(policy));
+    CHECK(scene.ao_of(any) == scene.ao_of(policy));
     std::vector<vec3<double>> expected(4, vec3<double>(0.0)), found = expected;
     scene.backward(policy, expected), scene.backward(any, found);
     scene.backward_to_pose(policy, expected), scene.backward_to_pose(any, found);
@@ -74,7 +74,7 @@ TEST_CASE("a shadow on the plain base casts, does not follow the pose, and adds 
     Dusk dusk;
     CHECK(dusk.casts());
     CHECK(!dusk.follows_pose());
-    CHECK(scene.occlusion(dusk) == std::vector<double>(scene.size(), 0.5));
+    CHECK(scene.ao_of(dusk) == std::vector<double>(scene.size(), 0.5));
     std::vector<vec3<double>> dL_dpose(4, vec3<double>(0.25));
     scene.backward_to_pose(dusk, dL_dpose);
     CHECK(dL_dpose == std::vector<vec3<double>>(4, vec3<double>(0.25)));

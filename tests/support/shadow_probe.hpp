@@ -55,24 +55,24 @@ struct ShadowScene {
         rig.forward(pose, data.joints, cache);
         return {frame, rig.skeleton(), pose.pose, cache.rotations};
     }
-    std::vector<double> occlusion(auto& shadow, std::size_t frame = 2) {
+    std::vector<double> ao_of(auto& shadow, std::size_t frame = 2) {
         std::vector<double> ao(size());
         shadow.forward(input(frame), ao);
         return ao;
     }
     double loss(auto& shadow) {
-        const std::vector<double> ao = occlusion(shadow);
+        const std::vector<double> ao = ao_of(shadow);
         double sum = 0;
         for (std::size_t i = 0; i < ao.size(); ++i) sum += weights[i] * ao[i];
         return sum;
     }
     void backward(auto& shadow, Span<vec3<double>> dL_dpose) {
-        const std::vector<double> ao = occlusion(shadow);
+        const std::vector<double> ao = ao_of(shadow);
         std::vector<double> dL_dao = weights; // is overwritten
         shadow.backward(input(), ao, dL_dao, dL_dpose);
     }
     void backward_to_pose(auto& shadow, Span<vec3<double>> dL_dpose) {
-        const std::vector<double> ao = occlusion(shadow);
+        const std::vector<double> ao = ao_of(shadow);
         std::vector<double> dL_dao = weights;
         shadow.backward_to_pose(input(), ao, dL_dao, dL_dpose);
     }

@@ -151,7 +151,7 @@ struct SmallTraining {
         for (int i = 0; i < count; ++i) trainer.step(progress);
     }
     /// Each Gaussian's ambient occlusion, mean over the photographed frames.
-    std::vector<float> mean_shadow() { return mean_occlusion(people, photographed_frames(trainer.photos())); }
+    std::vector<float> mean_ao() { return gsh::mean_ao(people, photographed_frames(trainer.photos())); }
     /// The avatar as it is now, as files keep it.
     AvatarData exported() {
         return export_avatar(people, rig, photographed_frames(trainer.photos()), trainer.config().filter);

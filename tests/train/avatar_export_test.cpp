@@ -21,7 +21,7 @@ TEST_CASE("photographed frames come once each, in the photographs' order") {
     CHECK(photographed_frames({}).empty());
 }
 
-TEST_CASE("mean occlusion is the mean over the frames that were photographed, each counted once") {
+TEST_CASE("mean ambient occlusion is the mean over the frames that were photographed, each counted once") {
     SmallScene scene;
     const auto train = [&] {
         auto training = std::make_unique<SmallTraining<cpu::Serial>>(
@@ -32,11 +32,11 @@ TEST_CASE("mean occlusion is the mean over the frames that were photographed, ea
     const auto all = train();
     std::vector<std::vector<float>> frames;
     for (const std::size_t frame : {0, 1}) {
-        const auto ao = all->model.occlusion(all->people.pose(frame), frame);
+        const auto ao = all->model.ao(all->people.pose(frame), frame);
         frames.emplace_back(ao.begin(), ao.end());
     }
     CHECK(frames[0] != frames[1]);
-    const auto mean = all->mean_shadow();
+    const auto mean = all->mean_ao();
     REQUIRE(mean.size() == all->model.size());
     for (std::size_t i = 0; i < mean.size(); ++i) {
         CHECK(mean[i] == doctest::Approx((frames[0][i] + frames[1][i]) / 2));
@@ -44,12 +44,12 @@ TEST_CASE("mean occlusion is the mean over the frames that were photographed, ea
     }
     const std::vector<Photo> photos = scene.photos;
     scene.photos = {photos[0], photos[1], photos[2]}; // frame 0 by both cameras, frame 1 by one
-    CHECK(train()->mean_shadow().size() == mean.size());
+    CHECK(train()->mean_ao().size() == mean.size());
     scene.photos = {photos[1], photos[3]}; // frame 1 alone
     const auto second = train();
-    const auto ao = second->model.occlusion(second->people.pose(1), 1);
+    const auto ao = second->model.ao(second->people.pose(1), 1);
     const std::vector<float> expected(ao.begin(), ao.end());
-    CHECK(second->mean_shadow() == expected);
+    CHECK(second->mean_ao() == expected);
 }
 
 TEST_CASE("an avatar whose fields know the time is saved as the mean over the frames that were photographed") {
@@ -118,10 +118,10 @@ TEST_CASE("an exported avatar has the learned joints, the model's way of posing 
     CHECK(avatar.gaussians.sh_degree == 1);
     CHECK(avatar.gaussians.size() == training.model.size());
     CHECK(avatar.ao.empty()); // the shadow has not joined
-    CHECK(!avatar.occlusion);
+    CHECK(!avatar.occlusion_field);
     training.steps(3, 0.6);
     const AvatarData shaded = training.exported();
-    CHECK(shaded.ao == training.mean_shadow());
-    REQUIRE(shaded.occlusion);
-    CHECK(shaded.occlusion->largest == 2);
+    CHECK(shaded.ao == training.mean_ao());
+    REQUIRE(shaded.occlusion_field);
+    CHECK(shaded.occlusion_field->largest == 2);
 }

@@ -231,7 +231,7 @@ TEST_CASE("so is an avatar posed and rendered, with shadows that follow the pose
     SmallTraining<cpu::Serial> training(small, cpu::Serial(), 3, {.ao = AmbientOcclusion::pose});
     for (int step = 0; step < 3; ++step) training.trainer.step(0.5);
     const AvatarData avatar = training.exported();
-    REQUIRE(avatar.occlusion.has_value());
+    REQUIRE(avatar.occlusion_field.has_value());
     check_equal(show<Guarded>(scene, avatar), show<cpu::Serial>(scene, avatar));
 }
 

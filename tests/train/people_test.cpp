@@ -148,7 +148,7 @@ TEST_CASE("two people learn the same on any number of threads") {
     Cast<cpu::Serial> serial(scene.scene, scene.motions, scene.photos, {}, shaded);
     serial.steps(10);
     CHECK(serial.parameters(0) != serial.parameters(1));
-    CHECK(mean_occlusion(serial.people, photographed_frames(scene.photos), 1).size() == serial.models[1].size());
+    CHECK(mean_ao(serial.people, photographed_frames(scene.photos), 1).size() == serial.models[1].size());
     for (const std::size_t threads : {1, 2, 5}) {
         CAPTURE(threads);
         Cast<cpu::Threads> threaded(scene.scene, scene.motions, scene.photos, cpu::Threads(threads), shaded);

@@ -420,13 +420,13 @@ TEST_CASE("ambient occlusion waits for its start: until then it neither learns n
     for (const auto* name : {"joints", "shared_field.table", "shared_field.network", "opacity_logits", "log_scales"})
         CHECK(shaded.parameters(name) == plain.parameters(name));
     CHECK(!shaded.model.casts_shadow());
-    CHECK(shaded.mean_shadow().empty());
+    CHECK(shaded.mean_ao().empty());
     shaded.steps(6, 0.4), plain.steps(6, 0.4);
     CHECK(ao() != initial);
     CHECK(shaded.parameters("shared_field.table") != plain.parameters("shared_field.table"));
     CHECK(shaded.model.casts_shadow());
     CHECK(!plain.model.casts_shadow());
-    CHECK(plain.mean_shadow().empty());
+    CHECK(plain.mean_ao().empty());
 }
 
 TEST_CASE("shadows that follow the pose are learned, and have a mean") {
@@ -435,7 +435,7 @@ TEST_CASE("shadows that follow the pose are learned, and have a mean") {
     const auto initial = training.parameters("shadow_field.network");
     training.steps(8);
     CHECK(training.parameters("shadow_field.network") != initial);
-    CHECK(training.mean_shadow().size() == training.model.size());
+    CHECK(training.mean_ao().size() == training.model.size());
 }
 
 TEST_CASE("an observer is told of each stage once, in order, and changes nothing") {

@@ -29,9 +29,9 @@ struct AvatarData {
     ColorClamp clamping = ColorClamp::both;
     PixelFilter filter = {}; ///< for the rasterizer
     Deformation deformation = Deformation::linear;
-    std::vector<float> ao = {}; ///< [N] ambient occlusion of every pose, or empty for 1
-    /// Pose-dependent ambient occlusion. `ao` is then its mean over training, for formats without poses.
-    std::optional<OcclusionFieldData> occlusion = {};
+    std::vector<float> ao = {}; ///< [N] ambient occlusion, the same in every pose, or empty for 1
+    /// Gives the ao of each pose. The member `ao` is then its mean over training, for formats without poses.
+    std::optional<OcclusionFieldData> occlusion_field = {};
 };
 
 /// The canonical Gaussians with `ao` merged into their colours, for file formats without ambient occlusion. Exact where
@@ -47,8 +47,8 @@ struct AvatarData {
     return cloud;
 }
 
-/// Poses an avatar. Its fields were evaluated when it was exported. A frame costs skinning and shading and, with
-/// pose-dependent shadows, most of one small network.
+/// Poses an avatar. Its fields were evaluated when it was exported. A frame costs skinning and shading and, with an
+/// occlusion field, most of one small network.
 ///
 /// Frame   see RigData (canonical) and Camera (world).
 /// Errors  ShapeError if rig and Gaussians differ in number, or if the occlusion field belongs to another body.
@@ -61,9 +61,9 @@ public:
     /// One per frame in flight.
     struct Cache {
         typename Poser<B, T>::Cache poser;
-        Buffer<T> ao, dL_dao;           // [N] of this pose, with pose-dependent shadows
+        Buffer<T> ao, dL_dao;           // [N] of this pose, if there is an occlusion field
         Buffer<mat3<T>> dL_drotations;  // [J], likewise
-        typename OcclusionField<B, T>::Cache occlusion;
+        typename OcclusionField<B, T>::Cache occlusion_field;
     };
 
     Avatar(B& backend, const AvatarData& data)
@@ -71,8 +71,8 @@ public:
         check_size("Avatar", "gaussians", data.gaussians.size(), data.rig.point_count(), "one per point of the rig");
         if (!data.ao.empty())
             check_size("Avatar", "ao", data.ao.size(), data.rig.point_count(), "one per Gaussian, or none");
-        if (data.occlusion)
-            occlusion_.emplace(backend, *data.occlusion, data.rig.point_count(), data.rig.joint_count());
+        if (data.occlusion_field)
+            occlusion_field_.emplace(backend, *data.occlusion_field, data.rig.point_count(), data.rig.joint_count());
         const std::vector<T> ao(data.ao.begin(), data.ao.end());
         ao_.resize(ao.size());
         backend.upload(Span<const T>(ao), Span<T>(ao_));
@@ -102,9 +102,9 @@ public:
     void pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) const {
         poser_.bones(pose, joints_, cache.poser);
         backend_->copy(Span<const vec3<T>>(gaussians_.means), Span<vec3<T>>(cache.poser.means));
-        if (occlusion_) {
+        if (occlusion_field_) {
             cache.ao.resize(size());
-            occlusion_->forward(rig().skeleton(), cache.poser.rig.rotations, cache.ao, cache.occlusion);
+            occlusion_field_->forward(rig().skeleton(), cache.poser.rig.rotations, cache.ao, cache.occlusion_field);
         }
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
             poser_.template forward<decltype(degree)::value>(view(cache), center, splats, cache.poser);
@@ -115,17 +115,18 @@ public:
     /// if it is given. The other arguments are those of the forward pass that filled the cache.
     void backward_to_pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
                           Cache& cache, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
-        const bool shadows_move = occlusion_ && !dL_dpose.pose.empty();
-        cache.dL_dao.resize(shadows_move ? size() : 0);
+        const bool ao_follows = occlusion_field_ && !dL_dpose.pose.empty();
+        cache.dL_dao.resize(ao_follows ? size() : 0);
         backend_->fill(Span<T>(cache.dL_dao), T(0));
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
             poser_.template backward<decltype(degree)::value>(pose, view(cache), center, dL_dsplats, cache.poser,
                                                               {.ao = cache.dL_dao}, {}, dL_dpose, dL_dcenter);
         });
-        if (!shadows_move) return;
+        if (!ao_follows) return;
         cache.dL_drotations.resize(rig().joint_count());
         backend_->fill(Span<mat3<T>>(cache.dL_drotations), mat3<T>(T(0)));
-        occlusion_->backward(rig().skeleton(), cache.ao, cache.dL_dao, cache.occlusion, cache.dL_drotations);
+        occlusion_field_->backward(rig().skeleton(), cache.ao, cache.dL_dao, cache.occlusion_field,
+                                   cache.dL_drotations);
         rig().skeleton().rotations_backward(pose.pose, cache.dL_drotations, dL_dpose.pose);
     }
 
@@ -135,7 +136,7 @@ private:
                 .log_scales = gaussians_.log_scales,
                 .opacity_logits = gaussians_.opacity_logits,
                 .sh = gaussians_.sh,
-                .ao = occlusion_ ? Span<const T>(cache.ao) : Span<const T>(ao_)};
+                .ao = occlusion_field_ ? Span<const T>(cache.ao) : Span<const T>(ao_)};
     }
 
     B* backend_;
@@ -143,7 +144,7 @@ private:
     Gaussians<B, T> gaussians_;
     Buffer<vec3<T>> joints_;
     Buffer<T> ao_; // [N] or empty
-    std::optional<OcclusionField<B, T>> occlusion_;
+    std::optional<OcclusionField<B, T>> occlusion_field_;
 };
 
 } // namespace gsh

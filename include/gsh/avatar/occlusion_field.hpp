@@ -69,14 +69,14 @@ namespace detail {
 
 /// ao = largest * sigmoid(the network's output + bias), in place.
 template <class T>
-struct OcclusionFromLogit {
+struct AoFromLogit {
     Span<T> values;
     T bias, largest;
     GSH_HD void operator()(std::size_t i) const { values[i] = largest * sigmoid(values[i] + bias); }
 };
 
 template <class T>
-struct OcclusionFromLogitBackward {
+struct AoFromLogitBackward {
     Span<const T> ao;
     T largest;
     Span<T> gradient; // with respect to ao, then to the logit
@@ -135,7 +135,7 @@ void occlusion_backward(B&, const Arguments&...) {
 }
 
 /// ao_i(R) = largest · sigmoid(Mlp([h_i, vec(R - I)]) + bias), where R are the rotations of the non-root joints
-/// relative to their parents. A shadow returns whenever the body bends in the same way, in any orientation of the body.
+/// relative to their parents. ao is the same whenever the body bends in the same way, in any orientation of the body.
 ///
 ///     x_i = relu(W_0 h_i + W_p vec(R - I)),   ao_i = largest · sigmoid((the layers after the first)(x_i) + bias)
 ///
@@ -188,7 +188,7 @@ public:
         backend_->for_each(width_, detail::PoseOfNeurons<T>{pose_weights_, cache.feature, cache.neurons});
         occlusion_forward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_),
                           Span<const T>(cache.neurons), ao, cache.scratch);
-        backend_->for_each(size(), detail::OcclusionFromLogit<T>{ao, bias_, largest_});
+        backend_->for_each(size(), detail::AoFromLogit<T>{ao, bias_, largest_});
     }
 
     /// Adjoint with respect to the rotations, for a fixed field: adds to dL_drotations. ao and cache are those of
@@ -208,7 +208,7 @@ public:
         backend_->copy(dL_dao, cache.dL_dlogits);
         backend_->fill(Span<T>(cache.dL_dneurons), T(0));
         backend_->fill(Span<T>(cache.dL_dfeature), T(0));
-        backend_->for_each(size(), detail::OcclusionFromLogitBackward<T>{ao, largest_, cache.dL_dlogits});
+        backend_->for_each(size(), detail::AoFromLogitBackward<T>{ao, largest_, cache.dL_dlogits});
         occlusion_backward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_),
                            Span<const T>(cache.neurons), Span<const T>(cache.dL_dlogits), cache.scratch,
                            Span<T>(cache.dL_dneurons));

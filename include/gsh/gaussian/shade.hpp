@@ -55,7 +55,7 @@ template <int Degree, Lane T>
 }
 
 /// Adjoint of shade: adds to dL_dsh, dL_ddir (x, y, z independent) and dL_dao. A clamped channel adds nothing to dL_dsh
-/// and dL_ddir. dL_dao receives dL_dcolor times the colour before occlusion.
+/// and dL_ddir. dL_dao receives dL_dcolor times the colour without ao.
 template <int Degree, Lane T>
 GSH_HD void shade_backward(const vec3<T>* sh, const vec3<T>& dir, T ao, ColorClamp clamping, const vec3<T>& dL_dcolor,
                            vec3<T>* dL_dsh, vec3<T>& dL_ddir, T& dL_dao) {

@@ -16,11 +16,11 @@ enum class Heads {
     separate ///< a field for each, as in its direct baseline
 };
 
-/// What ambient occlusion depends on.
+/// What ambient occlusion depends on: the choice of a shadow. All settings of the shadow are named ao here.
 enum class AmbientOcclusion {
     none, ///< ao = 1
     time, ///< the frame, γ(t), as in the paper; in a new motion each Gaussian has its mean over the training frames
-    pose  ///< the joints' rotations relative to their parents; shadows follow a new motion
+    pose  ///< the joints' rotations relative to their parents; ao is also right in a new motion
 };
 
 /// Learning rates, in metres for joints and displacements, else without a unit.
@@ -33,7 +33,7 @@ struct LearningRates {
     double sh = 2e-3;                     ///< of table and network of the colour field, or of the joint field
     double stored_displacements = 1.6e-4; ///< of stored δx, metres; as 3DGS moves means
     double stored_sh = 2.5e-3; ///< of stored constant colours; the bands above have a 20th of it
-    double ao = 5e-3;          ///< of table and network of ambient occlusion
+    double ao = 5e-3;          ///< of table and network of the shadow
 };
 
 /// Rates of the direct baseline, as in its code: slow fields, fixed rotations.
@@ -66,7 +66,7 @@ struct AvatarConfig {
     /// network learns to use the features. At 1 they dominate what the encoding learns point by point.
     double prior_scale = 0.1;
     AmbientOcclusion ao = AmbientOcclusion::none;
-    double ao_start = 0.1; ///< share of the run after which ambient occlusion is used and learned; the paper: 0.4
+    double ao_start = 0.1; ///< share of the run after which the shadow is used and learned; the paper: 0.4
     std::uint32_t ao_table_size = 1u << 17;
     double largest_ao = 2; ///< upper bound of ao; above 1, ao can also brighten the colours learned before
     double initial_ao = 1;

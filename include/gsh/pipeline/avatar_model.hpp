@@ -196,8 +196,8 @@ public:
 
     /// Ambient occlusion [N] of a pose at a frame, whether the shadow has joined or not. Overwrites the cache.
     /// Errors  ValueError without a shadow.
-    [[nodiscard]] Span<const T> occlusion(const RigPose<B, T>& pose, std::size_t frame) {
-        check_value(shadow_.casts(), "AvatarModel::occlusion", "the model has no shadow");
+    [[nodiscard]] Span<const T> ao(const RigPose<B, T>& pose, std::size_t frame) {
+        check_value(shadow_.casts(), "AvatarModel::ao", "the model has no shadow");
         poser_.bones(pose, joints(), cache_.poser);
         cache_.ao.resize(size());
         shadow_.forward(shadow_input(pose, frame), cache_.ao);

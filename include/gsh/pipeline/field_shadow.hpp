@@ -58,7 +58,7 @@ public:
 
     void forward(Span<const T> code, Span<T> ao) {
         field_.forward(query_, ao, {{}, code});
-        backend_->for_each(ao.size(), OcclusionFromLogit<T>{ao, static_cast<T>(bias()), T(params_.largest)});
+        backend_->for_each(ao.size(), AoFromLogit<T>{ao, static_cast<T>(bias()), T(params_.largest)});
     }
     /// Adds to the gradients of table and network, and to dL_dcode unless it is empty. Overwrites dL_dao with the
     /// gradient of the field's output.
@@ -96,7 +96,7 @@ public:
 private:
     [[nodiscard]] double bias() const { return logit(params_.initial / params_.largest); }
     void logit_backward(Span<const T> ao, Span<T> dL_dao) {
-        backend_->for_each(ao.size(), OcclusionFromLogitBackward<T>{ao, T(params_.largest), dL_dao});
+        backend_->for_each(ao.size(), AoFromLogitBackward<T>{ao, T(params_.largest), dL_dao});
     }
 
     B* backend_;

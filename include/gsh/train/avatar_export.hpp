@@ -51,14 +51,14 @@ template <class B, class Model>
 /// Each Gaussian's mean ambient occlusion over `frames`, for new motions if the shadow does not follow the pose. Empty
 /// without a shadow, or before it has joined.
 template <class Scene>
-[[nodiscard]] std::vector<typename Scene::Scalar> mean_occlusion(Scene& scene, const std::vector<std::size_t>& frames,
-                                                                 std::size_t person = 0) {
+[[nodiscard]] std::vector<typename Scene::Scalar> mean_ao(Scene& scene, const std::vector<std::size_t>& frames,
+                                                          std::size_t person = 0) {
     using T = typename Scene::Scalar;
     auto& model = scene.model(person);
     if (!model.casts_shadow()) return {};
     std::vector<T> mean(model.size(), T(0)), of_frame(model.size());
     for (const std::size_t frame : frames) {
-        scene.backend().download(model.occlusion(scene.pose(frame, person), frame), Span<T>(of_frame));
+        scene.backend().download(model.ao(scene.pose(frame, person), frame), Span<T>(of_frame));
         for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += of_frame[i];
     }
     for (T& ao : mean) ao /= static_cast<T>(frames.size());
@@ -90,8 +90,8 @@ template <class Scene>
     return cloud;
 }
 
-/// A person's present avatar: `rig` with the learned joints, the canonical Gaussians, and the mean of the shadow over
-/// `frames`. A shadow that follows the pose is also exported as a field. `filter` is the one of the training.
+/// A person's present avatar: `rig` with the learned joints, the canonical Gaussians, and the mean ao over `frames`.
+/// A shadow that follows the pose is also exported as an occlusion field. `filter` is the one of the training.
 template <class Scene>
 [[nodiscard]] AvatarData export_avatar(Scene& scene, RigData rig, const std::vector<std::size_t>& frames,
                                        const PixelFilter& filter, std::size_t person = 0) {
@@ -105,8 +105,8 @@ template <class Scene>
     scene.backend().download(model.joints(), Span<vec3<float>>(joints));
     for (std::size_t j = 0; j < joints.size(); ++j) rig.joints[j] = vec3<double>(joints[j]);
     avatar.rig = std::move(rig);
-    avatar.ao = mean_occlusion(scene, frames, person);
-    if (!avatar.ao.empty()) avatar.occlusion = baked_field(model.shadow());
+    avatar.ao = mean_ao(scene, frames, person);
+    if (!avatar.ao.empty()) avatar.occlusion_field = baked_field(model.shadow());
     return avatar;
 }
 

@@ -173,14 +173,14 @@ TEST_CASE("shadows that follow the pose come back from a file and fall on a new 
         const auto path = temporary("shaded.gsh");
         save_avatar(path, training.avatar());
         const AvatarData data = load_avatar(path);
-        REQUIRE(data.occlusion);
+        REQUIRE(data.occlusion_field);
         CHECK(data.ao.size() == training.model.size()); // the mean, for what knows no poses
-        CHECK(data.occlusion->largest == 1.2);
+        CHECK(data.occlusion_field->largest == 1.2);
         const Avatar<cpu::Serial> avatar(training.backend, data);
         cpu::Threads threads(3);
         const Avatar<cpu::Threads> threaded(threads, data);
         AvatarData without = data;
-        without.occlusion.reset();
+        without.occlusion_field.reset();
         const Avatar<cpu::Serial> meant(training.backend, without);
 
         Motion motion = training.scene.motion;
@@ -199,8 +199,8 @@ TEST_CASE("shadows that follow the pose come back from a file and fall on a new 
 TEST_CASE("shadows that know only the time are a mean in the file, and none before they are learned") {
     ShadedTraining training(AmbientOcclusion::time);
     const AvatarData data = training.avatar();
-    CHECK(!data.occlusion);
-    CHECK(data.ao == mean_occlusion(training.people, photographed_frames(training.scene.photos)));
+    CHECK(!data.occlusion_field);
+    CHECK(data.ao == mean_ao(training.people, photographed_frames(training.scene.photos)));
     CHECK(data.ao.size() == training.model.size());
     const auto [least, most] = std::minmax_element(data.ao.begin(), data.ao.end());
     CHECK(*least < *most);
@@ -209,9 +209,9 @@ TEST_CASE("shadows that know only the time are a mean in the file, and none befo
 
     ShadedTraining bent(AmbientOcclusion::pose);
     bent.trainer.resume(12, 0); // before ao_start
-    CHECK(!bent.avatar().occlusion);
+    CHECK(!bent.avatar().occlusion_field);
     ShadedTraining flat(AmbientOcclusion::pose, 0); // a single matrix has no first layer to bake
-    CHECK(!flat.avatar().occlusion);
+    CHECK(!flat.avatar().occlusion_field);
     CHECK(!flat.avatar().ao.empty());
 }
 
@@ -221,7 +221,7 @@ TEST_CASE("a field of shadows that does not fit its avatar is refused by name") 
     const auto path = temporary("shades.gsh");
     const auto save_error = [&](const auto& change) {
         AvatarData avatar = good;
-        change(*avatar.occlusion);
+        change(*avatar.occlusion_field);
         return message_of([&] { save_avatar(path, avatar); });
     };
     CHECK(save_error([](auto& field) { field.neurons.pop_back(); }).find("neurons") != std::string::npos);
@@ -258,7 +258,7 @@ TEST_CASE("a field of shadows that does not fit its avatar is refused by name") 
     std::filesystem::remove(path);
 }
 
-TEST_CASE("occlusion that holds in every pose, deformation and filter come back from the file") {
+TEST_CASE("ambient occlusion that is the same in every pose, deformation and filter come back from the file") {
     const auto path = temporary("parts.gsh");
     for (const Deformation deformation : {Deformation::linear, Deformation::polar, Deformation::dual_quaternion}) {
         AvatarData avatar = small_avatar();
@@ -272,7 +272,7 @@ TEST_CASE("occlusion that holds in every pose, deformation and filter come back 
         const AvatarData back = load_avatar(path);
         CHECK(back.deformation == deformation);
         CHECK(back.ao == avatar.ao);
-        CHECK(!back.occlusion);
+        CHECK(!back.occlusion_field);
         CHECK(back.filter.dilation == 0.17);
         CHECK(back.filter.compensate_opacity == avatar.filter.compensate_opacity);
     }

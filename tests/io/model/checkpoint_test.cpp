@@ -138,7 +138,7 @@ TEST_CASE("with refinement and shadows, too, a resumed training goes on bit for 
     REQUIRE(expected.increments.size() > 0);
     CHECK(whole.refinement.cameras()[1].t != scene.cameras[1].t); // or there would be little to compare
     CHECK(whole.refinement.motion().pose != scene.motion.pose);
-    CHECK(whole.training.mean_shadow().size() == whole.training.model.size());
+    CHECK(whole.training.mean_ao().size() == whole.training.model.size());
     for (const int stop : {1, 5, 13}) { // before poses move, before shadows do, after
         CAPTURE(stop);
         const TemporaryFile file("gsh-checkpoint-");
@@ -173,7 +173,7 @@ TEST_CASE("what a resumed training shows is what it showed before, shadows and p
     first.training.trainer.render(scene.photos[3], before);
     second.training.trainer.render(scene.photos[3], after);
     CHECK(after.data == before.data);
-    CHECK(second.training.mean_shadow() == first.training.mean_shadow());
+    CHECK(second.training.mean_ao() == first.training.mean_ao());
 }
 
 TEST_CASE("a refinement of other frames or cameras is refused, and nothing is taken over") {

@@ -56,7 +56,8 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     const RigData& rig = avatar.rig;
     const GaussianCloud<float>& g = avatar.gaussians;
     check_size("save_avatar", "gaussians", g.size(), rig.point_count(), "one per point of the rig");
-    if (avatar.occlusion) check_occlusion_field("save_avatar", *avatar.occlusion, rig.point_count(), rig.joint_count());
+    if (avatar.occlusion_field)
+        check_occlusion_field("save_avatar", *avatar.occlusion_field, rig.point_count(), rig.joint_count());
     ArchiveWriter file(path, "avatar", avatar_file_version);
     add_body_model(file, rig.body, "body/");
     file.add("betas", rig.betas);
@@ -76,7 +77,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     file.add("compensate_opacity", std::int32_t(avatar.filter.compensate_opacity));
     file.add("deformation", std::int32_t(avatar.deformation));
     file.add("ao", avatar.ao);
-    if (avatar.occlusion) detail::add_occlusion_field(file, *avatar.occlusion);
+    if (avatar.occlusion_field) detail::add_occlusion_field(file, *avatar.occlusion_field);
     file.commit();
 }
 
@@ -107,7 +108,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     avatar.filter = {file.read_number<double>("dilation"), file.read_number<std::int32_t>("compensate_opacity") != 0};
 
     avatar.ao = file.read<float>("ao").data;
-    if (file.has("occlusion_neurons")) avatar.occlusion = detail::read_occlusion_field(file);
+    if (file.has("occlusion_neurons")) avatar.occlusion_field = detail::read_occlusion_field(file);
     const auto deformation = file.read_number<std::int32_t>("deformation");
 
     const std::string where = path.string();
@@ -116,7 +117,8 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     avatar.deformation = static_cast<Deformation>(deformation);
     if (!avatar.ao.empty()) check_size(where, "ao", avatar.ao.size(), rig.point_count(), "one per Gaussian, or none");
     check_finite<float>(where, "ao", avatar.ao);
-    if (avatar.occlusion) check_occlusion_field(where, *avatar.occlusion, rig.point_count(), rig.joint_count());
+    if (avatar.occlusion_field)
+        check_occlusion_field(where, *avatar.occlusion_field, rig.point_count(), rig.joint_count());
     check_value(g.sh_degree >= 0 && g.sh_degree <= 4, where,
                 "sh_degree is " + std::to_string(g.sh_degree) + ", expected 0 to 4");
     check_gaussians(where, "avatar", std::as_const(g).view(), rig.point_count());
