@@ -3,6 +3,8 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 
+#include "support/chunks_alone.hpp"
+
 #include <doctest/doctest.h>
 
 #include <cstddef>
@@ -13,16 +15,9 @@ namespace {
 struct NotABackend {
     void for_each(std::size_t, detail::NoOp) {}
 };
-
-/// Readers of files need no more.
-struct ChunksAlone {
-    void for_chunks(std::size_t n, std::size_t, const auto& body) {
-        if (n) body(std::size_t(0), std::size_t(0), n);
-    }
-};
 } // namespace
 
-static_assert(HostExecutor<ChunksAlone> && !Backend<ChunksAlone> && !CpuBackend<ChunksAlone>);
+static_assert(!HostExecutor<NotABackend>);
 static_assert(!Backend<NotABackend>);
 static_assert(Backend<cpu::Serial> && CpuBackend<cpu::Serial>);
 static_assert(Backend<cpu::Threads> && CpuBackend<cpu::Threads>);

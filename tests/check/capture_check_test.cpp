@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/check/capture_check.hpp>
 #include <gsh/synthetic/actor_skeleton.hpp>
 
 #include "io/temporary.hpp"
+#include "support/chunks_alone.hpp"
 #include "support/gradient.hpp"
 
 #include <doctest/doctest.h>
@@ -157,10 +157,10 @@ const Scene& scene() {
 
 template <class Who> // a body, or people
 CaptureCheck check(const Capture& capture, const Who& who) {
-    cpu::Serial backend;
+    test::ChunksAlone executor; // the check needs no backend
     CaptureCheckParams params;
     params.search.views = 9; // enough here
-    return check_capture(backend, capture, who, params);
+    return check_capture(executor, capture, who, params);
 }
 CaptureCheck check(const Capture& capture) {
     return check(capture, scene().body);

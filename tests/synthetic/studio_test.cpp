@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
-#include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
 
 #include "support/bodies.hpp"
+#include "support/chunks_alone.hpp"
 
 #include <algorithm>
 #include <vector>
@@ -81,15 +81,15 @@ TEST_CASE("images are the same bytes at any thread count") {
     const Motion motion = actor_motion(ActorMotion::stride, 2);
     StudioParams params;
     params.train_cameras = 2, params.image_size = 64, params.samples = 5;
-    cpu::Serial serial;
-    const Capture expected = film(serial, actor(), motion, params);
+    test::ChunksAlone executor; // the studio needs no backend
+    const Capture expected = film(executor, actor(), motion, params);
     for (const std::size_t threads : {1, 2, 3, 7}) {
         cpu::Threads backend(threads);
         const Capture shot = film(backend, actor(), motion, params);
         for (std::size_t i = 0; i < expected.images.size(); ++i) CHECK(shot.images[i].data == expected.images[i].data);
     }
     params.seed = 2;
-    CHECK(film(serial, actor(), motion, params).images[0].data != expected.images[0].data);
+    CHECK(film(executor, actor(), motion, params).images[0].data != expected.images[0].data);
 }
 
 TEST_CASE("pixels: straight alpha, no colour where there is none, nothing cut off at the border") {
@@ -200,21 +200,21 @@ TEST_CASE("a ray meets a triangle where it should") {
 }
 
 TEST_CASE("parameters out of range are refused") {
-    cpu::Serial backend;
+    test::ChunksAlone executor;
     const Motion motion = actor_motion(ActorMotion::talk, 1);
     const auto refused = [&](const auto& change) {
         StudioParams params;
         params.image_size = 16, params.samples = 1;
         change(params);
-        CHECK_THROWS_AS((void)film(backend, actor(), motion, params), ValueError);
+        CHECK_THROWS_AS((void)film(executor, actor(), motion, params), ValueError);
     };
     refused([](StudioParams& p) { p.train_cameras = 0; });
     refused([](StudioParams& p) { p.train_cameras = 1, p.test_cameras = 2; });
     refused([](StudioParams& p) { p.image_size = 0; });
     refused([](StudioParams& p) { p.samples = 0; });
     refused([](StudioParams& p) { p.distance = 0.5; });
-    CHECK_THROWS_AS((void)film(backend, actor(), Motion{}), ValueError);
+    CHECK_THROWS_AS((void)film(executor, actor(), Motion{}), ValueError);
     Motion other = motion;
     other.joint_count = 24;
-    CHECK_THROWS_AS((void)film(backend, actor(), other), ShapeError);
+    CHECK_THROWS_AS((void)film(executor, actor(), other), ShapeError);
 }

@@ -52,8 +52,8 @@ concept Backend = requires(B& backend, std::size_t n, detail::NoOp body, typenam
     backend.synchronize();           // throws DeviceError if the work failed
 };
 
-/// An object that runs fixed chunks of a range on the host. File readers and other set-up code require no more than
-/// this.
+/// An object that runs fixed chunks of a range on the host. File readers, checks of captures and other set-up code
+/// require no more than this.
 ///
 /// for_chunks(n, grain, body) calls body(chunk, begin, end) once for every chunk of `grain` consecutive indices, in any
 /// order. Chunks depend on n and grain alone. Sums that are kept per chunk and added in chunk order are therefore

@@ -78,12 +78,12 @@ struct CaptureCheck {
 ///
 /// Errors  ShapeError, ValueError for an invalid capture or body. Motions for another number of joints are reported as
 ///         findings, and no others then.
-template <CpuBackend B>
-[[nodiscard]] CaptureCheck check_capture(B& backend, const Capture& capture, const std::vector<CheckedPerson>& people,
+template <HostExecutor E>
+[[nodiscard]] CaptureCheck check_capture(E& executor, const Capture& capture, const std::vector<CheckedPerson>& people,
                                          const CaptureCheckParams& params = {});
 /// The same for one person, whose motion is the capture's.
-template <CpuBackend B>
-[[nodiscard]] CaptureCheck check_capture(B& backend, const Capture& capture, const BodyModel& body,
+template <HostExecutor E>
+[[nodiscard]] CaptureCheck check_capture(E& executor, const Capture& capture, const BodyModel& body,
                                          const CaptureCheckParams& params = {});
 
 // -------------------------------------------------------------------------------------------------------------
@@ -99,12 +99,12 @@ inline std::vector<std::size_t> spread_frames(std::size_t total, std::size_t cou
     return frames;
 }
 
-template <CpuBackend B>
+template <HostExecutor E>
 class CaptureChecker {
 public:
-    CaptureChecker(B& backend, const Capture& capture, const std::vector<CheckedPerson>& people,
+    CaptureChecker(E& executor, const Capture& capture, const std::vector<CheckedPerson>& people,
                    const CaptureCheckParams& params)
-        : capture_(capture), people_(people), params_(params), search_(backend, capture, people, params.search) {}
+        : capture_(capture), people_(people), params_(params), search_(executor, capture, people, params.search) {}
 
     CaptureCheck check() {
         look();
@@ -127,7 +127,7 @@ private:
     const Capture& capture_;
     const std::vector<CheckedPerson>& people_;
     CaptureCheckParams params_;
-    CaptureSearch<B> search_;
+    CaptureSearch<E> search_;
     CaptureCheck result_;
     std::vector<CaptureView> usable_;
     std::vector<ViewLook> looks_;   ///< of the usable views: with the files as given, finally with all faults corrected
@@ -350,8 +350,8 @@ private:
 
 } // namespace detail
 
-template <CpuBackend B>
-CaptureCheck check_capture(B& backend, const Capture& capture, const std::vector<CheckedPerson>& people,
+template <HostExecutor E>
+CaptureCheck check_capture(E& executor, const Capture& capture, const std::vector<CheckedPerson>& people,
                            const CaptureCheckParams& params) {
     constexpr auto where = "check_capture";
     check_value(!people.empty(), where, "there is no person to check; give at least one");
@@ -382,13 +382,13 @@ CaptureCheck check_capture(B& backend, const Capture& capture, const std::vector
     }
     check_size(where, "images", capture.images.size(), capture.cameras.size() * capture.frame_count(),
                "store one per camera and frame");
-    return detail::CaptureChecker<B>(backend, capture, people, params).check();
+    return detail::CaptureChecker<E>(executor, capture, people, params).check();
 }
 
-template <CpuBackend B>
-CaptureCheck check_capture(B& backend, const Capture& capture, const BodyModel& body,
+template <HostExecutor E>
+CaptureCheck check_capture(E& executor, const Capture& capture, const BodyModel& body,
                            const CaptureCheckParams& params) {
-    return check_capture(backend, capture, {CheckedPerson{"", &body, &capture.motion}}, params);
+    return check_capture(executor, capture, {CheckedPerson{"", &body, &capture.motion}}, params);
 }
 
 } // namespace gsh

@@ -37,9 +37,9 @@ inline std::vector<std::uint8_t> hand_vertices(const BodyModel& body) {
 /// For each person three overlaps of mask and bodies: with the poses as read, with the mean hand added to that person's
 /// poses, and with it subtracted. They count the pixels where at least one of the three shows the person's hands. All
 /// are empty for a body without hands or without a mean hand.
-template <CpuBackend B>
+template <HostExecutor E>
 [[nodiscard]] std::vector<std::array<Overlap, 3>>
-hand_overlaps(CaptureLooks<B>& looks, const std::vector<CaptureView>& views, const CaptureReading& reading, int size) {
+hand_overlaps(CaptureLooks<E>& looks, const std::vector<CaptureView>& views, const CaptureReading& reading, int size) {
     constexpr std::array<int, 3> times{0, 1, -1};
     constexpr std::uint8_t hand = 1 << times.size();
     const std::size_t P = looks.people().size();

@@ -36,19 +36,19 @@ struct ViewLook {
 };
 
 /// Evaluates readings of a capture. A `size` is the length of the longer side in pixels to which images are reduced.
-template <CpuBackend B>
+template <HostExecutor E>
 class CaptureLooks {
 public:
     using Views = std::vector<CaptureView>;
     using Vertices = Span<const vec3<double>>; ///< of one body; empty for a person who is absent
 
-    CaptureLooks(B& backend, const Capture& capture, const std::vector<CheckedPerson>& people)
-        : backend_(backend), capture_(capture), people_(people), posed_(people.size()) {
+    CaptureLooks(E& executor, const Capture& capture, const std::vector<CheckedPerson>& people)
+        : executor_(executor), capture_(capture), people_(people), posed_(people.size()) {
         for (const CheckedPerson& person : people)
             counterparts_.push_back(joint_counterparts(*person.body, person.motion->betas));
     }
 
-    [[nodiscard]] B& backend() const { return backend_; }
+    [[nodiscard]] E& executor() const { return executor_; }
     [[nodiscard]] const Capture& capture() const { return capture_; }
     [[nodiscard]] const std::vector<CheckedPerson>& people() const { return people_; }
 
@@ -111,7 +111,7 @@ public:
             }
             std::vector<const Poses*> posed; // [person]
             for (std::size_t p = 0; p < people_.size(); ++p) posed.push_back(&pose(p, poses, reading.motions[p]));
-            backend_.for_chunks(work.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
+            executor_.for_chunks(work.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
                 for (std::size_t k = begin; k < end; ++k) {
                     std::vector<Vertices> everybody;
                     for (const Poses* own : posed) everybody.push_back(own->at(work[k].second));
@@ -166,7 +166,7 @@ public:
     }
 
 private:
-    B& backend_;
+    E& executor_;
     const Capture& capture_;
     std::vector<CheckedPerson> people_;
     std::vector<std::vector<int>> counterparts_; // [person]
@@ -190,7 +190,7 @@ private:
             if (const auto [place, is_new] = slot.vertices.try_emplace(pose); is_new && !reading.absent)
                 missing.emplace_back(pose, &place->second);
         const CheckedPerson& person = people_[p];
-        backend_.for_chunks(missing.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
+        executor_.for_chunks(missing.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i)
                 *missing[i].second =
                     pose_as(*person.body, *person.motion, missing[i].first, reading, counterparts_[p]).vertices;

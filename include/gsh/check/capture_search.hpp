@@ -36,21 +36,21 @@ struct CaptureSearchParams {
 /// and sizes and shifts from a short line search. Hypotheses about poses are tried for all people together and for each
 /// person alone. The hypothesis with the largest gain is accepted for the cameras where its gain is clear, and the next
 /// round starts from the result.
-template <CpuBackend B>
+template <HostExecutor E>
 class CaptureSearch {
 public:
     using Views = std::vector<CaptureView>;
 
-    CaptureSearch(B& backend, const Capture& capture, const std::vector<CheckedPerson>& people,
+    CaptureSearch(E& executor, const Capture& capture, const std::vector<CheckedPerson>& people,
                   const CaptureSearchParams& params)
-        : looks_(backend, capture, people), capture_(capture), params_(params), border_(capture.cameras.size(), 0) {}
+        : looks_(executor, capture, people), capture_(capture), params_(params), border_(capture.cameras.size(), 0) {}
 
     [[nodiscard]] CaptureReading as_given() const {
         return {std::vector<MotionReading>(looks_.people().size()),
                 std::vector<CameraReading>(capture_.cameras.size())};
     }
 
-    [[nodiscard]] CaptureLooks<B>& looks() { return looks_; }
+    [[nodiscard]] CaptureLooks<E>& looks() { return looks_; }
 
     [[nodiscard]] bool is_clear(double given, double mended) const {
         return mended - given >= params_.gain && 1 - mended <= params_.remaining * (1 - given);
@@ -100,7 +100,7 @@ public:
     }
 
 private:
-    CaptureLooks<B> looks_;
+    CaptureLooks<E> looks_;
     const Capture& capture_;
     CaptureSearchParams params_;
     std::vector<double> border_;
@@ -153,8 +153,8 @@ private:
 
 // -------------------------------------------------------------------------------------------------------------
 
-template <CpuBackend B>
-bool CaptureSearch<B>::improve(const Views& views, CaptureReading& reading) {
+template <HostExecutor E>
+bool CaptureSearch<E>::improve(const Views& views, CaptureReading& reading) {
     constexpr double tie = 0.01; // IoU
     looks_.start_from(reading.motions);
     const auto looks = looks_.look(views, reading, params_.coarse_size);
@@ -199,8 +199,8 @@ bool CaptureSearch<B>::improve(const Views& views, CaptureReading& reading) {
 
 /// Estimates how many times as wide the images are that K refers to, assuming a principal point near the image's
 /// centre. Common factors are preferred, and values near 1 are set to 1.
-template <CpuBackend B>
-double CaptureSearch<B>::resolution(const Camera<double>& camera) {
+template <HostExecutor E>
+double CaptureSearch<E>::resolution(const Camera<double>& camera) {
     const double wide = 2 * camera.cx / camera.width, high = 2 * camera.cy / camera.height;
     if (!(wide > 0 && high > 0) || std::abs(std::log(wide / high)) > 0.2) return 1;
     const double found = std::sqrt(wide * high);
@@ -209,8 +209,8 @@ double CaptureSearch<B>::resolution(const Camera<double>& camera) {
     return found;
 }
 
-template <CpuBackend B>
-auto CaptureSearch<B>::conventions(const CaptureReading& reading) const -> std::vector<Candidate> {
+template <HostExecutor E>
+auto CaptureSearch<E>::conventions(const CaptureReading& reading) const -> std::vector<Candidate> {
     std::vector<Candidate> result;
     const auto of_cameras = [&](const auto& change) {
         Candidate candidate{reading, false};
@@ -259,8 +259,8 @@ auto CaptureSearch<B>::conventions(const CaptureReading& reading) const -> std::
     return result;
 }
 
-template <CpuBackend B>
-void CaptureSearch<B>::add_measured(const Views& views, const CaptureReading& reading,
+template <HostExecutor E>
+void CaptureSearch<E>::add_measured(const Views& views, const CaptureReading& reading,
                                     const std::vector<ViewLook>& looks, std::vector<Candidate>& candidates) {
     if (std::none_of(looks.begin(), looks.end(), [](const ViewLook& l) { return l.body_area > 0 && l.mask_area > 0; }))
         return; // nothing to compare
@@ -276,8 +276,8 @@ void CaptureSearch<B>::add_measured(const Views& views, const CaptureReading& re
 
 /// Fits the size of `people`. The first estimate attributes the whole difference between mask area and silhouette area
 /// to them.
-template <CpuBackend B>
-CaptureReading CaptureSearch<B>::resized(const Views& views, const CaptureReading& reading,
+template <HostExecutor E>
+CaptureReading CaptureSearch<E>::resized(const Views& views, const CaptureReading& reading,
                                          const std::vector<ViewLook>& looks, const People& people) {
     std::vector<double> ratios;
     for (const ViewLook& l : looks) {
@@ -304,8 +304,8 @@ CaptureReading CaptureSearch<B>::resized(const Views& views, const CaptureReadin
     return best;
 }
 
-template <CpuBackend B>
-CaptureReading CaptureSearch<B>::zoomed(const Views& views, const CaptureReading& reading,
+template <HostExecutor E>
+CaptureReading CaptureSearch<E>::zoomed(const Views& views, const CaptureReading& reading,
                                         const std::vector<ViewLook>& looks) {
     std::vector<std::vector<double>> ratios(capture_.cameras.size());
     for (std::size_t i = 0; i < views.size(); ++i)
@@ -333,8 +333,8 @@ CaptureReading CaptureSearch<B>::zoomed(const Views& views, const CaptureReading
 /// The displacement d of `people` that moves the centroids of the combined silhouettes onto those of the masks. It
 /// solves sum Jᵀ J d = sum Jᵀ (mask - silhouette). J is the derivative of a centroid: the projection's derivative at
 /// each body, weighted by the body's share of the silhouette.
-template <CpuBackend B>
-CaptureReading CaptureSearch<B>::displaced(const Views& views, const CaptureReading& reading,
+template <HostExecutor E>
+CaptureReading CaptureSearch<E>::displaced(const Views& views, const CaptureReading& reading,
                                            std::vector<ViewLook> looks, const People& people) {
     CaptureReading result = reading;
     for (int step = 0; step < 3; ++step) {
@@ -375,15 +375,15 @@ CaptureReading CaptureSearch<B>::displaced(const Views& views, const CaptureRead
 
 /// The shift of each camera's silhouettes that fits its masks best, searched from the given step in pixels of the
 /// reduced image down to one. Moving the principal point only shifts the silhouette.
-template <CpuBackend B>
-CaptureReading CaptureSearch<B>::shifted(const Views& views, const CaptureReading& reading, int size, int first_step) {
+template <HostExecutor E>
+CaptureReading CaptureSearch<E>::shifted(const Views& views, const CaptureReading& reading, int size, int first_step) {
     std::vector<std::pair<Silhouette, Silhouette>> pairs(views.size());
     looks_.for_views(views, reading, [&](std::size_t i, const auto& everybody) {
         pairs[i] = {united(looks_.silhouettes(everybody, looks_.camera(views[i].camera, reading, size))),
                     looks_.mask(views[i], reading, size)};
     });
     CaptureReading result = reading;
-    looks_.backend().for_chunks(capture_.cameras.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
+    looks_.executor().for_chunks(capture_.cameras.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t c = begin; c < end; ++c) {
             std::vector<const std::pair<Silhouette, Silhouette>*> own;
             std::vector<double> dx, dy;
@@ -422,8 +422,8 @@ CaptureReading CaptureSearch<B>::shifted(const Views& views, const CaptureReadin
     return result;
 }
 
-template <CpuBackend B>
-void CaptureSearch<B>::refine_shifts(const Views& views, CaptureReading& reading) {
+template <HostExecutor E>
+void CaptureSearch<E>::refine_shifts(const Views& views, CaptureReading& reading) {
     const bool any = std::any_of(reading.cameras.begin(), reading.cameras.end(),
                                  [](const CameraReading& r) { return r.shift != vec2<double>(0.0); });
     if (!any) return;

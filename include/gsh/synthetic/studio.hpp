@@ -37,19 +37,19 @@ struct StudioParams {
 [[nodiscard]] inline std::vector<NamedCamera> camera_ring(Span<const vec3<double>> points, const StudioParams& params);
 
 /// Films a body in motion. The capture holds the true motion; alpha is the fraction of rays that hit the body, and
-/// colour is 0 where alpha is 0. The images are the same for any backend and thread count.
+/// colour is 0 where alpha is 0. The images are the same for any executor and thread count.
 ///
 /// color(p) is the SurfaceColor at canonical position p of v_template.
 ///
 /// Errors  ValueError for parameters out of range, ShapeError if the motion is not for this body.
-template <CpuBackend B, class Color>
-[[nodiscard]] Capture film(B& backend, const BodyModel& body, const Motion& motion, const StudioParams& params,
+template <HostExecutor E, class Color>
+[[nodiscard]] Capture film(E& executor, const BodyModel& body, const Motion& motion, const StudioParams& params,
                            const Color& color);
 
 /// Films the actor in its own colours.
-template <CpuBackend B>
-[[nodiscard]] Capture film(B& backend, const BodyModel& actor, const Motion& motion, const StudioParams& params = {}) {
-    return film(backend, actor, motion, params, actor_color);
+template <HostExecutor E>
+[[nodiscard]] Capture film(E& executor, const BodyModel& actor, const Motion& motion, const StudioParams& params = {}) {
+    return film(executor, actor, motion, params, actor_color);
 }
 
 /// A person to be filmed. The caller owns body and motion.
@@ -63,8 +63,8 @@ struct StudioActor {
 /// the first person; its alpha covers all people.
 ///
 /// Errors  those of film; ShapeError unless all motions have the same number of frames.
-template <CpuBackend B>
-[[nodiscard]] Capture film(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params = {});
+template <HostExecutor E>
+[[nodiscard]] Capture film(E& executor, const std::vector<StudioActor>& actors, const StudioParams& params = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -162,8 +162,8 @@ struct PixelBox {
 namespace detail {
 
 /// Films people whose meshes are combined into one; color(p, face) is the colour of canonical position p on that face.
-template <CpuBackend B, class Color>
-Capture film_people(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params,
+template <HostExecutor E, class Color>
+Capture film_people(E& executor, const std::vector<StudioActor>& actors, const StudioParams& params,
                     const Color& color) {
     check_value(!actors.empty(), "film", "there is nobody to film");
     const Motion& motion = *actors.front().motion;
@@ -184,7 +184,7 @@ Capture film_people(B& backend, const std::vector<StudioActor>& actors, const St
         canonical.insert(canonical.end(), actor.body->v_template.begin(), actor.body->v_template.end());
     }
     std::vector<std::vector<vec3<double>>> posed(frames);
-    backend.for_chunks(frames, 1, [&](std::size_t, std::size_t begin, std::size_t end) {
+    executor.for_chunks(frames, 1, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t t = begin; t < end; ++t)
             for (const auto& [body, own, unused] : actors) {
                 const auto vertices =
@@ -211,7 +211,7 @@ Capture film_people(B& backend, const std::vector<StudioActor>& actors, const St
         const LitMesh mesh(posed[t], canonical, faces, params.light);
         std::vector<detail::PixelBox> boxes;
         for (const auto& named : result.cameras) boxes.emplace_back(posed[t], named.camera);
-        backend.for_chunks(cameras * size, 4, [&](std::size_t, std::size_t begin, std::size_t end) {
+        executor.for_chunks(cameras * size, 4, [&](std::size_t, std::size_t begin, std::size_t end) {
             for (std::size_t row = begin; row < end; ++row) {
                 const std::size_t c = row / size;
                 const int y = static_cast<int>(row % size);
@@ -234,16 +234,16 @@ Capture film_people(B& backend, const std::vector<StudioActor>& actors, const St
 
 } // namespace detail
 
-template <CpuBackend B, class Color>
-Capture film(B& backend, const BodyModel& body, const Motion& motion, const StudioParams& params, const Color& color) {
-    return detail::film_people(backend, {{&body, &motion}}, params, color);
+template <HostExecutor E, class Color>
+Capture film(E& executor, const BodyModel& body, const Motion& motion, const StudioParams& params, const Color& color) {
+    return detail::film_people(executor, {{&body, &motion}}, params, color);
 }
 
-template <CpuBackend B>
-Capture film(B& backend, const std::vector<StudioActor>& actors, const StudioParams& params) {
+template <HostExecutor E>
+Capture film(E& executor, const std::vector<StudioActor>& actors, const StudioParams& params) {
     std::vector<std::size_t> actor_of; // index of the person for each face
     for (std::size_t i = 0; i < actors.size(); ++i) actor_of.insert(actor_of.end(), actors[i].body->faces.size(), i);
-    return detail::film_people(backend, actors, params, [&](const vec3<double>& p, unsigned face) {
+    return detail::film_people(executor, actors, params, [&](const vec3<double>& p, unsigned face) {
         return actors[actor_of[face]].color(p);
     });
 }
