@@ -199,16 +199,46 @@ private:
     }
 };
 
-/// x within [low, high]; low for NaN, so that an index made of it is valid.
+/// The place of a receiver in a map.
 template <class T>
-[[nodiscard]] GSH_HD T clamp_nan(T x, T low, T high) {
-    return x > low ? (x < high ? x : high) : low;
+struct ShadowPlace {
+    T left, top;          ///< texels: the first corner of the filter's square
+    T nearness;
+    MaskOf<T> away;       ///< it faces away from the light
+    MaskOf<T> unseen;     ///< it lies behind the light, or too near
+};
+
+/// A point with the given unit normal, lifted by `lift` and by what the frame asks for. T is a number or a lane.
+template <class F, Lane T>
+[[nodiscard]] GSH_INLINE GSH_HD ShadowPlace<T> place_receiver(const ShadowFrame<F>& frame, const vec3<T>& point,
+                                                              const vec3<T>& normal, F lift) {
+    const auto row = [](const typename ShadowFrame<F>::Row& r, const vec3<T>& p) {
+        return T(r.factor.x) * p.x + T(r.factor.y) * p.y + T(r.factor.z) * p.z + T(r.offset);
+    };
+    const T has_position(frame.has_position), zero(F(0));
+    const vec3<T> to_light(T(frame.light.x) - point.x * has_position, T(frame.light.y) - point.y * has_position,
+                           T(frame.light.z) - point.z * has_position);
+    const T facing = dot(normal, to_light), squared = dot(to_light, to_light);
+    T rise(lift);
+    if (frame.slope_lift > F(0)) {
+        const T sine = sqrt(max(T(F(1)) - facing * facing / max(squared, T(F(1e-20))), zero));
+        rise = rise + T(frame.slope_lift) * abs(row(frame.w, point)) * sine;
+    }
+    const vec3<T> p(point.x + normal.x * rise, point.y + normal.y * rise, point.z + normal.z * rise);
+    const T w = row(frame.w, p), inverse_w = T(F(1)) / w, r(frame.radius);
+    // Comparisons with NaN are false, so the corner lies in the map whatever the receiver is.
+    const auto within = [&](T x, std::int32_t size) {
+        const T last(F(size) - 2 * frame.radius - F(1e-3));
+        return select(x > zero, select(x < last, x, last), zero);
+    };
+    return {within(row(frame.x, p) * inverse_w - r, frame.width), within(row(frame.y, p) * inverse_w - r, frame.height),
+            row(frame.q, p) * inverse_w, facing * abs(facing) < T(F(-0.0625)) * squared, !(w > T(frame.near))};
 }
 
 /// Share of [from, from + length] that lies in each of the texels [0, 1], [1, 2], …; from in [0, 1), length in [1, 3].
 template <class T>
-GSH_INLINE GSH_HD void filter_weights(T from, T length, T* weights) {
-    const T scale = T(1) / length, to = from + length;
+GSH_INLINE GSH_HD void filter_weights(T from, T length, T scale, T* weights) {
+    const T to = from + length;
     for (int k = 0; k < shadow_taps; ++k)
         weights[k] = max(min(T(k + 1), to) - max(T(k), from), T(0)) * scale;
 }
@@ -218,33 +248,22 @@ GSH_INLINE GSH_HD void filter_weights(T from, T length, T* weights) {
 /// The share of a square of texels, 2 radius on a side, whose nearest surface is not nearer to the light than the point
 /// is. A surface that faces away from the light by more than about 15 degrees does not see it.
 template <class T>
-[[nodiscard]] GSH_INLINE GSH_HD T shadow_visibility(const ShadowFrame<T>& frame, const T* maps, const vec3<T>& point,
-                                                    const vec3<T>& normal, T lift) {
-    const vec3<T> to_light = frame.light - point * frame.has_position;
-    const T facing = dot(normal, to_light), squared = dot(to_light, to_light);
-    if (facing * abs(facing) < T(-0.0625) * squared) return T(0);
-    if (frame.slope_lift > T(0)) {
-        const T sine = squared > T(0) ? sqrt(max(T(1) - facing * facing / squared, T(0))) : T(0);
-        lift += frame.slope_lift * abs(frame.w(point)) * sine;
-    }
-    const vec3<T> p = point + normal * lift;
-    const T w = frame.w(p);
-    if (!(w > frame.near)) return T(1);
-    const T inverse_w = T(1) / w, nearness = frame.q(p) * inverse_w;
-    const T r = frame.radius;
-    const T left = clamp_nan(frame.x(p) * inverse_w - r, T(0), T(frame.width) - 2 * r - T(1e-3));
-    const T top = clamp_nan(frame.y(p) * inverse_w - r, T(0), T(frame.height) - 2 * r - T(1e-3));
-    const auto column = static_cast<std::int32_t>(left), row = static_cast<std::int32_t>(top);
+[[nodiscard]] GSH_HD T shadow_visibility(const ShadowFrame<T>& frame, const T* maps, const vec3<T>& point,
+                                         const vec3<T>& normal, T lift) {
+    const ShadowPlace<T> place = place_receiver(frame, point, normal, lift);
+    if (place.away) return T(0);
+    if (place.unseen) return T(1);
+    const auto column = static_cast<std::int32_t>(place.left), row = static_cast<std::int32_t>(place.top);
+    const T length = 2 * frame.radius, scale = T(1) / length;
     T across[shadow_taps], down[shadow_taps], hidden[shadow_taps] = {};
-    filter_weights(left - T(column), 2 * r, across);
-    filter_weights(top - T(row), 2 * r, down);
+    filter_weights(place.left - T(column), length, scale, across);
+    filter_weights(place.top - T(row), length, scale, down);
     const T* texels = maps + frame.begin + static_cast<std::size_t>(row) * static_cast<std::size_t>(frame.stride) +
                       static_cast<std::size_t>(column);
     for (int j = 0; j < shadow_taps; ++j, texels += frame.stride)
-        for (int k = 0; k < shadow_taps; ++k) hidden[k] += texels[k] > nearness ? down[j] : T(0);
-    T sum = 0;
-    for (int k = 0; k < shadow_taps; ++k) sum += across[k] * hidden[k];
-    return clamp(T(1) - sum, T(0), T(1));
+        for (int k = 0; k < shadow_taps; ++k) hidden[k] += texels[k] > place.nearness ? down[j] : T(0);
+    for (int k = 0; k < shadow_taps; ++k) hidden[k] *= across[k];
+    return clamp(T(1) - ((hidden[0] + hidden[1]) + (hidden[2] + hidden[3])), T(0), T(1));
 }
 
 template <class T>
@@ -262,6 +281,13 @@ struct ReceiveShadows {
 };
 
 } // namespace detail
+
+/// Writes the visibility of each vertex from each light. This version needs no overload; a backend may have a faster
+/// one with the same results.
+template <Backend B, std::floating_point T>
+void shadow_receive(B& backend, const detail::ReceiveShadows<T>& element) {
+    backend.for_each(element.vertices.size(), element);
+}
 
 /// Private storage of a backend: projected vertices. Each backend specialises it beside its overloads.
 template <Backend B, std::floating_point T>
@@ -343,8 +369,8 @@ public:
             check_memory(*backend_, where, "caster", caster.triangles, "triangles");
         }
         draw(casters, light, cache);
-        backend_->for_each(V, detail::ReceiveShadows<T>{cache.frames, cache.maps, vertices, normals, visibility,
-                                                        T(params_.normal_offset)});
+        shadow_receive(*backend_, detail::ReceiveShadows<T>{cache.frames, cache.maps, vertices, normals, visibility,
+                                                            T(params_.normal_offset)});
     }
 
 private:

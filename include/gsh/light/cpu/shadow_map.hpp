@@ -3,14 +3,17 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/lane.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/math/vec.hpp>
+#include <gsh/math/wide.hpp>
 
 #include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <utility>
 
 namespace gsh {
@@ -94,7 +97,74 @@ GSH_INLINE void draw_shadow_triangle(const ShadowVertex<T>& a, ShadowVertex<T> b
     }
 }
 
+/// As shadow_visibility for a receiver that is in place, a row of the filter in each register.
+template <class T>
+[[nodiscard]] GSH_INLINE T filter_shadow(const ShadowFrame<T>& frame, const T* map, T left, T top, T nearness, T length,
+                                         T scale) {
+    typedef T Four __attribute__((vector_size(4 * sizeof(T))));
+    static_assert(gsh::detail::shadow_taps == 4);
+    const auto column = static_cast<std::int32_t>(left), row = static_cast<std::int32_t>(top);
+    const auto weights = [&](T from) {
+        const Four begins{0, 1, 2, 3}, ends{1, 2, 3, 4}, start = from - Four{}, stop = (from + length) - Four{};
+        const Four share = (stop < ends ? stop : ends) - (begins < start ? start : begins);
+        return (share < Four{} ? Four{} : share) * scale;
+    };
+    const Four across = weights(left - static_cast<T>(column)), down = weights(top - static_cast<T>(row));
+    const T* texels = map + static_cast<std::ptrdiff_t>(row) * frame.stride + column;
+    Four hidden{};
+    for (int j = 0; j < 4; ++j, texels += frame.stride) {
+        Four texel;
+        std::memcpy(&texel, texels, sizeof texel);
+        hidden += texel > nearness ? down[j] - Four{} : Four{};
+    }
+    hidden *= across;
+    return clamp(T(1) - ((hidden[0] + hidden[1]) + (hidden[2] + hidden[3])), T(0), T(1));
+}
+
 } // namespace detail
+
+/// A chunk of receivers is placed in a light's map lane by lane; then those that face the light are filtered.
+template <CpuBackend B, std::floating_point T>
+void shadow_receive(B& backend, const gsh::detail::ReceiveShadows<T>& element) {
+    using W = Wide<T>;
+    constexpr std::size_t width = W::width, grain = 256; // vertices: their places stay in the first-level cache
+    static_assert(grain % width == 0);
+    const std::size_t L = element.frames.size();
+    backend.for_chunks(element.vertices.size(), grain, [&](std::size_t, std::size_t begin, std::size_t end) {
+        const std::size_t count = end - begin;
+        alignas(64) T points[3][grain], normals[3][grain], left[grain], top[grain], nearness[grain], state[grain];
+        std::uint16_t facing[grain];
+        for (std::size_t i = 0; i < grain; ++i) { // the last vertex fills the lanes beyond the end
+            const std::size_t v = begin + std::min(i, count - 1);
+            for (int k = 0; k < 3; ++k)
+                points[k][i] = element.vertices[v][k], normals[k][i] = element.normals[v][k];
+        }
+        T* const out = element.visibility.data() + begin * L;
+        for (std::size_t l = 0; l < L; ++l) {
+            const ShadowFrame<T> frame = element.frames[l];
+            for (std::size_t i = 0; i < count; i += width) {
+                const auto load = [i](const T(&from)[3][grain]) {
+                    return vec3<W>(W::load(from[0] + i), W::load(from[1] + i), W::load(from[2] + i));
+                };
+                const auto place = gsh::detail::place_receiver(frame, load(points), load(normals), element.lift);
+                place.left.store(left + i), place.top.store(top + i), place.nearness.store(nearness + i);
+                select(place.away, W(T(0)), select(place.unseen, W(T(1)), W(T(-1)))).store(state + i);
+            }
+            std::size_t kept = 0;
+            for (std::size_t i = 0; i < count; ++i) {
+                facing[kept] = static_cast<std::uint16_t>(i);
+                kept += state[i] < T(0);
+                out[i * L + l] = state[i];
+            }
+            const T* const map = element.maps.data() + frame.begin;
+            const T length = 2 * frame.radius, scale = T(1) / length;
+            for (std::size_t k = 0; k < kept; ++k) {
+                const std::size_t i = facing[k];
+                out[i * L + l] = detail::filter_shadow(frame, map, left[i], top[i], nearness[i], length, scale);
+            }
+        }
+    });
+}
 
 /// Draws one caster into the maps of all lights; `clear` empties them first.
 ///
