@@ -13,6 +13,7 @@
 #include <gsh/optim/cpu/adam.hpp>
 #include <gsh/avatar/cpu/occlusion_field.hpp>
 #include <gsh/avatar/cpu/skinned_gaussian.hpp>
+#include <gsh/light/cpu/lit_splats.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
 #include <gsh/render/cpu/bin.hpp>
 #include <gsh/render/cpu/composite.hpp>

@@ -77,6 +77,8 @@
 #include <gsh/avatar/skinned_gaussian.hpp>
 
 #include <gsh/light/light.hpp>
+#include <gsh/light/lit_element.hpp>
+#include <gsh/light/lit_splats.hpp>
 
 #include <gsh/render/projection.hpp>
 #include <gsh/render/raster_cache.hpp>

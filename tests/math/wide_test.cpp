@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <limits>
 
 using namespace gsh;
@@ -47,4 +49,40 @@ TEST_CASE("the exponential of a Wide keeps to the scalar's ends") {
     CHECK(exp(low)[0] == doctest::Approx(0.0f));
     CHECK(exp(high)[0] > 1e38f);
     CHECK(exp(zero)[0] == 1.0f);
+}
+
+TEST_CASE("the logarithm of a Wide is within two units in the last place, from subnormal numbers to the largest") {
+    using W = Wide<float>;
+    const auto at = [](std::uint32_t bits) {
+        float number;
+        std::memcpy(&number, &bits, sizeof number);
+        return number;
+    };
+    const auto worst_of = [&](std::uint32_t first, std::uint32_t last, std::uint32_t step) {
+        double worst = 0;
+        for (std::uint32_t bits = first; bits + step * W::width <= last;) {
+            float numbers[W::width];
+            for (float& number : numbers) number = at(bits), bits += step;
+            const W found = log(W::load(numbers));
+            for (std::size_t i = 0; i < W::width; ++i) {
+                const double exact = std::log(static_cast<double>(numbers[i]));
+                int exponent = 0;
+                std::frexp(exact, &exponent);
+                const double unit = std::ldexp(1.0, exponent - 24);
+                worst = std::max(worst, std::abs(static_cast<double>(found[i]) - exact) / unit);
+            }
+        }
+        return worst;
+    };
+    CHECK(worst_of(1, 0x7f7fffff, 7919) < 2);           // all sizes
+    CHECK(worst_of(0x3f000000, 0x40000000, 61) < 2);    // ½ to 2, where the result passes zero
+    CHECK(worst_of(0x3f7ff000, 0x3f801000, 1) < 2);     // next to 1
+    CHECK(worst_of(1, 0x00ffffff, 1023) < 2);           // subnormal and small
+    constexpr float infinity = std::numeric_limits<float>::infinity();
+    CHECK(log(W(1.0f))[0] == 0.0f);
+    CHECK(log(W(0.0f))[0] == -infinity);
+    CHECK(log(W(-0.0f))[0] == -infinity);
+    CHECK(log(W(infinity))[0] == infinity);
+    for (const float number : {-1.0f, -1e-40f, -infinity, std::numeric_limits<float>::quiet_NaN()})
+        CHECK(std::isnan(log(W(number))[0]));
 }

@@ -95,6 +95,8 @@ public:
 
     [[nodiscard]] std::size_t vertex_count() const { return vertex_count_; }
     [[nodiscard]] std::size_t point_count() const { return point_count_; }
+    /// The three vertices and weights of each point, [N, 3], for kernels that interpolate more than one array.
+    [[nodiscard]] Span<const detail::Contribution<T>> corners() const { return corners_; }
 
     /// Adds to points.
     void forward(Span<const vec3<T>> values, Span<vec3<T>> points) const {

@@ -2,8 +2,8 @@
 /// @file  A vector register as a lane type, from compiler extensions alone, for per-element code on the CPU.
 ///
 /// simd/pack.hpp has more functions, in fewer instructions, but needs xsimd, on which gsh::gsh does not depend. Here
-/// the arithmetic, the square root and the exponential of floats are vector code. The other functions run lane by lane
-/// through std.
+/// the arithmetic, the square root, and the exponential and logarithm of floats are vector code. The other functions
+/// run lane by lane through std.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -15,6 +15,7 @@
 #include <cstdint>
 #include <cstring>
 #include <initializer_list>
+#include <limits>
 #include <type_traits>
 
 namespace gsh {
@@ -175,6 +176,36 @@ template <std::floating_point S>
 }
 [[nodiscard]] inline Wide<double> exp(Wide<double> x) {
     return LaneTraits<Wide<double>>::per_lane<Wide<double>>(x, [](double v) { return std::exp(v); });
+}
+
+/// log x within two units in the last place, for subnormal numbers, too: -∞ at 0, NaN below, ∞ at ∞; NaN stays NaN.
+///
+/// x = 2^n (1 + f) with 1 + f in [√½, √2). With s = f / (2 + f), log(1 + f) = 2 atanh(s) = f - s (f - R), where
+/// R = 2 (s²/3 + s⁴/5 + …) is summed to s⁸/9 (the rest is below a tenth of a unit). f is exact, and the rounding of s
+/// is multiplied by f.
+[[nodiscard]] GSH_INLINE Wide<float> log(Wide<float> x) {
+    using W = Wide<float>;
+    using Bits = Wide<float>::Mask::Vector;
+    constexpr float infinity = std::numeric_limits<float>::infinity();
+    const auto ordinary = (x > W(0.0f)) & (x < W(infinity));
+    const auto subnormal = x < W(std::numeric_limits<float>::min());
+    W scaled = select(subnormal, x * W(33554432.0f), x); // 2²⁵
+    scaled = select(ordinary, scaled, W(1.0f));
+    constexpr std::int32_t root_half = 0x3f3504f3; // the bit pattern of √½
+    Bits bits;
+    std::memcpy(&bits, &scaled.v, sizeof bits);
+    bits = bits - root_half;
+    const Bits mantissa = (bits & 0x007fffff) + root_half;
+    W m;
+    std::memcpy(&m.v, &mantissa, sizeof m.v);
+    const W n = W(__builtin_convertvector(bits >> 23, W::Vector)) - select(subnormal, W(25.0f), W(0.0f));
+    const W f = m - W(1.0f), s = f / (W(2.0f) + f), z = s * s;
+    W series(2.0f / 9);
+    for (const float factor : {2.0f / 7, 2.0f / 5, 2.0f / 3}) series = series * z + W(factor);
+    const W result = n * W(0.693359375f) + (f - (s * (f - series * z) + n * W(2.12194440e-4f))); // log 2 in two parts
+    return select(ordinary, result,
+                  select(x == W(0.0f), W(-infinity),
+                         select(x > W(0.0f), x, W(std::numeric_limits<float>::quiet_NaN()))));
 }
 
 /// Writes a struct of S (a vector, a matrix, …) to each of the lanes [lane, lane + lanes_per_store) of the same struct
