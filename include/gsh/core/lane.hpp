@@ -89,6 +89,12 @@ template <std::floating_point T>
 [[nodiscard]] GSH_HD T floor(T x) {
     return std::floor(x);
 }
+/// x^exponent for a positive normal x, where the result is a normal number, too. Lane types may have overloads that are
+/// faster than exp and log.
+template <Lane T>
+[[nodiscard]] GSH_HD T power(T x, T exponent) {
+    return exp(exponent * log(x));
+}
 /// x clamped to [low, high].
 template <Lane T>
 [[nodiscard]] GSH_HD T clamp(T x, T low, T high) {

@@ -21,25 +21,31 @@ namespace gsh {
 template <Lane T>
 [[nodiscard]] GSH_HD T srgb_to_linear(T s) {
     const T base = (max(s, T(0.04045)) + T(0.055)) * T(1 / 1.055); // positive even where not selected
-    return select(s <= T(0.04045), s * T(1 / 12.92), exp(T(2.4) * log(base)));
+    return select(s <= T(0.04045), s * T(1 / 12.92), power(base, T(2.4)));
 }
 /// Adjoint of srgb_to_linear: adds to dL_ds.
 template <Lane T>
 GSH_HD void srgb_to_linear_backward(T s, T dL_dlinear, T& dL_ds) {
     const T base = (max(s, T(0.04045)) + T(0.055)) * T(1 / 1.055);
-    dL_ds += dL_dlinear * select(s <= T(0.04045), T(1 / 12.92), T(2.4 / 1.055) * exp(T(1.4) * log(base)));
+    dL_ds += dL_dlinear * select(s <= T(0.04045), T(1 / 12.92), T(2.4 / 1.055) * power(base, T(1.4)));
+}
+/// The same, given the result of srgb_to_linear: a division in place of a power.
+template <Lane T>
+GSH_HD void srgb_to_linear_backward(T s, T linear, T dL_dlinear, T& dL_ds) {
+    dL_ds += dL_dlinear *
+             select(s <= T(0.04045), T(1 / 12.92), T(2.4) * linear / (max(s, T(0.04045)) + T(0.055)));
 }
 
 /// Linear light to display-referred sRGB.
 template <Lane T>
 [[nodiscard]] GSH_HD T linear_to_srgb(T x) {
-    const T root = exp(T(1 / 2.4) * log(max(x, T(0.0031308))));
+    const T root = power(max(x, T(0.0031308)), T(1 / 2.4));
     return select(x <= T(0.0031308), T(12.92) * x, T(1.055) * root - T(0.055));
 }
 /// Adjoint of linear_to_srgb: adds to dL_dx.
 template <Lane T>
 GSH_HD void linear_to_srgb_backward(T x, T dL_dsrgb, T& dL_dx) {
-    const T slope = T(1.055 / 2.4) * exp(T(1 / 2.4 - 1) * log(max(x, T(0.0031308))));
+    const T slope = T(1.055 / 2.4) * power(max(x, T(0.0031308)), T(1 / 2.4 - 1));
     dL_dx += dL_dsrgb * select(x <= T(0.0031308), T(12.92), slope);
 }
 

@@ -52,41 +52,37 @@ public:
 private:
     static constexpr std::size_t columns = 16, few = lanes_per_store<T>;
     typedef T Few __attribute__((vector_size(few * sizeof(T))));
+    typedef T Row __attribute__((vector_size(columns * sizeof(T)))); // as many registers as it takes
 
     void load(std::size_t begin) {
         begin_ = begin, end_ = begin + columns;
         const std::size_t count = lights_ - begin < columns ? lights_ - begin : columns;
         for (std::size_t lane = 0; lane < W::width; lane += few) {
-            const Contribution<T>* corner[few];
-            const T* row[few][3];
+            alignas(Row) T rows[few][columns];
             for (std::size_t j = 0; j < few; ++j) {
-                corner[j] = corners_ + 3 * index_[lane + j];
-                for (std::size_t c = 0; c < 3; ++c) row[j][c] = visibility_ + corner[j][c].index * lights_ + begin;
+                const Contribution<T>* corner = corners_ + 3 * index_[lane + j];
+                const T* const row[3] = {visibility_ + corner[0].index * lights_ + begin,
+                                         visibility_ + corner[1].index * lights_ + begin,
+                                         visibility_ + corner[2].index * lights_ + begin};
+                if (count == columns) {
+                    Row a, b, c;
+                    std::memcpy(&a, row[0], sizeof a), std::memcpy(&b, row[1], sizeof b), std::memcpy(&c, row[2], sizeof c);
+                    a = a * corner[0].weight + b * corner[1].weight + c * corner[2].weight;
+                    std::memcpy(rows[j], &a, sizeof a);
+                } else {
+                    for (std::size_t k = 0; k < count; ++k)
+                        rows[j][k] = row[0][k] * corner[0].weight + row[1][k] * corner[1].weight +
+                                     row[2][k] * corner[2].weight;
+                }
             }
-            for (std::size_t k = 0; k < count; k += few) {
-                const std::size_t bytes = (count - k < few ? count - k : few) * sizeof(T);
+            for (std::size_t k = 0; k < count; k += few) { // beyond count, numbers without a meaning that nobody reads
                 Few mixed[few];
-                for (std::size_t j = 0; j < few; ++j)
-                    if (bytes == sizeof(Few)) [[likely]]
-                        mixed[j] = mix<sizeof(Few)>(corner[j], row[j], k, bytes);
-                    else
-                        mixed[j] = mix<0>(corner[j], row[j], k, bytes);
+                for (std::size_t j = 0; j < few; ++j) std::memcpy(mixed + j, rows[j] + k, sizeof(Few));
                 transpose(mixed);
                 for (std::size_t j = 0; j < few; ++j)
                     std::memcpy(reinterpret_cast<char*>(tile_ + k + j) + lane * sizeof(T), mixed + j, sizeof(Few));
             }
         }
-    }
-
-    /// Visibilities [k, k + few) of one Gaussian. Fixed is the number of bytes if it is known when compiling.
-    template <std::size_t Fixed>
-    GSH_INLINE static Few mix(const Contribution<T>* corner, const T* const (&row)[3], std::size_t k,
-                              std::size_t bytes) {
-        Few a{}, b{}, c{};
-        std::memcpy(&a, row[0] + k, Fixed ? Fixed : bytes);
-        std::memcpy(&b, row[1] + k, Fixed ? Fixed : bytes);
-        std::memcpy(&c, row[2] + k, Fixed ? Fixed : bytes);
-        return a * corner[0].weight + b * corner[1].weight + c * corner[2].weight;
     }
 
     GSH_INLINE static void transpose(Few (&m)[few]) {
