@@ -15,6 +15,7 @@
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/resample.hpp>
+#include <gsh/light/lit_splats.hpp>
 #include <gsh/loss/lpips.hpp>
 #include <gsh/loss/motion_terms.hpp>
 #include <gsh/loss/photometric.hpp>
@@ -323,6 +324,67 @@ TEST_CASE("posing, shading and rendering refuse host memory") {
     std::vector<vec3<float>> dL_dcenter(1);
     check_refused("StaticSplats::backward", "dL_dcenter",
                   [&] { to_splats.backward(all, center, view, static_cache, gaussians.view(), dL_dcenter); });
+}
+
+TEST_CASE("lighting refuses host memory, and computes on the backend what Serial computes") {
+    Guarded backend;
+    const std::vector<std::array<int, 3>> triangles{{0, 1, 2}, {1, 2, 0}};
+    const std::vector<vec3<double>> barycentric(2, vec3<double>(1.0 / 3));
+    const std::vector<vec3<float>> points{{0, 1, 3}}, directions{{0, 0, 1}}, means{{0, 0, 0}, {0, 1, 0}},
+        base(2, vec3<float>(0.5f)), normals(3, vec3<float>(0, 0, 1));
+    const std::vector<float> log_intensities{1, -1}, gloss{0, 1}, visibility(6, 0.7f);
+    const vec3<float> center(0, 0, 4);
+    const LitSplatsInput<float> host{{points, directions, log_intensities, gloss}, means, base, normals, visibility,
+                                     center};
+    const auto p = on_backend(backend, points), d = on_backend(backend, directions), x = on_backend(backend, means),
+               c = on_backend(backend, base), n = on_backend(backend, normals);
+    const auto i = on_backend(backend, log_intensities), g = on_backend(backend, gloss),
+               v = on_backend(backend, visibility);
+    const LitSplatsInput<float> good{{p, d, i, g}, x, c, n, v, center};
+    const LitSplats<Guarded> lit(backend, 3, triangles, barycentric);
+    LitSplats<Guarded>::Cache cache;
+    std::vector<vec3<float>> host_colors(2);
+    Buffer<vec3<float>> colors(2);
+    const auto refused = [&](std::string_view argument, auto break_it) {
+        auto input = good;
+        break_it(input);
+        check_refused("LitSplats::forward", argument, [&] { lit.forward(input, colors, cache); });
+    };
+    refused("light.points", [&](auto& in) { in.light.points = host.light.points; });
+    refused("light.log_intensities", [&](auto& in) { in.light.log_intensities = host.light.log_intensities; });
+    refused("light.gloss", [&](auto& in) { in.light.gloss = host.light.gloss; });
+    refused("means", [&](auto& in) { in.means = host.means; });
+    refused("base", [&](auto& in) { in.base = host.base; });
+    refused("normals", [&](auto& in) { in.normals = host.normals; });
+    refused("visibility", [&](auto& in) { in.visibility = host.visibility; });
+    check_refused("LitSplats::forward", "colors", [&] { lit.forward(good, host_colors, cache); });
+    lit.forward(good, colors, cache);
+    check_refused("LitSplats::backward", "dL_dcolors", [&] { lit.backward(good, host_colors, cache, {}); });
+    check_refused("LitSplats::backward", "dL_din.means",
+                  [&] { lit.backward(good, colors, cache, {.means = host_colors}); });
+    std::vector<vec3<float>> dL_dnormals(3), dL_dpoints(1), dL_dcenter(1);
+    check_refused("LitSplats::backward", "dL_din.normals",
+                  [&] { lit.backward(good, colors, cache, {.normals = dL_dnormals}); });
+    check_refused("LitSplats::backward", "dL_din.light.points",
+                  [&] { lit.backward(good, colors, cache, {.light = {.points = dL_dpoints}}); });
+    check_refused("LitSplats::backward", "dL_din.center",
+                  [&] { lit.backward(good, colors, cache, {.center = dL_dcenter}); });
+    auto found_normals = on_backend(backend, dL_dnormals), found_points = on_backend(backend, dL_dpoints),
+         found_center = on_backend(backend, dL_dcenter);
+    lit.backward(good, colors, cache,
+                 {.light = {.points = found_points}, .normals = found_normals, .center = found_center});
+
+    cpu::Serial serial;
+    const LitSplats<cpu::Serial> expected(serial, 3, triangles, barycentric);
+    LitSplats<cpu::Serial>::Cache expected_cache;
+    expected.forward(host, host_colors, expected_cache);
+    expected.backward(host, host_colors, expected_cache,
+                      {.light = {.points = dL_dpoints}, .normals = dL_dnormals, .center = dL_dcenter});
+    CHECK(on_host(backend, colors) == host_colors);
+    CHECK(on_host(backend, found_normals) == dL_dnormals);
+    CHECK(on_host(backend, found_points) == dL_dpoints);
+    CHECK(on_host(backend, found_center) == dL_dcenter);
+    CHECK(dL_dpoints[0] != vec3<float>(0));
 }
 
 TEST_CASE("images, losses and terms of a motion refuse host memory") {

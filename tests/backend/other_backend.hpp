@@ -10,6 +10,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/field/mlp.hpp>
+#include <gsh/light/lit_splats.hpp>
 #include <gsh/loss/lpips.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
@@ -78,6 +79,8 @@ template <std::floating_point T>
 struct SkinnedSplatsScratch<other::Device, T> {};
 template <std::floating_point T>
 struct OcclusionFieldScratch<other::Device, T> {};
+template <std::floating_point T>
+struct LitSplatsScratch<other::Device, T> {};
 template <std::floating_point T>
 struct BlendShapesScratch<other::Device, T> {};
 } // namespace gsh
@@ -168,6 +171,12 @@ template <int Degree, class T, class D>
 void skinned_splats_accumulate(Device& device, const gsh::detail::SkinnedSplatBackward<Degree, T, D>&,
                                Span<typename D::template Bone<T>>, Span<vec3<T>>, SkinnedSplatsScratch<Device, T>&) {
     device.calls.push_back("skinned_splats_accumulate");
+}
+
+template <class T>
+void lit_splats_accumulate(Device& device, const gsh::detail::LitSplatBackward<T>&, const LightView<T>&,
+                           Span<vec3<T>>, LitSplatsScratch<Device, T>&) {
+    device.calls.push_back("lit_splats_accumulate");
 }
 
 template <class T>

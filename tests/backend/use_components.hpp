@@ -8,6 +8,7 @@
 #include <gsh/body/skeleton.hpp>
 #include <gsh/field/hash_field.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
+#include <gsh/light/lit_splats.hpp>
 #include <gsh/loss/lpips.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
@@ -16,6 +17,7 @@
 #include "support/gradient.hpp"
 #include "support/skinned_scene.hpp"
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -134,6 +136,19 @@ void use_occlusion_field(B& backend) {
     const Mlp network({.inputs = 2, .outputs = 1, .width = 3, .hidden_layers = 1});
     const std::vector<float> weights(network.parameter_count()), features(2);
     (void)bake_occlusion_field(backend, network, weights, row_major(Span<const float>(features), 1), 0, 1);
+}
+
+template <class B>
+void use_lit_splats(B& backend) {
+    const std::vector<std::array<int, 3>> triangles{{0, 1, 0}};
+    const LitSplats<B> lit(backend, 2, triangles, std::vector<vec3<double>>(1));
+    std::vector<vec3<float>> one(1), two(2);
+    const std::vector<float> intensity(1), visibility(2);
+    const LitSplatsInput<float> input{{.points = one, .log_intensities = intensity}, one, one, two, visibility, {}};
+    typename LitSplats<B>::Cache cache;
+    std::vector<vec3<float>> colors(1);
+    lit.forward(input, colors, cache);
+    lit.backward(input, colors, cache, {.normals = two});
 }
 
 } // namespace gsh::test

@@ -13,6 +13,7 @@
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/resample.hpp>
+#include <gsh/light/lit_splats.hpp>
 #include <gsh/optim/adam.hpp>
 #include <gsh/pipeline/avatar_model.hpp>
 #include <gsh/pipeline/density_control.hpp>
@@ -80,6 +81,22 @@ struct SkinnedBackward {
     }
 };
 
+/// The adjoint of a Gaussian under a light adds to sums and a centre that its caller owns.
+template <class T>
+struct LitBackward {
+    gsh::detail::LitSplatBackward<T> body;
+    Span<vec3<T>> dL_dpoints, dL_dcenters;             // [N, P], [N]
+    Span<T> dL_dlog_intensities, dL_dgloss;            // [N, P + D], [N, 2]
+
+    GSH_HD void operator()(std::size_t i) const {
+        const auto& light = body.input.light;
+        body(i,
+             {dL_dpoints.data() + i * light.points.size(), dL_dlog_intensities.data() + i * light.size(),
+              dL_dgloss.data() + 2 * i},
+             dL_dcenters[i]);
+    }
+};
+
 template <class T>
 struct HashTableBackward {
     HashGrid<5, 2> grid;
@@ -129,6 +146,7 @@ using Bodies = Types<
     gsh::detail::BonesAsDualQuatsBackward<T>, gsh::detail::PoseRotations<T>, gsh::detail::PoseRotationsBackward<T>,
     gsh::detail::PoseFeature<T>, gsh::detail::PoseFeatureBackward<T>, gsh::detail::BoneTransforms<T>,
     gsh::detail::BoneTransformsBackward<T>, gsh::detail::SurfaceGather<T>, gsh::detail::SurfaceScatter<T>,
+    gsh::detail::LitFactors<T>, gsh::detail::LitSplatForward<T>, LitBackward<T>,
     gsh::detail::HashBackwardPoint<HashGrid<5, 2>, T>, gsh::detail::ResamplePlanes<T, UndistortMap<T>>,
     gsh::detail::ResampleRgba8<T, UndistortMap<T>>, gsh::detail::CompositeRgba8<T, gsh::detail::PlainBackground<T>>,
     gsh::detail::CompositeRgba8<T, gsh::detail::ImageBackground<T>>,

@@ -34,6 +34,9 @@ TEST_CASE("the sRGB curve: known values, inverse of each other, adjoints") {
         double x = s, dL_dx = 0, dL_ds = 0;
         srgb_to_linear_backward(x, 0.7, dL_ds);
         test::check_gradient([&] { return 0.7 * srgb_to_linear(x); }, {&x, 1}, {&dL_ds, 1});
+        double given_linear = 0.1;
+        srgb_to_linear_backward(x, srgb_to_linear(x), 0.7, given_linear);
+        CHECK(given_linear == doctest::Approx(0.1 + dL_ds).epsilon(1e-13));
         linear_to_srgb_backward(x, 0.7, dL_dx);
         test::check_gradient([&] { return 0.7 * linear_to_srgb(x); }, {&x, 1}, {&dL_dx, 1});
         const double once = dL_dx;

@@ -76,7 +76,8 @@ struct LightKind {
     std::size_t points, directions;
     bool glossy;
 };
-constexpr LightKind light_kinds[] = {{4, 12, true}, {4, 12, false}, {3, 0, true}, {0, 7, false}, {0, 3, true}, {5, 18, true}};
+constexpr LightKind light_kinds[] = {{4, 12, true}, {4, 12, false}, {3, 0, true},
+                                     {0, 7, false}, {0, 3, true},   {5, 18, true}};
 
 TEST_CASE("LitSplats::backward is the gradient of forward with respect to every input, and adds") {
     for (const LightKind& kind : light_kinds) {

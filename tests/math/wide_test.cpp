@@ -86,3 +86,27 @@ TEST_CASE("the logarithm of a Wide is within two units in the last place, from s
     for (const float number : {-1.0f, -1e-40f, -infinity, std::numeric_limits<float>::quiet_NaN()})
         CHECK(std::isnan(log(W(number))[0]));
 }
+
+TEST_CASE("the power of a Wide follows the scalar's, to an error that grows with the exponent of the result") {
+    using W = Wide<float>;
+    test::Rng rng(8);
+    for (int repeat = 0; repeat < 2000; ++repeat) {
+        float x[W::width], exponent[W::width];
+        for (std::size_t i = 0; i < W::width; ++i) {
+            x[i] = std::exp2(static_cast<float>(rng.uniform(-20, 20)));
+            exponent[i] = static_cast<float>(rng.uniform(-3, 3));
+        }
+        const W found = power(W::load(x), W::load(exponent));
+        for (std::size_t i = 0; i < W::width; ++i) {
+            const double y = static_cast<double>(exponent[i]) * std::log2(static_cast<double>(x[i])),
+                         exact = std::exp2(y);
+            CHECK(std::abs(static_cast<double>(found[i]) / exact - 1) < 1e-7 * (1 + std::abs(y)));
+        }
+    }
+    CHECK(power(W(1.0f), W(2.4f))[0] == 1.0f);
+}
+
+TEST_CASE("multiply_add of Wides") {
+    using W = Wide<float>;
+    CHECK(multiply_add(W(2.0f), W(3.0f), W(4.0f))[0] == 10.0f);
+}

@@ -14,6 +14,7 @@
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/image/color.hpp>
+#include <gsh/light/lit_element.hpp>
 #include <gsh/loss/ssim.hpp>
 #include <gsh/math/activation.hpp>
 #include <gsh/math/affine.hpp>
@@ -163,6 +164,7 @@ struct ScalarElement {
         out.put(sin(x)), out.put(cos(x)), out.put(floor(x)), out.put(clamp(x, T(-1), T(2))),
             out.put(select(x < y, x, p));
         const auto index = LaneTraits<T>::to_index(p * T(100));
+        out.put(power(p, x));
         out.put(LaneTraits<T>::from_index(index)), out.put(LaneTraits<T>::gather(table, index));
         T dL_dx = T(0), dL_dp = T(0);
         sigmoid_backward(sigmoid(x), y, dL_dx), exp_backward(exp(x), y, dL_dx), logit_backward(p, y, dL_dp);
@@ -410,7 +412,8 @@ struct ColorElement {
         for (int k = 0; k < 8; ++k) {
             const T n = in.number(0, 1), x = n * n * n, dL_dy = in.number(); // both branches
             T dL_dlinear = T(0), dL_dsrgb = T(0);
-            srgb_to_linear_backward(x, dL_dy, dL_dsrgb), linear_to_srgb_backward(x, dL_dy, dL_dlinear);
+            srgb_to_linear_backward(x, dL_dy, dL_dsrgb), srgb_to_linear_backward(x, srgb_to_linear(x), dL_dy, dL_dsrgb);
+            linear_to_srgb_backward(x, dL_dy, dL_dlinear);
             out.put(srgb_to_linear(x)), out.put(linear_to_srgb(x)), out.put(dL_dsrgb), out.put(dL_dlinear);
         }
     }
@@ -468,6 +471,39 @@ struct SkinnedGaussianElement {
         out.put(splat.mean), out.put(splat.covariance), out.put(splat.opacity), out.put(splat.color);
         out.put(gradient.mean), out.put(gradient.q), out.put(gradient.log_scale), out.put(gradient.opacity_logit);
         out.put(dL_dsh), out.put(gradient.ao), out.put(gradient.blend), out.put(gradient.center);
+    }
+};
+
+/// Three points and two directions that all elements share.
+struct LitGaussianElement {
+    static constexpr const char* name = "light/lit_element";
+    template <Lane T>
+    GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
+        using S = ScalarOf<T>;
+        const vec3<S> points[3] = {{0, 3, 2}, {3, -1, 1}, {-2, 0, -3}}, directions[2] = {{0, 1, 0}, {S(0.6), 0, S(0.8)}};
+        const S factors[7] = {3, 2, 4, S(0.5), S(0.3), S(0.8), 12};
+        const LitLight<S> light{{points, 3}, {directions, 2}, {factors, 7}, true};
+        LitGaussian::Input<T> gaussian;
+        gaussian.mean = in.vector();
+        gaussian.base = in.vector() * T(0.4) + vec3<T>(T(0.5));
+        gaussian.normal = in.vector() + vec3<T>(T(0), T(0), T(1.5));
+        gaussian.center = in.vector() + vec3<T>(T(0), T(0), T(4));
+        T visibility[5];
+        for (T& value : visibility) value = in.number(0, 1);
+        const auto visible = [&](std::size_t k) { return visibility[k]; };
+        const auto shading = LitGaussian::shading(light, gaussian, visible);
+        const vec3<T> dL_dcolor = in.vector();
+        LitGaussian::Shading<T> dL_dshading{T(0), T(0)};
+        LitGaussian::Gradient<T> gradient;
+        vec3<T> dL_dpoints[3] = {vec3<T>(T(0)), vec3<T>(T(0)), vec3<T>(T(0))};
+        T dL_dlog_intensities[5] = {T(0), T(0), T(0), T(0), T(0)}, dL_dgloss[2] = {T(0), T(0)};
+        LitGaussian::color_backward(gaussian.base, shading, dL_dcolor, gradient.base, dL_dshading);
+        LitGaussian::shading_backward(light, gaussian, visible, shading, dL_dshading, gradient,
+                                      LitLightSums<T>{dL_dpoints, dL_dlog_intensities, dL_dgloss});
+        out.put(shading.irradiance), out.put(shading.specular), out.put(LitGaussian::color(gaussian.base, shading));
+        out.put(gradient.mean), out.put(gradient.base), out.put(gradient.normal), out.put(gradient.center);
+        out.put(dL_dpoints), out.put(dL_dgloss[0]), out.put(dL_dgloss[1]);
+        for (const T value : dL_dlog_intensities) out.put(value);
     }
 };
 
@@ -539,6 +575,6 @@ using Elements =
                SHElement<1>, SHElement<2>, SHElement<3>, SHElement<4>, CovarianceElement, ShadeElement, PinholeElement,
                DistortionElement, SkeletonElement, ProjectionElement, WhitenElement, ColorElement, HashGridElement,
                PolarElement, DualQuatElement, SkinnedGaussianElement<LinearBlend>, SkinnedGaussianElement<PolarBlend>,
-               SkinnedGaussianElement<DualQuaternionBlend>, AdamElement, FrequencyElement, SsimElement>;
+               SkinnedGaussianElement<DualQuaternionBlend>, LitGaussianElement, AdamElement, FrequencyElement, SsimElement>;
 
 } // namespace gsh::test

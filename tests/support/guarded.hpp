@@ -15,6 +15,7 @@
 #include <gsh/cpu.hpp>
 #include <gsh/field/features.hpp>
 #include <gsh/field/mlp.hpp>
+#include <gsh/light/lit_splats.hpp>
 #include <gsh/loss/lpips_network.hpp>
 #include <gsh/loss/photometric_cache.hpp>
 #include <gsh/render/raster_cache.hpp>
@@ -158,6 +159,8 @@ struct SkinnedSplatsScratch<test::Guarded, T> : SkinnedSplatsScratch<test::Guard
 template <std::floating_point T>
 struct OcclusionFieldScratch<test::Guarded, T> : OcclusionFieldScratch<test::GuardedInside, T> {};
 template <std::floating_point T>
+struct LitSplatsScratch<test::Guarded, T> : LitSplatsScratch<test::GuardedInside, T> {};
+template <std::floating_point T>
 struct BlendShapesScratch<test::Guarded, T> : BlendShapesScratch<test::GuardedInside, T> {};
 
 } // namespace gsh
@@ -225,6 +228,15 @@ template <class Element, class Bones, class Center, class Scratch>
 void skinned_splats_accumulate(Guarded&, const Element& element, const Bones& dL_dbones, const Center& dL_dcenter,
                                Scratch& scratch) {
     GSH_GUARDED_OVERLOAD(skinned_splats_accumulate, element, dL_dbones, dL_dcenter, scratch);
+}
+template <class T>
+void lit_splats_shade(Guarded&, const gsh::detail::LitSplatForward<T>& element) {
+    GSH_GUARDED_OVERLOAD(lit_splats_shade, element);
+}
+template <class Element, class Light, class Center, class Scratch>
+void lit_splats_accumulate(Guarded&, const Element& element, const Light& dL_dlight, const Center& dL_dcenter,
+                           Scratch& scratch) {
+    GSH_GUARDED_OVERLOAD(lit_splats_accumulate, element, dL_dlight, dL_dcenter, scratch);
 }
 template <class Network, class W, class L, class Cache>
 void occlusion_forward(Guarded&, const Network& network, const W& weights, const W& neurons, const W& pose,

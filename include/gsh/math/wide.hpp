@@ -226,8 +226,8 @@ template <std::same_as<float>... Rest>
                          select(x > W(0.0f), x, W(std::numeric_limits<float>::quiet_NaN()))));
 }
 
-/// x^exponent = 2^(exponent log₂ x), to a relative error of 10⁻⁷ (1 + |exponent log₂ x|), for a positive normal x, where
-/// the result is a normal number, too. The logarithm's series is that of log; 2^f has the least relative error for a
+/// x^exponent = 2^(exponent log₂ x), to a relative error of 10⁻⁷ (1 + |exponent log₂ x|), for a positive normal x,
+/// where the result is a normal number, too. The logarithm's series is that of log; 2^f has the least relative error for a
 /// polynomial of degree 6 on [-½, ½], 2·10⁻⁹.
 [[nodiscard]] GSH_INLINE Wide<float> power(Wide<float> x, Wide<float> exponent) {
     using W = Wide<float>;
@@ -245,8 +245,8 @@ template <std::same_as<float>... Rest>
     const W y = exponent * multiply_add(log2, s, W(__builtin_convertvector(bits >> 23, W::Vector)));
 
     const W shift(12582912.0f), shifted = y + shift, f = y - (shifted - shift); // as in exp
-    W value = power_series(f, 1.0f, 0.69314720574f, 0.24022646891f, 0.05550328777f, 0.0096184889565f, 0.0013399931209f,
-                             0.00015345812159f);
+    W value = power_series(f, 1.0f, 0.69314720574f, 0.24022646891f, 0.05550328777f, 0.0096184889565f,
+                           0.0013399931209f, 0.00015345812159f);
     Bits scaled, whole;
     std::memcpy(&scaled, &value.v, sizeof scaled), std::memcpy(&whole, &shifted.v, sizeof whole);
     scaled = scaled + (whole << 23); // the lowest bits of `whole` are the integer part

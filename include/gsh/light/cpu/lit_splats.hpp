@@ -66,7 +66,9 @@ private:
                                          visibility_ + corner[2].index * lights_ + begin};
                 if (count == columns) {
                     Row a, b, c;
-                    std::memcpy(&a, row[0], sizeof a), std::memcpy(&b, row[1], sizeof b), std::memcpy(&c, row[2], sizeof c);
+                    std::memcpy(&a, row[0], sizeof a);
+                    std::memcpy(&b, row[1], sizeof b);
+                    std::memcpy(&c, row[2], sizeof c);
                     a = a * corner[0].weight + b * corner[1].weight + c * corner[2].weight;
                     std::memcpy(rows[j], &a, sizeof a);
                 } else {
@@ -87,8 +89,10 @@ private:
 
     GSH_INLINE static void transpose(Few (&m)[few]) {
         if constexpr (few == 4) {
-            const Few a = __builtin_shufflevector(m[0], m[1], 0, 4, 1, 5), b = __builtin_shufflevector(m[0], m[1], 2, 6, 3, 7),
-                      c = __builtin_shufflevector(m[2], m[3], 0, 4, 1, 5), d = __builtin_shufflevector(m[2], m[3], 2, 6, 3, 7);
+            const Few a = __builtin_shufflevector(m[0], m[1], 0, 4, 1, 5);
+            const Few b = __builtin_shufflevector(m[0], m[1], 2, 6, 3, 7);
+            const Few c = __builtin_shufflevector(m[2], m[3], 0, 4, 1, 5);
+            const Few d = __builtin_shufflevector(m[2], m[3], 2, 6, 3, 7);
             m[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5), m[1] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
             m[2] = __builtin_shufflevector(b, d, 0, 1, 4, 5), m[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
         } else {
