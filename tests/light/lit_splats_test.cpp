@@ -193,7 +193,8 @@ TEST_CASE_TEMPLATE("where the irradiance is one and nothing shines, the colour i
     CHECK(in_place == colors);
 }
 
-TEST_CASE_TEMPLATE("no normal, a light or a camera at the Gaussian, and darkness give finite numbers", T, float, double) {
+TEST_CASE_TEMPLATE("no normal, a light or a camera at the Gaussian, and darkness give finite numbers", T, float,
+                   double) {
     for (int fault = 0; fault < 5; ++fault) {
         CAPTURE(fault);
         LitScene<T> scene(21, 3, 4, true, 10), gradient = scene;

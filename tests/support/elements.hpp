@@ -480,7 +480,8 @@ struct LitGaussianElement {
     template <Lane T>
     GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
         using S = ScalarOf<T>;
-        const vec3<S> points[3] = {{0, 3, 2}, {3, -1, 1}, {-2, 0, -3}}, directions[2] = {{0, 1, 0}, {S(0.6), 0, S(0.8)}};
+        const vec3<S> points[3] = {{0, 3, 2}, {3, -1, 1}, {-2, 0, -3}};
+        const vec3<S> directions[2] = {{0, 1, 0}, {S(0.6), 0, S(0.8)}};
         const S factors[7] = {3, 2, 4, S(0.5), S(0.3), S(0.8), 12};
         const LitLight<S> light{{points, 3}, {directions, 2}, {factors, 7}, true};
         LitGaussian::Input<T> gaussian;
@@ -575,6 +576,7 @@ using Elements =
                SHElement<1>, SHElement<2>, SHElement<3>, SHElement<4>, CovarianceElement, ShadeElement, PinholeElement,
                DistortionElement, SkeletonElement, ProjectionElement, WhitenElement, ColorElement, HashGridElement,
                PolarElement, DualQuatElement, SkinnedGaussianElement<LinearBlend>, SkinnedGaussianElement<PolarBlend>,
-               SkinnedGaussianElement<DualQuaternionBlend>, LitGaussianElement, AdamElement, FrequencyElement, SsimElement>;
+               SkinnedGaussianElement<DualQuaternionBlend>, LitGaussianElement, AdamElement, FrequencyElement,
+               SsimElement>;
 
 } // namespace gsh::test

@@ -19,7 +19,7 @@ struct SoftDirection {
     T inverse_length;
     vec3<T> dir;
 
-    GSH_HD GSH_INLINE explicit SoftDirection(const vec3<T>& v)
+    GSH_INLINE GSH_HD explicit SoftDirection(const vec3<T>& v)
         : inverse_length(T(1) / sqrt(dot(v, v) + T(1e-8))), dir(v * inverse_length) {}
 
     /// Adds to dL_dv.
@@ -192,7 +192,7 @@ private:
         SoftDirection<T> to_light;
         T cosine, at_facing, irradiance; // at_facing: where the cosine is 1
 
-        GSH_HD GSH_INLINE Point(const LitLight<ScalarOf<T>>& light, std::size_t k, const vec3<T>& mean,
+        GSH_INLINE GSH_HD Point(const LitLight<ScalarOf<T>>& light, std::size_t k, const vec3<T>& mean,
                                 const vec3<T>& n, T visibility)
             : to_light(all<T>(light.points[k]) - mean), cosine(dot(n, to_light.dir)),
               at_facing(T(light.factors[k]) * visibility * (to_light.inverse_length * to_light.inverse_length)),
@@ -215,7 +215,7 @@ private:
         SoftDirection<T> half;
         T below_peak, gauss, grazing, grazing4, value; // below_peak: n·h - 1; grazing: 1 - h·v, and its fourth power
 
-        GSH_HD GSH_INLINE Lobe(const LitLight<ScalarOf<T>>& light, const vec3<T>& n, const vec3<T>& v,
+        GSH_INLINE GSH_HD Lobe(const LitLight<ScalarOf<T>>& light, const vec3<T>& n, const vec3<T>& v,
                                const vec3<T>& l)
             : half(v + l), below_peak(dot(n, half.dir) - T(1)), gauss(exp(T(light.sharpness()) * below_peak)),
               grazing(T(1) - dot(half.dir, v)), grazing4((grazing * grazing) * (grazing * grazing)),

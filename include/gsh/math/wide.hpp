@@ -227,8 +227,8 @@ template <std::same_as<float>... Rest>
 }
 
 /// x^exponent = 2^(exponent log₂ x), to a relative error of 10⁻⁷ (1 + |exponent log₂ x|), for a positive normal x,
-/// where the result is a normal number, too. The logarithm's series is that of log; 2^f has the least relative error for a
-/// polynomial of degree 6 on [-½, ½], 2·10⁻⁹.
+/// where the result is a normal number, too. The logarithm's series is that of log. 2^f is the polynomial of degree 6
+/// with the least relative error on [-½, ½], 2·10⁻⁹.
 [[nodiscard]] GSH_INLINE Wide<float> power(Wide<float> x, Wide<float> exponent) {
     using W = Wide<float>;
     using Bits = Wide<float>::Mask::Vector;
