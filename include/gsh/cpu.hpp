@@ -14,6 +14,7 @@
 #include <gsh/avatar/cpu/occlusion_field.hpp>
 #include <gsh/avatar/cpu/skinned_gaussian.hpp>
 #include <gsh/light/cpu/lit_splats.hpp>
+#include <gsh/light/cpu/shadow_map.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
 #include <gsh/render/cpu/bin.hpp>
 #include <gsh/render/cpu/composite.hpp>

@@ -33,6 +33,7 @@
 
 #include <gsh/body/blend_shapes.hpp>
 #include <gsh/body/body_model.hpp>
+#include <gsh/body/coarse_mesh.hpp>
 #include <gsh/body/geodesic.hpp>
 #include <gsh/body/joint_error.hpp>
 #include <gsh/body/joint_merge.hpp>
@@ -41,6 +42,7 @@
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/body/nearest_points.hpp>
 #include <gsh/body/posed_body.hpp>
+#include <gsh/body/posed_surface.hpp>
 #include <gsh/body/region_mask.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>
@@ -79,6 +81,7 @@
 #include <gsh/light/light.hpp>
 #include <gsh/light/lit_element.hpp>
 #include <gsh/light/lit_splats.hpp>
+#include <gsh/light/shadow_map.hpp>
 
 #include <gsh/render/projection.hpp>
 #include <gsh/render/raster_cache.hpp>
@@ -126,8 +129,10 @@
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/canonical_setup.hpp>
 #include <gsh/train/configuration.hpp>
+#include <gsh/train/estimated_motion.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/frozen_scene.hpp>
+#include <gsh/train/light_estimate.hpp>
 #include <gsh/train/memory.hpp>
 #include <gsh/train/pose_fit.hpp>
 #include <gsh/train/posed_priors.hpp>

@@ -128,6 +128,19 @@ TEST_CASE("evenly filmed, the second difference is the plain one at any frame ra
     }
 }
 
+TEST_CASE("the pull alone adds its weight times the increments, as the terms of unlinked numbers do") {
+    cpu::Serial backend;
+    const std::vector<double> w{0.3, -2}, initial(2, 0.0);
+    const std::vector<FrameLink> unlinked(1);
+    std::vector<double> found(2, 1.0), expected = found;
+    pull_backward(backend, 0.25, Span<const double>(w), Span<double>(found));
+    sequence_backward(backend, NumberSequence<double>{unlinked, initial, w, 2, {0.25, 0, 0}}, 0,
+                      Span<double>(expected));
+    CHECK(found == expected);
+    std::vector<double> three(3);
+    CHECK_THROWS_AS(pull_backward(backend, 0.25, Span<const double>(w), Span<double>(three)), ShapeError);
+}
+
 TEST_CASE("a frame beyond the end and a gradient of another size are refused") {
     cpu::Serial backend;
     const auto links = link_frames(std::vector<double>{0, 1});

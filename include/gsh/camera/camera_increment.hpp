@@ -5,8 +5,11 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/lane.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
+
+#include <cstddef>
 
 namespace gsh {
 
@@ -54,5 +57,25 @@ GSH_HD void moved_camera_backward(const Camera<T>& camera, const vec3<T>& pivot,
     dL_dincrement.log_focal += (dL_dmoved.dL_dfx * camera.fx + dL_dmoved.dL_dfy * camera.fy) * zoom;
     dL_dincrement.principal_point += vec2<T>(dL_dmoved.dL_dcx, dL_dmoved.dL_dcy);
 }
+
+namespace detail {
+
+/// One camera: gradients of the camera and of its centre become the gradient of its increment.
+template <class T>
+struct MovedCameraBackward {
+    Camera<T> initial;
+    vec3<T> pivot;
+    Span<const CameraIncrement<T>> increment;
+    Span<const CameraGradient<T>> dL_dcamera;
+    Span<const vec3<T>> dL_dcenter; // or empty
+    Span<CameraIncrement<T>> dL_dincrement;
+    GSH_HD void operator()(std::size_t) const {
+        CameraGradient<T> dL_dmoved = dL_dcamera[0];
+        if (!dL_dcenter.empty()) center_backward(moved_camera(initial, pivot, increment[0]), dL_dcenter[0], dL_dmoved);
+        moved_camera_backward(initial, pivot, increment[0], dL_dmoved, dL_dincrement[0]);
+    }
+};
+
+} // namespace detail
 
 } // namespace gsh

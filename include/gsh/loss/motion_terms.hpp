@@ -251,6 +251,14 @@ struct SequenceGradient {
     GSH_HD void operator()(std::size_t column) const { dE_dincrements[column] += sequence.gradient(frame, column); }
 };
 
+template <class T>
+struct PullGradient {
+    T weight;
+    Span<const T> increments;
+    Span<T> gradient;
+    GSH_HD void operator()(std::size_t i) const { gradient[i] += weight * increments[i]; }
+};
+
 } // namespace detail
 
 /// dE_dincrements [width] += the gradient of E with respect to the increments of frame `frame`, with all others fixed.
@@ -267,6 +275,15 @@ void sequence_backward(B& backend, const Sequence& sequence, std::size_t frame, 
     check_memory(backend, "sequence_backward", "sequence.links", sequence.links);
     if (sequence.weights.pull == 0 && sequence.weights.drift == 0 && sequence.weights.acceleration == 0) return;
     backend.for_each(sequence.width, detail::SequenceGradient<Sequence, U>{sequence, frame, dE_dincrements});
+}
+
+/// The pull alone, of numbers that do not belong to frames: adds pull times the increments.
+template <Backend B, std::floating_point T>
+void pull_backward(B& backend, T pull, Span<const T> increments, Span<T> dE_dincrements) {
+    check_size("pull_backward", "dE_dincrements", dE_dincrements.size(), increments.size());
+    check_memory(backend, "pull_backward", "increments", increments);
+    check_memory(backend, "pull_backward", "dE_dincrements", dE_dincrements);
+    backend.for_each(increments.size(), detail::PullGradient<T>{pull, increments, dE_dincrements});
 }
 
 /// E, on the host; waits for the backend. The caller keeps scratch, so that a repeated sum allocates nothing on the

@@ -7,12 +7,11 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/camera/camera_increment.hpp>
 #include <gsh/camera/pinhole.hpp>
-#include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/loss/motion_terms.hpp>
-#include <gsh/math/rotation_increment.hpp>
 #include <gsh/math/vec.hpp>
+#include <gsh/train/estimated_motion.hpp>
 #include <gsh/train/refinement_config.hpp>
 #include <gsh/train/refinement_tables.hpp>
 
@@ -29,66 +28,10 @@
 
 namespace gsh {
 
-namespace detail {
-
-template <class T>
-struct TurnedPose {
-    Span<const vec3<T>> initial, increments;
-    Span<vec3<T>> pose;
-    GSH_HD void operator()(std::size_t j) const { pose[j] = turned(initial[j], increments[j]); }
-};
-
-template <class T>
-struct TurnedPoseBackward {
-    Span<const vec3<T>> initial, increments, dL_dpose;
-    Span<vec3<T>> dL_dincrements;
-    GSH_HD void operator()(std::size_t j) const {
-        turned_backward(increments[j], turned(initial[j], increments[j]), dL_dpose[j], dL_dincrements[j]);
-    }
-};
-
-template <class T>
-struct Incremented {
-    Span<const T> initial, increments;
-    Span<T> result;
-    GSH_HD void operator()(std::size_t i) const { result[i] = initial[i] + increments[i]; }
-};
-
-template <class T>
-struct PullGradient {
-    T weight;
-    Span<const T> increments;
-    Span<T> gradient;
-    GSH_HD void operator()(std::size_t i) const { gradient[i] += weight * increments[i]; }
-};
-
-/// One camera: gradients of the camera and of its centre become the gradient of its increment.
-template <class T>
-struct MovedCameraBackward {
-    Camera<T> initial;
-    vec3<T> pivot;
-    Span<const CameraIncrement<T>> increment;
-    Span<const CameraGradient<T>> dL_dcamera;
-    Span<const vec3<T>> dL_dcenter; // or empty
-    Span<CameraIncrement<T>> dL_dincrement;
-    GSH_HD void operator()(std::size_t) const {
-        CameraGradient<T> dL_dmoved = dL_dcamera[0];
-        if (!dL_dcenter.empty()) center_backward(moved_camera(initial, pivot, increment[0]), dL_dcenter[0], dL_dmoved);
-        moved_camera_backward(initial, pivot, increment[0], dL_dmoved, dL_dincrement[0]);
-    }
-};
-
-} // namespace detail
-
 /// Corrections of a motion and its cameras. What is learned are increments w, all zero at first:
 ///
-///     joint   exp(pose) exp(w)           transl + w, expression + w, betas + w
+///     frame   EstimatedMotion::forward(frame, w)
 ///     camera  moved_camera(camera, the root's mean place, w)
-///
-/// An increment of a rotation lies in a fixed tangent space near the estimate. It has no singularity within half a
-/// turn. Its three numbers are angles about the joint's own axes, so that one rate fits all of them, and Adam's running
-/// squares keep their meaning. Axis-angle vectors have none of these properties near pi, where the angle of a person's
-/// root often is.
 ///
 /// A step uses some frames and cameras (one of each, in training). Only their rows move (RefinementTables). The terms
 /// between frames (loss/motion_terms.hpp) are gathered for those rows. The steps therefore descend Σ photometric +
@@ -110,26 +53,28 @@ public:
     /// returns all of them.
     MotionRefinement(B& backend, const RigData& rig, const Motion& motion, std::vector<Camera<double>> cameras,
                      const RefinementConfig& config = {})
-        : backend_(&backend), config_(config), initial_(motion), cameras_(std::move(cameras)),
-          joint_count_(rig.joint_count()), shape_count_(rig.betas.size()),
-          expression_count_(static_cast<std::size_t>(rig.body.expression_count)),
-          tables_(backend, {frame_count(), joint_count_, expression_count_, shape_count_, cameras_.size()}) {
-        complete_motion(rig);
-        check_config();
-        const std::vector<FrameLink> links = link_frames(initial_.timestamps, config_.left_out, config_.longest_gap);
+        : backend_(&backend), config_(config), estimate_(backend, rig, motion), cameras_(std::move(cameras)),
+          tables_(backend, {frame_count(), estimate_.joint_count(), estimate_.expression_count(),
+                            estimate_.shape_count(), cameras_.size()}) {
+        constexpr std::string_view where = "MotionRefinement";
+        validate(config_, estimate_.joint_count(), cameras_.size(), where);
+        for (std::size_t c = 0; c < cameras_.size(); ++c)
+            check_camera(where, "camera " + std::to_string(c), cameras_[c]);
+        const Motion& initial = estimate_.motion();
+        const std::vector<FrameLink> links = link_frames(initial.timestamps, config_.left_out, config_.longest_gap);
         left_out_.assign(frame_count(), false);
         for (const std::size_t frame : config_.left_out) left_out_[frame] = true;
         fixed_camera_.assign(cameras_.size(), false);
         for (const std::size_t camera : config_.fixed_cameras)
             if (camera < cameras_.size()) fixed_camera_[camera] = true;
-        for (const vec3<double>& transl : initial_.transl)
+        for (const vec3<double>& transl : initial.transl)
             pivot_ += (transl + rig.joints[0]) * (1 / static_cast<double>(frame_count()));
         put(links, links_);
-        upload_initial();
+        put(std::vector<T>(config_.joint_rates.begin(), config_.joint_rates.end()), joint_rates_);
     }
 
     [[nodiscard]] const RefinementConfig& config() const { return config_; }
-    [[nodiscard]] std::size_t frame_count() const { return initial_.frame_count(); }
+    [[nodiscard]] std::size_t frame_count() const { return estimate_.frame_count(); }
     [[nodiscard]] std::size_t camera_count() const { return cameras_.size(); }
     [[nodiscard]] std::uint64_t step_count() const { return steps_; }
 
@@ -158,18 +103,7 @@ public:
     /// way.
     void pose(std::size_t frame, RigPose<B, T>& pose) const {
         check_frame("pose", frame);
-        pose.pose.resize(joint_count_);
-        pose.transl.resize(1);
-        pose.coefficients.resize(shape_count_ + expression_count_);
-        backend_->for_each(joint_count_, detail::TurnedPose<T>{initial_pose(frame), pose_increments(frame), pose.pose});
-        const auto add = [&](Span<const T> initial, RefinementGroup group, std::size_t row, Span<T> result) {
-            backend_->for_each(result.size(), detail::Incremented<T>{initial, tables_.increments(group, row), result});
-        };
-        add(initial_transl(frame), RefinementGroup::transl, frame, view_as<T>(Span<vec3<T>>(pose.transl)));
-        const Span<T> coefficients = pose.coefficients;
-        add(initial_betas_, RefinementGroup::betas, 0, coefficients.subspan(0, shape_count_));
-        add(initial_expression(frame), RefinementGroup::expression, frame,
-            coefficients.subspan(shape_count_, expression_count_));
+        estimate_.forward(frame, increments_of(frame), pose);
     }
 
     /// A present camera. Its nine numbers are downloaded from the backend.
@@ -193,10 +127,11 @@ public:
             backend_->fill(Span(buffer.data(), count), zero);
             return Span(buffer.data(), count);
         };
-        if (learns(RefinementGroup::pose)) gradient.pose = zeros(dL_dpose_, joint_count_, vec3<T>(T(0)));
+        if (learns(RefinementGroup::pose)) gradient.pose = zeros(dL_dpose_, estimate_.joint_count(), vec3<T>(T(0)));
         if (learns(RefinementGroup::transl)) gradient.transl = zeros(dL_dtransl_, 1, vec3<T>(T(0)));
         if (learns(RefinementGroup::expression) || learns(RefinementGroup::betas))
-            gradient.coefficients = zeros(dL_dcoefficients_, shape_count_ + expression_count_, T(0));
+            gradient.coefficients =
+                zeros(dL_dcoefficients_, estimate_.shape_count() + estimate_.expression_count(), T(0));
         return gradient;
     }
 
@@ -204,28 +139,14 @@ public:
     /// skipped.
     /// Errors  ValueError for a frame that is left out.
     void accumulate(std::size_t frame, const RigPoseGradient<T>& dL_dpose) {
-        constexpr std::string_view where = "MotionRefinement::accumulate";
         check_frame("accumulate", frame);
-        check_value(!left_out_[frame], where, "frame " + std::to_string(frame) + " is left out, yet has a gradient");
-        if (!dL_dpose.pose.empty()) {
-            check_size(where, "dL_dpose.pose", dL_dpose.pose.size(), joint_count_, "one per joint, or none");
-            backend_->for_each(joint_count_, detail::TurnedPoseBackward<T>{
-                                                 initial_pose(frame), pose_increments(frame), dL_dpose.pose,
-                                                 view_as<vec3<T>>(tables_.gradient(RefinementGroup::pose, frame))});
-        }
-        if (!dL_dpose.transl.empty()) {
-            check_size(where, "dL_dpose.transl", dL_dpose.transl.size(), 1, "one vector, or none");
-            add(view_as<const T>(Span<const vec3<T>>(dL_dpose.transl)),
-                tables_.gradient(RefinementGroup::transl, frame));
-        }
-        if (!dL_dpose.coefficients.empty()) {
-            check_size(where, "dL_dpose.coefficients", dL_dpose.coefficients.size(), shape_count_ + expression_count_,
-                       "betas, then expression, or none");
-            const Span<const T> coefficients = dL_dpose.coefficients;
-            add(coefficients.subspan(0, shape_count_), tables_.gradient(RefinementGroup::betas, 0));
-            add(coefficients.subspan(shape_count_, expression_count_),
-                tables_.gradient(RefinementGroup::expression, frame));
-        }
+        check_value(!left_out_[frame], "MotionRefinement::accumulate",
+                    "frame " + std::to_string(frame) + " is left out, yet has a gradient");
+        estimate_.backward(frame, increments_of(frame), dL_dpose,
+                           {tables_.gradient(RefinementGroup::pose, frame),
+                            tables_.gradient(RefinementGroup::transl, frame),
+                            tables_.gradient(RefinementGroup::expression, frame),
+                            tables_.gradient(RefinementGroup::betas, 0)});
         touch(frames_touched_, frame);
     }
 
@@ -288,7 +209,7 @@ public:
         for (std::size_t t = 0; t < frame_count(); ++t)
             if (!left_out_[t]) kept.push_back(t);
         if (kept.empty()) return;
-        const auto& times = initial_.timestamps;
+        const auto& times = estimate_.motion().timestamps;
         std::sort(kept.begin(), kept.end(), [&](std::size_t a, std::size_t b) { return times[a] < times[b]; });
         auto host = tables_.host_increments();
         for (std::size_t t = 0; t < frame_count(); ++t) {
@@ -308,25 +229,11 @@ public:
 
     /// The present motion, in double. Estimates of rows that never moved are bit-identical to the input.
     [[nodiscard]] Motion motion() const {
-        Motion result = initial_;
         auto host = tables_.host_increments();
-        const auto at = [&](RefinementGroup group, std::size_t row, std::size_t i) {
-            return static_cast<double>(host(group, row)[i]);
-        };
-        const auto vector = [&](RefinementGroup group, std::size_t row, std::size_t i) {
-            return vec3<double>(at(group, row, 3 * i), at(group, row, 3 * i + 1), at(group, row, 3 * i + 2));
-        };
-        for (std::size_t t = 0; t < frame_count(); ++t) {
-            for (std::size_t j = 0; j < joint_count_; ++j) {
-                vec3<double>& v = result.pose[t * joint_count_ + j];
-                v = nearest_axis_angle(turned(v, vector(RefinementGroup::pose, t, j)), v);
-            }
-            result.transl[t] += vector(RefinementGroup::transl, t, 0);
-            for (std::size_t k = 0; k < expression_count_; ++k)
-                result.expression[t * expression_count_ + k] += at(RefinementGroup::expression, t, k);
-        }
-        for (std::size_t k = 0; k < shape_count_; ++k) result.betas[k] += at(RefinementGroup::betas, 0, k);
-        return result;
+        return estimate_.corrected([&](std::size_t frame) {
+            return PoseIncrements<const T>{host(RefinementGroup::pose, frame), host(RefinementGroup::transl, frame),
+                                           host(RefinementGroup::expression, frame), host(RefinementGroup::betas, 0)};
+        });
     }
     [[nodiscard]] std::vector<Camera<double>> cameras() const {
         std::vector<Camera<double>> result;
@@ -361,97 +268,27 @@ private:
     static constexpr std::array camera_groups{RefinementGroup::camera_rotation, RefinementGroup::camera_translation,
                                               RefinementGroup::camera_focal, RefinementGroup::camera_principal_point};
 
-    void complete_motion(const RigData& rig) {
-        constexpr std::string_view where = "MotionRefinement";
-        check_value(initial_.betas.size() <= shape_count_, where,
-                    "the motion has more betas than the rig; drop the rest, or make the rig with them");
-        check_value(initial_.expression_count <= expression_count_, where,
-                    "the motion has more expression coefficients than the rig; drop the rest");
-        validate(initial_, rig.body, where);
-        check_value(frame_count() > 0, where, "the motion has no frames");
-        if (initial_.betas.empty()) initial_.betas = rig.betas;
-        initial_.betas.resize(shape_count_, 0);
-        std::vector<double> expression(frame_count() * expression_count_, 0);
-        for (std::size_t t = 0; t < frame_count(); ++t)
-            std::copy_n(initial_.expression_at(t).begin(), initial_.expression_count,
-                        expression.begin() + static_cast<std::ptrdiff_t>(t * expression_count_));
-        initial_.expression = std::move(expression);
-        initial_.expression_count = expression_count_;
-    }
-
-    void check_config() const {
-        constexpr std::string_view where = "MotionRefinement";
-        for (std::size_t g = 0; g < refinement_group_count; ++g) {
-            const RefinedGroup& group = config_[static_cast<RefinementGroup>(g)];
-            const std::string name(refinement_group_names[g]);
-            const SequenceWeights& w = group.terms;
-            for (const double number : {group.rate, group.start, w.pull, w.drift, w.acceleration})
-                check_value(number >= 0 && std::isfinite(number), where,
-                            name + " has a rate, start or weight that is negative or not finite");
-            check_value(g < static_cast<std::size_t>(RefinementGroup::betas) || (w.drift == 0 && w.acceleration == 0),
-                        where,
-                        name + " has a weight on drift or acceleration, but only frames follow each other in time; "
-                               "give it a pull");
-        }
-        if (!config_.joint_rates.empty())
-            check_size(where, "joint_rates", config_.joint_rates.size(), joint_count_, "one factor per joint, or none");
-        for (const double rate : config_.joint_rates)
-            check_value(rate >= 0 && std::isfinite(rate), where,
-                        "joint_rates holds a factor that is negative or not finite");
-        check_value(config_.final_rate > 0 && config_.final_rate <= 1, where, "final_rate must lie in (0, 1]");
-        for (std::size_t c = 0; c < cameras_.size(); ++c)
-            check_camera(where, "camera " + std::to_string(c), cameras_[c]);
-        for (const std::size_t camera : config_.fixed_cameras) // the default contains camera 0 even without cameras
-            check_value(camera == 0 || camera < cameras_.size(), where,
-                        "camera " + std::to_string(camera) + " is to be fixed, there are " +
-                            std::to_string(cameras_.size()));
-    }
-
     template <class From, class To>
     void put(const std::vector<From>& from, To& to) {
         to.resize(from.size());
         backend_->upload(Span<const From>(from), to);
     }
-    void upload_initial() {
-        std::vector<vec3<T>> pose;
-        for (const vec3<double>& v : initial_.pose) {
-            const bool long_way =
-                dot(v, v) > 3.14159265358979 * 3.14159265358979; // the adjoint requires half a turn at most
-            pose.push_back(vec3<T>(long_way ? axis_angle_from_rotation(rotation_from_axis_angle(v)) : v));
-        }
-        put(pose, initial_pose_);
-        std::vector<T> transl;
-        for (const vec3<double>& v : initial_.transl) transl.insert(transl.end(), {T(v.x), T(v.y), T(v.z)});
-        put(transl, initial_transl_);
-        put(std::vector<T>(initial_.expression.begin(), initial_.expression.end()), initial_expression_);
-        put(std::vector<T>(initial_.betas.begin(), initial_.betas.end()), initial_betas_);
-        put(std::vector<T>(config_.joint_rates.begin(), config_.joint_rates.end()), joint_rates_);
-    }
 
-    [[nodiscard]] Span<const vec3<T>> pose_increments(std::size_t frame) const {
-        return view_as<const vec3<T>>(tables_.increments(RefinementGroup::pose, frame));
-    }
-    [[nodiscard]] Span<const vec3<T>> initial_pose(std::size_t frame) const {
-        return Span<const vec3<T>>(initial_pose_).subspan(frame * joint_count_, joint_count_);
-    }
-    [[nodiscard]] Span<const T> initial_transl(std::size_t frame) const {
-        return Span<const T>(initial_transl_).subspan(3 * frame, 3);
-    }
-    [[nodiscard]] Span<const T> initial_expression(std::size_t frame) const {
-        return Span<const T>(initial_expression_).subspan(frame * expression_count_, expression_count_);
+    [[nodiscard]] PoseIncrements<const T> increments_of(std::size_t frame) const {
+        return {tables_.increments(RefinementGroup::pose, frame), tables_.increments(RefinementGroup::transl, frame),
+                tables_.increments(RefinementGroup::expression, frame), tables_.increments(RefinementGroup::betas, 0)};
     }
 
     [[nodiscard]] RotationSequence<T> pose_sequence() const {
-        return {links_, initial_pose_, view_as<const vec3<T>>(tables_.all_increments(RefinementGroup::pose)),
-                joint_count_, config_.pose.terms};
+        return {links_, estimate_.pose(), view_as<const vec3<T>>(tables_.all_increments(RefinementGroup::pose)),
+                estimate_.joint_count(), config_.pose.terms};
     }
     [[nodiscard]] NumberSequence<T> number_sequence(RefinementGroup group) const {
         const bool transl = group == RefinementGroup::transl;
-        return {links_, transl ? initial_transl_ : initial_expression_, tables_.all_increments(group),
-                transl ? 3 : expression_count_, config_[group].terms};
+        return {links_, transl ? estimate_.transl() : estimate_.expression(), tables_.all_increments(group),
+                transl ? 3 : estimate_.expression_count(), config_[group].terms};
     }
 
-    void add(Span<const T> from, Span<T> to) { backend_->for_each(to.size(), detail::Accumulate<T>{from, to}); }
     static void touch(std::vector<std::size_t>& touched, std::size_t row) {
         if (std::find(touched.begin(), touched.end(), row) == touched.end()) touched.push_back(row);
     }
@@ -471,8 +308,7 @@ private:
         else if (group == RefinementGroup::transl || group == RefinementGroup::expression)
             sequence_backward(*backend_, number_sequence(group), row, into);
         else
-            backend_->for_each(into.size(), detail::PullGradient<T>{T(config_[group].terms.pull),
-                                                                    tables_.increments(group, row), into});
+            pull_backward(*backend_, T(config_[group].terms.pull), Span<const T>(tables_.increments(group, row)), into);
     }
 
     void check_frame(std::string_view what, std::size_t frame) const {
@@ -487,16 +323,14 @@ private:
 
     B* backend_;
     RefinementConfig config_;
-    Motion initial_;
+    EstimatedMotion<B, T> estimate_;
     std::vector<Camera<double>> cameras_;
-    std::size_t joint_count_, shape_count_, expression_count_;
     RefinementTables<B, T> tables_;
     std::vector<bool> left_out_, fixed_camera_;
     vec3<double> pivot_ = vec3<double>(0); ///< centre of the cameras' turns: the mean position of the root
 
-    Buffer<FrameLink> links_;      // [T]
-    Buffer<vec3<T>> initial_pose_; // [T, J]
-    Buffer<T> initial_transl_, initial_expression_, initial_betas_, joint_rates_;
+    Buffer<FrameLink> links_; // [T]
+    Buffer<T> joint_rates_;   // [J], or empty
     Buffer<vec3<T>> dL_dpose_, dL_dtransl_; // one frame's
     Buffer<T> dL_dcoefficients_, scratch_;
     std::vector<std::size_t> frames_touched_, cameras_touched_;

@@ -2,12 +2,15 @@
 /// @file  Settings of refinement: which of poses, shape, expressions and cameras learn, and their rates and terms.
 #pragma once
 
+#include <gsh/core/error.hpp>
 #include <gsh/loss/motion_terms.hpp>
 #include <gsh/optim/adam.hpp>
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -67,6 +70,34 @@ struct RefinementConfig {
         return camera_principal_point;
     }
 };
+
+/// Throws ShapeError or ValueError unless rates, starts and weights are finite and not negative, final_rate is in
+/// (0, 1], joint_rates has one factor per joint, and the fixed cameras exist. `left_out` is checked by link_frames.
+/// `where` appears in the message.
+inline void validate(const RefinementConfig& config, std::size_t joint_count, std::size_t camera_count,
+                     std::string_view where) {
+    for (std::size_t g = 0; g < refinement_group_count; ++g) {
+        const RefinedGroup& group = config[static_cast<RefinementGroup>(g)];
+        const std::string name(refinement_group_names[g]);
+        const SequenceWeights& w = group.terms;
+        for (const double number : {group.rate, group.start, w.pull, w.drift, w.acceleration})
+            check_value(number >= 0 && std::isfinite(number), where,
+                        name + " has a rate, start or weight that is negative or not finite");
+        check_value(g < static_cast<std::size_t>(RefinementGroup::betas) || (w.drift == 0 && w.acceleration == 0),
+                    where,
+                    name + " has a weight on drift or acceleration, but only frames follow each other in time; "
+                           "give it a pull");
+    }
+    if (!config.joint_rates.empty())
+        check_size(where, "joint_rates", config.joint_rates.size(), joint_count, "one factor per joint, or none");
+    for (const double rate : config.joint_rates)
+        check_value(rate >= 0 && std::isfinite(rate), where,
+                    "joint_rates holds a factor that is negative or not finite");
+    check_value(config.final_rate > 0 && config.final_rate <= 1, where, "final_rate must lie in (0, 1]");
+    for (const std::size_t camera : config.fixed_cameras) // the default contains camera 0 even without cameras
+        check_value(camera == 0 || camera < camera_count, where,
+                    "camera " + std::to_string(camera) + " is to be fixed, there are " + std::to_string(camera_count));
+}
 
 /// Settings for frames that training has not used. Each is refined alone, with a fixed avatar. Only the frame's own
 /// rows learn, from the first step on, at twice the rate, because nothing else moves.
