@@ -11,8 +11,6 @@
 #include <gsh/field/cpu/hash_grid.hpp>
 #include <gsh/field/cpu/mlp.hpp>
 #include <gsh/optim/cpu/adam.hpp>
-#include <gsh/avatar/cpu/occlusion_field.hpp>
-#include <gsh/avatar/cpu/skinned_gaussian.hpp>
 #include <gsh/light/cpu/lit_splats.hpp>
 #include <gsh/light/cpu/shadow_map.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
@@ -27,3 +25,5 @@
 #include <gsh/render/cpu/tile.hpp>
 #include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/loss/cpu/photometric.hpp>
+#include <gsh/avatar/cpu/occlusion_field.hpp>
+#include <gsh/avatar/cpu/skinned_gaussian.hpp>

@@ -70,18 +70,11 @@
 #include <gsh/optim/adam.hpp>
 #include <gsh/optim/schedule.hpp>
 
-#include <gsh/avatar/avatar.hpp>
-#include <gsh/avatar/deformation.hpp>
-#include <gsh/avatar/occlusion_field.hpp>
-#include <gsh/avatar/poser.hpp>
-#include <gsh/avatar/rig.hpp>
-#include <gsh/avatar/skinned_element.hpp>
-#include <gsh/avatar/skinned_gaussian.hpp>
-
 #include <gsh/light/light.hpp>
 #include <gsh/light/lit_element.hpp>
 #include <gsh/light/lit_splats.hpp>
 #include <gsh/light/shadow_map.hpp>
+#include <gsh/light/surface_light.hpp>
 
 #include <gsh/render/projection.hpp>
 #include <gsh/render/raster_cache.hpp>
@@ -105,6 +98,14 @@
 #include <gsh/loss/photometric_cache.hpp>
 #include <gsh/loss/ssim.hpp>
 
+#include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/deformation.hpp>
+#include <gsh/avatar/occlusion_field.hpp>
+#include <gsh/avatar/poser.hpp>
+#include <gsh/avatar/rig.hpp>
+#include <gsh/avatar/skinned_element.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
+
 #include <gsh/pipeline/appearance.hpp>
 #include <gsh/pipeline/avatar_config.hpp>
 #include <gsh/pipeline/avatar_model.hpp>
@@ -117,6 +118,7 @@
 #include <gsh/pipeline/frame_codes.hpp>
 #include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/learned_field.hpp>
+#include <gsh/pipeline/learned_light.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/pipeline/photo_loss.hpp>
 #include <gsh/pipeline/shadow.hpp>

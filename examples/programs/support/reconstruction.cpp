@@ -11,6 +11,7 @@
 #include <gsh/io/capture/photos.hpp>
 #include <gsh/train/avatar_export.hpp>
 #include <gsh/train/frozen_scene.hpp>
+#include <gsh/train/light_estimate.hpp>
 #include <gsh/train/memory.hpp>
 #include <gsh/train/pose_fit.hpp>
 
@@ -61,6 +62,7 @@ Reconstruction::Reconstruction(Backend& backend, const Source& source, const Con
       test_photos(test_photos_of(source.capture)),
       scene(backend, cast_of(backend, source, o)),
       trainer(backend, scene, photos_of(source.capture, false), o.seed, configuration.train) {
+    if (configuration.avatar.light) light_people(backend);
     if (!o.refine) return;
     check_value(configuration.test_mask_weight >= 0, "refine.test_mask_weight",
                 "must not be negative"); // checked before training
@@ -83,6 +85,20 @@ Reconstruction::Reconstruction(Backend& backend, const Source& source, const Con
 }
 
 Reconstruction::~Reconstruction() = default;
+
+void Reconstruction::light_people(Backend& backend) {
+    const AvatarConfig& config = configuration.avatar;
+    std::vector<LitPerson> lit;
+    for (const Person& person : people) lit.push_back({&person.setup.rig, &person.setup.motion});
+    light_estimate = estimate_light(backend, Span<const LitPerson>(lit), Span<const Photo>(trainer.photos()),
+                                    {.points = static_cast<std::size_t>(config.light_points),
+                                     .directions = static_cast<std::size_t>(config.light_directions),
+                                     .distance = config.light_distance});
+    const auto light = std::make_shared<LearnedLight<Backend>>(
+        backend, light_estimate->light,
+        LightRates{config.rates.light_points, config.rates.light_intensities, config.rates.light_gloss});
+    for (std::size_t p = 0; p < people.size(); ++p) people[p].model.set_light(people[p].setup.rig, light, p == 0);
+}
 
 void Reconstruction::step(double progress) { trainer.step(progress, clock); }
 double Reconstruction::last_loss() const { return trainer.last_loss().loss; }

@@ -13,6 +13,7 @@
 #include <gsh/train/canonical_setup.hpp>
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/evaluation.hpp>
+#include <gsh/train/light_estimate.hpp>
 #include <gsh/train/refinement.hpp>
 #include <gsh/train/stage.hpp>
 #include <gsh/train/trainer.hpp>
@@ -54,6 +55,7 @@ struct Reconstruction {
     Scene scene;
     TrainerType trainer; ///< to be read and stored; the calls that compute are members below, compiled once
     StageClock clock;    ///< times the steps of this run
+    std::optional<LightEstimate> light_estimate; ///< with which the light starts, if there is one
 
     /// `source` must outlive this object, because photographs are not copied.
     Reconstruction(Backend& backend, const Source& source, const Configuration& chosen, const ReconstructOptions& o);
@@ -81,6 +83,8 @@ struct Reconstruction {
     void end_test_refinement();
 
 private:
+    /// Estimates the light and shares it among the people.
+    void light_people(Backend& backend);
     /// Creates the people, each with random numbers of its own.
     std::vector<CastMember<Model>> cast_of(Backend& backend, const Source& source, const ReconstructOptions& o);
 };

@@ -12,10 +12,14 @@
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/light/light.hpp>
+#include <gsh/light/shadow_map.hpp>
+#include <gsh/math/vec.hpp>
 
 #include <concepts>
 #include <cstddef>
 #include <optional>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -32,6 +36,8 @@ struct AvatarData {
     std::vector<float> ao = {}; ///< [N] ambient occlusion, the same in every pose, or empty for 1
     /// Gives the ao of each pose. The member `ao` is then its mean over training, for formats without poses.
     std::optional<OcclusionFieldData> occlusion_field = {};
+    /// The light of the capture. Colours are then those of the surface, without light.
+    std::optional<LightData> light = {};
 };
 
 /// The canonical Gaussians with `ao` merged into their colours, for file formats without ambient occlusion. Exact where
@@ -93,13 +99,45 @@ public:
         std::vector<vec3<T>> joints;
         for (const auto& joint : data.rig.joints) joints.push_back(vec3<T>(joint));
         backend.upload(Span<const vec3<T>>(joints), Span<vec3<T>>(joints_));
+        if (data.light) {
+            poser_.prepare_light(data.rig);
+            set_light(*data.light);
+        }
+    }
+
+    /// Whether a light shades the avatar. Only an avatar that was made with a light can be given another.
+    [[nodiscard]] bool is_lit() const { return log_intensities_.size() != 0; }
+    /// Puts the avatar in another light.
+    /// Errors  ShapeError for sizes that do not fit each other, ValueError without lights.
+    void set_light(const LightData& light) {
+        check_light("Avatar::set_light", light.view());
+        check_value(light.size() > 0, "Avatar::set_light", "the light has no points and no directions");
+        const auto bring = [&]<class U>(std::vector<U> host, Buffer<U>& to) {
+            to.resize(host.size());
+            backend_->upload(Span<const U>(host), to);
+        };
+        const auto vectors = [](const std::vector<vec3<double>>& from) {
+            return std::vector<vec3<T>>(from.begin(), from.end());
+        };
+        const auto numbers = [](const std::vector<double>& from) { return std::vector<T>(from.begin(), from.end()); };
+        bring(vectors(light.points), light_points_), bring(vectors(light.directions), light_directions_);
+        bring(numbers(light.log_intensities), log_intensities_), bring(numbers(light.gloss), light_gloss_);
     }
 
     [[nodiscard]] std::size_t size() const { return gaussians_.size(); }
     [[nodiscard]] const Rig<B, T>& rig() const { return poser_.rig(); }
 
-    /// Splats of a pose as seen from `center` (Camera::center()); splats must have size() elements.
-    void pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache) const {
+    /// The mesh that casts shadows on others in a pose. It is valid until the next call with this cache.
+    /// Errors  ValueError without a light.
+    [[nodiscard]] ShadowCaster<T> caster(const RigPose<B, T>& pose, Cache& cache) const {
+        poser_.bones(pose, joints_, cache.poser);
+        return poser_.caster(cache.poser);
+    }
+
+    /// Splats of a pose as seen from `center` (Camera::center()); splats must have size() elements. With a light,
+    /// `others` cast shadows beside the avatar itself.
+    void pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache,
+              Span<const ShadowCaster<T>> others = {}) const {
         poser_.bones(pose, joints_, cache.poser);
         backend_->copy(Span<const vec3<T>>(gaussians_.means), Span<vec3<T>>(cache.poser.means));
         if (occlusion_field_) {
@@ -107,7 +145,8 @@ public:
             occlusion_field_->forward(rig().skeleton(), cache.poser.rig.rotations, cache.ao, cache.occlusion_field);
         }
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
-            poser_.template forward<decltype(degree)::value>(view(cache), center, splats, cache.poser);
+            poser_.template forward<decltype(degree)::value>(view(cache), center, splats, cache.poser,
+                                                             in_light(others));
         });
     }
 
@@ -120,7 +159,8 @@ public:
         backend_->fill(Span<T>(cache.dL_dao), T(0));
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
             poser_.template backward<decltype(degree)::value>(pose, view(cache), center, dL_dsplats, cache.poser,
-                                                              {.ao = cache.dL_dao}, {}, dL_dpose, dL_dcenter);
+                                                              {.ao = cache.dL_dao}, {}, dL_dpose, dL_dcenter,
+                                                              in_light());
         });
         if (!ao_follows) return;
         cache.dL_drotations.resize(rig().joint_count());
@@ -139,11 +179,21 @@ private:
                 .ao = occlusion_field_ ? Span<const T>(cache.ao) : Span<const T>(ao_)};
     }
 
+    [[nodiscard]] PoserLight<T> in_light(Span<const ShadowCaster<T>> others = {}) const {
+        return {{.points = light_points_,
+                 .directions = light_directions_,
+                 .log_intensities = log_intensities_,
+                 .gloss = light_gloss_},
+                others};
+    }
+
     B* backend_;
     Poser<B, T> poser_;
     Gaussians<B, T> gaussians_;
     Buffer<vec3<T>> joints_;
     Buffer<T> ao_; // [N] or empty
+    Buffer<vec3<T>> light_points_, light_directions_; // empty without a light
+    Buffer<T> log_intensities_, light_gloss_;
     std::optional<OcclusionField<B, T>> occlusion_field_;
 };
 

@@ -1,21 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  From canonical Gaussians to the splats of a pose: rig, offsets, skinning and shading, with the adjoint.
+/// @file  From canonical Gaussians to the splats of a pose: rig, offsets, skinning, shading and light, with the adjoint.
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/light/light.hpp>
+#include <gsh/light/shadow_map.hpp>
+#include <gsh/light/surface_light.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <concepts>
 #include <cstddef>
+#include <optional>
+#include <string_view>
 
 namespace gsh {
+
+/// The light in which a poser shades its Gaussians, and who casts shadows on them beside their own body.
+///
+/// Shapes  light as in LightView, in the backend's memory; others: a list on the host.
+template <std::floating_point T>
+struct PoserLight {
+    LightView<const T> light = {};
+    Span<const ShadowCaster<T>> others = {};
+};
 
 /// Poses the Gaussians of an avatar. One frame takes three calls, because the displacement of the canonical means and
 /// the ambient occlusion may depend on the pose:
@@ -23,6 +38,8 @@ namespace gsh {
 ///     bones(pose, joints, cache)       joint rotations, bones, offsets of the body's surface
 ///     cache.means := x₀ + δx           by the caller, [N]
 ///     forward(gaussians, …)            adds the offsets to the means, skins, shades
+///
+/// With a light, the colours of skinning are those of the surface itself; SurfaceLight shades them.
 ///
 /// Shapes  N points and J joints of the rig; `gaussians` holds all attributes but means and weights.
 /// Frame   see RigData (canonical) and Camera (world).
@@ -40,10 +57,20 @@ public:
         Buffer<vec3<T>> dL_djoints;  // [J], used if the caller passes none
         Buffer<Affine<T>> dL_dbones; // [J]
         SkinnedSplatsCache<B, T> skin;
+        // with a light:
+        Buffer<vec3<T>> posed_means; // [N] of the last forward
+        Buffer<vec3<T>> dL_doffsets; // [V]
+        typename SurfaceLight<B, T>::Cache light;
     };
 
     Poser(B& backend, const RigData& rig, const SkinnedSplatsParams& params = {})
         : backend_(&backend), rig_(backend, rig), params_(params) {}
+
+    /// From now on, forward and backward accept a light. `rig` is that of the constructor.
+    /// Errors  ValueError for a body without triangles.
+    void prepare_light(const RigData& rig, const ShadowMapParams& params = {}) {
+        surface_light_.emplace(*backend_, rig.body, rig.betas, rig.triangles, rig.barycentric, params);
+    }
 
     [[nodiscard]] const Rig<B, T>& rig() const { return rig_; }
     [[nodiscard]] std::size_t size() const { return rig_.point_count(); }
@@ -54,31 +81,55 @@ public:
         cache.means.resize(size());
     }
 
-    /// Splats as seen from `center`.
+    /// The body's mesh after bones(), for the light of others. It is valid until the next call with this cache.
+    [[nodiscard]] ShadowCaster<T> caster(Cache& cache) const {
+        return lit("Poser::caster").caster(cache.rig.bones, cache.rig.vertex_offsets, cache.light);
+    }
+
+    /// Splats as seen from `center`, in a light if there is one.
     template <int Degree>
-    void forward(SkinnedView<const T> gaussians, const vec3<T>& center, const SplatView<T>& splats,
-                 Cache& cache) const {
+    void forward(SkinnedView<const T> gaussians, const vec3<T>& center, const SplatView<T>& splats, Cache& cache,
+                 const PoserLight<T>& light = {}) const {
         rig_.add_offsets(cache.rig, cache.means);
         skin<Degree>().forward(posed(gaussians, cache), cache.rig.bones, center, splats, cache.skin);
+        if (!light.light.size()) return;
+        cache.posed_means.resize(size());
+        backend_->copy(Span<const vec3<T>>(splats.means), Span<vec3<T>>(cache.posed_means));
+        lit("Poser::forward")
+            .forward(cache.rig.bones, cache.rig.vertex_offsets, light.light, light.others, cache.posed_means, center,
+                     splats.colors, cache.light);
     }
 
     /// Adjoint of forward and bones: adds to the non-empty attributes of dL_dgaussians, to dL_djoints [J] unless it is
-    /// empty, and to the non-empty parts of dL_dpose and dL_dcenter. Overwrites cache.dL_dmeans with the gradient of
-    /// the canonical means.
+    /// empty, and to the non-empty parts of dL_dpose, dL_dcenter and dL_dlight. Overwrites cache.dL_dmeans with the
+    /// gradient of the canonical means. The light is that of forward.
     template <int Degree>
     void backward(const RigPose<B, T>& pose, SkinnedView<const T> gaussians, const vec3<T>& center,
-                  const SplatView<const T>& dL_dsplats, Cache& cache, SkinnedView<T> dL_dgaussians,
-                  Span<vec3<T>> dL_djoints, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter) {
+                  SplatView<const T> dL_dsplats, Cache& cache, SkinnedView<T> dL_dgaussians,
+                  Span<vec3<T>> dL_djoints, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter,
+                  const PoserLight<T>& light = {}, const LightView<T>& dL_dlight = {}) {
         zeros(cache.dL_dmeans, size(), vec3<T>(T(0)));
         zeros(cache.dL_dbones, rig_.joint_count(), Affine<T>::zero());
         if (dL_djoints.empty()) {
             zeros(cache.dL_djoints, rig_.joint_count(), vec3<T>(T(0)));
             dL_djoints = cache.dL_djoints;
         }
+        Span<const vec3<T>> dL_doffsets;
+        if (light.light.size()) {
+            zeros(cache.dL_doffsets, dL_dpose.empty() ? 0 : cache.rig.vertex_offsets.size(), vec3<T>(T(0)));
+            dL_doffsets = cache.dL_doffsets;
+            lit("Poser::backward")
+                .backward(cache.rig.bones, cache.rig.vertex_offsets, light.light, cache.posed_means, center,
+                          dL_dsplats.means, dL_dsplats.colors, cache.light,
+                          {.light = dL_dlight, .bones = cache.dL_dbones, .offsets = cache.dL_doffsets,
+                           .center = dL_dcenter});
+            dL_dsplats.means = cache.light.dL_dmeans;
+            dL_dsplats.colors = cache.light.dL_dbase;
+        }
         dL_dgaussians.means = cache.dL_dmeans;
         skin<Degree>().backward(posed(gaussians, cache), cache.rig.bones, center, dL_dsplats, cache.skin, dL_dgaussians,
                                 cache.dL_dbones, dL_dcenter);
-        rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans, dL_djoints, dL_dpose);
+        rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans, dL_djoints, dL_dpose, dL_doffsets);
     }
 
 private:
@@ -91,6 +142,10 @@ private:
         gaussians.weights = rig_.skin();
         return gaussians;
     }
+    [[nodiscard]] const SurfaceLight<B, T>& lit(std::string_view where) const {
+        check_value(surface_light_.has_value(), where, "there is a light; call prepare_light first");
+        return *surface_light_;
+    }
     void zeros(auto& buffer, std::size_t count, const auto& zero) const {
         buffer.resize(count);
         backend_->fill(Span(buffer.data(), count), zero);
@@ -99,6 +154,7 @@ private:
     B* backend_;
     Rig<B, T> rig_;
     SkinnedSplatsParams params_;
+    std::optional<SurfaceLight<B, T>> surface_light_;
 };
 
 } // namespace gsh

@@ -233,8 +233,10 @@ public:
     }
 
     /// Adjoint of forward and add_offsets: adds to dL_djoints and to the non-empty members of dL_dpose.
+    /// dL_dvertex_offsets [V] is the gradient of Cache::vertex_offsets by other ways than the points, or empty.
     void backward(const RigPose<B, T>& pose, Cache& cache, Span<const Affine<T>> dL_dbones,
-                  Span<const vec3<T>> dL_dpoints, Span<vec3<T>> dL_djoints, RigPoseGradient<T> dL_dpose = {}) {
+                  Span<const vec3<T>> dL_dpoints, Span<vec3<T>> dL_djoints, RigPoseGradient<T> dL_dpose = {},
+                  Span<const vec3<T>> dL_dvertex_offsets = {}) {
         check_memory(*backend_, "Rig::backward", "dL_dbones", dL_dbones);
         check_memory(*backend_, "Rig::backward", "dL_dpoints", dL_dpoints);
         check_memory(*backend_, "Rig::backward", "dL_djoints", dL_djoints);
@@ -255,7 +257,14 @@ public:
         cache.dL_dcoefficients.resize(cache.coefficients.size());
         cache.dL_dvertex_offsets.resize(vertex_count_);
         backend_->fill(Span<T>(cache.dL_dcoefficients), T(0));
-        backend_->fill(Span<vec3<T>>(cache.dL_dvertex_offsets), vec3<T>(T(0)));
+        if (dL_dvertex_offsets.empty()) {
+            backend_->fill(Span<vec3<T>>(cache.dL_dvertex_offsets), vec3<T>(T(0)));
+        } else {
+            check_size("Rig::backward", "dL_dvertex_offsets", dL_dvertex_offsets.size(), vertex_count_,
+                       "one per vertex, or none");
+            check_memory(*backend_, "Rig::backward", "dL_dvertex_offsets", dL_dvertex_offsets);
+            backend_->copy(dL_dvertex_offsets, Span<vec3<T>>(cache.dL_dvertex_offsets));
+        }
         const Span<T> dL_dcoefficients = cache.dL_dcoefficients;
         interpolation_.backward(dL_dpoints, cache.dL_dvertex_offsets);
         vertex_shapes_.backward(cache.dL_dvertex_offsets, dL_dcoefficients, cache.workspace);

@@ -34,6 +34,9 @@ struct LearningRates {
     double stored_displacements = 1.6e-4; ///< of stored δx, metres; as 3DGS moves means
     double stored_sh = 2.5e-3; ///< of stored constant colours; the bands above have a 20th of it
     double ao = 5e-3;          ///< of table and network of the shadow
+    double light_points = 2e-3;      ///< metres
+    double light_intensities = 2e-3; ///< of their logarithms
+    double light_gloss = 5e-3;       ///< of logarithms of strength and sharpness
 };
 
 /// Rates of the direct baseline, as in its code: slow fields, fixed rotations.
@@ -70,6 +73,12 @@ struct AvatarConfig {
     std::uint32_t ao_table_size = 1u << 17;
     double largest_ao = 2; ///< upper bound of ao; above 1, ao can also brighten the colours learned before
     double initial_ao = 1;
+    /// Colours are those of the surface, shaded by light that falls on the posed mesh. Light is also right in a new
+    /// motion. `ao` is then what light does not explain.
+    bool light = false;
+    int light_points = 4;      ///< near lights; each casts sharp shadows and has a gloss
+    int light_directions = 12; ///< distant lights around the body, with soft shadows
+    double light_distance = 4; ///< metres, of the points from the people before they learn
     Deformation deformation = Deformation::linear;
     double initial_opacity = 0.2;
     /// Standard deviation along the surface's normal, as a share of that along the surface. With 1, as in the direct

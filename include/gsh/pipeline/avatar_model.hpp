@@ -13,12 +13,15 @@
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/light/light.hpp>
+#include <gsh/light/shadow_map.hpp>
 #include <gsh/math/activation.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/pipeline/appearance.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/pipeline/learned_array.hpp>
+#include <gsh/pipeline/learned_light.hpp>
 #include <gsh/pipeline/shadow.hpp>
 
 #include <cmath>
@@ -94,7 +97,7 @@ struct GaussianStart {
 ///     SH, δx   = appearance(x₀)
 ///     x̂₀       = x₀ + δx + the body's own offsets at this pose and expression (Rig)
 ///     ao       = shadow(x₀, frame or pose)
-///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH, ao; Σ w B(pose))
+///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH, ao; Σ w B(pose)), their colours shaded by SurfaceLight if a light is set
 ///
 /// There are two calls, so that several views of a frame evaluate the appearance once: `update_canonical` runs the
 /// appearance, `pose` the rest. `backward` is the adjoint of both.
@@ -135,6 +138,16 @@ public:
     [[nodiscard]] const Shadow& shadow() const { return shadow_; }
     [[nodiscard]] const Cache& cache() const { return cache_; }
 
+    /// From now on the Gaussians are shaded in this light. Several models may share a light; the one with `announces`
+    /// lists its arrays in learned(). `rig` is that of the constructor.
+    /// Errors  ValueError for a body without triangles.
+    void set_light(const RigData& rig, SharedLight<B, T> light, bool announces = true) {
+        poser_.prepare_light(rig);
+        light_ = std::move(light), announces_light_ = announces;
+    }
+    /// The light, or null.
+    [[nodiscard]] const SharedLight<B, T>& light() const { return light_; }
+
     /// progress in [0, 1] is the share of the run that is over. The shadow joins at Params::shadow_start.
     void set_progress(double progress) { shadow_joined_ = progress >= params_.shadow_start; }
     /// Whether there is a shadow and it has joined.
@@ -143,13 +156,22 @@ public:
     /// Evaluates colours and displacements at a frame of the training motion.
     void update_canonical(std::size_t frame = 0) { appearance_.forward(frame); }
 
-    /// Writes splats of `pose`, the pose at `frame`, seen from `center`, the camera's centre in the world.
-    void pose(const RigPose<B, T>& pose, std::size_t frame, const vec3<T>& center, const SplatView<T>& splats) {
+    /// The mesh that casts shadows in a pose. It is valid until the next call of this or of pose().
+    /// Errors  ValueError without a light.
+    [[nodiscard]] ShadowCaster<T> caster(const RigPose<B, T>& pose) {
+        poser_.bones(pose, joints(), cache_.poser);
+        return poser_.caster(cache_.poser);
+    }
+
+    /// Writes splats of `pose`, the pose at `frame`, seen from `center`, the camera's centre in the world. With a
+    /// light, `others` cast shadows beside the body itself.
+    void pose(const RigPose<B, T>& pose, std::size_t frame, const vec3<T>& center, const SplatView<T>& splats,
+              Span<const ShadowCaster<T>> others = {}) {
         poser_.bones(pose, joints(), cache_.poser);
         write_means(cache_.poser.means);
         cache_.ao.resize(casts_shadow() ? size() : 0);
         if (casts_shadow()) shadow_.forward(shadow_input(pose, frame), cache_.ao);
-        poser_.template forward<sh_degree>(gaussians(), center, splats, cache_.poser);
+        poser_.template forward<sh_degree>(gaussians(), center, splats, cache_.poser, in_light(others));
     }
 
     /// Adjoint of update_canonical and pose. Adds to the gradients of learned(), and to the gradients of the pose and
@@ -167,7 +189,8 @@ public:
              .sh = dL_dcolors.sh,
              .ao = dL_dao,
              .sh_stride = dL_dcolors.sh_stride},
-            joints_.gradient(), dL_dpose, dL_dcenter);
+            joints_.gradient(), dL_dpose, dL_dcenter, in_light(), light_ ? light_->gradient() : LightView<T>());
+        if (light_) light_->clear_unit_gradient();
         if (!dL_dao.empty()) shadow_.backward(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
         appearance_.backward(frame, cache_.poser.dL_dmeans);
     }
@@ -179,11 +202,11 @@ public:
         const bool shadow_moves = shadow_.follows_pose() && !cache_.ao.empty() && !dL_dpose.pose.empty();
         const Span<T> dL_dao = zeros(cache_.dL_dao, shadow_moves ? size() : 0);
         poser_.template backward<sh_degree>(pose, gaussians(), center, dL_dsplats, cache_.poser, {.ao = dL_dao}, {},
-                                            dL_dpose, dL_dcenter);
+                                            dL_dpose, dL_dcenter, in_light());
         if (shadow_moves) shadow_.backward_to_pose(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
     }
 
-    /// The joints, the Gaussians' own attributes, then the arrays of appearance and shadow.
+    /// The joints, the Gaussians' own attributes, then the arrays of appearance, shadow and light.
     [[nodiscard]] LearnedArrays<T> learned() {
         LearnedArrays<T> arrays{joints_.announce("joints", params_.joint_rate),
                                 quats_.announce("quats", params_.quat_rate),
@@ -191,6 +214,7 @@ public:
                                 opacity_logits_.announce("opacity_logits", params_.opacity_logit_rate)};
         append(arrays, appearance_.learned());
         append(arrays, shadow_.learned());
+        if (light_ && announces_light_) append(arrays, light_->learned());
         return arrays;
     }
 
@@ -236,6 +260,10 @@ private:
     [[nodiscard]] ShadowInput<B, T> shadow_input(const RigPose<B, T>& pose, std::size_t frame) const {
         return {frame, rig().skeleton(), pose.pose, cache_.poser.rig.rotations};
     }
+    /// Shadows have no gradient, so backward needs no casters.
+    [[nodiscard]] PoserLight<T> in_light(Span<const ShadowCaster<T>> others = {}) const {
+        return light_ ? PoserLight<T>{light_->view(), others} : PoserLight<T>{};
+    }
     [[nodiscard]] Span<T> zeros(Buffer<T>& buffer, std::size_t count) {
         buffer.resize(count);
         backend_->fill(Span<T>(buffer), T(0));
@@ -252,6 +280,8 @@ private:
     LearnedBuffer<B, quat<T>> quats_;               // [N]
     LearnedBuffer<B, T> opacity_logits_;            // [N]
     bool shadow_joined_ = params_.shadow_start <= 0;
+    SharedLight<B, T> light_;
+    bool announces_light_ = false;
     Cache cache_;
 };
 

@@ -9,6 +9,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/light/shadow_map.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/photo.hpp>
@@ -112,8 +113,15 @@ public:
         for (Person& person : people_) person.model->update_canonical(frame);
     }
     void forward(std::size_t frame, const vec3<T>& center, const SplatView<T>& splats) {
-        for (std::size_t p = 0; p < people_.size(); ++p)
-            people_[p].model->pose(pose(frame, p), frame, center, part(p, splats));
+        std::vector<ShadowCaster<T>> casters; // with a light, everybody else's
+        if (people_.size() > 1 && people_[0].model->light())
+            for (std::size_t p = 0; p < people_.size(); ++p)
+                casters.push_back(people_[p].model->caster(pose(frame, p)));
+        for (std::size_t p = 0; p < people_.size(); ++p) {
+            std::vector<ShadowCaster<T>> others = casters;
+            if (!others.empty()) others.erase(others.begin() + static_cast<std::ptrdiff_t>(p));
+            people_[p].model->pose(pose(frame, p), frame, center, part(p, splats), others);
+        }
     }
     void backward(std::size_t frame, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
                   Span<vec3<T>> dL_dcenter) {

@@ -65,9 +65,10 @@ struct Configuration {
 
 /// The names of named_configuration: the paper's method, its direct baseline with 22 joints and with all joints, and
 /// the paper's method with one part changed.
-inline constexpr std::array<std::string_view, 12> configuration_names{
+inline constexpr std::array<std::string_view, 13> configuration_names{
     "paper",         "baseline",    "baseline-x", "no-ao",      "no-hash-sh", "no-hash-vd",
-    "no-multiscale", "coarse-only", "no-depth",   "no-normals", "smpl-init",  "pose-ao"};
+    "no-multiscale", "coarse-only", "no-depth",   "no-normals", "smpl-init",  "pose-ao",
+    "light"};
 
 namespace detail {
 
@@ -147,6 +148,10 @@ void for_each_setting(C& c, const F& f) {
     f("ao.initial", c.avatar.initial_ao, R::above(0));
     f("ao.largest", c.avatar.largest_ao, R::above(0));
     f("ao.start", c.avatar.ao_start, share);
+    f("light", c.avatar.light, any);
+    f("light.points", c.avatar.light_points, R::at_least(1).up_to(64));
+    f("light.directions", c.avatar.light_directions, R::at_least(0).up_to(256));
+    f("light.distance", c.avatar.light_distance, R::above(0));
     f("deformation", c.avatar.deformation, any);
     f("initial_opacity", c.avatar.initial_opacity, R::above(0).below(1));
     f("initial_thickness", c.avatar.initial_thickness, R::above(0).up_to(1));
@@ -162,6 +167,9 @@ void for_each_setting(C& c, const F& f) {
     f("rate.stored_displacements", c.avatar.rates.stored_displacements, R::at_least(0));
     f("rate.stored_sh", c.avatar.rates.stored_sh, R::at_least(0));
     f("rate.ao", c.avatar.rates.ao, R::at_least(0));
+    f("rate.light_points", c.avatar.rates.light_points, R::at_least(0));
+    f("rate.light_intensities", c.avatar.rates.light_intensities, R::at_least(0));
+    f("rate.light_gloss", c.avatar.rates.light_gloss, R::at_least(0));
     f("rate.decay_start", c.train.decay_start, share);
     f("rate.final", c.train.final_rate, R::above(0).up_to(1));
     f("ssim_weight", c.train.ssim_weight, share);
@@ -228,6 +236,7 @@ void for_each_setting(C& c, const F& f) {
     else if (name == "no-normals") c.normal_prior = false;
     else if (name == "smpl-init") c.joints = JointSet::trunk_and_limbs, c.region_samples = false;
     else if (name == "pose-ao") c.avatar.ao = AmbientOcclusion::pose;
+    else if (name == "light") c.avatar.ao = AmbientOcclusion::none, c.avatar.light = true;
     else {
         std::string message(where);
         message.append(where.empty() ? "" : ": ").append("there is no configuration '").append(name);

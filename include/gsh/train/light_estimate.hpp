@@ -25,6 +25,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -218,8 +220,12 @@ public:
                 shuffled_indices(static_cast<std::uint32_t>(body.vertex_count()), mix_bits(params.seed + p));
             order.resize(std::min<std::size_t>(order.size(), params.vertices));
             chosen_.push_back(std::move(order));
-            casters_[p].triangles.resize(body.faces.size());
-            backend.upload(Span<const std::array<int, 3>>(body.faces), casters_[p].triangles);
+            std::vector<vec3<std::uint32_t>> triangles;
+            for (const auto& face : body.faces)
+                triangles.push_back({static_cast<std::uint32_t>(face[0]), static_cast<std::uint32_t>(face[1]),
+                                     static_cast<std::uint32_t>(face[2])});
+            casters_[p].triangles.resize(triangles.size());
+            backend.upload(Span<const vec3<std::uint32_t>>(triangles), casters_[p].triangles);
         }
     }
 
@@ -273,7 +279,7 @@ private:
     using Buffer = typename B::template Buffer<T>;
     struct Caster {
         Buffer<vec3<float>> vertices;
-        Buffer<std::array<int, 3>> triangles;
+        Buffer<vec3<std::uint32_t>> triangles;
     };
     static std::size_t total(const std::vector<std::vector<std::uint32_t>>& lists) {
         std::size_t sum = 0;
@@ -426,10 +432,17 @@ template <Backend B>
     estimate.samples = samples.colors.size();
     detail::fit_intensities(samples, Eigen::MatrixXf::Ones(1, G.cols()), 0, estimate.psnr_even);
 
-    // An intensity of zero has no logarithm: the least is a thousandth of the mean irradiance.
+    // An intensity of zero has no logarithm: the least is a thousandth of the mean irradiance. The strongest point
+    // comes first, for it is the unit of a LearnedLight.
     for (std::size_t k = 0; k < light.size(); ++k) {
         const double reach = k < light.points.size() ? params.distance * params.distance : 1;
         light.log_intensities[k] = std::log(std::max(fitted[static_cast<Eigen::Index>(k)], 1e-3 * reach));
+    }
+    if (params.points > 0) {
+        const auto points_end = light.log_intensities.begin() + static_cast<std::ptrdiff_t>(params.points);
+        const auto strongest = std::max_element(light.log_intensities.begin(), points_end);
+        std::swap(light.points[0], light.points[static_cast<std::size_t>(strongest - light.log_intensities.begin())]);
+        std::swap(light.log_intensities[0], *strongest);
     }
     light.gloss = even_light(1, 0, center, params.distance).gloss;
     return estimate;

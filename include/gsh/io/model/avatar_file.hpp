@@ -49,6 +49,30 @@ inline OcclusionFieldData read_occlusion_field(const ArchiveReader& file) {
             .largest = file.read_number<double>("occlusion_largest")};
 }
 
+inline void add_light(ArchiveWriter& file, const LightData& light) {
+    file.add_rows<double>("light_points", light.points);
+    file.add_rows<double>("light_directions", light.directions);
+    file.add("light_log_intensities", light.log_intensities);
+    file.add("light_gloss", light.gloss);
+}
+
+inline LightData read_light(const ArchiveReader& file) {
+    LightData light{.points = file.read_rows<double, vec3<double>>("light_points"),
+                    .directions = file.read_rows<double, vec3<double>>("light_directions"),
+                    .log_intensities = file.read<double>("light_log_intensities").data,
+                    .gloss = file.read<double>("light_gloss").data};
+    const std::string where = file.file().path().string();
+    check_light(where, light.view());
+    const auto numbers = [](const std::vector<vec3<double>>& rows) {
+        return view_as<const double>(Span<const vec3<double>>(rows));
+    };
+    check_finite<double>(where, "light_points", numbers(light.points));
+    check_finite<double>(where, "light_directions", numbers(light.directions));
+    check_finite<double>(where, "light_log_intensities", light.log_intensities);
+    check_finite<double>(where, "light_gloss", light.gloss);
+    return light;
+}
+
 } // namespace detail
 
 /// Writes an avatar, atomically. The archive opens in NumPy; the body's members begin with "body/".
@@ -58,6 +82,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     check_size("save_avatar", "gaussians", g.size(), rig.point_count(), "one per point of the rig");
     if (avatar.occlusion_field)
         check_occlusion_field("save_avatar", *avatar.occlusion_field, rig.point_count(), rig.joint_count());
+    if (avatar.light) check_light("save_avatar", avatar.light->view());
     ArchiveWriter file(path, "avatar", avatar_file_version);
     add_body_model(file, rig.body, "body/");
     file.add("betas", rig.betas);
@@ -78,6 +103,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     file.add("deformation", std::int32_t(avatar.deformation));
     file.add("ao", avatar.ao);
     if (avatar.occlusion_field) detail::add_occlusion_field(file, *avatar.occlusion_field);
+    if (avatar.light) detail::add_light(file, *avatar.light);
     file.commit();
 }
 
@@ -109,6 +135,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
 
     avatar.ao = file.read<float>("ao").data;
     if (file.has("occlusion_neurons")) avatar.occlusion_field = detail::read_occlusion_field(file);
+    if (file.has("light_points")) avatar.light = detail::read_light(file);
     const auto deformation = file.read_number<std::int32_t>("deformation");
 
     const std::string where = path.string();

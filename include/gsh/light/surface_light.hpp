@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Light on a posed body: its mesh gives normals and casts shadows, and its Gaussians are shaded by both.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/posed_surface.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/light/light.hpp>
+#include <gsh/light/lit_splats.hpp>
+#include <gsh/light/shadow_map.hpp>
+#include <gsh/math/affine.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <array>
+#include <concepts>
+#include <cstddef>
+#include <vector>
+
+namespace gsh {
+
+/// Shades the Gaussians of a body by what its posed mesh says about light: where the surface faces, and what the body,
+/// and other bodies, hide from each light.
+///
+///     vertices, normals = PosedSurface(bones, offsets)
+///     visibility        = ShadowMaps(own mesh and others, light)
+///     colors            = LitSplats(base colours, means, normals, visibility, light)
+///
+/// Shapes  N Gaussians on the triangles of a mesh with V vertices; J bones.
+/// Frame   bones lead from canonical space to the world; means, center and light are in the world.
+template <Backend B, std::floating_point T = float>
+class SurfaceLight {
+public:
+    template <class U>
+    using Buffer = typename B::template Buffer<U>;
+
+    struct Cache {
+        typename PosedSurface<B, T>::Cache surface;
+        Buffer<T> visibility;                   // [V, P + D]
+        Buffer<vec3<T>> base;                   // [N] colours without light
+        Buffer<vec3<T>> dL_dmeans, dL_dbase;    // [N], results of backward
+        // working storage
+        Buffer<vec3<T>> dL_dnormals;            // [V]
+        typename ShadowMaps<B, T>::Cache maps;
+        typename LitSplats<B, T>::Cache lit;
+    };
+
+    /// Where backward adds. Each may be empty; it is then not computed.
+    struct Gradient {
+        LightView<T> light = {};
+        Span<Affine<T>> bones = {};   // [J]
+        Span<vec3<T>> offsets = {};   // [V]
+        Span<vec3<T>> center = {};    // [1]
+    };
+
+    /// `triangles` and `barycentric` [N] say where each Gaussian is attached to the body.
+    /// Errors  ValueError for a body without triangles; ShapeError as for the parts.
+    SurfaceLight(B& backend, const BodyModel& body, Span<const double> betas,
+                 Span<const std::array<int, 3>> triangles, Span<const vec3<double>> barycentric,
+                 const ShadowMapParams& params = {})
+        : backend_(&backend), surface_(checked(backend, body, betas)), maps_(backend, params),
+          lit_(backend, body.vertex_count(), triangles, barycentric) {}
+
+    /// The mesh in a pose, as others see it. It is valid until the next call with this cache.
+    ShadowCaster<T> caster(Span<const Affine<T>> bones, Span<const vec3<T>> offsets, Cache& cache) const {
+        surface_.forward(bones, offsets, cache.surface);
+        return {cache.surface.vertices, surface_.triangles()};
+    }
+
+    /// Replaces base colours by lit ones.
+    ///
+    /// Shapes  offsets [V] as in PosedSurface; means, colors [N]; `others` casts shadows on this body.
+    void forward(Span<const Affine<T>> bones, Span<const vec3<T>> offsets, const LightView<const T>& light,
+                 Span<const ShadowCaster<T>> others, Span<const vec3<T>> means, const vec3<T>& center,
+                 Span<vec3<T>> colors, Cache& cache) const {
+        std::vector<ShadowCaster<T>> casters{caster(bones, offsets, cache)};
+        casters.insert(casters.end(), others.begin(), others.end());
+        cache.visibility.resize(surface_.vertex_count() * light.size());
+        maps_.forward(casters, light, cache.surface.vertices, cache.surface.normals, cache.visibility, cache.maps);
+        cache.base.resize(colors.size());
+        backend_->copy(Span<const vec3<T>>(colors), Span<vec3<T>>(cache.base));
+        lit_.forward(input(light, means, center, cache), colors, cache.lit);
+    }
+
+    /// Adjoint of forward, but for visibility, which counts as constant. Writes cache.dL_dmeans, which is dL_dmeans
+    /// and the part of it that comes through the light, and cache.dL_dbase. Adds to dL_din.
+    void backward(Span<const Affine<T>> bones, Span<const vec3<T>> offsets, const LightView<const T>& light,
+                  Span<const vec3<T>> means, const vec3<T>& center, Span<const vec3<T>> dL_dmeans,
+                  Span<const vec3<T>> dL_dcolors, Cache& cache, const Gradient& dL_din) const {
+        const bool surface_moves = !dL_din.bones.empty() || !dL_din.offsets.empty();
+        cache.dL_dmeans.resize(means.size());
+        cache.dL_dbase.resize(means.size());
+        cache.dL_dnormals.resize(surface_moves ? surface_.vertex_count() : 0);
+        backend_->copy(dL_dmeans, Span<vec3<T>>(cache.dL_dmeans));
+        backend_->fill(Span<vec3<T>>(cache.dL_dbase), vec3<T>(T(0)));
+        backend_->fill(Span<vec3<T>>(cache.dL_dnormals), vec3<T>(T(0)));
+        lit_.backward(input(light, means, center, cache), dL_dcolors, cache.lit,
+                      {.light = dL_din.light,
+                       .means = cache.dL_dmeans,
+                       .base = cache.dL_dbase,
+                       .normals = cache.dL_dnormals,
+                       .center = dL_din.center});
+        if (surface_moves)
+            surface_.backward(bones, offsets, {}, cache.dL_dnormals, cache.surface, dL_din.bones, dL_din.offsets);
+    }
+
+private:
+    [[nodiscard]] static PosedSurface<B, T> checked(B& backend, const BodyModel& body, Span<const double> betas) {
+        check_value(!body.faces.empty(), "SurfaceLight",
+                    "the body has no triangles; light needs a mesh, so use shadows over time or pose, or none");
+        return PosedSurface<B, T>(backend, body, betas);
+    }
+    [[nodiscard]] typename LitSplats<B, T>::Input input(const LightView<const T>& light, Span<const vec3<T>> means,
+                                                        const vec3<T>& center, const Cache& cache) const {
+        return {light, means, cache.base, cache.surface.normals, cache.visibility, center};
+    }
+
+    B* backend_;
+    PosedSurface<B, T> surface_;
+    ShadowMaps<B, T> maps_;
+    LitSplats<B, T> lit_;
+};
+
+} // namespace gsh

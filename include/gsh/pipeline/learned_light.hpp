@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A light that learns with the avatars that it shades.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/light/light.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/pipeline/learned_array.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+namespace gsh {
+
+/// Learning rates of a light; see LightView for the numbers.
+struct LightRates {
+    double points = 2e-3;          ///< metres
+    double log_intensities = 2e-3;
+    double gloss = 5e-3;
+};
+
+/// A light in the memory of a backend, with gradients. Directions do not learn. The intensity of the first light is the
+/// unit of all others and does not learn either, since a common factor of all intensities is one of the albedo, too.
+template <Backend B, std::floating_point T = float>
+class LearnedLight {
+public:
+    LearnedLight(B& backend, const LightData& light, const LightRates& rates = {}) : backend_(&backend), rates_(rates) {
+        set(light);
+    }
+
+    /// Replaces the light. Moments of Adam start at zero.
+    /// Errors  ShapeError for sizes that do not fit each other.
+    void set(const LightData& light) {
+        check_light("LearnedLight", light.view());
+        check_size("LearnedLight", "light.gloss", light.gloss.size(), 2, "logarithms of strength and sharpness");
+        points_ = {*backend_, std::vector<vec3<T>>(light.points.begin(), light.points.end())};
+        log_intensities_ = {*backend_, std::vector<T>(light.log_intensities.begin(), light.log_intensities.end())};
+        gloss_ = {*backend_, std::vector<T>(light.gloss.begin(), light.gloss.end())};
+        const std::vector<vec3<T>> directions(light.directions.begin(), light.directions.end());
+        directions_.resize(directions.size());
+        backend_->upload(Span<const vec3<T>>(directions), directions_);
+    }
+
+    [[nodiscard]] LightView<const T> view() const {
+        return {points_.values(), directions_, log_intensities_.values(), gloss_.values()};
+    }
+    [[nodiscard]] LightView<T> gradient() {
+        return {points_.gradient(), directions_, log_intensities_.gradient(), gloss_.gradient()};
+    }
+
+    /// Keeps the unit as it is. To be called after gradients were added.
+    void clear_unit_gradient() {
+        if (log_intensities_.size()) backend_->fill(log_intensities_.gradient().subspan(0, 1), T(0));
+    }
+    [[nodiscard]] LearnedArrays<T> learned() {
+        return {points_.announce("light_points", rates_.points),
+                log_intensities_.announce("light_log_intensities", rates_.log_intensities),
+                gloss_.announce("light_gloss", rates_.gloss)};
+    }
+
+    /// The present light on the host.
+    [[nodiscard]] LightData data() const {
+        const auto fetch = [&]<class U>(Span<const U> from) {
+            std::vector<U> host(from.size());
+            backend_->download(from, Span<U>(host));
+            return host;
+        };
+        const auto vectors = [&](Span<const vec3<T>> from) {
+            const std::vector<vec3<T>> host = fetch(from);
+            return std::vector<vec3<double>>(host.begin(), host.end());
+        };
+        const auto numbers = [&](Span<const T> from) {
+            const std::vector<T> host = fetch(from);
+            return std::vector<double>(host.begin(), host.end());
+        };
+        const LightView<const T> now = view();
+        return {vectors(now.points), vectors(now.directions), numbers(now.log_intensities), numbers(now.gloss)};
+    }
+
+private:
+    B* backend_;
+    LightRates rates_;
+    LearnedBuffer<B, vec3<T>> points_;
+    LearnedBuffer<B, T> log_intensities_, gloss_;
+    typename B::template Buffer<vec3<T>> directions_;
+};
+
+/// A light that several avatars share.
+template <Backend B, std::floating_point T = float>
+using SharedLight = std::shared_ptr<LearnedLight<B, T>>;
+
+} // namespace gsh
