@@ -70,6 +70,7 @@
 #include <gsh/optim/adam.hpp>
 #include <gsh/optim/schedule.hpp>
 
+#include <gsh/light/coarse_caster.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/light/lit_element.hpp>
 #include <gsh/light/lit_splats.hpp>

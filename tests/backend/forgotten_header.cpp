@@ -16,4 +16,5 @@ void use(gsh::cpu::Serial& backend) {
     gsh::test::use_blend_shapes(backend);
     gsh::test::use_occlusion_field(backend);
     gsh::test::use_lit_splats(backend);
+    gsh::test::use_shadow_maps(backend);
 }

@@ -8,6 +8,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/blend_shapes.hpp>
+#include <gsh/body/posed_surface.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/field/hash_field.hpp>
@@ -15,13 +16,16 @@
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/resample.hpp>
+#include <gsh/light/coarse_caster.hpp>
 #include <gsh/light/lit_splats.hpp>
+#include <gsh/light/shadow_map.hpp>
 #include <gsh/loss/lpips.hpp>
 #include <gsh/loss/motion_terms.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
 #include <gsh/render/rasterizer.hpp>
 
+#include "support/bodies.hpp"
 #include "support/skinned_scene.hpp"
 
 #include <doctest/doctest.h>
@@ -221,6 +225,90 @@ TEST_CASE("skeleton, blend shapes and interpolation refuse host memory") {
     Buffer<vec3<float>> point(1);
     check_refused("SurfaceInterpolation::forward", "values", [&] { interpolation.forward(vectors, point); });
     check_refused("SurfaceInterpolation::backward", "dL_dvalues", [&] { interpolation.backward(point, vectors); });
+}
+
+/// Poses a tube and computes the visibility of its vertices from two lights, both passes: everything that it made.
+template <class B>
+std::vector<float> lit_surface(B& backend) {
+    const BodyModel body = test::tube();
+    const std::size_t V = body.vertex_count(), J = body.joint_count();
+    const PosedSurface<B> surface(backend, body, {});
+    const CoarseCaster<B> coarse(backend, body.v_template, body.faces, 0.1);
+    const ShadowMaps<B> maps(backend);
+    std::vector<Affine<float>> host_bones;
+    for (const auto& bone : pose_body(body, std::vector<vec3<double>>(J, vec3<double>(0.3, 0.1, -0.5))).bones)
+        host_bones.push_back({mat3<float>(bone.linear), vec3<float>(bone.translation)});
+    const auto upload = [&]<class T>(const std::vector<T>& values) {
+        typename B::template Buffer<T> buffer(values.size());
+        backend.upload(Span<const T>(values), buffer);
+        return buffer;
+    };
+    const auto bones = upload(host_bones);
+    const auto offsets = upload(std::vector<vec3<float>>(V, vec3<float>(0.01f)));
+    const auto points = upload(std::vector<vec3<float>>{{2, 2, 2}});
+    const auto directions = upload(std::vector<vec3<float>>{{0, 1, 0}});
+    typename B::template Buffer<float> visibility(2 * V);
+    typename B::template Buffer<vec3<float>> dL_doffsets(V);
+    typename B::template Buffer<Affine<float>> dL_dbones(J);
+    backend.fill(Span<vec3<float>>(dL_doffsets), vec3<float>(0));
+    backend.fill(Span<Affine<float>>(dL_dbones), Affine<float>::zero());
+    typename PosedSurface<B>::Cache cache;
+    typename CoarseCaster<B>::Cache picked;
+    typename ShadowMaps<B>::Cache shadows;
+    surface.forward(bones, offsets, cache);
+    const std::array<ShadowCaster<float>, 2> casters{
+        ShadowCaster<float>{cache.vertices, surface.triangles()}, coarse.forward(cache.vertices, picked)};
+    maps.forward(casters, {.points = points, .directions = directions}, cache.vertices, cache.normals, visibility,
+                 shadows);
+    surface.backward(bones, offsets, cache.vertices, cache.normals, cache, dL_dbones, dL_doffsets);
+    std::vector<float> result(2 * V + 3 * V + 12 * J);
+    const auto part = [&](std::size_t first, std::size_t count) { return Span<float>(result).subspan(first, count); };
+    backend.download(Span<const float>(visibility), part(0, 2 * V));
+    backend.download(Span<const vec3<float>>(dL_doffsets), view_as<vec3<float>>(part(2 * V, 3 * V)));
+    backend.download(Span<const Affine<float>>(dL_dbones), view_as<Affine<float>>(part(5 * V, 12 * J)));
+    return result;
+}
+
+TEST_CASE("posed surfaces and shadow maps refuse host memory, and work without it") {
+    Guarded backend;
+    cpu::Serial serial;
+    const auto found = lit_surface(backend);
+    CHECK(found == lit_surface(serial));
+
+    const BodyModel body = test::tube();
+    const std::size_t V = body.vertex_count(), J = body.joint_count();
+    const PosedSurface<Guarded> surface(backend, body, {});
+    PosedSurface<Guarded>::Cache cache;
+    std::vector<vec3<float>> vectors(V);
+    std::vector<Affine<float>> maps(J);
+    Buffer<vec3<float>> v(V), n(V);
+    Buffer<Affine<float>> b(J);
+    backend.fill(Span<vec3<float>>(v), vec3<float>(0));
+    backend.fill(Span<vec3<float>>(n), vec3<float>(0));
+    backend.fill(Span<Affine<float>>(b), Affine<float>());
+    check_refused("PosedSurface::forward", "bones", [&] { surface.forward(maps, v, cache); });
+    check_refused("PosedSurface::forward", "offsets", [&] { surface.forward(b, vectors, cache); });
+    surface.forward(b, v, cache);
+    check_refused("PosedSurface::backward", "dL_dnormals", [&] { surface.backward(b, v, {}, vectors, cache, b, v); });
+    check_refused("PosedSurface::backward", "dL_dbones", [&] { surface.backward(b, v, v, {}, cache, maps, v); });
+    check_refused("PosedSurface::backward", "dL_doffsets", [&] { surface.backward(b, v, v, {}, cache, b, vectors); });
+
+    const ShadowMaps<Guarded> shadows(backend);
+    ShadowMaps<Guarded>::Cache shadow_cache;
+    const std::vector<vec3<std::uint32_t>> triangles(1);
+    Buffer<float> visibility(V);
+    std::vector<float> host_visibility(V);
+    const auto one = Span<const vec3<float>>(v).subspan(0, 1), host_one = Span<const vec3<float>>(vectors).subspan(0, 1);
+    const auto cast = [&](const ShadowCaster<float>& caster, Span<const vec3<float>> point, Span<float> result) {
+        shadows.forward(Span<const ShadowCaster<float>>(&caster, 1), {.points = point}, v, n, result, shadow_cache);
+    };
+    check_refused("ShadowMaps::forward", "light.points", [&] { cast({}, host_one, visibility); });
+    check_refused("ShadowMaps::forward", "visibility", [&] { cast({}, one, host_visibility); });
+    check_refused("ShadowMaps::forward", "caster.vertices", [&] { cast({vectors, {}}, one, visibility); });
+    check_refused("ShadowMaps::forward", "caster.triangles", [&] { cast({v, triangles}, one, visibility); });
+    const CoarseCaster<Guarded> coarse(backend, body.v_template, body.faces);
+    CoarseCaster<Guarded>::Cache picked;
+    check_refused("CoarseCaster::forward", "vertices", [&] { (void)coarse.forward(vectors, picked); });
 }
 
 TEST_CASE("fields refuse host memory") {

@@ -11,6 +11,7 @@
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/field/mlp.hpp>
 #include <gsh/light/lit_splats.hpp>
+#include <gsh/light/shadow_map.hpp>
 #include <gsh/loss/lpips.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
@@ -83,6 +84,8 @@ template <std::floating_point T>
 struct LitSplatsScratch<other::Device, T> {};
 template <std::floating_point T>
 struct BlendShapesScratch<other::Device, T> {};
+template <std::floating_point T>
+struct ShadowMapScratch<other::Device, T> {};
 } // namespace gsh
 
 namespace other {
@@ -198,6 +201,13 @@ template <class T>
 void blend_shapes_backward(Device& device, Span<const vec3<T>>, Span<const vec3<T>>, Span<T>,
                            BlendShapesScratch<Device, T>&) {
     device.calls.push_back("blend_shapes_backward");
+}
+
+template <class T>
+void shadow_draw(Device& device, Span<const ShadowFrame<T>>, const ShadowCaster<T>&, bool, bool, Span<T> maps,
+                 ShadowMapScratch<Device, T>&) {
+    device.calls.push_back("shadow_draw");
+    device.fill(maps, T(0));
 }
 
 template <class T>

@@ -9,6 +9,7 @@
 #include <gsh/field/hash_field.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/light/lit_splats.hpp>
+#include <gsh/light/shadow_map.hpp>
 #include <gsh/loss/lpips.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
@@ -120,6 +121,18 @@ void use_blend_shapes(B& backend) {
     typename BlendShapes<B>::Workspace workspace;
     shapes.forward(coefficients, offsets);
     shapes.backward(offsets, coefficients, workspace);
+}
+
+template <class B>
+void use_shadow_maps(B& backend) {
+    const ShadowMaps<B> maps(backend);
+    typename ShadowMaps<B>::Cache cache;
+    const std::vector<vec3<float>> vertices{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, normals(3, vec3<float>(0, 0, 1));
+    const std::vector<vec3<std::uint32_t>> triangles{{0, 1, 2}};
+    const std::vector<ShadowCaster<float>> casters{{vertices, triangles}};
+    std::vector<float> visibility(3);
+    const LightView<const float> light{.directions = Span<const vec3<float>>(normals).subspan(0, 1)};
+    maps.forward(casters, light, vertices, normals, visibility, cache);
 }
 
 template <class B>

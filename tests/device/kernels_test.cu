@@ -6,6 +6,7 @@
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/body/posed_surface.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_interpolation.hpp>
@@ -13,7 +14,9 @@
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/resample.hpp>
+#include <gsh/light/coarse_caster.hpp>
 #include <gsh/light/lit_splats.hpp>
+#include <gsh/light/shadow_map.hpp>
 #include <gsh/optim/adam.hpp>
 #include <gsh/pipeline/avatar_model.hpp>
 #include <gsh/pipeline/density_control.hpp>
@@ -160,6 +163,10 @@ using Bodies = Types<
     gsh::detail::TurnedPose<T>, gsh::detail::TurnedPoseBackward<T>, gsh::detail::Incremented<T>,
     gsh::detail::PullGradient<T>, gsh::detail::MovedCameraBackward<T>, gsh::detail::RowStep<T>,
     gsh::detail::SequenceGradient<RotationSequence<T>, vec3<T>>, gsh::detail::SequenceGradient<NumberSequence<T>, T>,
+    gsh::detail::PoseVertex<T>, gsh::detail::TriangleCross<T>, gsh::detail::VertexNormal<T>,
+    gsh::detail::VertexNormalBackward<T>, gsh::detail::PoseVertexBackward<T>, gsh::detail::BonePieceBackward<T>,
+    gsh::detail::JoinBonePieces<T>, gsh::detail::PickVertices<T>, gsh::detail::BoundShadowCasters<T>,
+    gsh::detail::AimShadowMaps<T>, gsh::detail::ReceiveShadows<T>,
     gsh::detail::SequenceValue<RotationSequence<T>, T>, gsh::detail::SequenceValue<NumberSequence<T>, T>>;
 
 bool failed = false;

@@ -16,6 +16,7 @@
 #include <gsh/field/features.hpp>
 #include <gsh/field/mlp.hpp>
 #include <gsh/light/lit_splats.hpp>
+#include <gsh/light/shadow_map.hpp>
 #include <gsh/loss/lpips_network.hpp>
 #include <gsh/loss/photometric_cache.hpp>
 #include <gsh/render/raster_cache.hpp>
@@ -162,6 +163,8 @@ template <std::floating_point T>
 struct LitSplatsScratch<test::Guarded, T> : LitSplatsScratch<test::GuardedInside, T> {};
 template <std::floating_point T>
 struct BlendShapesScratch<test::Guarded, T> : BlendShapesScratch<test::GuardedInside, T> {};
+template <std::floating_point T>
+struct ShadowMapScratch<test::Guarded, T> : ShadowMapScratch<test::GuardedInside, T> {};
 
 } // namespace gsh
 
@@ -291,6 +294,10 @@ template <class D, class C, class Scratch>
 void blend_shapes_backward(Guarded&, const D& directions, const D& dL_doffsets, const C& dL_dcoefficients,
                            Scratch& scratch) {
     GSH_GUARDED_OVERLOAD(blend_shapes_backward, directions, dL_doffsets, dL_dcoefficients, scratch);
+}
+template <class F, class C, class M, class Scratch>
+void shadow_draw(Guarded&, const F& frames, const C& caster, bool closed, bool clear, const M& maps, Scratch& scratch) {
+    GSH_GUARDED_OVERLOAD(shadow_draw, frames, caster, closed, clear, maps, scratch);
 }
 template <class V, class R, class Scratch>
 void add_sum(Guarded&, const V& values, const R& result, Scratch& scratch) {

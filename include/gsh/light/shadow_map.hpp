@@ -24,7 +24,7 @@ struct ShadowMapParams {
     int point_resolution = 256;        ///< texels: the longer side of a point's map is at most this long
     int direction_resolution = 96;     ///< texels: likewise for a direction
     double point_softness = 0.012;     ///< metres: half the width of the filter, at the casters
-    double direction_softness = 0.03;  ///< metres: likewise for a direction, which stands for a part of the sky
+    double direction_softness = 0.045; ///< metres: likewise for a direction, which stands for a part of the sky
     double normal_offset = 0.004;      ///< metres: a receiver is lifted by this along its normal
     bool closed = true;                ///< casters are closed, so that the sides facing away from a light suffice
 };

@@ -61,37 +61,49 @@ template <class T>
 GSH_INLINE void draw_shadow_triangle(const ShadowVertex<T>& a, ShadowVertex<T> b, ShadowVertex<T> c, bool closed,
                                      std::int32_t row_begin, std::int32_t row_end, T* map, std::int32_t stride) {
     std::int32_t area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
-    if (area <= 0) {
-        if (closed || area == 0) return; // it faces the light
-        std::swap(b, c), area = -area;
-    }
-    if ((a.x | b.x | c.x) < 0) return;
     const auto first = [](std::int32_t v) { return (v + 7) >> 4; }; // first texel whose centre is not before v
     const std::int32_t left = first(std::min({a.x, b.x, c.x})), right = first(std::max({a.x, b.x, c.x}) + 1);
     const std::int32_t top = std::max(first(std::min({a.y, b.y, c.y})), row_begin);
     const std::int32_t bottom = std::min(first(std::max({a.y, b.y, c.y}) + 1), row_end);
-    if (left >= right || top >= bottom) return;
+    // One branch for all reasons to leave: it faces the light, has no area, is not in the map, or covers no centre.
+    const bool faces_light = closed ? area <= 0 : area == 0;
+    if (faces_light | ((a.x | b.x | c.x) < 0) | (left >= right) | (top >= bottom)) return;
+    if (area < 0) std::swap(b, c), area = -area;
 
-    struct Edge {
-        std::int32_t at, column_step, row_step, least;
-        Edge(const ShadowVertex<T>& p, const ShadowVertex<T>& q, std::int32_t x, std::int32_t y)
-            : at((q.x - p.x) * (y - p.y) - (q.y - p.y) * (x - p.x)), column_step(-(q.y - p.y) * shadow_subtexels),
-              row_step((q.x - p.x) * shadow_subtexels), least(q.y < p.y || (q.y == p.y && q.x > p.x) ? 0 : 1) {}
-    };
+    typedef std::int32_t Ints __attribute__((vector_size(16)));
+    typedef T Numbers __attribute__((vector_size(4 * sizeof(T))));
+    using Mask = decltype(Numbers{} < Numbers{});
+    constexpr Ints lanes{0, 1, 2, 3};
     const std::int32_t x = left * shadow_subtexels + shadow_subtexels / 2;
     const std::int32_t y = top * shadow_subtexels + shadow_subtexels / 2;
-    Edge bc(b, c, x, y), ca(c, a, x, y), ab(a, b, x, y);
+    struct Edge { // not negative inside: less one, unless points of the edge, a top or left one, are inside
+        Ints at;
+        std::int32_t column_step, row_step, less;
+    };
+    const auto edge = [&](const ShadowVertex<T>& p, const ShadowVertex<T>& q) {
+        const std::int32_t dx = q.x - p.x, dy = q.y - p.y, column_step = -dy * shadow_subtexels;
+        const std::int32_t less = (dy < 0) | ((dy == 0) & (dx > 0)) ? 0 : 1;
+        return Edge{dx * (y - p.y) - dy * (x - p.x) - less + lanes * column_step, column_step, dx * shadow_subtexels,
+                    less};
+    };
+    Edge bc = edge(b, c), ca = edge(c, a), ab = edge(a, b);
     const T inverse_area = T(1) / static_cast<T>(area);
     const T to_b = (b.nearness - a.nearness) * inverse_area, to_c = (c.nearness - a.nearness) * inverse_area;
+    const T at_a = a.nearness + static_cast<T>(ca.less) * to_b + static_cast<T>(ab.less) * to_c;
+    // Four columns at a time. The map's margin lies behind the last of them.
+    static_assert(gsh::detail::shadow_margin >= 3);
     for (std::int32_t row = top; row < bottom; ++row) {
-        T* const texels = map + static_cast<std::ptrdiff_t>(row) * stride;
-        std::int32_t at_bc = bc.at, at_ca = ca.at, at_ab = ab.at;
-        for (std::int32_t column = left; column < right; ++column) {
-            if (((at_bc - bc.least) | (at_ca - ca.least) | (at_ab - ab.least)) >= 0) {
-                const T nearness = a.nearness + static_cast<T>(at_ca) * to_b + static_cast<T>(at_ab) * to_c;
-                texels[column] = std::max(texels[column], nearness);
-            }
-            at_bc += bc.column_step, at_ca += ca.column_step, at_ab += ab.column_step;
+        T* texels = map + static_cast<std::ptrdiff_t>(row) * stride + left;
+        Ints at_bc = bc.at, at_ca = ca.at, at_ab = ab.at;
+        for (std::int32_t column = left; column < right; column += 4, texels += 4) {
+            const Mask inside = __builtin_convertvector((at_bc | at_ca | at_ab) >= 0, Mask);
+            const Numbers nearness = at_a + __builtin_convertvector(at_ca, Numbers) * to_b +
+                                     __builtin_convertvector(at_ab, Numbers) * to_c;
+            Numbers texel;
+            std::memcpy(&texel, texels, sizeof texel);
+            texel = (inside & (nearness > texel)) ? nearness : texel;
+            std::memcpy(texels, &texel, sizeof texel);
+            at_bc += 4 * bc.column_step, at_ca += 4 * ca.column_step, at_ab += 4 * ab.column_step;
         }
         bc.at += bc.row_step, ca.at += ca.row_step, ab.at += ab.row_step;
     }
@@ -104,12 +116,13 @@ template <class T>
     typedef T Four __attribute__((vector_size(4 * sizeof(T))));
     static_assert(gsh::detail::shadow_taps == 4);
     const auto column = static_cast<std::int32_t>(left), row = static_cast<std::int32_t>(top);
-    const auto weights = [&](T from) {
+    Four across, down;
+    const auto weigh = [&](T from, Four& weights) { // filter_weights
         const Four begins{0, 1, 2, 3}, ends{1, 2, 3, 4}, start = from - Four{}, stop = (from + length) - Four{};
         const Four share = (stop < ends ? stop : ends) - (begins < start ? start : begins);
-        return (share < Four{} ? Four{} : share) * scale;
+        weights = (share < Four{} ? Four{} : share) * scale;
     };
-    const Four across = weights(left - static_cast<T>(column)), down = weights(top - static_cast<T>(row));
+    weigh(left - static_cast<T>(column), across), weigh(top - static_cast<T>(row), down);
     const T* texels = map + static_cast<std::ptrdiff_t>(row) * frame.stride + column;
     Four hidden{};
     for (int j = 0; j < 4; ++j, texels += frame.stride) {
