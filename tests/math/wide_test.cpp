@@ -87,7 +87,7 @@ TEST_CASE("the logarithm of a Wide is within two units in the last place, from s
         CHECK(std::isnan(log(W(number))[0]));
 }
 
-TEST_CASE("the power of a Wide follows the scalar's, to an error that grows with the exponent of the result") {
+TEST_CASE("powers and exponentials in the normal range follow the scalar's, to an error that grows with the exponent of the result") {
     using W = Wide<float>;
     test::Rng rng(8);
     for (int repeat = 0; repeat < 2000; ++repeat) {
@@ -101,6 +101,12 @@ TEST_CASE("the power of a Wide follows the scalar's, to an error that grows with
             const double y = static_cast<double>(exponent[i]) * std::log2(static_cast<double>(x[i])),
                          exact = std::exp2(y);
             CHECK(std::abs(static_cast<double>(found[i]) / exact - 1) < 1e-7 * (1 + std::abs(y)));
+        }
+        for (float& number : x) number = static_cast<float>(rng.uniform(-87, 87));
+        const W exponential = exp_normal(W::load(x));
+        for (std::size_t i = 0; i < W::width; ++i) {
+            const double y = static_cast<double>(x[i]);
+            CHECK(std::abs(static_cast<double>(exponential[i]) / std::exp(y) - 1) < 1e-7 * (1 + std::abs(y)));
         }
     }
     CHECK(power(W(1.0f), W(2.4f))[0] == 1.0f);

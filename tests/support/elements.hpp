@@ -164,7 +164,7 @@ struct ScalarElement {
         out.put(sin(x)), out.put(cos(x)), out.put(floor(x)), out.put(clamp(x, T(-1), T(2))),
             out.put(select(x < y, x, p));
         const auto index = LaneTraits<T>::to_index(p * T(100));
-        out.put(power(p, x));
+        out.put(power(p, x)), out.put(exp_normal(x));
         out.put(LaneTraits<T>::from_index(index)), out.put(LaneTraits<T>::gather(table, index));
         T dL_dx = T(0), dL_dp = T(0);
         sigmoid_backward(sigmoid(x), y, dL_dx), exp_backward(exp(x), y, dL_dx), logit_backward(p, y, dL_dp);

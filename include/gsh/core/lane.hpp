@@ -95,6 +95,11 @@ template <Lane T>
 [[nodiscard]] GSH_HD T power(T x, T exponent) {
     return exp(exponent * log(x));
 }
+/// e^x where the result is a normal number of float, |x| <= 87. Lane types may have overloads that are faster than exp.
+template <Lane T>
+[[nodiscard]] GSH_HD T exp_normal(T x) {
+    return exp(x);
+}
 /// x clamped to [low, high].
 template <Lane T>
 [[nodiscard]] GSH_HD T clamp(T x, T low, T high) {

@@ -226,9 +226,25 @@ template <std::same_as<float>... Rest>
                          select(x > W(0.0f), x, W(std::numeric_limits<float>::quiet_NaN()))));
 }
 
+/// 2^x for |x| <= 126, to a relative error of 10⁻⁷: the polynomial of degree 6 with the least relative error on
+/// [-½, ½], 2·10⁻⁹, and the integer part in the exponent.
+[[nodiscard]] GSH_INLINE Wide<float> exp2_normal(Wide<float> x) {
+    using W = Wide<float>;
+    Wide<float>::Mask::Vector whole, scaled;
+    const W shift(12582912.0f), shifted = x + shift, f = x - (shifted - shift); // as in exp
+    W value = power_series(f, 1.0f, 0.69314720574f, 0.24022646891f, 0.05550328777f, 0.0096184889565f,
+                           0.0013399931209f, 0.00015345812159f);
+    std::memcpy(&scaled, &value.v, sizeof scaled), std::memcpy(&whole, &shifted.v, sizeof whole);
+    scaled = scaled + (whole << 23); // the lowest bits of `whole` are the integer part
+    std::memcpy(&value.v, &scaled, sizeof scaled);
+    return value;
+}
+
+/// e^x for |x| <= 87, to a relative error of 10⁻⁷ (1 + |x|).
+[[nodiscard]] GSH_INLINE Wide<float> exp_normal(Wide<float> x) { return exp2_normal(x * Wide<float>(1.44269504f)); }
+
 /// x^exponent = 2^(exponent log₂ x), to a relative error of 10⁻⁷ (1 + |exponent log₂ x|), for a positive normal x,
-/// where the result is a normal number, too. The logarithm's series is that of log. 2^f is the polynomial of degree 6
-/// with the least relative error on [-½, ½], 2·10⁻⁹.
+/// where the result is a normal number, too. The logarithm's series is that of log.
 [[nodiscard]] GSH_INLINE Wide<float> power(Wide<float> x, Wide<float> exponent) {
     using W = Wide<float>;
     using Bits = Wide<float>::Mask::Vector;
@@ -242,16 +258,7 @@ template <std::same_as<float>... Rest>
     const W s = (m - W(1.0f)) / (m + W(1.0f)), z = s * s;
     constexpr float a = 2.88539008f; // 2 / log 2
     const W log2 = power_series(z, a, a / 3, a / 5, a / 7, a / 9);
-    const W y = exponent * multiply_add(log2, s, W(__builtin_convertvector(bits >> 23, W::Vector)));
-
-    const W shift(12582912.0f), shifted = y + shift, f = y - (shifted - shift); // as in exp
-    W value = power_series(f, 1.0f, 0.69314720574f, 0.24022646891f, 0.05550328777f, 0.0096184889565f,
-                           0.0013399931209f, 0.00015345812159f);
-    Bits scaled, whole;
-    std::memcpy(&scaled, &value.v, sizeof scaled), std::memcpy(&whole, &shifted.v, sizeof whole);
-    scaled = scaled + (whole << 23); // the lowest bits of `whole` are the integer part
-    std::memcpy(&value.v, &scaled, sizeof scaled);
-    return value;
+    return exp2_normal(exponent * multiply_add(log2, s, W(__builtin_convertvector(bits >> 23, W::Vector))));
 }
 
 /// Writes a struct of S (a vector, a matrix, …) to each of the lanes [lane, lane + lanes_per_store) of the same struct
