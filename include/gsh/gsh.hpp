@@ -39,6 +39,7 @@
 #include <gsh/body/joint_merge.hpp>
 #include <gsh/body/mesh.hpp>
 #include <gsh/body/motion.hpp>
+#include <gsh/body/motion_span.hpp>
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/body/nearest_points.hpp>
 #include <gsh/body/posed_body.hpp>

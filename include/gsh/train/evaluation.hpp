@@ -2,13 +2,18 @@
 /// @file  Evaluation of a scene on photographs that training did not use.
 #pragma once
 
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/pipeline/photo.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -78,6 +83,66 @@ struct PersonMean {
             means.back().regions.push_back(mean([&](const PersonScore& person) { return person.regions[r]; }));
     }
     return means;
+}
+
+/// The test photographs of a training that left a span of the motion out, by the motion that they show: indices into
+/// the list of test photographs. A photograph may be in neither list.
+struct MotionSplit {
+    std::vector<std::size_t> seen;   ///< of frames that training used, or `between` them
+    std::vector<std::size_t> unseen; ///< of the span that was left out: new motion
+    /// No test photograph is of a frame that training used, as when the test is by frames of the training cameras. Then
+    /// `seen` are the photographs outside of the span that lie between frames that training used.
+    bool between = false;
+};
+
+/// Sorts the test photographs by the motion that they show. New motion is judged by the cameras that judge seen motion,
+/// so that the two differ in the motion alone; if these took no photograph of the span, by all cameras that did.
+///
+/// Shapes  held_out: frames of the span; timestamps [frames] of the motion.
+/// Errors  ValueError for a photograph or a span with a frame that the motion does not have, and for a photograph in
+///         `training` that shows a frame of the span.
+[[nodiscard]] inline MotionSplit split_by_motion(const std::vector<Photo>& training, const std::vector<Photo>& test,
+                                                 Span<const std::size_t> held_out, Span<const double> timestamps) {
+    const auto check_frame = [&](const std::string& what, std::size_t frame) {
+        check_value(frame < timestamps.size(), "split_by_motion",
+                    what + " is of frame " + std::to_string(frame) + ", the motion has " +
+                        std::to_string(timestamps.size()) + " frames");
+    };
+    std::vector<bool> left_out(timestamps.size(), false), trained = left_out;
+    for (const std::size_t frame : held_out) {
+        check_frame("the span", frame);
+        left_out[frame] = true;
+    }
+    double first = std::numeric_limits<double>::infinity(), last = -first; // times between which training took place
+    for (const Photo& photo : training) {
+        check_frame(photo.name, photo.frame);
+        check_value(!left_out[photo.frame], "split_by_motion",
+                    photo.name + " is for training, but frame " + std::to_string(photo.frame) + " is to be left out");
+        trained[photo.frame] = true;
+        first = std::min(first, timestamps[photo.frame]), last = std::max(last, timestamps[photo.frame]);
+    }
+    const auto photos_where = [&](const auto& condition) {
+        std::vector<std::size_t> photos;
+        for (std::size_t i = 0; i < test.size(); ++i)
+            if (condition(test[i])) photos.push_back(i);
+        return photos;
+    };
+    for (const Photo& photo : test) check_frame(photo.name, photo.frame);
+    MotionSplit split;
+    split.seen = photos_where([&](const Photo& photo) { return trained[photo.frame]; });
+    if (split.seen.empty()) {
+        split.seen = photos_where([&](const Photo& photo) {
+            const double time = timestamps[photo.frame];
+            return !left_out[photo.frame] && first < time && time < last;
+        });
+        split.between = !split.seen.empty();
+    }
+    std::set<std::size_t> cameras;
+    for (const std::size_t i : split.seen) cameras.insert(test[i].camera_index);
+    split.unseen = photos_where(
+        [&](const Photo& photo) { return left_out[photo.frame] && cameras.contains(photo.camera_index); });
+    if (split.unseen.empty()) split.unseen = photos_where([&](const Photo& photo) { return left_out[photo.frame]; });
+    return split;
 }
 
 /// A photograph and its render.

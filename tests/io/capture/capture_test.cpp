@@ -3,11 +3,17 @@
 
 #include "io/small_body.hpp"
 #include "io/temporary.hpp"
+#include "support/skip.hpp"
 
 #include <gsh/backend/threads.hpp>
+#include <gsh/io/capture/photos.hpp>
+#include <gsh/io/file/npz.hpp>
 
+#include <algorithm>
+#include <cstddef>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 using namespace gsh;
@@ -125,6 +131,61 @@ TEST_CASE_FIXTURE(StoredCapture, "test frames leave training in every camera") {
     test::check_throws<ValueError>([&] { (void)load(); }, {"cameras.json", "test_frames holds 3", "below 3"});
     write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {0, 1, 2}});
     test::check_throws<ValueError>([&] { (void)load(); }, {"cameras.json", "no view", "training"});
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "a span of the motion leaves training in every camera, and is judged by test cameras") {
+    using Places = std::vector<std::pair<std::size_t, std::size_t>>; // camera, frame
+    const auto places = [](const Capture& of, bool test) {
+        Places found;
+        for (const Photo& photo : photos_of(of, test)) found.emplace_back(photo.camera_index, photo.frame);
+        return found;
+    };
+    const Capture read = load_capture(serial, path, body, {.hold_out = MotionSpan{.share = 0.3}});
+    CHECK(read.held_out_frames == std::vector<std::size_t>{2});
+    CHECK(places(read, false) == Places{{0, 0}, {0, 1}, {1, 0}, {1, 1}});
+    CHECK(places(read, true) == Places{{2, 0}, {2, 1}, {2, 2}});
+    CHECK(load().held_out_frames.empty());
+
+    // Frames in another order than their times: frame 0 is the last one.
+    Capture other = capture;
+    other.motion.timestamps = {0.3, 0.1, 0.2};
+    hold_out_motion(other, {.share = 0.6});
+    CHECK(other.held_out_frames == std::vector<std::size_t>{0, 2});
+    CHECK(places(other, false) == Places{{0, 1}, {1, 1}});
+    hold_out_motion(other, {.first = 1, .last = 2}); // in place of the other span
+    CHECK(other.held_out_frames == std::vector<std::size_t>{1, 2});
+    CHECK(places(other, false) == Places{{0, 0}, {1, 0}});
+
+    // Test frames stay what they are; training cameras judge the span only if no camera is for the test.
+    hold_out_motion(other, {.first = 0, .last = 0});
+    other.test_frames = {1};
+    CHECK(places(other, false) == Places{{0, 2}, {1, 2}});
+    CHECK(places(other, true) == Places{{0, 1}, {1, 1}, {2, 0}, {2, 1}, {2, 2}});
+    other.cameras[2].role = NamedCamera::Role::train;
+    CHECK(places(other, false) == Places{{0, 2}, {1, 2}, {2, 2}});
+    CHECK(places(other, true) == Places{{0, 0}, {0, 1}, {1, 0}, {1, 1}, {2, 0}, {2, 1}});
+
+    other.test_frames = {1, 2};
+    test::check_throws<ValueError>([&] { hold_out_motion(other, {.first = 0, .last = 0, .name = "the span"}); },
+                                   {"the span", "no view for training"});
+    test::check_throws<ValueError>(
+        [&] { (void)load_capture(serial, path, body, {.hold_out = MotionSpan{.last = 3, .name = "the span"}}); },
+        {"the span", "frame 3 of 3 frames"});
+}
+
+TEST_CASE("the last quarter of a capture with six cameras leaves no photograph for training") {
+    const std::filesystem::path folder =
+        std::filesystem::path(GSH_SOURCE_DIR).parent_path() / "shared/data/captures/A_multi";
+    if (test::skip_without({folder / "cameras.json", folder / "poses.npz"})) return;
+    Capture capture; // without its images: all count as taken
+    capture.cameras = read_cameras(folder / "cameras.json").cameras;
+    capture.motion.timestamps = NpzReader(folder / "poses.npz").read<double>("timestamps", {-1}, Numbers::any).data;
+    capture.motion.transl.resize(capture.motion.timestamps.size(), vec3<double>(0));
+    hold_out_motion(capture, {.share = 0.25});
+    CHECK(capture.held_out_frames == std::vector<std::size_t>{22, 23, 24, 25, 26, 27, 28, 29});
+    CHECK(capture.views(false).size() == 6 * 22);
+    for (const CaptureView& view : capture.views(false)) CHECK(view.frame < 22);
+    CHECK(capture.views(true).size() == 30);
 }
 
 TEST_CASE_FIXTURE(StoredCapture, "poses of another name, in the folder or elsewhere") {

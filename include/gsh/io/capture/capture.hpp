@@ -6,6 +6,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
+#include <gsh/body/motion_span.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/image/resample.hpp>
@@ -50,6 +51,9 @@ struct Capture {
     std::vector<int> test_frames;  ///< excluded from training, in every camera
     double fps = 0;                ///< 0 if unknown
     std::optional<double> floor_y; ///< metres
+    /// A span of the motion that is excluded from training in every camera, too, and judged apart; see hold_out_motion.
+    /// Files do not store it.
+    std::vector<std::size_t> held_out_frames = {};
 
     [[nodiscard]] std::size_t frame_count() const { return motion.frame_count(); }
     [[nodiscard]] const PixelImage& image(CaptureView view) const {
@@ -61,19 +65,48 @@ struct Capture {
     [[nodiscard]] const PixelImage* background(std::size_t camera) const {
         return backgrounds.empty() ? nullptr : &backgrounds[camera];
     }
-    [[nodiscard]] bool is_test(CaptureView view) const {
-        return cameras[view.camera].role == NamedCamera::Role::test ||
-               std::find(test_frames.begin(), test_frames.end(), static_cast<int>(view.frame)) != test_frames.end();
+    [[nodiscard]] bool is_held_out(std::size_t frame) const {
+        return std::find(held_out_frames.begin(), held_out_frames.end(), frame) != held_out_frames.end();
     }
-    /// All views for training, or for evaluation if `test`: test cameras, and test frames of every camera.
+    /// Whether a view is for evaluation: those of test cameras, and test frames of every camera. Held-out frames are
+    /// judged by the test cameras. Without test cameras, they are judged by all.
+    [[nodiscard]] bool is_test(CaptureView view) const {
+        return cameras[view.camera].role == NamedCamera::Role::test || is_test_frame(view.frame) ||
+               (is_held_out(view.frame) && !has_test_camera());
+    }
+    /// Whether a view is for training. In held-out frames, views of training cameras may be for neither.
+    [[nodiscard]] bool is_training(CaptureView view) const {
+        return cameras[view.camera].role != NamedCamera::Role::test && !is_test_frame(view.frame) &&
+               !is_held_out(view.frame);
+    }
+    /// All views for training, or for evaluation if `test`.
     [[nodiscard]] std::vector<CaptureView> views(bool test) const {
         std::vector<CaptureView> result;
         for (std::size_t c = 0; c < cameras.size(); ++c)
             for (std::size_t f = 0; f < frame_count(); ++f)
-                if (is_taken({c, f}) && is_test({c, f}) == test) result.push_back({c, f});
+                if (is_taken({c, f}) && (test ? is_test({c, f}) : is_training({c, f}))) result.push_back({c, f});
         return result;
     }
+
+private:
+    [[nodiscard]] bool is_test_frame(std::size_t frame) const {
+        return std::find(test_frames.begin(), test_frames.end(), static_cast<int>(frame)) != test_frames.end();
+    }
+    [[nodiscard]] bool has_test_camera() const {
+        return std::any_of(cameras.begin(), cameras.end(),
+                           [](const NamedCamera& camera) { return camera.role == NamedCamera::Role::test; });
+    }
 };
+
+/// Leaves a span of the capture's motion out of training, in every camera. It replaces an earlier one.
+///
+/// Errors  those of span_frames; ValueError if no view is left for training.
+inline void hold_out_motion(Capture& capture, const MotionSpan& span) {
+    capture.held_out_frames = span_frames(span, capture.motion.timestamps);
+    check_value(!capture.views(false).empty(), span.name,
+                "leaves no view for training in " + capture.name +
+                    "; expected a span outside of which training cameras have frames that are not test frames");
+}
 
 /// Every step-th frame from first to last, both inclusive.
 struct FrameRange {
@@ -88,6 +121,7 @@ struct CaptureOptions {
     std::string poses = "poses.npz"; ///< file or folder, relative to the capture or absolute; see load_any_motion
     MotionFileOptions::Hands hands = MotionFileOptions::Hands::automatic;
     bool empty_masks = false; ///< accept images whose mask is empty
+    std::optional<MotionSpan> hold_out = {}; ///< left out of training in every camera; see hold_out_motion
 
     // Only for foreign layouts (io/capture/any_capture.hpp); our own layout stores these in its files.
     std::optional<FrameRange> train_frames = {}, test_frames = {}; ///< instead of the data set's own split
@@ -383,6 +417,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
             capture.backgrounds.push_back(std::move(image));
         }
     for (NamedCamera& camera : capture.cameras) camera.distortion.reset();
+    if (options.hold_out) hold_out_motion(capture, *options.hold_out);
 
     if (warnings)
         for (const std::string& text : capture_warnings(capture, body))

@@ -147,6 +147,7 @@ Capture load_easymocap_capture(E& executor, const std::filesystem::path& folder,
         if (full[i / F].distortion) image = detail::straighten(image, full[i / F]);
         capture.images[i] = detail::shrink(image, factor);
     });
+    if (options.hold_out) hold_out_motion(capture, *options.hold_out);
     if (warnings)
         for (const std::string& text : capture_warnings(capture, body))
             warnings->push_back(folder.string() + ": " + text);

@@ -277,6 +277,7 @@ GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, cons
     });
     check_value(!capture.views(false).empty(), folder.string(),
                 "no view is left for training; name another test camera");
+    if (options.hold_out) hold_out_motion(capture, *options.hold_out);
     const BodyModel& body = motions.bodies.empty() ? scene.rig.body
                                                    : motions.bodies[std::min(person, motions.bodies.size() - 1)];
     if (warnings)

@@ -273,6 +273,7 @@ Capture load_people_snapshot(E& executor, const std::filesystem::path& folder, c
         if (!options.empty_masks) detail::check_mask(masks[frame], image);
         capture.images[i] = detail::shrink(image, factor);
     });
+    if (options.hold_out) hold_out_motion(capture, *options.hold_out);
     if (warnings)
         for (const std::string& text : capture_warnings(capture, body))
             warnings->push_back(folder.string() + ": " + text);
