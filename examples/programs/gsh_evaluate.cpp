@@ -52,6 +52,7 @@ void add_options(CLI::App& app, EvaluateOptions& o) {
     app.add_flag("--refine", common.refine,
                  "refine the poses during training; test poses are fitted to the test images, as the protocol states");
     app.add_flag("--refine-cameras", common.refine_cameras, "with --refine: refine all cameras but the first, too");
+    add_hold_out(app, common);
     add_lpips(app, common);
     app.add_option("--regions", common.regions, "JSON lists of face and hand vertices, or importance per vertex");
     app.add_option("--priors", common.priors,

@@ -6,6 +6,7 @@
 /// 3. Train, with a checkpoint every few seconds.
 /// 4. Evaluate on the test views and write the results.
 
+#include "support/evaluation_tables.hpp"
 #include "support/figures.hpp"
 #include "support/input_files.hpp"
 #include "support/judgement.hpp"
@@ -61,15 +62,18 @@ int reconstruct(const ReconstructOptions& options) {
 
     watch_interrupts();
     train(reconstruction, options, record);
-    const auto mean = write_results(out, options, source, reconstruction, record);
-    if (!mean) {
+    const auto figures = write_results(out, options, source, reconstruction, record);
+    if (!figures) {
         std::fprintf(stderr, "stopped after step %llu; --resume continues from there\n",
                      static_cast<unsigned long long>(record.steps));
         return exit_interrupted;
     }
-    std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s, PSNR on the person %s dB\nresults in %s\n",
-                static_cast<unsigned long long>(record.steps), record.seconds, fixed(mean->psnr, 2).c_str(),
-                fixed(mean->ssim, 4).c_str(), fixed(mean->psnr_person, 2).c_str(), options.out.c_str());
+    const ImageScore& mean = figures->mean;
+    std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s, PSNR on the person %s dB\n",
+                static_cast<unsigned long long>(record.steps), record.seconds, fixed(mean.psnr, 2).c_str(),
+                fixed(mean.ssim, 4).c_str(), fixed(mean.psnr_person, 2).c_str());
+    if (figures->motion) std::printf("%s", markdown_table(motion_rows(*figures->motion)).c_str());
+    std::printf("results in %s\n", options.out.c_str());
     return exit_done;
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/train/evaluation.hpp>
 
+#include "io/temporary.hpp"
+
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -44,6 +46,18 @@ struct GrayTrainer {
 private:
     [[nodiscard]] bool person(int x) const { return !without_person && (x == 5 || x == 6); }
 };
+
+/// Photographs of the cameras at the frames, camera by camera, without pixels.
+std::vector<Photo> photos_at(const std::vector<std::size_t>& cameras, const std::vector<std::size_t>& frames) {
+    std::vector<Photo> photos;
+    for (const std::size_t camera : cameras)
+        for (const std::size_t frame : frames) {
+            photos.emplace_back();
+            photos.back().name = std::to_string(camera) + "_" + std::to_string(frame);
+            photos.back().camera_index = camera, photos.back().frame = frame;
+        }
+    return photos;
+}
 
 } // namespace
 
@@ -144,4 +158,53 @@ TEST_CASE("the similarity of two flat pictures is that of their means alone") {
     CHECK(score.psnr == doctest::Approx(20)); // off by 0.1 everywhere
     CHECK(score.psnr_person == doctest::Approx(20));
     CHECK(score.ssim == doctest::Approx((2 * 0.5 * 0.6 + 1e-4) / (0.25 + 0.36 + 1e-4))); // C₁ = 0.01²
+}
+
+TEST_CASE("test photographs are sorted by whether training saw their motion") {
+    using Indices = std::vector<std::size_t>;
+    const std::vector<double> times{0, 1, 2, 3, 4, 5};
+    const Indices span{4, 5}, all{0, 1, 2, 3, 4, 5};
+    // Cameras 0 and 1 train, camera 2 tests.
+    MotionSplit split = split_by_motion(photos_at({0, 1}, {0, 1, 2, 3}), photos_at({2}, all), span, times);
+    CHECK(split.seen == Indices{0, 1, 2, 3});
+    CHECK(split.unseen == Indices{4, 5});
+    CHECK(!split.between);
+
+    // A frame of the span that the training cameras show in the test, too, is judged by the test camera; frame 1, which
+    // neither training nor span has, is in neither list.
+    std::vector<Photo> test = photos_at({2}, all);
+    for (const Photo& photo : photos_at({0, 1}, {1, 4})) test.push_back(photo);
+    split = split_by_motion(photos_at({0, 1}, {0, 2, 3}), test, span, times);
+    CHECK(split.seen == Indices{0, 2, 3});
+    CHECK(split.unseen == Indices{4, 5});
+
+    // One camera: seen motion lies between frames in training. Frame 0 is before the first of these.
+    split = split_by_motion(photos_at({0}, {1, 3}), photos_at({0}, {0, 2, 4, 5}), span, times);
+    CHECK(split.between);
+    CHECK(split.seen == Indices{1});
+    CHECK(split.unseen == Indices{2, 3});
+    split = split_by_motion(photos_at({0}, {0, 1, 2, 3}), photos_at({0}, span), span, times);
+    CHECK(!split.between);
+    CHECK(split.seen.empty());
+    CHECK(split.unseen == Indices{0, 1});
+
+    // Camera 2 judges seen motion but has no photograph of the span: the others judge new motion.
+    test = photos_at({2}, {0, 1});
+    test.push_back(photos_at({3}, {4})[0]);
+    split = split_by_motion(photos_at({0}, {0, 1, 2, 3}), test, span, times);
+    CHECK(split.seen == Indices{0, 1});
+    CHECK(split.unseen == Indices{2});
+
+    // Frames in another order than their times: 3 is the earliest, 0 between 3 and 5.
+    const std::vector<double> shuffled{1, 4, 5, 0, 3, 2};
+    split = split_by_motion(photos_at({0}, {3, 5}), photos_at({0}, {0, 1, 2, 4}), Indices{1, 2}, shuffled);
+    CHECK(split.between);
+    CHECK(split.seen == Indices{0});
+    CHECK(split.unseen == Indices{1, 2});
+
+    test::check_throws<ValueError>([&] { (void)split_by_motion(photos_at({0, 1}, {0, 4}), {}, span, times); },
+                                   {"0_4", "for training", "left out"});
+    test::check_throws<ValueError>([&] { (void)split_by_motion({}, photos_at({7}, {6}), span, times); },
+                                   {"7_6", "frame 6", "6 frames"});
+    test::check_throws<ValueError>([&] { (void)split_by_motion({}, {}, Indices{6}, times); }, {"span", "frame 6"});
 }

@@ -18,6 +18,16 @@ std::vector<double> regions_of(const Json& json) {
     return regions;
 }
 
+MotionFigures motion_of(const Json& json) {
+    MotionFigures figures{.images = json.at("images"), .mean = {.name = "mean"}};
+    figures.mean.psnr = number_of(json.at("psnr"));
+    figures.mean.ssim = number_of(json.at("ssim"));
+    figures.mean.psnr_person = number_of(json.at("psnr_person"));
+    if (json.contains("lpips")) figures.mean.lpips = number_of(json.at("lpips"));
+    figures.regions = regions_of(json.at("psnr_regions"));
+    return figures;
+}
+
 RunCost cost_of(const Json& json) {
     RunCost cost{.gaussians = json.at("gaussians"),
                  .memory = json.at("memory_bytes"),
@@ -50,6 +60,10 @@ Json mark_json(const Mark& mark) {
         one.update(person_json(person.mean.whole, person.mean.regions));
         json["people"].push_back(std::move(one));
     }
+    if (mark.motion) {
+        json["seen_motion"] = motion_json(mark.motion->seen);
+        json["new_motion"] = motion_json(mark.motion->unseen);
+    }
     json["protocol"] = mark.protocol;
     json["images"] = mark.images;
     return json;
@@ -74,6 +88,8 @@ Mark mark_of(const Json& json) {
         mark.people.push_back(std::move(figures));
     }
     if (json.contains("lpips")) mark.mean.lpips = number_of(json.at("lpips"));
+    if (json.contains("seen_motion"))
+        mark.motion = SeenAndNew{motion_of(json.at("seen_motion")), motion_of(json.at("new_motion"))};
     return mark;
 }
 

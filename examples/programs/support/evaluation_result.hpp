@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -34,6 +35,7 @@ struct Mark {
     ImageScore mean = {};             ///< over the test images
     std::vector<double> regions = {}; ///< mean PSNR in the order of region_names(), dB; NaN where no image shows one
     std::vector<PersonFigures> people = {}; ///< of each person, if there are several
+    std::optional<SeenAndNew> motion = {};  ///< with --hold-out-motion
     Json images = Json::array();            ///< figures of each image
 };
 

@@ -72,6 +72,8 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
     for (const std::string& budget : o.budgets) budgets.push_back(seconds_of(budget));
     if (budgets.empty()) budgets.push_back(0); // a run by steps
 
+    (void)held_out_span(o.common); // reports an invalid one before anything is loaded
+
     std::vector<Run> runs;
     for (const std::string& config : o.configs)
         for (const double seconds : budgets) {
@@ -86,6 +88,8 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                 check_value(seconds == 0, "static", "has no time budget; use --steps instead of --budgets");
                 check_value(o.common.set.empty() || is_scene_only(o), "static",
                             "does not have the settings of the others; with --set, evaluate it in a call of its own");
+                check_value(!o.common.hold_out_motion, "static",
+                            "has one frame and no motion; with --hold-out-motion, evaluate it in a call of its own");
                 run.options.refine = run.options.refine_cameras = false; // a static scene has no poses
                 run.config = "static";
                 run.name = std::filesystem::path(config).stem().string() + set_words(run.options);
@@ -133,17 +137,20 @@ EvaluationFolder::EvaluationFolder(const EvaluateOptions& o) : folder_(o.common.
               {"--gaussians", std::to_string(o.common.gaussians)},
               {"--seed", std::to_string(o.common.seed)},
               {"--regions", file(o.common.regions)},
-              {"--lpips", file(o.common.lpips) + (o.common.lpips_table ? ", as in tables" : "")}};
+              {"--lpips", file(o.common.lpips) + (o.common.lpips_table ? ", as in tables" : "")},
+              {"--hold-out-motion", span_text(held_out_span(o.common))}};
     std::error_code ignored;
     if (!std::filesystem::exists(index(), ignored)) return;
     const auto said = read_own_json(index(), [](const Json& json) {
         return std::pair(json.at("input").get<std::vector<std::pair<std::string, std::string>>>(),
                          json.at("runs").get<std::vector<std::string>>());
     });
-    for (std::size_t i = 0; i < input_.size() && i < said.first.size(); ++i)
-        check_value(said.first[i] == input_[i], index().string(),
-                    "was begun with " + said.first[i].first + " '" + said.first[i].second + "', not '" +
-                        input_[i].second + "'; use another --out for another input");
+    for (std::size_t i = 0; i < input_.size(); ++i) {
+        const auto [option, value] = i < said.first.size() ? said.first[i] : std::pair(input_[i].first, std::string());
+        check_value(std::pair(option, value) == input_[i], index().string(),
+                    "was begun with " + option + " '" + value + "', not '" + input_[i].second +
+                        "'; use another --out for another input");
+    }
     keys_ = said.second;
 }
 

@@ -76,12 +76,9 @@ std::string reference_to(const std::string& protocol, const std::vector<std::str
         static_cast<std::size_t>(std::find(protocols.begin(), protocols.end(), protocol) - protocols.begin()));
 }
 
-/// Adds the headings of the figures. They have no units: all figures but SSIM and LPIPS are in dB.
-void add_figure_headings(std::vector<std::string>& heading, bool lpips) {
-    heading.insert(heading.end(), {"PSNR", "SSIM"});
-    if (lpips) heading.push_back("LPIPS");
-    heading.push_back("person");
-    for (const std::string& region : region_names()) heading.push_back(region);
+/// Adds cells to the end of a row.
+void add_cells(std::vector<std::string>& row, const std::vector<std::string>& cells) {
+    row.insert(row.end(), cells.begin(), cells.end());
 }
 
 } // namespace
@@ -143,18 +140,33 @@ Table quality_table(const std::vector<RunResult>& results) {
     const bool lpips = has_lpips(results);
     const std::vector<std::string> protocols = protocols_of(results);
     Table table{{"configuration", "after"}};
-    add_figure_headings(table[0], lpips);
-    table[0].insert(table[0].end(), {"images", "protocol"});
+    add_cells(table[0], figure_headings(lpips));
+    add_cells(table[0], {"images", "protocol"});
     for (const RunResult& result : results)
         for (const Mark& mark : result.marks) {
-            std::vector<std::string> row{result.name, mark.after, fixed(mark.mean.psnr, 2), fixed(mark.mean.ssim, 4)};
-            if (lpips) row.push_back(fixed(mark.mean.lpips.value_or(std::nan("")), 4));
-            row.push_back(fixed(mark.mean.psnr_person, 2));
-            for (const double psnr : mark.regions) row.push_back(fixed(psnr, 2));
-            row.insert(row.end(), {std::to_string(mark.images.size()), reference_to(mark.protocol, protocols)});
-            table.push_back(std::move(row));
+            table.push_back({result.name, mark.after});
+            add_cells(table.back(), figure_cells(mark.mean, mark.regions, lpips));
+            add_cells(table.back(), {std::to_string(mark.images.size()), reference_to(mark.protocol, protocols)});
         }
     return table;
+}
+
+Table motion_table(const std::vector<RunResult>& results) {
+    const bool lpips = has_lpips(results);
+    const std::vector<std::string> protocols = protocols_of(results);
+    Table table{{"configuration", "after", "motion"}};
+    add_cells(table[0], figure_headings(lpips));
+    add_cells(table[0], {"images", "protocol"});
+    for (const RunResult& result : results)
+        for (const Mark& mark : result.marks) {
+            if (!mark.motion) continue;
+            for (const auto& [word, figures] : {std::pair("seen", &mark.motion->seen), {"new", &mark.motion->unseen}}) {
+                table.push_back({result.name, mark.after, word});
+                add_cells(table.back(), figure_cells(figures->mean, figures->regions, lpips));
+                add_cells(table.back(), {std::to_string(figures->images), reference_to(mark.protocol, protocols)});
+            }
+        }
+    return table.size() > 1 ? table : Table();
 }
 
 Table people_table(const std::vector<RunResult>& results) {
@@ -178,8 +190,8 @@ Table worth_table(const std::vector<RunResult>& results) {
     if (differences.empty()) return {};
     const bool lpips = has_lpips(results);
     Table table{{"configuration", "after"}};
-    add_figure_headings(table[0], lpips);
-    table[0].insert(table[0].end(), {"in the paper", "protocols"});
+    add_cells(table[0], figure_headings(lpips));
+    add_cells(table[0], {"in the paper", "protocols"});
     const std::vector<std::string> protocols = protocols_of(results);
     for (const MarkDifference& d : differences) {
         std::vector<std::string> row{d.name, d.after, signed_number(d.psnr, 2), signed_number(d.ssim, 4)};
@@ -251,6 +263,10 @@ std::vector<Section> table_sections(const std::vector<RunResult>& results) {
         "Means over the test images. PSNR is in dB: of the full image, of the person, and of the parts of the person "
         "that an image shows. Faces and hands have few pixels and hardly change the PSNR of the full image.",
         quality_table(results));
+    add("Seen and new motion",
+        "Means over the test images of motion that was trained on, and of motion that was left out of training in "
+        "every camera (--hold-out-motion).",
+        motion_table(results));
     add("Each person", "Means over the test images that show enough of the person, on the pixels of the person.",
         people_table(results));
     add("Contribution of each part",

@@ -58,6 +58,9 @@ std::string reference(std::size_t protocol);
 /// Figures of each mark.
 [[nodiscard]] Table quality_table(const std::vector<RunResult>& results);
 
+/// Figures of seen and of new motion at each mark; empty if no motion is held out.
+[[nodiscard]] Table motion_table(const std::vector<RunResult>& results);
+
 /// Figures of each of several people; empty for one person.
 [[nodiscard]] Table people_table(const std::vector<RunResult>& results);
 

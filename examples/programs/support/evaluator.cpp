@@ -163,14 +163,15 @@ StaticSource Evaluator::scene_of(const Run& run) const {
 }
 
 template <class Trained>
-bool Evaluator::judge(Trained& trained, const std::vector<Photo>& photos, Mark& mark, OutputFolder* out,
-                      RunResult& result) {
+bool Evaluator::judge(Trained& trained, const std::vector<Photo>& photos, const std::optional<MotionSplit>& split,
+                      Mark& mark, OutputFolder* out, RunResult& result) {
     std::vector<ImageScore> scores;
     for (const Photo& photo : photos) {
         if (interrupted) return false;
         const auto comparison = judge_.judge(trained.compare(photo), photo);
-        scores.push_back(comparison.score);
         mark.images.push_back(score_json(comparison.score));
+        if (split) mark.images.back()["motion"] = motion_word(*split, scores.size());
+        scores.push_back(comparison.score);
         const auto view =
             std::find_if(views_.begin(), views_.end(), [&](const ShownView& v) { return v.name == photo.name; });
         if (!out || view == views_.end()) continue;
@@ -179,6 +180,7 @@ bool Evaluator::judge(Trained& trained, const std::vector<Photo>& photos, Mark& 
     }
     mark.mean = mean_score(scores);
     for (const RegionMean& region : mean_regions(scores)) mark.regions.push_back(region.psnr);
+    if (split) mark.motion = seen_and_new(scores, *split);
     const std::vector<PersonMean> people = mean_people(scores);
     for (std::size_t p = 0; p < people.size(); ++p) mark.people.push_back({source_.people[p].name, people[p]});
     return !interrupted;
@@ -202,9 +204,10 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
         if (last) result.cost = cost_of_run(reconstruction, record, backend_.thread_count());
         if (run.options.refine && !reconstruction.refine_test_poses(backend_)) return false;
         Mark mark{.steps = record.steps, .seconds = record.seconds, .after = after(run, record.steps)};
-        mark.protocol = protocol_of(run.options, source_, run.configuration, judge_, test_photos_.size()) + " " +
+        mark.protocol = protocol_of(run.options, source_, reconstruction, judge_) + " " +
                         training_protocol(run, record.steps, backend_.thread_count());
-        const bool judged = judge(reconstruction, test_photos_, mark, last ? &out : nullptr, result);
+        const bool judged =
+            judge(reconstruction, test_photos_, reconstruction.motion_split, mark, last ? &out : nullptr, result);
         if (run.options.refine) reconstruction.end_test_refinement();
         if (!judged) return false;
         result.marks.push_back(std::move(mark));
@@ -232,7 +235,8 @@ bool Evaluator::evaluate_scene(const Run& run, EvaluationFolder& folder, const s
         result.cost.memory = resident_bytes();
         result.cost.ms_per_step = 1e3 * reconstruction.seconds / static_cast<double>(goal);
         result.cost.threads = backend_.thread_count();
-        if (!judge(reconstruction, scene.test, mark, goal == run.marks.back() ? &out : nullptr, result)) return false;
+        if (!judge(reconstruction, scene.test, {}, mark, goal == run.marks.back() ? &out : nullptr, result))
+            return false;
         result.marks.push_back(std::move(mark));
     }
     finish(run, out, result);

@@ -11,8 +11,10 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/pipeline/photo.hpp>
+#include <gsh/train/evaluation.hpp>
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,7 +48,8 @@ private:
 
     /// Computes the figures of a mark, and writes pictures if `out` is not null. Returns false after an interrupt.
     template <class Trained>
-    bool judge(Trained& trained, const std::vector<Photo>& photos, Mark& mark, OutputFolder* out, RunResult& result);
+    bool judge(Trained& trained, const std::vector<Photo>& photos, const std::optional<MotionSplit>& split, Mark& mark,
+               OutputFolder* out, RunResult& result);
 
     [[nodiscard]] StaticSource scene_of(const Run& run) const;
 

@@ -36,6 +36,36 @@ Json person_json(const Score& whole, const std::vector<Score>& regions) {
 /// Figures of one image.
 Json score_json(const ImageScore& score);
 
+/// Means over the test images that show one kind of motion.
+struct MotionFigures {
+    std::size_t images = 0;
+    ImageScore mean = {};
+    std::vector<double> regions = {}; ///< mean PSNR in the order of region_names(), dB; NaN where no image shows one
+};
+
+/// Figures of a run with --hold-out-motion: of motion that was trained on, and of motion that was not.
+struct SeenAndNew {
+    MotionFigures seen, unseen;
+};
+
+/// Means of the two kinds of motion. `scores` are those of all test photographs, in their order.
+SeenAndNew seen_and_new(const std::vector<ImageScore>& scores, const MotionSplit& split);
+
+/// The kind of motion that a test photograph shows: "seen", "new", or "neither".
+std::string motion_word(const MotionSplit& split, std::size_t photo);
+
+Json motion_json(const MotionFigures& figures);
+
+/// The headings of a table with means in it, and a row's cells. All figures but SSIM and LPIPS are in dB.
+std::vector<std::string> figure_headings(bool lpips);
+std::vector<std::string> figure_cells(const ImageScore& mean, const std::vector<double>& regions, bool lpips);
+
+/// Two rows, seen motion and new motion, below their heading.
+std::vector<std::vector<std::string>> motion_rows(const SeenAndNew& figures);
+
+/// Frames as text: "22-29", "0, 3-5".
+std::string frames_text(const std::vector<std::size_t>& frames);
+
 /// Writes JSON to a file. Bytes that are not UTF-8, as in names of files and folders, are replaced.
 void write_json(const std::filesystem::path& path, const Json& json);
 

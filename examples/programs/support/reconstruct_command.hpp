@@ -28,6 +28,13 @@ inline void add_lpips(CLI::App& app, ReconstructOptions& o) {
                  "its own range [-1, 1]");
 }
 
+/// The option --hold-out-motion.
+inline void add_hold_out(CLI::App& app, ReconstructOptions& o) {
+    app.add_option("--hold-out-motion", o.hold_out_motion,
+                   "leave a span of the motion out of training in all cameras, and report seen and new motion "
+                   "separately: SHARE, the last share of the motion (0.25), or A:B, frames A to B (20:29)");
+}
+
 inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--capture", o.capture, "folder with images/, cameras.json and poses");
     add_people(app, o);
@@ -50,6 +57,7 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_flag("--refine", o.refine,
                  "refine the poses during training; test poses are fitted to the test images, as the protocol states");
     app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: refine all cameras but the first, too");
+    add_hold_out(app, o);
     app.add_option("--regions", o.regions, "JSON lists of face and hand vertices, or importance per vertex");
     app.add_option("--priors", o.priors,
                    "JSON list of an estimator's normal and depth maps, instead of those of the body's mesh");

@@ -6,6 +6,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/train/static_configuration.hpp>
 
+#include <charconv>
 #include <system_error>
 
 namespace gsh::examples {
@@ -59,6 +60,7 @@ void check_options(ReconstructOptions& o) {
            "needs --capture and --body, or --synthetic alone");
     for (const auto& [given, option] : {std::pair(o.synthetic, "--synthetic: it needs a capture"),
                                         {o.refine, "--refine"},
+                        {o.hold_out_motion.has_value(), "--hold-out-motion: it has no motion"},
                                         {o.resume, "--resume"},
                                         {o.seconds > 0, "--seconds: use --steps"},
                                         {o.max_memory > 0, "--max-memory"},
@@ -72,6 +74,7 @@ void check_options(ReconstructOptions& o) {
            "--synthetic has its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
     check_companions(o);
+    (void)held_out_span(o); // reports an invalid one before anything is loaded
     if (o.steps == 0) o.steps = o.synthetic ? 1200 : 3000;
     if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
     if (scene) { // reports invalid settings before anything is loaded
@@ -97,6 +100,31 @@ StaticConfig scene_configuration_of(const ReconstructOptions& o) {
     set_all(config, o.set);
     config.density.max_gaussians = o.gaussians;
     return config;
+}
+
+std::optional<MotionSpan> held_out_span(const ReconstructOptions& o) {
+    if (!o.hold_out_motion) return std::nullopt;
+    const std::string& text = *o.hold_out_motion;
+    MotionSpan span{.name = "--hold-out-motion " + text};
+    const auto read = [](const std::string& word, auto& number) {
+        const char* end = word.data() + word.size();
+        const auto read_to = std::from_chars(word.data(), end, number);
+        return read_to.ec == std::errc() && read_to.ptr == end;
+    };
+    const auto colon = text.find(':');
+    const bool valid = colon == std::string::npos
+                           ? read(text, span.share) && span.share > 0 && span.share < 1
+                           : read(text.substr(0, colon), span.first) && read(text.substr(colon + 1), span.last);
+    check_value(valid, span.name,
+                "is not a span, expected the last share of the motion, a number above 0 and below 1 such as 0.25, or "
+                "its first and last frame, counted from 0, such as 20:29");
+    return span;
+}
+
+std::string span_text(const std::optional<MotionSpan>& span) {
+    if (!span) return "";
+    return span->share > 0 ? gsh::detail::setting_text(span->share)
+                           : std::to_string(span->first) + ":" + std::to_string(span->last);
 }
 
 std::string set_words(const ReconstructOptions& o) {

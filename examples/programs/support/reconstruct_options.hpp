@@ -2,9 +2,12 @@
 /// @file  Options of gsh-reconstruct and of each run of gsh-evaluate, and the files of the people in a capture.
 #pragma once
 
+#include <gsh/body/motion_span.hpp>
+
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,6 +37,7 @@ struct ReconstructOptions : PeopleOptions {
     std::filesystem::path priors;  ///< JSON list of an estimator's maps
     std::filesystem::path lpips;   ///< weights
     bool lpips_table = false;      ///< LPIPS as in published tables, see LpipsScaling
+    std::optional<std::string> hold_out_motion; ///< SHARE or A:B
     std::size_t frame = 0;         ///< for the configuration `static`
     std::uint64_t steps = 0;       ///< 0: the default for the kind of input
     double seconds = 0;            ///< of training; 0: use steps
@@ -59,6 +63,13 @@ Configuration configuration_of(const ReconstructOptions& o);
 
 /// The same for the configuration of a static scene.
 StaticConfig scene_configuration_of(const ReconstructOptions& o);
+
+/// The span of --hold-out-motion. SHARE is the last share of the motion, A:B are its frames from A to B.
+/// Errors  ValueError for a text that is neither a number above 0 and below 1 nor two frames with a colon.
+std::optional<MotionSpan> held_out_span(const ReconstructOptions& o);
+
+/// A span as text, in one form only; empty without one.
+std::string span_text(const std::optional<MotionSpan>& span);
 
 /// The settings of --set, as words that follow the name of the configuration.
 std::string set_words(const ReconstructOptions& o);

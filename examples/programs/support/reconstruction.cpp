@@ -59,10 +59,13 @@ Reconstruction::Reconstruction(Backend& backend, const Source& source, const Con
     : configuration(chosen),
       regions_checksum(chosen.has_regions() ? source.regions_checksum : std::string()),
       priors_checksum(chosen.has_priors() ? source.priors_checksum : std::string()),
-      test_photos(test_photos_of(source.capture)),
+      test_photos(test_photos_of(source.capture)), held_out_frames(source.capture.held_out_frames),
       scene(backend, cast_of(backend, source, o)),
       trainer(backend, scene, photos_of(source.capture, false), o.seed, configuration.train) {
     if (configuration.avatar.light) light_people(backend);
+    if (!held_out_frames.empty())
+        motion_split =
+            split_by_motion(trainer.photos(), test_photos, held_out_frames, source.capture.motion.timestamps);
     if (!o.refine) return;
     check_value(configuration.test_mask_weight >= 0, "refine.test_mask_weight",
                 "must not be negative"); // checked before training

@@ -52,8 +52,10 @@ struct Reconstruction {
     std::string regions_checksum, priors_checksum; ///< of the source; empty if none are used
     std::deque<Person> people;                     ///< a deque: their addresses do not change
     std::vector<Photo> test_photos;
+    std::vector<std::size_t> held_out_frames; ///< of the capture; empty if training leaves out no span of the motion
     Scene scene;
     TrainerType trainer; ///< to be read and stored; the calls that compute are members below, compiled once
+    std::optional<MotionSplit> motion_split; ///< of test_photos, if a span is left out
     StageClock clock;    ///< times the steps of this run
     std::optional<LightEstimate> light_estimate; ///< with which the light starts, if there is one
 

@@ -114,6 +114,10 @@ void write_report(const std::filesystem::path& path, const Report& report) {
     for (const auto& [name, value] : report.facts)
         html += "<tr><th>" + escape(name) + "</th><td>" + escape(value) + "</td></tr>";
     html += "</table>";
+    if (report.motion.size() > 1)
+        html += "<h2>Seen and new motion</h2><p>Means over the test images of motion that was trained on, and of "
+                "motion that was left out of training.</p>" +
+                table(report.motion);
     if (report.people.size() > 1)
         html += "<h2>Each person</h2><p>On the pixels that show the person.</p>" + table(report.people);
     if (!report.curves.empty()) {

@@ -26,6 +26,7 @@ struct Report {
     std::string protocol;                                        ///< one sentence: the measures and how they were taken
     std::vector<std::pair<std::string, std::string>> facts;      ///< the table at the top
     std::vector<std::vector<std::string>> images;                ///< per-image rows; the first row is the heading
+    std::vector<std::vector<std::string>> motion;                ///< likewise, seen and new motion, if any is held out
     std::vector<std::vector<std::string>> people;                ///< likewise, one row per person, if there are several
     std::vector<std::vector<std::string>> stages;                ///< likewise, milliseconds per stage
     std::vector<Curve> curves;

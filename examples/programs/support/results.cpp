@@ -39,7 +39,7 @@ std::string settings_text(const Configuration& configuration) {
 }
 
 /// The input and settings that a checkpoint belongs to, one per line: people if there are several, number of Gaussians,
-/// settings, refinement, regions, estimated priors.
+/// settings, refinement, regions, estimated priors, frames that are held out.
 std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& reconstruction) {
     std::string text;
     if (reconstruction.people.size() > 1)
@@ -49,6 +49,8 @@ std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& r
     if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
     if (!reconstruction.regions_checksum.empty()) text += "regions " + reconstruction.regions_checksum + "\n";
     if (!reconstruction.priors_checksum.empty()) text += "priors " + reconstruction.priors_checksum + "\n";
+    if (!reconstruction.held_out_frames.empty())
+        text += "held-out frames " + frames_text(reconstruction.held_out_frames) + "\n";
     return text;
 }
 
@@ -66,6 +68,17 @@ std::string difference(const std::string& there, const std::string& here) {
 /// The name of a result file: "avatar" for one person, "avatar-NAME" for one of several.
 std::string result_name(const Reconstruction& reconstruction, const std::string& what, std::size_t person) {
     return reconstruction.people.size() == 1 ? what : what + "-" + reconstruction.people[person].name;
+}
+
+/// The protocol's sentences on seen and new motion.
+std::string hold_out_protocol(const Capture& capture, const MotionSplit& split) {
+    const auto images = [](const std::vector<std::size_t>& photos) { return std::to_string(photos.size()); };
+    return " Frames " + frames_text(capture.held_out_frames) + " of " + std::to_string(capture.frame_count()) +
+           " are left out of training in every camera: new motion is judged on their " + images(split.unseen) +
+           " test images, seen motion on " +
+           (split.seen.empty() ? "none: no other test image is of a frame in training, or between such frames."
+            : split.between    ? images(split.seen) + " test images between frames in training."
+                               : images(split.seen) + " test images of frames in training.");
 }
 
 } // namespace
@@ -102,7 +115,8 @@ void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
     const std::string there = file.read_text("configuration"), here = checkpoint_text(o, reconstruction);
     check_value(there == here, checkpoint_path(o).string(),
                 "belongs to a different run: " + difference(there, here) +
-                    "; resume with the same --config, --set, --gaussians, --refine, --regions, --priors and --poses");
+                    "; resume with the same --config, --set, --gaussians, --refine, --regions, --priors, "
+                    "--hold-out-motion and --poses");
     load_trainer(file, reconstruction.trainer);
     for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
         if (auto& refinement = reconstruction.people[p].refinement) load_refinement(file, *refinement, p);
@@ -129,13 +143,15 @@ std::string measures_of(const Judge& judge) {
            judge.lpips_protocol();
 }
 
-std::string protocol_of(const ReconstructOptions& o, const Source& source, const Configuration& configuration,
-                        const Judge& judge, std::size_t images) {
+std::string protocol_of(const ReconstructOptions& o, const Source& source, const Reconstruction& reconstruction,
+                        const Judge& judge) {
+    const Configuration& configuration = reconstruction.configuration;
     const std::string background =
         !source.capture.backgrounds.empty() ? "the capture's backgrounds in training and test"
         : configuration.train.random_background ? "a random background each step in training, white in test"
                                                 : "white background in training and test";
-    return "Test views of " + source.capture.name + " (" + std::to_string(images) + " images), poses of " +
+    return "Test views of " + source.capture.name + " (" + std::to_string(reconstruction.test_photos.size()) +
+           " images), poses of " +
            poses_text(o) +
            (!o.refine                  ? ", as given, not refined"
             : configuration.test_steps ? ", refined in training and fitted to the test images at test time"
@@ -145,11 +161,12 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
            (source.people.size() > 1
                 ? " People are judged apart where person_masks show them, else where their body is in front "
                   "(clothes and hair go to the nearest)."
-                : "");
+                : "") +
+           (reconstruction.motion_split ? hold_out_protocol(source.capture, *reconstruction.motion_split) : "");
 }
 
-std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
-                                        Reconstruction& reconstruction, const TrainingRecord& record) {
+std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
+                                         Reconstruction& reconstruction, const TrainingRecord& record) {
     auto& trainer = reconstruction.trainer;
     Judge judge(trainer.backend(), source, o);
     const std::vector<AvatarData> avatars = reconstruction.avatars(); // before poses are fitted to test images
@@ -160,10 +177,12 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
     std::vector<ImageScore> scores;
     constexpr std::size_t shown = 6; // number of pictures on the page; test/ has all of them
     const std::size_t every = std::max<std::size_t>(1, reconstruction.test_photos.size() / shown);
+    const auto& split = reconstruction.motion_split;
     report.images.push_back({"image", "PSNR", "SSIM", "PSNR on the person"});
     for (const std::string& name : region_names()) report.images.back().push_back(name);
     if (people > 1)
         for (const auto& person : reconstruction.people) report.images.back().push_back(person.name);
+    if (split) report.images.back().push_back("motion");
     for (const Photo& photo : reconstruction.test_photos) {
         if (interrupted) return std::nullopt;
         const auto comparison = judge.judge(reconstruction.compare(photo), photo);
@@ -176,10 +195,13 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
         report.images.push_back({score.name, fixed(score.psnr, 2), fixed(score.ssim, 4), fixed(score.psnr_person, 2)});
         for (const RegionScore& region : score.regions) report.images.back().push_back(fixed(region.psnr, 2));
         for (const PersonScore& person : score.people) report.images.back().push_back(fixed(person.whole.psnr, 2));
+        if (split) report.images.back().push_back(motion_word(*split, scores.size()));
         scores.push_back(score);
     }
-    const ImageScore mean = mean_score(scores);
+    TestFigures figures{.mean = mean_score(scores), .motion = {}};
+    const ImageScore& mean = figures.mean;
     const std::vector<RegionMean> regions = mean_regions(scores);
+    if (split) figures.motion = seen_and_new(scores, *split);
 
     for (std::size_t p = 0; p < people; ++p) {
         save_avatar(out.file(result_name(reconstruction, "avatar", p) + ".gsh"), avatars[p]);
@@ -189,7 +211,7 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
                         reconstruction.people[p].refinement->motion());
     }
 
-    const std::string protocol = protocol_of(o, source, reconstruction.configuration, judge, scores.size());
+    const std::string protocol = protocol_of(o, source, reconstruction, judge);
     Json json;
     json["psnr"] = number_or_null(mean.psnr);
     json["ssim"] = number_or_null(mean.ssim);
@@ -197,6 +219,12 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
     for (std::size_t r = 0; r < regions.size(); ++r)
         json["psnr_regions"][region_names()[r]] = number_or_null(regions[r].psnr);
     if (mean.lpips) json["lpips"] = number_or_null(*mean.lpips);
+    if (figures.motion) {
+        json["seen_motion"] = motion_json(figures.motion->seen);
+        json["new_motion"] = motion_json(figures.motion->unseen);
+        json["held_out_frames"] = reconstruction.held_out_frames;
+        report.motion = motion_rows(*figures.motion);
+    }
     json["steps"] = record.steps;
     json["seconds"] = record.seconds;
     json["gaussians"] = reconstruction.gaussian_count();
@@ -233,7 +261,10 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
     }
     stage("all", total);
     json["images"] = Json::array();
-    for (const ImageScore& score : scores) json["images"].push_back(score_json(score));
+    for (std::size_t i = 0; i < scores.size(); ++i) {
+        json["images"].push_back(score_json(scores[i]));
+        if (split) json["images"].back()["motion"] = motion_word(*split, i);
+    }
 
     report.title = "Reconstruction of " + source.capture.name;
     report.protocol = protocol;
@@ -257,7 +288,7 @@ std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOpti
     write_json(out.file("metrics.json"), json);
     if (interrupted) return std::nullopt;
     out.commit();
-    return mean;
+    return figures;
 }
 
 } // namespace gsh::examples

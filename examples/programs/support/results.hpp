@@ -2,13 +2,13 @@
 /// @file  The output files of gsh-reconstruct: checkpoint, avatar, figures, pictures, a page.
 #pragma once
 
+#include "support/figures.hpp"
 #include "support/output_folder.hpp"
 #include "support/reconstruct_options.hpp"
 
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/trainer.hpp>
 
-#include <cstddef>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -31,12 +31,18 @@ void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
 std::string measures_of(const Judge& judge);
 
 /// A text that describes how the figures were obtained.
-std::string protocol_of(const ReconstructOptions& o, const Source& source, const Configuration& configuration,
-                        const Judge& judge, std::size_t images);
+std::string protocol_of(const ReconstructOptions& o, const Source& source, const Reconstruction& reconstruction,
+                        const Judge& judge);
+
+/// Means over the test views.
+struct TestFigures {
+    ImageScore mean;
+    std::optional<SeenAndNew> motion; ///< with --hold-out-motion
+};
 
 /// Evaluates the avatar on the test views and writes all files. metrics.json is the last one: if it exists, all files
 /// are complete. After an interrupt it returns nothing and leaves no files.
-std::optional<ImageScore> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
-                                        Reconstruction& reconstruction, const TrainingRecord& record);
+std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
+                                         Reconstruction& reconstruction, const TrainingRecord& record);
 
 } // namespace gsh::examples

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/source.hpp"
 
+#include "support/figures.hpp"
 #include "support/input_files.hpp"
 
 #include <gsh/core/error.hpp>
@@ -11,11 +12,25 @@
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <utility>
 
 namespace gsh::examples {
+
+namespace {
+
+/// Throws for a map that an estimator made of a photograph that training must not use.
+void check_priors(const EstimatedPriors& priors, const Capture& capture) {
+    for (const auto* views : {&priors.depths, &priors.normals})
+        for (const EstimatedView& view : *views)
+            check_value(!view.frame || !capture.is_held_out(*view.frame), view.name,
+                        "is of frame " + std::to_string(view.frame.value_or(0)) +
+                            ", which --hold-out-motion leaves out of training; expected maps of other frames");
+}
+
+} // namespace
 
 PosedBody Source::posed(std::size_t person, std::size_t frame) const {
     const Motion& motion = people[person].motion;
@@ -46,9 +61,10 @@ Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
         source.bodies.push_back(make_actor());
         source.capture = film(backend, source.bodies[0], actor_motion(ActorMotion::talk, 12));
         source.capture.name = "the built-in actor";
+        if (const auto span = held_out_span(o)) hold_out_motion(source.capture, *span);
         source.people.push_back({"actor", 0, source.capture.motion});
     } else {
-        source = load_people(backend, o);
+        source = load_people(backend, o, {.hold_out = held_out_span(o)});
         if (source.bodies[0].faces.empty())
             source.warnings.push_back(o.capture.string() +
                                       ": its body has no triangles, so each person gets one Gaussian per vertex; "
@@ -62,6 +78,7 @@ Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
         std::vector<std::string> names;
         for (const CapturePerson& person : source.people) names.push_back(person.name);
         source.priors = priors_of_file(o.priors, source.capture, names);
+        for (const EstimatedPriors& priors : source.priors) check_priors(priors, source.capture);
         source.priors_checksum = priors_checksum(o.priors);
     }
     return source;
@@ -69,6 +86,11 @@ Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
 
 std::vector<Photo> test_photos_of(const Capture& capture) {
     std::vector<Photo> photos = photos_of(capture, true);
+    const auto is_new = [&](const Photo& photo) { return capture.is_held_out(photo.frame); };
+    check_value(capture.held_out_frames.empty() || std::any_of(photos.begin(), photos.end(), is_new),
+                "--hold-out-motion",
+                "leaves out frames " + frames_text(capture.held_out_frames) +
+                    ", of which there is no test image; expected a span that test cameras filmed");
     for (const Photo& photo : photos) {
         constexpr int least = SsimWindow<double>::size;
         check_value(photo.camera.width >= least && photo.camera.height >= least, "test image " + photo.name,

@@ -43,7 +43,8 @@ Source load_people(cpu::Threads& backend, const PeopleOptions& o, const CaptureO
 Source load_source(cpu::Threads& backend, const ReconstructOptions& o);
 
 /// The test photographs. They are checked here, so that errors are reported before training.
-/// Errors  ValueError for a photograph that is smaller than the SSIM window, or whose mask nowhere exceeds 1/2.
+/// Errors  ValueError for a photograph that is smaller than the SSIM window, or whose mask nowhere exceeds 1/2; for a
+///         held-out span without a photograph.
 std::vector<Photo> test_photos_of(const Capture& capture);
 
 } // namespace gsh::examples
