@@ -169,7 +169,7 @@ TEST_CASE("one camera judges new motion by its photographs of the span, seen mot
     // Frame 1 is in the span: nothing is left that shows seen motion.
     const test::Outcome outcome = s.reconstruct(out, {"--hold-out-motion", "1:3"}, s.single);
     check_done(outcome);
-    CHECK(outcome.out.find("| seen   | none | none |") != std::string::npos);
+    CHECK(outcome.out.find("| seen   | none") != std::string::npos);
     metrics = json_of(out / "metrics.json");
     CHECK(metrics.at("seen_motion").at("images") == 0);
     CHECK(metrics.at("seen_motion").at("psnr").is_null());
@@ -205,7 +205,9 @@ TEST_CASE("spans that are none are refused in a line") {
                   "gsh-reconstruct", {"--config static has no --hold-out-motion"});
 
     // A map that an estimator made of a photograph in the span would bring it back into training.
-    write_png(folder / "normals.png", PixelImage(3, 64, 64));
+    PixelImage normals(3, 64, 64); // towards the camera everywhere
+    for (std::size_t i = 0; i < normals.data.size(); ++i) normals.data[i] = i % 3 == 2 ? 255 : 128;
+    write_png(folder / "normals.png", normals);
     write_file(folder / "priors.json", R"({"views": [{"normals": "normals.png", "camera": "cam00", "frame": 3}]})");
     check_refused(s.reconstruct(out, {"--priors", (folder / "priors.json").string(), "--hold-out-motion", "0.25"}),
                   "gsh-reconstruct", {"priors.json", "frame 3", "--hold-out-motion"});

@@ -133,7 +133,7 @@ TEST_CASE_FIXTURE(StoredCapture, "test frames leave training in every camera") {
     test::check_throws<ValueError>([&] { (void)load(); }, {"cameras.json", "no view", "training"});
 }
 
-TEST_CASE_FIXTURE(StoredCapture, "a span of the motion leaves training in every camera, and is judged by test cameras") {
+TEST_CASE_FIXTURE(StoredCapture, "a span of the motion leaves training in every camera; test cameras judge it") {
     using Places = std::vector<std::pair<std::size_t, std::size_t>>; // camera, frame
     const auto places = [](const Capture& of, bool test) {
         Places found;
