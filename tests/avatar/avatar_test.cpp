@@ -53,7 +53,7 @@ std::vector<vec3<float>> colors_of(const AvatarData& data, const vec3<float>& ce
     return {splats.colors.begin(), splats.colors.end()};
 }
 
-/// The same Gaussians, their ambient occlusion in their colours.
+/// The same Gaussians with ambient occlusion merged into their colours.
 AvatarData baked(AvatarData avatar) {
     avatar.gaussians = shaded_cloud(avatar);
     avatar.ao.clear();
@@ -87,7 +87,7 @@ TEST_CASE("a shaded cloud shows what ambient occlusion shows, where colours lie 
         for (const auto& center : {vec3<float>{1, 1, 3}, vec3<float>{-4, 0, 1}})
             CHECK(largest_difference(colors_of(baked(avatar), center), colors_of(avatar, center)) < 1e-6f);
     }
-    // A colour that is cut at 1 is cut before the shadow falls on it; a file that knows no shadow cuts after.
+    // An avatar clamps a colour at 1 before ao multiplies it. A file without ao clamps the product.
     AvatarData bright = shaded_avatar(0);
     bright.ao.assign(bright.gaussians.size(), 0.5f);
     bright.gaussians.sh.assign(bright.gaussians.size(), sh_of_color(vec3<float>(1.5f)));

@@ -26,7 +26,7 @@ using test::SplatArrays;
 template <class T, class B = cpu::Serial>
 using SkinnedDegree2 = SkinnedSplats<B, 2, T>;
 
-/// A scene on a real skeleton: its bones are what kinematics makes of a pose.
+/// A scene on a real skeleton, with bones from the kinematics of a pose.
 struct Puppet {
     static constexpr std::size_t J = test::SkinnedScene<double>::joint_count;
     std::vector<int> parents = {-1, 0, 1, 1, 3};
@@ -218,7 +218,7 @@ TEST_CASE("Threads equals Serial bit for bit in every deformation, sizes from no
         }
 }
 
-/// What a backend without an overload of its own runs: the plain function objects.
+/// The plain function objects, as a backend without an overload of its own runs them.
 TEST_CASE_TEMPLATE("registers of Gaussians compute what one Gaussian at a time does", D, LinearBlend, PolarBlend,
                    DualQuaternionBlend) {
     constexpr std::size_t count = 45;
@@ -306,7 +306,7 @@ TEST_CASE("a twist flattens linear blends by the cosine of half of it, and no ot
         const double shrunk = std::cos(angle / 2);
         CHECK(half_axes(linear.covariances[0]).x == doctest::Approx(0.01 * shrunk));
         CHECK(half_axes(linear.covariances[0]).z == doctest::Approx(0.01));
-        CHECK(length(linear.means[0]) == doctest::Approx(0.1 * shrunk)); // the candy wrapper
+        CHECK(length(linear.means[0]) == doctest::Approx(0.1 * shrunk)); // the candy-wrapper artefact
         CHECK(half_axes(polar.covariances[0]).x == doctest::Approx(0.01));
         CHECK(length(polar.means[0] - linear.means[0]) < 1e-15);
         CHECK(half_axes(dual.covariances[0]).x == doctest::Approx(0.01));
@@ -316,7 +316,7 @@ TEST_CASE("a twist flattens linear blends by the cosine of half of it, and no ot
 }
 
 TEST_CASE("a blend of dual quaternions takes the shorter way round, whatever signs the bones come with") {
-    // 170 degrees one way and the other: their quaternions have opposite real parts, halfway lies half a turn.
+    // Opposite turns of 170 degrees have quaternions with opposite real parts. Their blend is half a turn.
     const double angle = 170 * pi / 180;
     const Affine<double> left{rotation_from_axis_angle(vec3<double>(0, angle, 0)), vec3<double>(0)};
     const Affine<double> right{rotation_from_axis_angle(vec3<double>(0, -angle, 0)), vec3<double>(0)};

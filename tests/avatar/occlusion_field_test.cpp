@@ -122,7 +122,7 @@ TEST_CASE("a field's adjoint is its gradient, and adds") {
     backward();
     const auto once = dL_drotations;
     test::check_gradient(loss, test::scalars(rotations), test::scalars(dL_drotations));
-    CHECK(once[0] == mat3<double>(0.0)); // whichever way the body faces
+    CHECK(once[0] == mat3<double>(0.0)); // ao does not depend on the direction in which the body faces
     loss();
     backward();
     for (std::size_t j = 0; j < J; ++j)
@@ -173,7 +173,7 @@ TEST_CASE("an avatar's shadows follow its pose, and its pose learns from them") 
     for (auto& value : data.gaussians.sh) value = vec3<float>(rng.vec(-0.2, 0.2));
     AvatarData plain = data;
     data.occlusion_field = random_field(samples.size(), 4);
-    data.ao.assign(samples.size(), 0.5f); // the mean, which nobody asks for
+    data.ao.assign(samples.size(), 0.5f); // the mean, which is not used if there is a field
 
     cpu::Serial backend;
     Avatar<cpu::Serial, double> avatar(backend, data), unshaded(backend, plain);
@@ -191,7 +191,7 @@ TEST_CASE("an avatar's shadows follow its pose, and its pose learns from them") 
         CHECK(splats.means[i] == other.means[i]);
         CHECK(length(splats.colors[i] - other.colors[i] * cache.ao[i]) < 1e-14);
     }
-    // Turned about as a whole, a body keeps its shadows; bent, it does not.
+    // ao stays the same when the whole body turns, and changes when it bends.
     const std::vector<double> before(cache.ao.begin(), cache.ao.end());
     const auto shadows = [&](std::size_t joint) {
         const vec3<double> kept = pose.pose[joint];
@@ -264,7 +264,7 @@ TEST_CASE("a field that does not fit is refused by name") {
     std::vector<float> ao(10), fewer(9);
     const Span<const mat3<float>> turned(rotations);
     CHECK_THROWS_AS(field.backward(skeleton, ao, ao, cache, Span<mat3<float>>(rotations)),
-                    ShapeError); // nothing came before
+                    ShapeError); // backward without forward
     CHECK_THROWS_AS(field.forward(skeleton, turned, fewer, cache), ShapeError);
     CHECK_THROWS_AS(field.forward(shorter, turned.subspan(0, 2), ao, cache), ShapeError);
     field.forward(skeleton, turned, ao, cache);

@@ -157,7 +157,7 @@ TEST_CASE("where the joints' gradient is not asked for, the others are what they
     for (const auto& g : without.dL_djoints) CHECK(g == vec3<double>(0));
     for (auto& g : with.dL_djoints) g = vec3<double>(0);
     CHECK(without.gradients() == with.gradients());
-    without.backward(false); // scratch of a pass before does not matter
+    without.backward(false); // scratch of an earlier pass has no effect
     CHECK(without.dL_dmeans == with.dL_dmeans);
 }
 

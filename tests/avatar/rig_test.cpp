@@ -57,9 +57,9 @@ TEST_CASE("a rig at rest moves nothing") {
 
 TEST_CASE("a rig carries surface points as the body model carries its vertices") {
     Fixture f;
-    f.motion.betas = f.betas; // samples lie on this shape's mesh; the model is asked for the same one
+    f.motion.betas = f.betas; // samples lie on this shape's mesh, so the model must have the same shape
     cpu::Serial backend;
-    // One sample at each vertex, hung on it alone.
+    // One sample at each vertex, with that vertex's weights.
     SurfaceSamples at_vertices;
     at_vertices.positions = shaped_vertices(f.body, f.betas);
     for (int v = 0; v < static_cast<int>(f.body.vertex_count()); ++v) {

@@ -60,7 +60,7 @@ TEST_CASE("its adjoint is exact, and bounded next to a singular map") {
 }
 
 TEST_CASE_TEMPLATE("singular maps and a camera at the Gaussian give finite numbers", T, float, double) {
-    // Two bones half a turn apart, equal weights: a plane collapses onto an axis. Then nothing at all is left.
+    // Two bones half a turn apart with equal weights collapse a plane onto an axis. The second map is zero.
     const mat3<T> collapsed(vec3<T>(1, 0, 0), vec3<T>(0, 0, 0), vec3<T>(0, 0, 0)), zero(T(0)), identity(T(1));
     const mat3<T> flat(vec3<T>(1, 0, 0), vec3<T>(0, 1, 0), vec3<T>(0, 0, 0));
     for (const mat3<T>& L : {collapsed, zero, identity, flat})
@@ -123,7 +123,7 @@ TEST_CASE_TEMPLATE("SkinnedSplats::backward is the gradient of forward with resp
         test::check_gradient(loss, test::scalars(scene.ao), test::scalars(gradient.ao));
         test::check_gradient(loss, test::scalars(scene.bones), test::scalars(gradient.bones));
         test::check_gradient(loss, test::scalars(scene.center), test::scalars(gradient.center),
-                             {.may_vanish = degree == 0}); // then colours are alike from everywhere
+                             {.may_vanish = degree == 0}); // colours do not depend on the direction
 
         const Scene<double> once = gradient;
         backward();
@@ -161,7 +161,7 @@ TEST_CASE("colours clamped below only keep their gradient above one") {
 }
 
 TEST_CASE("ambient occlusion receives the loss times the colour before it, in full shadow and above white too") {
-    constexpr std::size_t count = 33; // two registers and a rest
+    constexpr std::size_t count = 33; // two registers and a remainder
     Scene<double> scene(count, 9, 9, 17), gradient = scene, lit = scene;
     for (std::size_t i = 0; i < count; ++i) scene.ao[i] = i % 4 ? scene.ao[i] : 0.0;
     std::fill(lit.ao.begin(), lit.ao.end(), 1.0);
@@ -178,8 +178,8 @@ TEST_CASE("ambient occlusion receives the loss times the colour before it, in fu
     for (std::size_t i = 0; i < count; ++i) {
         CHECK(length(splats.colors[i] - unoccluded.colors[i] * scene.ao[i]) < 1e-15);
         CHECK(gradient.ao[i] == doctest::Approx(dot(dL_dsplats.colors[i], unoccluded.colors[i])));
-        if (scene.ao[i] == 0) CHECK(gradient.sh[9 * i] == vec3<double>(0)); // the shadow hides the colour
-        if (i % 3 == 2) CHECK(unoccluded.colors[i].y == 1);                 // clamped, and yet it counts for ao
+        if (scene.ao[i] == 0) CHECK(gradient.sh[9 * i] == vec3<double>(0)); // black, so the colour has no effect
+        if (i % 3 == 2) CHECK(unoccluded.colors[i].y == 1);                 // clamped, but ao still has a gradient
     }
 }
 
@@ -197,7 +197,7 @@ TEST_CASE("attributes that nobody asks for are left alone, the others do not cha
                   SkinnedView<double>{.means = some.means});
     CHECK(some.means == all.means);
     CHECK(some.sh[0] == vec3<double>(0));
-    // A Gaussian that the loss does not see adds nothing.
+    // A Gaussian without influence on the loss adds nothing.
     SplatArrays<double> half = dL_dsplats;
     half.means[4] = half.colors[4] = vec3<double>(0), half.covariances[4] = {}, half.opacities[4] = 0;
     auto seen = scene;
@@ -207,7 +207,7 @@ TEST_CASE("attributes that nobody asks for are left alone, the others do not cha
     CHECK(seen.means[4] == vec3<double>(0));
     CHECK(seen.ao[4] == 0);
     CHECK(seen.means[3] == all.means[3]);
-    // Without ao an avatar is lit by 1.
+    // Without ao the factor is 1.
     auto lit = scene, unlit = scene;
     std::fill(lit.ao.begin(), lit.ao.end(), 1.0);
     unlit.ao.clear();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Uses the components on a CPU backend without the headers of its overloads: does not compile, and says why.
+/// @file  Uses components without the headers of their overloads. It must fail to compile, with a clear message.
 #include <gsh/backend/serial.hpp>
 
 #include "backend/use_components.hpp"

@@ -40,7 +40,7 @@
 #include <utility>
 #include <vector>
 
-namespace memory_test { // joined with the other tests, which mean other things by the same names
+namespace memory_test { // joined builds: other tests use the same names
 
 using namespace gsh;
 using test::Guarded;
@@ -62,7 +62,7 @@ std::vector<T> on_host(Guarded& backend, const Buffer<T>& buffer) {
     return values;
 }
 
-/// What a child process says on its way out when it does `work`.
+/// The outcome of `work` in a child process: whether it crashed, and its output.
 struct Crash {
     bool crashed = false;
     std::string output;
@@ -76,7 +76,7 @@ Crash crash_of(const Work& work) {
     if (child == 0) {
         close(ends[0]);
         dup2(ends[1], STDERR_FILENO);
-        std::signal(SIGSEGV, SIG_DFL); // doctest's handler would report the crash as this test's
+        std::signal(SIGSEGV, SIG_DFL); // without doctest's handler, which would report a failure of this test
         Guarded backend;
         work(backend);
         _exit(0);
@@ -93,7 +93,7 @@ Crash crash_of(const Work& work) {
     return crash;
 }
 
-/// Expects a MemoryError that names function, argument and way out.
+/// Expects a MemoryError that names the function, the argument and the remedy.
 template <class Work>
 void check_refused(std::string_view function, std::string_view argument, const Work& work) {
     const std::string expected =
@@ -157,7 +157,7 @@ TEST_CASE("the host crashes where it reads or writes a buffer, and is told why")
     });
     CHECK(write.crashed);
     CHECK(write.output.find("guarded memory") != std::string::npos);
-    const Crash other = crash_of([](Guarded&) { // a crash of another kind is not the guard's
+    const Crash other = crash_of([](Guarded&) { // the guard does not report other crashes
         void* closed = mmap(nullptr, 4096, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
         *static_cast<volatile int*>(closed) = 1;
     });

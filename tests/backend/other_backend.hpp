@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A backend that is none of the CPU's: it has overloads and scratch of its own, which only note their calls.
+/// @file  A backend that is not a CPU backend. Its overloads only record their calls.
 #pragma once
 
 #include <gsh/avatar/occlusion_field.hpp>
@@ -29,11 +29,11 @@
 
 namespace other {
 
-/// Meets the concept Backend and no more: it has no chunks.
+/// Satisfies the concept Backend, but not HostExecutor.
 struct Device {
     template <class T>
     using Buffer = std::vector<T>;
-    static constexpr bool host_memory = true; // what is tested here is the overloads' seam, not the memory's
+    static constexpr bool host_memory = true; // these tests are about overloads, not about memory
 
     std::vector<std::string> calls = {};
 
@@ -64,7 +64,7 @@ static_assert(gsh::Backend<Device> && !gsh::CpuBackend<Device>);
 
 } // namespace other
 
-// What the backend keeps for itself is its own affair.
+// The backend's own scratch types.
 namespace gsh {
 template <std::floating_point T>
 struct RasterScratch<other::Device, T> {

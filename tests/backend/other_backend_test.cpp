@@ -11,7 +11,7 @@
 
 using namespace gsh;
 
-/// tests/CMakeLists.txt looks at what this file includes: nothing of the CPU backends.
+/// tests/CMakeLists.txt checks that this file includes nothing of the CPU backends.
 TEST_CASE("a backend beside the CPU's runs every component by its own overloads, with its own scratch") {
     other::Device device;
     test::use_rasterizer(device);

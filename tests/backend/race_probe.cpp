@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A clean and a racy loop for ThreadSanitizer: it must pass the one and report the other.
+/// @file  A correct and a racy loop for ThreadSanitizer, which must pass the first and report the second.
 
 #include <gsh/backend/threads.hpp>
 
@@ -14,14 +14,14 @@ namespace {
 
 constexpr std::size_t chunks = 64, grain = 100;
 
-/// Holds a chunk back until a second one runs, so that two threads are at work for certain; orders nothing.
+/// Delays a chunk until a second one runs, so that two threads certainly work at once. It does not synchronise them.
 void meet(std::atomic<int>& running) {
     running.fetch_add(1, std::memory_order_relaxed);
     const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(1);
     while (running.load(std::memory_order_relaxed) < 2 && std::chrono::steady_clock::now() < give_up) {}
 }
 
-/// Each chunk writes its own numbers, the caller reads them all, again and again.
+/// Repeatedly, each chunk writes its own numbers and the caller reads all of them.
 long clean(gsh::cpu::Threads& backend) {
     std::vector<long> values(chunks * grain, 0), sums(chunks);
     for (int round = 0; round < 100; ++round) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Both passes of every component whose work a backend does in overloads of its own.
+/// @file  Calls both passes of every component that needs overloads of its backend.
 #pragma once
 
 #include <gsh/avatar/occlusion_field.hpp>

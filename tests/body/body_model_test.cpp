@@ -8,7 +8,7 @@
 namespace gsh {
 namespace {
 
-/// The message of what validate throws after a change to a good body.
+/// The message of the exception that validate throws after a change to a valid body.
 template <class Change>
 std::string complaint(Change change) {
     BodyModel model = test::tube();

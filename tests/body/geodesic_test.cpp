@@ -27,8 +27,8 @@ vec3<double> flat(double x, double y) {
     return {x, y, 0};
 }
 
-/// columns x rows vertices about `spacing` apart, shaken in their plane, with diagonals either way; then `bend` is
-/// applied to the flat point (x, y).
+/// A sheet of columns x rows vertices about `spacing` apart, with random offsets in the plane and random diagonals.
+/// `bend` is then applied to each flat point (x, y).
 Mesh sheet(int columns, int rows, double spacing, double shake,
            const std::function<vec3<double>(double, double)>& bend = flat) {
     test::Rng rng(3);
@@ -72,8 +72,8 @@ Mesh sphere(int splits) {
     return mesh;
 }
 
-/// The reference: Dijkstra over vertices and `steps` further points on each edge, joined straight across triangles. A
-/// little too long, never too short.
+/// The reference: Dijkstra's algorithm over vertices and `steps` further points on each edge, which are joined straight
+/// across triangles. Its distances are slightly too long and never too short.
 std::vector<double> subdivided_dijkstra(const Mesh& mesh, Span<const int> sources, std::size_t steps, double reach) {
     std::vector<vec3<double>> points = mesh.vertices;
     std::map<std::pair<int, int>, std::size_t> edges;
@@ -142,7 +142,7 @@ TEST_CASE("on a sphere it is the angle, to the order of the triangles' size squa
             const double angle = std::acos(std::clamp(mesh.vertices[v].z, -1.0, 1.0));
             error = std::max(error, std::abs(from_pole[v] / angle - 1));
             if (splits == 5 && angle > opening) {
-                CHECK(from_cap[v] < angle - opening + 0.07); // the rim of the cap is as ragged as an edge is long
+                CHECK(from_cap[v] < angle - opening + 0.07); // the cap's rim is uneven by up to an edge's length
                 CHECK(from_cap[v] > (angle - opening) * 0.99);
             }
         }
@@ -153,7 +153,7 @@ TEST_CASE("on a sphere it is the angle, to the order of the triangles' size squa
 }
 
 TEST_CASE("a folded strip is as long as before it was folded") {
-    // A zigzag of layers 1 mm apart: through the air they touch, along the strip they are 20 cm from each other.
+    // A zigzag whose layers are 1 mm apart in space and 20 cm apart along the strip.
     const double layer = 0.1, gap = 0.001;
     const auto fold = [&](double x, double y) {
         const double n = std::floor(x / (layer + gap)), within = x - n * (layer + gap);
@@ -182,7 +182,7 @@ TEST_CASE("a folded strip is as long as before it was folded") {
         CHECK(distances[v] == doctest::Approx(before[v]).epsilon(1e-9));
         if (distances[v] > 0.19) leak = std::min(leak, length(folded.vertices[v] - folded.vertices[2]));
     }
-    CHECK(leak < 0.01); // what is 19 cm away along the strip lies within 1 cm
+    CHECK(leak < 0.01); // points that are 19 cm away along the strip and less than 1 cm away in space
 }
 
 TEST_CASE("cones: sharp tips are walked round, saddles are walked through") {
@@ -223,7 +223,7 @@ TEST_CASE("paths bend at the corners of a border") {
     for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
         const auto& p = mesh.vertices[v];
         if (p.x > 0.5 + 1e-9 && p.y > 0.5 + 1e-9) {
-            CHECK(distances[v] == infinity); // left without a triangle
+            CHECK(distances[v] == infinity); // has no triangle
         } else {
             const bool seen = p.y <= 0.5 + 1e-9 || p.x + p.y <= 1 + 1e-9; // not behind the corner
             const double round = length(corner - from) + length(p - corner);
@@ -246,7 +246,7 @@ TEST_CASE("three sheets at one edge, triangles turned either way") {
             mesh.faces.push_back(lower), mesh.faces.push_back(upper);
         }
     }
-    const auto distances = mesh.geodesic().from(std::vector<int>{n}); // the first page's lower corner
+    const auto distances = mesh.geodesic().from(std::vector<int>{n}); // the lower corner of the first page
     for (int j = 0; j < n; ++j) {
         CHECK(distances[static_cast<std::size_t>(n + j)] == doctest::Approx(0.1 * j));
         CHECK(distances[static_cast<std::size_t>(j)] == doctest::Approx(std::hypot(0.3, 0.1 * j)));
@@ -267,12 +267,12 @@ TEST_CASE("a crumpled surface agrees with a finely subdivided graph, and with it
             shortest = std::min(shortest, close[v] - exact[v]);
             if (exact[v] > 0) mean += (close[v] / exact[v] - 1) / static_cast<double>(exact.size());
         }
-        CHECK(shortest > -1e-12); // the graph's ways are ways on the surface: none is shorter
+        CHECK(shortest > -1e-12); // paths of the graph lie on the surface, so none is shorter
         CHECK(mean < 2e-3);
     }
     const auto there = geodesic.from(std::vector<int>{7}), back = geodesic.from(std::vector<int>{300});
     CHECK(there[300] == doctest::Approx(back[7]).epsilon(1e-12));
-    Mesh turned = mesh; // another order of corners, faces and windings: the same distances
+    Mesh turned = mesh; // distances do not depend on the order of corners, faces and windings
     std::reverse(turned.faces.begin(), turned.faces.end());
     for (std::size_t f = 0; f < turned.faces.size(); ++f) {
         std::rotate(turned.faces[f].begin(), turned.faces[f].begin() + f % 3, turned.faces[f].end());
@@ -306,9 +306,9 @@ TEST_CASE("triangles without area do no harm") {
     Mesh mesh = sheet(8, 8, 0.01, 0.0);
     const int copy = static_cast<int>(mesh.vertices.size());
     mesh.vertices.push_back(mesh.vertices[27]);
-    mesh.faces.push_back({27, copy, 28});     // two corners in one place
-    mesh.faces.push_back({26, 27, 28});       // three on a line
-    mesh.faces.push_back({copy, copy, 63});   // a vertex twice: joins nothing
+    mesh.faces.push_back({27, copy, 28});     // two corners coincide
+    mesh.faces.push_back({26, 27, 28});       // three corners on a line
+    mesh.faces.push_back({copy, copy, 63});   // a vertex twice, so it joins nothing
     const auto distances = mesh.geodesic().from(std::vector<int>{0});
     for (std::size_t v = 0; v < distances.size(); ++v)
         CHECK(distances[v] == doctest::Approx(length(mesh.vertices[v])));

@@ -19,7 +19,7 @@ TEST_CASE("a merged body moves as the whole one does while the joints that are g
     for (std::size_t v = 0; v < body.vertex_count(); ++v) {
         const double* whole = &body.weights[v * 5];
         CHECK(merged.weights[v * 3] == doctest::Approx(whole[0]));
-        CHECK(merged.weights[v * 3 + 1] == doctest::Approx(whole[1] + whole[2])); // 2 hangs on 1
+        CHECK(merged.weights[v * 3 + 1] == doctest::Approx(whole[1] + whole[2])); // joint 1 is the parent of joint 2
         CHECK(merged.weights[v * 3 + 2] == doctest::Approx(whole[3] + whole[4]));
     }
 

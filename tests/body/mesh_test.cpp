@@ -34,7 +34,7 @@ TEST_CASE("known fractions: equilateral, right, and one corner far away") {
     CHECK(CornerRegion(a, b, {0.5, std::sqrt(0.75), 0}).fraction() == doctest::Approx(1.0 / 3));
     CHECK(CornerRegion(a, b, {0, 1, 0}).fraction() == doctest::Approx(0.5));
     CHECK(CornerRegion(b, {0, 1, 0}, a).fraction() == doctest::Approx(0.25));
-    CHECK(CornerRegion(a, a, {0, 1, 0}).fraction() >= 0); // no triangle at all
+    CHECK(CornerRegion(a, a, {0, 1, 0}).fraction() >= 0); // degenerate: two corners coincide
 }
 
 TEST_CASE("points of a corner region are nearest to the corner, and area-uniform") {

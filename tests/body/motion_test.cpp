@@ -16,7 +16,7 @@ BodyModel body_of(std::size_t joints) {
     return model;
 }
 
-/// Row-major [motion_frames, width] numbers that tell where they came from.
+/// Row-major [motion_frames, width] numbers, all different.
 std::vector<double> numbered(std::size_t width, double base) {
     std::vector<double> numbers(motion_frames * width);
     for (std::size_t n = 0; n < numbers.size(); ++n) numbers[n] = base + 0.001 * static_cast<double>(n);
@@ -91,7 +91,7 @@ TEST_CASE("hands: mean added unless flat, principal components unfolded") {
     const Motion flat = assemble_motion(model, {.global_orient = root, .left_hand_pose = left, .flat_hand = true});
     CHECK(holds(flat, left, 25));
     CHECK(length(curved.pose_at(1)[27] - flat.pose_at(1)[27] - model.hands_mean_left[2]) < 1e-15);
-    CHECK(curved.pose_at(2)[40] == model.hands_mean_right[0]); // a hand at rest rests on its mean
+    CHECK(curved.pose_at(2)[40] == model.hands_mean_right[0]); // a hand at rest has the mean hand pose
     CHECK(flat.pose_at(2)[40] == vec3<double>(0));
 
     for (const auto& coefficients : {left6, left}) {

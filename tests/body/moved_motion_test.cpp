@@ -62,7 +62,7 @@ TEST_CASE("a body stands up, whichever axis it stood along") {
         Motion stood = motion;
         CHECK(stand_upright(body, stood));
         for (std::size_t t = 0; t < 4; ++t) CHECK(rotation_from_axis_angle(stood.pose[5 * t])[1].y > 0.99);
-        // A rigid change: distances between frames stay.
+        // A rigid motion keeps the distances between frames.
         const double before = length(test::posed_points(body, motion, 0)[3] - test::posed_points(body, motion, 2)[1]);
         CHECK(length(test::posed_points(body, stood, 0)[3] - test::posed_points(body, stood, 2)[1]) ==
               doctest::Approx(before));

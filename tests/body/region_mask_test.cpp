@@ -20,7 +20,7 @@ const BodyModel& actor() {
     static const BodyModel body = make_actor({.edge_scale = 1.5});
     return body;
 }
-/// As a file without lists and names would hold it.
+/// The body as a file without lists and names would store it.
 BodyModel bare_actor() {
     BodyModel body = actor();
     body.face_vertices.clear(), body.left_hand_vertices.clear(), body.right_hand_vertices.clear();
@@ -44,7 +44,7 @@ BodyModel merged(const BodyModel& model, const std::vector<std::size_t>& into, s
     return result;
 }
 
-/// Shared vertices as a part of all vertices in either list.
+/// Number of vertices in both lists, divided by the number in either.
 double overlap(const std::vector<int>& a, const std::vector<int>& b) {
     std::set<int> all(a.begin(), a.end());
     std::size_t both = 0;
@@ -65,7 +65,7 @@ TEST_CASE("regions from the model alone: hands of every SMPL tree, a face where 
     for (const int v : regions.right_hand) CHECK(body.v_template[static_cast<std::size_t>(v)].x < -0.65);
     for (const int v : regions.face) CHECK(body.v_template[static_cast<std::size_t>(v)].z > 0);
 
-    // SMPL-H: no jaw, no eyes; without expression directions there is no telling a face.
+    // SMPL-H has no jaw and no eyes. Without expression directions the face cannot be found.
     std::vector<std::size_t> into(55);
     for (std::size_t j = 0; j < 55; ++j) into[j] = j < 22 ? j : j < 25 ? 15 : j - 3;
     BodyModel smplh = merged(body, into, 52);
@@ -83,7 +83,7 @@ TEST_CASE("regions from the model alone: hands of every SMPL tree, a face where 
     CHECK(hands.right_hand == regions.right_hand);
     CHECK(hands.face.empty());
 
-    // Another tree: by names, or not at all.
+    // In another joint tree, regions are found by names or not at all.
     const BodyModel tube = test::tube(6);
     CHECK(derive_regions(tube).high().empty());
     BodyModel named = tube;
@@ -119,7 +119,7 @@ TEST_CASE("the user's lists win over the model's, those over the derivation") {
     CHECK(high.size() == derived.face.size() + 4);
     CHECK(std::is_sorted(high.begin(), high.end()));
     lists.face = std::vector<int>{};
-    CHECK(body_regions(body, lists).face.empty()); // an empty list is a list
+    CHECK(body_regions(body, lists).face.empty()); // an empty list is kept, not replaced by what is found
     const auto labels = body_regions(body, lists).labels(body.vertex_count());
     CHECK(labels[3] == BodyRegion::left_hand);
     CHECK(labels[7] == BodyRegion::right_hand);
@@ -157,10 +157,10 @@ TEST_CASE("along a limb importance follows the closed form, and the density of s
     for (const int v : samples.sources)
         if (v < 81 * 12) rings[static_cast<std::size_t>(v) / 12] += 1;
     for (std::size_t r = 0; r <= 80; ++r) {
-        double ring = 0; // any run of vertices is within one of its expectation
+        double ring = 0; // each run of vertices has its expected number, to within one
         for (std::size_t s = 0; s < 12; ++s) ring += K[12 * r + s];
         CHECK(std::abs(rings[r] - ring) < 1);
-        if (r > 0) CHECK(rings[r] - rings[r - 1] > -1.5); // never falls, but for the rounding
+        if (r > 0) CHECK(rings[r] - rings[r - 1] > -1.5); // never falls, apart from rounding
         if (r > 0) CHECK(rings[r] - rings[r - 1] < 12 * 5 * 0.4 + 1.5); // 2 cm are 2/3 σ: τ rises by less than 0.4
     }
     CHECK(rings[59] > rings[56] + 12);
@@ -178,7 +178,7 @@ TEST_CASE("along a limb importance follows the closed form, and the density of s
         CHECK(tau[i] <= high + 1e-15);
     }
 
-    // A total keeps 3 : 4.
+    // With a given total, the ratio stays 3 : 4.
     const auto scaled = sample_surface(limb, limb.v_template, K, 5, {.total = 50000});
     CHECK(scaled.size() == 50000);
     std::vector<double> counts(limb.vertex_count(), 0);
@@ -193,8 +193,8 @@ TEST_CASE("density along the actor's arm rises from K_b at the shoulder to K_m a
     const RegionMask mask = region_mask(body, body.v_template); // K_b = 15, K_m = 20
     const auto joints = regress_joints(body, body.v_template);  // in T-pose the bones lie along x
     const double shoulder = joints[16].x + 0.05, wrist = joints[20].x, width = (wrist - shoulder) / 12; // 3.7 cm
-    // The mesh is finer towards the hand: samples per area are counted in those that K = 1 puts on the same area. Forty
-    // times as many as usual, of the arm alone, for little noise.
+    // The mesh is finer towards the hand, so densities are relative to those of K = 1 on the same area. Only the arm is
+    // sampled, with forty times the usual number, to reduce noise.
     const auto counts = [&](std::vector<double> K, std::uint64_t seed) {
         for (std::size_t v = 0; v < K.size(); ++v) {
             const double x = body.v_template[v].x;
@@ -229,7 +229,7 @@ TEST_CASE("density along the actor's arm rises from K_b at the shoulder to K_m a
 TEST_CASE("parts without a vertex of V_high stay at 0, others have their own seed; nothing leaks through the air") {
     BodyModel body = test::tube(4, 40, 12);
     const std::size_t V = body.vertex_count();
-    for (std::size_t part = 1; part < 3; ++part) { // two more tubes inside the first, 1 mm smaller each: eyeballs
+    for (std::size_t part = 1; part < 3; ++part) { // two more tubes inside the first, each 1 mm smaller, as eyeballs
         const int first = static_cast<int>(part * V);
         for (std::size_t v = 0; v < V; ++v) {
             const auto& p = body.v_template[v];

@@ -41,7 +41,7 @@ TEST_CASE("one joint: the bone turns space about the joint, then shifts it") {
     const std::vector<mat3<double>> rotations{rotation_from_axis_angle(vec3<double>(0, 0, std::numbers::pi / 2))};
     std::vector<Affine<double>> bones(1);
     bone_transforms<double>(parents, rotations, joints, vec3<double>(0, 0, 10), bones);
-    const auto moved = bones[0](vec3<double>(2, 2, 3)); // one metre along x from the joint: now along y
+    const auto moved = bones[0](vec3<double>(2, 2, 3)); // one metre from the joint along x, now along y
     CHECK(length(moved - vec3<double>(1, 3, 13)) < 1e-14);
     CHECK(length(bones[0](joints[0]) - vec3<double>(1, 2, 13)) < 1e-14);
 }
@@ -187,7 +187,7 @@ TEST_CASE("a pack of skeletons equals its lanes") {
 }
 
 TEST_CASE("Threads equals Serial bit for bit") {
-    constexpr std::size_t J = 1300; // more than a chunk of Threads::for_each, so that several threads have some
+    constexpr std::size_t J = 1300; // more than one chunk of Threads::for_each, so that several threads work
     const Case c(11, J);
     std::vector<int> parents(J);
     for (std::size_t j = 0; j < J; ++j) parents[j] = j == 0 ? -1 : (static_cast<int>(j) - 1) / 2;

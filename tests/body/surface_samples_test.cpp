@@ -97,7 +97,7 @@ TEST_CASE("density is area-uniform within a vertex's part") {
     for (const auto& p : samples.positions) mean += p / 20000.0, second += dot(p, p) / 20000.0;
     CHECK(length(mean) < 5e-3);
     CHECK(second == doctest::Approx(5.0 / 36).epsilon(0.01)); // a regular hexagon of side s: 5 s²/12, here s² = 1/3
-    // Spacing 1 from the middle to its neighbours: the scale of K Gaussians in that square metre.
+    // The middle is 1 m from its neighbours, so the scale is that of K Gaussians in a square metre.
     CHECK(samples.scales[0] == doctest::Approx(std::sqrt(1.0 / 20000)));
 }
 
@@ -180,7 +180,7 @@ TEST_CASE("what cannot be sampled is refused, a vertex without surface is passed
     CHECK_THROWS_AS((void)sample_surface(short_weights, vertices, K, 1), ShapeError);
     CHECK_THROWS_AS((void)sample_surface(bad_face, vertices, K, 1), ValueError);
 
-    model.v_template.push_back(vec3<double>(9)); // hangs on no triangle
+    model.v_template.push_back(vec3<double>(9)); // belongs to no triangle
     for (int j = 0; j < 4; ++j) model.weights.push_back(0.25);
     K.push_back(100);
     const auto samples = sample_surface(model, model.v_template, K, 1, {.total = 500});

@@ -62,7 +62,7 @@ TEST_CASE("undistort inverts distort over a wide field of view") {
 }
 
 TEST_CASE("a point that the lens cannot produce is refused") {
-    // x (1 - 0.3 x²) has its maximum, 0.7027, at x = 1.054: nothing maps to 2.
+    // x (1 - 0.3 x²) has its maximum, 0.7027, at x = 1.054, so no point maps to 2.
     const Distortion<double> barrel{-0.3, 0, 0, 0, 0};
     CHECK_THROWS_AS((void)undistort_checked(barrel, vec2<double>(2, 0)), ValueError);
     CHECK_NOTHROW((void)undistort_checked(barrel, vec2<double>(0.7, 0)));
@@ -70,7 +70,7 @@ TEST_CASE("a point that the lens cannot produce is refused") {
     Camera<double> camera;
     camera.fx = camera.fy = 500, camera.cx = 320, camera.cy = 240, camera.width = 640, camera.height = 480;
     CHECK_NOTHROW(check_distortion("test", "cam00", camera, barrel));
-    camera.fx = camera.fy = 250; // now the corners lie beyond the fold
+    camera.fx = camera.fy = 250; // the corners now lie beyond the radius at which the lens model folds over
     CHECK_THROWS_AS(check_distortion("test", "cam00", camera, barrel), ValueError);
     Distortion<double> bad = barrel;
     bad.p2 = std::numeric_limits<double>::quiet_NaN();
@@ -112,7 +112,7 @@ TEST_CASE("a pack of points equals its lanes, through camera and lens") {
     const UndistortMap<double> map{camera, camera, lens};
     const UndistortMap<P> maps{cameras, cameras, lenses};
 
-    /// Forward and backward, one number out of each path.
+    /// Forward and backward. Each path contributes one number.
     const auto chain = [](const auto& cam, const auto& map_, const auto& d, const auto& point) {
         using T = std::remove_cvref_t<decltype(point.x)>;
         const vec3<T> p = to_camera(cam, point);

@@ -64,8 +64,8 @@ TEST_CASE("look_at centres its target, upright, with OpenCV's axes") {
     const auto pixel_of = [&](vec3<double> p) { return to_pixel(camera, to_camera(camera, p)); };
     CHECK(pixel_of({0, 1, 0}).x == doctest::Approx(320));
     CHECK(pixel_of({0, 1, 0}).y == doctest::Approx(240));
-    CHECK(pixel_of({0.1, 1, 0}).x > 320); // the subject faces us: its left, +x, is on our right
-    CHECK(pixel_of({0, 1.1, 0}).y < 240); // up is up
+    CHECK(pixel_of({0.1, 1, 0}).x > 320); // the subject faces the camera, so its left, +x, is on the image's right
+    CHECK(pixel_of({0, 1.1, 0}).y < 240); // +y is up in the image
     CHECK(pixel_of({0, 1 + 3 * std::tan(0.25), 0}).y == doctest::Approx(0));
     CHECK(transposed_times(camera.R, vec3<double>(0, 0, 1)).z == doctest::Approx(-1));
 

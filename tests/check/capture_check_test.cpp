@@ -27,8 +27,8 @@ namespace {
 
 constexpr int photo_size = 96; // pixels, images are square
 
-/// A person of 55 boxes, one from each joint to its child, as stiff as boxes are. The pelvis is not at the origin,
-/// there is a mean hand, and beta makes all of it larger.
+/// A person of 55 rigid boxes, one from each joint to its child. The pelvis is not at the origin, there is a mean hand,
+/// and beta scales the whole body.
 BodyModel box_person(double thickness = 1) {
     BodyModel body;
     const vec3<double> pelvis(0.01, -0.3, 0.04);
@@ -85,7 +85,7 @@ BodyModel box_person(double thickness = 1) {
     return body;
 }
 
-/// A dance that is never the same on both sides, nor forwards and backwards.
+/// A dance that differs between left and right, and between forwards and backwards.
 Motion dance(const BodyModel& body, std::size_t frames, std::uint64_t seed = 5) {
     Motion motion;
     motion.joint_count = body.joint_count();
@@ -113,7 +113,7 @@ Motion dance(const BodyModel& body, std::size_t frames, std::uint64_t seed = 5) 
     return motion;
 }
 
-/// A good capture: masks are what the posed bodies cover.
+/// A correct capture, whose masks are the silhouettes of the posed bodies.
 Capture film_boxes(const std::vector<CheckedPerson>& people, std::size_t cameras = 3, double distance = 3.3) {
     Capture capture;
     capture.name = "boxes";
@@ -172,7 +172,7 @@ std::string texts(const CaptureCheck& result) {
     return all;
 }
 
-/// The one fault is found, says what it brings, and nothing else is suspected.
+/// Checks that exactly this fault is found and that its text states the improvement.
 CaptureFinding only(const CaptureCheck& result, const std::string& fault) {
     INFO(texts(result));
     REQUIRE(result.findings.size() == 1);
@@ -190,7 +190,7 @@ CaptureFinding mended(const CaptureCheck& result, const std::string& fault, doub
     return finding;
 }
 
-/// A copy of the good capture, spoiled.
+/// A copy of the correct capture with a fault.
 template <class Spoil>
 Capture spoiled(const Spoil& spoil) {
     Capture capture = scene().capture;
@@ -214,7 +214,7 @@ void mirror(PixelImage& image) {
             std::swap_ranges(image.pixel(y, x), image.pixel(y, x) + 4, image.pixel(y, image.width - 1 - x));
 }
 
-// What authors of pose files do; all motions here have the same skeleton at rest.
+// Usual mistakes in pose files. All motions here have the same skeleton at rest.
 void exchange_sides(Motion& m, bool reflect) {
     const auto counterparts = joint_counterparts(scene().body);
     const auto given = m.pose;
@@ -253,7 +253,7 @@ void add_mean_hands(Motion& m, double times) {
         }
 }
 
-/// Two people side by side, each with a motion of their own.
+/// Two people side by side with different motions.
 struct Two {
     Motion ann = placed(5, {-0.6, 0, -0.3}), bob = placed(9, {0.6, 0.05, 0.3});
     Capture capture = film_boxes(people(), 2, 4.4);
@@ -287,7 +287,7 @@ TEST_CASE("silhouettes: areas, middles, overlaps of moved ones") {
     CHECK(full.centroid().y == doctest::Approx(2.5));
     CHECK(overlap(full, full).iou() == 1);
     CHECK(overlap(full, full, 1, 0).iou() == doctest::Approx(9.0 / 15));
-    CHECK(overlap(full, full, 0, -2).both == 4); // one row has left the image
+    CHECK(overlap(full, full, 0, -2).both == 4); // one row lies outside the image
     CHECK(overlap(full, full, 0, -2).either == 16);
     CHECK(overlap(full, full, 50, 0).iou() == 0);
     Silhouette mirrored = full;
@@ -298,7 +298,7 @@ TEST_CASE("silhouettes: areas, middles, overlaps of moved ones") {
     CHECK(inverted.area() == 42);
     CHECK(inverted.border_share() == 1);
 
-    const Silhouette small = mask_silhouette(image, 2); // 3 x 4, the last column falls away
+    const Silhouette small = mask_silhouette(image, 2); // 3 x 4, without the last column
     CHECK(small.height == 3);
     CHECK(small.width == 4);
     CHECK(small.inside == std::vector<std::uint8_t>{0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0});
@@ -377,7 +377,7 @@ TEST_CASE("counterparts of joints, and poses read so") {
     }
     const PosedBody plain = pose_body(body, motion.pose_at(3), motion.transl[3], motion.betas);
     CHECK(pose_as(body, motion, 3, {}, counterparts).vertices == plain.vertices);
-    // Mirrored twice is as given; a body without turn and shift mirrors in x.
+    // Mirroring twice restores the pose. A body without rotation and translation mirrors in x.
     Motion mirrored = motion;
     for (std::size_t j = 1; j < body.joint_count(); ++j) {
         const vec3<double> v = motion.pose_at(3)[static_cast<std::size_t>(counterparts[j])];
@@ -385,7 +385,7 @@ TEST_CASE("counterparts of joints, and poses read so") {
     }
     const auto back = pose_as(body, mirrored, 3, {.sides = MotionReading::Sides::mirrored}, counterparts);
     for (std::size_t j = 0; j < body.joint_count(); ++j) CHECK(length(back.joints[j] - plain.joints[j]) < 1e-12);
-    // transl of the root joint: there it is.
+    // With transl as the position of the root joint, the joint is at transl.
     const auto rooted =
         pose_as(body, motion, 3, {.translation = MotionReading::Translation::of_root_joint}, counterparts);
     CHECK(length(rooted.joints[0] - motion.transl[3]) < 1e-12);
@@ -464,7 +464,7 @@ TEST_CASE("faults of images and masks") {
         for (auto& image : c.images) fill(image);
     });
     CHECK(only(check(opaque), "no-masks").given == 1);
-    Capture over_background = opaque; // whole photographs over a plate need none
+    Capture over_background = opaque; // opaque photographs with a plate need no masks
     over_background.backgrounds.assign(3, opaque.images[0]);
     CHECK(texts(check(over_background)) == "");
 
@@ -511,7 +511,7 @@ TEST_CASE("faults of cameras") {
     CHECK(center.text.find("store cx " + detail::digits(truth.cx, 1) + ", cy " + detail::digits(truth.cy, 1)) !=
           std::string::npos);
 
-    // The middle was taken for the principal point, in all cameras.
+    // All cameras have the image's middle in place of the principal point.
     CHECK(mended(check(with_cameras(
                      [](Camera<double>& c, std::size_t k) { c.cx = c.cy = photo_size / 2 + 12.0 * double(k) - 12; })),
                  "principal-point")
@@ -574,8 +574,8 @@ TEST_CASE("frames in another order") {
     REQUIRE(!result.findings.empty());
     CHECK(result.findings[0].fault == "frame-order");
     CHECK(result.findings[0].text.find("pair image n with pose n + 1") != std::string::npos);
-    CHECK(texts(result).find("no-overlap") == std::string::npos); // the last image has no pose, and does not count
-    // One camera alone that started late.
+    CHECK(texts(result).find("no-overlap") == std::string::npos); // the last image has no pose and is not counted
+    // Only one camera started late.
     Capture one = scene().capture;
     std::copy(later.images.begin() + 12, later.images.begin() + 24, one.images.begin() + 12);
     const CaptureCheck single = check(one);
@@ -603,7 +603,7 @@ TEST_CASE("faults that come together, and what nobody can explain") {
     CHECK(both.findings[1].fault == "camera-to-world");
     CHECK(both.findings[1].mended == 1);
 
-    Capture other = scene().capture; // somebody else's masks: a square in a corner
+    Capture other = scene().capture; // masks of something else: a square in a corner
     for (auto& image : other.images) {
         image = PixelImage(4, photo_size, photo_size);
         for (int y = 45; y < 52; ++y)
@@ -627,10 +627,10 @@ TEST_CASE("another body, and captures that are none") {
     capture.images.pop_back();
     test::check_throws<ShapeError>([&] { (void)check(capture); }, {"check_capture", "images"});
     test::check_throws<ValueError>([&] { (void)check(Capture{}); }, {"check_capture", "no cameras"});
-    // One camera, one frame: little to go by, and nothing to complain about.
+    // One camera and one frame are too little evidence for a finding.
     const Motion still = dance(scene().body, 1);
     CHECK(texts(check(film_boxes(scene().body, still, 1))) == "");
-    // A frame that a camera did not take.
+    // A camera lacks one frame.
     capture = scene().capture;
     capture.images[5] = {};
     const CaptureCheck result = check(capture);
@@ -650,7 +650,7 @@ TEST_CASE("two people: good poses have no fault, and each of them is seen") {
             CHECK(person.covered == 1);
         }
     }
-    // Alone, each of them has a mask that shows somebody else, too: nothing to be believed.
+    // Checked alone, each person has masks that also show the other one, and the check reports no overlap.
     CHECK(texts(check(two().capture, scene().body)).find("no-overlap") != std::string::npos);
 }
 
@@ -745,12 +745,12 @@ TEST_CASE("poses of somebody who is not in the images") {
     };
     CHECK(absent(two().capture).measure == "IoU");
 
-    BodyModel doll = scene().body; // so small that it hardly changes the overlap
+    BodyModel doll = scene().body; // too small to change the overlap noticeably
     for (auto& v : doll.v_template) v *= 0.15;
     for (auto& v : doll.shapedirs) v *= 0.15;
     people[2].body = &doll;
     CHECK(absent(two().capture).given < 0.5);
-    Motion away = nobody; // in no image at all
+    Motion away = nobody; // outside all images
     displace(away, {100, 0, 0});
     people[2].motion = &away;
     CHECK(absent(two().capture).given == 0);

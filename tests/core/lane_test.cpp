@@ -33,8 +33,8 @@ namespace {
 template <Lane T>
 using Run = void (*)(test::Inputs<T>, test::Outputs<T>, const ScalarOf<T>* table);
 
-/// Runs an element on a pack of samples and on each sample alone. The packs' exp, log, sin and cos are polynomials of
-/// their own, so lanes agree to a few units in the last place of numbers near 1, not to the bit.
+/// Runs an element on a pack of samples and on each sample alone. Packs compute exp, log, sin and cos by other
+/// polynomials, so lanes agree to a few units in the last place of numbers near 1 and are not bit-identical.
 template <class S>
 void compare_lanes(const char* name, Run<Pack<S>> on_packs, Run<S> on_scalars, double tolerance) {
     using P = Pack<S>;

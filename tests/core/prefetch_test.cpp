@@ -4,7 +4,7 @@
 #include <doctest/doctest.h>
 
 namespace {
-/// A caller that does nothing but write and prefetch, called through a pointer: what GCC 12 used to drop.
+/// A function that only writes and prefetches, called through a pointer. GCC 12 used to remove such calls.
 [[gnu::noinline]] void write_and_prefetch(int* values, int count) {
     for (int i = 0; i < count; ++i) {
         gsh::prefetch(values + i + 16);

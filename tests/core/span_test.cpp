@@ -12,7 +12,7 @@ using namespace gsh;
 static_assert(std::is_trivially_copyable_v<Span<float>>);
 static_assert(std::is_convertible_v<std::vector<int>&, Span<int>>);
 static_assert(std::is_convertible_v<const std::vector<int>&, Span<const int>>);
-static_assert(!std::is_convertible_v<const std::vector<int>&, Span<int>>); // no way around const
+static_assert(!std::is_convertible_v<const std::vector<int>&, Span<int>>); // const cannot be removed
 static_assert(std::is_convertible_v<Span<int>, Span<const int>>);
 static_assert(!std::is_convertible_v<Span<const int>, Span<int>>);
 static_assert(!std::is_convertible_v<std::vector<int>&, Span<float>>);

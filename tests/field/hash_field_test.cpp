@@ -23,7 +23,7 @@ Field small_field(std::size_t point_inputs = 0, std::size_t shared_inputs = 0, i
                  {.outputs = outputs, .width = 8, .hidden_layers = hidden_layers}, point_inputs, shared_inputs);
 }
 
-/// What a field reads and learns at `count` random points; half of the points ask for fine levels.
+/// Inputs and parameters of a field at `count` random points. Half of the points read fine levels.
 template <class T>
 struct Problem {
     Field field;
@@ -98,14 +98,14 @@ TEST_CASE("a field is its network at its grid's features and the inputs beside t
         for (std::size_t i = 0; i < p.points.size(); ++i) {
             const double tau = multi_scale ? p.region[i] : 1;
             double row[features], second[features];
-            if (separate) { // τ F_h + (1 - τ) F_l as the equation reads
+            if (separate) { // τ F_h + (1 - τ) F_l, as in the equation
                 const double* fine_table = p.table.data() + grid.parameter_count();
                 grid.encode(p.table.data(), p.points[i], row, {1, 1.0, 0.0});
                 grid.encode(fine_table, p.points[i], second);
                 for (std::size_t c = 0; c < features; ++c) row[c] = tau * second[c] + (1 - tau) * row[c];
             } else {
                 grid.encode(p.table.data(), p.points[i], row);
-                for (std::size_t c = 2; c < features; ++c) row[c] *= tau; // level 0 alone is coarse
+                for (std::size_t c = 2; c < features; ++c) row[c] *= tau; // only level 0 is coarse
             }
             rows.insert(rows.end(), row, row + features);
             rows.insert(rows.end(), p.point_inputs.begin() + static_cast<std::ptrdiff_t>(i * own),
@@ -178,7 +178,7 @@ TEST_CASE("entries of separate tables are listed one table after the other") {
 
 TEST_CASE_TEMPLATE("HashField gives the same bits at any thread count", T, float, double) {
     for_each_kind([](std::size_t own, std::size_t shared, bool multi_scale, bool separate, int hidden_layers) {
-        for (const std::size_t count : {1, 63, 40000}) { // the last: more than one group of points
+        for (const std::size_t count : {1, 63, 40000}) { // the last one is more than one group of points
             const Problem<T> p(count, own, shared, multi_scale, separate, hidden_layers);
             Passes<cpu::Serial, T> serial({}, p);
             serial.forward(p);

@@ -20,7 +20,7 @@ namespace {
 using Grid = HashGrid<5, 4>;
 const Grid::Params small{.base = 3, .growth = 1.7, .table_size = 256}; // levels 0 to 2 dense, 3 and 4 hashed
 
-/// The encoding of one point on one level, written from the definition.
+/// The encoding of one point on one level, from the definition.
 std::vector<double> plain(const Grid& grid, const std::vector<double>& table, vec3<double> p, int l) {
     std::vector<double> features(4, 0.0);
     const Grid::Params& params = grid.params();
@@ -137,7 +137,7 @@ TEST_CASE("HashGrid's adjoints are the gradients to the table and to the points"
     const Grid grid(small);
     auto table = big_table<double>(grid);
     test::Rng rng(5);
-    auto points = rng.vecs(9, 0.02, 0.98); // random points stay clear of cell faces by far more than the step
+    auto points = rng.vecs(9, 0.02, 0.98); // their distance to cell faces is far more than the step
     const auto dL_dfeatures = rng.numbers(points.size() * 20);
     cpu::Serial backend;
     Grid::Query<cpu::Serial, double> query;
@@ -160,7 +160,7 @@ TEST_CASE("HashGrid's adjoints are the gradients to the table and to the points"
     for (std::size_t i = 0; i < table.size(); ++i)
         CHECK(run.dL_dtable[i] == doctest::Approx(one_by_one[i]).epsilon(1e-12));
 
-    // A second backward doubles everything, up to the order of the sums.
+    // A second backward doubles all gradients, up to the order of the sums.
     const GridRun<double, cpu::Serial> twice(backend, grid, table, points, dL_dfeatures, 20, 2);
     for (std::size_t i = 0; i < table.size(); ++i)
         CHECK(twice.dL_dtable[i] == doctest::Approx(2 * run.dL_dtable[i]).epsilon(1e-12));
@@ -273,7 +273,8 @@ TEST_CASE("HashGrid says what is wrong with its arguments, and takes no points a
     const auto view = row_major(Span<float>(features), 20);
     CHECK_THROWS_AS(grid.forward(backend, few, query, view), ShapeError);
     CHECK_THROWS_AS(grid.forward(backend, table, query, row_major(Span<float>(features), 10)), ShapeError);
-    CHECK_THROWS_AS(grid.forward(backend, table, query, {features, 3, 20, 10}), ValueError); // a level is split
+    // A block would split a level.
+    CHECK_THROWS_AS(grid.forward(backend, table, query, {features, 3, 20, 10}), ValueError);
     CHECK_THROWS_AS(grid.backward(backend, view, query, few), ShapeError);
     CHECK_THROWS_AS(grid.backward(backend, row_major(Span<float>(features), 10), query, table), ShapeError);
     CHECK_THROWS_AS(grid.backward(backend, {features, 3, 20, 2}, query, table), ValueError);
@@ -310,7 +311,7 @@ TEST_CASE("levels count at a point as much as their weights say, in every pass")
     for (std::size_t i = 0; i < 300; ++i) {
         if (i % 3 == 0) fine[i] = 0;
         if (i % 5 == 0) coarse[i] = 0;
-        if (i >= 128 && i < 256) fine[i] = 0; // a whole block that the fine levels pass over
+        if (i >= 128 && i < 256) fine[i] = 0; // a whole block that reads no fine level
     }
     const auto dL_dfeatures = rng.numbers(300 * 20);
     cpu::Serial backend;

@@ -21,7 +21,7 @@ constexpr Shape shapes[] = {
     {3, 2, 5, 0, 7}, {4, 1, 8, 1, 65}, {5, 3, 7, 2, 1}, {16, 9, 16, 3, 70}, {6, 27, 33, 2, 33}, {40, 3, 64, 1, 300},
 };
 
-/// One number after the other, as the equation reads.
+/// The network from its equation, one number after the other.
 std::vector<double> plain(const Mlp& mlp, const std::vector<double>& weights, std::vector<double> x) {
     for (std::size_t l = 0; l < mlp.layer_count(); ++l) {
         std::vector<double> y(mlp.layer_outputs(l), 0.0);
@@ -88,7 +88,7 @@ TEST_CASE("Mlp::backward is the gradient of forward") {
         };
         const MlpRun<double, cpu::Serial> run(backend, mlp, weights, view, dL_doutputs);
         INFO("hidden layers " << s.hidden_layers << ", width " << s.width);
-        // A kink between the two differences is rare at this step; these seeds have none.
+        // At this step, a kink between the two evaluations is rare. These seeds have none.
         const std::size_t stride = std::max<std::size_t>(1, weights.size() * s.rows / 20000);
         test::check_gradient(loss, weights, run.dL_dweights, {.stride = stride});
         test::check_gradient(loss, inputs, run.dL_dinputs, {.stride = stride});
@@ -207,7 +207,7 @@ TEST_CASE("Mlp says what is wrong with its arguments, and takes an empty batch")
     CHECK_THROWS_AS(
         mlp.backward(backend, weights, {view}, outputs, cache, dL_dweights, row_major(Span<float>(inputs), 3)),
         ShapeError);
-    cache.rows = 2; // another batch's cache
+    cache.rows = 2; // the cache of another batch
     CHECK_THROWS_AS(mlp.backward(backend, weights, {view}, outputs, cache, dL_dweights, dL_dview), ShapeError);
 
     const FeatureView<float> nothing(Span<float>(), 0, 4, 4);

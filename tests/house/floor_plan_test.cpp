@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Walks the include lines of include/gsh, so that the floor plan of docs/architecture.md stays a fact.
+/// @file  Checks the include lines of include/gsh against the floor plan in docs/architecture.md.
 
 #include <doctest/doctest.h>
 
@@ -64,7 +64,7 @@ const std::set<std::string>& opt_in_folders() {
     return folders;
 }
 
-/// Third-party headers that only one folder may include, because gsh::gsh comes without them.
+/// Third-party headers that only one folder may include, because gsh::gsh does not link their libraries.
 const std::map<std::string, std::set<std::string>, std::less<>> opt_in_libraries = {
     {"zip.h", {"io"}},      {"zlib.h", {"io"}},     {"stb/", {"io"}},        {"stb_", {"io"}},
     {"nlohmann/", {"io"}},  {"CLI/", {}},           {"embree", {"synthetic"}}, {"xsimd/", {"simd"}},
@@ -126,18 +126,18 @@ const std::vector<Header>& headers() {
     return all;
 }
 
-/// "gsh/math/sh.hpp" -> "math/sh.hpp"; empty for what is not ours.
+/// "gsh/math/sh.hpp" -> "math/sh.hpp"; empty for other headers.
 std::string ours(const std::string& include) { return include.starts_with("gsh/") ? include.substr(4) : ""; }
 
 bool is_umbrella(const Header& header) { return header.folder().empty(); }
 
-/// Headers of the CPU backends. A translation unit for another backend is to compile without them, so that no header
-/// but another of them and gsh/cpu.hpp includes them.
+/// Headers of the CPU backends. A translation unit for another backend compiles without them. Therefore only
+/// gsh/cpu.hpp and other headers of this kind may include them.
 bool is_of_cpu(const std::string& path) {
     return path.find("/cpu/") != std::string::npos || path == "backend/threads.hpp" || path == "math/wide.hpp";
 }
 
-/// The headers of ours that an umbrella includes, each once.
+/// The headers of gsh that an umbrella includes, each once.
 std::set<std::string> listed_by(const std::string& umbrella) {
     std::set<std::string> listed;
     const auto header = std::ranges::find(headers(), umbrella, &Header::path);
@@ -256,7 +256,7 @@ TEST_CASE("every function object that backends run is among those that nvcc comp
     std::ifstream file(fs::path(GSH_SOURCE_DIR) / "tests" / "device" / "kernels_test.cu");
     const std::string kernels{std::istreambuf_iterator<char>(file), {}};
     REQUIRE(kernels.size() > 1000);
-    const std::set<std::string> exempt{"NoOp"}; // what the concept Backend asks about
+    const std::set<std::string> exempt{"NoOp"}; // used by the concept Backend only
     std::size_t found = 0;
     for (const auto& header : headers()) {
         std::string name;

@@ -54,7 +54,7 @@ TEST_CASE("halving by ScaleMap averages two by two; a linear image stays linear"
 
 TEST_CASE("resample_rgba8 keeps the colour under transparent pixels out of the picture") {
     cpu::Serial backend;
-    // Left half opaque red, right half transparent and bright green: what a careless filter would bleed.
+    // The left half is opaque red. The right half is transparent and bright green, which a wrong filter would mix in.
     const int h = 6, w = 8;
     std::vector<std::uint8_t> image(4 * h * w), out(4 * h * w, 77);
     for (int i = 0; i < h * w; ++i) {
@@ -68,13 +68,13 @@ TEST_CASE("resample_rgba8 keeps the colour under transparent pixels out of the p
         const auto pixel = [&](int x) { return out.data() + 4 * (y * w + x); };
         CHECK(int(pixel(1)[0]) == 200);
         CHECK(int(pixel(1)[3]) == 255);
-        CHECK(int(pixel(3)[0]) == 200); // straddles the edge: half covered, all red
+        CHECK(int(pixel(3)[0]) == 200); // on the edge: half covered, pure red
         CHECK(int(pixel(3)[1]) == 10);
         CHECK(std::abs(pixel(3)[3] - 128) <= 1);
         CHECK(int(pixel(5)[3]) == 0);
         CHECK(int(pixel(5)[1]) == 0);
     }
-    // The identity keeps what can be seen.
+    // The identity keeps all visible pixels.
     resample_rgba8(backend, image, h, w, ScaleMap<float>{}, out, h, w);
     for (std::size_t i = 0; i < out.size(); i += 4) {
         CHECK(out[i + 3] == image[i + 3]);

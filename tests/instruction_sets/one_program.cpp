@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Two translation units for two instruction sets in one program: each runs its own code, and they agree.
+/// @file  Links two translation units for two instruction sets. Each runs its own code, and their results agree.
 ///
-/// Without the inline namespace GSH_ISA the linker keeps one of two functions of the same name. Where it replaces all of a
-/// unit's functions, both units run the code of one, with identical results, and a machine without the larger set stops
-/// at its first instruction; where some are inlined and some replaced, 16 bytes meet code that expects 64.
+/// Without the inline namespace GSH_ISA, the linker keeps one of two functions of the same name. If it replaces all of
+/// a unit's functions, both units run the code of one and give identical results, and a machine without the larger set
+/// stops at the first instruction of that set. If some functions are inlined and others replaced, code for 64-byte
+/// vectors receives vectors of 16 bytes.
 
-#define DOCTEST_CONFIG_IMPLEMENT // what tests share needs it; main is our own
+#define DOCTEST_CONFIG_IMPLEMENT // shared test code needs doctest's implementation; main is below
 #include <doctest/doctest.h>
 
 #include "instruction_sets/results.hpp"
@@ -19,7 +20,7 @@
 
 namespace {
 
-/// The largest difference of two results, of the largest number in them.
+/// The largest difference between two results, relative to the largest number in them.
 double difference(const char* what, const std::vector<double>& a, const std::vector<double>& b) {
     double largest = 0, size = 0;
     for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i) {
@@ -35,8 +36,9 @@ double difference(const char* what, const std::vector<double>& a, const std::vec
 } // namespace
 
 int main() {
-    constexpr double tolerance = 2e-5; // of the largest number: other orders of sums, fused multiply-adds
-    // In turn and again: a unit's second run must not depend on what the other one did.
+    // Relative to the largest number; orders of sums differ, and multiply-adds may be fused.
+    constexpr double tolerance = 2e-5;
+    // The units run alternately, twice. The second run of a unit must not depend on the other unit.
     const auto first = gsh::test::native_results(), other = gsh::test::baseline_results(),
                again = gsh::test::native_results();
     std::printf("%s (%zu bytes) and %s (%zu bytes)\n", first.instruction_set, first.vector_bytes, other.instruction_set,
@@ -47,7 +49,7 @@ int main() {
                            difference("rasterized", first.rasterized, other.rasterized)})
         good = good && d < tolerance; // false for NaN
     const bool own = first.field != other.field && first.rasterized != other.rasterized;
-    if (first.vector_bytes != other.vector_bytes && !own) { // registers of another width add in another order
+    if (first.vector_bytes != other.vector_bytes && !own) { // the order of sums depends on the registers' width
         std::puts("the results are identical: one unit ran the other's code");
         good = false;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Compiled once for each instruction set, with GSH_TEST_RESULTS as the name of its one function.
+/// @file  Compiled once for each instruction set. GSH_TEST_RESULTS is the name of its only public function.
 
 #include "instruction_sets/results.hpp"
 
@@ -14,7 +14,7 @@
 
 #include <utility>
 
-// Internal linkage: a unit's helpers are its own, as those of any other unit.
+// Internal linkage, so each unit has its own helpers.
 namespace {
 
 using namespace gsh;
@@ -28,7 +28,7 @@ void append_all(std::vector<double>& to, const std::vector<V>& values) {
 }
 
 std::vector<double> posed() {
-    constexpr std::size_t count = 37, basis = 9; // no multiple of any register's width
+    constexpr std::size_t count = 37, basis = 9; // not a multiple of any register's width
     test::SkinnedScene<float> scene(count, basis, basis, 5), gradient(count, basis, basis, 6);
     test::SplatArrays<float> splats(count);
     const test::SplatArrays<float> dL_dsplats(count, 7);

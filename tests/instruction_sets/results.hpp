@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What one of two translation units computes that are compiled for two instruction sets and linked together.
+/// @file  The results of a translation unit. Two such units for two instruction sets are linked into one program.
 #pragma once
 
 #include <cstddef>

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A picture of an avatar after 60 steps of training, by a program that is built for two instruction sets.
+/// @file  Renders an avatar after 60 steps of training. The program is built for two instruction sets.
 ///
 /// trained_picture write FILE     trains and writes the picture
-/// trained_picture compare FILE   trains and compares: results of different instruction sets agree within a tolerance
+/// trained_picture compare FILE   trains and compares; results of different instruction sets agree within a tolerance
 ///
-/// Rounding differs where registers are wider (sums have other orders) and where fused multiply-adds exist. Training
-/// carries the differences on, so that pictures agree like pictures, not like numbers.
+/// Rounding depends on the registers' width (through the order of sums) and on fused multiply-adds. Training amplifies
+/// these differences, so the pictures are compared by PSNR, not number by number.
 
-#define DOCTEST_CONFIG_IMPLEMENT // what tests share needs it; main is our own
+#define DOCTEST_CONFIG_IMPLEMENT // shared test code needs doctest's implementation; main is below
 
 #include <gsh/backend/threads.hpp>
 #include <gsh/io/file/npy.hpp>

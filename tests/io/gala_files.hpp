@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  GalaBasketball in small, written as its files are: two people, three cameras, four frames.
+/// @file  A small scene in GalaBasketball's file formats: two people, three cameras, four frames.
 #pragma once
 
 #include "io/sample_files.hpp"
@@ -58,8 +58,8 @@ inline mat3<double> unity_rotation(const vec3<double>& degrees) {
     return turn(1, degrees.y) * turn(0, degrees.x) * turn(2, degrees.z);
 }
 
-/// The data set in small, in numbers as its files hold them: left-handed, y up. What its other reader computes from
-/// them, matrix by matrix, is what ours must give.
+/// A small scene with the numbers of its files: left-handed, y up. Its functions compute the expected results from
+/// them, matrix by matrix.
 struct Gala {
     static constexpr std::size_t J = 27, V = 60;
     Temporary folder;
@@ -162,7 +162,7 @@ struct Gala {
             for (std::size_t j = 0; j < J; ++j) result[v] += transformed(skin[j], vertices[v]) * weights[v * J + j];
         return result;
     }
-    /// Where the files' camera sees a point: x right, y up, z forward.
+    /// A point in the frame of the files' camera: x right, y up, z forward.
     [[nodiscard]] vec2<double> pixel(const vec3<double>& x) const {
         const vec3<double> p = transpose(unity_rotation(gaze)) * (x - eye);
         const double f = 12 / std::tan(20 * std::numbers::pi / 180);

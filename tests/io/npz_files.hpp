@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Archives and arrays as other programs write them, and as no program should.
+/// @file  Archives and arrays as other programs write them, and invalid ones.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -30,7 +30,7 @@ inline std::string npy_bytes(const std::string& dtype, const std::string& shape,
                                data, version);
 }
 
-/// A zip archive by libzip, so that our writer is not its own judge; written when the object goes.
+/// A zip archive made by libzip, independently of gsh's writer. The destructor writes it.
 class ZipFile {
 public:
     explicit ZipFile(const std::filesystem::path& path) {
@@ -43,7 +43,7 @@ public:
     ZipFile& operator=(const ZipFile&) = delete;
 
     void add(const std::string& name, const std::string& content, bool deflate) {
-        const std::string& kept = contents_.emplace_back(content); // libzip reads it when it closes the archive
+        const std::string& kept = contents_.emplace_back(content); // libzip reads it when the archive is closed
         zip_source_t* source = zip_source_buffer(archive_, kept.data(), kept.size(), 0);
         const zip_int64_t index = zip_file_add(archive_, name.c_str(), source, ZIP_FL_ENC_UTF_8);
         REQUIRE(index >= 0);

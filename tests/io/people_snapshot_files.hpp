@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A subject of PeopleSnapshot, written as InstantAvatar's preprocessing leaves it.
+/// @file  A subject of PeopleSnapshot in the form that InstantAvatar's preprocessing writes.
 #pragma once
 
 #include "io/sample_files.hpp"
@@ -16,7 +16,7 @@
 
 namespace gsh::test {
 
-/// A subject's folder, file by file. The poses are SMPL's, of each frame of the video.
+/// A subject's folder, file by file, with SMPL poses of all frames of the video.
 struct PeopleSnapshotFiles {
     Temporary folder;
     std::filesystem::path path = folder / "anna";
@@ -59,7 +59,7 @@ struct PeopleSnapshotFiles {
         add_floats(file, "transl", transl, {transl.size() / 3, 3});
         file.commit();
     }
-    /// The poses of these frames. Refined ones differ from those of all: here by a shift.
+    /// The poses of these frames. Refined poses differ from the others by a shift.
     void write_split(const std::string& name, const std::vector<int>& frames, double beta, double shift) const {
         std::vector<double> root, rest, shifted;
         for (const int f : frames) {

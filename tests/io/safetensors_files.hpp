@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Safetensors files as Python writes them, and as no program should.
+/// @file  Safetensors files as Python writes them, and invalid ones.
 #pragma once
 
 #include <gsh/core/span.hpp>
@@ -15,7 +15,7 @@
 
 namespace gsh::test {
 
-/// Length, header, numbers: any of them may be nonsense.
+/// Length, header and numbers. Each of them may be invalid.
 inline std::string safetensors_bytes(const std::string& header, const std::string& data) {
     std::string bytes;
     for (int i = 0; i < 8; ++i) bytes.push_back(static_cast<char>(std::uint64_t(header.size()) >> 8 * i & 255));

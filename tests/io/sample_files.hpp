@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What tests of foreign layouts share: arrays in single precision, bodies seen as points, small photographs.
+/// @file  Shared by tests of foreign layouts: arrays in single precision, bodies seen as points, small photographs.
 #pragma once
 
 #include "io/temporary.hpp"
@@ -18,12 +18,12 @@
 
 namespace gsh::test {
 
-/// As Python programs save: float32.
+/// Rounds to float32, the type that Python programs save.
 inline void add_floats(NpzWriter& file, const std::string& key, const std::vector<double>& data, const Shape& shape) {
     file.add(key, std::vector<float>(data.begin(), data.end()), shape);
 }
 
-/// An array or a text without waiting for the disk: samples are many files.
+/// Writes an array or a text without waiting for the disk, because samples are many files.
 template <class T>
 void write_array(const std::filesystem::path& path, const std::vector<T>& data, const Shape& shape) {
     const auto bytes = std::string_view(reinterpret_cast<const char*>(data.data()), data.size() * sizeof(T));
@@ -33,7 +33,7 @@ inline void write_text(const std::filesystem::path& path, std::string_view text)
     write_file(path, text, Sync::none);
 }
 
-/// Joints and bones of a frame; two motions of a body are one where these agree.
+/// Joints and bones of a frame. Two motions of a body are equal if these agree.
 inline std::vector<vec3<double>> posed_points(const BodyModel& body, const Motion& motion, std::size_t frame) {
     return detail::bone_points(body, motion, frame);
 }
@@ -45,7 +45,7 @@ inline double largest_distance(const std::vector<vec3<double>>& a, const std::ve
     return largest;
 }
 
-/// An opaque image whose pixels tell camera, frame and place.
+/// An opaque image whose pixels encode camera, frame and position.
 inline PixelImage numbered_image(int width, int height, int camera, int frame) {
     PixelImage image(3, height, width);
     for (int y = 0; y < height; ++y)
@@ -57,7 +57,7 @@ inline PixelImage numbered_image(int width, int height, int camera, int frame) {
     return image;
 }
 
-/// As RGBA: opaque where inside(y, x), else transparent.
+/// The image as RGBA: opaque where inside(y, x), else transparent.
 template <class Inside>
 PixelImage masked(const PixelImage& rgb, const Inside& inside) {
     PixelImage image(4, rgb.height, rgb.width);
@@ -69,7 +69,7 @@ PixelImage masked(const PixelImage& rgb, const Inside& inside) {
     return image;
 }
 
-/// What a camera takes of an image, and the mask that an estimator makes of that.
+/// A camera's photograph without alpha, and the mask that an estimator makes of it.
 inline PixelImage colors_of(const PixelImage& rgba) {
     PixelImage image(3, rgba.height, rgba.width);
     for (int y = 0; y < rgba.height; ++y)

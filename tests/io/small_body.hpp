@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A body of a few vertices: every array is there, and a file of it is quick to spoil. And a motion of it.
+/// @file  A body of a few vertices with all arrays, for tests that damage its file, and a motion of it.
 #pragma once
 
 #include "support/gradient.hpp"
@@ -43,7 +43,7 @@ inline BodyModel small_body(std::size_t joints = 55, int shapes = 3, int express
     return model;
 }
 
-/// Every joint of every frame the same, a frame a second, four metres ahead.
+/// A motion with the same pose in all joints and frames, one frame a second, four metres ahead.
 inline Motion still_motion(const BodyModel& body, std::size_t frames) {
     Motion motion;
     motion.joint_count = body.joint_count(), motion.expression_count = static_cast<std::size_t>(body.expression_count);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A directory for one test, and the check that an error names what it should.
+/// @file  A directory for one test, and a check of an error's message.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -16,7 +16,7 @@
 
 namespace gsh::test {
 
-/// A fresh directory that goes away with its object.
+/// A new directory. The destructor removes it.
 class Temporary {
 public:
     Temporary() {
@@ -47,7 +47,7 @@ inline void truncate_file(const std::filesystem::path& path, std::size_t bytes) 
     std::filesystem::resize_file(path, std::filesystem::file_size(path) - bytes);
 }
 
-/// The deed throws E, and the message holds every one of the words.
+/// Checks that the function throws E and that the message contains all of the words.
 template <class E = Error, class Deed>
 void check_throws(const Deed& deed, std::initializer_list<std::string_view> words) {
     try {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  LPIPS networks with made-up weights, which a script in any language can make again.
+/// @file  LPIPS networks with weights that a script in any language can reproduce.
 #pragma once
 
 #include <gsh/loss/lpips_network.hpp>
@@ -12,7 +12,7 @@
 
 namespace gsh::test {
 
-/// Numbers in [-amplitude, amplitude) from whole-number arithmetic alone.
+/// Numbers in [-amplitude, amplitude) from integer arithmetic alone.
 inline std::vector<float> noise(std::size_t count, std::uint32_t seed, double amplitude) {
     std::vector<float> values(count);
     for (std::size_t i = 0; i < count; ++i) {
@@ -27,7 +27,7 @@ inline std::vector<float> noise(std::size_t count, std::uint32_t seed, double am
     return values;
 }
 
-/// Fills a network's weights so that signals neither die nor explode; lins in [0, 1).
+/// Fills a network's weights so that signals neither vanish nor explode; lins in [0, 1).
 inline LpipsNetwork with_noise(LpipsNetwork network) {
     std::uint32_t seed = 0;
     std::size_t inputs = 3;

@@ -18,7 +18,7 @@ using test::noise;
 
 namespace {
 
-/// Three channels to two by a 1 x 1 convolution, no scaling: small enough for paper and pencil.
+/// Three channels to two by a 1 x 1 convolution without scaling, small enough to compute by hand.
 LpipsNetwork by_hand() {
     return {.name = "by hand",
             .steps = {{0, 2, 1, 1, 0, true}},
@@ -28,7 +28,7 @@ LpipsNetwork by_hand() {
             .scale = {1, 1, 1}};
 }
 
-/// Convolutions of every kind: strided, padded, a pooling that leaves a rest, a step that is not compared.
+/// All kinds of steps: strided and padded convolutions, a pooling with a remainder, a step that is not compared.
 LpipsNetwork small_network() {
     LpipsNetwork network{.name = "small",
                          .steps = {{0, 4, 3, 2, 1, true}, {1, 0, 3, 2}, {2, 5, 3, 1, 1}, {3, 3, 2, 1, 0, true}}};
@@ -37,7 +37,7 @@ LpipsNetwork small_network() {
 
 using Maps = std::vector<std::vector<double>>; // [channel][pixel]
 
-/// The definition, loop by loop, in double.
+/// LPIPS from its definition, with plain loops in double.
 double slow_lpips(const LpipsNetwork& network, const Image<double>& a, const Image<double>& b, LpipsScaling scaling) {
     const auto at = [](const Maps& maps, std::size_t c, int y, int x, int h, int w) {
         return y < 0 || x < 0 || y >= h || x >= w ? 0 : maps[c][std::size_t(y * w + x)];
@@ -125,7 +125,7 @@ TEST_CASE("one pixel through one convolution, by hand") {
     a.data = {2.5, 5, 1}; // features (3, 4), direction (0.6, 0.8)
     b.data = {-3, 2, 1};  // features (relu(-2.5), 1), direction (0, 1)
     CHECK(distance(by_hand(), a, b, LpipsScaling::table) == doctest::Approx(2 * 0.36 + 0.04).epsilon(1e-9));
-    const Image<double> dark(3, 1, 1, -1); // features (0, 0): no direction, and no division by zero
+    const Image<double> dark(3, 1, 1, -1); // features (0, 0) have no direction, and must not cause a division by zero
     CHECK(distance(by_hand(), a, dark, LpipsScaling::table) == doctest::Approx(2 * 0.36 + 0.64).epsilon(1e-9));
     CHECK(distance(by_hand(), dark, dark, LpipsScaling::table) == 0);
 
@@ -134,7 +134,7 @@ TEST_CASE("one pixel through one convolution, by hand") {
     for (std::size_t i = 0; i < 3; ++i) a01.data[i] = (a.data[i] + 1) / 2, b01.data[i] = (b.data[i] + 1) / 2;
     CHECK(distance(by_hand(), a01, b01) == doctest::Approx(0.76).epsilon(1e-9));
 
-    LpipsNetwork shifted = by_hand(); // (x - 1) / 2 in front: feed 2 x + 1 to get the same
+    LpipsNetwork shifted = by_hand(); // scales by (x - 1) / 2, so that 2 x + 1 gives the same
     shifted.shift = {1, 1, 1}, shifted.scale = {2, 2, 2};
     for (std::size_t i = 0; i < 3; ++i) a.data[i] = 2 * a.data[i] + 1, b.data[i] = 2 * b.data[i] + 1;
     CHECK(distance(shifted, a, b, LpipsScaling::table) == doctest::Approx(0.76).epsilon(1e-9));
@@ -156,7 +156,7 @@ TEST_CASE("a small network agrees with plain loops") {
 }
 
 TEST_CASE("the networks agree with the reference code on noise") {
-    // lpips 0.1.4 on PyTorch 2.15 in double, its weights replaced by the same noise, eval(), images 48 x 64.
+    // Reference values: lpips 0.1.4 on PyTorch 2.15 in double, with the same noise as weights, eval(), images 48 x 64.
     const auto a = noise_image<float>(48, 64, 1000), b = like(a, 2000);
     const auto check = [&](LpipsNetwork network, double table, double correct) {
         network = test::with_noise(std::move(network));
@@ -182,7 +182,7 @@ TEST_CASE("an image is at distance 0 from itself, and as far from another as tha
     CHECK(lpips.distance(fa, fb) == lpips.distance(a.view(), b.view()));
     lpips.forward(c.view(), fc);
     const double once = lpips.distance(fa, fc);
-    lpips.forward(b.view(), fc); // features may be used again, also for another size
+    lpips.forward(b.view(), fc); // the features may be reused, also for another size
     CHECK(lpips.distance(fa, fc) == lpips.distance(fa, fb));
     lpips.forward(noise_image<float>(64, 31, 5).view(), fc);
     lpips.forward(c.view(), fc);
@@ -267,7 +267,7 @@ TEST_CASE("a network that does not fit together is refused") {
     CHECK_THROWS_AS(construct([](LpipsNetwork& n) { n.steps[1].stride = 0; }), ValueError);
     CHECK_THROWS_AS(construct([](LpipsNetwork& n) { n.steps[1].padding = 1; }), ValueError);
     CHECK_THROWS_AS(construct([](LpipsNetwork& n) { n = {}; }), ValueError);
-    LpipsNetwork huge = small_network(); // finite numbers whose squares are not
+    LpipsNetwork huge = small_network(); // finite numbers whose squares overflow
     for (float& w : huge.convolutions[0].weight) w = 3e38f;
     const auto a = noise_image<float>(9, 9, 1), b = noise_image<float>(9, 9, 2);
     CHECK_THROWS_AS((void)distance(huge, a, b), ValueError);

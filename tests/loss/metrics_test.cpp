@@ -19,8 +19,9 @@ Image<double> random_image(int channels, int height, int width, std::uint64_t se
     return image;
 }
 
-/// The protocol to the letter: reflect-pad both images by 5, SSIM at every pixel of the original from a window in the
-/// padded pictures, in the textbook's form, then crop 5 pixels all round and average.
+/// The protocol, step by step: both images are padded by 5 pixels by reflection; SSIM in its textbook form is computed
+/// at every pixel of the original from a window of the padded images; 5 pixels are cropped on all sides; the rest is
+/// averaged.
 double slow_ssim(const Image<double>& a, const Image<double>& b, const Image<std::uint8_t>* mask = nullptr) {
     const auto mirror = [](int i, int n) { return i < 0 ? -i : i >= n ? 2 * n - 2 - i : i; };
     double weights[11], total = 0, sum = 0;
@@ -80,7 +81,7 @@ TEST_CASE("ssim follows the protocol of padding, window and crop") {
         CHECK(std::abs(ssim(near.view(), a.view()) - slow_ssim(near, a)) < 1e-12);
         CHECK(ssim(near.view(), a.view()) > 0.99);
     }
-    Image<float> fa(1, 20, 20, 0.25f), fb(1, 20, 20, 0.75f); // no variance: only the luminance term is left
+    Image<float> fa(1, 20, 20, 0.25f), fb(1, 20, 20, 0.75f); // no variance, so only the luminance term remains
     CHECK(ssim(fa.view(), fb.view()) ==
           doctest::Approx((2 * 0.25 * 0.75 + 1e-4) / (0.25 * 0.25 + 0.75 * 0.75 + 1e-4)).epsilon(1e-12));
 }
@@ -109,7 +110,7 @@ TEST_CASE("a region's score counts its pixels, and none is no error") {
     CHECK(nothing.pixels == 0);
     CHECK(std::isnan(nothing.psnr));
     CHECK(std::isnan(nothing.ssim));
-    mask.at(0, 4, 10) = 1; // too near to the border for a window
+    mask.at(0, 4, 10) = 1; // too near to the border to have a window
     const RegionScore border = score_region(a.view(), b.view(), mask.view());
     CHECK(border.pixels == 1);
     CHECK(border.windows == 0);
@@ -134,7 +135,7 @@ TEST_CASE("means leave out images that hardly show a region, and those without e
     const RegionScore good{100, 100, 30, 0.9}, fair{50, 50, 20, 0.8}, small{49, 49, 1, 0.1}, equal{99, 99, infinity, 1};
     RegionMean m = mean({good, fair, small});
     CHECK(m.images == 2);
-    CHECK(m.psnr == 25); // of decibels, each image once
+    CHECK(m.psnr == 25); // the mean is over decibels, with equal weight for each image
     CHECK(m.ssim == doctest::Approx(0.85));
     m = mean({good, equal});
     CHECK(m.images == 2);
@@ -146,10 +147,10 @@ TEST_CASE("means leave out images that hardly show a region, and those without e
     CHECK(std::isnan(mean({small}).psnr));
     CHECK(std::isnan(mean({}).ssim));
     CHECK(mean({small}, 49).psnr == 1);
-    CHECK(mean({{}, good}, 0).psnr == 30); // no pixels, no score
+    CHECK(mean({{}, good}, 0).psnr == 30); // an image without pixels has no score
     CHECK(std::isnan(mean({good, {100, 100, nan, nan}}).psnr));
     CHECK(std::isnan(mean({good, {100, 100, nan, nan}}).ssim));
-    CHECK(mean({good, {100, 0, 20, nan}}).ssim == 0.9); // no window: only its PSNR counts
+    CHECK(mean({good, {100, 0, 20, nan}}).ssim == 0.9); // without a window, an image counts only for PSNR
 }
 
 TEST_CASE("metrics refuse what they cannot judge") {

@@ -51,13 +51,13 @@ void check_terms(Fixture<Sequence, Element>& f) {
 } // namespace
 
 TEST_CASE("frames are linked in time, at their distance, past those that are left out") {
-    const std::vector<double> times{0.3, 0.0, 0.1, 0.2, 0.9}; // not in order; 0.9 is far away
+    const std::vector<double> times{0.3, 0.0, 0.1, 0.2, 0.9}; // not in order; 0.9 is too far away to be linked
     auto links = link_frames(times);
     CHECK(links[1].before == -1);
     CHECK(links[1].after == 2);
     CHECK(links[1].to_after == doctest::Approx(1));
     CHECK(links[3].after == 0);
-    CHECK(links[0].after == -1); // six intervals
+    CHECK(links[0].after == -1); // the next frame is six intervals away
     CHECK(links[4].before == -1);
     const std::vector<std::size_t> out{2};
     links = link_frames(times, out);
@@ -99,7 +99,8 @@ TEST_CASE("sequences of no, one and two frames have gradients, too") {
 }
 
 TEST_CASE("a steady turn and a steady walk have no acceleration, however unevenly they are filmed") {
-    const vec3<double> rate{2, -1, 4}; // beyond half a turn in all: axis-angle vectors may jump, rotations do not
+    // More than half a turn in total, so axis-angle vectors may jump where rotations do not.
+    const vec3<double> rate{2, -1, 4};
     std::vector<vec3<double>> turns;
     std::vector<double> places;
     for (const double t : uneven) {

@@ -27,7 +27,7 @@ Image<double> random_image(Size size, std::uint64_t seed, double low = 0, double
     return image;
 }
 
-/// A pair that differs by at least 0.02 everywhere: away from the kink of |x|.
+/// A pair of images that differ by at least 0.02 everywhere, away from the kink of |x|.
 std::pair<Image<double>, Image<double>> different_images(Size size, std::uint64_t seed) {
     auto a = random_image(size, seed), b = random_image(size, seed + 100);
     for (std::size_t i = 0; i < a.data.size(); ++i)
@@ -35,7 +35,7 @@ std::pair<Image<double>, Image<double>> different_images(Size size, std::uint64_
     return {a, b};
 }
 
-/// A white picture and a truth that differs from it in a disc: what training sees.
+/// A white render and a photograph that differs from it in a disc, as in training.
 template <class T>
 std::pair<Image<T>, Image<T>> person_on_white(int height, int width, double radius) {
     Image<T> a(3, height, width, T(1)), b = a;
@@ -51,7 +51,7 @@ std::pair<Image<T>, Image<T>> person_on_white(int height, int width, double radi
     return {a, b};
 }
 
-/// 1 - mean SSIM in the textbook's form: every window by itself, zero beyond the border.
+/// 1 - mean SSIM in the textbook form, window by window, with zeros outside the image.
 double slow_ssim_loss(const Image<double>& a, const Image<double>& b) {
     double weights[11], total = 0, sum = 0;
     for (int k = 0; k < 11; ++k) total += weights[k] = std::exp(-(k - 5) * (k - 5) / 4.5);
@@ -111,7 +111,8 @@ TEST_CASE("PhotometricLoss::backward is the gradient of forward") {
         for (const double weight : {0.0, 0.2, 1.0}) {
             auto [a, b] = different_images(size, 7);
             const PhotometricParams<double> params{.ssim_weight = weight};
-            const double scale = double(a.data.size()); // gradients of order one, so that the tolerance bites
+            // Makes the gradients of order one, so that the tolerance is strict.
+            const double scale = double(a.data.size());
             const auto result = run<double>(backend, params, a, b, scale);
 
             PhotometricLoss<cpu::Serial, double> loss(backend, params);
@@ -175,7 +176,7 @@ TEST_CASE("equal images: loss 0, SSIM 1, no gradient; L1 and mix are what they s
     CHECK(same.values.loss == 0);
     CHECK(same.values.ssim == 1);
     CHECK(std::all_of(same.gradient.data.begin(), same.gradient.data.end(), [](double g) { return g == 0; }));
-    // The same without the shortcut: d = 0 gives exact zeros.
+    // Without the shortcut, d = 0 also gives exact zeros.
     const auto computed = run<double>(backend, {.skip_equal = false}, a, a);
     CHECK(computed.values.loss == 0);
     CHECK(computed.gradient.data == same.gradient.data);

@@ -43,7 +43,7 @@ TEST_CASE("ssim_loss is one minus the textbook's SSIM, its partials are its grad
         SsimPartials<double> partials, unused;
         CHECK(ssim_loss(m, partials) == doctest::Approx(1 - ssim).epsilon(1e-12));
 
-        double shift = 0; // of s and d together, as a's mean shifts both
+        double shift = 0; // the derivative with respect to s and d together, because the mean of a changes both
         const auto shifted = [&] {
             return ssim_loss<double>({m.s + shift, m.d + shift, m.ss, m.dd}, unused);
         };
@@ -53,7 +53,7 @@ TEST_CASE("ssim_loss is one minus the textbook's SSIM, its partials are its grad
         test::check_gradient(loss, {&m.dd, 1}, {&partials.dd, 1});
     }
     SsimPartials<double> partials;
-    CHECK(ssim_loss<double>({1.2, 0, 1.5, 0}, partials) == 0); // equal windows, exactly
+    CHECK(ssim_loss<double>({1.2, 0, 1.5, 0}, partials) == 0); // exact for equal windows
     CHECK(partials.mean == 0);
     CHECK(partials.ss == 0);
 }

@@ -69,7 +69,8 @@ TEST_CASE("rigid_from_dual_quat_backward is the gradient with respect to all eig
         const auto loss = [&] { return test::inner(rigid_from_dual_quat(b), dL_dmap); };
         rigid_from_dual_quat_backward(b, dL_dmap, dL_db);
         test::check_gradient(loss, test::scalars(b), test::scalars(dL_db), {.tolerance = 1e-5});
-        CHECK(std::abs(inner(dL_db, b)) < 1e-12 * (1 + inner(dL_db, dL_db))); // length is forgotten
+        // The result does not depend on the length.
+        CHECK(std::abs(inner(dL_db, b)) < 1e-12 * (1 + inner(dL_db, dL_db)));
         const auto once = dL_db;
         rigid_from_dual_quat_backward(b, dL_dmap, dL_db);
         for (std::size_t k = 0; k < 8; ++k) {
@@ -94,7 +95,7 @@ TEST_CASE_TEMPLATE("nothing to normalise gives the identity and no gradient", T,
 TEST_CASE("dual_quat_from_rigid_backward carries the right gradient to an axis-angle vector and a translation") {
     test::Rng rng(4);
     for (const double angle : screw_angles) {
-        if (std::abs(angle - pi) < 1e-2) continue; // there q and -q change places: a sign, see the next case
+        if (std::abs(angle - pi) < 1e-2) continue; // there q changes to -q, see the next case
         INFO("angle " << angle);
         vec3<double> v = normalize(rng.vec()) * angle, t = rng.vec(), dL_dv(0);
         const auto weight = random_dual_quat(rng);

@@ -16,7 +16,7 @@ using namespace gsh;
 
 namespace {
 
-/// U diag(1, 1, ±1) Vᵀ, and the smallest sum of two eigenvalues of S as a share of the largest: how certain R is.
+/// U diag(1, 1, ±1) Vᵀ, and how well R is determined: the smallest sum of two eigenvalues of S, divided by the largest.
 struct Reference {
     mat3<double> R;
     double certainty;
@@ -41,7 +41,7 @@ TEST_CASE("it is the nearest rotation, as found by singular values, mirrored and
     int mirrored = 0;
     for (int n = 0; n < 2000; ++n) {
         mat3<double> M = test::random_matrix(rng);
-        if (n % 5 == 1) M[2] = M[0] * 0.3 + M[1] * 0.4; // a plane
+        if (n % 5 == 1) M[2] = M[0] * 0.3 + M[1] * 0.4; // singular: the image is a plane
         if (n % 5 == 2) M[2] = M[0] * 0.3 + M[1] * 0.4 + M[2] * 1e-6;
         if (n % 5 == 3) M = M * std::exp(rng.uniform(-20, 20));
         const Reference reference(M);
@@ -67,15 +67,16 @@ TEST_CASE("between two bones it is the rotation between, to a half turn's edge")
 TEST_CASE_TEMPLATE("whatever is finite gives a rotation and a bounded adjoint", T, float, double) {
     test::Rng rng(2);
     std::vector<mat3<T>> cases = {mat3<T>(T(0)), mat3<T>(T(1)), mat3<T>(T(-1)), mat3<T>(T(1e-25)), mat3<T>(T(1e12))};
-    cases.push_back(mat3<T>(vec3<T>(1, 0, 0), vec3<T>(0, 1, 0), vec3<T>(0, 0, -1))); // a mirror: a circle of answers
+    // A reflection: many nearest rotations.
+    cases.push_back(mat3<T>(vec3<T>(1, 0, 0), vec3<T>(0, 1, 0), vec3<T>(0, 0, -1)));
     cases.push_back(mat3<T>(vec3<T>(1, 0, 0), vec3<T>(0, 0, 0), vec3<T>(0, 0, 0)));
-    for (const double off : {0.0, 1e-12, 1e-7, 1e-4, 1e-2}) { // the even blend of bones half a turn apart, and about it
+    for (const double off : {0.0, 1e-12, 1e-7, 1e-4, 1e-2}) { // equal blends of bones half a turn apart
         const auto axis = normalize(rng.vec());
         const auto first = rotation_from_axis_angle(rng.vec());
         cases.push_back(mat3<T>((first + rotation_from_axis_angle(axis * (std::numbers::pi - off)) * first) * 0.5));
     }
     for (int n = 0; n < 200; ++n) cases.push_back(mat3<T>(outer(rng.vec(), rng.vec())));
-    // Even blends of the three half turns, -1/3, and of all four.
+    // The equal blend of half turns about three axes.
     cases.push_back(mat3<T>(T(-1) / 3));
     for (std::size_t n = 0; n < cases.size(); ++n) {
         INFO("case " << n);
@@ -109,7 +110,8 @@ TEST_CASE("the adjoint is the gradient, mirrored and nearly singular matrices in
         const auto loss = [&] { return test::inner(polar_rotation(M), weight); };
         polar_rotation_backward(M, weight, dL_dM);
         test::check_gradient(loss, test::scalars(M), test::scalars(dL_dM), {.tolerance = 1e-6});
-        CHECK(std::abs(test::inner(dL_dM, M)) < 1e-12 * (1 + test::inner(dL_dM, dL_dM))); // scale is forgotten
+        // The result does not depend on the scale.
+        CHECK(std::abs(test::inner(dL_dM, M)) < 1e-12 * (1 + test::inner(dL_dM, dL_dM)));
         const mat3<double> once = dL_dM;
         polar_rotation_backward(M, weight, dL_dM);
         CHECK(test::distance(dL_dM, once * 2.0) < 1e-12);

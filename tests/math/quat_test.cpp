@@ -37,7 +37,7 @@ TEST_CASE("quat_from_z_axis turns +z to its argument by the shortest way") {
         const quat<double> q = quat_from_z_axis(n);
         CHECK(std::abs(dot(q, q) - 1) < 1e-14);
         CHECK(length(rotation_matrix(q) * vec3<double>(0, 0, 1) - n) < 1e-14);
-        CHECK(q.z == 0); // the axis lies across z: no turn beyond the shortest
+        CHECK(q.z == 0); // the axis is perpendicular to z, so the rotation is the shortest
         CHECK(q.w >= 0);
     }
 }

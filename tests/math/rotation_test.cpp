@@ -9,7 +9,7 @@ using namespace gsh;
 
 namespace {
 
-/// Angles at which a formula divided by the angle would go wrong, and both sides of the change of formula at 1.
+/// Angles at which a division by the angle would be wrong, and both sides of the change of formula at 1.
 constexpr double delicate_angles[] = {0,   1e-300, 1e-9, 1e-4, 0.3, 1 - 1e-9, 1 + 1e-9, 2,
                              std::numbers::pi - 1e-6, std::numbers::pi, std::numbers::pi + 0.1, 7};
 
@@ -118,7 +118,7 @@ TEST_CASE("rotation_from_quat ignores the length and has a gradient") {
     rotation_from_quat_backward(q, weight, dL_dq);
     const auto loss = [&] { return test::inner(rotation_from_quat(q), weight); };
     test::check_gradient(loss, test::scalars(q), test::scalars(dL_dq));
-    CHECK(std::abs(dot(q, dL_dq)) < 1e-12); // nothing along the length
+    CHECK(std::abs(dot(q, dL_dq)) < 1e-12); // no component along q
 }
 
 TEST_CASE("axis_angle_from_rotation undoes rotation_from_axis_angle up to pi") {
@@ -131,7 +131,7 @@ TEST_CASE("axis_angle_from_rotation undoes rotation_from_axis_angle up to pi") {
                   1e-15 + 4e-9 * (angle > 3.14) + 1e-14 * angle);
         }
     }
-    // At pi either sign will do.
+    // At pi both signs are correct.
     const vec3<double> v = normalize(vec3<double>(-1, 2, -0.5)) * std::numbers::pi;
     const mat3<double> R = rotation_from_axis_angle(v);
     CHECK(test::distance(rotation_from_axis_angle(axis_angle_from_rotation(R)), R) < 1e-14);

@@ -14,7 +14,7 @@ struct Degree {
     static constexpr int value = D;
 };
 
-/// Y_k(dir) of every k, through the public face: coefficient k alone set to one.
+/// All Y_k(dir) through the public interface: only coefficient k is one.
 template <int D>
 std::vector<double> basis_values(const vec3<double>& dir) {
     std::vector<double> values;

@@ -44,7 +44,7 @@ TEST_CASE("gram_backward and congruence_backward are gradients, and add") {
     gram_backward(m, weight, dL_dm);
     test::check_gradient([&] { return inner(gram(m), weight); }, test::scalars(m), test::scalars(dL_dm));
 
-    const mat3<double> first = dL_dm; // congruence adds on top of what is there
+    const mat3<double> first = dL_dm; // congruence adds to this
     congruence_backward(m, s, weight, dL_dm, dL_ds);
     dL_dm -= first;
     const auto loss = [&] { return inner(congruence(m, s), weight); };

@@ -8,7 +8,7 @@ using namespace gsh;
 TEST_CASE("inverse_backward is the gradient of inverse") {
     test::Rng rng(1);
     mat3<double> m(rng.vec(), rng.vec(), rng.vec()), weight(rng.vec(), rng.vec(), rng.vec());
-    m += mat3<double>(2.0); // away from singular
+    m += mat3<double>(2.0); // far from singular
     const auto loss = [&] {
         const mat3<double> inv = inverse(m);
         return dot(inv[0], weight[0]) + dot(inv[1], weight[1]) + dot(inv[2], weight[2]);
@@ -32,7 +32,7 @@ TEST_CASE("normalize_backward is the gradient of normalize") {
     normalize_backward(v, weight, dL_dv);
     test::check_gradient([&] { return dot(normalize(v), weight); }, test::scalars(v), test::scalars(dL_dv));
     CHECK(length(normalize(v)) == doctest::Approx(1).epsilon(1e-15));
-    CHECK(std::abs(dot(v, dL_dv)) < 1e-14); // nothing along the length
+    CHECK(std::abs(dot(v, dL_dv)) < 1e-14); // no component along v
 }
 
 TEST_CASE("products have the handedness and layout they promise") {

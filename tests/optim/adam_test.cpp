@@ -25,7 +25,7 @@ struct State {
     bool operator==(const State&) const = default;
 };
 
-/// Gradients of a step; every third row of four never has one.
+/// Gradients of a step. Every third row of four numbers always has zeros.
 template <class T>
 void draw(State<T>& state, std::uint64_t step) {
     for (std::size_t i = 0; i < state.gradients.size(); ++i)
@@ -70,7 +70,8 @@ TEST_CASE_TEMPLATE("stepping the touched rows equals dense Adam bit for bit", T,
         if (r % 3 != 1) rows.push_back(r);
     for (int t = 1; t <= 5; ++t) {
         draw(dense, static_cast<std::uint64_t>(t));
-        if (t == 4) std::fill(dense.gradients.begin(), dense.gradients.end(), T(0)); // momentum goes on without one
+        // The moments also change without a gradient.
+        if (t == 4) std::fill(dense.gradients.begin(), dense.gradients.end(), T(0));
         std::copy(dense.gradients.begin(), dense.gradients.end(), sparse.gradients.begin());
         Adam().step(backend, Span<T>(dense.parameters), dense.gradients, dense.m, dense.v, 0.01, t);
         Adam().step_rows(backend, Span<T>(sparse.parameters), sparse.gradients, sparse.m, sparse.v, rows, width, 0.01,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A stranger's program: turns a point on the CPU and says which gsh it was built with.
+/// @file  A user's program: rotates a point on the CPU and prints the version of gsh that it was built with.
 
 #include <gsh/gsh.hpp>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The stranger's second source, which includes all of gsh once more.
+/// @file  The second source file of the user's program. It also includes all of gsh.
 
 #include <gsh/gsh.hpp>
 

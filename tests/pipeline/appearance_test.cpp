@@ -20,7 +20,7 @@ static_assert(!std::constructible_from<AnyColors, SharedField<cpu::Serial, doubl
 static_assert(!std::constructible_from<AnyColors, SharedField<cpu::Serial, float, 2, 3, 2>>);  // another number type
 static_assert(!std::constructible_from<AnyColors, int>);
 
-/// A policy by itself and one behind AnyAppearance do the same, bit for bit.
+/// A policy and the same policy inside AnyAppearance give bit-identical results.
 template <class Policy>
 void check_same_appearance(const AppearanceParams& params) {
     cpu::Serial backend;
@@ -44,7 +44,7 @@ void check_same_appearance(const AppearanceParams& params) {
     probe.backward(), probe_any.backward();
     CHECK(probe_any.outputs() == probe.outputs());
     CHECK(test::learned_gradients(any) == test::learned_gradients(policy));
-    const AnyColors moved = std::move(any); // the memory that arrays refer to does not move
+    const AnyColors moved = std::move(any); // arrays still refer to the same memory
     CHECK(moved.lookups() == policy.lookups());
     CHECK(found[0].values[0] == expected[0].values[0]);
 }

@@ -27,13 +27,13 @@ namespace {
 
 /// The whole pipeline in double: pose → rig → fields → skinned Gaussians → rasterizer → L1 + SSIM.
 ///
-/// Central differences are meaningless across a jump. The rasterizer's are made negligible (alpha_min far below the
-/// differences' resolution, no early stop); random depths keep sorting ties away, and a random picture as truth keeps
-/// the kinks of L1 away.
+/// Central differences are meaningless across a jump. The rasterizer's jumps are made negligible: alpha_min is far
+/// below the resolution of the differences, and pixels do not stop early. Random depths avoid ties in sorting. A random
+/// photograph avoids the kinks of L1.
 template <class B>
 struct Chain {
     using Model = ConfiguredAvatar<B, double, 2>;
-    static constexpr std::size_t frame_count = 7, frame = 3; // of which fields read the time
+    static constexpr std::size_t frame_count = 7, frame = 3; // fields read the time of `frame`
 
     B backend{};
     BodyModel body = test::tube(4, 6, 6);
@@ -53,12 +53,12 @@ struct Chain {
     typename PhotometricLoss<B, double>::Cache loss_cache;
     Image<double> render{3, 40, 36};
 
-    /// A configuration at the size of this test; priors only where it is asked for them.
+    /// A configuration at the size of this test. Priors are off unless `config` sets them.
     explicit Chain(AvatarConfig config = {.heads = Heads::separate}, bool with_priors = false)
         : model(make(backend, rig, samples, config, with_priors ? priors(samples.size()) : CanonicalPriors())) {
         test::Rng rng(8);
         for (auto& value : truth.data) value = rng.uniform();
-        // Fields that say something: tables and rotations that are not near zero.
+        // Fields with noticeable outputs: tables and rotations that are not near zero.
         const auto fill = [&](std::string_view name, double low, double high) {
             if (!test::learns(model, name)) return;
             for (double& value : test::learned_array(model, name).values) value = rng.uniform(low, high);
@@ -102,7 +102,7 @@ struct Chain {
     static CanonicalPriors priors(std::size_t count) {
         test::Rng rng(9);
         CanonicalPriors result{rng.numbers(count), rng.numbers(2 * count)};
-        for (double& tau : result.region) tau = std::max(tau, 0.0); // about half of the points know no fine level
+        for (double& tau : result.region) tau = std::max(tau, 0.0); // about half of the points read no fine level
         return result;
     }
 
@@ -113,7 +113,8 @@ struct Chain {
         return params;
     }
 
-    static constexpr double scale = 3 * 40 * 36; // a sum over the image, not a mean: a tolerance of 1e-6 must bite
+    // A sum over the image, not a mean, so that the tolerance of 1e-6 is strict.
+    static constexpr double scale = 3 * 40 * 36;
 
     double loss() {
         model.update_canonical(frame);
@@ -131,7 +132,7 @@ struct Chain {
         std::vector<vec3<double>> means; // with respect to x̂₀
     };
 
-    /// The gradient of `passes` passes that add to each other.
+    /// The sum of the gradients of `passes` passes.
     Gradient gradient(int passes = 1) {
         for (const auto& array : model.learned()) backend.fill(array.gradient, 0.0);
         Gradient g;
@@ -148,7 +149,7 @@ struct Chain {
             fill_zero(backend, dL_dsplats.view());
             rasterizer.backward(camera, std::as_const(splats).view(), {.color = {0.9, 0.8, 0.7}},
                                 {.color = std::as_const(dL_drender).view()}, raster_cache, dL_dsplats.view());
-            // The camera's centre is a function of its extrinsics; here it is a constant.
+            // The camera's centre depends on its extrinsics, but here it is a constant.
             model.backward(pose, frame, camera.center(), std::as_const(dL_dsplats).view(),
                            {g.pose, g.coefficients, g.transl}, {});
         }
@@ -382,7 +383,7 @@ TEST_CASE("the model refuses what does not fit") {
     CHECK_THROWS_AS(make(chain.samples, {.prior_scale = 0}), ValueError);
     CHECK_THROWS_AS(make(chain.samples, {.ao_start = -0.1}), ValueError);
     CHECK_THROWS_AS(make(chain.samples, {}, {std::vector<double>(chain.samples.size(), 0.5), {}}),
-                    ValueError); // level 12 of 3
+                    ValueError); // level 12, but there are 3
     CHECK_THROWS_AS(make(chain.samples, {.hash_displacement = false, .hash_sh = false, .head_time = true}), ValueError);
     CHECK_THROWS_AS(make(chain.samples, {}, {{0.5}, {}}), ShapeError);
     CHECK_THROWS_AS(make(chain.samples, {}, {{}, {0.5}}), ValueError);
@@ -421,7 +422,7 @@ TEST_CASE("a pose's gradient through its shadows, the avatar being what it is") 
     backward();
     for (std::size_t j = 0; j < 4; ++j) CHECK(length(dL_dpose[j] - 2.0 * once[j]) < 1e-12);
 
-    // The same shadows when the model is asked for them alone.
+    // AvatarModel::ao gives the same ao.
     const auto& cached = chain.model.cache().ao;
     const std::vector<double> shadows(cached.begin(), cached.end());
     REQUIRE(shadows.size() == chain.model.size());

@@ -157,7 +157,7 @@ TEST_CASE("settings reach the parts") {
     model.rig().upload_pose(rest_motion(tube.rig), 0, pose);
     for (const float ao : model.ao(pose, 0)) CHECK(ao == doctest::Approx(0.75));
     const std::size_t N = tube.samples.size();
-    CHECK(tube.make({}, {std::vector<double>(N, 0.0), {}}).appearance().lookups() == N * 8); // the coarse level alone
+    CHECK(tube.make({}, {std::vector<double>(N, 0.0), {}}).appearance().lookups() == N * 8); // only the coarse level
 }
 
 TEST_CASE("the same seed makes the same avatar, and another tube_seed another") {

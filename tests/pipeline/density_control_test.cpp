@@ -39,7 +39,7 @@ GaussianCloud<float> numbered_cloud(std::size_t count, int degree = 1) {
     return cloud;
 }
 
-/// What a backward pass would leave: Gaussian i was seen and had this gradient, per pixel of a 200 x 100 image.
+/// The result of a backward pass: Gaussian i was visible and had this gradient, per pixel of a 200 x 100 image.
 template <class B>
 RasterCache<B, float> seen(const std::vector<float>& gradients, float screen_radius = 1) {
     RasterCache<B, float> cache;
@@ -55,7 +55,7 @@ RasterCache<B, float> seen(const std::vector<float>& gradients, float screen_rad
     return cache;
 }
 
-/// A control on some Gaussians with moments that say whose they are.
+/// A density control on some Gaussians. Their moments encode their index.
 template <class B>
 struct Fixture {
     B backend;
@@ -75,7 +75,7 @@ struct Fixture {
     DensityChange adapt(bool prune_large = false) { return control.adapt(gaussians, m, v, 11, prune_large); }
 };
 
-/// Gaussian i of one set is Gaussian j of another, to the last bit.
+/// Whether Gaussian i of one set is bit-identical to Gaussian j of another.
 bool same(const GaussianCloud<float>& a, std::size_t i, const GaussianCloud<float>& b, std::size_t j) {
     const auto basis = static_cast<std::size_t>(sh_basis_count(a.sh_degree));
     const auto equal = [](const auto& x, const auto& y) { return std::memcmp(&x, &y, sizeof x) == 0; };
@@ -95,11 +95,11 @@ constexpr float busy = 3e-4f, quiet = 1e-4f;
 
 TEST_CASE("each Gaussian meets the fate that its gradient, size and opacity call for") {
     GaussianCloud<float> cloud = numbered_cloud(8);
-    cloud.log_scales[1].y = std::log(0.02f);               // large, busy: split
-    cloud.log_scales[2].z = std::log(0.02f);               // large, quiet: stays
-    cloud.opacity_logits[3] = logit(0.004f);               // faint: pruned, though busy
-    cloud.opacity_logits[4] = logit(0.006f);               // not quite
-    cloud.log_scales[6].x = std::log(0.2f);                // far too large and quiet: pruned once that is asked for
+    cloud.log_scales[1].y = std::log(0.02f);               // large, with a large gradient: split
+    cloud.log_scales[2].z = std::log(0.02f);               // large, with a small gradient: unchanged
+    cloud.opacity_logits[3] = logit(0.004f);               // faint: pruned in spite of its large gradient
+    cloud.opacity_logits[4] = logit(0.006f);               // just above the limit: unchanged
+    cloud.log_scales[6].x = std::log(0.2f);                // far too large, small gradient: pruned if prune_large
     for (const bool prune_large : {false, true}) {
         CAPTURE(prune_large);
         Fixture<cpu::Serial> f(cloud);
@@ -128,7 +128,7 @@ TEST_CASE("each Gaussian meets the fate that its gradient, size and opacity call
         CHECK(same(after, 6, f.before, 5));
         CHECK(same(after, after.size() - 1, f.before, 7));
 
-        // Moments follow those who stay; newcomers start at zero.
+        // Gaussians that stay keep their moments. New ones start at zero.
         const auto m = download(f.backend, f.m), v = download(f.backend, f.v);
         REQUIRE(m.size() == after.size());
         for (const std::size_t row : {1, 2, 3}) CHECK((is_zero(m, row) && is_zero(v, row)));
@@ -139,7 +139,7 @@ TEST_CASE("each Gaussian meets the fate that its gradient, size and opacity call
         CHECK(is_zero(m, m.size() - 1));
         CHECK(same(m, m.size() - 2, f.before, 7));
 
-        // What was seen is forgotten.
+        // The statistics are reset.
         CHECK(!f.adapt().changed());
     }
 }
@@ -173,12 +173,12 @@ TEST_CASE("the number never exceeds its limit, and the largest gradients are ser
         f.control.observe(seen<cpu::Serial>({3e-4f, 9e-4f, 5e-4f, 5e-4f, 7e-4f, quiet}));
         const DensityChange change = f.adapt();
         CHECK(f.gaussians.size() == std::max<std::size_t>(6, std::min<std::size_t>(most, 11)));
-        CHECK(change.split == (most >= 8 ? 1 : 0)); // second in line
+        CHECK(change.split == (most >= 8 ? 1 : 0)); // its gradient is the second largest
         CHECK(change.cloned + change.split == std::min<std::size_t>(5, most - std::min<std::size_t>(most, 6)));
         const auto after = download(f.backend, f.gaussians);
-        if (most == 9) CHECK(same(after, 4, f.before, 2)); // ties: the first of 2 and 3
+        if (most == 9) CHECK(same(after, 4, f.before, 2)); // a tie of 2 and 3 is won by the first
     }
-    // A split into more parts needs more room; one who needs less may still fit.
+    // A split into more parts needs more room. A Gaussian that needs less may still fit.
     Fixture<cpu::Serial> f(cloud, {.split_count = 4, .max_gaussians = 9});
     f.control.observe(seen<cpu::Serial>({3e-4f, 9e-4f, 5e-4f, 5e-4f, 7e-4f, quiet}));
     const DensityChange change = f.adapt();
@@ -220,7 +220,7 @@ TEST_CASE("cloning and splitting keep the picture close") {
         cloud.means[i] = {number(-0.5, 0.5), number(-0.5, 0.5), number(-0.5, 0.5)};
         cloud.log_scales[i] = vec3<float>(rng.vec(std::log(0.02), std::log(0.06)));
         cloud.opacity_logits[i] = number(-1, 2);
-        cloud.sh[i] = sh_of_color(cloud.means[i] + vec3<float>(0.5f)); // smooth in space, as surfaces are
+        cloud.sh[i] = sh_of_color(cloud.means[i] + vec3<float>(0.5f)); // colours are smooth in space, as on a surface
     }
     const auto picture = [&](Set<cpu::Serial>& gaussians) {
         const auto camera = look_at<float>({0, 0, -2}, {0, 0, 0}, {0, 1, 0}, 0.7f, 64, 64);

@@ -37,7 +37,7 @@ Span<double> pose_numbers(auto& pose) {
     return {&pose[0].x, 3 * pose.size()};
 }
 
-/// Gradients against central differences, a second pass, and threads. make(scene) is the shadow.
+/// Checks gradients against central differences, that a second pass adds, and threads. make(scene) is the shadow.
 template <class Make>
 void check_shadow(const Make& make) {
     ShadowTube<cpu::Serial> scene;
@@ -91,7 +91,7 @@ TEST_CASE("a shadow over the pose has the gradient of its ambient occlusion, wit
     test::randomize(shadow);
     CHECK(shadow.casts());
     CHECK(shadow.follows_pose());
-    CHECK(scene.ao_of(shadow, 1) == scene.ao_of(shadow, 2)); // the frame does not matter
+    CHECK(scene.ao_of(shadow, 1) == scene.ao_of(shadow, 2)); // ao does not depend on the frame
     auto dL_dpose = zero_pose(), alone = zero_pose();
     scene.backward(shadow, dL_dpose);
     double largest = 0;
@@ -100,8 +100,8 @@ TEST_CASE("a shadow over the pose has the gradient of its ambient occlusion, wit
     test::zero_gradients(scene.backend, shadow);
     scene.backward_to_pose(shadow, alone);
     CHECK(alone == dL_dpose);
-    for (const double g : test::learned_gradients(shadow)) CHECK(g == 0); // the shadow is what it is
-    scene.backward(shadow, {});                                           // nothing is asked for of the pose
+    for (const double g : test::learned_gradients(shadow)) CHECK(g == 0); // the shadow does not learn
+    scene.backward(shadow, {});                                           // without a gradient of the pose
     test::check_learned_gradients(shadow, [&] { return scene.loss(shadow); });
 }
 
@@ -113,7 +113,7 @@ TEST_CASE("shadows that follow the pose read the joints' rotations, all but the 
     REQUIRE(feature.size() == 9 * 3);
     for (std::size_t j = 1; j < 4; ++j) {
         const mat3<double> R = rotation_from_axis_angle(scene.pose.pose[j]);
-        double difference = 0, size = 0; // R's numbers less those of no turn
+        double difference = 0, size = 0; // of R - I
         for (std::size_t k = 0; k < 9; ++k) {
             const double entry = R[static_cast<int>(k % 3)][static_cast<int>(k / 3)], here = feature[9 * (j - 1) + k];
             difference += std::abs(here - (entry - (k % 4 == 0 ? 1 : 0)));
@@ -160,5 +160,5 @@ TEST_CASE("a baked shadow is kept in float, and not where its network is a singl
     params.field.hidden_layers = 0;
     CHECK(!PoseShadow<cpu::Serial, float, 3, 2>(backend, points, 27, params).baked());
     ShadowTube<cpu::Serial> scene;
-    CHECK(!pose_shadow(scene).baked()); // double
+    CHECK(!pose_shadow(scene).baked()); // fields in double are not baked
 }

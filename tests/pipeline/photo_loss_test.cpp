@@ -102,7 +102,7 @@ TEST_CASE("the loss is made of L1, SSIM and the mask's mean difference") {
 TEST_CASE("splats and photograph stand before the plate where there is one, else before the background") {
     NoisyPhoto<cpu::Serial> noise(true);
     NoiseLoss loss(noise.backend, {.background = {0.2, 0.4, 0.6}});
-    for (std::size_t i = 3; i < noise.pixels.size(); i += 4) noise.pixels[i] = 0; // nobody is there
+    for (std::size_t i = 3; i < noise.pixels.size(); i += 4) noise.pixels[i] = 0; // empty: alpha is 0 everywhere
     for (double& opacity : noise.splats.opacities) opacity = 0;
     Image<double> color, truth, mask;
     loss.picture(noise.photo, noise.view(), color);
@@ -115,17 +115,17 @@ TEST_CASE("splats and photograph stand before the plate where there is one, else
                 CHECK(truth.at(c, y, x) == doctest::Approx(behind));
             }
     for (const double share : mask.data) CHECK(share == 0);
-    loss.picture(noise.photo.camera, noise.view(), color); // of a camera, not of a photograph
+    loss.picture(noise.photo.camera, noise.view(), color); // from a camera, without a photograph
     CHECK(color.at(1, 3, 3) == doctest::Approx(0.4));
     noise.photo.plate = {};
     loss.photograph(noise.photo, truth, mask);
     CHECK(truth.at(2, 3, 3) == doctest::Approx(0.6));
-    // Nothing is opaque: photograph and render are both the background that the photograph was set with.
+    // Nothing is opaque, so photograph and render both show the background that was set with the photograph.
     loss.set_photo(noise.photo, {1, 0, 0});
     loss.render(noise.photo.camera, noise.view());
     loss.compare();
     CHECK(loss.values().l1 < 1e-12);
-    loss.photograph(noise.photo, truth, mask); // pictures keep to the parameters' background
+    loss.photograph(noise.photo, truth, mask); // pictures always have the background of the parameters
     CHECK(truth.at(2, 3, 3) == doctest::Approx(0.6));
 }
 
@@ -144,7 +144,8 @@ TEST_CASE("the adjoint is the gradient of the loss with respect to splats and ca
             loss.backward(noise.camera(), noise.view(), dL_dsplats.view(), dL_dcamera);
         };
         backward();
-        constexpr double scale = noise_width * noise_height; // the loss is a mean: a tolerance of 1e-6 must bite
+        // The loss is a mean; scaled, so that the tolerance of 1e-6 is strict.
+        constexpr double scale = noise_width * noise_height;
         const auto value = [&] { return scale * noise.loss(loss); };
         const auto check = [&](Span<double> x, Span<const double> dL_dx) {
             std::vector<double> scaled(dL_dx.begin(), dL_dx.end());

@@ -31,7 +31,7 @@ struct Dusk : PlainShadow<cpu::Serial, double> {
 };
 static_assert(ShadowPolicy<Dusk, cpu::Serial, double>);
 
-/// A policy by itself and one behind AnyShadow do the same, bit for bit. make(scene) is the policy.
+/// A policy and the same policy inside AnyShadow give bit-identical results. make(scene) is the policy.
 template <class Make>
 void check_same_shadow(const Make& make) {
     test::ShadowScene<cpu::Serial> scene;

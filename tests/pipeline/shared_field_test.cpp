@@ -58,7 +58,7 @@ TEST_CASE("the last rows of the shared network make displacements and move at th
     CHECK(arrays[1].rate == 2e-3);
     CHECK(arrays[1].other.where == LearnedArray<double>::OtherRate::Where::tail);
     CHECK(arrays[1].other.rate == 5e-4);
-    // Without these weights nothing is displaced; colours stay.
+    // With these weights at zero, displacements are zero and colours do not change.
     test::randomize(field);
     test::AppearanceProbe probe(field, points->size(), 0);
     const auto before = probe.outputs();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// A scene that is none of ours: whatever satisfies the concept trains in Trainer.
+/// A scene that is not part of gsh: every type that satisfies the concept trains in Trainer.
 #include <gsh/cpu.hpp>
 #include <gsh/pipeline/splat_scene.hpp>
 #include <gsh/pipeline/static_model.hpp>

@@ -22,13 +22,13 @@ using namespace gsh;
 
 namespace {
 
-/// A ball, painted with smooth colours, before nothing, ray traced by hand from a ring of eight cameras and one between
-/// them: no rasterizer takes part.
+/// A ball with smooth colours and no background, ray traced from a ring of eight cameras and one between them, without
+/// a rasterizer.
 struct BallScene {
     static constexpr int size = 56;
     static constexpr double radius = 0.5;
     std::vector<std::vector<std::uint8_t>> images;
-    std::vector<Photo> photos; // the last one is for judging
+    std::vector<Photo> photos; // the last one is for evaluation
 
     BallScene() {
         for (int i = 0; i < 9; ++i) {
@@ -173,7 +173,7 @@ TEST_CASE("a degree more changes no picture") {
     }
     CHECK(degrees == std::vector<int>{0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3});
 
-    // The step after which the degree rises leaves what it would have left without.
+    // The picture does not change when the degree rises after a step.
     config.sh_degree = 0;
     StaticTraining other(backend, scene, 50, config);
     config.sh_degree = 3;

@@ -75,7 +75,7 @@ TEST_CASE("a sphere: analytic depth and mask, orthographic and pinhole") {
                 const vec3<double> to = center - origin;
                 const double a = dot(direction, direction), b = dot(direction, to), c = dot(to, to) - 0.64;
                 const double under = b * b - a * c;
-                const double grazing = 0.05; // of the sphere's rim the mesh has only an approximation
+                const double grazing = 0.05; // the mesh only approximates the sphere's rim
                 if (std::abs(under) < grazing * a * 0.64) continue;
                 wrong += image.covers(i) != (under > 0);
                 if (under < 0 || !image.covers(i)) continue;
@@ -98,7 +98,7 @@ TEST_CASE("a sphere: analytic depth and mask, orthographic and pinhole") {
 }
 
 TEST_CASE("an edge that triangles share belongs to one of them, at any position") {
-    // A jittered grid, part of its vertices on pixel centres and corners; each triangle is drawn alone and counted.
+    // A jittered grid with some vertices on pixel centres and corners. Each triangle is drawn alone and counted.
     test::Rng rng(3);
     constexpr int n = 12, size = 40;
     const auto camera = test::square_camera(size, 1);

@@ -11,7 +11,7 @@
 namespace gsh {
 namespace {
 
-/// What a surface has at a pixel: depth, and a normal that faces the viewer. A depth of 0 is a hole.
+/// Depth of a surface at a pixel, and its normal, which faces the viewer. A depth of 0 is a hole.
 struct SurfacePoint {
     double depth = 0;
     vec3<double> normal = vec3<double>(0);
@@ -41,7 +41,7 @@ Scene scene_of(const AnyCamera& c, const Surface& surface) {
     return scene;
 }
 
-/// Largest and mean distance between two depths where both count, after taking out the mean difference if asked to.
+/// Largest and mean distance between two depths where both are valid. The mean difference is optionally subtracted.
 struct Distance {
     double largest = 0, mean = 0;
 
@@ -73,7 +73,7 @@ TEST_CASE("a plane comes back exactly") {
     CHECK(result.energy < 1e-12);
     double mean = 0;
     for (const double d : result.view.map.values.data) mean += d;
-    CHECK(std::abs(mean) < 1e-9); // the free offset is taken out
+    CHECK(std::abs(mean) < 1e-9); // the free offset is subtracted
     CHECK(result.view.map.mask.data == scene.normals.map.mask.data);
 }
 
@@ -98,7 +98,7 @@ TEST_CASE("a sphere's cap and a ripple, within a fraction of a pixel") {
 }
 
 TEST_CASE("a step is kept: the ramp beside the plane, which least squares smear") {
-    // The step grows from nothing in the middle of the seam to 16 pixels at its ends.
+    // The step grows from 0 in the middle of the seam to 16 pixels at its ends.
     const auto surface = [](double x, double y) { return x < 0 ? ramp(x, y, 2, 0, 0.5) : ramp(x, y, 2, 0, 0); };
     const Scene scene = scene_of(camera64, surface);
     const IntegratedDepth kept = integrate_normals(scene.normals);
@@ -122,7 +122,7 @@ TEST_CASE("a coarse prior places pieces that nothing connects, and does not blun
         return SurfacePoint{(x < 0 ? 2 : 2.7) - std::sqrt(squared), {u, y, -std::sqrt(squared)}};
     };
     const Scene scene = scene_of(camera64, surface);
-    PriorView prior = scene.depth; // what a smooth body knows: each piece's mean depth, and it is a bit off
+    PriorView prior = scene.depth; // like a smooth body: the mean depth of each piece, with a small error
     double mean[2] = {}, count[2] = {};
     for (int pass = 0; pass < 2; ++pass)
         for (int y = 0; y < 64; ++y)
@@ -134,15 +134,15 @@ TEST_CASE("a coarse prior places pieces that nothing connects, and does not blun
                 else depth = mean[side] / count[side] + 0.01 * std::sin(y);
             }
     const IntegratedDepth with = integrate_normals(scene.normals, &prior);
-    CHECK(Distance(with.view.map, scene.depth.map, false).mean < 0.2 * pixel); // no offset taken out
+    CHECK(Distance(with.view.map, scene.depth.map, false).mean < 0.2 * pixel); // without subtracting the offset
     CHECK(Distance(with.view.map, scene.depth.map, false).largest < 0.6 * pixel);
     const IntegratedDepth free = integrate_normals(scene.normals);
-    // 70 cm apart in truth, side by side without the prior.
+    // Truly 70 cm apart. Without the prior they are at the same depth.
     CHECK(Distance(free.view.map, scene.depth.map, true).mean > 30 * pixel);
     const IntegratedDepth ignored = integrate_normals(scene.normals, &prior, {.prior_weight = 0});
     CHECK(ignored.view.map.values.data == free.view.map.values.data);
 
-    // A prior that knows one piece only leaves the other at mean depth 0.
+    // With a prior of one piece only, the other piece keeps the mean depth 0.
     for (int y = 0; y < 64; ++y)
         for (int x = 32; x < 64; ++x) prior.map.mask.at(0, y, x) = 0;
     const IntegratedDepth half = integrate_normals(scene.normals, &prior);
@@ -224,7 +224,7 @@ TEST_CASE("small and odd masks") {
         Scene scene = scene_of(camera, [](double x, double y) { return ramp(x, y, 2, 0.3, 0.2); });
         CHECK(Distance(integrate_normals(scene.normals).view.map, scene.depth.map, true).largest < 1e-3 * pixel);
     }
-    test::Rng rng(2); // single pixels, holes, thin bridges; wild normals: finite all the same
+    test::Rng rng(2); // single pixels, holes, thin bridges and random normals: results must be finite
     Scene scene = scene_of(camera64, [&](double, double) {
         return rng.uniform() < 0.4 ? SurfacePoint() : SurfacePoint{1, rng.vec()};
     });

@@ -11,7 +11,7 @@ namespace {
 
 TEST_CASE("side cameras frame the body as one sees it") {
     const std::vector<vec3<double>> corners{{-1, -2, -0.5}, {3, 4, 0.7}};
-    const double edge = 6 / 0.9; // y is the longest, with 5% at each end
+    const double edge = 6 / 0.9; // y is the longest axis, with a margin of 5% at each end
     const vec3<double> center(1, 1, 0.1);
     struct Case {
         BodySide side;

@@ -29,8 +29,8 @@ TEST_CASE("depth features are signed distances along the view, in units; raw one
     REQUIRE(features.size() == 16);
     for (std::size_t i = 0; i < points.size(); ++i) {
         const vec3<double>& p = points[i];
-        const bool inside_z = std::abs(p.z - 0.1) <= 0.2 + 1e-9; // else the side views see nothing there
-        // From the front: positive where the point stands before the surface.
+        const bool inside_z = std::abs(p.z - 0.1) <= 0.2 + 1e-9; // outside, the side views show nothing
+        // From the front: positive if the point is in front of the surface.
         CHECK(std::abs(features[4 * i + 0] - (p.z - 0.3) / 0.1) < 1e-9);
         CHECK(std::abs(features[4 * i + 1] - (-0.1 - p.z) / 0.1) < 1e-9);
         CHECK(std::abs(features[4 * i + 2] - (inside_z ? (p.x - 0.4) / 0.1 : 0)) < 1e-9);
@@ -50,7 +50,7 @@ TEST_CASE("a plane's depth is sampled exactly, and pixels outside the mask do no
             view.map.values.at(0, y, x) = 2 + 0.5 * (x + 0.5) - 0.25 * (y + 0.5);
             view.map.mask.at(0, y, x) = 1;
         }
-    view.map.values.at(0, 4, 6) = 1e9; // outside the mask: must never be seen
+    view.map.values.at(0, 4, 6) = 1e9; // outside the mask: must never be read
     const PriorFeatureParams raw{.depth = DepthFeature::raw, .depth_unit = 1};
     const auto at = [&](double u, double v) {
         return depth_features(std::vector<vec3<double>>{{u - 4, v - 4, 0}}, Span<const PriorView>(&view, 1), {},
@@ -62,10 +62,11 @@ TEST_CASE("a plane's depth is sampled exactly, and pixels outside the mask do no
         CHECK(at(u, v) == doctest::Approx(2 + 0.5 * u - 0.25 * v));
     }
     CHECK(at(4.5, 2.5) == doctest::Approx(2 + 2.25 - 0.625)); // the last column that counts
-    CHECK(at(5.3, 2.5) == doctest::Approx(2 + 2.25 - 0.625)); // its value, as long as it has a share
+    // The last column's value, as long as its weight is positive.
+    CHECK(at(5.3, 2.5) == doctest::Approx(2 + 2.25 - 0.625));
     CHECK(at(5.5, 2.5) == 0);
     CHECK(at(6.4, 4.4) == 0);
-    CHECK(at(0.1, 2.5) == doctest::Approx(2 + 0.25 - 0.625)); // so at the image's border
+    CHECK(at(0.1, 2.5) == doctest::Approx(2 + 0.25 - 0.625)); // the same at the image's border
     CHECK(at(-0.6, 2.5) == 0);
     CHECK(at(4, 8.6) == 0);
 }
@@ -87,7 +88,7 @@ TEST_CASE("normal features are canonical normals, whichever camera saw them") {
 }
 
 TEST_CASE("a posed view seen by a camera that moves along is the canonical view") {
-    // One rigid motion for all bones: a map rendered from the moved mesh by the moved camera is the canonical map.
+    // With one rigid motion for all bones, a map of the moved mesh from the moved camera equals the canonical map.
     auto mesh = test::sphere({0, 0.5, 0.1}, 0.4, 60, 80);
     mesh.add(test::box({0.1, 0.2, 0.3}, {0.3, 0.9, 0.6}));
     const mat3<double> R = rotation_from_axis_angle(vec3<double>(0.4, -1.1, 0.7));
@@ -119,7 +120,7 @@ TEST_CASE("a posed view seen by a camera that moves along is the canonical view"
             ++(equal ? same : off);
         }
     CHECK(same > 700);
-    CHECK(off < 4); // a pixel of the silhouette may fall to the other side by rounding
+    CHECK(off < 4); // rounding may flip a pixel of the silhouette
 }
 
 TEST_CASE("a point is posed by its own blend of bones, and its normal comes back by the transpose") {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Meshes with known depth and normals, views of analytic surfaces, the backend of tests that need no other.
+/// @file  Meshes with known depth and normals, views of analytic surfaces, and a backend for tests.
 #pragma once
 
 #include <gsh/backend/serial.hpp>
@@ -27,7 +27,7 @@ struct Mesh {
     }
 };
 
-/// Counter-clockwise from outside; corners are shared, so that smooth normals are diagonal.
+/// A box. Faces are counter-clockwise from outside. Corners are shared, so smooth normals are diagonal.
 inline Mesh box(const vec3<double>& low, const vec3<double>& high) {
     Mesh mesh;
     for (int i = 0; i < 8; ++i)
@@ -64,7 +64,7 @@ inline Mesh sphere(const vec3<double>& center, double radius, int rings, int sid
     return mesh;
 }
 
-/// A square image in front of the camera's plane z = 0, its middle on the axis.
+/// A camera at the origin that looks along z, with a square image whose middle is on the axis.
 inline OrthographicCamera square_camera(int size, double pixels_per_metre) {
     OrthographicCamera camera;
     camera.scale = pixels_per_metre, camera.cx = camera.cy = size / 2.0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Bad input, as the issue of it comes to a user: one clear line, exit code 2, no partial output.
+/// @file  Bad input: programs print one clear line, exit with 2 and leave no partial output.
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 
@@ -45,7 +45,7 @@ Unspoilt& unspoilt() {
 using Words = std::initializer_list<std::string_view>;
 using Edit = std::function<void(const fs::path&)>;
 
-/// Spoils a copy of the capture's folder; the reconstruction of it must be refused and must leave nothing.
+/// Damages a copy of the capture's folder. The reconstruction must be refused and leave no files.
 void refuse_capture(Words words, const Edit& spoil) {
     const Unspoilt& s = unspoilt();
     const test::Temporary folder;
@@ -208,7 +208,7 @@ TEST_CASE("bodies that are none") {
     std::vector<double> vertices(3 * V, 0.5);
     vertices[3 * 11 + 2] = std::numeric_limits<double>::quiet_NaN();
     refuse_body({"body.npz", "v_template[11, 2]", "NaN"}, member("v_template", doubles("(" + rows + ", 3)", vertices)));
-    // Bombs: a header that claims more than there is, and zeros that inflate a thousandfold.
+    // Archive bombs: a header that claims more than there is, and zeros that inflate a thousandfold.
     refuse_body({"body.npz", "v_template"}, member("v_template", doubles("(4000000000, 3)", {1, 2, 3})));
     const std::size_t directions = (std::size_t(80) << 20) / (24 * V);
     refuse_body({"body.npz", "shapedirs"},
@@ -253,7 +253,7 @@ TEST_CASE("captures whose parts do not belong together") {
                    image([](const fs::path& path) { write_png(path, PixelImage(4, 64, 48)); }));
     refuse_capture({"cam01/0001.png", "empty"},
                    image([](const fs::path& path) { write_png(path, PixelImage(4, 64, 64)); }));
-    refuse_capture({"test00_0001", "mask"}, [](const fs::path& path) { // nobody there to judge by
+    refuse_capture({"test00_0001", "mask"}, [](const fs::path& path) { // a test image without a person
         PixelImage faint(4, 64, 64);
         faint.pixel(32, 32)[3] = 100;
         write_png(path / "images/test00/0001.png", faint);
@@ -283,7 +283,8 @@ TEST_CASE("cameras and scenes that cannot be rendered") {
     refuse_render(s.scene, {"scene.ply", "rot_2"}, header("float rot_2", "float rotten"));
     refuse_render(s.scene, {"scene.ply", "absurd"}, header("vertex 1500", "vertex 4000000000000000000"));
     refuse_render(s.scene, {"scene.ply", "f_rest"}, header("float f_rest_44", "float last"));
-    refuse_render(s.scene, {"scene.ply", "vertex 1499", "nan"}, [](const fs::path& path) { // its last number
+    // The file's last number is NaN.
+    refuse_render(s.scene, {"scene.ply", "vertex 1499", "nan"}, [](const fs::path& path) {
         const float nan = std::numeric_limits<float>::quiet_NaN();
         write_file(path, read_file(path).replace(fs::file_size(path) - 4, 4, reinterpret_cast<const char*>(&nan), 4));
     });
@@ -364,7 +365,7 @@ TEST_CASE("a disk that fills up leaves what was there, and nothing else") {
     CHECK(outcome.err.find("File too large") != std::string::npos);
     CHECK(!fs::exists(out));
 
-    // Into a folder with results: those stay as they were.
+    // The results of an earlier run stay unchanged.
     fs::create_directories(out);
     write_file(out / "metrics.json", "{}");
     outcome = run(s.reconstruct(out, {"--steps", "1"}), 2000);
@@ -372,7 +373,7 @@ TEST_CASE("a disk that fills up leaves what was there, and nothing else") {
     CHECK(test::files_below(out) == 1);
     CHECK(read_file(out / "metrics.json") == "{}");
 
-    // Where one result has no place, all others stay away, too; the checkpoint is worth keeping.
+    // If one result cannot be written, none is. The checkpoint is kept.
     write_file(out / "test", "in the way of test/*.png");
     outcome = run(s.reconstruct(out, {"--steps", "1"}));
     CHECK(outcome.code == 2);

@@ -38,7 +38,7 @@ bool shows(const PixelImage& image, int red, int green, int blue) {
     return false;
 }
 
-/// Checks a capture that is not what it should be: exit code 1, and check.json.
+/// Runs gsh-check on a capture with a fault. Expects exit code 1 and returns check.json.
 nlohmann::json check_of(const std::function<void(Capture&)>& spoil) {
     const test::Temporary folder;
     Capture capture = studio().capture;
@@ -66,7 +66,7 @@ TEST_CASE("a good capture: figures, pictures, and nothing to complain about") {
     CHECK(outcome.out.find("6 images of 3 cameras, mean IoU") != std::string::npos);
     CHECK(outcome.out.find("nothing suspicious") != std::string::npos);
     const auto json = json_of(out / "check.json");
-    CHECK(json.at("mean_iou") > 0.93); // of 64 pixels
+    CHECK(json.at("mean_iou") > 0.93); // images of 64 pixels
     CHECK(json.at("findings").empty());
     CHECK(json.at("warnings").empty());
     REQUIRE(json.at("images").size() == 6);
@@ -77,11 +77,11 @@ TEST_CASE("a good capture: figures, pictures, and nothing to complain about") {
         CHECK(image.at("inside") == 1.0);
         const PixelImage overlay = read_image(out / image.at("overlay").get<std::string>());
         CHECK(overlay.width == 64);
-        CHECK(shows(overlay, 255, 64, 64)); // bones at the left
-        CHECK(shows(overlay, 48, 224, 80)); // at the right
+        CHECK(shows(overlay, 255, 64, 64)); // bones of the left side
+        CHECK(shows(overlay, 48, 224, 80)); // bones of the right side
         CHECK(shows(overlay, 0, 229, 255)); // the body's outline
     }
-    // The same on any number of threads; fewer frames if so wished; a run replaces what an earlier one left.
+    // Results do not depend on the number of threads. Fewer frames can be chosen. A run replaces earlier results.
     test::check_done(run(words(studio().path, other, {"--threads", "2"})));
     for (const auto& image : json.at("images")) {
         const auto name = image.at("overlay").get<std::string>();
@@ -156,7 +156,7 @@ TEST_CASE("several people are checked together, one of them alone if so wished")
     CHECK(json.at("findings")[0].at("people") == nlohmann::json{"bob"});
     CHECK(!json.at("findings")[0].contains("cameras"));
 
-    // Of two people one alone is not what the masks show.
+    // The masks show two people, so one alone does not match them.
     CHECK(run(words(path, out, {"--poses", "ann.npz,bob.npz", "--person", "0"})).code == 1);
     CHECK(!json_of(out / "check.json").at("images")[0].contains("people"));
     const auto refuse = [&](const std::vector<std::string>& more, std::initializer_list<std::string_view> said) {

@@ -64,8 +64,8 @@ std::vector<std::uint8_t> column(const PixelImage& picture, int first, int width
     return pixels;
 }
 
-/// A project of COLMAP: somebody seen by ten pinhole cameras, half of them in each of two folders, with masks under
-/// both names that they may have, and points on the skin.
+/// A project of COLMAP: a person seen by ten pinhole cameras, in two folders of five, with masks in both naming schemes
+/// and points on the skin.
 struct ColmapProject {
     test::Temporary folder;
     fs::path path = folder / "project";
@@ -136,7 +136,7 @@ TEST_CASE("a file of settings is what the same settings are on the command line"
     const auto settings = file.metrics().at("settings");
     CHECK(settings.at("ao") == "none");
     CHECK(settings.at("mlp.width") == "32");
-    CHECK(settings.at("hash.table_size") == "4096"); // --set goes on top of the file
+    CHECK(settings.at("hash.table_size") == "4096"); // --set overrides the file
     CHECK(file.avatar().ao.empty());
 
     check_done(reconstruct(words, {"--steps", "3", "--config", "no-ao", "--set", "mlp.width=32", "--set",
@@ -150,7 +150,7 @@ TEST_CASE("a file of settings is what the same settings are on the command line"
     check_done(reconstruct(other, {"--steps", "3", "--config", "no-ao", "--set", "mlp.width=32"}));
     CHECK(other.avatar_bytes() != file.avatar_bytes());
 
-    // The page and the checkpoint know it, too.
+    // The page shows the file's name, and the checkpoint stores the settings.
     CHECK(read_file(file / "report.html").find("mine") != std::string::npos);
     check_refused(reconstruct(file, {"--steps", "4", "--config", "no-ao", "--resume"}), "gsh-reconstruct",
                   {"checkpoint.gsh", "a different run"});
@@ -175,15 +175,15 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
                            with({"--steps", "3", "--set", "refine.pose.start=1", "--set", "refine.transl.start=1",
                                  "--set", "refine.expression.start=1"}),
                            capture));
-    // Poses that start to learn at the end of a run are what they were.
+    // Poses that start to learn at the end of the run do not change.
     CHECK(load_motion(out / "poses_refined.npz", studio().body).pose == noisy.pose);
     CHECK(out.metrics().at("protocol").get<std::string>().find("poses_noisy.npz, refined in training") !=
           std::string::npos);
     check_done(reconstruct(plain, {"--poses", "poses_noisy.npz", "--steps", "3"}, capture));
     CHECK(!fs::exists(plain / "poses_refined.npz"));
     CHECK(plain.metrics().at("protocol").get<std::string>().find("as given, not refined") != std::string::npos);
-    CHECK(out.avatar_bytes() == plain.avatar_bytes()); // test images have no say in the avatar
-    CHECK(out.metrics().at("psnr") != plain.metrics().at("psnr")); // but in the poses that it is judged in
+    CHECK(out.avatar_bytes() == plain.avatar_bytes()); // test images have no influence on the avatar
+    CHECK(out.metrics().at("psnr") != plain.metrics().at("psnr")); // but on the poses in which it is evaluated
 
     const Out moved;
     check_done(reconstruct(moved, with({"--steps", "20"}), capture));
@@ -201,7 +201,7 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
     CHECK(plain.metrics().at("protocol").get<std::string>().find("refined in training, not fitted") !=
           std::string::npos);
 
-    // The fit of test poses is shown as it goes, and a signal ends it within a frame; what an earlier run left stays.
+    // The fit of test poses shows its progress. A signal ends it within a frame, and earlier results stay.
     const std::string before = moved.avatar_bytes();
     test::Process process(studio().reconstruct(
         moved.path, with({"--steps", "3", "--set", "refine.test_steps=1000000000"}), capture));
@@ -255,7 +255,7 @@ TEST_CASE("a person before a plate is trained and judged over it") {
     const PixelImage picture = read_image(out.path / "test" / "test00_0000.png");
     REQUIRE(picture.width == 3 * 64);
     const PixelImage& plate = filmed.backgrounds[2];
-    for (int y = 0; y < 64; ++y) // a column at the edge, where nobody stands: render, photograph, no error
+    for (int y = 0; y < 64; ++y) // a column at the edge, without a person: render, photograph, no error
         for (int c = 0; c < 3; ++c) {
             CHECK(picture.pixel(y, 0)[c] == plate.pixel(y, 0)[c]);
             CHECK(picture.pixel(y, 64)[c] == plate.pixel(y, 0)[c]);
@@ -337,7 +337,7 @@ TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
     CHECK(metrics.at("ms_per_stage").at("all") > 0);
     CHECK(metrics.at("settings").at("sh_degree") == "3");
 
-    // Single settings, on the command line and in a file.
+    // Settings given on the command line and in a file.
     const Out set, file;
     check_done(run(words(set, {"--steps", "40", "--frame", "1", "--set", "density.stop=0", "--set", "sh_degree=1"})));
     CHECK(set.metrics().at("cloned") == 0);
@@ -360,7 +360,7 @@ TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
     check_refused(run({"gsh-reconstruct", "--synthetic", "--config", "static", "--out", none.path.string()}),
                   "gsh-reconstruct", {"static"});
     fs::remove(capture / "cameras.json");
-    check_refused(run(words(none, {})), "gsh-reconstruct", {"sparse"}); // then it should be COLMAP's
+    check_refused(run(words(none, {})), "gsh-reconstruct", {"sparse"}); // the folder should then be COLMAP's
     CHECK(!fs::exists(none.path));
 }
 
@@ -379,7 +379,7 @@ TEST_CASE("static: COLMAP's points are trained on its images, every eighth of wh
         const auto& figures = metrics.at("images")[held / 8];
         CHECK(figures.at("name") == name);
         CHECK(figures.at("psnr") > 5.0);
-        // Its photograph, in the middle: white where the mask says that nobody is.
+        // The photograph, in the middle of the picture, is white outside the mask.
         const PixelImage picture = read_image(out.path / "test" / (name + ".png")),
                          &photo = project.capture.images[held];
         REQUIRE(picture.width == 3 * 48);
@@ -390,7 +390,7 @@ TEST_CASE("static: COLMAP's points are trained on its images, every eighth of wh
                     wrong += picture.pixel(y, 48 + x)[c] != (photo.pixel(y, x)[3] > 127 ? photo.pixel(y, x)[c] : 255);
         CHECK(wrong == 0);
     }
-    // After four steps Gaussians are near the points that they started from, and nowhere else.
+    // After four steps all Gaussians are near the points that they started from.
     const auto scene = read_gaussian_ply(out / "scene.ply");
     REQUIRE(scene.size() == project.points.size());
     CHECK(metrics.at("gaussians") == scene.size());
@@ -428,7 +428,7 @@ TEST_CASE("configurations, settings and lists that cannot be are refused before 
     refuse({"--set", "rate.sh=fast"}, {"rate.sh is 'fast'", "expected a number"});
     refuse({"--set", "rate.sh=inf"}, {"rate.sh", "finite"});
     refuse({"--set", "hash_sh=1"}, {"hash_sh is '1'", "true or false"});
-    // Numbers, but none that could mean anything.
+    // Numbers without a meaning for the setting.
     for (const char* setting : {"mlp.width=0",        "mlp.width=-8",       "mlp.hidden_layers=-1",
                                 "hash.base=0",        "hash.growth=0.5",    "hash.table_size=1000",
                                 "hash.table_size=0",  "hash.fine_level=17", "ao.table_size=3",

@@ -36,7 +36,7 @@ struct SmallTables : test::SmallCapture {
         };
         for (const char* name : {"paper", "no-ao", "baseline"}) write(name);
     }
-    /// "paper,static" with paper's file.
+    /// "paper,static", with the file of paper in place of its name.
     [[nodiscard]] std::string configs(const std::vector<std::string>& names) const {
         std::string text;
         for (const std::string& name : names)
@@ -69,14 +69,14 @@ std::vector<std::pair<std::string, std::string>> rows_of(const Json& list) {
 }
 using Rows = std::vector<std::pair<std::string, std::string>>;
 
-/// Figures without what a clock measured.
+/// Figures without measured times.
 Json timeless(Json figures) {
     for (Json& row : figures) row.erase("seconds");
     return figures;
 }
 
-/// The square of a picture that a part of it, `width` pixels wide at the top of column x0, shows enlarged by a whole
-/// number: its corner, its side and that number, which is 0 if there is none.
+/// Finds the square of a picture that a crop shows enlarged by a whole number. The crop is `width` pixels wide and
+/// begins at the top of column x0. Returns the square's corner, its side and the number, which is 0 if there is none.
 struct Enlarged {
     int x = 0, y = 0, side = 0, zoom = 0;
 
@@ -129,7 +129,7 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
             std::string::npos;
         CHECK(middle == (row.at("after") == "3 of 6 steps"));
     }
-    // Only avatars were judged on the same images.
+    // Only avatars were evaluated on the same images.
     REQUIRE(rows_of(tables.at("differences")) == Rows{{"no-ao", "3 of 6 steps"}, {"no-ao", "6 steps"}});
     const Json& difference = tables.at("differences")[1];
     const auto psnr = [&](std::size_t row) { return tables.at("figures")[row].at("psnr").get<double>(); };
@@ -152,7 +152,7 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
     CHECK(no_ao.at("ao_entries") == 0);
     CHECK(no_ao.at("settings").at("ao") == "none");
 
-    // Rows of one height below each other: the photograph, three configurations; the second view has no static one.
+    // Rows of equal height: the photograph and three configurations. The second view has no static scene.
     const PixelImage first = read_image(out / "grids/test00_0000.png"),
                      second = read_image(out / "grids/test00_0001.png");
     CHECK(first.height == 4 * 64 + 3 * 4);
@@ -173,7 +173,7 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
 TEST_CASE("a row shows face and hands where they are, at most four times as large") {
     const SmallTables& s = small_tables();
     const test::Temporary folder;
-    Capture capture = s.capture; // before plates that are nowhere white, as gaps are, and alike in no two places
+    Capture capture = s.capture; // with plates that are nowhere white, unlike gaps, and differ everywhere
     for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
         PixelImage& plate = capture.backgrounds.emplace_back(4, 64, 64);
         for (int y = 0; y < 64; ++y)
@@ -189,7 +189,7 @@ TEST_CASE("a row shows face and hands where they are, at most four times as larg
         const PixelImage grid = read_image(folder / ("out/grids/test00_000" + std::to_string(frame) + ".png"));
         const auto vertices = test::posed_vertices(s.body, capture.motion, frame);
         const Camera<double>& camera = capture.cameras.back().camera;
-        int x = 2 * 64 + 4; // photograph, gap, the error that a photograph has not
+        int x = 2 * 64 + 4; // photograph, gap, and the place of the error, which is empty for a photograph
         for (const auto* region : {&s.body.face_vertices, &s.body.left_hand_vertices, &s.body.right_hand_vertices}) {
             x += 4;
             int width = 0;
@@ -206,7 +206,7 @@ TEST_CASE("a row shows face and hands where they are, at most four times as larg
             for (const auto& [first, from, to] : {std::tuple(crop.x, low.x, high.x), {crop.y, low.y, high.y}}) {
                 CHECK(first <= from);
                 CHECK(to <= first + crop.side);
-                CHECK(std::abs(from + to - 2 * first - crop.side) <= 1); // in the middle
+                CHECK(std::abs(from + to - 2 * first - crop.side) <= 1); // the square is centred
             }
         }
         CHECK(x == grid.width);
@@ -229,7 +229,7 @@ TEST_CASE("an interrupted evaluation goes on, and ends with the figures of one t
         CHECK(outcome.err.find("stopped; the same command continues from there") != std::string::npos);
         CHECK(fs::exists(folder / "parts/runs/paper-60-steps/checkpoint.gsh"));
         CHECK(!fs::exists(folder / "parts/runs/paper-60-steps/result.json"));
-        CHECK(ordered_json_of(folder / "parts/tables.json").at("figures").size() == 2); // of what was finished
+        CHECK(ordered_json_of(folder / "parts/tables.json").at("figures").size() == 2); // of the finished runs
     }
     const test::Outcome rest = run(words(folder / "parts"));
     check_done(rest);
@@ -257,7 +257,7 @@ TEST_CASE("a second call adds what is new, and runs again what has changed") {
     CHECK(tables.at("figures")[0] == first[0]);
     CHECK(read_file(out / "runs/paper-2-steps/result.json") == before);
 
-    // A budget of time, a setting: rows of their own. Settings that changed under the same name: anew.
+    // A budget of time and a changed setting give rows of their own. Changed settings under the same name are rerun.
     check_done(run(s.evaluate(out, s.configs({"paper"}), {"--budgets", "0.1s", "--set", "rate.sh=0.001"})));
     tables = ordered_json_of(out / "tables.json");
     REQUIRE(tables.at("figures").size() == 3);
@@ -275,7 +275,7 @@ TEST_CASE("a second call adds what is new, and runs again what has changed") {
                          "runs again\nno-ao, 2 steps: PSNR ") == 0);
     CHECK(ordered_json_of(out / "tables.json").at("costs")[1].at("settings").at("hash.table_size") == "2048");
 
-    // Regions that were painted anew make another input, though the file is called the same.
+    // Other regions in a file of the same name are another input.
     const fs::path painted = folder / "painted", regions = folder / "regions.json";
     const auto judge = [&](const char* painting) {
         write_file(regions, painting);
@@ -354,7 +354,7 @@ TEST_CASE("what cannot be evaluated is refused in a line, and leaves nothing") {
         Capture capture = s.capture;
         for (NamedCamera& camera : capture.cameras) camera.role = NamedCamera::Role::train;
         save_capture(trained / "capture", capture);
-        refuse("paper", {"--capture", (trained / "capture").string()}, {"--capture"}); // it stands there twice
+        refuse("paper", {"--capture", (trained / "capture").string()}, {"--capture"}); // the option is given twice
         check_refused(run({"gsh-evaluate", "--capture", (trained / "capture").string(), "--body", s.body_file.string(),
                            "--configs", "paper", "--out", out.string()}),
                       "gsh-evaluate", {"capture", "no test views"});

@@ -42,7 +42,7 @@ const TrainedOnce& trained_once() {
     return instance;
 }
 
-/// Carries all frames into another world.
+/// Transforms all frames to another world frame.
 Motion moved(Motion motion, const mat3<double>& A) {
     for (std::size_t t = 0; t < motion.frame_count(); ++t)
         move_frame(studio().body, motion, t, {A, vec3<double>(0)});
@@ -57,7 +57,7 @@ std::vector<double> numbers_of(Span<const vec3<double>> vectors) {
     return numbers;
 }
 
-/// As AMASS stores motions: z up, whole poses.
+/// Writes a motion in AMASS's form: z up, whole poses.
 void write_amass(const fs::path& path, const Motion& motion) {
     const Motion stored = moved(motion, z_up);
     const std::size_t T = stored.frame_count();
@@ -91,7 +91,8 @@ nlohmann::json frame_json(const Motion& motion, std::size_t t) {
 }
 void write_text_of(const fs::path& path, const nlohmann::json& json) { std::ofstream(path) << json.dump(); }
 
-/// As ExAvatar fits a video: a camera's frame, y down; hands without their mean; the shape beside.
+/// Writes a motion in the form of ExAvatar's fits: in a camera's frame, y down, hands without their mean, the shape in
+/// a separate file.
 void write_exavatar(const fs::path& folder, Motion motion) {
     const BodyModel& body = studio().body;
     for (std::size_t t = 0; t < motion.frame_count(); ++t)
@@ -108,7 +109,7 @@ void write_exavatar(const fs::path& folder, Motion motion) {
     write_text_of(folder / "smplx_optimized/shape_param.json", motion.betas);
 }
 
-/// As LHM stores motions: whole hands, and the shape in every file. As it is.
+/// Writes a motion in LHM's form, in its own frame: whole hands, the shape in every file.
 void write_lhm(const fs::path& folder, const Motion& motion) {
     fs::create_directories(folder);
     for (std::size_t t = 0; t < motion.frame_count(); ++t) {
@@ -118,7 +119,7 @@ void write_lhm(const fs::path& folder, const Motion& motion) {
     }
 }
 
-/// Frames of a motion, through a camera that finds its place or whatever is asked for.
+/// Frames of a motion, from a camera that is placed automatically or from a given one.
 fs::path animated(const test::Temporary& folder, const char* name, const fs::path& poses,
                  const std::vector<std::string>& more = {"--size", "96"}) {
     const fs::path out = folder / name;
@@ -141,7 +142,7 @@ int largest_difference(const fs::path& a, const fs::path& b) {
     return most;
 }
 
-/// Height and width of what is not white.
+/// Height and width of the part that is not white.
 std::pair<int, int> person_size(const PixelImage& image) {
     int low[2] = {1 << 20, 1 << 20}, high[2] = {-1, -1};
     for (int y = 0; y < image.height; ++y)
@@ -165,13 +166,15 @@ TEST_CASE("motions of AMASS and ExAvatar are animated standing, as the same moti
     const auto [height, width] = person_size(read_image(ours / "0000.png"));
     CHECK(height > 60);
     CHECK(height > width);
-    CHECK(largest_difference(ours, animated(folder, "of_amass", amass)) <= 2); // rotations that went there and back
+    // Rotations were converted and converted back.
+    CHECK(largest_difference(ours, animated(folder, "of_amass", amass)) <= 2);
     CHECK(largest_difference(ours, animated(folder, "of_exavatar", exavatar)) <= 2);
     const std::vector<std::string> as_stored{"--size", "96", "--as-stored"};
     CHECK(largest_difference(ours, animated(folder, "ours_as_stored", studio().dance, as_stored)) == 0);
-    CHECK(largest_difference(ours, animated(folder, "amass_as_stored", amass, as_stored)) > 50); // it lies there
+    // The person lies on the ground.
+    CHECK(largest_difference(ours, animated(folder, "amass_as_stored", amass, as_stored)) > 50);
 
-    // Before a camera of the user's nothing is turned, unless he says so.
+    // With a camera of the user, the motion is not turned unless the user asks for it.
     const std::string camera = studio().camera.string();
     const fs::path seen = animated(folder, "seen", studio().dance, {"--camera", camera});
     CHECK(largest_difference(seen, animated(folder, "amass_seen", amass, {"--camera", camera})) > 50);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Two people in one scene, through the programs as a user runs them: what is written, what is refused, and that each
-/// of them is as good as alone.
+/// Two people in one scene, through the programs as a user runs them: output, refused input, and that each person is
+/// reconstructed as well as alone.
 ///
 /// The last test takes its size from the environment variable GSH_TWO_PEOPLE, "size=270 frames=24 cameras=6
 /// gaussians=40000 steps=3000 samples=25", and keeps its captures and results in the folder that GSH_TWO_PEOPLE_KEEP
-/// names: docs/quality.md says what came of it.
+/// names. docs/quality.md has the results.
 #include "io/gala_files.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
@@ -87,8 +87,8 @@ struct Actors {
         same.cameras = cameras;
         return film(backend, {actor}, same);
     }
-    /// Whose each pixel of the test views is, by camera and frame: 0 ann, 1 bob, -1 nobody. Told from pure colours
-    /// under the same light, without a rasterizer.
+    /// The person at each pixel of the test views, by camera and frame: 0 ann, 1 bob, -1 nobody. Pure colours under
+    /// the same light identify them, without a rasterizer.
     [[nodiscard]] std::map<std::string, std::vector<int>> owners(const std::vector<NamedCamera>& cameras) {
         StudioParams painted = studio;
         for (const NamedCamera& camera : cameras)
@@ -368,7 +368,7 @@ TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are reconstructed as the 
     const test::Outcome outcome = run(with_poses);
     INFO(outcome.err);
     CHECK(outcome.code == 0);
-    CHECK(outcome.err.find("no triangles") == std::string::npos); // so regions and priors have their effect
+    CHECK(outcome.err.find("no triangles") == std::string::npos); // regions and priors are therefore used
     for (const char* name : {"ann", "bob"})
         CHECK(load_avatar(out / (std::string("avatar-") + name + ".gsh")).gaussians.size() == 500);
     const auto metrics = json_of(out / "metrics.json");
@@ -417,9 +417,9 @@ TEST_CASE("configurations are compared on two people") {
     check_done(outcome);
     const auto tables = json_of(folder / "out" / fs::path("tables.json"));
     CHECK(tables.at("costs")[0].at("gaussians") == 600);
-    // A row of its picture shows faces and hands of both, squares of 12 pixels four times as large.
+    // A row of its picture shows the faces and hands of both people, squares of 12 pixels enlarged four times.
     CHECK(read_image(folder / "out/grids/test00_0000.png").width == 2 * 64 + 4 + 6 * (4 + 4 * 12));
-    // Each one's figures are what gsh-reconstruct finds in the same training.
+    // Each person's figures equal those of gsh-reconstruct with the same training.
     const fs::path same = folder / "same";
     check_done(run(s.reconstruct(same, {"--poses", "ann.npz,bob.npz", "--steps", "2", "--gaussians", "300"})));
     const auto alone = json_of(same / "metrics.json");
@@ -458,7 +458,7 @@ TEST_CASE("each of two people who pass each other is as good as alone") {
     save(folder / "both", both, {{"ann", &actors.ann}, {"bob", &actors.bob}});
     save(folder / "ann", actors.alone(actors.first(), both.cameras), {{"ann", &actors.ann}});
     save(folder / "bob", actors.alone(actors.second(), both.cameras), {{"bob", &actors.bob}});
-    for (const auto& [name, owner] : owners) { // bob's masks are given, ann's are left to the programs
+    for (const auto& [name, owner] : owners) { // bob's masks are given; the programs compute ann's
         PixelImage mask(3, size.size, size.size);
         for (std::size_t i = 0; i < owner.size(); ++i)
             std::fill_n(mask.data.begin() + static_cast<std::ptrdiff_t>(3 * i), 3, owner[i] == 1 ? 255 : 0);
@@ -499,7 +499,7 @@ TEST_CASE("each of two people who pass each other is as good as alone") {
                          << metrics.at("people")[static_cast<std::size_t>(p)].dump());
         CHECK(with >= alone - 0.5);
         CHECK(with > 15);
-        CHECK(std::abs(said - with) < (p == 0 ? 0.5 : 0.1)); // masks of bodies; masks that were given
+        CHECK(std::abs(said - with) < (p == 0 ? 0.5 : 0.1)); // computed masks, and given masks
     }
     if (asked) {
         MESSAGE("full image: " << metrics.at("psnr") << " dB, " << metrics.at("ssim") << "; alone "

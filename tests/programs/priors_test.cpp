@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  An estimator's maps for gsh-reconstruct and gsh-evaluate, as a user gives them.
+/// @file  Maps of an estimator as input of gsh-reconstruct and gsh-evaluate.
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 
@@ -30,8 +30,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// What an estimator would make of frame 1 as cam00 sees it: normals.png (y up, nothing is grey), depth.npy; and a
-/// list.
+/// An estimator's maps of frame 1 from cam00, normals.png (y up; grey pixels are empty) and depth.npy, and their list.
 struct Estimates {
     test::Temporary folder;
     fs::path list = folder / "estimates.json";
@@ -87,7 +86,7 @@ TEST_CASE("an estimator's maps change the avatar, and a checkpoint is theirs") {
     CHECK(protocol(plain).find("priors") == std::string::npos);
     CHECK(!test::same_file(plain / "avatar.gsh", normals / "avatar.gsh"));
 
-    // It goes on with these maps alone, to where one run would have come.
+    // Training resumes only with the same maps.
     check_done(reconstruct(normals, estimates, {"--steps", "5", "--resume"}));
     check_refused(run(studio().reconstruct(normals, {"--steps", "6", "--resume"})), "gsh-reconstruct",
                   {"checkpoint.gsh", "--priors"});
@@ -124,14 +123,15 @@ TEST_CASE("rows with an estimator's maps stand beside those without") {
     check_done(evaluate("paper, baseline", {}));
     const test::Outcome second = evaluate("paper, baseline", with);
     check_done(second);
-    CHECK(second.out.find("baseline: is finished already") != std::string::npos); // no priors, with or without
+    // The baseline has no priors in either case.
+    CHECK(second.out.find("baseline: is finished already") != std::string::npos);
     CHECK(second.out.find("paper, priors of estimates, 2 steps") != std::string::npos);
     const Json figures = Json::parse(read_file(out / "tables.json")).at("figures");
     REQUIRE(figures.size() == 3);
     CHECK(figures[2].at("name") == "paper, priors of estimates");
     CHECK(figures[2].at("psnr") != figures[0].at("psnr"));
     CHECK(figures[2].at("protocol").get<std::string>().find("geometric priors of estimates.json") != std::string::npos);
-    // Maps that are not what they were: the row is done anew.
+    // With other maps, the row is computed again.
     estimates.write(R"({"integrate": true})");
     const test::Outcome third = evaluate("paper", with);
     check_done(third);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Our programs run as a user runs them: as processes of their own, judged by exit code, output and files.
+/// @file  Runs gsh's programs as processes, for tests of their exit codes, output and files.
 #pragma once
 
 #include "io/temporary.hpp"
@@ -24,7 +24,7 @@
 
 namespace gsh::test {
 
-/// How a program ended: its exit code, or minus the signal that killed it, and what it said.
+/// The outcome of a program: its exit code, or minus the signal that killed it, and its output.
 struct Outcome {
     int code = 0;
     std::string out, err;
@@ -33,8 +33,8 @@ struct Outcome {
 /// A running program.
 class Process {
 public:
-    /// Words are the program's name, then its arguments. Files that it writes may hold `file_blocks` blocks of 512
-    /// bytes, as if the disk were full then.
+    /// `words` are the program's name and its arguments. Files that it writes may hold at most `file_blocks` blocks of
+    /// 512 bytes, as on a full disk.
     explicit Process(std::vector<std::string> words, long file_blocks = 0) : name_(words[0]) {
         words[0] = std::string(GSH_PROGRAM_DIR "/") + name_;
         if (file_blocks > 0)
@@ -65,8 +65,8 @@ public:
 
     void send(int signal) const { REQUIRE(::kill(id_, signal) == 0); }
 
-    /// Waits until `happened` while the program runs, asking each `interval` microseconds; false if it ends before, or
-    /// if nothing happens in a minute.
+    /// Calls `happened` every `interval` microseconds until it returns true. Returns false if the program ends before,
+    /// or after a minute.
     [[nodiscard]] bool wait_until(const std::function<bool()>& happened, int interval = 10'000) const {
         const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
         while (std::chrono::steady_clock::now() < end) {
@@ -98,14 +98,14 @@ private:
     return Process(std::move(words), file_blocks).wait();
 }
 
-/// The program succeeded and had nothing to complain about, except for the progress that logs show.
+/// Checks that the program succeeded and printed no error or warning. Progress is allowed.
 inline void check_done(const Outcome& outcome) {
     INFO(outcome.err);
     CHECK(outcome.code == 0);
     CHECK(outcome.err.find("warning") == std::string::npos);
 }
 
-/// The program ended with 2, and said one line that begins with its name and holds every one of the words.
+/// Checks that the program exited with 2 and printed one line that begins with its name and contains all words.
 inline void check_refused(const Outcome& outcome, const std::string& program,
                           std::initializer_list<std::string_view> words) {
     INFO(outcome.err);

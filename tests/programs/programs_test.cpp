@@ -44,7 +44,7 @@ Reconstructed& reconstructed() {
     return instance;
 }
 
-/// A folder for one run's results; what it holds goes with it, for checkpoints are large.
+/// A folder for the results of one run. The destructor deletes it, because checkpoints are large.
 struct OutFolder {
     test::Temporary folder;
     fs::path path = folder / "out";
@@ -72,7 +72,7 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     CHECK(metrics.at("ms_per_stage").at("render") > 0.0);
     CHECK(metrics.at("configuration").get<std::string>().starts_with("paper"));
     for (const char* region : {"face", "hands", "body"}) {
-        CHECK(metrics.at("psnr_regions").contains(region)); // null where 64 pixels show too little of it
+        CHECK(metrics.at("psnr_regions").contains(region)); // null if images of 64 pixels show too little of it
         CHECK(metrics.at("images")[0].at("psnr_regions").contains(region));
     }
     CHECK(metrics.at("psnr_regions").at("body").is_number());
@@ -92,7 +92,7 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     const std::string page = read_file(s.out / "report.html");
     CHECK(page.find("http") == std::string::npos);
     CHECK(page.find("src=\"data:image/png;base64,") != std::string::npos);
-    CHECK(page.find("<svg") == std::string::npos); // one sample is no curve
+    CHECK(page.find("<svg") == std::string::npos); // a single sample gives no curve
     CHECK(page.ends_with("</html>\n"));
     CHECK(fs::exists(s.out / "checkpoint.gsh"));
     CHECK(test::files_below(s.out) == 7);
@@ -116,7 +116,7 @@ TEST_CASE("without a file of anybody's, the built-in actor is filmed, reconstruc
                     "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"}));
     const auto metrics = json_of(out.path / "metrics.json");
     CHECK(metrics.at("images").size() == 12);
-    CHECK(metrics.at("psnr") > 25.0); // 19 after three steps
+    CHECK(metrics.at("psnr") > 25.0); // it is 19 after three steps
     CHECK(metrics.at("protocol").get<std::string>().find("the built-in actor") != std::string::npos);
     CHECK(load_avatar(out.path / "avatar.gsh").gaussians.size() == 6000);
 }
@@ -157,7 +157,7 @@ TEST_CASE("a signal in the middle loses nothing that a checkpoint keeps") {
 TEST_CASE("killed again and again, also while a checkpoint is written, a reconstruction ends as if it never had been") {
     const Reconstructed& s = reconstructed();
     const OutFolder whole, killed;
-    const char* steps = "400"; // far more than are done until the last kill
+    const char* steps = "400"; // far more than the run reaches before the last kill
     check_done(run(s.reconstruct(whole.path, {"--steps", steps})));
 
     const fs::path checkpoint = killed.path / "checkpoint.gsh", partial = killed.path / "checkpoint.gsh.partial";
@@ -173,8 +173,8 @@ TEST_CASE("killed again and again, also while a checkpoint is written, a reconst
         if (kill > 0) more.push_back("--resume");
         const auto before = written();
         test::Process process(s.reconstruct(killed.path, more));
-        REQUIRE(process.wait_until([&] { return written() != before; })); // so that each run gets further
-        if (in_writing) { // a part of a checkpoint is there
+        REQUIRE(process.wait_until([&] { return written() != before; })); // each run gets further than the one before
+        if (in_writing) { // wait until a part of a checkpoint is written
             const auto begun = [&] {
                 std::error_code none;
                 const auto size = fs::file_size(partial, none);
@@ -222,7 +222,7 @@ TEST_CASE("a checkpoint belongs to one training alone") {
     check_refused(resume({"--steps", "6"}), "gsh-reconstruct", {"checkpoint.gsh"});
     fs::remove(out.path / "checkpoint.gsh");
     check_refused(resume({"--steps", "6"}), "gsh-reconstruct", {"checkpoint.gsh", "nothing to resume"});
-    CHECK(read_file(out.path / "avatar.gsh") == avatar); // none of them touched it
+    CHECK(read_file(out.path / "avatar.gsh") == avatar); // no run changed it
 }
 
 TEST_CASE("a reconstruction keeps to time and memory") {
@@ -279,7 +279,7 @@ TEST_CASE("what is probably wrong is said, and done all the same") {
         for (std::size_t i = 3; i < capture.images[f].data.size(); i += 4)
             capture.images[f].data[i] = static_cast<std::uint8_t>(255 - capture.images[f].data[i]);
     save_capture(path, capture);
-    BodyModel body = s.body; // with the hands of the first frame as its mean
+    BodyModel body = s.body; // its mean hands are those of the first frame
     const auto pose = capture.motion.pose_at(0);
     body.hands_mean_left.assign(pose.begin() + 25, pose.begin() + 40);
     body.hands_mean_right.assign(pose.begin() + 40, pose.begin() + 55);
@@ -312,7 +312,7 @@ TEST_CASE("pictures of an avatar and of its canonical Gaussians") {
         return pixels;
     };
     const auto canonical = render(s.out / "avatar.gsh", {}), cloud = render(s.out / "avatar.ply", {});
-    double difference = 0; // a PLY is drawn with the usual pixel filter, an avatar with its own
+    double difference = 0; // a PLY is rendered with the standard pixel filter, an avatar with its own
     for (std::size_t i = 0; i < cloud.size(); ++i)
         difference += std::abs(double(canonical[i]) - double(cloud[i])) / static_cast<double>(cloud.size());
     CHECK(difference < 0.05);
@@ -331,7 +331,7 @@ TEST_CASE("pictures of an avatar and of its canonical Gaussians") {
     named.insert(named.end(), {"--camera-name", "cam00"});
     check_done(run(named));
     CHECK(fs::exists(folder / "b.png"));
-    // Whoever looks the other way is told so.
+    // A camera that looks away from the person causes a warning.
     auto camera = json_of(s.camera);
     for (const int row : {0, 2}) { // half a turn about y
         for (auto& number : camera["R"][row]) number = -number.get<double>();
@@ -376,7 +376,7 @@ TEST_CASE("frames of a new motion, through a camera that finds its place or that
     animate("given", {"--camera", s.camera.string(), "--background", "0", "0", "0"});
     CHECK(read_image(folder / "given" / fs::path("0002.png")).width == 64);
 
-    // What an earlier, longer motion left is the user's; it is named.
+    // Pictures of an earlier, longer motion are kept, and a message names them.
     write_file(folder / "given" / fs::path("0003.png"), "of a longer motion");
     auto again = words;
     again.insert(again.end(), {"--size", "64", "--out", (folder / "given").string()});

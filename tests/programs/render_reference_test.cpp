@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// gsh-render on a standard 3DGS file against a plain double-precision evaluation of what such a file means: the
-/// activations and the colour are written out here, the compositing in support/reference_rasterizer.hpp.
+/// Compares gsh-render on a standard 3DGS file with a plain evaluation in double precision. The activations and the
+/// colour are computed here, the compositing in support/reference_rasterizer.hpp.
 #include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/gaussian/gaussians.hpp>
@@ -25,7 +25,7 @@ using namespace gsh;
 
 namespace {
 
-/// A ball of Gaussians with random shapes and degree-3 colours, in the numbers that a file holds.
+/// A ball of Gaussians with random shapes and colours of degree 3, in the form of a file.
 GaussianCloud<float> scene(std::size_t count) {
     test::Rng rng(5);
     GaussianCloud<float> cloud(count, 3);
@@ -40,7 +40,7 @@ GaussianCloud<float> scene(std::size_t count) {
     return cloud;
 }
 
-/// Covariance, opacity and colour of each Gaussian, by the formulas of the format and nothing of the library.
+/// Covariance, opacity and colour of each Gaussian, by the formulas of the format and without the library.
 Splats<cpu::Serial, double> plain_splats(const GaussianCloud<float>& cloud, const vec3<double>& eye) {
     Splats<cpu::Serial, double> splats;
     splats.resize(cloud.size());
@@ -109,7 +109,7 @@ TEST_CASE("gsh-render draws a standard PLY as its format says") {
     const vec3<double> background(0.2, 0.4, 0.6);
     const test::Reference reference = test::reference_rasterize(camera, splats.view(), background);
 
-    // The library's own double instantiation, from the same file.
+    // The library instantiated for double, from the same file.
     cpu::Serial backend;
     GaussianCloud<double> wide(cloud.size(), 3);
     for (std::size_t i = 0; i < cloud.size(); ++i) {

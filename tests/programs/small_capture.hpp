@@ -47,8 +47,8 @@ struct SmallCapture {
         write_camera(camera, capture.cameras[0]);
     }
 
-    /// The words of a reconstruction of a capture, this one if no other is named, into `out`. Hash tables are small,
-    /// for checkpoints hold them three times.
+    /// The words of a command that reconstructs a capture, by default this one, into `out`. Hash tables are small,
+    /// because a checkpoint stores them three times.
     [[nodiscard]] std::vector<std::string> reconstruct(const fs::path& out, std::vector<std::string> more = {},
                                                        const fs::path& of = {}, const fs::path& with = {}) const {
         std::vector<std::string> words{"gsh-reconstruct", "--capture", (of.empty() ? path : of).string(),
@@ -60,13 +60,13 @@ struct SmallCapture {
     }
 };
 
-/// One for all tests of a program that only read it.
+/// One instance for all tests of a program, which only read it.
 inline const SmallCapture& studio() {
     static const SmallCapture instance;
     return instance;
 }
 
-/// Replaces a member of an .npz, or takes it out.
+/// Replaces or removes a member of an .npz.
 class NpzEdit {
 public:
     explicit NpzEdit(const fs::path& path) {
@@ -94,10 +94,10 @@ public:
 
 private:
     zip_t* archive_ = nullptr;
-    std::string content_; // libzip reads it when it closes the archive
+    std::string content_; // libzip reads it when the archive is closed
 };
 
-/// The bytes of numbers, as an array holds them.
+/// The bytes of numbers as in an .npy array.
 template <class T>
 std::string bytes_of(const std::vector<T>& numbers) {
     return {reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(T)};
@@ -106,7 +106,7 @@ std::string bytes_of(const std::vector<T>& numbers) {
 [[nodiscard]] inline nlohmann::json json_of(const fs::path& path) { return nlohmann::json::parse(read_file(path)); }
 [[nodiscard]] inline bool same_file(const fs::path& a, const fs::path& b) { return read_file(a) == read_file(b); }
 
-/// Regular files in a folder and below it; 0 if it is not there.
+/// Number of regular files in a folder and its subfolders; 0 if it does not exist.
 inline std::size_t files_below(const fs::path& folder) {
     std::size_t count = 0;
     if (!fs::exists(folder)) return 0;

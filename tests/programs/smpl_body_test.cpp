@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Data sets whose poses are SMPL's, with a body of 24 joints, as a user checks and reconstructs them.
+/// @file  Checks and reconstructs captures of data sets with SMPL poses, with a body of 24 joints.
 #include "io/easymocap_files.hpp"
 #include "io/people_snapshot_files.hpp"
 #include "programs/process.hpp"
@@ -36,7 +36,7 @@ std::vector<int> smpl_kept() {
     return kept;
 }
 
-/// The actor with SMPL's joints, and no more than SMPL's files hold: no expression, no names, no lists of vertices.
+/// The actor with SMPL's joints and only the arrays of SMPL's files: no expression, no names, no lists of vertices.
 BodyModel smpl_actor() {
     BodyModel body = merge_joints(studio().body, smpl_kept());
     body.joint_names.clear();
@@ -44,7 +44,7 @@ BodyModel smpl_actor() {
     return body;
 }
 
-/// The actor of 24 joints in motion, filmed in small, and its body file.
+/// A small capture of the actor with 24 joints, and its body file.
 struct Filmed {
     test::Temporary folder;
     BodyModel body = smpl_actor();
@@ -70,12 +70,12 @@ struct Filmed {
         const vec3<double>& v = capture.motion.transl[frame];
         return {v.x, v.y, v.z};
     }
-    /// Checks the folder, then trains on it: a foreign layout of our own capture is as good as the capture.
+    /// Checks the folder, then trains on it. The results must be as good as with the capture in gsh's own layout.
     void check_and_reconstruct(const fs::path& path, std::size_t train_images,
                                const std::vector<std::string>& test_images) const {
         check_done(run({"gsh-check", path.string(), "--body", body_file.string(), "--out", (out / "check").string()}));
         const auto check = json_of(out / "check/check.json");
-        CHECK(check.at("mean_iou") > 0.93); // of 64 pixels
+        CHECK(check.at("mean_iou") > 0.93); // images of 64 pixels
         CHECK(check.at("findings").empty());
         CHECK(check.at("images").size() == train_images + test_images.size());
         CHECK(test::files_below(out / "check/overlays") == train_images + test_images.size());

@@ -23,7 +23,7 @@ sym3<double> make_covariance(test::Rng& rng, double size) {
     return gram(mat3<double>(columns[0] * size, columns[1] * size, columns[2] * size));
 }
 
-/// A random linear function of everything that project returns.
+/// A random linear function of all results of project.
 struct Weights {
     Projection<double> w;
     explicit Weights(test::Rng& rng)

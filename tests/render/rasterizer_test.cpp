@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  How the whole rasterizer is checked against finite differences, which are wrong across a step:
-///        - the cut alpha >= alpha_min is a step of height alpha_min; with alpha_min = 1e-13 it is far below what a
-///          difference can see, so Gaussians may overlap as they like ("smooth" below);
-///        - with the real cut, the plain reference says how close any pixel comes to a decision, and the test demands
-///          a distance that the steps of the differences cannot cross;
-///        - depths are apart by construction, and transmittance stops only where the test wants it to.
+/// @file  The whole rasterizer against finite differences, which are wrong across a step. The tests avoid steps:
+///        - The cut alpha >= alpha_min is a step of height alpha_min. With alpha_min = 1e-13 it is far below the
+///          resolution of a difference, so Gaussians may overlap freely ("smooth" below).
+///        - With the real cut, the plain reference measures how close each pixel is to a decision. The test requires
+///          a distance that the steps of the differences cannot cross.
+///        - Depths differ by construction, and transmittance stops only where a test intends it.
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/render/cpu/rasterizer.hpp>
@@ -24,7 +24,7 @@ namespace {
 using cpu::Serial;
 using cpu::Threads;
 
-/// Splats in host memory, which is where the CPU backends' buffers are.
+/// Splats in host memory, as in the buffers of the CPU backends.
 template <class T>
 struct Scene {
     Camera<T> camera;
@@ -82,10 +82,11 @@ Scene<double> make_scene(test::Rng& rng, std::size_t count, int width, int heigh
         const double z = -0.4 + 0.8 * (static_cast<double>(i) + rng.uniform(0.2, 0.8)) / static_cast<double>(count);
         const double x = rng.uniform(-spread, spread), y = rng.uniform(-spread, spread);
         const vec3<double> p(x, y, z);
-        const double opacity = rng.uniform(0.1, 0.95); // one by one, for arguments come in no order
+        // In separate statements, because the order of evaluation of arguments is not defined.
+        const double opacity = rng.uniform(0.1, 0.95);
         scene.add(transposed_times(scene.camera.R, p), gram(axes), opacity, rng.vec(0, 1));
     }
-    // The order in memory is not the order of depth.
+    // The order in memory differs from the order of depth.
     for (std::size_t i = count; i-- > 1;) {
         const std::size_t j = rng.below(i + 1);
         std::swap(scene.means[i], scene.means[j]);
@@ -100,7 +101,7 @@ struct Rendering {
         : color(3, c.height, c.width, T(-1)), alpha(1, c.height, c.width, T(-1)),
           expected_depth(1, c.height, c.width, T(-1)), median_depth(1, c.height, c.width, T(-1)) {}
     RenderTarget<T> target() { return {color.view(), alpha.view(), expected_depth.view(), median_depth.view()}; }
-    /// Read as a gradient: weights of a linear loss.
+    /// As a gradient: the weights of a linear loss.
     RenderGradient<T> gradient() const {
         return {color.view(), alpha.view(), expected_depth.view(), median_depth.view()};
     }
@@ -194,7 +195,7 @@ void check_all_gradients(Scene<double> scene, const RasterParams<double>& params
         test::check_gradient(loss, x, dL_dx, options);
     };
     check("means", test::scalars(scene.means), test::scalars(dL.means));
-    options.step = 3e-7; // square metres, of which a Gaussian has few
+    options.step = 3e-7; // covariances are small numbers of square metres
     check("covariances", test::scalars(scene.covariances), test::scalars(dL.covariances));
     options.step = 6e-6;
     check("opacities", test::scalars(scene.opacities), test::scalars(dL.opacities));
@@ -337,12 +338,12 @@ TEST_CASE("backward is the gradient of forward: splats, background, camera") {
         check_all_gradients(scene, smooth(), rng);
     }
     SUBCASE("the real cut and stop, no pixel near a decision") {
-        // Tried in turn until the reference finds every margin wide; which seed that is does not matter.
+        // Seeds are tried until the reference finds all margins wide. The choice of the seed does not matter.
         for (std::uint64_t seed = 1;; ++seed) {
             REQUIRE(seed < 200);
             test::Rng tried(seed);
             auto scene = make_scene(tried, 10, 20, 18, 0.12, 0.3);
-            for (double& opacity : scene.opacities) opacity = 0.8 + 0.19 * opacity; // dense: pixels stop
+            for (double& opacity : scene.opacities) opacity = 0.8 + 0.19 * opacity; // dense, so that pixels stop
             const auto reference = test::reference_rasterize(scene.camera, scene.view(), scene.background);
             double margin = 1, stop = 1;
             for (const double m : reference.cut_margin.data) margin = std::min(margin, m);
@@ -364,7 +365,7 @@ TEST_CASE("nothing passes back through the cap on alpha, and saturated splats st
     scene.camera = make_camera(8, 8);
     scene.camera.R = mat3<double>(1.0), scene.camera.t = vec3<double>(0, 0, 2);
     scene.camera.cx = scene.camera.cy = 4;
-    scene.add(vec3<double>(0), ball(50), 1.0, vec3<double>(0.3, 0.6, 0.9)); // above the cap at every pixel
+    scene.add(vec3<double>(0), ball(50), 1.0, vec3<double>(0.3, 0.6, 0.9)); // opacity above the cap at every pixel
     scene.add(vec3<double>(0, 0, 0.5), ball(1), 0.5, vec3<double>(0.9, 0.1, 0.2));
     R::Cache cache;
     Rendering<double> out(scene.camera);
@@ -378,7 +379,7 @@ TEST_CASE("nothing passes back through the cap on alpha, and saturated splats st
     CHECK(dL.covariances[0].xx == 0);
     CHECK(dL.opacities[0] == 0);
     CHECK(dL.colors[0].x == doctest::Approx(64 * 0.99));
-    CHECK(dL.opacities[1] > 0); // seen through the first one's 1 %
+    CHECK(dL.opacities[1] > 0); // visible through the remaining 1% of the first one
     CHECK(cache.screen_gradient_norms[0] == 0);
     CHECK(out.median_depth.at(0, 3, 3) == 2);
     check_all_gradients(scene, smooth(), rng);
@@ -391,7 +392,7 @@ TEST_CASE("a splat that would take the transmittance below the limit is left out
     scene.camera.R = mat3<double>(1.0), scene.camera.t = vec3<double>(0);
     for (int i = 0; i < 4; ++i)
         scene.add(vec3<double>(0, 0, 4 - i), ball(100), i == 0 ? 0.01 : 1.0, vec3<double>(i == 3, i == 2, i == 1));
-    // Front to back 0.99 and 0.99 leave 1e-4 (and rounding puts it at or above); the third would leave 1e-6.
+    // Front to back, 0.99 and 0.99 leave 1e-4, or slightly more by rounding. The third would leave 1e-6.
     auto params = RasterParams<double>{};
     params.transmittance_min = 0.9999e-4;
     const Rendering<double> out = render(backend, scene, params);
@@ -444,7 +445,7 @@ TEST_CASE("a principal point moved by whole pixels moves the image") {
     auto scene = make_scene(rng, 150, 80, 64, 0.03);
     scene.camera.cx = 40, scene.camera.cy = 32;
     auto params = RasterParams<double>{};
-    params.jacobian_margin = 100; // the clamp belongs to the image's frame, not to the scene
+    params.jacobian_margin = 100; // without the clamp, which depends on the image's frame and not on the scene
     const Rendering<double> centred = render(backend, scene, params);
     scene.camera.cx += 7, scene.camera.cy -= 5;
     const Rendering<double> shifted = render(backend, scene, params);
@@ -678,7 +679,7 @@ TEST_CASE("finite but absurd Gaussians draw nothing and break nothing") {
     scene.means[1] = vec3<float>(0, 0, huge);
     scene.covariances[2] = {huge, huge, huge, huge, huge, huge};
     scene.covariances[3] = {-1, 0, 0, -1, 0, -1}; // not a covariance
-    scene.covariances[4] = {0, 0, 0, 0, 0, 0};    // a point: the dilation alone
+    scene.covariances[4] = {0, 0, 0, 0, 0, 0};    // a point, so only the dilation remains
     scene.opacities[5] = -3;
     scene.opacities[6] = huge;
     scene.colors[7] = vec3<float>(-1, 2, 0);

@@ -14,7 +14,7 @@ struct Shape {
     Ellipse<double> ellipse;
 };
 
-/// Round, slanted, needle-thin; inside the image, astride its edge, far away.
+/// Round, slanted and needle-thin ellipses, inside the image, on its edge and far away.
 Shape random_shape(test::Rng& rng) {
     const double angle = rng.uniform(0, 3.2), a = std::exp(rng.uniform(-3, 6)), b = std::exp(rng.uniform(-3, 3));
     const double c = std::cos(angle), s = std::sin(angle);

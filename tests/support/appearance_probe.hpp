@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A scalar of an appearance's colours and displacements, and its adjoint: what every appearance is tested with.
+/// @file  A scalar of an appearance's colours and displacements, and its adjoint, for the tests of all appearances.
 #pragma once
 
 #include <gsh/cpu.hpp>
@@ -17,7 +17,7 @@
 
 namespace gsh::test {
 
-/// Points anywhere, about half of them with a share in the region, with two features each.
+/// Random points with two features each. About half of them have a share in the region.
 template <class B>
 SharedPoints<B, double> scattered_points(B& backend, std::size_t count = 23) {
     Rng rng(4);
@@ -78,8 +78,8 @@ private:
     std::vector<vec3<double>> sh_, displacements_; // [N, basis], [N]
 };
 
-/// Checks an appearance's adjoint against central differences, that it adds, and that its two passes are the same on
-/// threads bit for bit. Policy<B> is the appearance on backend B, made of (backend, points, params).
+/// Checks an appearance's adjoint against central differences, that it adds, and that both passes on threads are
+/// bit-identical. Policy<B> is the appearance on backend B, made of (backend, points, params).
 template <template <class> class Policy>
 void check_appearance(const AppearanceParams& params, std::size_t frame = 0) {
     cpu::Serial serial;

@@ -14,7 +14,7 @@
 namespace gsh::test {
 
 /// A closed tube along y with `joints` joints in a chain, smooth weights, random shape, expression and pose
-/// directions: everything that a body file may hold.
+/// directions. It has everything that a body file may contain.
 inline BodyModel tube(std::size_t joints = 4, std::size_t rings = 20, std::size_t sides = 12, std::uint64_t seed = 1) {
     Rng rng(seed);
     BodyModel model;
@@ -64,7 +64,7 @@ inline BodyModel tube(std::size_t joints = 4, std::size_t rings = 20, std::size_
     return model;
 }
 
-/// A frame of a motion in the world.
+/// The posed body of a frame, in the world.
 inline std::vector<vec3<double>> posed_vertices(const BodyModel& body, const Motion& motion, std::size_t frame) {
     return pose_body(body, motion.pose_at(frame), motion.transl[frame], motion.betas, motion.expression_at(frame))
         .vertices;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Questions about closed triangle meshes.
+/// @file  Properties of closed triangle meshes.
 #pragma once
 
 #include <gsh/math/vec.hpp>
@@ -15,7 +15,7 @@ namespace gsh::test {
 
 using Faces = std::vector<std::array<int, 3>>;
 
-/// Directed edges that lack a single partner the other way round: none in a closed, oriented manifold.
+/// Number of directed edges without exactly one opposite edge. A closed, oriented manifold has none.
 inline std::size_t open_edges(const Faces& faces) {
     std::map<std::pair<int, int>, int> count;
     for (const auto& f : faces)
@@ -35,7 +35,7 @@ inline double volume(const std::vector<vec3<double>>& vertices, const Faces& fac
     return sum;
 }
 
-/// Connected pieces of the vertices that `keep` accepts, joined by edges of the mesh.
+/// Number of connected components of the vertices that `keep` accepts.
 template <class Keep>
 std::size_t pieces(std::size_t vertex_count, const Faces& faces, const Keep& keep) {
     std::vector<std::size_t> parent(vertex_count);

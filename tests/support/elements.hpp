@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Every per-element function once, from plain numbers to plain numbers, so that one list serves the test that
-///        compares SIMD lanes with scalars and the test that compares a device with the host.
+/// @file  A list of all per-element functions, each from plain numbers to plain numbers. One test uses it to compare
+///        SIMD lanes with scalars, another to compare a device with the host.
 #pragma once
 
 #include <gsh/avatar/skinned_gaussian.hpp>
@@ -35,10 +35,10 @@
 
 namespace gsh::test {
 
-/// What every element gets: random numbers of its own, in [-1, 1), and a table in [-1, 1) that all share.
+/// The inputs of an element: its own random numbers in [-1, 1), and a table in [-1, 1) that all elements share.
 inline constexpr std::size_t element_inputs = 160, element_outputs = 320, element_table_size = 1 << 14;
 
-/// Takes an element's inputs one after another.
+/// Reads an element's inputs one after another.
 template <Lane T>
 class Inputs {
 public:
@@ -100,7 +100,7 @@ private:
     const T* next_;
 };
 
-/// Puts an element's results one after another.
+/// Writes an element's results one after another.
 template <Lane T>
 class Outputs {
 public:
@@ -386,7 +386,7 @@ struct ProjectionElement {
             sym3<T> dL_dcovariance = zero_sym3<T>();
             CameraGradient<T> dL_dcamera;
             project_backward(camera, mean, covariance, params, dL_dprojection, dL_dmean, dL_dcovariance, &dL_dcamera);
-            const T seen = select(p.in_front, T(1), T(0)); // what lies behind means nothing
+            const T seen = select(p.in_front, T(1), T(0)); // results behind the camera are undefined
             out.put(seen), out.put(p.mean2d * seen), out.put(p.depth * seen), out.put(p.opacity_factor * seen);
             out.put(p.covariance.xx * seen), out.put(p.covariance.xy * seen), out.put(p.covariance.yy * seen);
             out.put(dL_dmean * seen), out.put(dL_dcamera.dL_dR * seen), out.put(dL_dcamera.dL_dt * seen);
@@ -425,7 +425,8 @@ struct HashGridElement {
 
     template <Lane T>
     GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>* table) const {
-        const vec3<T> point{in.number(-0.1, 1.1), in.number(-0.1, 1.1), in.number(0, 1)}; // braces: in this order
+        // Braces define the order of evaluation.
+        const vec3<T> point{in.number(-0.1, 1.1), in.number(-0.1, 1.1), in.number(0, 1)};
         T features[10], dL_dfeatures[10];
         for (T& value : dL_dfeatures) value = in.number();
         grid.encode(table, point, features);
@@ -569,7 +570,7 @@ struct SsimElement {
     }
 };
 
-/// All of them. A new per-element function is one more struct above and one more name here.
+/// All elements. For a new per-element function, add a struct above and its name here.
 using Elements =
     std::tuple<VectorElement, ScalarElement, RotationElement, RotationIncrementElement, CameraIncrementElement,
                AffineElement, SymmetricElement, SHElement<0>,

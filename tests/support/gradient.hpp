@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Central differences: the judge of every adjoint.
+/// @file  Central differences, with which all adjoints are compared.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -19,7 +19,7 @@
 
 namespace gsh::test {
 
-/// Random numbers with the shapes tests ask for.
+/// Random numbers in the shapes that tests need.
 class Rng : public gsh::Rng {
 public:
     using gsh::Rng::Rng;
@@ -59,15 +59,15 @@ struct GradientCheck {
     double step = 6e-6;       ///< about the cube root of the machine epsilon
     double tolerance = 1e-6;  ///< relative to the gradient: the element or the group, whichever is larger
     std::size_t stride = 1;   ///< check every stride-th number
-    bool may_vanish = false;  ///< a gradient that is zero otherwise fails: a check of it sees nothing
-    std::vector<std::size_t> elements = {}; ///< where not empty: check these numbers, whatever the stride
+    bool may_vanish = false;  ///< accept zeros, which otherwise fail, because comparing zeros checks nothing
+    std::vector<std::size_t> elements = {}; ///< if not empty, check these numbers and ignore the stride
 };
 
-/// Checks dL_dx against (loss(x + h) - loss(x - h)) / 2h for each number of x, which is left as it was.
+/// Checks dL_dx against (loss(x + h) - loss(x - h)) / 2h for each number of x. Afterwards x is unchanged.
 ///
-/// An element may be off by the tolerance times its own size or the root mean square of the checked elements, whichever
-/// is larger: a gradient that is small altogether is judged as strictly as a large one. On top of that a difference
-/// carries the rounding of the two losses, a few units in their last place.
+/// The permitted error of an element is the tolerance times its own size or the root mean square of the checked
+/// elements, whichever is larger. Small gradients are therefore checked as strictly as large ones. The rounding of the
+/// two losses is permitted in addition, a few units in their last place.
 template <class Loss>
 void check_gradient(const Loss& loss, Span<double> x, Span<const double> dL_dx, GradientCheck options = {}) {
     REQUIRE(x.size() == dL_dx.size());
@@ -100,13 +100,13 @@ void check_gradient(const Loss& loss, Span<double> x, Span<const double> dL_dx, 
     }
 }
 
-/// About `count` elements of a learned array, evenly spread. Of a table with rows of `width` numbers only rows that are
-/// read are taken, for the others have no gradient; `rows` is null for an array that is read whole.
+/// About `count` elements of a learned array, evenly spread. Of a table with rows of `width` numbers only those rows
+/// are taken that are read, because the others have no gradient. `rows` is null for an array that is not a table.
 template <class Rows>
 std::vector<std::size_t> spread_elements(std::size_t size, const Rows* rows, std::size_t width, std::size_t count) {
     const std::size_t candidates = rows ? rows->size() * width : size;
     std::vector<std::size_t> elements;
-    for (std::size_t i = 0; i < candidates; i += (candidates / count) | 1) // odd, so that every column has its turn
+    for (std::size_t i = 0; i < candidates; i += (candidates / count) | 1) // odd, so that all columns occur
         elements.push_back(rows ? (*rows)[i / width] * width + i % width : i);
     return elements;
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A backend with a memory of its own, for tests: what assumes host memory crashes on it, or is refused.
+/// @file  A test backend with its own memory. Code that assumes host memory crashes on it or is refused.
 ///
-/// It computes what cpu::Serial computes, in the same order, so results are bit-identical; but its buffers are out of
-/// reach outside its own work. Code that passes on it passes on a device as far as memory is concerned.
+/// It computes what cpu::Serial computes, in the same order, so results are bit-identical. Its buffers cannot be
+/// accessed outside its own work. Code that runs on it therefore also handles a device's memory correctly.
 #pragma once
 
 #include <gsh/avatar/occlusion_field.hpp>
@@ -39,8 +39,7 @@
 
 namespace gsh::test {
 
-/// The backend while its guard is open: there, and only there, its buffers are memory like any other, and the overloads
-/// of the CPU may run on them.
+/// The backend while its guard is open. Only then can its buffers be accessed, and the CPU's overloads may run on them.
 struct GuardedInside : cpu::Serial {
     template <class T>
     using Buffer = GuardedBuffer<T>;
@@ -49,8 +48,8 @@ static_assert(CpuBackend<GuardedInside>);
 
 /// A backend on which host code cannot read or write a buffer.
 ///
-/// Errors  MemoryError for host memory where the backend's is due, in its own functions and in the function objects
-///         that it is given; what touches a buffer outside its work crashes, with a stack trace.
+/// Errors  MemoryError for host memory where the backend's is required, in its own functions and in function objects.
+///         Access to a buffer outside its work is a crash with a stack trace.
 class Guarded {
 public:
     template <class T>
@@ -95,7 +94,7 @@ public:
     }
     void synchronize() {}
 
-    /// work(inside) with the guard open.
+    /// Calls work(inside) with the guard open.
     template <class Work>
     static auto run(const Work& work) {
         const OpenGuard guard;
@@ -103,9 +102,9 @@ public:
         return work(inside);
     }
 
-    /// A device is sent an argument's bytes: an address of host memory among them is of no use there. Arguments that
-    /// are not trivially copyable stay on the host (caches, networks) and are passed over. Where the compiler cannot
-    /// clear the gaps between members, in which old addresses may stand, nothing is checked.
+    /// A device receives the bytes of an argument, and an address of host memory among them is invalid there. Arguments
+    /// that are not trivially copyable (caches, networks) stay on the host and are not checked. Nothing is checked if
+    /// the compiler cannot clear the gaps between members, which may contain old addresses.
     template <class T>
     static void check_pointers([[maybe_unused]] std::string_view where, [[maybe_unused]] const T& argument) {
 #if __has_builtin(__builtin_clear_padding)
@@ -142,7 +141,7 @@ static_assert(Backend<Guarded> && !CpuBackend<Guarded>);
 
 } // namespace gsh::test
 
-// What the CPU's overloads take as their backend's caches and scratch, the guarded backend's are, too.
+// Caches and scratch of the guarded backend are also those of the backend inside, which the CPU's overloads require.
 namespace gsh {
 
 template <std::floating_point T>
@@ -168,10 +167,10 @@ struct ShadowMapScratch<test::Guarded, T> : ShadowMapScratch<test::GuardedInside
 
 } // namespace gsh
 
-// Its overloads: those of the CPU, with the guard open.
+// The overloads call those of the CPU with the guard open.
 namespace gsh::test {
 
-/// A cache as the one that it is derived from; anything else as it is.
+/// Converts a cache to its base class. Other arguments are unchanged.
 template <class T>
 T& as_inside(T& argument) {
     return argument;
@@ -187,7 +186,7 @@ const Cache<GuardedInside, T>& as_inside(const Cache<Guarded, T>& cache) {
     return cache;
 }
 
-/// The overload of the CPU on these arguments, with the guard open.
+/// Calls the CPU's overload with these arguments and the guard open.
 #define GSH_GUARDED_OVERLOAD(function, ...)                                                                            \
     [](auto&... arguments) {                                                                                           \
         (Guarded::check_pointers(#function, arguments), ...);                                                          \

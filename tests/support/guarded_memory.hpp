@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Memory that may be touched only while a guard is open: any other access is a crash with a stack trace.
+/// @file  Memory that can be accessed only while a guard is open. Any other access is a crash with a stack trace.
 #pragma once
 
 #include <execinfo.h>
@@ -18,7 +18,7 @@
 
 namespace gsh::test {
 
-/// One reserved range of addresses, in whole pages. Its pages have no access rights but between open and close.
+/// One reserved range of addresses, in whole pages. Its pages have access rights only between open and close.
 class GuardedMemory {
 public:
     static GuardedMemory& instance() {
@@ -43,7 +43,7 @@ public:
     }
     void release(void* memory, std::size_t bytes) noexcept {
         const std::size_t size = (bytes + page_ - 1) / page_ * page_;
-        madvise(memory, size, MADV_DONTNEED); // it comes back as zeros, which no test may rely on
+        madvise(memory, size, MADV_DONTNEED); // the pages are zero afterwards; tests must not rely on that
         free_[size].push_back(static_cast<char*>(memory));
     }
 
@@ -69,9 +69,9 @@ public:
         return mincore(reinterpret_cast<void*>(address / page_ * page_), page_, &resident) == 0;
     }
 
-    /// Names the guard and prints a stack trace when one of its pages is touched while it is closed; whoever handled
-    /// the signal before (the test framework, a sanitizer) comes next. doctest sets its own handler for each test
-    /// case, so this is called anew whenever a backend is made.
+    /// Installs a signal handler. When a page is accessed while the guard is closed, it names the guard, prints a stack
+    /// trace and calls the previous handler (of the test framework or a sanitizer). doctest sets its own handler for
+    /// each test case, so this is called whenever a backend is made.
     void watch() {
         struct sigaction current;
         sigaction(SIGSEGV, nullptr, &current);
@@ -86,7 +86,7 @@ public:
     }
 
 private:
-    static constexpr std::size_t reserved = std::size_t(1) << 32; // addresses, not memory
+    static constexpr std::size_t reserved = std::size_t(1) << 32; // bytes of address space, not of memory
 
     GuardedMemory() : page_(static_cast<std::size_t>(sysconf(_SC_PAGESIZE))) {
         void* range = mmap(nullptr, reserved, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
@@ -106,7 +106,7 @@ private:
             void* frames[64];
             backtrace_symbols_fd(frames, backtrace(frames, 64), STDERR_FILENO);
         }
-        sigaction(SIGSEGV, &instance().previous_, nullptr); // the same access fails again, and ends as it would have
+        sigaction(SIGSEGV, &instance().previous_, nullptr); // the access fails again and reaches the previous handler
     }
 
     std::size_t page_;
@@ -117,7 +117,7 @@ private:
     struct sigaction previous_ = {};
 };
 
-/// Opens the guard for as long as it lives.
+/// Opens the guard during its lifetime.
 class OpenGuard {
 public:
     OpenGuard() { GuardedMemory::instance().open(); }
@@ -125,8 +125,8 @@ public:
     ~OpenGuard() { GuardedMemory::instance().close(); }
 };
 
-/// An array in guarded memory. New elements are filled with bytes that no program means (0xA5), so that a result which
-/// depends on them is seen to be wrong.
+/// An array in guarded memory. New elements are filled with the byte 0xA5, so that results which depend on
+/// uninitialised elements are visibly wrong.
 template <class T>
     requires std::is_trivially_copyable_v<T>
 class GuardedBuffer {

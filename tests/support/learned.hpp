@@ -57,7 +57,7 @@ auto learned_values(B& backend, Part& part) {
     return all;
 }
 
-/// The same where the backend's memory is the host's.
+/// The same for a backend in host memory.
 template <class Part>
 auto learned_values(Part& part, std::string_view name) {
     cpu::Serial host;
@@ -83,7 +83,7 @@ void zero_gradients(B& backend, Part& part) {
     for (const auto& array : part.learned()) backend.fill(array.gradient, 0);
 }
 
-/// Gives every learned number a value that is not near zero: fields then say something.
+/// Sets every learned number to a value that is not near zero, so that the outputs of fields are noticeable.
 template <class Part>
 void randomize(Part& part, std::uint64_t seed = 8) {
     Rng rng(seed);
@@ -91,8 +91,8 @@ void randomize(Part& part, std::uint64_t seed = 8) {
         for (auto& value : array.values) value = rng.uniform(-0.5, 0.5);
 }
 
-/// Checks the gradients that lie in a part's learned arrays against central differences of loss(), about `samples`
-/// numbers of each. Of a table, rows are checked that some point reads: the others have no gradient.
+/// Checks the gradients in a part's learned arrays against central differences of loss(), about `samples` numbers of
+/// each array. Of a table, only rows are checked that a point reads, because the others have no gradient.
 template <class Part, class Loss>
 void check_learned_gradients(Part& part, const Loss& loss, const GradientCheck& check = {}, std::size_t samples = 30) {
     for (const LearnedArray<double>& array : part.learned()) {
@@ -101,7 +101,7 @@ void check_learned_gradients(Part& part, const Loss& loss, const GradientCheck& 
         const Span<const double> gradient = array.gradient;
         double largest = 0;
         for (const double value : gradient) largest = std::max(largest, std::abs(value));
-        CHECK(largest > 1e-3); // the check below must have something to see
+        CHECK(largest > 1e-3); // otherwise the check below compares zeros
         GradientCheck options = check;
         options.elements = spread_elements(array.values.size(), array.is_table() ? &array.touched_rows : nullptr,
                                            array.row_size, samples);
@@ -109,7 +109,7 @@ void check_learned_gradients(Part& part, const Loss& loss, const GradientCheck& 
     }
 }
 
-/// Checks that `twice` is two times `once`, in shares of its largest number.
+/// Checks that `twice` is two times `once`, relative to its largest number.
 inline void check_doubled(const std::vector<double>& once, const std::vector<double>& twice) {
     REQUIRE(once.size() == twice.size());
     double largest = 0, difference = 0;

@@ -22,7 +22,7 @@ inline Affine<double> random_affine(Rng& rng) {
     return {linear, rng.vec()};
 }
 
-/// The sum of the products of their numbers.
+/// The inner product: the sum of the products of corresponding numbers.
 inline double inner(const mat3<double>& a, const mat3<double>& b) {
     return dot(a[0], b[0]) + dot(a[1], b[1]) + dot(a[2], b[2]);
 }
@@ -30,7 +30,7 @@ inline double inner(const Affine<double>& a, const Affine<double>& b) {
     return inner(a.linear, b.linear) + dot(a.translation, b.translation);
 }
 
-/// The largest difference of two of their numbers.
+/// The largest difference between corresponding numbers.
 template <class T>
 T distance(const vec3<T>& a, const vec3<T>& b) {
     return std::max({std::abs(a.x - b.x), std::abs(a.y - b.y), std::abs(a.z - b.z)});

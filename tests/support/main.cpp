@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The test programs' main: doctest's own, but a run in which no test case took part fails. A filter that
-///        matches nothing, such as the name of a file that has moved, would pass otherwise. A run of which every test
-///        case was skipped ends with 77.
+/// @file  The main function of the test programs. Unlike doctest's own, it fails if no test case ran, for example
+///        because a filter has the old name of a file. If all test cases were skipped, it returns 77.
 #define DOCTEST_CONFIG_IMPLEMENT
 #include <doctest/doctest.h>
 
@@ -15,7 +14,7 @@ namespace {
 unsigned cases_run = 0, cases_skipped = 0;
 std::string running; // the test case's name
 
-/// Stands beside the reporter that prints, and counts.
+/// A second reporter, which counts.
 struct CaseCounter : doctest::IReporter {
     explicit CaseCounter(const doctest::ContextOptions&) {}
     void report_query(const doctest::QueryData&) override {}
@@ -43,7 +42,8 @@ void gsh::test::skip(const std::string& why) {
 int main(int argc, char** argv) {
     doctest::Context context(argc, argv);
     const int status = context.run();
-    if (status != 0 || context.shouldExit()) return status; // shouldExit: it only listed test cases, or showed its help
+    // shouldExit: doctest only listed test cases or printed its help.
+    if (status != 0 || context.shouldExit()) return status;
     if (cases_run == 0) std::cerr << "no test case matches the filters\n";
     if (cases_run == 0) return 1;
     return cases_skipped == cases_run ? 77 : 0;

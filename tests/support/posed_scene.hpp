@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  An avatar of a patterned tube and photographs of it that its own renderer took: what pose fitting is tested
-/// on.
+/// @file  An avatar of a patterned tube, and photographs of it by gsh's own renderer, for tests of pose fitting.
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
@@ -76,7 +75,7 @@ struct PosedScene {
         return all;
     }
 
-    /// The truth as an estimator might give it.
+    /// The true motion with errors as of an estimator.
     [[nodiscard]] Motion estimate(double angle = 0.06, double distance = 0.015, std::uint64_t seed = 8) const {
         Rng rng(seed);
         Motion motion = truth;

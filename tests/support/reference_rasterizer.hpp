@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The rasterizer's definition, written down once more as plainly and slowly as possible: for every pixel all
-///        Gaussians in the order of z, in double, with nothing shared with the library but its data types.
+/// @file  A plain and slow rasterizer from the definition, as reference: for every pixel all Gaussians in the order of
+///        z, in double. It shares only data types with the library.
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
@@ -25,7 +25,7 @@ struct ReferenceOptions {
 
 struct Reference {
     Image<double> color, alpha, expected_depth, median_depth;
-    /// How close each pixel is to a decision that rounding can turn.
+    /// How close each pixel is to a decision that rounding can change.
     Image<double> cut_margin;  ///< least |alpha / alpha_min - 1| of all splats that a live pixel met
     Image<double> stop_margin; ///< least |T / transmittance_min - 1| after a splat
     Image<double> depth_gap; ///< least distance in z, relative to z, of two neighbours among the splats that count here
@@ -36,7 +36,7 @@ struct ReferenceSplat {
     std::size_t index = 0;
 };
 
-/// Projects one Gaussian by method: x_cam = R x + t, J R Σ Rᵀ Jᵀ + dilation. False if culled.
+/// Projects one Gaussian: x_cam = R x + t, J R Σ Rᵀ Jᵀ + dilation. Returns false if it is culled.
 inline bool reference_project(const Camera<double>& camera, const SplatView<const double>& splats, std::size_t index,
                               const ReferenceOptions& o, ReferenceSplat& out) {
     double R[3][3], t[3], mean[3], p[3];
@@ -80,7 +80,7 @@ inline bool reference_project(const Camera<double>& camera, const SplatView<cons
     return true;
 }
 
-/// Renders over a colour, or over `background` where it is not empty.
+/// Renders over a colour, or over `background` if that is not empty.
 inline Reference reference_rasterize(const Camera<double>& camera, const SplatView<const double>& splats,
                                      const vec3<double>& background_color,
                                      const ImageView<const double>& background = {},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A few Gaussians on a few bones, and splats, as arrays: what tests of posing start from.
+/// @file  Arrays of a few Gaussians, bones and splats, for tests of posing.
 #pragma once
 
 #include "support/gradient.hpp"
@@ -13,7 +13,7 @@
 
 namespace gsh::test {
 
-/// Everything that posing reads, and gradients of everything. Bones shear, unless they are replaced.
+/// All inputs of posing and their gradients. Bones have shear, unless they are replaced.
 template <class T>
 struct SkinnedScene {
     static constexpr std::size_t joint_count = 5, influences = 3;
@@ -42,8 +42,8 @@ struct SkinnedScene {
             }
             for (std::size_t k = 0; k < influences; ++k) weights[i * influences + k] /= sum;
             for (std::size_t k = 0; k < stride; ++k) {
-                // Small coefficients keep every colour inside (0, 1), away from the clamp's kinks; every third
-                // Gaussian is far above 1 in one channel, where the gradient must vanish.
+                // With small coefficients all colours are inside (0, 1), away from the clamp's kinks. Every
+                // third Gaussian is far above 1 in one channel, where the gradient must vanish.
                 vec3<T> value(rng.vec(-0.05, 0.05));
                 if (k == 0 && i % 3 == 2) value.y = T(8);
                 sh.push_back(k < basis ? value : vec3<T>(T(9)));

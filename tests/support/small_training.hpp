@@ -25,8 +25,8 @@
 
 namespace gsh::test {
 
-/// Poses, cameras and photographs; the photographs show stripes that are painted on the body, by plain projection of
-/// many surface points, which is no rasterizer and good enough to learn from.
+/// Poses, cameras and photographs. The photographs show stripes on the body. They are made by projection of many
+/// surface points, without a rasterizer.
 struct SmallScene {
     static constexpr int size = 48;
 
@@ -98,10 +98,10 @@ private:
     }
 };
 
-/// Rates at which the small scene is learned quickly.
+/// Learning rates with which the small scene is learned quickly.
 inline constexpr LearningRates small_rates{.quats = 0, .sh = 5e-3};
 
-/// A configuration at the size of tests, its parts as they are.
+/// The same configuration with fields at the size of tests.
 inline AvatarConfig small(AvatarConfig config) {
     config.hash_base = 4, config.hash_growth = 2, config.hash_table_size = 1024, config.ao_table_size = 1024;
     config.mlp_width = 16, config.mlp_hidden_layers = 1;
@@ -152,7 +152,7 @@ struct SmallTraining {
     }
     /// Each Gaussian's ambient occlusion, mean over the photographed frames.
     std::vector<float> mean_ao() { return gsh::mean_ao(people, photographed_frames(trainer.photos())); }
-    /// The avatar as it is now, as files keep it.
+    /// The present avatar, in the form that files store.
     AvatarData exported() {
         return export_avatar(people, rig, photographed_frames(trainer.photos()), trainer.config().filter);
     }

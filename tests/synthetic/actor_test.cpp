@@ -124,7 +124,7 @@ TEST_CASE("skinning weights are few, sum to one, and never join distant limbs") 
         CHECK(joints.size() <= 6);
         for (const int a : joints)
             for (const int b :
-                 joints) { // at most three bones apart, as spine to shoulder; a trace across a web of skin
+                 joints) { // at most three bones apart, as spine and shoulder; small weights between fingers
                 int steps = 0;
                 for (int i = a, k = b; i != k; ++steps)
                     (i > k ? i : k) = actor_joints[static_cast<std::size_t>(std::max(i, k))].parent;
@@ -135,7 +135,7 @@ TEST_CASE("skinning weights are few, sum to one, and never join distant limbs") 
                 const bool leg_b = b == 1 || b == 2 || (b >= 4 && b <= 11 && b != smplx::spine2 && b != smplx::spine3);
                 CHECK_FALSE((arm_a && leg_b));
             }
-        if (std::abs(vertex(v).x) > 0.026) // nothing on the left hangs on a right limb
+        if (std::abs(vertex(v).x) > 0.026) // vertices on the left have no weight of a limb on the right
             for (const int j : joints) CHECK(actor_joints[static_cast<std::size_t>(j)].position[0] * vertex(v).x >= 0);
     }
 }
@@ -151,12 +151,12 @@ TEST_CASE("weights are smooth: neighbours differ little, but for lips and lids")
             for (int j = 0; j < actor_joint_count; ++j) change += 0.5 * std::abs(weight(a, j) - weight(b, j));
             roughest = std::max(roughest, change);
         }
-    CHECK(roughest < 0.85); // the webs between fingers
+    CHECK(roughest < 0.85); // the skin between fingers
 }
 
 TEST_CASE("each hand has five separate fingers") {
     for (const int first : {int(smplx::left_index1), int(smplx::right_index1)}) {
-        // Cut every finger half-way along its middle bone: what lies beyond falls into five pieces.
+        // Cut every finger half-way along its middle bone. The part beyond the cuts consists of five pieces.
         const auto beyond_cut = [&](std::size_t v) {
             for (int finger = 0; finger < 5; ++finger) {
                 const int joint = first + 3 * finger + 1;
@@ -165,7 +165,7 @@ TEST_CASE("each hand has five separate fingers") {
             return false;
         };
         CHECK(test::pieces(default_actor().vertex_count(), default_actor().faces, beyond_cut) == 5);
-        // Between neighbouring fingers the surface leaves air.
+        // There is a gap between neighbouring fingers.
         for (int finger = 0; finger < 3; ++finger) {
             const int neighbours[] = {0, 1, 3, 2}; // from the index to the pinky
             const auto middle = [&](int f) {
@@ -259,7 +259,7 @@ TEST_CASE("motions loop, stay on the floor, and move what they promise") {
             for (std::size_t t = 1; t < 12; ++t)
                 step = std::max(step, length(motion.pose_at(t)[j] - motion.pose_at(t - 1)[j]));
         }
-        CHECK(around <= 1.2 * step); // closing the loop is a step like any other
+        CHECK(around <= 1.2 * step); // the step from the last frame to the first is not larger than the others
         for (std::size_t t = 0; t < 12; t += 3) {
             double lowest = 9;
             for (const auto& p : test::posed_vertices(default_actor(), motion, t)) lowest = std::min(lowest, p.y);

@@ -28,7 +28,8 @@ TEST_CASE("remesh coarsens a sphere to the wished lengths and leaves it closed a
             short_or_long += edge < 0.5 * aim || edge > 1.8 * aim;
             longest = std::max(longest, edge);
         }
-        skewed += length(cross(at(1) - at(0), at(2) - at(0))) < 0.25 * longest * longest; // equilateral: 0.87
+        // It is 0.87 for an equilateral triangle.
+        skewed += length(cross(at(1) - at(0), at(2) - at(0))) < 0.25 * longest * longest;
     }
     CHECK(static_cast<double>(short_or_long) < 0.03 * 3 * static_cast<double>(mesh.faces.size()));
     CHECK(skewed == 0);

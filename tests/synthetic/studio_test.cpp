@@ -21,7 +21,7 @@ const BodyModel& actor() {
     return body;
 }
 
-/// Which of size x size points at pixel offsets (du, dv) a mesh covers, by walking its triangles: no rays involved.
+/// Which of size x size points at pixel offsets (du, dv) a mesh covers, by rasterizing its triangles, without rays.
 std::vector<char> covered(const std::vector<vec3<double>>& vertices, const std::vector<std::array<int, 3>>& faces,
                           const Camera<double>& camera, double du, double dv) {
     std::vector<char> mask(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height), 0);
@@ -157,7 +157,8 @@ TEST_CASE("two actors hide each other and throw shadows on each other") {
         return motion;
     };
     const Motion left = moved(actor_motion(ActorMotion::talk, 2), {0.1, 0, -0.3}),
-                 right = moved(actor_motion(ActorMotion::stride, 2), {0.3, 0, 0.3}); // between the other and the lamp
+                 // Between the other person and the lamp.
+                 right = moved(actor_motion(ActorMotion::stride, 2), {0.3, 0, 0.3});
     const auto white = [](const vec3<double>&) { return SurfaceColor{.albedo = vec3<double>(0.8), .gloss = 0}; };
     const auto blue = [](const vec3<double>&) { return SurfaceColor{.albedo = {0, 0, 0.8}, .gloss = 0}; };
     const StudioActor a{&actor(), &left, white}, b{&actor(), &right, blue};
@@ -171,7 +172,7 @@ TEST_CASE("two actors hide each other and throw shadows on each other") {
         for (std::size_t p = 0; p < both.images[i].data.size(); p += 4) {
             const std::uint8_t *seen = &both.images[i].data[p], *one = &first.images[i].data[p],
                                *other = &second.images[i].data[p];
-            union_of_both += seen[3] < std::max(one[3], other[3]); // the same rays: never less
+            union_of_both += seen[3] < std::max(one[3], other[3]); // never less, because the rays are the same
             if (one[3] == 255 && other[3] == 255 && seen[0] == 0 && seen[2] > 0) ++white_hidden;
             if (one[3] == 255 && other[3] == 0 && one[0] > seen[0] + 30) ++shadowed;
         }
@@ -182,7 +183,7 @@ TEST_CASE("two actors hide each other and throw shadows on each other") {
     CHECK_THROWS_AS((void)film(backend, {a, {&actor(), &longer}}, params), ShapeError);
     CHECK_THROWS_AS((void)film(backend, std::vector<StudioActor>(), params), ValueError);
     params.image_size = 40;
-    CHECK_THROWS_AS((void)film(backend, {a}, params), ValueError); // not these cameras' images
+    CHECK_THROWS_AS((void)film(backend, {a}, params), ValueError); // images of other cameras
 }
 
 TEST_CASE("a ray meets a triangle where it should") {

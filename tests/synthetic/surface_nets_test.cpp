@@ -44,7 +44,7 @@ TEST_CASE("a torus keeps its hole") {
 }
 
 TEST_CASE("two sheets in one cell stay apart") {
-    // Two balls that nearly touch across a cell's diagonal.
+    // Two balls whose gap lies on a cell's diagonal.
     const auto balls = [](const vec3<double>& p) {
         return std::min(length(p - vec3<double>(0.33)) - 0.545, length(p + vec3<double>(0.33)) - 0.545);
     };

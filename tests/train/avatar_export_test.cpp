@@ -86,7 +86,7 @@ TEST_CASE("an avatar whose fields know the time is saved as the mean over the fr
     CHECK(check({.heads = Heads::separate, .head_time = true}, {0, 1}) == std::pair(true, true));
     CHECK(check({.hash_displacement = false, .head_time = true}, {0, 1}) == std::pair(false, true));
     CHECK(check({.hash_sh = false, .head_time = true}, {0, 1}) == std::pair(true, false));
-    CHECK(check({}, {0, 1}) == std::pair(false, false)); // fields that know no time
+    CHECK(check({}, {0, 1}) == std::pair(false, false)); // fields that do not depend on the time
     scene.photos = {photos[0], photos[1], photos[2]};    // frame 0 by both cameras, frame 1 by one: each counts once
     check({.head_time = true}, {0, 1});
     scene.photos = {photos[1], photos[3]}; // frame 1 alone

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::size_t tube_count = 3000;
 
-/// A tube with more joints than trunk and limbs have; its upper end is what deserves more.
+/// A tube with more joints than trunk and limbs. Its upper end is the region of high detail.
 struct Tube {
     BodyModel body = test::tube(24, 48, 8);
     Motion motion;
@@ -48,7 +48,7 @@ struct Tube {
     }
 };
 
-/// What a setup holds fits together, and an AvatarModel takes it.
+/// Checks that the parts of a setup have matching sizes and that an AvatarModel accepts them.
 void check_consistent(Tube& tube, const CanonicalSetup& setup, const Configuration& config) {
     CHECK(setup.samples.size() == tube_count);
     CHECK(setup.rig.point_count() == tube_count);
@@ -110,7 +110,8 @@ TEST_CASE("the baseline moves with 22 joints and knows no expression, on the who
 TEST_CASE("without fine levels no point has a share in the region") {
     const CanonicalSetup coarse = Tube().setup("coarse-only");
     CHECK(coarse.priors.region == std::vector<double>(tube_count, 0.0));
-    CHECK(coarse.samples.positions == Tube().setup("paper").samples.positions); // which still has more Gaussians
+    // coarse-only also has more Gaussians in the region.
+    CHECK(coarse.samples.positions == Tube().setup("paper").samples.positions);
 }
 
 TEST_CASE("regions get more Gaussians, fine levels, and a smooth edge") {
@@ -119,19 +120,19 @@ TEST_CASE("regions get more Gaussians, fine levels, and a smooth edge") {
     // K_b : K_m = 15 : 20 on an even mesh, apart from the edge between both.
     const double share = share_above(even);
     CHECK(share_above(paper) == doctest::Approx(20 * share / (20 * share + 15 * (1 - share))).epsilon(0.03));
-    CHECK(share_above(merged) == doctest::Approx(share).epsilon(0.03)); // fine levels, yet no more samples
+    CHECK(share_above(merged) == doctest::Approx(share).epsilon(0.03)); // fine levels without additional samples
     for (const CanonicalSetup* setup : {&paper, &merged}) {
         std::size_t between = 0;
         for (std::size_t i = 0; i < tube_count; ++i) {
             const double tau = setup->priors.region[i], y = setup->samples.positions[i].y;
             CHECK((tau >= 0 && tau <= 1));
             if (y > 1.25) CHECK(tau == doctest::Approx(1));
-            if (y < 0.95) CHECK(tau == 0); // not merely small: no fine level is read there
+            if (y < 0.95) CHECK(tau == 0); // exactly 0, so that no fine level is read there
             between += tau > 0 && tau < 1;
         }
         CHECK(between > 0);
     }
-    // Painted importance takes the place of lists.
+    // An importance per vertex replaces the lists.
     RegionLists painted;
     painted.importance.assign(tube.body.vertex_count(), 0.5);
     const CanonicalSetup half =
@@ -147,7 +148,7 @@ TEST_CASE("importance below a thousandth is none at all, and what is left begins
         return make_canonical_setup(tube.backend, tube.body, tube.motion, named_configuration("paper"), tube_count, 7,
                                     lists);
     };
-    RegionLists painted; // the same everywhere, so that each sample has just this
+    RegionLists painted; // the same everywhere, so that each sample has exactly this value
     for (const double tau : {1e-9, 5e-4, epsilon, 1.001e-3, 0.25, 1.0}) {
         CAPTURE(tau);
         painted.importance.assign(tube.body.vertex_count(), tau);
@@ -196,7 +197,7 @@ TEST_CASE("features are the mesh's depths, then its normals, row by row") {
             equal = equal && both.priors.features[10 * i + 4 + k] == normals.priors.features[6 * i + k];
     }
     CHECK(equal);
-    // What the front sees of its own surface lies at depth difference 0 and faces the viewer.
+    // On the surface that the front view shows, the depth difference is 0 and the normal faces the viewer.
     std::size_t front = 0;
     for (std::size_t i = 0; i < tube_count; ++i) {
         const vec3<double> &p = both.samples.positions[i], &n = both.samples.normals[i];
@@ -232,9 +233,9 @@ TEST_CASE("an estimator's views take the place of the mesh's") {
     REQUIRE(back.priors.features.size() == 3 * tube_count);
     for (std::size_t i = 0; i < tube_count; ++i) CHECK(back.priors.features[3 * i] == own.priors.features[6 * i + 3]);
 
-    estimated.normals = {flat_depth(vertices, 2.0)}; // a depth where normals are asked for
+    estimated.normals = {flat_depth(vertices, 2.0)}; // a depth map in place of normals
     CHECK_THROWS_AS((void)tube.setup("paper", 7, estimated), ShapeError);
-    CHECK(tube.setup("baseline", 7, estimated).priors.features.empty()); // nobody looks at them
+    CHECK(tube.setup("baseline", 7, estimated).priors.features.empty()); // this configuration does not use them
 }
 
 TEST_CASE("a setup is its seed's, whatever the number of threads") {

@@ -21,7 +21,7 @@ using namespace gsh;
 
 namespace {
 
-/// Sets every bounded setting to its ends and to what lies next to them outside. Returns how many ends there are.
+/// Sets every bounded setting to the ends of its range and to the nearest values outside. Returns the number of ends.
 template <class C>
 std::size_t try_ends(const C& defaults) {
     std::size_t ends = 0;
@@ -46,7 +46,7 @@ std::size_t try_ends(const C& defaults) {
                     if (other == name) CHECK(gsh::detail::setting_text(now) == text);
                 });
             };
-            const auto next = [](double number, int way) { // towards more or less
+            const auto next = [](double number, int way) { // the next larger or smaller number
                 if constexpr (std::integral<V>)
                     return static_cast<V>(static_cast<V>(number) + way);
                 else
@@ -63,7 +63,7 @@ std::size_t try_ends(const C& defaults) {
             end(range.least, range.with_least, -1);
             end(range.most, range.with_most, 1);
             if (range.powers_of_two) check(3, false), check(4, true), check(1000, false);
-            if constexpr (std::floating_point<V>) // all are finite, bounded or not
+            if constexpr (std::floating_point<V>) // all settings must be finite, bounded or not
                 for (const char* text : {"inf", "-inf", "nan"}) {
                     C c = defaults;
                     CHECK_THROWS_WITH_AS(set_setting(c, name, text, "--set"), doctest::Contains("a finite number"),
@@ -109,7 +109,7 @@ TEST_CASE("an ablation differs from the paper's in its own part alone") {
 
 TEST_CASE("settings read back what they print") {
     Configuration odd = named_configuration("baseline");
-    odd.avatar.rates.sh = 0.1 + 0.2; // needs all digits
+    odd.avatar.rates.sh = 0.1 + 0.2; // all digits are needed to restore it
     odd.avatar.deformation = Deformation::dual_quaternion;
     odd.avatar.hash_table_size = 1u << 19;
     Configuration copy;
@@ -130,7 +130,7 @@ TEST_CASE("docs/configurations.md lists every configuration, and every setting w
         CAPTURE(row);
         CHECK(page.find(row) != std::string::npos);
     }
-    const auto rows = [](std::string_view table) { // and no other
+    const auto rows = [](std::string_view table) { // and no other settings
         std::size_t count = 0;
         for (std::size_t at = table.find("\n| `"); at != std::string::npos; at = table.find("\n| `", at + 1)) ++count;
         return count;

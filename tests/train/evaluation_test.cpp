@@ -21,13 +21,13 @@ ImageScore scored(double psnr, double ssim, double psnr_person) {
     return {.name = "any", .psnr = psnr, .ssim = ssim, .psnr_person = psnr_person};
 }
 
-/// Says that each of 12 x 12 pixels is 0.6, where the photograph has 0.5, or 0.1 in its two middle columns, which are
-/// the person.
+/// A scene whose pictures are 0.6 at each of 12 x 12 pixels. The photograph has 0.5, and 0.1 in its two middle columns,
+/// which show the person.
 struct GrayTrainer {
     using Scalar = double;
     static constexpr int size = 12;
     bool without_person = false;
-    std::size_t frame = 0; ///< that was rendered last
+    std::size_t frame = 0; ///< the frame that was rendered last
 
     void render(const Photo& photo, Image<double>& image) {
         frame = photo.frame;
@@ -40,7 +40,7 @@ struct GrayTrainer {
             for (int y = 0; y < size; ++y)
                 for (int x = 0; x < size; ++x) image.at(c, y, x) = person(x) ? 0.1 : 0.5;
         for (int y = 0; y < size; ++y)
-            for (int x = 0; x < size; ++x) alpha.at(0, y, x) = person(x) ? 0.6 : 0.5; // one half does not count
+            for (int x = 0; x < size; ++x) alpha.at(0, y, x) = person(x) ? 0.6 : 0.5; // exactly 1/2 is not inside
     }
 
 private:
@@ -73,7 +73,7 @@ TEST_CASE("a mean is the mean of each figure, LPIPS only where it was asked for"
     REQUIRE(mean_score(scores).lpips);
     CHECK(*mean_score(scores).lpips == doctest::Approx(0.5 / 3));
     scores[2].lpips.reset();
-    CHECK(!mean_score(scores).lpips); // a mean of some is no mean of all
+    CHECK(!mean_score(scores).lpips); // there is no mean if an image lacks LPIPS
 
     CHECK(mean_score({scored(equal_images, 1, 30), scored(20, 1, 30)}).psnr == equal_images);
     const ImageScore none = mean_score({});
@@ -111,7 +111,7 @@ TEST_CASE("each person has their own mean, as a whole and by region") {
     const auto means = mean_people(scores);
     REQUIRE(means.size() == 2);
     CHECK(means[0].whole.images == 2);
-    CHECK(means[0].whole.psnr == doctest::Approx(22)); // images count alike, however many pixels they show
+    CHECK(means[0].whole.psnr == doctest::Approx(22)); // images have equal weight, regardless of their number of pixels
     CHECK(means[0].whole.ssim == doctest::Approx(0.22));
     REQUIRE(means[0].regions.size() == 2);
     CHECK(means[0].regions[0].images == 1);

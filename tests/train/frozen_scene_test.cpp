@@ -24,7 +24,7 @@ using OnePerson = FrozenPerson<SmallPeople, cpu::Serial>;
 
 static_assert(FrozenScene<FrozenAvatar<cpu::Serial>, cpu::Serial, float>);
 static_assert(FrozenScene<OnePerson, cpu::Serial, float>);
-static_assert(!FrozenScene<SmallPeople, cpu::Serial, float>); // its arrays learn
+static_assert(!FrozenScene<SmallPeople, cpu::Serial, float>); // not frozen: its arrays learn
 
 RefinementConfig quick_fit() {
     RefinementConfig config = test_time_config();
@@ -135,7 +135,7 @@ TEST_CASE("a fit of one person in one frame moves that pose and nothing else") {
     CHECK(moved.transl[0] == second.transl[0]);
     CHECK(moved.transl[1] != second.transl[1]);
     for (std::size_t j = 0; j < 4; ++j) CHECK(moved.pose_at(0)[j] == second.pose_at(0)[j]);
-    CHECK(two.models[0].casts_shadow()); // the fit's own progress is not the scene's
+    CHECK(two.models[0].casts_shadow()); // the fit's progress does not change the scene's
 }
 
 TEST_CASE("a person whose poses are not refined, or who is not there, is refused") {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Training, refinement, pose fitting and showing on a backend whose buffers the host cannot touch: a host read
-///        anywhere in them would crash here, and every number equals that of the reference backend.
+/// @file  Training, refinement, pose fitting and rendering on a backend whose buffers the host cannot access. A host
+///        read would crash, and every number equals that of the reference backend.
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/pipeline/static_model.hpp>
@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-namespace guarded_training { // joined with the other tests, which have helpers of the same names
+namespace guarded_training { // joined builds: other tests have helpers of the same names
 
 using namespace gsh;
 using test::Guarded;
@@ -64,7 +64,7 @@ template <class B>
 Outcome train_avatar(const SmallScene& scene, const AvatarConfig& config) {
     SmallTraining<B> training(scene, B(), 3, config);
     Outcome outcome;
-    for (int step = 0; step < 5; ++step) training.trainer.step(0.1 + 0.2 * step); // shadows start at a tenth
+    for (int step = 0; step < 5; ++step) training.trainer.step(0.1 + 0.2 * step); // the shadow joins at 0.1
     observe(training.trainer, scene.photos[1], outcome);
     outcome.learned = training.parameters();
     const AvatarData avatar = training.exported();

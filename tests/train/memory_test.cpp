@@ -37,7 +37,7 @@ std::uint64_t learned_bytes(const AvatarConfig& config, std::size_t& gaussians) 
 } // namespace
 
 TEST_CASE("a budget covers the learned arrays of every configuration") {
-    // Every level at its largest, so that tables are of the size that the budget reckons with.
+    // Every level at its largest, so that tables have the size that the estimate assumes.
     const AvatarConfig plain{.hash_base = 64, .hash_growth = 1.2, .hash_table_size = 4096, .ao_table_size = 4096};
     const auto with = [&](auto change) {
         AvatarConfig config = plain;
@@ -56,7 +56,7 @@ TEST_CASE("a budget covers the learned arrays of every configuration") {
         const std::uint64_t fields = memory.fixed - training_memory(without_fields, 0, 0).fixed;
         CHECK(fields % table == 0);
         CHECK(bytes > fields);                                            // networks and what each Gaussian has
-        CHECK(bytes - fields < table / 2 + memory.per_gaussian * gaussians); // and no table more
+        CHECK(bytes - fields < table / 2 + memory.per_gaussian * gaussians); // no further table fits
     }
 }
 
@@ -71,7 +71,7 @@ TEST_CASE("what a network's activations take grows with its width and depth, and
     CHECK(training_memory(wide, 100, 1000).per_gaussian - one.per_gaussian == 2 * 2 * 64 * sizeof(float));
     CHECK(training_memory(deep, 100, 1000).per_gaussian - one.per_gaussian == 2 * 64 * sizeof(float));
     CHECK(two.per_gaussian == 2 * one.per_gaussian);
-    CHECK(two.fixed - one.fixed == one.fixed - none.fixed); // their tables; program and pictures are there once
+    CHECK(two.fixed - one.fixed == one.fixed - none.fixed); // a person's tables; program and pictures are counted once
 }
 
 TEST_CASE("a budget and a number of Gaussians turn into each other") {

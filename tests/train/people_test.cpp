@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Several people in one training: each learns their own part of one picture.
+/// Several people in one training. Each avatar learns its own part of the picture.
 #include <gsh/cpu.hpp>
 #include <gsh/body/joint_error.hpp>
 #include <gsh/io/model/checkpoint.hpp>
@@ -28,14 +28,14 @@ using test::SmallTraining;
 
 namespace {
 
-/// The small scene's motion somewhere else.
+/// The small scene's motion at another place.
 Motion moved(Motion motion, const vec3<double>& by) {
     for (auto& transl : motion.transl) transl += by;
     return motion;
 }
 const vec3<double> beside{0.35, 0, -0.2}, in_front{0.12, 0.02, 0.5}, behind_the_cameras{0, 0, 40};
 
-/// Some people of the small scene's form in one training.
+/// Several people with the small scene's body in one training.
 template <class B, class T = float>
 struct Cast {
     using Model = test::SmallAvatar<B, T>;
@@ -98,7 +98,7 @@ void paint(Cast<B, T>& cast) {
     }
 }
 
-/// Photographs of two painted people, one in front of the other, taken by their own renderer.
+/// Photographs by gsh's renderer of two painted people, one in front of the other.
 struct TwoPeople {
     SmallScene scene;
     std::vector<Motion> motions{moved(scene.motion, {-0.1, 0, -0.2}), moved(scene.motion, in_front)};
@@ -178,7 +178,7 @@ TEST_CASE("whoever stands in front hides the other, whatever their order") {
         CHECK(b.data[i] > b.data[2 * count + i] + 0.3f); // red in front
     }
     CHECK(covered > 20);
-    // The same people named in the other order are the same picture.
+    // The order of the people does not change the picture.
     Cast<cpu::Serial> swapped(scene, {front, back}, scene.photos, {}, stored);
     paint(swapped);
     for (const auto* name : {"sh", "opacity_logits"}) {
@@ -201,7 +201,7 @@ TEST_CASE("two people, one before the other, are both learned") {
     cast.steps(150);
     CAPTURE(before);
     CHECK(psnr_of() > before + 6);
-    // Red for the first, blue for the second: nobody learned the other's colours.
+    // The first is red and the second blue, so neither learned the other's colours.
     const std::size_t count = 48 * 48;
     for (const std::size_t p : {0, 1}) {
         Cast<cpu::Serial> apart(scene.scene, {scene.motions[p]}, scene.photos);
@@ -221,23 +221,23 @@ TEST_CASE("the gradient of one picture reaches both people, and is right") {
     const SmallScene scene;
     test::Rng rng(5);
     std::vector<std::uint8_t> noise(scene.photos[0].rgba.size(),
-                                    255); // few differences near the kink of L1, small steps to miss those
+                                    255); // few pixels are near the kink of L1, and small steps do not cross it
     for (std::size_t i = 0; i < noise.size(); ++i)
         if (i % 4 != 3) noise[i] = static_cast<std::uint8_t>(rng.uniform(0, 255));
     Photo photo = scene.photos[0];
     photo.rgba = noise;
-    // Rates that move nothing: a step then is a loss and, in its first moment, a tenth of the gradient.
+    // With rates of 0 nothing moves. A step then gives the loss and, as first moment, a tenth of the gradient.
     AvatarConfig config{.initial_thickness = 1, .sh_dc_scale = 20};
     LearningRates& r = config.rates;
     for (double* rate : {&r.joints, &r.quats, &r.log_scales, &r.opacity_logits, &r.displacement, &r.sh,
                          &r.stored_displacements, &r.stored_sh, &r.ao})
         *rate = 1e-200;
     Cast<cpu::Serial, double> cast(scene, {scene.motion, moved(scene.motion, in_front)}, {photo}, {}, config,
-                                   {.random_background = false}, 2); // each step sees the same
+                                   {.random_background = false}, 2); // all steps have the same background
     for (auto& model : cast.models) {
         for (double& opacity : test::learned_array(model, "opacity_logits").values) opacity = rng.uniform(-1, 1.5);
         for (double& scale : test::learned_array(model, "log_scales").values)
-            scale += rng.uniform(-0.3, 0.3); // round ones do not turn
+            scale += rng.uniform(-0.3, 0.3); // round Gaussians would have no gradient of the rotation
         for (double& weight : test::learned_array(model, "shared_field.network").values)
             weight = rng.uniform(-0.2, 0.2);
         for (double& entry : test::learned_array(model, "shared_field.table").values) entry = rng.uniform(-0.1, 0.1);
@@ -247,7 +247,7 @@ TEST_CASE("the gradient of one picture reaches both people, and is right") {
         return cast.trainer.last_loss().loss;
     };
     loss();
-    std::vector<std::vector<double>> gradients; // of the scene's arrays, taken before any further step
+    std::vector<std::vector<double>> gradients; // of the scene's arrays, copied before any further step
     for (const LearnedArray<double>& array : cast.people.learned()) {
         auto& gradient = gradients.emplace_back(array.first_moment.begin(), array.first_moment.end());
         for (double& value : gradient) value *= 10;
@@ -312,7 +312,7 @@ TEST_CASE("two people go on from a checkpoint bit for bit, refinement and all") 
         CHECK(whole.refinements[p].motion().pose != scene.motions[p].pose);
     }
     CHECK(whole.refinements[1].cameras()[1].t != scene.scene.cameras[1].t); // cameras learn from both people
-    // A scene of one person is another training.
+    // A checkpoint of two people does not fit a scene of one.
     SmallTraining<cpu::Serial> alone(scene.scene);
     CHECK_THROWS_AS(load_trainer(reader, alone.trainer), ValueError);
     const auto single = folder / "single.gsh";
@@ -328,7 +328,7 @@ TEST_CASE("two people go on from a checkpoint bit for bit, refinement and all") 
 TEST_CASE("a person's pose is found while somebody else stands in the way") {
     const TwoPeople scene;
     Cast<cpu::Serial> cast(scene.scene, scene.motions, scene.photos, {}, stored);
-    paint(cast); // the appearance is known
+    paint(cast); // the appearance starts at the truth
     Motion estimate = scene.motions[0];
     test::Rng rng(3);
     for (auto& v : estimate.pose) v += rng.vec(-0.05, 0.05);

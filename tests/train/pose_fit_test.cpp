@@ -68,7 +68,7 @@ TEST_CASE("a frame's pose is found in front of a room whose plate is known") {
         if (i % 4 < 3) plate[i] = static_cast<std::uint8_t>(rng.uniform(0.0, 255.0));
     std::vector<std::vector<std::uint8_t>> images;
     std::vector<Photo> photos;
-    for (std::size_t c = 0; c < PosedScene::camera_count; ++c) { // opaque photographs of person and room together
+    for (std::size_t c = 0; c < PosedScene::camera_count; ++c) { // opaque photographs that show person and room
         std::vector<std::uint8_t>& image = images.emplace_back(plate);
         const Span<const std::uint8_t> person = scene.observe(2, c).rgba;
         for (std::size_t i = 0; i < bytes; ++i) {
@@ -155,7 +155,7 @@ TEST_CASE("no steps, no change; bad photographs are refused") {
     CHECK_THROWS_AS(fit.fit(frozen, 0, {photo}), ShapeError);
     CHECK_THROWS_AS(PoseFit<cpu::Serial>(backend, {}, {.mask_weight = -1}), ValueError);
     MotionRefinement<cpu::Serial> late(backend, scene.avatar.rig, scene.truth, {},
-                                       {}); // starts after a tenth of the run
+                                       {}); // groups that start after a tenth of the run
     FrozenAvatar<cpu::Serial> waiting(avatar, late);
     CHECK_THROWS_AS(fit.fit(waiting, 0, {scene.observe(0, 1)}), ValueError);
 }

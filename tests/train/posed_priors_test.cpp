@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::size_t posed_count = 4000, bent = 1;
 
-/// A smooth tube that bends, and a camera three metres before it. It has two joints more than trunk and limbs.
+/// A smooth tube that bends, and a camera three metres in front of it. It has two joints more than trunk and limbs.
 struct BentTube {
     BodyModel body = test::tube(24, 48, 24);
     Motion motion;
@@ -34,7 +34,7 @@ struct BentTube {
         body.posedirs.clear();
         motion.joint_count = 24;
         motion.pose = rng.vecs(2 * 24, -0.06, 0.06);
-        motion.pose[24] = {0.1, 0.5, 0.1}; // the whole of it turns
+        motion.pose[24] = {0.1, 0.5, 0.1}; // the whole tube turns
         motion.transl = {{0, 0, 0}, {0.1, 0.05, 0.2}};
         motion.timestamps = {0, 1};
         camera.R = mat3<double>(vec3<double>(1, 0, 0), vec3<double>(0, -1, 0), vec3<double>(0, 0, -1));
@@ -71,7 +71,7 @@ struct BentTube {
     }
 };
 
-/// Says how far features of (depth, normal) are from those of the body itself: 0 and its canonical normals.
+/// The errors of features of (depth, normal) relative to those of the body itself: 0 and its canonical normals.
 void check_features(const CanonicalSetup& setup, const std::vector<std::size_t>& chosen) {
     REQUIRE(setup.priors.features.size() == 4 * setup.samples.size());
     double depth = 0, normal = 0;
@@ -93,12 +93,12 @@ TEST_CASE("maps of a posed body say what is true of the canonical one") {
     estimated.depths = {tube.depths()};
     const CanonicalSetup all = tube.setup(estimated);
     check_features(all, tube.in_front(all, 1.5));
-    // Joints that are merged do not bend any more; below them nothing changes.
+    // Merged joints do not bend. The features below them do not change.
     const CanonicalSetup merged = tube.setup(estimated, JointSet::trunk_and_limbs);
     CHECK(merged.rig.joint_count() == 22);
     check_features(merged, tube.in_front(merged, 1.3));
 
-    // Of the wrong frame they are not.
+    // With the wrong frame, the features are wrong.
     estimated.normals[0].frame = 0, estimated.depths[0].frame = 0;
     const CanonicalSetup wrong = tube.setup(estimated);
     double off = 0;
@@ -122,7 +122,7 @@ TEST_CASE("the bones are those of the body that moves the Gaussians") {
     const auto bones = pose_body(mover, motion.pose_at(bent), motion.transl[bent]).bones;
     for (std::size_t j = 0; j < 22; ++j)
         CHECK(views[0].bones[j](vec3<double>(0.1, 0.9, 0)) == bones[j](vec3<double>(0.1, 0.9, 0)));
-    // Canonical views have none, and views keep what they bring.
+    // Canonical views get no bones, and views keep bones that they have.
     estimated.normals = {two_normal_views(tube.backend, tube.body.v_template, tube.body.faces)[0]};
     CHECK(posed()[0].bones.empty());
     estimated.normals[0].view.bones = bones;
@@ -135,7 +135,7 @@ TEST_CASE("normals that ask for it become a depth, placed by the posed mesh") {
     estimated.normals = {tube.normals(true)};
     const CanonicalSetup setup = tube.setup(estimated);
     check_features(setup, tube.in_front(setup, 1.5));
-    estimated.depths = {tube.depths()}; // before it
+    estimated.depths = {tube.depths()}; // in front of it
     CHECK(tube.setup(estimated).priors.features.size() == 5 * posed_count);
     estimated.normals[0].frame.reset();
     estimated.normals[0].view.bones.resize(24);
@@ -155,13 +155,13 @@ TEST_CASE("what nobody asks for is neither made nor looked at") {
     CHECK(counts({}) == std::pair<std::size_t, std::size_t>(2, 2)); // the second depth from the first normals
     CHECK(counts({.normals = false}) == std::pair<std::size_t, std::size_t>(2, 0));
     CHECK(counts({.depths = false}) == std::pair<std::size_t, std::size_t>(0, 2));
-    estimated.normals[0].frame.reset(); // bones of its own are wrong only where a depth is asked for
+    estimated.normals[0].frame.reset(); // the views' bones matter only where depth is compared
     estimated.normals[0].view.bones.resize(24);
     CHECK(counts({.depths = false}) == std::pair<std::size_t, std::size_t>(0, 2));
     test::check_throws<ValueError>([&] { (void)counts({.normals = false}); }, {"a map", "bones"});
     estimated.normals = {tube.normals(false, 2)}; // no such frame
     CHECK(counts({.normals = false}) == std::pair<std::size_t, std::size_t>(1, 0));
-    estimated = {{tube.depths(0, 1000)}, {tube.normals()}}; // in other units
+    estimated = {{tube.depths(0, 1000)}, {tube.normals()}}; // a depth map in other units
     CHECK(counts({.depths = false}) == std::pair<std::size_t, std::size_t>(0, 1));
     CHECK(counts({.feature = DepthFeature::raw}) == std::pair<std::size_t, std::size_t>(1, 1));
     test::check_throws<ValueError>([&] { (void)counts({}); }, {"a map", "metres"});

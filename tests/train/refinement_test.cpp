@@ -31,7 +31,7 @@ RefinementConfig everything() {
     return config;
 }
 
-/// Steps of training with the avatar as it is: each sees one photograph.
+/// Steps of training with a fixed avatar. Each step has one photograph.
 template <class B>
 struct Training {
     const PosedScene* scene;
@@ -151,7 +151,7 @@ TEST_CASE("gradients of poses, cameras and terms reach every increment") {
     const PosedScene scene;
     test::Rng rng(17);
     RefinementConfig config = everything();
-    config.adam = {.beta1 = 0, .beta2 = 0.5}; // the first moment is the gradient then
+    config.adam = {.beta1 = 0, .beta2 = 0.5}; // the first moment is then the gradient
     config.fixed_cameras = {};
     Motion estimate = scene.estimate();
     estimate.timestamps = {0, 0.1, 0.25, 0.3, 0.4};
@@ -212,7 +212,7 @@ TEST_CASE("gradients of poses, cameras and terms reach every increment") {
     };
     const auto once = gradient(1), twice = gradient(2);
     test::check_gradient(loss, state.increments, once);
-    // accumulate adds; the terms come once a step.
+    // accumulate adds. The terms are added once per step.
     for (auto& d : dL_dposes) {
         for (auto& v : d.pose) v *= 2.0;
         for (auto& v : d.transl) v *= 2.0;
@@ -226,7 +226,7 @@ TEST_CASE("gradients of poses, cameras and terms reach every increment") {
 TEST_CASE("an avatar's backward_to_pose is the gradient of its splats, and adds") {
     const PosedScene scene;
     cpu::Serial backend;
-    AvatarData data = scene.avatar; // whose colours depend on where they are seen from
+    AvatarData data = scene.avatar; // with view-dependent colours
     data.gaussians.sh_degree = 1;
     test::Rng colors(3);
     data.gaussians.sh.clear();
@@ -258,7 +258,7 @@ TEST_CASE("an avatar's backward_to_pose is the gradient of its splats, and adds"
         }
         return sum;
     };
-    avatar.rig().upload_pose(scene.truth, 1, dL_dpose); // sizes
+    avatar.rig().upload_pose(scene.truth, 1, dL_dpose); // sets the sizes of the arrays
     const auto zero = [&] {
         backend.fill(Span<vec3<double>>(dL_dpose.pose), vec3<double>(0.0));
         backend.fill(Span<vec3<double>>(dL_dpose.transl), vec3<double>(0.0));
@@ -311,7 +311,7 @@ TEST_CASE("photographs bring noisy poses back, cameras too") {
         config.camera_focal = {.rate = 1e-3}, config.camera_principal_point = {.rate = 0.03};
         config.fixed_cameras = {0, 2};
         MotionRefinement<cpu::Serial> refinement(backend, scene.avatar.rig, scene.truth, cameras, config);
-        const auto distance = [&](const Camera<double>& camera) { // in pixels, at points about the body
+        const auto distance = [&](const Camera<double>& camera) { // in pixels, at points around the body
             double sum = 0;
             for (const vec3<double> p : {vec3<double>(0, 0.1, 0.2), {0.2, 0.8, 0}, {-0.2, 1.2, 0}, {0, 1.5, -0.2}}) {
                 const auto d =
@@ -381,7 +381,7 @@ TEST_CASE("groups wait for their start, joints move at their rates, rows at thei
     CHECK(w[0] == doctest::Approx(-1e-2));
     CHECK(w[3] == doctest::Approx(-0.5e-2));
     CHECK(w[6] == 0);
-    step(3); // the first visit of another frame: a whole step
+    step(3); // the first visit of another frame is a full step
     CHECK(refinement.increments(RefinementGroup::pose, 3)[0] == doctest::Approx(-1e-2));
     CHECK(refinement.increments(RefinementGroup::pose, 1)[0] == 0);
     CHECK(!refinement.learns_motion(4));

@@ -40,7 +40,7 @@ struct Squares {
     }
 };
 
-/// Sees x and y from -1 to 1 at z = 1: a pixel is 1/10 there.
+/// A camera that shows x and y from -1 to 1 at z = 1, where a pixel is 1/10 wide.
 Camera<double> camera() {
     Camera<double> c;
     c.fx = c.fy = 10, c.cx = c.cy = 10, c.width = c.height = 20;
@@ -90,7 +90,7 @@ TEST_CASE("a pixel shows what is nearest") {
     for (int y = 0; y < 20; ++y)
         for (int x = 0; x < 20; ++x) CHECK(hand.at(0, y, x) == (x >= 8 && x < 12 && y >= 8 && y < 12));
 
-    Image<float> alpha(1, 20, 20); // a skirt hangs below the trunk, and covers nothing else
+    Image<float> alpha(1, 20, 20); // a skirt below the trunk
     for (int y = 4; y < 18; ++y)
         for (int x = 4; x < 16; ++x) alpha.at(0, y, x) = y == 17 ? 0.5f : 1;
     const Image<std::uint8_t> rest = labels.remainder(alpha.view());
@@ -124,7 +124,7 @@ TEST_CASE("of several people the one in front is seen, and clothes belong to the
     CHECK(alone[0].labels == region_labels<cpu::Serial>(backend, tall.vertices, tall.faces, camera(), whole).labels);
     CHECK(people_labels<cpu::Serial>(backend, {}, camera()).empty());
 
-    Image<float> alpha(1, 20, 20); // the two of them, a skirt below, and a ball that nobody holds
+    Image<float> alpha(1, 20, 20); // two people, a skirt below them, and a ball away from both
     for (int y = 4; y < 18; ++y)
         for (int x = 4; x < 16; ++x) alpha.at(0, y, x) = 1;
     alpha.at(0, 0, 0) = 1, alpha.at(0, 5, 5) = 0.5f; // and a hole

@@ -16,14 +16,14 @@ namespace {
 
 enum class Fruit { apple, pear, plum };
 
-/// What the text makes of `before`.
+/// The value of a setting with value `before` after it is set from the text.
 template <class V>
 V read_setting(V before, const std::string& text, const SettingRange& range = {}) {
     gsh::detail::set_from_text("--set: fruit.size", text, before, range);
     return before;
 }
 
-/// The text is refused in just these words, and the value stays.
+/// Checks that the text is refused with exactly this message, and that the value does not change.
 template <class V>
 void refuse_setting(V value, const std::string& text, const SettingRange& range, const std::string& expected) {
     const V before = value;

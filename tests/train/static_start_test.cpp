@@ -20,8 +20,9 @@ using namespace gsh;
 
 namespace {
 
-/// Four cameras look at the origin from 4 m away, on the z and x axes. Each sees 1/4 of its distance to all sides, and
-/// its mask ends 1/8 of it to the left, right and top, 3/16 below: a hull whose limits are known.
+/// Four cameras on the z and x axes look at the origin from 4 m away. A camera shows 1/4 of the distance in each
+/// direction. Its mask ends at 1/8 of it on the left, right and top, and at 3/16 below, so the limits of the hull are
+/// known.
 struct FourMasks {
     static constexpr int size = 32;
     std::vector<std::vector<std::uint8_t>> images;
@@ -48,32 +49,33 @@ struct FourMasks {
         camera.fx = camera.fy = 64;
         return camera;
     }
-    /// The camera turns round.
+    /// Turns a camera round.
     void look_away(std::size_t i) {
         const vec3<double> eye = photos[i].camera.center();
         photos[i].camera = camera_at(eye, eye * 2.0);
     }
     [[nodiscard]] static bool holds(const vec3<double>& p) {
-        const double near = 4 - std::max(std::abs(p.x), std::abs(p.z)); // to whom a width looks largest
+        const double near = 4 - std::max(std::abs(p.x), std::abs(p.z)); // distance of the nearest camera
         return std::abs(p.x) <= (4 - std::abs(p.z)) / 8 && std::abs(p.z) <= (4 - std::abs(p.x)) / 8 &&
                p.y <= near / 8 && p.y >= -near * 3 / 16;
     }
 };
 
-const Box roomy{vec3<double>(-1.0), vec3<double>(1.0)}; // more than the hull
+const Box roomy{vec3<double>(-1.0), vec3<double>(1.0)}; // larger than the hull
 
 } // namespace
 
 TEST_CASE("the hull's box is that of its cells, found in a coarse grid and then in a fine one") {
     const FourMasks scene;
     const Box box = hull_box(scene.photos);
-    // x: cells of 12.5 cm in a cube of 8 m; the last centre inside is 43.75 cm, and two more cells and a half make 75.
-    // Then cells of 2.34375 cm; the last centre below 1/8 of 4 m is 48.046875 cm, and one and a half more make:
+    // x: in the first grid, cells of 12.5 cm in a cube of 8 m, the last centre inside is at 43.75 cm. Two and a half
+    // more cells give 75 cm. In the second grid, cells of 2.34375 cm, the last centre below 1/8 of 4 m is at
+    // 48.046875 cm. One and a half more cells give this limit:
     for (const int axis : {0, 2}) {
         CHECK(box.high[axis] == doctest::Approx(0.515625).epsilon(1e-12));
         CHECK(box.low[axis] == doctest::Approx(-0.515625).epsilon(1e-12));
     }
-    // y: as far up, but 3/16 down, so that the second grid lies between -1 m and 0.75 m: cells of 2.734375 cm.
+    // y: the same above, but 3/16 below. The second grid lies between -1 m and 0.75 m, with cells of 2.734375 cm.
     CHECK(box.high.y == doctest::Approx(0.53125).epsilon(1e-12));
     CHECK(box.low.y == doctest::Approx(-0.78125).epsilon(1e-12));
 }
@@ -81,7 +83,7 @@ TEST_CASE("the hull's box is that of its cells, found in a coarse grid and then 
 TEST_CASE("without masks the box is what three of four photographs see, not the cube around the cameras") {
     const FourMasks scene(255, 255);
     const Box box = hull_box(scene.photos);
-    // Up, both x cameras and one on z see 1/4 of 4 m. Sideways they see up to where x = (4 + z) / 4, z = (4 - x) / 4.
+    // Upwards, both x cameras and one on z show 1/4 of 4 m. Sideways they show up to x = (4 + z) / 4, z = (4 - x) / 4.
     CHECK(std::abs(box.high.y - 1) < 0.1);
     CHECK(std::abs(box.low.y + 1) < 0.1);
     for (const int axis : {0, 2}) {
@@ -102,8 +104,8 @@ TEST_CASE("starting points fill the visual hull and have the photographs' mean c
         CHECK(length(off) < 1e-12);
         for (int c = 0; c < 3; ++c) low[c] = std::min(low[c], p[c]), high[c] = std::max(high[c], p[c]);
     }
-    CHECK(low.y < -0.72); // of -0.75
-    CHECK(high.y > 0.48); // of 0.5
+    CHECK(low.y < -0.72); // the limit is -0.75
+    CHECK(high.y > 0.48); // the limit is 0.5
     for (const int axis : {0, 2}) {
         CHECK(low[axis] < -0.48);
         CHECK(high[axis] > 0.48);
@@ -115,19 +117,19 @@ TEST_CASE("starting points fill the visual hull and have the photographs' mean c
 
 TEST_CASE("a point of the hull is seen by three quarters of the photographs, and on the mask of each that sees it") {
     FourMasks scene;
-    scene.look_away(3); // the white one
+    scene.look_away(3); // the camera with white photographs
     const vec3<double> color = visual_hull_points(scene.photos, roomy, 1, 3).colors[0];
     CHECK(length(color - vec3<double>(1 / 3.0, 51 / 765.0, 102 / 765.0)) < 1e-12);
     scene.look_away(2);
     test::check_throws<ValueError>([&] { (void)visual_hull_points(scene.photos, roomy, 1, 3); }, {"masks", "box"});
     test::check_throws<ValueError>([&] { (void)hull_box(scene.photos); }, {"masks"});
 
-    // Alpha counts from one half on.
+    // A pixel is inside from an alpha of 1/2.
     const FourMasks half(128), less(127);
     CHECK(visual_hull_points(half.photos, roomy, 1, 3).points.size() == 1);
     test::check_throws<ValueError>([&] { (void)visual_hull_points(less.photos, roomy, 1, 3); }, {"masks"});
     test::check_throws<ValueError>([&] { (void)hull_box(less.photos); }, {"masks"});
-    // One camera whose mask is empty there is enough.
+    // A point is outside if one camera's mask is empty there.
     FourMasks one;
     one.photos[1].rgba = less.images[1];
     test::check_throws<ValueError>([&] { (void)visual_hull_points(one.photos, roomy, 1, 3); }, {"masks"});
@@ -157,7 +159,7 @@ TEST_CASE("squared distances to the nearest points are found by the tree as by h
 
     test::Rng rng(3);
     std::vector<vec3<double>> points = rng.vecs(200);
-    points.push_back({1000, 0, 0}); // outliers are what reconstructions have
+    points.push_back({1000, 0, 0}); // an outlier, as reconstructions have them
     points.push_back(points[0]);
     const auto found = neighbor_distances(points, 3);
     for (std::size_t i = 0; i < points.size(); ++i) {
@@ -170,7 +172,7 @@ TEST_CASE("squared distances to the nearest points are found by the tree as by h
 }
 
 TEST_CASE("Gaussians start round, as wide as the way to their three nearest neighbours, in their points' colours") {
-    // The first five are a cross: the middle is 2 m from all, an end 2 m from the middle and √8 m from its neighbours.
+    // The first five form a cross. The middle is 2 m from all ends. An end is √8 m from its neighbours.
     const ColoredPoints start{{{0, 0, 0}, {2, 0, 0}, {-2, 0, 0}, {0, 2, 0}, {0, -2, 0}},
                               {{1, 0.5, 0}, {0.25, 0.5, 1}, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}}};
     const auto cloud = initial_gaussians<float>(start);
@@ -188,7 +190,7 @@ TEST_CASE("Gaussians start round, as wide as the way to their three nearest neig
         CHECK(length(vec3<double>(seen) - start.colors[i]) < 1e-6);
     }
     CHECK(sigmoid(initial_gaussians<float>(start, 0.75).opacity_logits[2]) == doctest::Approx(0.75));
-    // Points in one place are a third of a millimetre wide, not nothing.
+    // Gaussians of coincident points are a third of a millimetre wide, not zero.
     const auto heap = initial_gaussians<double>({std::vector(4, vec3<double>(1.0)), std::vector(4, vec3<double>(0.5))});
     CHECK(1e7 * std::exp(2 * heap.log_scales[3].x) == doctest::Approx(1));
     CHECK(initial_gaussians<float>({}).size() == 0);

@@ -26,8 +26,8 @@ namespace {
 
 using Refinement = MotionRefinement<cpu::Serial>;
 
-/// A training on the posed scene's photographs whose poses or cameras are not quite the true ones. Its form stays what
-/// it is: joints and displacements that learn would take a share of the poses' common error for themselves.
+/// A training on the posed scene's photographs with errors in the poses or cameras. Joints and displacements are fixed,
+/// because they would otherwise learn a share of the poses' common error.
 struct Estimated {
     PosedScene scene;
     Motion motion;
@@ -55,7 +55,7 @@ struct Estimated {
     }
 
 private:
-    [[nodiscard]] SurfaceSamples samples() const { // those that the scene's rig was made of
+    [[nodiscard]] SurfaceSamples samples() const { // the samples of which the scene's rig was made
         return sample_surface(scene.body, shaped_vertices(scene.body, scene.truth.betas),
                               std::vector<double>(scene.body.vertex_count(), 12.0), 4);
     }
@@ -74,7 +74,7 @@ std::vector<float> trained(Estimated& training) {
     return test::learned_values(training.model);
 }
 
-/// The small scene as its cameras would see it in a room: a picture behind the person, another one for each camera.
+/// The small scene in a room: photographs with a background picture behind the person, a different one per camera.
 struct Plates {
     static constexpr int size = SmallScene::size;
     std::vector<PixelImage> images;
@@ -177,7 +177,7 @@ TEST_CASE("rates stay as they are, then fall geometrically to their last value")
     CHECK(config.rate_factor(0.8) == doctest::Approx(0.2));
     CHECK(config.rate_factor(0.9) == doctest::Approx(0.2 * std::sqrt(0.2)));
     for (const double progress : {1.0, 2.0}) CHECK(config.rate_factor(progress) == doctest::Approx(0.04));
-    CHECK(TrainConfig{.decay_start = 1, .final_rate = 0.04}.rate_factor(1) == 1); // never
+    CHECK(TrainConfig{.decay_start = 1, .final_rate = 0.04}.rate_factor(1) == 1); // rates never fall
     CHECK(TrainConfig{.decay_start = 0, .final_rate = 0.04}.rate_factor(0.5) == doctest::Approx(0.2));
     CHECK(baseline_config().rate_factor(1) == 1);
 }
@@ -194,7 +194,7 @@ TEST_CASE("the trainer refuses a configuration that would end in NaN") {
     refuse([](TrainConfig& c) { c.decay_start = 1.5; });
     refuse([](TrainConfig& c) { c.decay_start = NAN; });
     refuse([](TrainConfig& c) { c.final_rate = 0; });
-    refuse([](TrainConfig& c) { c.final_rate = -0.1; }); // its powers are no numbers
+    refuse([](TrainConfig& c) { c.final_rate = -0.1; }); // its powers are not numbers
     refuse([](TrainConfig& c) { c.ssim_weight = 1.5; });
     refuse([](TrainConfig& c) { c.filter.dilation = -0.1; });
     const auto refuse_avatar = [&](auto change) { // rates and starts belong to the avatar's arrays
@@ -253,7 +253,7 @@ TEST_CASE("a camera that stands elsewhere than its file says finds its place, an
     refined.refine(config, true);
     refined.train(300);
     const auto found = refined.refinement->cameras();
-    // What counts is where the person's middle is seen, in pixels: turning and shifting do nearly the same.
+    // Compares the person's middle in the image, in pixels: rotation and translation have nearly the same effect.
     const auto seen = [](const Camera<double>& camera) { return to_pixel(camera, to_camera(camera, {0, 0.8, 0})); };
     const double before = length(seen(cameras[1]) - seen(scene.cameras[1])),
                  after = length(seen(found[1]) - seen(scene.cameras[1]));
@@ -275,7 +275,7 @@ TEST_CASE("a refinement that waits for its start changes nothing, and one that h
     const auto run = [&](int first, int last) {
         for (int i = first; i < last; ++i) refined.trainer.step(i / 20.0), plain.trainer.step(i / 20.0);
     };
-    run(0, 5); // the fifth moves a pose after all else
+    run(0, 5); // the fifth step also moves a pose
     CHECK(trained(refined) == trained(plain));
     CHECK(refined.refinement->motion().pose != scene.estimate().pose);
     run(5, 20);
@@ -341,7 +341,7 @@ TEST_CASE("over plates the same person is learned as over white, and the room st
     CAPTURE(before);
     CAPTURE(after);
     CHECK(after > before + 6);
-    // Each against what the other has seen.
+    // Each is compared with the other's photographs.
     for (const SmallScene* scene : {&std::as_const(room), &white}) {
         const ImageScore a = score(in_room, *scene), b = score(before_white, *scene);
         CAPTURE(a.psnr_person);
@@ -353,9 +353,9 @@ TEST_CASE("over plates the same person is learned as over white, and the room st
 
 TEST_CASE("somebody in the background's colour becomes opaque where the background changes, and only there") {
     SmallScene scene;
-    for (PixelImage& image : scene.images) // which the photographs refer to
+    for (PixelImage& image : scene.images) // the photographs refer to these
         for (std::size_t i = 0; i < image.data.size(); ++i)
-            if (i % 4 < 3) image.data[i] = 255; // white before white
+            if (i % 4 < 3) image.data[i] = 255; // a white person on white
     const auto opacity = [&](bool random) {     // mean alpha where the masks are full
         SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {}, {.random_background = random});
         training.steps(60);
@@ -367,7 +367,7 @@ TEST_CASE("somebody in the background's colour becomes opaque where the backgrou
             for (std::size_t i = 0; i < alpha.data.size(); ++i)
                 if (photo.rgba[4 * i + 3] == 255) sum += alpha.data[i], ++count;
             for (int c = 0; c < 3; ++c)
-                CHECK(color.view().row(c, 0)[0] == 1.0f); // pictures stand before white, after all
+                CHECK(color.view().row(c, 0)[0] == 1.0f); // pictures still have a white background
         }
         return sum / static_cast<double>(count);
     };
@@ -395,7 +395,7 @@ TEST_CASE("the time that fields read is the frame's number, whatever the time on
     const auto expected = train();
     for (double& time : motion.timestamps) time = 7 + 0.1 * time;
     CHECK(train() == expected);
-    // The codes are tested in pipeline/frame_codes_test.cpp: t = frame / frames, so that the number of frames counts.
+    // pipeline/frame_codes_test.cpp tests the codes. t = frame / frames, so the number of frames matters.
     motion.pose.resize(8), motion.expression.resize(4), motion.transl.resize(2), motion.timestamps.resize(2);
     CHECK(train() != expected);
 }

@@ -16,7 +16,7 @@ using namespace gsh;
 
 namespace {
 
-/// A body file in which a test may leave out or replace members.
+/// A body file. Tests may leave out or replace members.
 class BodyParts {
 public:
     static constexpr std::size_t V = 6, J = 3, C = 4;

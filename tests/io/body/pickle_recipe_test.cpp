@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The program in docs/captures.md that converts pickled bodies, run on files in the form of published ones.
+/// @file  Runs the program in docs/captures.md that converts pickled bodies, on files in the form of published ones.
 #include "io/small_body.hpp"
 #include "io/temporary.hpp"
 #include "support/skip.hpp"
@@ -18,9 +18,9 @@ using namespace gsh;
 
 namespace {
 
-/// Pickles the arrays of BODY.npz as published files hold them: by Python 2, whose strings are bytes, with a sparse
-/// regressor, with chumpy's arrays, with unsigned indices, with members that are no arrays. Classes of chumpy and SciPy
-/// are made up: a pickle stores their names and attributes alone.
+/// Pickles the arrays of BODY.npz in the form of published files: by Python 2, whose strings are bytes, with a sparse
+/// regressor, chumpy's arrays, unsigned indices, and members that are not arrays. The classes of chumpy and SciPy are
+/// replaced by empty ones, because a pickle stores only their names and attributes.
 constexpr const char* maker = R"python(
 import pickle, struct, sys, types, numpy as np
 
@@ -102,12 +102,12 @@ std::string recipe() {
     return {};
 }
 
-/// Runs a command, whose output goes to a file; true if it succeeded.
+/// Runs a command and writes its output to a file. Returns true if it succeeded.
 bool shell(const std::string& command, const std::filesystem::path& output) {
     return std::system((command + " >'" + output.string() + "' 2>&1").c_str()) == 0;
 }
 
-/// A Python with NumPy, or nothing.
+/// The command of a Python with NumPy, or nothing if there is none.
 std::string python_with_numpy(const std::filesystem::path& output) {
     for (const char* python : {"python3", "/usr/bin/python3"})
         if (shell(std::string(python) + " -c 'import numpy'", output)) return python;

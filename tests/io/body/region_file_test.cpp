@@ -22,7 +22,7 @@ TEST_CASE("lists and importance are read as they stand") {
     const RegionLists lists = lists_of(R"({"face_vertices": [5, 0], "left_hand_vertices": [],
                                      "importance": [0, 1, 0.25, 0.5, 1, 0]})");
     CHECK(*lists.face == std::vector<int>{5, 0});
-    CHECK(lists.left_hand->empty()); // there, and empty
+    CHECK(lists.left_hand->empty()); // present and empty
     CHECK(!lists.right_hand);
     CHECK(!lists.high);
     CHECK(lists.importance == std::vector<double>{0, 1, 0.25, 0.5, 1, 0});

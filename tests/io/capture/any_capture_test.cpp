@@ -34,7 +34,7 @@ TEST_CASE("captures are known by their files, and our own come back") {
     CHECK(!any.rig);
     test::check_throws<IoError>([&] { (void)load_any_capture(serial, folder / "ours", nullptr); },
                                 {"ours", "body model"});
-    CHECK(load_any_motion(folder / "ours", body).pose == capture.motion.pose); // a capture's own motion
+    CHECK(load_any_motion(folder / "ours", body).pose == capture.motion.pose); // the motion of the capture itself
 
     for (const char* name : {"a", "b/camera", "b/pose", "c", "d"}) std::filesystem::create_directories(folder / name);
     test::write_text(folder / "a/cameras.npz", "");

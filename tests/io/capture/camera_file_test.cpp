@@ -9,7 +9,7 @@ using namespace gsh;
 
 namespace {
 
-/// A valid entry as text, in which a test replaces a piece.
+/// A valid entry as text. Tests replace parts of it.
 std::string entry(const std::string& from = "", const std::string& to = "") {
     std::string text = R"({"name": "cam00", "role": "train", "width": 540, "height": 480,
         "K": [[770.0, 0, 266.5], [0, 771.0, 273.75], [0, 0, 1]],

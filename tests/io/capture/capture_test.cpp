@@ -232,7 +232,7 @@ TEST_CASE_FIXTURE(StoredCapture, "backgrounds are opaque, one per camera, and ma
     CHECK(read.background(2)->data == capture.backgrounds[2].data);
     CHECK(make_capture(body).background(2) == nullptr);
 
-    // The lens bends the plate as it bends the photographs; what lies beyond stays opaque.
+    // The plate is undistorted like the photographs. Pixels from outside of it stay opaque.
     capture.cameras[0].distortion = Distortion<double>{0.8, 0, 0, 0, 0};
     write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
     const Capture straight = load();
@@ -266,7 +266,7 @@ TEST_CASE_FIXTURE(StoredCapture, "an image that was not taken is in no view") {
 }
 
 TEST_CASE_FIXTURE(StoredCapture, "distorted images are straightened when they are loaded") {
-    // A point that the lens moves comes back to where a pinhole would have put it.
+    // Undistortion moves a point to where a pinhole camera shows it.
     const Distortion<double> lens{-0.8, 0.05, 0.002, -0.001, 0};
     const Camera<double>& camera = capture.cameras[0].camera;
     const vec2<double> straight(8.5, 10.5);

@@ -110,7 +110,7 @@ TEST_CASE("a reconstruction is read from binary files, from text, and from where
     std::filesystem::create_directories(folder / "project" / "sparse" / "0");
     sample().write_binary(folder / "project" / "sparse" / "0");
     check_sample(read_colmap(folder / "project"));
-    write_file(folder / "text" / "cameras.bin", "x"); // binary files win
+    write_file(folder / "text" / "cameras.bin", "x"); // binary files take precedence
     CHECK_THROWS_AS((void)read_colmap(folder / "text"), IoError);
 }
 
@@ -192,7 +192,7 @@ TEST_CASE("a straightened picture shows nothing beyond the photograph, and lines
         CHECK(straight.R == camera.R);
         const UndistortMap<double> map{straight, camera, d};
         bool inside = true;
-        double nearest = 1e9; // to the photograph's border: nothing is given away
+        double nearest = 1e9; // distance to the photograph's border, which the new camera must touch
         for (int y = 0; y <= straight.height; ++y)
             for (int x = 0; x <= straight.width; ++x) {
                 const auto at = map({double(x), double(y)});
@@ -237,7 +237,7 @@ TEST_CASE("images come with masks, straightened where the lens was not") {
     bool opaque = true;
     for (std::size_t i = 3; i < straight.image.data.size(); i += 4) opaque = opaque && straight.image.data[i] == 255;
     CHECK(opaque);
-    // The picture is a ramp, so a pixel's value says where it came from.
+    // The picture is a ramp, so a pixel's value encodes its position in the original.
     const UndistortMap<double> map{straight.camera, entry.camera, *entry.distortion};
     for (const int x : {2, 20, straight.camera.width - 3})
         CHECK(std::abs(straight.image.pixel(10, x)[0] - 4 * (map({x + 0.5, 10.5}).x - 0.5)) <= 1.01);

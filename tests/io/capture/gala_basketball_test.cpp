@@ -59,7 +59,7 @@ TEST_CASE_FIXTURE(Gala, "posed vertices and pixels are those of the data set's o
     for (const std::string& w : warnings) CHECK(w.find("differ") == std::string::npos);
     CHECK(loaded.rig.normals[0] == vec3<double>(0, 0, 1));
     CHECK(sample_vertices(body, body.v_template, loaded.rig.normals).size() == V);
-    save_body_model(folder / "gala.npz", body); // a body without triangles is one
+    save_body_model(folder / "gala.npz", body); // a body may have no triangles
     CHECK(load_body_model(folder / "gala.npz").faces.empty());
 }
 
@@ -78,7 +78,7 @@ TEST_CASE_FIXTURE(Gala, "a scene: plates, photographs used whole, the test camer
     REQUIRE(idle.backgrounds.size() == 3);
     CHECK(int(idle.background(1)->pixel(3, 4)[2]) == 250);
 
-    // Unseen times for the test camera alone: what is not needed is not taken.
+    // Only the test camera has times that training does not use. Images that are not needed are not read.
     std::filesystem::remove(photo("0", 1));
     CaptureOptions options;
     options.train_frames = FrameRange{0, 2, 2};

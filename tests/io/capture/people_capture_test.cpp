@@ -22,8 +22,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A capture of two frames with poses of ann and bob: a camera to train on and one to judge by, both before them. bob
-/// stands 10 cm beside ann.
+/// A capture of two frames with poses of ann and bob, a training camera and a test camera in front of them. bob stands
+/// 10 cm beside ann.
 struct StoredPeople {
     static constexpr int size = 16;
     test::Temporary folder;
@@ -45,7 +45,7 @@ struct StoredPeople {
         capture.cameras = cameras;
         capture.motion = ann;
         capture.images.assign(4, PixelImage(4, size, size));
-        for (PixelImage& image : capture.images) { // a mask with a hole: what nothing is to be warned of
+        for (PixelImage& image : capture.images) { // a mask with a hole, which causes no warning
             std::fill(image.data.begin(), image.data.end(), std::uint8_t(255));
             image.pixel(0, 0)[3] = 0;
         }
@@ -56,7 +56,7 @@ struct StoredPeople {
     [[nodiscard]] PeopleCapture load(const std::vector<fs::path>& poses, std::vector<std::string>* warnings = nullptr) {
         return load_people_capture(serial, path, Span<const BodyModel>(&body, 1), poses, {}, warnings);
     }
-    /// White in the columns of one half, the right one in the second frame.
+    /// White in one half of the image: the left one in the first frame, the right one in the second.
     void store_masks(const std::string& person, const std::string& camera, std::uint8_t white = 255) const {
         fs::create_directories(masks / person / camera);
         for (const int frame : {0, 1}) {
@@ -103,7 +103,7 @@ TEST_CASE_FIXTURE(StoredPeople, "one person is the capture's own, with the file'
     CHECK(same_motion(named.people[0].motion, bob));
     CHECK(same_motion(named.any.capture.motion, bob));
 
-    store_masks("bob", "right"); // who is alone needs no masks but the photographs'
+    store_masks("bob", "right"); // a person alone needs no masks beside the photographs'
     CHECK(load({"bob.npz"}).people[0].masks.empty());
 }
 
@@ -163,7 +163,7 @@ TEST_CASE_FIXTURE(StoredPeople, "warnings begin with the name of whom they are a
     CHECK(warned({"ann.npz"}).empty());
     for (const bool first : {false, true}) {
         const auto warnings = first ? warned({"bob.npz", "ann.npz"}) : warned({"ann.npz", "bob.npz"});
-        REQUIRE(warnings.size() == 2); // a camera each
+        REQUIRE(warnings.size() == 2); // one per camera
         CHECK(warnings[0].starts_with("bob: " + path.string() + ": camera 'left' is far off the body"));
         CHECK(warnings[1].starts_with("bob: " + path.string() + ": camera 'right' is far off the body"));
     }
@@ -198,12 +198,12 @@ TEST_CASE_FIXTURE(StoredPeople, "masks say which pixels are whose, in the views 
         load_people_capture(threads, path, Span<const BodyModel>(&body, 1), {"ann.npz", "bob.npz"});
     CHECK(again.people[0].mask({1, 1})->data == person.mask({1, 1})->data);
 
-    // A frame that is kept in every camera is judged in every camera.
+    // A frame that is reserved for tests is a test view in all cameras.
     write_cameras(path / "cameras.json", {cameras, 0, {}, {1}});
     const PeopleCapture kept = load({"ann.npz", "bob.npz"});
     CHECK(kept.people[1].mask({0, 0}) == nullptr);
     CHECK(kept.people[1].mask({0, 1}) != nullptr);
-    CHECK(kept.people[0].mask({0, 1}) == nullptr); // ann has none of that camera
+    CHECK(kept.people[0].mask({0, 1}) == nullptr); // ann has no masks of that camera
     CHECK(kept.people[0].mask({1, 0}) != nullptr);
 }
 
@@ -264,7 +264,7 @@ TEST_CASE_FIXTURE(test::Gala, "in a layout that holds several people all of them
     const PeopleCapture other = load_people_capture(serial, scene, {}, {}, second);
     CHECK(same_motion(other.any.capture.motion, loaded.people[1].motion));
     CHECK(same_motion(other.people[0].motion, loaded.people[0].motion));
-    // Everybody is warned of once, whoever's motion is the capture's, and that one first.
+    // Each person causes one warning. The person whose motion is the capture's comes first.
     test::write_text(scene / "camera/1.txt", "40,32,24\n90,0,0\n0,0,0,1\n1,1,1\n");
     for (const int first : {0, 1}) {
         std::vector<std::string> warnings;
@@ -299,10 +299,11 @@ TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people take motions of another b
     CHECK(same_motion(loaded.people[1].motion, bob));
     CHECK(loaded.people[1].motion.betas.size() == 2);
     CHECK(same_motion(loaded.any.capture.motion, ann));
-    CHECK(loaded.people[0].motion.timestamps[1] == doctest::Approx(1 / 30.0)); // of the photographs, not of the file
+    // From the photographs, not from the file.
+    CHECK(loaded.people[0].motion.timestamps[1] == doctest::Approx(1 / 30.0));
     CHECK(loaded.any.capture.backgrounds.size() == cameras);
 
-    // One body for all, and other motions of the data set's own rig.
+    // One body for all people, and other motions of the data set's own rig.
     save_motion(folder / "bob.npz", ann);
     CHECK(load_people_capture(serial, scene, Span<const BodyModel>(&body, 1), poses).people[1].body == 0);
     const GalaScene own = load_gala_scene(serial, scene);
@@ -328,7 +329,7 @@ TEST_CASE_FIXTURE(test::Gala, "motions that do not belong to GalaBasketball's pe
     constexpr ValueError* value = nullptr;
     constexpr ShapeError* shape = nullptr;
     refuse(value, one, {}, {scene.string(), "of its own rig", "each of the 2 people", "leave the body out"});
-    refuse(value, one, {"poses.npz"}, {"each of the 2 people"}); // the usual name, and there is no such file
+    refuse(value, one, {"poses.npz"}, {"each of the 2 people"}); // the default name; there is no such file
     refuse(shape, one, {"ann.npz"}, {"the list of motions has 1", "expected 2", "used whole"});
     refuse(shape, {}, {"ann.npz", "bob.npz"}, {"ann.npz", "27 joints", "needs that body"});
     refuse(shape, {}, {"ann.npz"}, {"ann.npz", "27 joints", "needs that body"});

@@ -138,7 +138,7 @@ TEST_CASE_FIXTURE(Subject, "poses of all frames, a split by options, by the read
     CHECK(chosen.motion.betas == std::vector<double>(10, 0.5));
 
     std::filesystem::remove(path / "split.json");
-    std::filesystem::rename(path / "poses.npz", path / "poses_optimized.npz"); // own videos
+    std::filesystem::rename(path / "poses.npz", path / "poses_optimized.npz"); // the user's own videos
     std::filesystem::remove_all(path / "masks");
     std::filesystem::create_directories(path / "masks");
     for (int f = 0; f < photo_count; ++f) {

@@ -110,7 +110,7 @@ TEST_CASE("a view is its map, camera, frame and person") {
         CHECK(masked->view.map.mask.at(0, 2, 4) == 0);
         CHECK(masked->view.map.values.at(0, 2, 4) == 0);
     }
-    // A bare list, nobody's name, and null for "not there".
+    // A bare list, without a name of a person, and with null for missing entries.
     write_file(files.folder / "priors.json", R"([{"normals": "normals.png", "camera": "front", "mask": null}])");
     const auto one = read_prior_views(files.folder / "priors.json", files.cameras, 3);
     REQUIRE(one.size() == 1);
@@ -201,7 +201,7 @@ TEST_CASE("what cannot be meant is refused, with the file, the view and the fiel
 }
 
 TEST_CASE("the checksum is of the list and of the files that it names") {
-    const PriorFiles files; // of its own: they change
+    const PriorFiles files; // a copy, because the test changes it
     (void)files.view(R"({"mask": "mask.png"})");
     const auto list = files.folder / "priors.json";
     const std::uint32_t before = prior_views_checksum(list);

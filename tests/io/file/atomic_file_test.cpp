@@ -11,7 +11,7 @@
 using namespace gsh;
 
 namespace {
-/// Files may not grow beyond `bytes` while this lives: what a full disk looks like.
+/// While this object exists, files cannot grow beyond `bytes`, as on a full disk.
 class FileSizeLimit {
 public:
     explicit FileSizeLimit(rlim_t bytes) {

@@ -233,7 +233,7 @@ TEST_CASE("a compressed-size bomb is refused before it inflates") {
     limits.member_bytes = std::size_t(1) << 30, limits.ratio = 2000;
     CHECK(NpzReader(path, limits).read<float>("honest").size() == 25000000);
 
-    // A directory that claims less than the member holds.
+    // The archive's directory states a smaller size than the member has.
     std::string bytes = read_file(path);
     const std::uint32_t truth = 100000128, claim = 1000;
     for (std::size_t i = 0; i + 4 <= bytes.size(); ++i)

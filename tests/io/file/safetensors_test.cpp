@@ -16,7 +16,7 @@ using test::safetensors_bytes;
 
 namespace {
 
-const std::vector<float> six{1.5f, -2, 0.25f, 0, 1024, -0.0009765625f}; // every type holds them exactly
+const std::vector<float> six{1.5f, -2, 0.25f, 0, 1024, -0.0009765625f}; // exact in every type
 
 std::string tensor(const std::string& name, const std::string& dtype, const std::string& shape,
                    const std::string& offsets) {
@@ -27,7 +27,7 @@ std::string tensor(const std::string& name, const std::string& dtype, const std:
 /// {inner}; appended, because GCC 12 sees overlaps where a literal comes first.
 std::string object(const std::string& inner) { return std::string(1, '{').append(inner).append(1, '}'); }
 
-/// What reading a file of this header and this many bytes of numbers says.
+/// The error message for a file with this header and this many bytes of numbers.
 void check_refused(const std::string& header, std::size_t data, std::initializer_list<std::string_view> words) {
     const test::Temporary folder;
     write_file(folder / "a.safetensors", safetensors_bytes(header, std::string(data, '\0')), Sync::none);
@@ -118,7 +118,7 @@ TEST_CASE("truncated files") {
     }
     write_file(path, whole);
     const SafetensorsReader file(path);
-    test::truncate_file(path, 4); // while we look
+    test::truncate_file(path, 4); // while the file is open
     check_throws<IoError>([&] { (void)file.read<float>("w"); }, {"w is truncated"});
     std::filesystem::remove(path);
     check_throws<IoError>([&] { (void)file.read<float>("w"); }, {"cannot be opened"});
@@ -139,7 +139,7 @@ TEST_CASE("every damaged byte of a header is survived") {
             try {
                 const SafetensorsReader file(path);
                 for (const auto& name : file.keys()) (void)file.read<float>(name);
-            } catch (const Error&) { // or it reads
+            } catch (const Error&) { // reading may also succeed
             }
         }
 }

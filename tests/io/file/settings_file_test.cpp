@@ -33,7 +33,7 @@ TEST_CASE("settings come in the file's order, as text") {
                    {"minus", "-2"}});
     CHECK(parsed("{}").empty());
     CHECK(parsed(R"({"empty": "", "quoted": "say \"no\""})") == Settings{{"empty", ""}, {"quoted", "say \"no\""}});
-    const auto digits = parsed(R"({"sum": 0.30000000000000004})"); // a double's last digit matters to its reader
+    const auto digits = parsed(R"({"sum": 0.30000000000000004})"); // all digits of a double are kept
     CHECK(std::stod(digits[0].second) == 0.1 + 0.2);
 }
 

@@ -12,7 +12,7 @@ using namespace gsh;
 
 namespace {
 
-/// A bump seen from the front: unit normals of our camera frame, z towards the viewer is negative.
+/// A bump seen from the front: unit normals in gsh's camera frame, where z is negative towards the viewer.
 vec3<double> bump(int y, int x, int height, int width) {
     const double u = (x + 0.5) / width - 0.5, v = (y + 0.5) / height - 0.5;
     return normalize(vec3<double>(0.9 * u, 0.8 * v, -0.7));
@@ -70,7 +70,7 @@ std::string png16(int height, int width, const std::vector<std::uint16_t>& sampl
 
 struct Encoding {
     NormalEncoding encoding;
-    vec3<double> sign; ///< of the file's components against ours
+    vec3<double> sign; ///< of the file's components relative to gsh's
 };
 const Encoding encodings[] = {{NormalEncoding::y_up, {1, -1, -1}},
                               {NormalEncoding::y_down, {1, 1, -1}},
@@ -180,7 +180,7 @@ TEST_CASE("npy: rows or planes, real numbers, halves of a byte's range, NaN for 
 
 TEST_CASE("a back map in the front view's frame, and maps of the wrong encoding") {
     const test::Temporary folder;
-    write_png(folder / "back.png", picture(3, 12, 12, {-1, 1, 1})); // y_up, all turned round
+    write_png(folder / "back.png", picture(3, 12, 12, {-1, 1, 1})); // y_up, with all normals reversed
     test::check_throws<ValueError>([&] { (void)read_normal_map(folder / "back.png"); },
                                    {"back.png", "144 of 144", "away from the viewer", "facing: away"});
     const PriorMap map = read_normal_map(folder / "back.png", {.facing = NormalFacing::away});

@@ -56,7 +56,7 @@ std::string message_of(const F& work) {
     return {};
 }
 
-/// Puts other bytes in a member's place, or, where there are none, takes it out.
+/// Replaces a member's bytes. Without bytes, removes the member.
 void replace_member(const std::filesystem::path& path, const std::string& member, const std::string& bytes) {
     int error = 0;
     zip_t* archive = zip_open(path.c_str(), 0, &error);
@@ -174,7 +174,7 @@ TEST_CASE("shadows that follow the pose come back from a file and fall on a new 
         save_avatar(path, training.avatar());
         const AvatarData data = load_avatar(path);
         REQUIRE(data.occlusion_field);
-        CHECK(data.ao.size() == training.model.size()); // the mean, for what knows no poses
+        CHECK(data.ao.size() == training.model.size()); // the mean, for formats without poses
         CHECK(data.occlusion_field->largest == 1.2);
         const Avatar<cpu::Serial> avatar(training.backend, data);
         cpu::Threads threads(3);
@@ -228,7 +228,7 @@ TEST_CASE("a field of shadows that does not fit its avatar is refused by name") 
     CHECK(save_error([](auto& field) { field.width = 0; }).find("width") != std::string::npos);
     CHECK(!std::filesystem::exists(path));
 
-    // What another program may have made of the file.
+    // Changes that another program may have made to the file.
     const auto load_error = [&](const std::string& member, const std::string& bytes) {
         save_avatar(path, good);
         replace_member(path, member + ".npy", bytes);

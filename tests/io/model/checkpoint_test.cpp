@@ -22,7 +22,7 @@ struct TemporaryFile {
         : path(std::filesystem::temp_directory_path() / (std::string(name) + std::to_string(getpid()))) {}
     ~TemporaryFile() { std::filesystem::remove(path); }
 };
-/// A training that learns all there is to learn: shadows, poses, expressions, shape and cameras.
+/// A training in which everything learns: shadows, poses, expressions, shape and cameras.
 struct Everything {
     SmallTraining<cpu::Serial> training;
     MotionRefinement<cpu::Serial> refinement;
@@ -127,7 +127,8 @@ TEST_CASE("a checkpoint of a training that learns more, less or other arrays is 
     };
     CHECK(refused(of_plain, shaded).find("6 learned arrays, this training has 8") != std::string::npos);
     CHECK(refused(of_shaded, plain).find("8 learned arrays, this training has 6") != std::string::npos);
-    CHECK(refused(of_plain, stored).find("learned/sh/values") != std::string::npos); // as many, and others
+    // The same number of arrays, with other names.
+    CHECK(refused(of_plain, stored).find("learned/sh/values") != std::string::npos);
 }
 
 TEST_CASE("with refinement and shadows, too, a resumed training goes on bit for bit") {
@@ -136,10 +137,10 @@ TEST_CASE("with refinement and shadows, too, a resumed training goes on bit for 
     whole.run(0, 20);
     const auto expected = whole.refinement.state();
     REQUIRE(expected.increments.size() > 0);
-    CHECK(whole.refinement.cameras()[1].t != scene.cameras[1].t); // or there would be little to compare
+    CHECK(whole.refinement.cameras()[1].t != scene.cameras[1].t); // cameras did learn
     CHECK(whole.refinement.motion().pose != scene.motion.pose);
     CHECK(whole.training.mean_ao().size() == whole.training.model.size());
-    for (const int stop : {1, 5, 13}) { // before poses move, before shadows do, after
+    for (const int stop : {1, 5, 13}) { // before poses learn, before the shadow learns, after both
         CAPTURE(stop);
         const TemporaryFile file("gsh-checkpoint-");
         {
@@ -189,7 +190,7 @@ TEST_CASE("a refinement of other frames or cameras is refused, and nothing is ta
     CHECK_THROWS_AS(load_refinement(reader, fewer), ShapeError);
     CHECK(fewer.state().increments == before.increments);
     CHECK(fewer.step_count() == 0);
-    { // and one that was never refined has none to give
+    { // a training without refinement has no state of it
         ArchiveWriter writer(bare.path, "checkpoint", checkpoint_version);
         add_trainer(writer, training.training.trainer);
         writer.commit();

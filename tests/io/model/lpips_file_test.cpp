@@ -18,9 +18,9 @@ namespace {
 
 using Values = std::vector<float>;
 
-/// How somebody's file spells the names.
+/// The spelling of names in a file.
 struct Spelling {
-    std::string backbone; ///< "features.", or "slice": with the slice's number then
+    std::string backbone; ///< "features.", or "slice" followed by the slice's number
     std::string lin_before, lin_after;
 };
 const Spelling torchvision{"features.", "lin", ".model.1.weight"};
@@ -63,7 +63,7 @@ void write_safetensors(const std::filesystem::path& path, const LpipsNetwork& ne
     for_tensors(network, spelling, [&](const std::string& name, const Shape& shape, const Values& values) {
         file.add(name, list(shape), values, dtype);
     });
-    file.add("classifier.1.weight", "2, 2", std::vector<float>(4)); // of no use to us
+    file.add("classifier.1.weight", "2, 2", std::vector<float>(4)); // not needed
     file.write(path);
 }
 
@@ -172,7 +172,7 @@ TEST_CASE("files that are not LPIPS weights") {
     write_changed("lin1.model.1.weight", "1, 192, 1, 1", 192, std::nanf(""));
     check_throws<ValueError>(read, {"lin1.model.1.weight[0, 0, 0, 0] is NaN"});
 
-    test::SafetensorsFile two; // as if two metrics were in one file
+    test::SafetensorsFile two; // two metrics in one file
     for (const char* owner : {"a.", "b."})
         for_tensors(alexnet(), torchvision, [&](const std::string& name, const Shape& shape, const Values& values) {
             two.add(owner + name, list(shape), values);

@@ -72,7 +72,7 @@ TEST_CASE("AMASS for SMPL-X: whole poses and split poses are the same motion") {
     CHECK(split.pose == whole.pose);
     CHECK(split.transl == whole.transl);
     CHECK(split.timestamps == whole.timestamps);
-    // Programs that write only the body.
+    // A file with the body alone.
     for (const char* key : {"pose_hand", "pose_jaw", "pose_eye", "betas"}) sample.arrays.erase(key);
     sample.write(path, nullptr);
     warnings.clear();
@@ -112,7 +112,7 @@ TEST_CASE("z up becomes y up where that is asked for") {
     AmassSample sample;
     auto& poses = sample.arrays["poses"].first;
     for (std::size_t t = 0; t < T; ++t)
-        poses[165 * t] = 1.5, poses[165 * t + 1] = 0.1, poses[165 * t + 2] = 0; // y to z
+        poses[165 * t] = 1.5, poses[165 * t + 1] = 0.1, poses[165 * t + 2] = 0; // turns y into z
     sample.write(folder / "a.npz");
     MotionFileOptions options;
     const Motion stored = load_amass_motion(folder / "a.npz", body, options);

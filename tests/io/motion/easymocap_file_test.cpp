@@ -31,7 +31,7 @@ Json person(test::Rng& rng, int id, std::size_t poses, bool expression = false) 
     return json;
 }
 
-/// The body where EasyMocap puts it: posed without root and shift, then turned about the origin.
+/// The body in EasyMocap's convention: posed without root and translation, then rotated about the origin.
 std::vector<vec3<double>> expected_points(const BodyModel& body, Motion motion, const Json& person) {
     motion.pose[0] = vec3<double>(0), motion.transl[0] = vec3<double>(0);
     auto points = test::posed_points(body, motion, 0);
@@ -285,7 +285,7 @@ TEST_CASE_FIXTURE(Scene, "a capture in EasyMocap's folders") {
     CHECK(int(capture.image({0, 2}).pixel(20, 3)[2]) == 55);
     CHECK(int(capture.image({0, 2}).pixel(20, 3)[3]) == 255);
     CHECK(int(capture.image({0, 2}).pixel(5, 3)[3]) == 0);
-    CHECK(capture.image({1, 2}).data != capture.image({0, 2}).data); // straightened
+    CHECK(capture.image({1, 2}).data != capture.image({0, 2}).data); // undistorted
     CHECK(capture.motion.timestamps[0] == doctest::Approx(0.1));
 
     CaptureOptions options;
@@ -300,7 +300,7 @@ TEST_CASE_FIXTURE(Scene, "a capture in EasyMocap's folders") {
     CHECK(other.images[0].width == 32);
     options.test_cameras = {"x"};
     test::check_throws<IoError>([&] { (void)load(options); }, {"no camera 'x'"});
-    CaptureOptions ours; // poses that have no numbers go with the images in order
+    CaptureOptions ours; // poses without frame numbers belong to the images in order
     ours.poses = "ours.npz";
     save_motion(path / "ours.npz", capture.motion);
     CHECK(load(ours).motion.pose == capture.motion.pose);

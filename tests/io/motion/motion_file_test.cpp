@@ -15,7 +15,7 @@ using namespace gsh;
 
 namespace {
 
-/// Members of a motion file as real arrays, of which a test may change some.
+/// The arrays of a motion file. Tests may change some.
 struct MotionArrays {
     static constexpr std::size_t T = 3; // frames
     struct Array {

@@ -78,7 +78,7 @@ TEST_CASE("SMPLify-X: the body in its camera's frame, the mean hand added, one s
     CHECK(camera.fx == 5000);
     CHECK(camera.cy == 280);
 
-    // The same without a camera's place, looked at from there.
+    // The same file without the camera's pose. Its motion is then in the world.
     SmplifyxSample bare = sample;
     bare.arrays.erase("camera_rotation"), bare.arrays.erase("camera_translation"), bare.arrays.erase("camera_center");
     bare.write(path);
@@ -129,7 +129,7 @@ TEST_CASE("HAHA: transl, camera_transform, a normalised camera_matrix, and the i
     double x = 0;
     for (std::size_t c = 0; c < 12; ++c)
         x += sample.arrays["left_hand_pose"].first[c] * body.hands_components_left[45 * c];
-    CHECK(fits.motion.pose[25].x == doctest::Approx(x)); // flat, as the file says
+    CHECK(fits.motion.pose[25].x == doctest::Approx(x)); // flat hands, as the file states
 
     plain.write(path);
     MotionFileOptions flat;

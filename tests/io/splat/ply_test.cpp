@@ -41,7 +41,7 @@ void check_equal(const GaussianCloud<float>& a, const GaussianCloud<float>& b) {
     }));
 }
 
-/// What a plain Gaussian must have, by name, type and value.
+/// The properties that a plain Gaussian must have: name, type and value.
 struct Column {
     std::string name, type;
     double value;
@@ -136,7 +136,7 @@ TEST_CASE("properties are found by name, in any order and type") {
     };
     write_file(path, header(list, "2") + row(list) + row(list));
     check();
-    // Other elements after the vertices, and lines as Windows ends them.
+    // Other elements after the vertices, and Windows line ends.
     std::string text = header(list, "2");
     text.replace(text.find("end_header"), 0, "element face 1\nproperty list uchar int vertex_indices\n");
     write_file(path, text + row(list) + row(list) + "tail");
