@@ -213,7 +213,7 @@ private:
 
     void check(std::string_view where, std::size_t frame, const PoseIncrements<const T>& increments) const {
         check_value(frame < frame_count(), where,
-                    "frame " + std::to_string(frame) + " is asked for, the motion has " +
+                    "frame " + std::to_string(frame) + " does not exist; the motion has " +
                         std::to_string(frame_count()) + " frames");
         const auto part = [&](std::string_view name, Span<const T> numbers, std::size_t size) {
             check_size(where, name, numbers.size(), size, "pass the increments of one frame");

@@ -313,12 +313,13 @@ private:
 
     void check_frame(std::string_view what, std::size_t frame) const {
         check_value(frame < frame_count(), std::string("MotionRefinement::").append(what),
-                    "frame " + std::to_string(frame) + " is asked for, the motion has " +
+                    "frame " + std::to_string(frame) + " does not exist; the motion has " +
                         std::to_string(frame_count()) + " frames");
     }
     void check_camera_index(std::string_view what, std::size_t camera) const {
         check_value(camera < cameras_.size(), std::string("MotionRefinement::").append(what),
-                    "camera " + std::to_string(camera) + " is asked for, there are " + std::to_string(cameras_.size()));
+                    "camera " + std::to_string(camera) + " does not exist; the refinement has " +
+                        std::to_string(cameras_.size()) + " cameras");
     }
 
     B* backend_;

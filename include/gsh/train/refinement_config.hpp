@@ -96,7 +96,8 @@ inline void validate(const RefinementConfig& config, std::size_t joint_count, st
     check_value(config.final_rate > 0 && config.final_rate <= 1, where, "final_rate must lie in (0, 1]");
     for (const std::size_t camera : config.fixed_cameras) // the default contains camera 0 even without cameras
         check_value(camera == 0 || camera < camera_count, where,
-                    "camera " + std::to_string(camera) + " is to be fixed, there are " + std::to_string(camera_count));
+                    "fixed_cameras contains camera " + std::to_string(camera) + "; there are " +
+                        std::to_string(camera_count) + " cameras");
 }
 
 /// Settings for frames that training has not used. Each is refined alone, with a fixed avatar. Only the frame's own
