@@ -71,7 +71,7 @@ std::vector<vec3<T>> color_gradient(std::size_t count, std::uint64_t seed) {
     return values;
 }
 
-/// P, D, with gloss.
+/// Numbers of points and directions, and whether there is gloss.
 struct LightKind {
     std::size_t points, directions;
     bool glossy;
@@ -113,7 +113,7 @@ TEST_CASE("LitSplats::backward is the gradient of forward with respect to every 
             CHECK(gradient.gloss[k] == doctest::Approx(2 * once.gloss[k]).epsilon(1e-12));
 
         gradient = once;
-        const bool lobes = kind.glossy && kind.points > 0; // gloss is of points only
+        const bool lobes = kind.glossy && kind.points > 0; // only points have gloss
         test::check_gradient(loss, test::scalars(scene.points), test::scalars(gradient.points));
         test::check_gradient(loss, test::scalars(scene.log_intensities), test::scalars(gradient.log_intensities));
         test::check_gradient(loss, test::scalars(scene.gloss), test::scalars(gradient.gloss), {.may_vanish = !lobes});
@@ -172,7 +172,7 @@ TEST_CASE_TEMPLATE("where the irradiance is one and nothing shines, the colour i
     const auto lit = scene.splats(backend);
     typename LitSplats<cpu::Serial, T>::Cache cache;
     std::vector<vec3<T>> colors(scene.N);
-    const double tolerance = sizeof(T) == 4 ? 1e-6 : 4e-8; // the standard's seam: 3e-8
+    const double tolerance = sizeof(T) == 4 ? 1e-6 : 4e-8; // the standard's two formulas meet within 3e-8
     lit.forward(scene.input(), colors, cache);
     for (std::size_t i = 0; i < scene.N; ++i)
         for (int c = 0; c < 3; ++c)
@@ -184,7 +184,7 @@ TEST_CASE_TEMPLATE("where the irradiance is one and nothing shines, the colour i
     lit.forward(near.input(), colors, cache);
     for (std::size_t i = 0; i < near.N; ++i)
         for (int c = 0; c < 3; ++c) CHECK(std::abs(static_cast<double>(colors[i][c] - near.base[i][c])) < tolerance);
-    // In place, the same bits.
+    // In place, results are bit-identical.
     std::vector<vec3<T>> in_place = near.base;
     near.base.clear();
     auto in = near.input();

@@ -122,7 +122,7 @@ TEST_CASE("a sphere casts a round shadow of known size on a plane, from a direct
             if (off > edge) CHECK(seen == 1);
             if (off < -edge) CHECK(seen == 0);
         }
-    // Half of the square sees the light where the shadow ends.
+    // At the edge of the shadow, half of the filter's square is lit.
     const auto rim = [&](double radius) {
         LitMesh<float> ring;
         for (int k = 0; k < 64; ++k) {
@@ -203,7 +203,7 @@ TEST_CASE("a point light inside, at, or close to the casters gives numbers in [0
     for (const float v : found) CHECK((v >= 0 && v <= 1));
     CHECK(found[3] == 1); // the upper pole sees the fourth point, and faces away from the fifth
     CHECK(found[4] == 0);
-    // Receivers and casters that are not finite do no harm either.
+    // Visibility stays within [0, 1] if receivers and casters are not finite.
     auto broken = ball;
     broken.vertices[7] = vec3<float>(std::numeric_limits<float>::quiet_NaN());
     broken.vertices[900] = vec3<float>(std::numeric_limits<float>::infinity(), 0, 0);
