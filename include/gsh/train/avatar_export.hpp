@@ -91,7 +91,8 @@ template <class Scene>
 }
 
 /// A person's present avatar: `rig` with the learned joints, the canonical Gaussians, and the mean ao over `frames`.
-/// A shadow that follows the pose is also exported as an occlusion field, and a light with its numbers. `filter` is the one of the training.
+/// A shadow that follows the pose is also exported as an occlusion field, and a light with its numbers. `filter` is the
+/// one of the training.
 template <class Scene>
 [[nodiscard]] AvatarData export_avatar(Scene& scene, RigData rig, const std::vector<std::size_t>& frames,
                                        const PixelFilter& filter, std::size_t person = 0) {
