@@ -217,8 +217,9 @@ private:
 
         GSH_INLINE GSH_HD Lobe(const LitLight<ScalarOf<T>>& light, const vec3<T>& n, const vec3<T>& v,
                                const vec3<T>& l)
-            : half(v + l), below_peak(dot(n, half.dir) - T(1)), gauss(exp_normal(max(T(light.sharpness()) * below_peak, T(-87)))),
-              grazing(T(1) - dot(half.dir, v)), grazing4((grazing * grazing) * (grazing * grazing)),
+            : half(v + l), below_peak(dot(n, half.dir) - T(1)),
+              gauss(exp_normal(max(T(light.sharpness()) * below_peak, T(-87)))), grazing(T(1) - dot(half.dir, v)),
+              grazing4((grazing * grazing) * (grazing * grazing)),
               value((T(1) + T(fresnel) * (grazing4 * grazing)) * gauss) {}
 
         /// Adds to the gradients of n, v, l and of the logarithm of the sharpness.
