@@ -3,6 +3,7 @@
 #include "programs/small_capture.hpp"
 
 #include <gsh/core/rng.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
@@ -240,7 +241,7 @@ TEST_CASE("a reconstruction keeps to time and memory") {
     for (const PixelImage& image : s.capture.images) held += image.data.size();
     AvatarConfig config = named_configuration("paper").avatar;
     config.hash_table_size = config.ao_table_size = 4096;
-    const MemoryModel memory = training_memory(config, 64 * 64, held);
+    const MemoryModel memory = training_memory<cpu::Serial>(config, 64 * 64, held);
     const auto budget = [&](std::size_t gaussians) { return std::to_string(memory.bytes(gaussians)); };
     const test::Outcome fewer = run(s.reconstruct(small.path, {"--steps", "1", "--max-memory", budget(1000)}));
     CHECK(fewer.code == 0);

@@ -15,63 +15,88 @@ using namespace gsh;
 
 namespace {
 
-const AvatarConfig without_fields{.hash_displacement = false, .hash_sh = false};
-
-/// Bytes of a model's learned arrays, each with its gradient and Adam's two moments.
-std::uint64_t learned_bytes(const AvatarConfig& config, std::size_t& gaussians) {
+/// An avatar of about `samples` points on each vertex of a tube, and the size that was stated for it.
+struct Sized {
     cpu::Serial backend;
-    const BodyModel body = test::tube(4, 6, 6);
-    const std::vector<double> betas(2, 0.0);
-    const SurfaceSamples samples =
-        sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 400.0), 3);
-    gaussians = samples.size();
-    auto model = make_avatar(backend, make_rig(body, betas, samples), samples, 1, 1, config,
-                             {std::vector<double>(samples.size(), 0.5), {}});
-    std::uint64_t bytes = 0;
-    for (const LearnedArray<float>& array : model.learned())
-        for (const auto& numbers : {array.values, array.gradient, array.first_moment, array.second_moment})
-            bytes += sizeof(float) * numbers.size();
-    return bytes;
-}
+    BodyModel body = test::tube(4, 6, 6);
+    std::size_t points = 0;
+    LearnedArrays<float> arrays; ///< for their names and sizes: the model that owns their memory is gone
+    PartSize size;
+
+    Sized(const AvatarConfig& config, double samples, const PriorInputs& priors) {
+        const std::vector<double> betas(2, 0.0);
+        const SurfaceSamples surface = sample_surface(body, shaped_vertices(body, betas),
+                                                      std::vector<double>(body.vertex_count(), samples), 3);
+        points = surface.size();
+        CanonicalPriors values{.region = {}, .features = std::vector<double>(priors.feature_count * points, 0.5)};
+        if (priors.has_region) values.region.assign(points, 0.5);
+        auto model = make_avatar(backend, make_rig(body, betas, surface), surface, 7, 1, config, values);
+        arrays = model.learned();
+        size = avatar_size<cpu::Serial>(config, body.joint_count(), priors);
+    }
+};
 
 } // namespace
 
-TEST_CASE("a budget covers the learned arrays of every configuration") {
-    // Every level at its largest, so that tables have the size that the estimate assumes.
-    const AvatarConfig plain{.hash_base = 64, .hash_growth = 1.2, .hash_table_size = 4096, .ao_table_size = 4096};
-    const auto with = [&](auto change) {
-        AvatarConfig config = plain;
-        change(config);
-        return config;
-    };
-    for (const AvatarConfig& config :
-         {plain, with([](AvatarConfig& c) { c.separate_tables = true; }),
-          with([](AvatarConfig& c) { c.heads = Heads::separate; }),
-          with([](AvatarConfig& c) { c.ao = AmbientOcclusion::time; }),
-          with([](AvatarConfig& c) { c.hash_sh = false; }), with([](AvatarConfig& c) { c.hash_displacement = false; }),
-          with([](AvatarConfig& c) { c.hash_sh = c.hash_displacement = false; })}) {
-        std::size_t gaussians = 0;
-        const std::uint64_t bytes = learned_bytes(config, gaussians), table = 4 * sizeof(float) * 16 * 4 * 4096;
-        const MemoryModel memory = training_memory(config, 0, 0);
-        const std::uint64_t fields = memory.fixed - training_memory(without_fields, 0, 0).fixed;
-        CHECK(fields % table == 0);
-        CHECK(bytes > fields);                                            // networks and what each Gaussian has
-        CHECK(bytes - fields < table / 2 + memory.per_gaussian * gaussians); // no further table fits
-    }
+TEST_CASE("the stated size of an avatar is that of the arrays that it announces, in every configuration") {
+    const AvatarConfig plain{.hash_base = 3, .hash_growth = 1.4, .hash_table_size = 256, .mlp_width = 8,
+                             .ao_table_size = 128};
+    std::vector<AvatarConfig> configs;
+    for (const Heads heads : {Heads::joint, Heads::separate})
+        for (const bool sh : {true, false})
+            for (const bool displacement : {true, false})
+                for (const auto ao : {AmbientOcclusion::none, AmbientOcclusion::time, AmbientOcclusion::pose}) {
+                    configs.push_back(plain);
+                    configs.back().heads = heads, configs.back().ao = ao;
+                    configs.back().hash_sh = sh, configs.back().hash_displacement = displacement;
+                }
+    configs.push_back(plain), configs.back().separate_tables = true;
+    configs.push_back(plain), configs.back().head_time = true;
+    configs.push_back(plain), configs.back().mlp_hidden_layers = 3;
+    for (const AvatarConfig& config : configs)
+        for (const PriorInputs& priors : {PriorInputs{}, PriorInputs{.feature_count = 3, .has_region = true}})
+            for (const double samples : {1.0, 2.0}) {
+                const Sized avatar(config, samples, priors);
+                REQUIRE(avatar.arrays.size() == avatar.size.learned.size());
+                std::size_t numbers = 0;
+                for (std::size_t i = 0; i < avatar.arrays.size(); ++i) {
+                    const LearnedArray<float>& array = avatar.arrays[i];
+                    CAPTURE(array.name);
+                    CHECK(array.name == avatar.size.learned[i].name);
+                    CHECK(array.values.size() == avatar.size.learned[i].at(avatar.points));
+                    for (const auto& part : {array.values, array.gradient, array.first_moment, array.second_moment})
+                        numbers += part.size();
+                }
+                const std::size_t other = avatar.size.other_per_point * avatar.points;
+                CHECK(avatar.size.fixed() + avatar.size.per_point() * avatar.points == numbers + other);
+            }
 }
 
-TEST_CASE("what a network's activations take grows with its width and depth, and what people take with their number") {
-    const AvatarConfig plain{.ao = AmbientOcclusion::time};
-    const MemoryModel one = training_memory(plain, 100, 1000), two = training_memory(plain, 100, 1000, 2),
-                      none = training_memory(without_fields, 100, 1000);
+TEST_CASE("a budget has the stated sizes, what is held, and pictures; people multiply the sizes alone") {
+    const AvatarConfig config{.ao = AmbientOcclusion::time};
+    const PartSize size = avatar_size<cpu::Serial>(config, 55, {.feature_count = 10, .has_region = true});
+    const MemoryModel one = training_memory<cpu::Serial>(config, 100, 1000),
+                      two = training_memory<cpu::Serial>(config, 100, 1000, 2),
+                      larger = training_memory<cpu::Serial>(config, 101, 1000),
+                      fewer = training_memory<cpu::Serial>(config, 100, 1000, 1, {.joint_count = 24});
+    CHECK(two.fixed - one.fixed == sizeof(float) * size.fixed());
+    CHECK(two.per_gaussian == 2 * one.per_gaussian);
+    CHECK(one.per_gaussian > sizeof(float) * size.per_point());
+    CHECK(larger.fixed > one.fixed);
+    CHECK(larger.per_gaussian == one.per_gaussian);
+    CHECK(one.fixed - fewer.fixed == sizeof(float) * 4 * 3 * (55 - 24));
+}
+
+TEST_CASE("the activations of a network grow with its width and depth") {
+    const AvatarConfig plain{.ao = AmbientOcclusion::time}; // two fields: the joint head's and ambient occlusion's
     AvatarConfig wide = plain, deep = plain;
     wide.mlp_width = 2 * plain.mlp_width;
     deep.mlp_hidden_layers = plain.mlp_hidden_layers + 1;
-    // Two fields: the joint head's and ambient occlusion's.
-    CHECK(training_memory(wide, 100, 1000).per_gaussian - one.per_gaussian == 2 * 2 * 64 * sizeof(float));
-    CHECK(training_memory(deep, 100, 1000).per_gaussian - one.per_gaussian == 2 * 64 * sizeof(float));
-    CHECK(two.per_gaussian == 2 * one.per_gaussian);
-    CHECK(two.fixed - one.fixed == one.fixed - none.fixed); // a person's tables; program and pictures are counted once
+    const auto activations = [](const AvatarConfig& config) {
+        return avatar_size<cpu::Serial>(config, 55, {}).other_per_point;
+    };
+    CHECK(activations(wide) - activations(plain) == 2 * 2 * 64);
+    CHECK(activations(deep) - activations(plain) == 2 * 64);
 }
 
 TEST_CASE("a budget and a number of Gaussians turn into each other") {

@@ -22,6 +22,7 @@
 #include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/learned_light.hpp>
+#include <gsh/pipeline/part_size.hpp>
 #include <gsh/pipeline/shadow.hpp>
 
 #include <cmath>
@@ -128,6 +129,14 @@ public:
                 Appearance appearance, Shadow shadow = {}, const Params& params = {})
         : AvatarModel(backend, rig, detail::GaussianStart<T>(rig, samples, params), std::move(points),
                       std::move(appearance), std::move(shadow), params) {}
+
+    /// The size of the model's own arrays, without appearance and shadow.
+    [[nodiscard]] static PartSize own_size(std::size_t joint_count) {
+        return {.learned = {{.name = "joints", .fixed = 3 * joint_count},
+                            {.name = "quats", .per_point = 4},
+                            {.name = "log_scales", .per_point = 3},
+                            {.name = "opacity_logits", .per_point = 1}}};
+    }
 
     [[nodiscard]] std::size_t size() const { return points_->size(); }
     [[nodiscard]] const Params& params() const { return params_; }

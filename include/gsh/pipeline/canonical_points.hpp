@@ -25,6 +25,12 @@ struct CanonicalPriors {
     std::vector<double> features;
 };
 
+/// Which inputs there are.
+struct PriorInputs {
+    std::size_t feature_count = 0; ///< prior features of a point
+    bool has_region = false;
+};
+
 /// What is mapped to the unit cube, the domain of fields.
 enum class FieldBounds {
     cube, ///< the points' bounding cube: cells of a hash level are cubes
@@ -91,6 +97,7 @@ public:
 
     [[nodiscard]] std::size_t size() const { return positions_.size(); }
     [[nodiscard]] std::size_t feature_count() const { return features_.size() / size(); }
+    [[nodiscard]] PriorInputs inputs() const { return {feature_count(), !region_.empty()}; }
     [[nodiscard]] Span<const vec3<T>> positions() const { return positions_; }
     [[nodiscard]] Span<const vec3<T>> unit() const { return unit_; }
     [[nodiscard]] Span<const T> region() const { return region_; }

@@ -12,6 +12,7 @@
 #include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/pipeline/field_appearance.hpp>
 #include <gsh/pipeline/field_shadow.hpp>
+#include <gsh/pipeline/part_size.hpp>
 #include <gsh/pipeline/shadow.hpp>
 #include <gsh/pipeline/shared_field.hpp>
 #include <gsh/pipeline/split_appearance.hpp>
@@ -20,6 +21,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <type_traits>
 
 namespace gsh {
 
@@ -69,6 +71,19 @@ using ConfiguredAvatar = AvatarModel<B, AnyAppearance<T, Degree>, AnyShadow<B, T
             .opacity_logit_rate = config.rates.opacity_logits};
 }
 
+/// Calls use(std::type_identity<A>()) with the appearance A of a configuration.
+template <Backend B, std::floating_point T, int Levels, int Features, int Degree, class Use>
+auto with_appearance_type(const AvatarConfig& config, const Use& use) {
+    if (config.has_joint_head()) return use(std::type_identity<SharedField<B, T, Degree, Levels, Features>>());
+    if (config.hash_sh && config.hash_displacement)
+        return use(std::type_identity<SeparateFields<B, T, Degree, Levels, Features>>());
+    if (config.hash_sh)
+        return use(std::type_identity<FieldColorsStoredDisplacements<B, T, Degree, Levels, Features>>());
+    if (config.hash_displacement)
+        return use(std::type_identity<StoredColorsFieldDisplacements<B, T, Degree, Levels, Features>>());
+    return use(std::type_identity<StoredAttributes<B, T, Degree, Levels, Features>>());
+}
+
 /// Makes the avatar that a configuration describes, from a rig and the samples of which the rig was made. `frame_count`
 /// is the length of the training motion, for parts that depend on the time.
 ///
@@ -88,15 +103,8 @@ template <Backend B, std::floating_point T = float, int Levels = 16, int Feature
         CanonicalPointsParams{config.bounds, config.bounds_margin, config.prior_scale});
 
     const AppearanceParams params = appearance_params(config, frame_count, seed);
-    const auto appearance = [&]() -> AnyAppearance<T, Degree> {
-        if (config.has_joint_head()) return SharedField<B, T, Degree, Levels, Features>(backend, points, params);
-        if (config.hash_sh && config.hash_displacement)
-            return SeparateFields<B, T, Degree, Levels, Features>(backend, points, params);
-        if (config.hash_sh)
-            return FieldColorsStoredDisplacements<B, T, Degree, Levels, Features>(backend, points, params);
-        if (config.hash_displacement)
-            return StoredColorsFieldDisplacements<B, T, Degree, Levels, Features>(backend, points, params);
-        return StoredAttributes<B, T, Degree, Levels, Features>(backend, points, params);
+    const auto appearance = [&]<class A>(std::type_identity<A>) -> AnyAppearance<T, Degree> {
+        return A(backend, points, params);
     };
     const auto shadow = [&]() -> AnyShadow<B, T> {
         switch (config.ao) {
@@ -109,7 +117,29 @@ template <Backend B, std::floating_point T = float, int Levels = 16, int Feature
         }
         return NoShadow<B, T>();
     };
-    return {backend, rig, samples, points, appearance(), shadow(), model_params(config)};
+    return {backend,
+            rig,
+            samples,
+            points,
+            with_appearance_type<B, T, Levels, Features, Degree>(config, appearance),
+            shadow(),
+            model_params(config)};
+}
+
+/// The size of the avatar that make_avatar would make, on a rig of `joint_count` joints. Allocates no array.
+template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4, int Degree = 2>
+[[nodiscard]] PartSize avatar_size(const AvatarConfig& config, std::size_t joint_count, const PriorInputs& inputs) {
+    constexpr std::size_t frame_count = 1; // no array depends on the motion's length
+    const std::size_t pose_feature_count = joint_count > 0 ? 9 * (joint_count - 1) : 0;
+    PartSize size = ConfiguredAvatar<B, T, Degree>::own_size(joint_count);
+    append(size, with_appearance_type<B, T, Levels, Features, Degree>(config, [&]<class A>(std::type_identity<A>) {
+               return A::size(appearance_params(config, frame_count, 0), inputs);
+           }));
+    if (config.ao == AmbientOcclusion::time)
+        append(size, TimeShadow<B, T, Levels, Features>::size(shadow_params(config, 0), frame_count));
+    if (config.ao == AmbientOcclusion::pose)
+        append(size, PoseShadow<B, T, Levels, Features>::size(shadow_params(config, 0), pose_feature_count));
+    return size;
 }
 
 } // namespace gsh

@@ -8,11 +8,14 @@
 #include <gsh/field/hash_field.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
+#include <gsh/pipeline/frame_codes.hpp>
 #include <gsh/pipeline/learned_field.hpp>
 
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <string>
+#include <utility>
 
 namespace gsh {
 
@@ -33,6 +36,19 @@ struct AppearanceParams {
 };
 
 namespace detail {
+
+/// The settings of an appearance's field.
+template <Backend B, std::floating_point T, class Field>
+[[nodiscard]] typename Field::Params appearance_field(std::string name, int outputs, std::uint64_t stream,
+                                                      const AppearanceParams& params, const PriorInputs& inputs) {
+    return {.name = std::move(name),
+            .sizes = params.field,
+            .outputs = outputs,
+            .point_inputs = inputs.feature_count,
+            .shared_inputs = FrameCodes<B, T>::code_size(params.time_frames),
+            .tables = params.separate_tables && inputs.has_region ? 2u : 1u,
+            .start = {params.seed, stream}};
+}
 
 /// Multiplies every stride-th vector, the constant colours, by a factor.
 template <class T>

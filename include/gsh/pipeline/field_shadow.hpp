@@ -14,6 +14,7 @@
 #include <gsh/pipeline/frame_codes.hpp>
 #include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/learned_field.hpp>
+#include <gsh/pipeline/part_size.hpp>
 #include <gsh/pipeline/shadow.hpp>
 
 #include <concepts>
@@ -45,15 +46,14 @@ public:
     ShadowField(B& backend, const CanonicalPoints<B, T>& points, const FieldShadowParams& params,
                 std::size_t code_size)
         : backend_(&backend), params_(params),
-          field_(backend, {.name = "shadow_field",
-                           .sizes = params.field,
-                           .outputs = 1,
-                           .shared_inputs = code_size,
-                           .start = {params.seed, field_stream::shadow}}) {
+          field_(backend, params_of_field(params, code_size)) {
         check_value(params.initial > 0 && params.initial < params.largest, "FieldShadowParams",
                     "initial must lie between 0 and largest");
         field_.field().prepare(backend, points.unit(), query_);
         field_.silence_outputs();
+    }
+    [[nodiscard]] static PartSize size(const FieldShadowParams& params, std::size_t code_size) {
+        return Field::size(params_of_field(params, code_size));
     }
 
     void forward(Span<const T> code, Span<T> ao) {
@@ -94,6 +94,14 @@ public:
     }
 
 private:
+    [[nodiscard]] static typename Field::Params params_of_field(const FieldShadowParams& params,
+                                                                std::size_t code_size) {
+        return {.name = "shadow_field",
+                .sizes = params.field,
+                .outputs = 1,
+                .shared_inputs = code_size,
+                .start = {params.seed, field_stream::shadow}};
+    }
     [[nodiscard]] double bias() const { return logit(params_.initial / params_.largest); }
     void logit_backward(Span<const T> ao, Span<T> dL_dao) {
         backend_->for_each(ao.size(), AoFromLogitBackward<T>{ao, T(params_.largest), dL_dao});
@@ -117,6 +125,9 @@ public:
     TimeShadow(B& backend, const CanonicalPoints<B, T>& points, std::size_t frame_count,
                const FieldShadowParams& params = {})
         : codes_(backend, frame_count), field_(backend, points, params, codes_.size()) {}
+    [[nodiscard]] static PartSize size(const FieldShadowParams& params, std::size_t frame_count) {
+        return detail::ShadowField<B, T, Levels, Features>::size(params, FrameCodes<B, T>::code_size(frame_count));
+    }
 
     void forward(const ShadowInput<B, T>& input, Span<T> ao) { field_.forward(codes_[input.frame], ao); }
     void backward(const ShadowInput<B, T>& input, Span<const T> ao, Span<T> dL_dao, Span<vec3<T>>) {
@@ -139,6 +150,9 @@ public:
     PoseShadow(B& backend, const CanonicalPoints<B, T>& points, std::size_t pose_feature_count,
                const FieldShadowParams& params = {})
         : backend_(&backend), feature_(pose_feature_count), field_(backend, points, params, pose_feature_count) {}
+    [[nodiscard]] static PartSize size(const FieldShadowParams& params, std::size_t pose_feature_count) {
+        return detail::ShadowField<B, T, Levels, Features>::size(params, pose_feature_count);
+    }
 
     [[nodiscard]] bool casts() const { return true; }
     [[nodiscard]] bool follows_pose() const { return true; }

@@ -34,7 +34,10 @@ public:
     }
 
     /// Number of elements of a code.
-    [[nodiscard]] std::size_t size() const { return frame_count_ ? TimeEncoding::output_count : 0; }
+    [[nodiscard]] std::size_t size() const { return code_size(frame_count_); }
+    [[nodiscard]] static std::size_t code_size(std::size_t frame_count) {
+        return frame_count ? TimeEncoding::output_count : 0;
+    }
     /// The code of one frame.
     /// Errors  ValueError for a frame that the motion does not have.
     [[nodiscard]] Span<const T> operator[](std::size_t frame) const {

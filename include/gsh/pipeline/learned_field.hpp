@@ -7,6 +7,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/field/hash_field.hpp>
 #include <gsh/pipeline/learned_array.hpp>
+#include <gsh/pipeline/part_size.hpp>
 
 #include <concepts>
 #include <cstddef>
@@ -64,14 +65,21 @@ public:
     };
 
     LearnedField(B& backend, const Params& params)
-        : backend_(&backend), name_(params.name),
-          field_({.base = params.sizes.base, .growth = params.sizes.growth, .table_size = params.sizes.table_size},
-                 {.outputs = params.outputs,
-                  .width = params.sizes.width,
-                  .hidden_layers = params.sizes.hidden_layers},
-                 params.point_inputs, params.shared_inputs),
+        : backend_(&backend), name_(params.name), field_(geometry(params)),
           table_(backend, initial_tables(params.tables, params.start)),
           network_(backend, initial_weights(params.start)) {}
+
+    /// The table and the network; for each point the encoding and its gradient, the hidden layers, and the outputs and
+    /// their gradient.
+    [[nodiscard]] static PartSize size(const Params& params) {
+        const Field field = geometry(params);
+        std::size_t hidden = 0;
+        for (std::size_t layer = 0; layer + 1 < field.mlp().layer_count(); ++layer)
+            hidden += field.mlp().layer_outputs(layer);
+        return {.learned = {{params.name + ".table", params.tables * field.grid().parameter_count()},
+                            {params.name + ".network", field.mlp().parameter_count()}},
+                .other_per_point = 2 * std::size_t(Grid::output_count) + hidden + 2 * field.mlp().outputs()};
+    }
 
     [[nodiscard]] const Field& field() const { return field_; }
     [[nodiscard]] const Mlp& mlp() const { return field_.mlp(); }
@@ -114,6 +122,13 @@ public:
     }
 
 private:
+    [[nodiscard]] static Field geometry(const Params& params) {
+        const FieldParams& sizes = params.sizes;
+        return {{.base = sizes.base, .growth = sizes.growth, .table_size = sizes.table_size},
+                {.outputs = params.outputs, .width = sizes.width, .hidden_layers = sizes.hidden_layers},
+                params.point_inputs,
+                params.shared_inputs};
+    }
     [[nodiscard]] std::vector<T> initial_tables(std::size_t tables, const FieldStart& start) const {
         std::vector<T> entries;
         for (std::size_t t = 0; t < tables; ++t) {

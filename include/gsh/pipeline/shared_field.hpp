@@ -13,6 +13,7 @@
 #include <gsh/pipeline/frame_codes.hpp>
 #include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/learned_field.hpp>
+#include <gsh/pipeline/part_size.hpp>
 
 #include <concepts>
 #include <cstddef>
@@ -34,15 +35,11 @@ public:
     SharedField(B& backend, SharedPoints<B, T> points, const AppearanceParams& params = {})
         : backend_(&backend), params_(params), points_(std::move(points)), codes_(backend, params.time_frames),
           query_(detail::appearance_query<Field>(backend, *points_, params)),
-          field_(backend, {.name = "shared_field",
-                           .sizes = params.field,
-                           .outputs = 3 * static_cast<int>(stride),
-                           .point_inputs = points_->feature_count(),
-                           .shared_inputs = codes_.size(),
-                           .tables = query_.grids.size(),
-                           .start = {params.seed, field_stream::shared}}),
-          outputs_(points_->size() * stride) {
+          field_(backend, params_of_field(params, points_->inputs())), outputs_(points_->size() * stride) {
         field_.silence_other_inputs();
+    }
+    [[nodiscard]] static PartSize size(const AppearanceParams& params, const PriorInputs& inputs) {
+        return Field::size(params_of_field(params, inputs));
     }
 
     void forward(std::size_t frame) {
@@ -78,6 +75,11 @@ public:
 private:
     static constexpr std::size_t stride = basis_count + 1; // vectors in a row of outputs
 
+    [[nodiscard]] static typename Field::Params params_of_field(const AppearanceParams& params,
+                                                                const PriorInputs& inputs) {
+        return detail::appearance_field<B, T, Field>("shared_field", 3 * static_cast<int>(stride),
+                                                     field_stream::shared, params, inputs);
+    }
     template <class V>
     [[nodiscard]] static Span<V> displacements(Span<V> rows) {
         return rows.subspan(basis_count, rows.size() - basis_count);

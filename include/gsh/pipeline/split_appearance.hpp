@@ -13,6 +13,7 @@
 #include <gsh/pipeline/frame_codes.hpp>
 #include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/learned_field.hpp>
+#include <gsh/pipeline/part_size.hpp>
 
 #include <concepts>
 #include <cstddef>
@@ -29,18 +30,13 @@ public:
     static constexpr std::size_t stride = static_cast<std::size_t>(sh_basis_count(Degree));
     static constexpr bool is_field = true;
 
-    FieldColors(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params, std::size_t code_size,
-                std::size_t tables)
+    FieldColors(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params)
         : backend_(&backend), scale_(params.sh_dc_scale), rate_(params.sh_rate),
-          field_(backend, {.name = "sh_field",
-                           .sizes = params.field,
-                           .outputs = 3 * static_cast<int>(stride),
-                           .point_inputs = points.feature_count(),
-                           .shared_inputs = code_size,
-                           .tables = tables,
-                           .start = {params.seed, field_stream::colors}}),
-          sh_(points.size() * stride) {
+          field_(backend, params_of_field(params, points.inputs())), sh_(points.size() * stride) {
         field_.silence_other_inputs();
+    }
+    [[nodiscard]] static PartSize size(const AppearanceParams& params, const PriorInputs& inputs) {
+        return Field::size(params_of_field(params, inputs));
     }
     void forward(const typename Field::Query& query, const FieldInputs<T>& inputs) {
         field_.forward(query, view_as<T>(Span<vec3<T>>(sh_)), inputs);
@@ -59,6 +55,11 @@ public:
     [[nodiscard]] LearnedArrays<T> learned(const typename Field::Query& query) { return field_.learned(query, rate_); }
 
 private:
+    [[nodiscard]] static typename Field::Params params_of_field(const AppearanceParams& params,
+                                                                const PriorInputs& inputs) {
+        return detail::appearance_field<B, T, Field>("sh_field", 3 * static_cast<int>(stride), field_stream::colors,
+                                                     params, inputs);
+    }
     void scale(Span<vec3<T>> sh) {
         backend_->for_each(sh.size() / stride, detail::ScaleConstant<T>{sh, stride, T(scale_)});
     }
@@ -77,10 +78,12 @@ public:
     static constexpr std::size_t stride = static_cast<std::size_t>(sh_basis_count(Degree));
     static constexpr bool is_field = false;
 
-    StoredColors(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params, std::size_t,
-                 std::size_t)
+    StoredColors(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params)
         : rate_(params.stored_sh_rate), band_rate_(params.stored_sh_band_rate),
           sh_(backend, std::vector<vec3<T>>(stride * points.size(), vec3<T>(T(0)))) {}
+    [[nodiscard]] static PartSize size(const AppearanceParams&, const PriorInputs&) {
+        return {.learned = {{.name = "sh", .per_point = 3 * stride}}};
+    }
 
     void forward(const typename Field::Query&, const FieldInputs<T>&) {}
     [[nodiscard]] Span<const vec3<T>> view() const { return sh_.values(); }
@@ -104,18 +107,13 @@ public:
     using Field = LearnedField<B, T, Levels, Features>;
     static constexpr bool is_field = true;
 
-    FieldDisplacements(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params,
-                       std::size_t code_size, std::size_t tables)
-        : rate_(params.displacement_rate),
-          field_(backend, {.name = "displacement_field",
-                           .sizes = params.field,
-                           .outputs = 3,
-                           .point_inputs = points.feature_count(),
-                           .shared_inputs = code_size,
-                           .tables = tables,
-                           .start = {params.seed, field_stream::displacements}}),
+    FieldDisplacements(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params)
+        : rate_(params.displacement_rate), field_(backend, params_of_field(params, points.inputs())),
           displacements_(points.size()) {
         field_.silence_other_inputs();
+    }
+    [[nodiscard]] static PartSize size(const AppearanceParams& params, const PriorInputs& inputs) {
+        return Field::size(params_of_field(params, inputs));
     }
     void forward(const typename Field::Query& query, const FieldInputs<T>& inputs) {
         field_.forward(query, view_as<T>(Span<vec3<T>>(displacements_)), inputs);
@@ -127,6 +125,12 @@ public:
     [[nodiscard]] LearnedArrays<T> learned(const typename Field::Query& query) { return field_.learned(query, rate_); }
 
 private:
+    [[nodiscard]] static typename Field::Params params_of_field(const AppearanceParams& params,
+                                                                const PriorInputs& inputs) {
+        return detail::appearance_field<B, T, Field>("displacement_field", 3, field_stream::displacements, params,
+                                                     inputs);
+    }
+
     double rate_;
     Field field_;
     typename B::template Buffer<vec3<T>> displacements_; // [N]
@@ -139,10 +143,12 @@ public:
     using Field = LearnedField<B, T, Levels, Features>;
     static constexpr bool is_field = false;
 
-    StoredDisplacements(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params, std::size_t,
-                        std::size_t)
+    StoredDisplacements(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params)
         : backend_(&backend), rate_(params.stored_displacement_rate),
           displacements_(backend, std::vector<vec3<T>>(points.size(), vec3<T>(T(0)))) {}
+    [[nodiscard]] static PartSize size(const AppearanceParams&, const PriorInputs&) {
+        return {.learned = {{.name = "displacements", .per_point = 3}}};
+    }
 
     void forward(const typename Field::Query&, const FieldInputs<T>&) {}
     [[nodiscard]] Span<const vec3<T>> view() const { return displacements_.values(); }
@@ -169,8 +175,12 @@ public:
     SplitAppearance(B& backend, SharedPoints<B, T> points, const AppearanceParams& params = {})
         : points_(std::move(points)), codes_(backend, params.time_frames),
           query_(detail::appearance_query<typename Colors::Field>(backend, *points_, params)),
-          colors_(backend, *points_, params, codes_.size(), query_.grids.size()),
-          displacements_(backend, *points_, params, codes_.size(), query_.grids.size()) {}
+          colors_(backend, *points_, params), displacements_(backend, *points_, params) {}
+    [[nodiscard]] static PartSize size(const AppearanceParams& params, const PriorInputs& inputs) {
+        PartSize both = Colors::size(params, inputs);
+        append(both, Displacements::size(params, inputs));
+        return both;
+    }
 
     void forward(std::size_t frame) {
         colors_.forward(query_, inputs(frame));

@@ -2,9 +2,13 @@
 /// @file  An estimate of the memory that training takes, to choose the number of Gaussians for a budget.
 #pragma once
 
-#include <gsh/math/sh.hpp>
+#include <gsh/backend/backend.hpp>
 #include <gsh/pipeline/avatar_config.hpp>
+#include <gsh/pipeline/canonical_points.hpp>
+#include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/pipeline/part_size.hpp>
 
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 
@@ -22,36 +26,26 @@ struct MemoryModel {
     }
 };
 
-/// The memory of training AvatarModel in float, for images of `pixels` pixels, with `held` bytes (the capture) in
-/// memory already. The estimate is counted from the buffers. It is 1.1 times the peak that was measured for `paper`
+/// What the memory of an avatar depends on beside its configuration. The defaults are SMPL-X's joints and the priors of
+/// its mesh.
+struct AvatarInputs {
+    std::size_t joint_count = 55;
+    PriorInputs priors{.feature_count = 10, .has_region = true};
+};
+
+/// The memory of training the avatar of a configuration, for images of `pixels` pixels, with `held` bytes (the capture)
+/// in memory already. Learned arrays and the activations of fields are counted exactly, from the sizes that the parts
+/// state (avatar_size). The other buffers are estimated. The result is 1.1 times the peak that was measured for `paper`
 /// with 210 images of 540². Each of several people has own fields; the number of Gaussians is that of one person.
-[[nodiscard]] inline MemoryModel training_memory(const AvatarConfig& config, std::size_t pixels, std::uint64_t held,
-                                                 std::size_t people = 1) {
+template <Backend B, std::floating_point T = float>
+[[nodiscard]] MemoryModel training_memory(const AvatarConfig& config, std::size_t pixels, std::uint64_t held,
+                                          std::size_t people = 1, const AvatarInputs& inputs = {}) {
     constexpr std::uint64_t program = 150'000'000; // code, body model, copies for checkpoints
     constexpr std::uint64_t per_pixel = 100;       // render, photograph, gradients, loss terms
-    constexpr std::uint64_t per_gaussian = 1000;   // attributes, splats, their gradients and moments, tiles
-    constexpr std::uint64_t levels = 16, features = 4, colors = 3 * sh_basis_count(2), displacement = 3;
-    MemoryModel memory{.fixed = program + held + per_pixel * pixels, .per_gaussian = people * per_gaussian};
-    // A field: tables with gradient and two moments; per Gaussian features, hidden layers and outputs, and gradients of
-    // the first and last.
-    const auto add_field = [&](std::uint64_t entries, std::uint64_t tables, std::uint64_t outputs) {
-        const auto hidden = static_cast<std::uint64_t>(config.mlp_hidden_layers) *
-                            static_cast<std::uint64_t>(config.mlp_width);
-        memory.fixed += people * sizeof(float) * 4 * tables * entries * levels * features;
-        memory.per_gaussian += people * sizeof(float) * (2 * levels * features + hidden + 2 * outputs);
-    };
-    const auto add_stored = [&](std::uint64_t numbers) { // values with gradient and two moments
-        memory.per_gaussian += people * sizeof(float) * 4 * numbers;
-    };
-    const std::uint64_t tables = config.separate_tables ? 2 : 1;
-    const bool joint = config.has_joint_head();
-    if (joint) add_field(config.hash_table_size, tables, colors + displacement);
-    if (!joint && config.hash_sh) add_field(config.hash_table_size, tables, colors);
-    if (!joint && config.hash_displacement) add_field(config.hash_table_size, tables, displacement);
-    if (!config.hash_sh) add_stored(colors);
-    if (!config.hash_displacement) add_stored(displacement);
-    if (config.ao != AmbientOcclusion::none) add_field(config.ao_table_size, 1, 1);
-    return memory;
+    constexpr std::uint64_t per_gaussian = 872;    // splats, their gradients, bones, tiles
+    const PartSize avatar = avatar_size<B, T>(config, inputs.joint_count, inputs.priors);
+    return {.fixed = program + held + per_pixel * pixels + people * sizeof(T) * avatar.fixed(),
+            .per_gaussian = people * (per_gaussian + sizeof(T) * avatar.per_point())};
 }
 
 } // namespace gsh
