@@ -7,6 +7,7 @@
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/crc32.hpp>
 #include <gsh/io/file/npy.hpp>
+#include <gsh/io/file/utf.hpp>
 
 #include <zip.h>
 
