@@ -13,6 +13,7 @@
 #include <gsh/core/rng.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/colmap.hpp>
+#include <gsh/io/capture/colmap_image.hpp>
 #include <gsh/io/splat/ply.hpp>
 #include <gsh/train/static_configuration.hpp>
 

@@ -2,25 +2,21 @@
 /// @file  Reads reconstructions of COLMAP: cameras, images and points, binary or text.
 #pragma once
 
-#include <gsh/backend/serial.hpp>
 #include <gsh/camera/distortion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/image/resample.hpp>
-#include <gsh/io/file/atomic_file.hpp>
-#include <gsh/io/image/image_file.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/io/capture/colmap_file.hpp>
+#include <gsh/math/quat.hpp>
 #include <gsh/math/rotation.hpp>
+#include <gsh/math/vec.hpp>
 
 #include <algorithm>
 #include <array>
-#include <bit>
-#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <filesystem>
-#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -55,26 +51,6 @@ struct ColmapScene {
 ///         invalid camera or rotation, or numbers that are not finite. Messages name file and entry.
 /// Source  COLMAP's documentation, "Output Format".
 [[nodiscard]] inline ColmapScene read_colmap(const std::filesystem::path& folder);
-
-/// The pinhole camera of the undistorted image: the same pose and focal lengths, and the largest image rectangle inside
-/// the undistorted borders, so that no pixel lies outside the photograph.
-///
-/// Errors  ValueError if the distortion has no inverse at the border, or the image would be empty.
-[[nodiscard]] inline Camera<double> straight_camera(std::string_view name, const Camera<double>& camera,
-                                                    const Distortion<double>& distortion);
-
-/// An undistorted photograph for training, with its camera.
-struct StraightImage {
-    PixelImage image; ///< RGBA
-    Camera<double> camera;
-};
-
-/// Reads an image of the reconstruction and undistorts it. The mask is the image's alpha or, if `masks` is given, the
-/// image of the same name (NAME.png, or NAME with the extension .png) in that folder. White pixels are kept.
-///
-/// Errors  those of read_image; ShapeError unless image and mask have the camera's size.
-[[nodiscard]] inline StraightImage read_colmap_image(const ColmapImage& entry, const std::filesystem::path& images,
-                                                     const std::filesystem::path& masks = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -128,117 +104,6 @@ inline void set_colmap_pose(const std::string& where, Camera<double>& camera, co
     camera.R = rotation_matrix(normalize(q));
     camera.t = {v[4], v[5], v[6]};
 }
-
-/// Sequential reader of a binary file.
-class ColmapBytes {
-public:
-    explicit ColmapBytes(std::filesystem::path path)
-        : path_(std::move(path)), bytes_(read_file(path_, std::size_t(1) << 34)) {}
-
-    template <class Number>
-    Number next() {
-        static_assert(std::endian::native == std::endian::little);
-        Number number;
-        need(sizeof number);
-        std::memcpy(&number, bytes_.data() + at_, sizeof number);
-        at_ += sizeof number;
-        return number;
-    }
-    std::string text() {
-        const std::size_t end = bytes_.find('\0', at_);
-        if (end == std::string::npos) fail("is truncated");
-        std::string result = bytes_.substr(at_, end - at_);
-        at_ = end + 1;
-        return result;
-    }
-    /// Skips `count` entries of `size` bytes.
-    void skip(std::uint64_t count, std::size_t size) {
-        if (count > (bytes_.size() - at_) / size) fail("is truncated");
-        at_ += static_cast<std::size_t>(count) * size;
-    }
-    /// Reads the number of entries that follow. Each takes at least `size` bytes, which is checked before any
-    /// allocation.
-    std::uint64_t count(std::size_t size) {
-        const auto n = next<std::uint64_t>();
-        if (n > (bytes_.size() - at_) / size)
-            fail("claims " + std::to_string(n) + " entries of at least " + std::to_string(size) + " bytes, but " +
-                 std::to_string(bytes_.size() - at_) + " bytes follow; is it truncated?");
-        return n;
-    }
-    void finish() const {
-        if (at_ != bytes_.size()) fail("goes on after its last entry; is it a file of COLMAP?");
-    }
-    [[nodiscard]] std::string where(const std::string& entry) const { return path_.string() + ": " + entry; }
-    [[noreturn]] void fail(const std::string& what) const { throw IoError(path_.string() + ": " + what); }
-
-private:
-    void need(std::size_t size) const {
-        if (size > bytes_.size() - at_) fail("is truncated");
-    }
-    std::filesystem::path path_;
-    std::string bytes_;
-    std::size_t at_ = 0;
-};
-
-/// Reads a text file line by line and word by word, without comments.
-class ColmapLines {
-public:
-    explicit ColmapLines(std::filesystem::path path)
-        : path_(std::move(path)), text_(read_file(path_, std::size_t(1) << 34)) {}
-
-    /// Advances to the next line that is not empty; false at the end of the file.
-    bool next() {
-        do
-            if (!advance()) return false;
-        while (line_.find_first_not_of(" \t\r") == std::string_view::npos ||
-               line_[line_.find_first_not_of(" \t\r")] == '#');
-        rest_ = line_;
-        return true;
-    }
-    /// Skips the next line, even if it is empty.
-    void skip() { advance(); }
-
-    std::string_view word() {
-        const std::size_t begin = std::min(rest_.find_first_not_of(" \t\r"), rest_.size());
-        const std::size_t end = std::min(rest_.find_first_of(" \t\r", begin), rest_.size());
-        if (begin == end) fail("ends too early");
-        const std::string_view result = rest_.substr(begin, end - begin);
-        rest_.remove_prefix(end);
-        return result;
-    }
-    /// The rest of the line; names of images may contain blanks.
-    std::string remainder() {
-        const std::size_t begin = rest_.find_first_not_of(" \t\r");
-        if (begin == std::string_view::npos) fail("ends too early");
-        return std::string(rest_.substr(begin, rest_.find_last_not_of(" \t\r") + 1 - begin));
-    }
-    [[nodiscard]] bool has_more() const { return rest_.find_first_not_of(" \t\r") != std::string_view::npos; }
-    template <class Number>
-    Number number() {
-        const std::string_view text = word();
-        Number value{};
-        const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
-        if (code != std::errc() || end != text.data() + text.size())
-            fail("has '" + std::string(text) + "' where a number should be");
-        return value;
-    }
-    [[nodiscard]] std::string where() const { return path_.string() + ": line " + std::to_string(line_number_); }
-    [[noreturn]] void fail(const std::string& what) const { throw IoError(where() + " " + what); }
-
-private:
-    bool advance() {
-        if (at_ >= text_.size()) return false;
-        const std::size_t end = std::min(text_.find('\n', at_), text_.size());
-        line_ = std::string_view(text_).substr(at_, end - at_);
-        at_ = end + 1;
-        ++line_number_;
-        return true;
-    }
-    std::filesystem::path path_;
-    std::string text_;
-    std::string_view line_, rest_;
-    std::size_t at_ = 0, line_number_ = 0;
-};
 
 using ColmapCameras = std::map<std::uint32_t, ColmapCamera>;
 
@@ -379,66 +244,6 @@ inline ColmapScene read_colmap(const std::filesystem::path& folder) {
     }
     throw IoError(folder.string() + ": holds neither cameras.bin nor cameras.txt, nor does its sparse/0 or sparse; "
                                     "expected a reconstruction of COLMAP");
-}
-
-inline Camera<double> straight_camera(std::string_view name, const Camera<double>& camera,
-                                      const Distortion<double>& distortion) {
-    const double width = camera.width, height = camera.height;
-    const auto straight = [&](double x, double y) {
-        try {
-            return undistort_checked<double>(distortion, {(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy});
-        } catch (const ValueError& error) {
-            throw ValueError(std::string(name) + ": " + error.what());
-        }
-    };
-    constexpr int steps = 256;
-    double left = -1e300, right = 1e300, top = -1e300, bottom = 1e300; // normalised
-    for (int i = 0; i <= steps; ++i) {
-        const double x = width * i / steps, y = height * i / steps;
-        left = std::max(left, straight(0, y).x), right = std::min(right, straight(width, y).x);
-        top = std::max(top, straight(x, 0).y), bottom = std::min(bottom, straight(x, height).y);
-    }
-    Camera<double> result = camera;
-    constexpr double inside = 1e-3; // pixels: tolerance for the border between the sampled points
-    result.cx = -left * camera.fx - inside, result.cy = -top * camera.fy - inside;
-    const double columns = std::floor((right - left) * camera.fx - 2 * inside);
-    const double rows = std::floor((bottom - top) * camera.fy - 2 * inside);
-    check_value(columns >= 1 && rows >= 1 && columns <= 4 * width && rows <= 4 * height, name,
-                "its distortion leaves a straight image of " + std::to_string(columns) + " x " + std::to_string(rows) +
-                    " pixels; check the coefficients");
-    result.width = static_cast<int>(columns), result.height = static_cast<int>(rows);
-    check_distortion("straight_camera", name, result, distortion);
-    return result;
-}
-
-inline StraightImage read_colmap_image(const ColmapImage& entry, const std::filesystem::path& images,
-                                       const std::filesystem::path& masks) {
-    const auto check = [&](const std::filesystem::path& path, const PixelImage& image) {
-        if (image.width != entry.camera.width || image.height != entry.camera.height)
-            throw ShapeError(path.string() + ": is " + std::to_string(image.width) + " x " +
-                             std::to_string(image.height) + " pixels, expected " + std::to_string(entry.camera.width) +
-                             " x " + std::to_string(entry.camera.height) +
-                             " as its camera says; were the images resized?");
-    };
-    StraightImage result{read_image(images / entry.name), entry.camera};
-    check(images / entry.name, result.image);
-    if (!masks.empty()) {
-        std::error_code ignored;
-        std::filesystem::path path = masks / (entry.name + ".png");
-        if (!std::filesystem::exists(path, ignored)) path = (masks / entry.name).replace_extension(".png");
-        const PixelImage mask = read_image(path);
-        check(path, mask);
-        for (std::size_t i = 0; i < mask.data.size(); i += 4) result.image.data[i + 3] = mask.data[i];
-    }
-    if (!entry.distortion) return result;
-    result.camera = straight_camera(entry.name, entry.camera, *entry.distortion);
-    PixelImage straight(4, result.camera.height, result.camera.width);
-    cpu::Serial serial;
-    resample_rgba8<double>(serial, Span<const std::uint8_t>(result.image.data), result.image.height, result.image.width,
-                           UndistortMap<double>{result.camera, entry.camera, *entry.distortion},
-                           Span<std::uint8_t>(straight.data), straight.height, straight.width);
-    result.image = std::move(straight);
-    return result;
 }
 
 } // namespace gsh

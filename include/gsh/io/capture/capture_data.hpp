@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A capture in memory, and the options of its readers.
+#pragma once
+
+#include <gsh/body/motion.hpp>
+#include <gsh/body/motion_span.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/io/motion/motion_file.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace gsh {
+
+/// One image of a capture.
+struct CaptureView {
+    std::size_t camera = 0, frame = 0;
+};
+
+/// A person filmed by calibrated cameras, held in memory.
+///
+/// Shapes  images [cameras * frames], RGBA with straight alpha (the mask), undistorted; image (c, f) has index
+///         c * frame_count() + f and is empty if it was not taken. motion holds one pose per frame. backgrounds
+///         [cameras], opaque RGBA in the cameras' sizes, or empty.
+struct Capture {
+    std::string name;
+    std::vector<NamedCamera> cameras;
+    Motion motion;
+    std::vector<PixelImage> images;
+    /// Each camera's view without the person. Photographs and renderings are composited over it. If empty, they are
+    /// composited over a plain colour of the user's choice.
+    std::vector<PixelImage> backgrounds;
+    std::vector<int> test_frames;  ///< excluded from training, in every camera
+    double fps = 0;                ///< 0 if unknown
+    std::optional<double> floor_y; ///< metres
+    /// A span of the motion that is excluded from training in every camera, too, and judged apart; see hold_out_motion.
+    /// Files do not store it.
+    std::vector<std::size_t> held_out_frames = {};
+
+    [[nodiscard]] std::size_t frame_count() const { return motion.frame_count(); }
+    [[nodiscard]] const PixelImage& image(CaptureView view) const {
+        return images[view.camera * frame_count() + view.frame];
+    }
+    /// Whether the image was taken. Before images are loaded, all count as taken.
+    [[nodiscard]] bool is_taken(CaptureView view) const { return images.empty() || !image(view).data.empty(); }
+    /// The camera's background; null if there is none.
+    [[nodiscard]] const PixelImage* background(std::size_t camera) const {
+        return backgrounds.empty() ? nullptr : &backgrounds[camera];
+    }
+    [[nodiscard]] bool is_held_out(std::size_t frame) const {
+        return std::find(held_out_frames.begin(), held_out_frames.end(), frame) != held_out_frames.end();
+    }
+    /// Whether a view is for evaluation: those of test cameras, and test frames of every camera. Held-out frames are
+    /// judged by the test cameras. Without test cameras, they are judged by all.
+    [[nodiscard]] bool is_test(CaptureView view) const {
+        return cameras[view.camera].role == NamedCamera::Role::test || is_test_frame(view.frame) ||
+               (is_held_out(view.frame) && !has_test_camera());
+    }
+    /// Whether a view is for training. In held-out frames, views of training cameras may be for neither.
+    [[nodiscard]] bool is_training(CaptureView view) const {
+        return cameras[view.camera].role != NamedCamera::Role::test && !is_test_frame(view.frame) &&
+               !is_held_out(view.frame);
+    }
+    /// All views for training, or for evaluation if `test`.
+    [[nodiscard]] std::vector<CaptureView> views(bool test) const {
+        std::vector<CaptureView> result;
+        for (std::size_t c = 0; c < cameras.size(); ++c)
+            for (std::size_t f = 0; f < frame_count(); ++f)
+                if (is_taken({c, f}) && (test ? is_test({c, f}) : is_training({c, f}))) result.push_back({c, f});
+        return result;
+    }
+
+private:
+    [[nodiscard]] bool is_test_frame(std::size_t frame) const {
+        return std::find(test_frames.begin(), test_frames.end(), static_cast<int>(frame)) != test_frames.end();
+    }
+    [[nodiscard]] bool has_test_camera() const {
+        return std::any_of(cameras.begin(), cameras.end(),
+                           [](const NamedCamera& camera) { return camera.role == NamedCamera::Role::test; });
+    }
+};
+
+/// Leaves a span of the capture's motion out of training, in every camera. It replaces an earlier one.
+///
+/// Errors  those of span_frames; ValueError if no view is left for training.
+inline void hold_out_motion(Capture& capture, const MotionSpan& span) {
+    capture.held_out_frames = span_frames(span, capture.motion.timestamps);
+    check_value(!capture.views(false).empty(), span.name,
+                "leaves no view for training in " + capture.name +
+                    "; expected a span outside of which training cameras have frames that are not test frames");
+}
+
+/// Every step-th frame from first to last, both inclusive.
+struct FrameRange {
+    int first = 0, last = 0, step = 1;
+
+    [[nodiscard]] bool contains(int frame) const {
+        return frame >= first && frame <= last && (frame - first) % step == 0;
+    }
+};
+
+struct CaptureOptions {
+    std::string poses = "poses.npz"; ///< file or folder, relative to the capture or absolute; see load_any_motion
+    MotionFileOptions::Hands hands = MotionFileOptions::Hands::automatic;
+    bool empty_masks = false; ///< accept images whose mask is empty
+    std::optional<MotionSpan> hold_out = {}; ///< left out of training in every camera; see hold_out_motion
+
+    // Only for foreign layouts (io/capture/any_capture.hpp); our own layout stores these in its files.
+    std::optional<FrameRange> train_frames = {}, test_frames = {}; ///< instead of the data set's own split
+    std::vector<std::string> test_cameras = {};                    ///< names; empty: the data set's own
+    int downscale = 0;                                             ///< whole factor; 0: as the data set's other readers
+    int person = 0;                                                ///< selects the motion if poses hold several people
+    std::filesystem::path model = {}; ///< folder of the data set's own rig; empty: its default place
+};
+
+namespace detail {
+
+/// Throws ValueError for a range without frames.
+inline void check_range(const FrameRange& range, const std::string& where) {
+    constexpr int most = 100'000'000; // so that counting up to it cannot overflow
+    check_value(range.first >= 0 && range.step >= 1 && range.step <= most && range.last >= range.first &&
+                    range.last <= most,
+                where,
+                "the frames " + std::to_string(range.first) + " to " + std::to_string(range.last) + " by " +
+                    std::to_string(range.step) + " are none; expected first <= last and a step of at least 1");
+}
+
+} // namespace detail
+} // namespace gsh
