@@ -4,9 +4,13 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/body_model.hpp>
+#include <gsh/check/capture_aspects.hpp>
+#include <gsh/check/capture_findings.hpp>
 #include <gsh/check/capture_hands.hpp>
+#include <gsh/check/capture_looks.hpp>
 #include <gsh/check/capture_reading.hpp>
 #include <gsh/check/capture_search.hpp>
+#include <gsh/check/capture_views.hpp>
 #include <gsh/check/capture_words.hpp>
 #include <gsh/check/silhouette.hpp>
 #include <gsh/core/error.hpp>
@@ -15,7 +19,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,50 +28,6 @@ namespace gsh {
 struct CaptureCheckParams {
     std::size_t frames = 0; ///< number of frames to check, evenly spaced; 0: all
     CaptureSearchParams search;
-};
-
-/// The result for one image.
-struct ViewCheck {
-    enum class Mask {
-        usable,
-        empty,  ///< no pixel shows the person
-        opaque, ///< all pixels do: there is no mask
-    };
-    struct Person {
-        double inside = 0;                  ///< fraction of the body's vertices that project into the image
-        std::optional<double> covered = {}; ///< fraction of the body's pixels that the mask covers; if there are both
-    };
-    CaptureView view;
-    Mask mask = Mask::usable;
-    double iou = 0;             ///< of mask and posed bodies, with the files as given; 0 without a usable mask
-    double inside = 0;          ///< mean over people
-    std::vector<Person> people; ///< in the order in which they were given
-};
-
-/// A probable mistake in the capture.
-struct CaptureFinding {
-    std::string fault = {};                ///< its name: "mirrored-images"
-    std::vector<std::size_t> cameras = {}; ///< the cameras concerned; empty: the poses are wrong, so all cameras
-    std::vector<std::string> people = {};  ///< the people whose poses are concerned; empty: everybody's, or no poses
-    std::vector<CaptureView> views = {};   ///< the images concerned, if the finding is about single images
-    std::string measure = {};              ///< the quantity in `given` and `mended`: "IoU", "IoU around the hands", …
-    double given = 0;                      ///< with the files as given, all other findings being corrected
-    double mended = 0;                     ///< under the hypothesis, or the usual value
-    std::string text = {};                 ///< one line: the fault, both numbers, the remedy
-};
-
-struct CaptureCheck {
-    std::vector<ViewCheck> views;         ///< all images that were checked, camera by camera
-    std::vector<CaptureFinding> findings; ///< empty if nothing is suspicious
-    CaptureReading reading;               ///< the capture with all findings corrected that a reading can correct
-
-    /// Mean IoU of the images with a usable mask, with the files as given; no value if there is none.
-    [[nodiscard]] std::optional<double> mean_iou() const {
-        double sum = 0, count = 0;
-        for (const ViewCheck& v : views)
-            if (v.mask == ViewCheck::Mask::usable) sum += v.iou, count += 1;
-        return count > 0 ? std::optional(sum / count) : std::nullopt;
-    }
 };
 
 /// Compares masks with the silhouettes of all posed bodies, with the files as given and under other conventions. A
@@ -89,15 +48,6 @@ template <HostExecutor E>
 // -------------------------------------------------------------------------------------------------------------
 
 namespace detail {
-
-/// `count` of `total` frames, including first and last; all if count is 0.
-inline std::vector<std::size_t> spread_frames(std::size_t total, std::size_t count) {
-    if (count == 0 || count > total) count = total;
-    std::vector<std::size_t> frames;
-    for (std::size_t i = 0; i < count; ++i)
-        frames.push_back(count == 1 ? total / 2 : (i * (total - 1) + (count - 1) / 2) / (count - 1));
-    return frames;
-}
 
 template <HostExecutor E>
 class CaptureChecker {

@@ -4,8 +4,10 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/check/capture_hypotheses.hpp>
 #include <gsh/check/capture_looks.hpp>
 #include <gsh/check/capture_reading.hpp>
+#include <gsh/check/capture_views.hpp>
 #include <gsh/check/silhouette.hpp>
 #include <gsh/io/capture/capture.hpp>
 #include <gsh/math/linalg.hpp>
@@ -70,17 +72,7 @@ public:
 
     /// A few views of each camera, evenly spaced.
     [[nodiscard]] Views choose_views(const Views& usable) const {
-        Views chosen;
-        const std::size_t cameras = std::max<std::size_t>(1, capture_.cameras.size());
-        const std::size_t each = std::clamp<std::size_t>(params_.views / cameras, 3, 12);
-        for (std::size_t c = 0; c < cameras; ++c) {
-            Views own;
-            for (const CaptureView& v : usable)
-                if (v.camera == c) own.push_back(v);
-            const std::size_t count = std::min(each, own.size());
-            for (std::size_t i = 0; i < count; ++i) chosen.push_back(own[(2 * i + 1) * own.size() / (2 * count)]);
-        }
-        return chosen;
+        return detail::spread_views(usable, capture_.cameras.size(), params_.views);
     }
 
     /// IoU of each view under a reading, -1 if it has no pose.
@@ -105,29 +97,12 @@ private:
     CaptureSearchParams params_;
     std::vector<double> border_;
 
-    struct Candidate {
-        CaptureReading reading;
-        bool of_motion;
-    };
-    using People = std::vector<std::size_t>;
-
-    /// Groups of people whose poses may share a fault: all people, and each one alone. Absent people are left out.
-    [[nodiscard]] static std::vector<People> suspects(const CaptureReading& reading) {
-        std::vector<People> result(1);
-        for (std::size_t p = 0; p < reading.motions.size(); ++p)
-            if (!reading.motions[p].absent) result[0].push_back(p);
-        if (result[0].size() > 1)
-            for (const std::size_t p : People(result[0])) result.push_back({p});
-        return result;
-    }
+    using Candidate = detail::CaptureHypothesis;
+    using People = detail::SuspectedPeople;
 
     /// Accepts the candidate with the largest gain; returns false if none is clearly better.
     bool improve(const Views& views, CaptureReading& reading);
 
-    /// Readings that change one convention each; earlier ones are preferred when two are equally good.
-    [[nodiscard]] std::vector<Candidate> conventions(const CaptureReading& reading) const;
-
-    [[nodiscard]] static double resolution(const Camera<double>& camera);
     void add_measured(const Views& views, const CaptureReading& reading, const std::vector<ViewLook>& looks,
                       std::vector<Candidate>& candidates);
     [[nodiscard]] CaptureReading resized(const Views& views, const CaptureReading& reading,
@@ -166,7 +141,7 @@ bool CaptureSearch<E>::improve(const Views& views, CaptureReading& reading) {
     }
     if (std::count(open.begin(), open.end(), true) == 0) return false;
 
-    std::vector<Candidate> candidates = conventions(reading);
+    std::vector<Candidate> candidates = detail::conventions(reading, capture_);
     add_measured(views, reading, looks, candidates);
     double best = 0;
     CaptureReading best_reading;
@@ -197,68 +172,6 @@ bool CaptureSearch<E>::improve(const Views& views, CaptureReading& reading) {
     return true;
 }
 
-/// Estimates how many times as wide the images are that K refers to, assuming a principal point near the image's
-/// centre. Common factors are preferred, and values near 1 are set to 1.
-template <HostExecutor E>
-double CaptureSearch<E>::resolution(const Camera<double>& camera) {
-    const double wide = 2 * camera.cx / camera.width, high = 2 * camera.cy / camera.height;
-    if (!(wide > 0 && high > 0) || std::abs(std::log(wide / high)) > 0.2) return 1;
-    const double found = std::sqrt(wide * high);
-    for (const double usual : {1.0, 0.125, 0.25, 1.0 / 3, 0.5, 2.0 / 3, 0.75, 1.5, 2.0, 3.0, 4.0, 8.0})
-        if (std::abs(std::log(found / usual)) < 0.14) return usual;
-    return found;
-}
-
-template <HostExecutor E>
-auto CaptureSearch<E>::conventions(const CaptureReading& reading) const -> std::vector<Candidate> {
-    std::vector<Candidate> result;
-    const auto of_cameras = [&](const auto& change) {
-        Candidate candidate{reading, false};
-        for (std::size_t c = 0; c < capture_.cameras.size(); ++c) change(candidate.reading.cameras[c], c);
-        result.push_back(candidate);
-    };
-    const std::vector<People> suspected = suspects(reading);
-    const auto of_motion = [&](const auto& change, std::size_t first = 0) {
-        for (std::size_t k = first; k < suspected.size(); ++k) {
-            Candidate candidate{reading, true};
-            for (const std::size_t p : suspected[k]) change(candidate.reading.motions[p]);
-            if (!(candidate.reading.motions == reading.motions)) result.push_back(candidate);
-        }
-    };
-    of_cameras([](CameraReading& r, std::size_t) { r.inverted_mask = !r.inverted_mask; });
-    of_cameras([](CameraReading& r, std::size_t) { r.mirrored_image = !r.mirrored_image; });
-    for (const double unit : {1.0, 0.01, 0.001})
-        for (const Extrinsics extrinsics :
-             {Extrinsics::world_to_camera, Extrinsics::camera_to_world, Extrinsics::opengl,
-              Extrinsics::opengl_camera_to_world, Extrinsics::transposed, Extrinsics::position})
-            of_cameras([&](CameraReading& r, std::size_t) { r.extrinsics = extrinsics, r.unit = unit; });
-    of_cameras([&](CameraReading& r, std::size_t c) { r.resolution = resolution(capture_.cameras[c].camera); });
-    using Sides = MotionReading::Sides;
-    using World = MotionReading::World;
-    using Translation = MotionReading::Translation;
-    of_motion([](MotionReading& r) { r.absent = true; }, 1); // at least one person must be present
-    of_motion([](MotionReading& r) { r.degrees = true; });
-    for (const Sides sides : {Sides::mirrored, Sides::swapped}) of_motion([&](MotionReading& r) { r.sides = sides; });
-    for (const double unit : {0.01, 0.001}) {
-        of_motion([&](MotionReading& r) { r.translation_unit = unit; });
-        of_motion([&](MotionReading& r) { r.size = unit; });
-    }
-    for (const World world : {World::z_up, World::minus_z_up, World::y_down})
-        of_motion([&](MotionReading& r) { r.world = world; });
-    for (const Translation translation : {Translation::of_root_joint, Translation::of_turned_body})
-        of_motion([&](MotionReading& r) { r.translation = translation; });
-    const auto order = [&](FrameOrder changed) {
-        of_cameras([&](CameraReading& r, std::size_t) { r.order = changed; });
-    };
-    const auto frames = static_cast<int>(capture_.frame_count());
-    for (const int offset : {1, -1, 2, -2, 3, -3})
-        if (std::abs(offset) < frames) order({FrameOrder::Kind::offset, offset});
-    if (frames > 2) order({FrameOrder::Kind::reversed, 0});
-    if (frames > 10) order({FrameOrder::Kind::names_from_0, 0});
-    if (frames > 9) order({FrameOrder::Kind::names_from_1, 0});
-    return result;
-}
-
 template <HostExecutor E>
 void CaptureSearch<E>::add_measured(const Views& views, const CaptureReading& reading,
                                     const std::vector<ViewLook>& looks, std::vector<Candidate>& candidates) {
@@ -266,7 +179,7 @@ void CaptureSearch<E>::add_measured(const Views& views, const CaptureReading& re
         return; // nothing to compare
     std::set<std::size_t> cameras;
     for (const CaptureView& v : views) cameras.insert(v.camera);
-    const std::vector<People> suspected = suspects(reading);
+    const std::vector<People> suspected = detail::suspects(reading);
     for (const People& people : suspected) candidates.push_back({resized(views, reading, looks, people), true});
     if (cameras.size() > 1)
         for (const People& people : suspected) candidates.push_back({displaced(views, reading, looks, people), true});
