@@ -115,6 +115,7 @@
 #include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/pipeline/density_control.hpp>
+#include <gsh/pipeline/density_descent.hpp>
 #include <gsh/pipeline/field_appearance.hpp>
 #include <gsh/pipeline/field_shadow.hpp>
 #include <gsh/pipeline/frame_codes.hpp>
