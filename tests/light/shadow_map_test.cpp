@@ -111,7 +111,7 @@ TEST_CASE("a sphere casts a round shadow of known size on a plane, from a direct
     const auto found = visibility(cpu::Serial(), {ball.caster()}, above, down, floor);
     // The cone from (0, 3, 0) that touches the ball has a half angle of asin(0.2 / 2).
     const double radii[2] = {3 * std::tan(std::asin(0.1)), 0.2};
-    const double soft[2] = {0.012 * 3 / 2, 0.045}; // of the filter, on the plane
+    const double soft[2] = {0.008 * 3 / 2, 0.045}; // of the filter, on the plane
     for (std::size_t i = 0; i < floor.vertices.size(); ++i)
         for (std::size_t l = 0; l < 2; ++l) {
             const double off = std::hypot(floor.vertices[i].x, floor.vertices[i].z) - radii[l];

@@ -151,11 +151,11 @@ struct JoinBonePieces {
 ///     x_v = M_v (rest_v + offset_v),   M_v = Σ_j w_vj B_j
 ///     n_v = s_v / |s_v|,               s_v = Σ_{triangles (a, b, c) at v} (b - a) × (c - a)
 ///
-/// Both passes are gathers in a fixed order: from a vertex to its triangles, and from a bone to its vertices. Results do
-/// not depend on the number of threads, and no backend needs an overload.
+/// Both passes are gathers in a fixed order: from a vertex to its triangles, and from a bone to its vertices. Results
+/// therefore do not depend on the number of threads, and no backend needs an overload.
 ///
 /// Shapes  bones [J], offsets [V], vertices and normals [V].
-/// Frame   rest and offsets canonical, vertices and normals in the frame to which the bones lead. Normals point outward.
+/// Frame   rest and offsets canonical; vertices and normals in the frame to which the bones lead, normals outward.
 /// Units   metres.
 template <Backend B, std::floating_point T = float>
 class PosedSurface {

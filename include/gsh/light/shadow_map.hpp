@@ -23,7 +23,7 @@ namespace gsh {
 struct ShadowMapParams {
     int point_resolution = 256;        ///< texels: the longer side of a point's map is at most this long
     int direction_resolution = 96;     ///< texels: likewise for a direction
-    double point_softness = 0.012;     ///< metres: half the width of the filter, at the casters
+    double point_softness = 0.008;     ///< metres: half the width of the filter, at the casters
     double direction_softness = 0.045; ///< metres: likewise for a direction, which stands for a part of the sky
     double normal_offset = 0.004;      ///< metres: a receiver is lifted by this along its normal
     bool closed = true;                ///< casters are closed, so that the sides facing away from a light suffice
@@ -64,8 +64,9 @@ struct ShadowFrame {
 namespace detail {
 
 inline constexpr std::size_t shadow_box_vertices = 64; // vertices per box
-inline constexpr int shadow_margin = 3;                // texels around the casters that stay empty
 inline constexpr int shadow_taps = 4;                  // texels along a side of the largest filter
+inline constexpr int shadow_margin = 3;                // texels before the casters that stay empty: a filter's width
+inline constexpr int shadow_margins = shadow_margin + shadow_taps; // and those before and after them
 inline constexpr int largest_shadow_map = 1024;        // texels; 4 more bits for parts of a texel: products fit 32
 
 /// Nearness of a texel that nothing covers.
@@ -158,10 +159,10 @@ struct AimShadowMaps {
 
         // A texel need not be smaller than the filter asks for.
         const T finest = softness[kind] / (T(1.5) * distance);
-        const T texel = max(max(extent[0], extent[1]) / T(frame.stride - 2 * shadow_margin - 1), max(finest, T(1e-6)));
+        const T texel = max(max(extent[0], extent[1]) / T(frame.stride - shadow_margins - 1), max(finest, T(1e-6)));
         const T scale = T(1) / texel;
-        frame.width = static_cast<std::int32_t>(extent[0] * scale) + 1 + 2 * shadow_margin;
-        frame.height = static_cast<std::int32_t>(extent[1] * scale) + 1 + 2 * shadow_margin;
+        frame.width = static_cast<std::int32_t>(extent[0] * scale) + 1 + shadow_margins;
+        frame.height = static_cast<std::int32_t>(extent[1] * scale) + 1 + shadow_margins;
         frame.x = to_texels(frame.x, frame.w, low[0], scale);
         frame.y = to_texels(frame.y, frame.w, low[1], scale);
         frame.radius = clamp(softness[kind] / (distance * texel), T(0.5), T(1.5));
@@ -226,9 +227,10 @@ template <class F, Lane T>
     }
     const vec3<T> p(point.x + normal.x * rise, point.y + normal.y * rise, point.z + normal.z * rise);
     const T w = row(frame.w, p), inverse_w = T(F(1)) / w, r(frame.radius);
-    // Comparisons with NaN are false, so the corner lies in the map whatever the receiver is.
+    // Comparisons with NaN are false, so all texels of the filter lie in the map whatever the receiver is. The first
+    // and the last of its places there are empty.
     const auto within = [&](T x, std::int32_t size) {
-        const T last(F(size) - 2 * frame.radius - F(1e-3));
+        const T last(F(size - shadow_taps));
         return select(x > zero, select(x < last, x, last), zero);
     };
     return {within(row(frame.x, p) * inverse_w - r, frame.width), within(row(frame.y, p) * inverse_w - r, frame.height),
