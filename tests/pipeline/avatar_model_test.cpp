@@ -4,6 +4,7 @@
 #include <gsh/loss/photometric.hpp>
 #include <gsh/pipeline/avatar_model.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/pipeline/learned_light.hpp>
 #include <gsh/render/rasterizer.hpp>
 
 #include "support/bodies.hpp"
@@ -83,6 +84,14 @@ struct Chain {
         motion.transl = {rng.vec(-0.1, 0.1)};
         motion.timestamps = {0};
         model.rig().upload_pose(motion, 0, pose);
+        if (config.light) {
+            // Shadows have no gradient, so the loss must not depend on them.
+            LightData light = even_light(2, 3, {0, 0.8, 0}, 2.5);
+            light.shadows = false;
+            for (double& number : light.log_intensities) number += rng.uniform(-0.5, 0.5);
+            light.gloss = {-1.5, 1.5};
+            model.set_light(rig, std::make_shared<LearnedLight<B, double>>(backend, light));
+        }
         camera = {mat3<double>(1.0), {0.05, -0.78, 2.5}, 55, 58, 17.3, 20.9, 36, 40};
         splats.resize(model.size());
     }
@@ -209,6 +218,10 @@ TEST_CASE_TEMPLATE("the whole chain's adjoint is the gradient of the loss", B, c
         check_chain<B>({.hash_displacement = false, .deformation = Deformation::polar}, true,
                        {"displacements", "sh_field.table", "sh_field.network"});
     }
+    SUBCASE("light on the posed mesh") {
+        check_chain<B>({.light = true}, true,
+                       {"joints", "shared_field.table", "light_points", "light_log_intensities", "light_gloss"});
+    }
     SUBCASE("displacements from a field alone, dual quaternions") {
         check_chain<B>({.hash_sh = false, .deformation = Deformation::dual_quaternion}, true,
                        {"sh", "displacement_field.table", "displacement_field.network"});
@@ -219,7 +232,7 @@ TEST_CASE("each backward pass adds, and its sum is the same on threads bit for b
     for (const AvatarConfig& config :
          {AvatarConfig{.ao = AmbientOcclusion::pose},
           AvatarConfig{.heads = Heads::separate, .head_time = true, .ao = AmbientOcclusion::time},
-          AvatarConfig{.hash_displacement = false, .hash_sh = false}}) {
+          AvatarConfig{.hash_displacement = false, .hash_sh = false}, AvatarConfig{.light = true}}) {
         Chain<cpu::Serial> chain(config, true);
         Chain<cpu::Threads> threaded(config, true);
         const auto once = chain.gradient(), twice = chain.gradient(2);

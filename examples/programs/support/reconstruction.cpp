@@ -98,7 +98,8 @@ void Reconstruction::light_people(Backend& backend) {
     light_estimate = estimate_light(backend, Span<const LitPerson>(lit), Span<const Photo>(trainer.photos()),
                                     {.points = static_cast<std::size_t>(config.light_points),
                                      .directions = static_cast<std::size_t>(config.light_directions),
-                                     .distance = config.light_distance});
+                                     .distance = config.light_distance,
+                                     .shadows = config.light_shadows});
     const auto light = std::make_shared<LearnedLight<Backend>>(
         backend, light_estimate->light,
         LightRates{config.rates.light_points, config.rates.light_intensities, config.rates.light_gloss});

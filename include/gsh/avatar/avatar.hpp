@@ -100,14 +100,14 @@ public:
         for (const auto& joint : data.rig.joints) joints.push_back(vec3<T>(joint));
         backend.upload(Span<const vec3<T>>(joints), Span<vec3<T>>(joints_));
         if (data.light) {
-            poser_.prepare_light(data.rig);
+            poser_.prepare_light(data.rig, {.shadows = data.light->shadows});
             set_light(*data.light);
         }
     }
 
     /// Whether a light shades the avatar. Only an avatar that was made with a light can be given another.
     [[nodiscard]] bool is_lit() const { return log_intensities_.size() != 0; }
-    /// Puts the avatar in another light.
+    /// Puts the avatar in another light. Whether there are shadows stays as it is.
     /// Errors  ShapeError for sizes that do not fit each other, ValueError without lights.
     void set_light(const LightData& light) {
         check_light("Avatar::set_light", light.view());

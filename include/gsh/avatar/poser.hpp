@@ -68,7 +68,7 @@ public:
 
     /// From now on, forward and backward accept a light. `rig` is that of the constructor.
     /// Errors  ValueError for a body without triangles.
-    void prepare_light(const RigData& rig, const ShadowMapParams& params = {}) {
+    void prepare_light(const RigData& rig, const SurfaceLightParams& params = {}) {
         surface_light_.emplace(*backend_, rig.body, rig.betas, rig.triangles, rig.barycentric, params);
     }
 

@@ -31,6 +31,9 @@ struct PickVertices {
 
 } // namespace detail
 
+/// Metres. The texels of a person's map are larger than half of this, and fingers are still round.
+inline constexpr double default_caster_spacing = 0.013;
+
 /// Some vertices of a surface and triangles between them (coarse_mesh), chosen once in the rest pose. They follow the
 /// surface in every pose, since they are vertices of it.
 ///
@@ -46,13 +49,10 @@ public:
         Buffer<vec3<T>> vertices; // [C] the picked ones
     };
 
-    /// The texels of a person's map are larger than half of this, and fingers are still round.
-    static constexpr double default_spacing = 0.013;
-
     /// Shapes  rest [V] vertices in the rest pose, faces indices into them.
     /// Errors  those of coarse_mesh.
     CoarseCaster(B& backend, Span<const vec3<double>> rest, Span<const std::array<int, 3>> faces,
-                 double spacing = default_spacing)
+                 double spacing = default_caster_spacing)
         : backend_(&backend), vertex_count_(rest.size()) {
         const CoarseMesh mesh = coarse_mesh(rest, faces, spacing);
         std::vector<vec3<std::uint32_t>> triangles;

@@ -9,7 +9,10 @@
 #include <gsh/core/span.hpp>
 #include <gsh/math/vec.hpp>
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <numbers>
 #include <string_view>
 #include <type_traits>
 #include <vector>
@@ -46,10 +49,36 @@ struct LightData {
     std::vector<vec3<double>> points, directions;
     std::vector<double> log_intensities;
     std::vector<double> gloss;
+    bool shadows = true; ///< whether bodies hide it from themselves and from each other
 
     [[nodiscard]] std::size_t size() const { return points.size() + directions.size(); }
     [[nodiscard]] LightView<const double> view() const { return {points, directions, log_intensities, gloss}; }
 };
+
+/// `count` unit vectors, evenly spread over the sphere (a Fibonacci lattice).
+[[nodiscard]] inline std::vector<vec3<double>> even_directions(std::size_t count) {
+    std::vector<vec3<double>> result;
+    for (std::size_t k = 0; k < count; ++k) {
+        const double y = 1 - (2 * static_cast<double>(k) + 1) / static_cast<double>(count);
+        const double angle = static_cast<double>(k) * std::numbers::pi * (3 - std::sqrt(5.0));
+        const double radius = std::sqrt(1 - y * y);
+        result.push_back({radius * std::cos(angle), y, radius * std::sin(angle)});
+    }
+    return result;
+}
+
+/// A light of the given size with all intensities equal: the same irradiance from every side at `center`.
+[[nodiscard]] inline LightData even_light(std::size_t points, std::size_t directions, const vec3<double>& center,
+                                          double distance) {
+    LightData light{.points = even_directions(points), .directions = even_directions(directions),
+                    .log_intensities = {}, .gloss = {std::log(0.02), std::log(20.0)}};
+    // A convex surface sees half of the directions, at a mean cosine of one half.
+    const double each = 4 / static_cast<double>(std::max<std::size_t>(points + directions, 1));
+    for (vec3<double>& point : light.points) point = center + point * distance;
+    light.log_intensities.assign(points, std::log(each * distance * distance));
+    light.log_intensities.insert(light.log_intensities.end(), directions, std::log(each));
+    return light;
+}
 
 /// Throws ShapeError unless the sizes of a light fit each other.
 template <class T>

@@ -7,6 +7,7 @@
 #include <gsh/body/posed_surface.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/light/coarse_caster.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/light/lit_splats.hpp>
 #include <gsh/light/shadow_map.hpp>
@@ -20,11 +21,18 @@
 
 namespace gsh {
 
+/// Settings of SurfaceLight.
+struct SurfaceLightParams {
+    bool shadows = true; ///< if false, every light reaches every vertex, and only where the surface faces counts
+    double caster_spacing = default_caster_spacing; ///< metres between vertices that cast shadows
+    ShadowMapParams maps = {};
+};
+
 /// Shades the Gaussians of a body by what its posed mesh says about light: where the surface faces, and what the body,
 /// and other bodies, hide from each light.
 ///
 ///     vertices, normals = PosedSurface(bones, offsets)
-///     visibility        = ShadowMaps(own mesh and others, light)
+///     visibility        = ShadowMaps(CoarseCaster of the own mesh, and of others; light)
 ///     colors            = LitSplats(base colours, means, normals, visibility, light)
 ///
 /// Shapes  N Gaussians on the triangles of a mesh with V vertices; J bones.
@@ -42,6 +50,7 @@ public:
         Buffer<vec3<T>> dL_dmeans, dL_dbase;    // [N], results of backward
         // working storage
         Buffer<vec3<T>> dL_dnormals;            // [V]
+        typename CoarseCaster<B, T>::Cache caster;
         typename ShadowMaps<B, T>::Cache maps;
         typename LitSplats<B, T>::Cache lit;
     };
@@ -58,14 +67,15 @@ public:
     /// Errors  ValueError for a body without triangles; ShapeError as for the parts.
     SurfaceLight(B& backend, const BodyModel& body, Span<const double> betas,
                  Span<const std::array<int, 3>> triangles, Span<const vec3<double>> barycentric,
-                 const ShadowMapParams& params = {})
-        : backend_(&backend), surface_(checked(backend, body, betas)), maps_(backend, params),
+                 const SurfaceLightParams& params = {})
+        : backend_(&backend), shadows_(params.shadows), surface_(checked(backend, body, betas)),
+          caster_(backend, shaped_vertices(body, betas), body.faces, params.caster_spacing), maps_(backend, params.maps),
           lit_(backend, body.vertex_count(), triangles, barycentric) {}
 
-    /// The mesh in a pose, as others see it. It is valid until the next call with this cache.
+    /// The coarse mesh in a pose, which casts shadows. It is valid until the next call with this cache.
     ShadowCaster<T> caster(Span<const Affine<T>> bones, Span<const vec3<T>> offsets, Cache& cache) const {
         surface_.forward(bones, offsets, cache.surface);
-        return {cache.surface.vertices, surface_.triangles()};
+        return caster_.forward(cache.surface.vertices, cache.caster);
     }
 
     /// Replaces base colours by lit ones.
@@ -77,7 +87,10 @@ public:
         std::vector<ShadowCaster<T>> casters{caster(bones, offsets, cache)};
         casters.insert(casters.end(), others.begin(), others.end());
         cache.visibility.resize(surface_.vertex_count() * light.size());
-        maps_.forward(casters, light, cache.surface.vertices, cache.surface.normals, cache.visibility, cache.maps);
+        if (shadows_)
+            maps_.forward(casters, light, cache.surface.vertices, cache.surface.normals, cache.visibility, cache.maps);
+        else
+            backend_->fill(Span<T>(cache.visibility), T(1));
         cache.base.resize(colors.size());
         backend_->copy(Span<const vec3<T>>(colors), Span<vec3<T>>(cache.base));
         lit_.forward(input(light, means, center, cache), colors, cache.lit);
@@ -117,7 +130,9 @@ private:
     }
 
     B* backend_;
+    bool shadows_;
     PosedSurface<B, T> surface_;
+    CoarseCaster<B, T> caster_;
     ShadowMaps<B, T> maps_;
     LitSplats<B, T> lit_;
 };

@@ -78,6 +78,7 @@ struct AvatarConfig {
     bool light = false;
     int light_points = 4;      ///< near lights; each casts sharp shadows and has a gloss
     int light_directions = 12; ///< distant lights around the body, with soft shadows
+    bool light_shadows = true; ///< if false, only where the surface faces counts
     double light_distance = 4; ///< metres, of the points from the people before they learn
     Deformation deformation = Deformation::linear;
     double initial_opacity = 0.2;

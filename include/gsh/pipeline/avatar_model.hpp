@@ -151,7 +151,7 @@ public:
     /// lists its arrays in learned(). `rig` is that of the constructor.
     /// Errors  ValueError for a body without triangles.
     void set_light(const RigData& rig, SharedLight<B, T> light, bool announces = true) {
-        poser_.prepare_light(rig);
+        poser_.prepare_light(rig, {.shadows = light->shadows()});
         light_ = std::move(light), announces_light_ = announces;
     }
     /// The light, or null.
@@ -199,7 +199,6 @@ public:
              .ao = dL_dao,
              .sh_stride = dL_dcolors.sh_stride},
             joints_.gradient(), dL_dpose, dL_dcenter, in_light(), light_ ? light_->gradient() : LightView<T>());
-        if (light_) light_->clear_unit_gradient();
         if (!dL_dao.empty()) shadow_.backward(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
         appearance_.backward(frame, cache_.poser.dL_dmeans);
     }

@@ -24,7 +24,7 @@ namespace gsh {
 /// Units   rate: about the change per step of Adam, in the unit of the values; 0 keeps them as they are.
 template <class T>
 struct LearnedArray {
-    /// A second rate for some of the numbers.
+    /// A second rate for some of the numbers. It also counts where the first rate is 0.
     struct OtherRate {
         enum class Where {
             none,
@@ -105,7 +105,7 @@ void take_step(B& backend, const Adam& adam, const LearnedArray<T>& array, doubl
     const auto& [name, values, gradient, m, v, base_rate, other, touched_rows, row_size] = array;
     const double rate = base_rate * factor;
     if (values.empty()) return;
-    if (base_rate == 0) {
+    if (base_rate == 0 && (other.where == Where::none || other.rate == 0)) {
         backend.fill(gradient, T(0));
     } else if (array.is_table()) {
         adam.step_rows(backend, values, gradient, m, v, touched_rows, row_size, rate, step_number, UsedGradients::zero);

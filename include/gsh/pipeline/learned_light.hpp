@@ -41,10 +41,13 @@ public:
         log_intensities_ = {*backend_, std::vector<T>(light.log_intensities.begin(), light.log_intensities.end())};
         gloss_ = {*backend_, std::vector<T>(light.gloss.begin(), light.gloss.end())};
         const std::vector<vec3<T>> directions(light.directions.begin(), light.directions.end());
+        shadows_ = light.shadows;
         directions_.resize(directions.size());
         backend_->upload(Span<const vec3<T>>(directions), directions_);
     }
 
+    /// LightData::shadows.
+    [[nodiscard]] bool shadows() const { return shadows_; }
     [[nodiscard]] LightView<const T> view() const {
         return {points_.values(), directions_, log_intensities_.values(), gloss_.values()};
     }
@@ -52,13 +55,11 @@ public:
         return {points_.gradient(), directions_, log_intensities_.gradient(), gloss_.gradient()};
     }
 
-    /// Keeps the unit as it is. To be called after gradients were added.
-    void clear_unit_gradient() {
-        if (log_intensities_.size()) backend_->fill(log_intensities_.gradient().subspan(0, 1), T(0));
-    }
     [[nodiscard]] LearnedArrays<T> learned() {
-        return {points_.announce("light_points", rates_.points),
-                log_intensities_.announce("light_log_intensities", rates_.log_intensities),
+        LearnedArray<T> intensities = log_intensities_.announce("light_log_intensities", 0); // the rate of the unit
+        intensities.other = {LearnedArray<T>::OtherRate::Where::columns, log_intensities_.size(), 1,
+                             rates_.log_intensities};
+        return {points_.announce("light_points", rates_.points), intensities,
                 gloss_.announce("light_gloss", rates_.gloss)};
     }
 
@@ -78,12 +79,14 @@ public:
             return std::vector<double>(host.begin(), host.end());
         };
         const LightView<const T> now = view();
-        return {vectors(now.points), vectors(now.directions), numbers(now.log_intensities), numbers(now.gloss)};
+        return {vectors(now.points), vectors(now.directions), numbers(now.log_intensities), numbers(now.gloss),
+                shadows_};
     }
 
 private:
     B* backend_;
     LightRates rates_;
+    bool shadows_ = true;
     LearnedBuffer<B, vec3<T>> points_;
     LearnedBuffer<B, T> log_intensities_, gloss_;
     typename B::template Buffer<vec3<T>> directions_;

@@ -151,6 +151,7 @@ void for_each_setting(C& c, const F& f) {
     f("light", c.avatar.light, any);
     f("light.points", c.avatar.light_points, R::at_least(1).up_to(64));
     f("light.directions", c.avatar.light_directions, R::at_least(0).up_to(256));
+    f("light.shadows", c.avatar.light_shadows, any);
     f("light.distance", c.avatar.light_distance, R::above(0));
     f("deformation", c.avatar.deformation, any);
     f("initial_opacity", c.avatar.initial_opacity, R::above(0).below(1));

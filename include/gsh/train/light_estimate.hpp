@@ -24,7 +24,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <numbers>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -39,6 +38,7 @@ struct LightEstimateParams {
     std::size_t frames = 24;                 ///< at most this many are read, evenly spread over the photographed ones
     std::size_t photos_per_frame = 4;        ///< at most
     std::size_t vertices = 3000;             ///< at most, of each person
+    bool shadows = true;                     ///< LightData::shadows of the result
     int rounds = 12;                         ///< of light and albedo in turns
     std::uint64_t seed = 0;
 };
@@ -56,31 +56,6 @@ struct LitPerson {
     const RigData* rig = nullptr;
     const Motion* motion = nullptr;
 };
-
-/// `count` unit vectors, evenly spread over the sphere (a Fibonacci lattice).
-[[nodiscard]] inline std::vector<vec3<double>> even_directions(std::size_t count) {
-    std::vector<vec3<double>> result;
-    for (std::size_t k = 0; k < count; ++k) {
-        const double y = 1 - (2 * static_cast<double>(k) + 1) / static_cast<double>(count);
-        const double angle = static_cast<double>(k) * std::numbers::pi * (3 - std::sqrt(5.0));
-        const double radius = std::sqrt(1 - y * y);
-        result.push_back({radius * std::cos(angle), y, radius * std::sin(angle)});
-    }
-    return result;
-}
-
-/// A light of the given size with all intensities equal: the same irradiance from every side at `center`.
-[[nodiscard]] inline LightData even_light(std::size_t points, std::size_t directions, const vec3<double>& center,
-                                          double distance) {
-    LightData light{.points = even_directions(points), .directions = even_directions(directions),
-                    .log_intensities = {}, .gloss = {std::log(0.02), std::log(20.0)}};
-    // A convex surface sees half of the directions, at a mean cosine of one half.
-    const double each = 4 / static_cast<double>(std::max<std::size_t>(points + directions, 1));
-    for (vec3<double>& point : light.points) point = center + point * distance;
-    light.log_intensities.assign(points, std::log(each * distance * distance));
-    light.log_intensities.insert(light.log_intensities.end(), directions, std::log(each));
-    return light;
-}
 
 namespace detail {
 
@@ -267,6 +242,7 @@ public:
         std::vector<ShadowCaster<float>> casters;
         for (const Caster& caster : casters_) casters.push_back({caster.vertices, caster.triangles});
         visibility_.resize(positions_.size() * light.size());
+        if (!light.shadows) return std::vector<float>(visibility_.size(), 1.0f);
         maps_.forward(casters, {.points = points_, .directions = directions_, .log_intensities = intensities_},
                       receivers_, receiver_normals_, visibility_, cache_);
         std::vector<float> result(visibility_.size());
@@ -409,7 +385,8 @@ template <Backend B>
     LightData candidates{.points = {},
                          .directions = even_directions(params.directions),
                          .log_intensities = std::vector<double>(params.candidates + params.directions, 0),
-                         .gloss = {}};
+                         .gloss = {},
+                         .shadows = params.shadows};
     for (const vec3<double>& direction : around) candidates.points.push_back(center + direction * params.distance);
 
     LightEstimate estimate;
@@ -425,6 +402,7 @@ template <Backend B>
     for (const vec3<double>& place : detail::strongest_places(around, strength, params.points))
         light.points.push_back(center + place * params.distance);
     light.directions = candidates.directions;
+    light.shadows = params.shadows;
     light.log_intensities.assign(light.size(), 0);
     samples = detail::read_samples(posed, photos, frames, light, params);
     G = samples.irradiances(light);

@@ -54,13 +54,15 @@ inline void add_light(ArchiveWriter& file, const LightData& light) {
     file.add_rows<double>("light_directions", light.directions);
     file.add("light_log_intensities", light.log_intensities);
     file.add("light_gloss", light.gloss);
+    file.add("light_shadows", std::int32_t(light.shadows));
 }
 
 inline LightData read_light(const ArchiveReader& file) {
     LightData light{.points = file.read_rows<double, vec3<double>>("light_points"),
                     .directions = file.read_rows<double, vec3<double>>("light_directions"),
                     .log_intensities = file.read<double>("light_log_intensities").data,
-                    .gloss = file.read<double>("light_gloss").data};
+                    .gloss = file.read<double>("light_gloss").data,
+                    .shadows = file.read_number<std::int32_t>("light_shadows") != 0};
     const std::string where = file.file().path().string();
     check_light(where, light.view());
     const auto numbers = [](const std::vector<vec3<double>>& rows) {

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/cpu.hpp>
+#include <gsh/io/capture/photos.hpp>
+#include <gsh/synthetic/actor.hpp>
+#include <gsh/synthetic/actor_motion.hpp>
+#include <gsh/synthetic/studio.hpp>
+#include <gsh/train/canonical_setup.hpp>
+#include <gsh/train/light_estimate.hpp>
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <vector>
+
+namespace gsh {
+namespace {
+
+/// The actor who turns under the studio's lamp, filmed by three cameras.
+struct FilmedTurn {
+    cpu::Threads backend{2};
+    Motion motion = actor_motion(ActorMotion::talk, 8);
+    Capture capture;
+    CanonicalSetup setup;
+
+    explicit FilmedTurn(const StudioLight& light = {}) {
+        for (std::size_t t = 0; t < motion.frame_count(); ++t)
+            motion.pose[t * motion.joint_count] = {0, 0.7 * static_cast<double>(t) - 2.4, 0};
+        StudioParams params;
+        params.train_cameras = 3, params.test_cameras = 0, params.image_size = 200, params.samples = 9;
+        params.light = light;
+        capture = film(backend, actor(), motion, params);
+        setup = make_canonical_setup(backend, actor(), motion, named_configuration("no-ao"), 2000, 0);
+    }
+    LightEstimate estimate(const LightEstimateParams& params = {}) {
+        const LitPerson person{&setup.rig, &setup.motion};
+        const std::vector<Photo> photos = photos_of(capture, false);
+        return estimate_light(backend, Span<const LitPerson>(&person, 1), Span<const Photo>(photos), params);
+    }
+    /// Of the strongest point, from the middle of the person.
+    vec3<double> direction(const LightEstimate& found) const {
+        return normalize(found.light.points[0] - motion.transl[0] - setup.rig.joints[0]);
+    }
+};
+
+} // namespace
+
+TEST_CASE("the strongest light that is found stands where the lamp stood, and explains the photographs") {
+    for (const vec3<float>& lamp : {vec3<float>(1.1f, 2.5f, 2.3f), vec3<float>(-2.4f, 1.9f, 1.2f)}) {
+        StudioLight light;
+        light.position = lamp;
+        FilmedTurn scene(light);
+        const LightEstimate found = scene.estimate();
+        const vec3<double> expected =
+            normalize(vec3<double>(lamp) - scene.motion.transl[0] - scene.setup.rig.joints[0]);
+        CHECK(dot(scene.direction(found), expected) > std::cos(0.3));
+        CHECK(found.samples > 10'000);
+        CHECK(found.psnr > found.psnr_even + 4);
+        CHECK(found.light.points.size() == 4);
+        CHECK(found.light.directions.size() == 12);
+        for (const double number : found.light.log_intensities) CHECK(std::isfinite(number));
+    }
+}
+
+TEST_CASE("shadows explain more than the surface's direction alone") {
+    FilmedTurn scene;
+    const LightEstimate with = scene.estimate(), without = scene.estimate({.shadows = false});
+    CHECK(with.light.shadows);
+    CHECK_FALSE(without.light.shadows);
+    CHECK(with.psnr > without.psnr + 0.5);
+}
+
+TEST_CASE("a light estimate needs people, photographs, and a person in them") {
+    FilmedTurn scene;
+    const LitPerson person{&scene.setup.rig, &scene.setup.motion};
+    CHECK_THROWS_AS((void)estimate_light(scene.backend, Span<const LitPerson>(&person, 1), Span<const Photo>()),
+                    ValueError);
+    for (PixelImage& image : scene.capture.images)
+        for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 0; // nothing is in the mask
+    CHECK_THROWS_AS((void)scene.estimate(), ValueError);
+}
+
+} // namespace gsh
