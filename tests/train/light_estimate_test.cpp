@@ -15,6 +15,11 @@
 namespace gsh {
 namespace {
 
+const BodyModel& lit_actor() {
+    static const BodyModel body = make_actor();
+    return body;
+}
+
 /// The actor who turns under the studio's lamp, filmed by three cameras.
 struct FilmedTurn {
     cpu::Threads backend{2};
@@ -28,8 +33,8 @@ struct FilmedTurn {
         StudioParams params;
         params.train_cameras = 3, params.test_cameras = 0, params.image_size = 200, params.samples = 9;
         params.light = light;
-        capture = film(backend, actor(), motion, params);
-        setup = make_canonical_setup(backend, actor(), motion, named_configuration("no-ao"), 2000, 0);
+        capture = film(backend, lit_actor(), motion, params);
+        setup = make_canonical_setup(backend, lit_actor(), motion, named_configuration("no-ao"), 2000, 0);
     }
     LightEstimate estimate(const LightEstimateParams& params = {}) {
         const LitPerson person{&setup.rig, &setup.motion};
