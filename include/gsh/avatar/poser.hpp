@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  From canonical Gaussians to the splats of a pose: rig, offsets, skinning, shading and light, with the adjoint.
+/// @file  From canonical Gaussians to the splats of a pose: rig, offsets, skinning, shading, light, and the adjoint.
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>

@@ -69,8 +69,8 @@ public:
                  Span<const std::array<int, 3>> triangles, Span<const vec3<double>> barycentric,
                  const SurfaceLightParams& params = {})
         : backend_(&backend), shadows_(params.shadows), surface_(checked(backend, body, betas)),
-          caster_(backend, shaped_vertices(body, betas), body.faces, params.caster_spacing), maps_(backend, params.maps),
-          lit_(backend, body.vertex_count(), triangles, barycentric) {}
+          caster_(backend, shaped_vertices(body, betas), body.faces, params.caster_spacing),
+          maps_(backend, params.maps), lit_(backend, body.vertex_count(), triangles, barycentric) {}
 
     /// The coarse mesh in a pose, which casts shadows. It is valid until the next call with this cache.
     ShadowCaster<T> caster(Span<const Affine<T>> bones, Span<const vec3<T>> offsets, Cache& cache) const {

@@ -98,7 +98,7 @@ struct GaussianStart {
 ///     SH, δx   = appearance(x₀)
 ///     x̂₀       = x₀ + δx + the body's own offsets at this pose and expression (Rig)
 ///     ao       = shadow(x₀, frame or pose)
-///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH, ao; Σ w B(pose)), their colours shaded by SurfaceLight if a light is set
+///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH, ao; Σ w B(pose)), shaded by SurfaceLight if a light is set
 ///
 /// There are two calls, so that several views of a frame evaluate the appearance once: `update_canonical` runs the
 /// appearance, `pose` the rest. `backward` is the adjoint of both.
