@@ -68,7 +68,8 @@ public:
 
     /// From now on, forward and backward accept a light. `rig` is that of the constructor.
     /// Errors  ValueError for a body without triangles.
-    void prepare_light(const RigData& rig, const SurfaceLightParams& params = {}) {
+    void prepare_light(const RigData& rig, SurfaceLightParams params = {}) {
+        params.clamping = params_.clamping;
         surface_light_.emplace(*backend_, rig.body, rig.betas, rig.triangles, rig.barycentric, params);
     }
 

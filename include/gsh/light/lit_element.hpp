@@ -5,6 +5,7 @@
 #include <gsh/core/config.hpp>
 #include <gsh/core/lane.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/gaussian/shade.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -36,6 +37,7 @@ struct LitLight {
     Span<const vec3<T>> points, directions;
     Span<const T> factors;
     bool glossy = false;
+    ColorClamp clamping = ColorClamp::below; ///< with `both`, colours end at 1, as in a photograph
 
     /// P + D.
     [[nodiscard]] GSH_HD std::size_t size() const { return points.size() + directions.size(); }
@@ -155,21 +157,24 @@ struct LitGaussian {
     }
 
     template <Lane T>
-    [[nodiscard]] GSH_HD static vec3<T> color(const vec3<T>& base, const Shading<T>& shading) {
+    [[nodiscard]] GSH_HD static vec3<T> color(const vec3<T>& base, const Shading<T>& shading, ColorClamp clamping) {
         const auto channel = [&](T c) {
-            return linear_to_srgb(srgb_to_linear(c) * shading.irradiance + shading.specular);
+            const T lit = linear_to_srgb(srgb_to_linear(c) * shading.irradiance + shading.specular);
+            return clamping == ColorClamp::both ? min(lit, T(1)) : lit;
         };
         return {channel(base.x), channel(base.y), channel(base.z)};
     }
 
-    /// Adjoint of color: adds to dL_dbase and dL_dshading.
+    /// Adjoint of color: adds to dL_dbase and dL_dshading. A clamped channel passes only a gradient that darkens it.
     template <Lane T>
     GSH_HD static void color_backward(const vec3<T>& base, const Shading<T>& shading, const vec3<T>& dL_dcolor,
-                                      vec3<T>& dL_dbase, Shading<T>& dL_dshading) {
+                                      ColorClamp clamping, vec3<T>& dL_dbase, Shading<T>& dL_dshading) {
         const auto channel = [&](T c, T dL_dsrgb, T& dL_dc) {
-            const T albedo = srgb_to_linear(c);
+            const T albedo = srgb_to_linear(c), linear = albedo * shading.irradiance + shading.specular;
+            // A channel that is too bright must be able to become darker.
+            if (clamping == ColorClamp::both) dL_dsrgb = select(linear > T(1), max(dL_dsrgb, T(0)), dL_dsrgb);
             T dL_dlinear(0);
-            linear_to_srgb_backward(albedo * shading.irradiance + shading.specular, dL_dsrgb, dL_dlinear);
+            linear_to_srgb_backward(linear, dL_dsrgb, dL_dlinear);
             srgb_to_linear_backward(c, albedo, dL_dlinear * shading.irradiance, dL_dc);
             dL_dshading.irradiance += dL_dlinear * albedo;
             dL_dshading.specular += dL_dlinear;

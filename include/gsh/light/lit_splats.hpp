@@ -9,6 +9,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/lane.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/gaussian/shade.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/light/lit_element.hpp>
 #include <gsh/math/vec.hpp>
@@ -129,7 +130,7 @@ struct LitSplatForward {
         const auto shading = LitGaussian::shading(input.light, in, input.visibility_of(i));
         irradiance[i] = shading.irradiance;
         specular[i] = shading.specular;
-        colors[i] = LitGaussian::color(in.base, shading);
+        colors[i] = LitGaussian::color(in.base, shading, input.light.clamping);
     }
 };
 
@@ -147,7 +148,7 @@ struct LitSplatBackward {
             const auto in = input[i];
             const LitGaussian::Shading<T> shading{irradiance[i], specular[i]};
             LitGaussian::Shading<T> dL_dshading{T(0), T(0)};
-            LitGaussian::color_backward(in.base, shading, dL_dcolors[i], gradient.base, dL_dshading);
+            LitGaussian::color_backward(in.base, shading, dL_dcolors[i], input.light.clamping, gradient.base, dL_dshading);
             LitGaussian::shading_backward(input.light, in, input.visibility_of(i), shading, dL_dshading, gradient,
                                           sums);
             if (!dL_dmeans.empty()) dL_dmeans[i] += gradient.mean;
@@ -198,8 +199,8 @@ public:
     /// Shapes  triangles [N] vertex indices, barycentric [N], of the mesh's V vertices.
     /// Errors  ShapeError if they differ in size, ValueError for a vertex index out of range.
     LitSplats(B& backend, std::size_t vertex_count, Span<const std::array<int, 3>> triangles,
-              Span<const vec3<double>> barycentric)
-        : backend_(&backend), surface_(backend, vertex_count, triangles, barycentric) {}
+              Span<const vec3<double>> barycentric, ColorClamp clamping = ColorClamp::below)
+        : backend_(&backend), clamping_(clamping), surface_(backend, vertex_count, triangles, barycentric) {}
 
     [[nodiscard]] std::size_t vertex_count() const { return surface_.vertex_count(); }
     [[nodiscard]] std::size_t size() const { return surface_.point_count(); }
@@ -266,11 +267,12 @@ private:
         check_memory(*backend_, where, "visibility", in.visibility);
     }
     [[nodiscard]] detail::LitSplatInput<T> kernel_input(const Input& in, const Cache& cache) const {
-        return {{in.light.points, in.light.directions, cache.factors, !in.light.gloss.empty()},
+        return {{in.light.points, in.light.directions, cache.factors, !in.light.gloss.empty(), clamping_},
                 surface_.corners(), in.means, in.base, in.normals, in.visibility, in.center};
     }
 
     B* backend_;
+    ColorClamp clamping_;
     SurfaceInterpolation<B, T> surface_;
 };
 

@@ -7,6 +7,7 @@
 #include <gsh/body/posed_surface.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/gaussian/shade.hpp>
 #include <gsh/light/coarse_caster.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/light/lit_splats.hpp>
@@ -26,6 +27,7 @@ struct SurfaceLightParams {
     bool shadows = true; ///< if false, every light reaches every vertex, and only where the surface faces counts
     double caster_spacing = default_caster_spacing; ///< metres between vertices that cast shadows
     ShadowMapParams maps = {};
+    ColorClamp clamping = ColorClamp::both; ///< of lit colours
 };
 
 /// Shades the Gaussians of a body by what its posed mesh says about light: where the surface faces, and what the body,
@@ -70,7 +72,7 @@ public:
                  const SurfaceLightParams& params = {})
         : backend_(&backend), shadows_(params.shadows), surface_(checked(backend, body, betas)),
           caster_(backend, shaped_vertices(body, betas), body.faces, params.caster_spacing),
-          maps_(backend, params.maps), lit_(backend, body.vertex_count(), triangles, barycentric) {}
+          maps_(backend, params.maps), lit_(backend, body.vertex_count(), triangles, barycentric, params.clamping) {}
 
     /// The coarse mesh in a pose, which casts shadows. It is valid until the next call with this cache.
     ShadowCaster<T> caster(Span<const Affine<T>> bones, Span<const vec3<T>> offsets, Cache& cache) const {

@@ -129,7 +129,7 @@ struct LitBlock {
         const auto in = gather(element.input);
         const auto shading =
             LitGaussian::shading(element.input.light, in, VisibilityTile<T>(element.input, index));
-        const vec3<W> color = LitGaussian::color(in.base, shading);
+        const vec3<W> color = LitGaussian::color(in.base, shading, element.input.light.clamping);
         for (std::size_t lane = 0; lane < count; ++lane) {
             const std::size_t i = index[lane];
             element.irradiance[i] = shading.irradiance[lane];
@@ -153,7 +153,7 @@ struct LitBlock {
         for (std::size_t lane = count; lane < width; ++lane) // the others add nothing to the sums
             dL_dcolor.x.set(lane, T(0)), dL_dcolor.y.set(lane, T(0)), dL_dcolor.z.set(lane, T(0));
         LitGaussian::Gradient<W> gradient;
-        LitGaussian::color_backward(in.base, shading, dL_dcolor, gradient.base, dL_dshading);
+        LitGaussian::color_backward(in.base, shading, dL_dcolor, element.input.light.clamping, gradient.base, dL_dshading);
         LitGaussian::shading_backward(element.input.light, in, VisibilityTile<T>(element.input, index), shading,
                                       dL_dshading, gradient, sums);
         dL_dcenter += gradient.center;
