@@ -148,7 +148,8 @@ struct LitSplatBackward {
             const auto in = input[i];
             const LitGaussian::Shading<T> shading{irradiance[i], specular[i]};
             LitGaussian::Shading<T> dL_dshading{T(0), T(0)};
-            LitGaussian::color_backward(in.base, shading, dL_dcolors[i], input.light.clamping, gradient.base, dL_dshading);
+            LitGaussian::color_backward(in.base, shading, dL_dcolors[i], input.light.clamping, gradient.base,
+                                        dL_dshading);
             LitGaussian::shading_backward(input.light, in, input.visibility_of(i), shading, dL_dshading, gradient,
                                           sums);
             if (!dL_dmeans.empty()) dL_dmeans[i] += gradient.mean;

@@ -153,7 +153,8 @@ struct LitBlock {
         for (std::size_t lane = count; lane < width; ++lane) // the others add nothing to the sums
             dL_dcolor.x.set(lane, T(0)), dL_dcolor.y.set(lane, T(0)), dL_dcolor.z.set(lane, T(0));
         LitGaussian::Gradient<W> gradient;
-        LitGaussian::color_backward(in.base, shading, dL_dcolor, element.input.light.clamping, gradient.base, dL_dshading);
+        LitGaussian::color_backward(in.base, shading, dL_dcolor, element.input.light.clamping, gradient.base,
+                                    dL_dshading);
         LitGaussian::shading_backward(element.input.light, in, VisibilityTile<T>(element.input, index), shading,
                                       dL_dshading, gradient, sums);
         dL_dcenter += gradient.center;
