@@ -139,6 +139,7 @@
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/light_estimate.hpp>
+#include <gsh/train/light_samples.hpp>
 #include <gsh/train/memory.hpp>
 #include <gsh/train/pose_fit.hpp>
 #include <gsh/train/posed_priors.hpp>

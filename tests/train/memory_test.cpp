@@ -99,6 +99,21 @@ TEST_CASE("the activations of a network grow with its width and depth") {
     CHECK(activations(deep) - activations(plain) == 2 * 64);
 }
 
+TEST_CASE("light takes memory for the mesh, for the maps of its shadows, and with each Gaussian") {
+    const AvatarConfig config{.light = true}, without{};
+    AvatarConfig unshadowed = config;
+    unshadowed.light_shadows = false;
+    const auto of = [](const AvatarConfig& c, std::size_t people, std::size_t vertices) {
+        return training_memory<cpu::Serial>(c, 100, 1000, people, {.vertex_count = vertices});
+    };
+    const MemoryModel dark = of(without, 1, 1000), lit = of(config, 1, 1000);
+    CHECK(of(without, 1, 2000).fixed == dark.fixed);
+    CHECK(lit.fixed - of(unshadowed, 1, 1000).fixed == 4 * (4 * 256 * 256 + 12 * 96 * 96));
+    CHECK(of(config, 1, 2000).fixed - lit.fixed >= 1000 * 4 * 16); // visibility
+    CHECK(lit.per_gaussian > dark.per_gaussian);
+    CHECK(of(config, 2, 1000).fixed - of(without, 2, 1000).fixed == 2 * (lit.fixed - dark.fixed));
+}
+
 TEST_CASE("a budget and a number of Gaussians turn into each other") {
     const MemoryModel memory{.fixed = 1000, .per_gaussian = 30};
     CHECK(memory.bytes(7) == 1210);

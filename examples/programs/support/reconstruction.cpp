@@ -35,7 +35,8 @@ std::size_t gaussian_count(const Source& source, const Configuration& configurat
     for (const auto& image : source.capture.images) held += image.data.size();
     const MemoryModel memory =
         training_memory<Reconstruction::Backend>(configuration.avatar, pixels, held, source.people.size(),
-                                                 {.joint_count = source.body().joint_count()});
+                                                 {.joint_count = source.body().joint_count(),
+                                                  .vertex_count = source.body().vertex_count()});
     const std::size_t count = std::min(o.gaussians, memory.gaussians_within(o.max_memory));
     if (count < o.gaussians / 10)
         throw ValueError("--max-memory " + std::to_string(o.max_memory) + " is too little: training " +

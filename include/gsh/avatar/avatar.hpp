@@ -12,6 +12,7 @@
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/image/color.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/math/vec.hpp>
@@ -38,17 +39,49 @@ struct AvatarData {
     std::optional<OcclusionFieldData> occlusion_field = {};
     /// The light of the capture. Colours are then those of the surface, without light.
     std::optional<LightData> light = {};
+    /// [N] irradiance, mean over training, for formats without light; or empty for 1.
+    std::vector<float> mean_irradiance = {};
 };
 
-/// The canonical Gaussians with `ao` merged into their colours, for file formats without ambient occlusion. Exact where
-/// a colour lies within [0, 1]: ao (Y sh + 1/2) = Y (ao sh) + 1/2 + (ao - 1)/2.
-[[nodiscard]] inline GaussianCloud<float> shaded_cloud(const AvatarData& avatar) {
-    GaussianCloud<float> cloud = avatar.gaussians;
-    if (avatar.ao.empty()) return cloud;
+namespace detail {
+
+/// Multiplies the colours of a cloud by an irradiance [N], in linear light.
+inline void light_cloud(GaussianCloud<float>& cloud, ColorClamp clamping, Span<const float> irradiance) {
     const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
     for (std::size_t i = 0; i < cloud.size(); ++i) {
+        vec3<float>* const sh = cloud.sh.data() + i * basis;
+        const vec3<float> color = unclamped_color<0>(sh, vec3<float>(0, 0, 1));
+        vec3<float> lit, slope;
+        for (int c = 0; c < 3; ++c) {
+            const float base = clamp_color(color[c], clamping);
+            const float linear = srgb_to_linear(base) * irradiance[i];
+            float dlit_dlinear = 0, dlit_dbase = 0;
+            linear_to_srgb_backward(linear, 1.0f, dlit_dlinear);
+            srgb_to_linear_backward(base, dlit_dlinear * irradiance[i], dlit_dbase);
+            lit[c] = linear_to_srgb(linear), slope[c] = dlit_dbase;
+        }
+        sh[0] = sh_of_color(lit);
+        for (std::size_t k = 1; k < basis; ++k) sh[k] = sh[k] * slope;
+    }
+}
+
+} // namespace detail
+
+/// The canonical Gaussians with `ao` and the mean light of training merged into their colours, for file formats without
+/// them. For ao exact where a colour lies within [0, 1]: ao (Y sh + 1/2) = Y (ao sh) + 1/2 + (ao - 1)/2. For light, the
+/// constant colour is exact, and bands that depend on the view are scaled by the slope of lit over base colour there.
+/// There is no gloss.
+/// Errors  ShapeError for an irradiance that is not one per Gaussian.
+[[nodiscard]] inline GaussianCloud<float> shaded_cloud(const AvatarData& avatar) {
+    GaussianCloud<float> cloud = avatar.gaussians;
+    const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
+    for (std::size_t i = 0; i < cloud.size() && !avatar.ao.empty(); ++i) {
         for (std::size_t k = 0; k < basis; ++k) cloud.sh[i * basis + k] *= avatar.ao[i];
         cloud.sh[i * basis] += sh_of_color(vec3<float>(0.5f * avatar.ao[i]));
+    }
+    if (!avatar.mean_irradiance.empty()) {
+        check_size("shaded_cloud", "mean_irradiance", avatar.mean_irradiance.size(), cloud.size(), "one per Gaussian");
+        detail::light_cloud(cloud, avatar.clamping, avatar.mean_irradiance);
     }
     return cloud;
 }
@@ -108,10 +141,11 @@ public:
     /// Whether a light shades the avatar. Only an avatar that was made with a light can be given another.
     [[nodiscard]] bool is_lit() const { return log_intensities_.size() != 0; }
     /// Puts the avatar in another light. Whether there are shadows stays as it is.
-    /// Errors  ShapeError for sizes that do not fit each other, ValueError without lights.
+    /// Errors  ValueError for an avatar that was made without a light, and those of check_light.
     void set_light(const LightData& light) {
-        check_light("Avatar::set_light", light.view());
-        check_value(light.size() > 0, "Avatar::set_light", "the light has no points and no directions");
+        check_value(poser_.has_light(), "Avatar::set_light",
+                    "the avatar was made without a light; its colours contain the light of its photographs");
+        check_light("Avatar::set_light", light);
         const auto bring = [&]<class U>(std::vector<U> host, Buffer<U>& to) {
             to.resize(host.size());
             backend_->upload(Span<const U>(host), to);

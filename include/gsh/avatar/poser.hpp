@@ -73,6 +73,9 @@ public:
         surface_light_.emplace(*backend_, rig.body, rig.betas, rig.triangles, rig.barycentric, params);
     }
 
+    /// Whether prepare_light was called.
+    [[nodiscard]] bool has_light() const { return surface_light_.has_value(); }
+
     [[nodiscard]] const Rig<B, T>& rig() const { return rig_; }
     [[nodiscard]] std::size_t size() const { return rig_.point_count(); }
 

@@ -89,6 +89,18 @@ void check_light(std::string_view where, const LightView<T>& light) {
         check_size(where, "light.gloss", light.gloss.size(), 2, "logarithms of strength and sharpness, or none");
 }
 
+/// Checks a light on the host before it is used or written.
+/// Errors  ShapeError for sizes that do not fit each other. ValueError without lights, and for numbers that are not
+///         finite.
+inline void check_light(std::string_view where, const LightData& light) {
+    check_light(where, light.view());
+    check_value(light.size() > 0, where, "the light has no points and no directions");
+    check_finite<double>(where, "light.points", view_as<const double>(Span<const vec3<double>>(light.points)));
+    check_finite<double>(where, "light.directions", view_as<const double>(Span<const vec3<double>>(light.directions)));
+    check_finite<double>(where, "light.log_intensities", light.log_intensities);
+    check_finite<double>(where, "light.gloss", light.gloss);
+}
+
 /// Throws MemoryError unless the backend can access every attribute.
 template <Backend B, class T>
 void check_memory(const B& backend, std::string_view where, std::string_view argument, const LightView<T>& light) {

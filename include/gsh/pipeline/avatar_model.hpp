@@ -149,8 +149,9 @@ public:
 
     /// From now on the Gaussians are shaded in this light. Several models may share a light; the one with `announces`
     /// lists its arrays in learned(). `rig` is that of the constructor.
-    /// Errors  ValueError for a body without triangles.
+    /// Errors  ValueError without a light, and for a body without triangles.
     void set_light(const RigData& rig, SharedLight<B, T> light, bool announces = true) {
+        check_value(light != nullptr, "AvatarModel::set_light", "there is no light");
         poser_.prepare_light(rig, {.shadows = light->shadows()});
         light_ = std::move(light), announces_light_ = announces;
     }
@@ -236,6 +237,12 @@ public:
         return cache_.ao;
     }
 
+    /// Irradiance [N] at the last pose(), in the backend's memory.
+    /// Errors  ValueError without a light.
+    [[nodiscard]] Span<const T> irradiance() const {
+        check_value(light_ != nullptr, "AvatarModel::irradiance", "the model has no light");
+        return cache_.poser.light.lit.irradiance;
+    }
     /// The learned joints [J], in the backend's memory.
     [[nodiscard]] Span<const vec3<T>> joints() const { return joints_.values(); }
     /// The canonical Gaussians without means and weights. Colours are those of the last update_canonical.

@@ -33,9 +33,9 @@ public:
     }
 
     /// Replaces the light. Moments of Adam start at zero.
-    /// Errors  ShapeError for sizes that do not fit each other.
+    /// Errors  those of check_light, and ShapeError for a light without gloss.
     void set(const LightData& light) {
-        check_light("LearnedLight", light.view());
+        check_light("LearnedLight", light);
         check_size("LearnedLight", "light.gloss", light.gloss.size(), 2, "logarithms of strength and sharpness");
         points_ = {*backend_, std::vector<vec3<T>>(light.points.begin(), light.points.end())};
         log_intensities_ = {*backend_, std::vector<T>(light.log_intensities.begin(), light.log_intensities.end())};

@@ -90,9 +90,33 @@ template <class Scene>
     return cloud;
 }
 
+/// Each Gaussian's mean irradiance over `frames`, for formats without light, with the shadows of all people. Of more than
+/// 32 frames, 32 are read, evenly spread. Empty without a light.
+template <class Scene>
+[[nodiscard]] std::vector<typename Scene::Scalar> mean_irradiance(Scene& scene, const std::vector<std::size_t>& frames,
+                                                                  std::size_t person = 0) {
+    using T = typename Scene::Scalar;
+    constexpr std::size_t most = 32;
+    auto& model = scene.model(person);
+    if (!model.light()) return {};
+    Splats<typename Scene::BackendType, T> splats;
+    splats.resize(scene.size());
+    std::vector<T> mean(model.size(), T(0)), of_frame(model.size());
+    const std::size_t count = std::min(frames.size(), most);
+    for (std::size_t k = 0; k < count; ++k) {
+        const std::size_t frame = frames[k * frames.size() / count];
+        scene.prepare(frame);
+        scene.forward(frame, vec3<T>(T(0)), splats.view()); // irradiance does not depend on the camera
+        scene.backend().download(model.irradiance(), Span<T>(of_frame));
+        for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += of_frame[i];
+    }
+    for (T& irradiance : mean) irradiance /= static_cast<T>(count);
+    return mean;
+}
+
 /// A person's present avatar: `rig` with the learned joints, the canonical Gaussians, and the mean ao over `frames`.
-/// A shadow that follows the pose is also exported as an occlusion field, and a light with its numbers. `filter` is the
-/// one of the training.
+/// A shadow that follows the pose is also exported as an occlusion field, and a light with its numbers and the mean
+/// irradiance. `filter` is that of training.
 template <class Scene>
 [[nodiscard]] AvatarData export_avatar(Scene& scene, RigData rig, const std::vector<std::size_t>& frames,
                                        const PixelFilter& filter, std::size_t person = 0) {
@@ -109,6 +133,7 @@ template <class Scene>
     avatar.ao = mean_ao(scene, frames, person);
     if (!avatar.ao.empty()) avatar.occlusion_field = baked_field(model.shadow());
     if (model.light()) avatar.light = model.light()->data();
+    avatar.mean_irradiance = mean_irradiance(scene, frames, person);
     return avatar;
 }
 

@@ -42,8 +42,8 @@ struct CastMember {
 /// perhaps a refinement of the motion.
 ///
 /// The splats of all people lie in one buffer, one person after the other, and are rendered in one pass, so that people
-/// hide each other. In backward, each model reads its own part of the gradient. Functions about one person take that
-/// person's number.
+/// hide each other. People whose models have a light also cast shadows on each other. In backward, each model reads its
+/// own part of the gradient. Functions about one person take that person's number.
 template <Backend B, class Model, std::floating_point T = typename Model::Scalar>
 class AvatarScene {
 public:
@@ -113,13 +113,17 @@ public:
         for (Person& person : people_) person.model->update_canonical(frame);
     }
     void forward(std::size_t frame, const vec3<T>& center, const SplatView<T>& splats) {
-        std::vector<ShadowCaster<T>> casters; // with a light, everybody else's
-        if (people_.size() > 1 && people_[0].model->light())
-            for (std::size_t p = 0; p < people_.size(); ++p)
-                casters.push_back(people_[p].model->caster(pose(frame, p)));
+        const auto casts = [&](std::size_t p) {
+            const auto& light = people_[p].model->light();
+            return light && light->shadows();
+        };
+        std::vector<ShadowCaster<T>> casters(people_.size()); // those with a light; of the others, nothing
+        for (std::size_t p = 0; p < people_.size() && people_.size() > 1; ++p)
+            if (casts(p)) casters[p] = people_[p].model->caster(pose(frame, p));
         for (std::size_t p = 0; p < people_.size(); ++p) {
-            std::vector<ShadowCaster<T>> others = casters;
-            if (!others.empty()) others.erase(others.begin() + static_cast<std::ptrdiff_t>(p));
+            std::vector<ShadowCaster<T>> others;
+            for (std::size_t k = 0; k < people_.size(); ++k)
+                if (k != p && !casters[k].triangles.empty()) others.push_back(casters[k]);
             people_[p].model->pose(pose(frame, p), frame, center, part(p, splats), others);
         }
     }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/light/shadow_map.hpp>
 #include <gsh/pipeline/avatar_config.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
@@ -31,6 +32,7 @@ struct MemoryModel {
 struct AvatarInputs {
     std::size_t joint_count = 55;
     PriorInputs priors{.feature_count = 10, .has_region = true};
+    std::size_t vertex_count = 10475; ///< of the mesh, for light
 };
 
 /// The memory of training the avatar of a configuration, for images of `pixels` pixels, with `held` bytes (the capture)
@@ -45,8 +47,21 @@ template <Backend B, std::floating_point T = float>
     constexpr std::uint64_t per_pixel = 100;       // render, photograph, gradients, loss terms
     constexpr std::uint64_t per_gaussian = 872;    // splats, their gradients, bones, tiles
     const PartSize avatar = avatar_size<B, T>(config, inputs.joint_count, inputs.priors);
-    return {.fixed = program + held + per_pixel * pixels + people * sizeof(T) * avatar.fixed(),
-            .per_gaussian = people * (per_gaussian + sizeof(T) * avatar.per_point())};
+    MemoryModel memory{.fixed = program + held + per_pixel * pixels + people * sizeof(T) * avatar.fixed(),
+                       .per_gaussian = people * (per_gaussian + sizeof(T) * avatar.per_point())};
+    if (config.light) {
+        constexpr std::uint64_t per_vertex = 160; // the posed mesh, its normals, their gradients, the caster
+        constexpr ShadowMapParams maps;
+        const auto points = static_cast<std::uint64_t>(config.light_points),
+                   directions = static_cast<std::uint64_t>(config.light_directions);
+        const std::uint64_t texels = points * static_cast<std::uint64_t>(maps.point_resolution * maps.point_resolution) +
+                                     directions * static_cast<std::uint64_t>(maps.direction_resolution *
+                                                                             maps.direction_resolution);
+        memory.fixed += people * (inputs.vertex_count * (per_vertex + sizeof(T) * (points + directions)) +
+                                  (config.light_shadows ? sizeof(T) * texels : 0));
+        memory.per_gaussian += people * 116; // corners, posed means, colours without light, irradiance, gradients
+    }
+    return memory;
 }
 
 } // namespace gsh

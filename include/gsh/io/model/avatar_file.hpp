@@ -63,15 +63,7 @@ inline LightData read_light(const ArchiveReader& file) {
                     .log_intensities = file.read<double>("light_log_intensities").data,
                     .gloss = file.read<double>("light_gloss").data,
                     .shadows = file.read_number<std::int32_t>("light_shadows") != 0};
-    const std::string where = file.file().path().string();
-    check_light(where, light.view());
-    const auto numbers = [](const std::vector<vec3<double>>& rows) {
-        return view_as<const double>(Span<const vec3<double>>(rows));
-    };
-    check_finite<double>(where, "light_points", numbers(light.points));
-    check_finite<double>(where, "light_directions", numbers(light.directions));
-    check_finite<double>(where, "light_log_intensities", light.log_intensities);
-    check_finite<double>(where, "light_gloss", light.gloss);
+    check_light(file.file().path().string(), light);
     return light;
 }
 
@@ -84,7 +76,10 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     check_size("save_avatar", "gaussians", g.size(), rig.point_count(), "one per point of the rig");
     if (avatar.occlusion_field)
         check_occlusion_field("save_avatar", *avatar.occlusion_field, rig.point_count(), rig.joint_count());
-    if (avatar.light) check_light("save_avatar", avatar.light->view());
+    if (avatar.light) check_light("save_avatar", *avatar.light);
+    if (!avatar.mean_irradiance.empty())
+        check_size("save_avatar", "mean_irradiance", avatar.mean_irradiance.size(), rig.point_count(),
+                   "one per Gaussian, or none");
     ArchiveWriter file(path, "avatar", avatar_file_version);
     add_body_model(file, rig.body, "body/");
     file.add("betas", rig.betas);
@@ -106,6 +101,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     file.add("ao", avatar.ao);
     if (avatar.occlusion_field) detail::add_occlusion_field(file, *avatar.occlusion_field);
     if (avatar.light) detail::add_light(file, *avatar.light);
+    if (!avatar.mean_irradiance.empty()) file.add("mean_irradiance", avatar.mean_irradiance);
     file.commit();
 }
 
@@ -138,6 +134,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     avatar.ao = file.read<float>("ao").data;
     if (file.has("occlusion_neurons")) avatar.occlusion_field = detail::read_occlusion_field(file);
     if (file.has("light_points")) avatar.light = detail::read_light(file);
+    if (file.has("mean_irradiance")) avatar.mean_irradiance = file.read<float>("mean_irradiance").data;
     const auto deformation = file.read_number<std::int32_t>("deformation");
 
     const std::string where = path.string();
@@ -146,6 +143,10 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     avatar.deformation = static_cast<Deformation>(deformation);
     if (!avatar.ao.empty()) check_size(where, "ao", avatar.ao.size(), rig.point_count(), "one per Gaussian, or none");
     check_finite<float>(where, "ao", avatar.ao);
+    if (!avatar.mean_irradiance.empty())
+        check_size(where, "mean_irradiance", avatar.mean_irradiance.size(), rig.point_count(),
+                   "one per Gaussian, or none");
+    check_finite<float>(where, "mean_irradiance", avatar.mean_irradiance);
     if (avatar.occlusion_field)
         check_occlusion_field(where, *avatar.occlusion_field, rig.point_count(), rig.joint_count());
     check_value(g.sh_degree >= 0 && g.sh_degree <= 4, where,
