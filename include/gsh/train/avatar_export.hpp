@@ -90,8 +90,8 @@ template <class Scene>
     return cloud;
 }
 
-/// Each Gaussian's mean irradiance over `frames`, for formats without light, with the shadows of all people. Of more than
-/// 32 frames, 32 are read, evenly spread. Empty without a light.
+/// Each Gaussian's mean irradiance over `frames`, for formats without light, with the shadows of all people. Of more
+/// than 32 frames, 32 are read, evenly spread. Empty without a light.
 template <class Scene>
 [[nodiscard]] std::vector<typename Scene::Scalar> mean_irradiance(Scene& scene, const std::vector<std::size_t>& frames,
                                                                   std::size_t person = 0) {

@@ -54,9 +54,9 @@ template <Backend B, std::floating_point T = float>
         constexpr ShadowMapParams maps;
         const auto points = static_cast<std::uint64_t>(config.light_points),
                    directions = static_cast<std::uint64_t>(config.light_directions);
-        const std::uint64_t texels = points * static_cast<std::uint64_t>(maps.point_resolution * maps.point_resolution) +
-                                     directions * static_cast<std::uint64_t>(maps.direction_resolution *
-                                                                             maps.direction_resolution);
+        const auto area = [](int side) { return static_cast<std::uint64_t>(side) * static_cast<std::uint64_t>(side); };
+        const std::uint64_t texels =
+            points * area(maps.point_resolution) + directions * area(maps.direction_resolution);
         memory.fixed += people * (inputs.vertex_count * (per_vertex + sizeof(T) * (points + directions)) +
                                   (config.light_shadows ? sizeof(T) * texels : 0));
         memory.per_gaussian += people * 116; // corners, posed means, colours without light, irradiance, gradients
