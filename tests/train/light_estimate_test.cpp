@@ -74,11 +74,48 @@ TEST_CASE("shadows explain more than the surface's direction alone") {
     CHECK(with.psnr > without.psnr + 0.5);
 }
 
+TEST_CASE("somebody who waits far away does not change where the light is looked for") {
+    FilmedTurn scene;
+    const LightEstimate alone = scene.estimate();
+    Motion away = scene.motion;
+    for (vec3<double>& transl : away.transl) transl += vec3<double>(0, 0, 40);
+    // In the majority of frames it is the first person who is there.
+    for (const std::size_t frame : {2, 5}) away.transl[frame] = scene.motion.transl[frame] + vec3<double>(0, 0, 39);
+    const LitPerson people[] = {{&scene.setup.rig, &scene.setup.motion}, {&scene.setup.rig, &away}};
+    const std::vector<std::size_t> frames{0, 1, 2, 3};
+    const vec3<double> middle = detail::middle_of_people(Span<const LitPerson>(people, 1), frames, 8);
+    vec3<double> mean(0);
+    for (const std::size_t frame : frames)
+        mean += (scene.motion.transl[frame] + scene.setup.rig.joints[0]) * 0.25;
+    CHECK(length(middle - mean) < 1e-12);
+    CHECK(length(detail::middle_of_people(people, frames, 8) - mean) < 1e-12);
+    const std::vector<Photo> photos = photos_of(scene.capture, false);
+    const LightEstimate both = estimate_light(scene.backend, Span<const LitPerson>(people), Span<const Photo>(photos));
+    CHECK(dot(scene.direction(both), scene.direction(alone)) > std::cos(0.1));
+    CHECK(both.psnr == doctest::Approx(alone.psnr).epsilon(0.02));
+}
+
 TEST_CASE("a light estimate needs people, photographs, and a person in them") {
     FilmedTurn scene;
     const LitPerson person{&scene.setup.rig, &scene.setup.motion};
     CHECK_THROWS_AS((void)estimate_light(scene.backend, Span<const LitPerson>(&person, 1), Span<const Photo>()),
                     ValueError);
+    CHECK_THROWS_AS((void)scene.estimate({.points = 0, .directions = 0}), ValueError);
+    CHECK_THROWS_AS((void)scene.estimate({.candidates = 0}), ValueError);
+    CHECK_THROWS_AS((void)scene.estimate({.distance = 0}), ValueError);
+    CHECK_THROWS_AS((void)scene.estimate({.photos_per_frame = 0}), ValueError);
+    Motion shorter = scene.setup.motion;
+    shorter.transl.resize(4), shorter.timestamps.resize(4), shorter.pose.resize(4 * shorter.joint_count);
+    const LitPerson brief{&scene.setup.rig, &shorter};
+    const std::vector<Photo> photos = photos_of(scene.capture, false);
+    CHECK_THROWS_AS((void)estimate_light(scene.backend, Span<const LitPerson>(&brief, 1), Span<const Photo>(photos)),
+                    ValueError);
+    RigData bare = scene.setup.rig;
+    bare.body.faces.clear();
+    const LitPerson points{&bare, &scene.setup.motion};
+    CHECK_THROWS_AS((void)estimate_light(scene.backend, Span<const LitPerson>(&points, 1), Span<const Photo>(photos)),
+                    ValueError);
+    CHECK(scene.estimate({.points = 0, .directions = 12}).light.points.empty());
     for (PixelImage& image : scene.capture.images)
         for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 0; // nothing is in the mask
     CHECK_THROWS_AS((void)scene.estimate(), ValueError);

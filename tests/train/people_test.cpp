@@ -19,6 +19,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -215,6 +216,66 @@ TEST_CASE("two people, one before the other, are both learned") {
             if (alpha.data[i] > 0.9f) red += color.data[i], blue += color.data[2 * count + i];
         CHECK((p == 0 ? red - blue : blue - red) > 0.2 * (red + blue));
     }
+}
+
+TEST_CASE("people in one light cast shadows on each other, within reach") {
+    const SmallScene scene;
+    const auto brightness = [&](const vec3<double>& lamp, const vec3<double>& second, bool shadows, std::size_t person) {
+        Cast<cpu::Serial> cast(scene, {scene.motion, moved(scene.motion, second)}, scene.photos, {}, stored);
+        LightData light{.points = {lamp}, .directions = {}, .log_intensities = {2.5}, .gloss = {-9, 2}};
+        light.shadows = shadows;
+        const auto shared = std::make_shared<LearnedLight<cpu::Serial>>(cast.backend, light);
+        for (const std::size_t p : {0, 1}) cast.models[p].set_light(cast.rigs[p], shared, p == 0);
+        Splats<cpu::Serial> splats;
+        splats.resize(cast.people.size());
+        cast.people.prepare(0);
+        cast.people.forward(0, vec3<float>(0, 1, 4), splats.view());
+        double sum = 0;
+        for (const float irradiance : cast.models[person].irradiance()) sum += static_cast<double>(irradiance);
+        return sum;
+    };
+    const vec3<double> front{0, 0.8, 4}, back{0, 0.8, -4}, first_away = behind_the_cameras;
+    // The second person stands in front of the first.
+    CHECK(brightness(front, in_front, true, 0) < 0.7 * brightness(front, first_away, true, 0));
+    CHECK(brightness(front, in_front, true, 1) == doctest::Approx(brightness(front, in_front, false, 1)).epsilon(0.3));
+    // From behind, it is the first who hides the lamp from the second.
+    CHECK(brightness(back, in_front, true, 1) < 0.7 * brightness(back, in_front, false, 1));
+    CHECK(brightness(back, in_front, true, 0) == doctest::Approx(brightness(back, first_away, true, 0)).epsilon(0.05));
+    // Whoever is out of reach changes nothing, to the last bit.
+    CHECK(brightness(front, first_away, true, 0) == brightness(front, {0, 90, 0}, true, 0));
+    CHECK(brightness(front, in_front, false, 0) == brightness(front, first_away, false, 0));
+}
+
+TEST_CASE("two people learn one light, whose arrays are listed once, and each keeps it when only a pose is fitted") {
+    const TwoPeople scene;
+    Cast<cpu::Serial> cast(scene.scene, scene.motions, scene.photos, {}, stored);
+    const LightData start = even_light(2, 3, {0, 0.8, 0}, 3);
+    const auto light = std::make_shared<LearnedLight<cpu::Serial>>(cast.backend, start);
+    for (const std::size_t p : {0, 1}) cast.models[p].set_light(cast.rigs[p], light, p == 0);
+    CHECK(test::learns(cast.models[0], "light_points"));
+    CHECK_FALSE(test::learns(cast.models[1], "light_points"));
+    cast.steps(5);
+    const LightData learned = light->data();
+    CHECK(learned.log_intensities[0] == doctest::Approx(start.log_intensities[0]));
+    for (std::size_t k = 1; k < start.size(); ++k)
+        CHECK(std::abs(learned.log_intensities[k] - start.log_intensities[k]) > 1e-4);
+    for (std::size_t k = 0; k < 2; ++k) CHECK(length(learned.points[k] - start.points[k]) > 1e-4);
+
+    std::deque<MotionRefinement<cpu::Serial>> refinements;
+    for (const std::size_t p : {0, 1}) {
+        refinements.emplace_back(cast.backend, cast.rigs[p], scene.motions[p], std::vector<Camera<double>>(),
+                                 test_time_config());
+        cast.people.refine(refinements[p], p);
+    }
+    const auto parameters = cast.parameters(0);
+    PoseFit<cpu::Serial> fit(cast.backend, cast.trainer.config().filter, {.steps = 4});
+    FrozenPerson<Cast<cpu::Serial>::SceneType> frozen(cast.people, 1);
+    const Photo& photo = scene.photos[0];
+    fit.fit(frozen, photo.frame, {photo});
+    CHECK(cast.parameters(0) == parameters); // with the light
+    const Motion fitted = refinements[1].motion();
+    CHECK(fitted.pose != scene.motions[1].pose);
+    for (const auto& angle : fitted.pose) CHECK(std::isfinite(angle.x));
 }
 
 TEST_CASE("the gradient of one picture reaches both people, and is right") {

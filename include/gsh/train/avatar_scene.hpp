@@ -38,12 +38,16 @@ struct CastMember {
     return person == 0 ? std::string() : "person" + std::to_string(person) + "/";
 }
 
+/// Metres between the roots of two people, beyond which they do not cast shadows on each other. Somebody who waits far
+/// outside of the cameras' view would otherwise stretch the maps of everybody's shadows.
+inline constexpr double shadow_reach = 4;
+
 /// People in the frames of their motions. They share only photographs and frames. Each has a model, a motion, and
 /// perhaps a refinement of the motion.
 ///
 /// The splats of all people lie in one buffer, one person after the other, and are rendered in one pass, so that people
-/// hide each other. People whose models have a light also cast shadows on each other. In backward, each model reads its
-/// own part of the gradient. Functions about one person take that person's number.
+/// hide each other. People whose models have a light also cast shadows on each other, within shadow_reach. In backward,
+/// each model reads its own part of the gradient. Functions about one person take that person's number.
 template <Backend B, class Model, std::floating_point T = typename Model::Scalar>
 class AvatarScene {
 public:
@@ -117,13 +121,16 @@ public:
             const auto& light = people_[p].model->light();
             return light && light->shadows();
         };
+        const auto near = [&](std::size_t a, std::size_t b) {
+            return length(people_[a].motion->transl[frame] - people_[b].motion->transl[frame]) < shadow_reach;
+        };
         std::vector<ShadowCaster<T>> casters(people_.size()); // those with a light; of the others, nothing
         for (std::size_t p = 0; p < people_.size() && people_.size() > 1; ++p)
             if (casts(p)) casters[p] = people_[p].model->caster(pose(frame, p));
         for (std::size_t p = 0; p < people_.size(); ++p) {
             std::vector<ShadowCaster<T>> others;
             for (std::size_t k = 0; k < people_.size(); ++k)
-                if (k != p && !casters[k].triangles.empty()) others.push_back(casters[k]);
+                if (k != p && !casters[k].triangles.empty() && near(k, p)) others.push_back(casters[k]);
             people_[p].model->pose(pose(frame, p), frame, center, part(p, splats), others);
         }
     }

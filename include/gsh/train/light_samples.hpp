@@ -68,9 +68,11 @@ struct LightSamples {
 template <Backend B>
 class PosedPeople {
 public:
-    /// At most `most_vertices` of each person are sampled, chosen by `seed`.
-    PosedPeople(B& backend, Span<const LitPerson> people, std::size_t most_vertices, std::uint64_t seed)
-        : backend_(&backend), people_(people), maps_(backend), casters_(people.size()) {
+    /// At most `most_vertices` of each person are sampled, chosen by `seed`. People farther than `reach` from `center`
+    /// in a frame cast no shadow there: somebody who waits far outside of the cameras' view would stretch all maps.
+    PosedPeople(B& backend, Span<const LitPerson> people, std::size_t most_vertices, std::uint64_t seed,
+                const vec3<double>& center, double reach)
+        : center_(center), reach_(reach), backend_(&backend), people_(people), maps_(backend), casters_(people.size()) {
         for (std::size_t p = 0; p < people.size(); ++p) {
             const BodyModel& body = people[p].rig->body;
             check_value(!body.faces.empty(), "estimate_light", "a body has no triangles, expected a mesh");
@@ -103,6 +105,7 @@ public:
             const std::vector<vec3<double>> normals = vertex_normals(vertices, rig->body.faces);
             std::vector<vec3<float>> all;
             for (const vec3<double>& vertex : vertices) all.push_back(vec3<float>(vertex));
+            casters_[p].present = length(motion->transl[frame] + rig->joints[0] - center_) < reach_;
             casters_[p].vertices.resize(all.size());
             backend_->upload(Span<const vec3<float>>(all), casters_[p].vertices);
             for (const std::uint32_t v : chosen_[p])
@@ -123,7 +126,8 @@ public:
         backend_->upload(Span<const vec3<float>>(directions), directions_);
         backend_->upload(Span<const float>(intensities), intensities_);
         std::vector<ShadowCaster<float>> casters;
-        for (const Caster& caster : casters_) casters.push_back({caster.vertices, caster.triangles});
+        for (const Caster& caster : casters_)
+            if (caster.present) casters.push_back({caster.vertices, caster.triangles});
         visibility_.resize(positions_.size() * light.size());
         if (!light.shadows) return std::vector<float>(visibility_.size(), 1.0f);
         maps_.forward(casters, {.points = points_, .directions = directions_, .log_intensities = intensities_},
@@ -139,6 +143,7 @@ private:
     struct Caster {
         Buffer<vec3<float>> vertices;
         Buffer<vec3<std::uint32_t>> triangles;
+        bool present = true;
     };
     static std::size_t total(const std::vector<std::vector<std::uint32_t>>& lists) {
         std::size_t sum = 0;
@@ -146,6 +151,8 @@ private:
         return sum;
     }
 
+    vec3<double> center_;
+    double reach_;
     B* backend_;
     Span<const LitPerson> people_;
     ShadowMaps<B, float> maps_;
