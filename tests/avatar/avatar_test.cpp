@@ -104,6 +104,34 @@ TEST_CASE("without ambient occlusion a shaded cloud is the cloud") {
     CHECK(cloud.opacity_logits == avatar.gaussians.opacity_logits);
 }
 
+TEST_CASE("a shaded cloud has the mean light of training in its colours") {
+    AvatarData avatar = shaded_avatar(0);
+    test::Rng rng(9);
+    for (std::size_t i = 0; i < avatar.gaussians.size(); ++i)
+        avatar.mean_irradiance.push_back(static_cast<float>(i % 9 ? rng.uniform(0, 2) : 0));
+    AvatarData unlit = avatar;
+    unlit.mean_irradiance.clear();
+    const auto base = colors_of(baked(unlit)), lit = colors_of(baked(avatar));
+    for (std::size_t i = 0; i < lit.size(); ++i)
+        for (int c = 0; c < 3; ++c) // the viewer clamps at 1
+            CHECK(lit[i][c] == doctest::Approx(std::min(1.0f, linear_to_srgb(srgb_to_linear(base[i][c]) *
+                                                                             avatar.mean_irradiance[i])))
+                                   .epsilon(1e-4));
+    // With an irradiance of 1 it is the cloud as it was, in the bands that depend on the view, too.
+    avatar = shaded_avatar(2);
+    unlit = avatar;
+    avatar.mean_irradiance.assign(avatar.gaussians.size(), 1.0f);
+    CHECK(largest_difference(colors_of(baked(avatar)), colors_of(baked(unlit))) < 2e-5f);
+    // Those bands follow the slope of the curve.
+    avatar.mean_irradiance.assign(avatar.gaussians.size(), 0.5f);
+    const auto whole = colors_of(baked(unlit)), half = colors_of(baked(avatar));
+    for (std::size_t i = 0; i < half.size(); ++i)
+        for (int c = 0; c < 3; ++c)
+            CHECK(std::abs(half[i][c] - linear_to_srgb(srgb_to_linear(whole[i][c]) * 0.5f)) < 5e-3f);
+    avatar.mean_irradiance.pop_back();
+    CHECK_THROWS_AS((void)shaded_cloud(avatar), ShapeError);
+}
+
 TEST_CASE("an avatar whose parts differ in number is refused") {
     cpu::Serial backend;
     AvatarData avatar = shaded_avatar();

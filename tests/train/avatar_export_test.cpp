@@ -125,3 +125,24 @@ TEST_CASE("an exported avatar has the learned joints, the model's way of posing 
     REQUIRE(shaded.occlusion_field);
     CHECK(shaded.occlusion_field->largest == 2);
 }
+
+TEST_CASE("a lit avatar is exported with its light, and with the mean irradiance of the photographed frames") {
+    const SmallScene scene;
+    SmallTraining<cpu::Serial> training(scene);
+    CHECK(mean_irradiance(training.people, {0, 1}).empty());
+    CHECK(!training.exported().light);
+    const LightData start = even_light(2, 3, {0, 0.8, 0}, 3);
+    training.model.set_light(training.rig, std::make_shared<LearnedLight<cpu::Serial>>(training.backend, start));
+    training.steps(3);
+    const auto of = [&](std::vector<std::size_t> frames) { return mean_irradiance(training.people, frames); };
+    const auto first = of({0}), second = of({1}), mean = of({0, 1});
+    CHECK(first != second);
+    for (std::size_t i = 0; i < mean.size(); ++i) CHECK(mean[i] == doctest::Approx((first[i] + second[i]) / 2));
+    CHECK(of(std::vector<std::size_t>(100, 1)).front() == doctest::Approx(second.front()));
+    const AvatarData avatar = training.exported();
+    CHECK(avatar.mean_irradiance == mean);
+    REQUIRE(avatar.light);
+    CHECK(avatar.light->points != start.points); // learned
+    CHECK(avatar.light->log_intensities.size() == 5);
+    CHECK(shaded_cloud(avatar).sh != avatar.gaussians.sh);
+}

@@ -15,6 +15,7 @@
 #include "support/small_training.hpp"
 
 #include <cstddef>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -70,6 +71,24 @@ Outcome train_avatar(const SmallScene& scene, const AvatarConfig& config) {
     const AvatarData avatar = training.exported();
     append(outcome.learned, avatar.gaussians);
     outcome.learned.insert(outcome.learned.end(), avatar.ao.begin(), avatar.ao.end());
+    return outcome;
+}
+
+template <class B>
+Outcome train_lit(const SmallScene& scene) {
+    SmallTraining<B> training(scene, B(), 3, {.ao = AmbientOcclusion::pose});
+    const LightData start = even_light(2, 3, {0, 0.8, 0}, 3);
+    training.model.set_light(training.rig, std::make_shared<LearnedLight<B>>(training.backend, start));
+    MotionRefinement<B> refinement(training.backend, training.rig, scene.motion, {}, test_time_config());
+    training.people.refine(refinement);
+    Outcome outcome;
+    for (int step = 0; step < 5; ++step) training.trainer.step(0.1 + 0.2 * step);
+    observe(training.trainer, scene.photos[1], outcome);
+    outcome.learned = training.parameters();
+    const AvatarData avatar = training.exported();
+    outcome.learned.insert(outcome.learned.end(), avatar.mean_irradiance.begin(), avatar.mean_irradiance.end());
+    outcome.losses.insert(outcome.losses.end(), avatar.light->log_intensities.begin(),
+                          avatar.light->log_intensities.end());
     return outcome;
 }
 
@@ -206,6 +225,15 @@ TEST_CASE("so do stored attributes, separate heads and dual quaternions") {
     const AvatarConfig separate{
         .heads = Heads::separate, .head_time = true, .deformation = Deformation::dual_quaternion};
     check_equal(train_avatar<Guarded>(scene, separate), train_avatar<cpu::Serial>(scene, separate));
+}
+
+TEST_CASE("so does an avatar in a light, with its poses, and so is it shown") {
+    const SmallScene small;
+    check_equal(train_lit<Guarded>(small), train_lit<cpu::Serial>(small));
+    const PosedScene scene;
+    AvatarData avatar = scene.avatar;
+    avatar.light = even_light(2, 3, {0, 0.8, 0}, 3);
+    check_equal(show<Guarded>(scene, avatar), show<cpu::Serial>(scene, avatar));
 }
 
 TEST_CASE("so do a static scene and its density control") {

@@ -220,7 +220,8 @@ TEST_CASE("two people, one before the other, are both learned") {
 
 TEST_CASE("people in one light cast shadows on each other, within reach") {
     const SmallScene scene;
-    const auto brightness = [&](const vec3<double>& lamp, const vec3<double>& second, bool shadows, std::size_t person) {
+    const auto brightness = [&](const vec3<double>& lamp, const vec3<double>& second, bool shadows,
+                                std::size_t person) {
         Cast<cpu::Serial> cast(scene, {scene.motion, moved(scene.motion, second)}, scene.photos, {}, stored);
         LightData light{.points = {lamp}, .directions = {}, .log_intensities = {2.5}, .gloss = {-9, 2}};
         light.shadows = shadows;

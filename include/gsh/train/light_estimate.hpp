@@ -233,8 +233,8 @@ template <Backend B>
     // An intensity of zero has no logarithm: the least is a thousandth of the mean irradiance. The strongest point
     // comes first, for it is the unit of a LearnedLight.
     for (std::size_t k = 0; k < light.size(); ++k) {
-        const double reach = k < light.points.size() ? params.distance * params.distance : 1;
-        light.log_intensities[k] = std::log(std::max(fitted[static_cast<Eigen::Index>(k)], 1e-3 * reach));
+        const double unit = k < light.points.size() ? params.distance * params.distance : 1;
+        light.log_intensities[k] = std::log(std::max(fitted[static_cast<Eigen::Index>(k)], 1e-3 * unit));
     }
     if (params.points > 0) {
         const auto points_end = light.log_intensities.begin() + static_cast<std::ptrdiff_t>(params.points);

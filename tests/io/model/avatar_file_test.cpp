@@ -18,6 +18,7 @@
 #include <cstring>
 #include <filesystem>
 #include <limits>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -194,6 +195,60 @@ TEST_CASE("shadows that follow the pose come back from a file and fall on a new 
         }
         std::filesystem::remove(path);
     }
+}
+
+TEST_CASE("a light comes back from a file and shades a new motion as in training, with or without an occlusion field") {
+    for (const AmbientOcclusion ao : {AmbientOcclusion::none, AmbientOcclusion::pose}) {
+        ShadedTraining training(ao, 1);
+        training.model.set_light(training.rig, std::make_shared<LearnedLight<cpu::Serial>>(
+                                                   training.backend, even_light(2, 3, {0, 0.8, 0}, 3)));
+        for (int i = 0; i < 3; ++i) training.trainer.step(0.9);
+        const AvatarData saved = training.avatar();
+        const auto path = temporary("lit.gsh");
+        save_avatar(path, saved);
+        const AvatarData data = load_avatar(path);
+        REQUIRE(data.light);
+        CHECK(data.light->points == saved.light->points);
+        CHECK(data.light->directions == saved.light->directions);
+        CHECK(data.light->log_intensities == saved.light->log_intensities);
+        CHECK(data.light->gloss == saved.light->gloss);
+        CHECK(data.light->shadows);
+        CHECK(data.mean_irradiance == saved.mean_irradiance);
+        CHECK(data.mean_irradiance.size() == training.model.size());
+        CHECK(data.occlusion_field.has_value() == (ao == AmbientOcclusion::pose));
+
+        Avatar<cpu::Serial> avatar(training.backend, data);
+        cpu::Threads threads(3);
+        const Avatar<cpu::Threads> threaded(threads, data);
+        Motion motion = training.scene.motion;
+        test::Rng rng(4);
+        for (int i = 0; i < 2; ++i) {
+            if (i) motion.pose = rng.vecs(8, -0.9, 0.9);
+            const auto expected = splats_of(training.backend, training.model, motion);
+            CHECK(splats_of(training.backend, avatar, motion) == expected);
+            CHECK(splats_of(threads, threaded, motion) == expected);
+        }
+        // Another light, and back.
+        const auto before = splats_of(training.backend, avatar, motion);
+        LightData other = *data.light;
+        for (double& number : other.log_intensities) number += 1;
+        avatar.set_light(other);
+        CHECK(splats_of(training.backend, avatar, motion) != before);
+        avatar.set_light(even_light(0, 5, {0, 0, 0}, 1));
+        avatar.set_light(*data.light);
+        CHECK(splats_of(training.backend, avatar, motion) == before);
+        CHECK_THROWS_AS(avatar.set_light({}), ValueError);
+        std::filesystem::remove(path);
+    }
+    cpu::Serial backend;
+    Avatar<cpu::Serial> unlit(backend, small_avatar());
+    CHECK_FALSE(unlit.is_lit());
+    CHECK_THROWS_AS(unlit.set_light(even_light(1, 1, {0, 0, 0}, 1)), ValueError);
+    AvatarData bad = small_avatar();
+    bad.light = even_light(1, 1, {0, 0, 0}, 1), bad.light->log_intensities.pop_back();
+    CHECK_THROWS_AS(save_avatar(temporary("bad.gsh"), bad), ShapeError);
+    bad = small_avatar(), bad.mean_irradiance = {1};
+    CHECK_THROWS_AS(save_avatar(temporary("bad.gsh"), bad), ShapeError);
 }
 
 TEST_CASE("shadows that know only the time are a mean in the file, and none before they are learned") {
