@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/image/color.hpp>
@@ -121,26 +122,26 @@ inline Eigen::VectorXd fit_intensities(const LightSamples& samples, const Eigen:
     return x;
 }
 
-/// The mean of the people's roots that are within `reach` of the median: somebody who waits elsewhere for a while does
-/// not move it.
-[[nodiscard]] inline vec3<double> middle_of_people(Span<const LitPerson> people,
-                                                   const std::vector<std::size_t>& frames, double reach) {
-    std::vector<vec3<double>> roots;
+/// The mean of the people's roots in `frames`, each where a photograph of its frame shows it: somebody who waits outside
+/// of the cameras' view does not move it. If no photograph shows a root, the mean of all.
+[[nodiscard]] inline vec3<double> middle_of_people(Span<const LitPerson> people, Span<const Photo> photos,
+                                                   const std::vector<std::size_t>& frames) {
+    std::vector<vec3<double>> all, shown;
     for (const std::size_t frame : frames)
-        for (const LitPerson& person : people)
-            roots.push_back(person.motion->transl[frame] + person.rig->joints[0]);
-    vec3<double> median(0), sum(0);
-    if (roots.empty()) return median;
-    for (int axis = 0; axis < 3; ++axis) {
-        std::vector<double> places;
-        for (const vec3<double>& root : roots) places.push_back(root[axis]);
-        const auto half = places.begin() + static_cast<std::ptrdiff_t>(places.size() / 2);
-        std::nth_element(places.begin(), half, places.end());
-        median[axis] = *half;
-    }
-    std::erase_if(roots, [&](const vec3<double>& root) { return !(length(root - median) < reach); });
+        for (const LitPerson& person : people) {
+            const vec3<double>& root = all.emplace_back(person.motion->transl[frame] + person.rig->joints[0]);
+            if (std::any_of(photos.begin(), photos.end(), [&](const Photo& photo) {
+                    const vec3<double> local = to_camera(photo.camera, root);
+                    if (photo.frame != frame || !(local.z > 0)) return false;
+                    const vec2<double> pixel = to_pixel(photo.camera, local);
+                    return pixel.x > 0 && pixel.y > 0 && pixel.x < photo.camera.width && pixel.y < photo.camera.height;
+                }))
+                shown.push_back(root);
+        }
+    const std::vector<vec3<double>>& roots = shown.empty() ? all : shown;
+    vec3<double> sum(0);
     for (const vec3<double>& root : roots) sum += root * (1 / static_cast<double>(roots.size()));
-    return roots.empty() ? median : sum;
+    return sum;
 }
 
 /// The places of the strongest points: the strongest candidate, moved to the centre of the light within half a radian
@@ -199,8 +200,7 @@ template <Backend B>
         for (std::size_t k = 0; k < params.frames; ++k) some.push_back(frames[k * frames.size() / params.frames]);
         frames = std::move(some);
     }
-    const double reach = 2 * params.distance; // of people who count as present
-    const vec3<double> center = detail::middle_of_people(people, frames, reach);
+    const vec3<double> center = detail::middle_of_people(people, photos, frames);
     const std::vector<vec3<double>> around = even_directions(params.candidates);
     LightData candidates{.points = {},
                          .directions = even_directions(params.directions),
@@ -210,7 +210,7 @@ template <Backend B>
     for (const vec3<double>& direction : around) candidates.points.push_back(center + direction * params.distance);
 
     LightEstimate estimate;
-    detail::PosedPeople<B> posed(backend, people, params.vertices, params.seed, center, reach);
+    detail::PosedPeople<B> posed(backend, people, params.vertices, params.seed, center, 2 * params.distance);
     detail::LightSamples samples = detail::read_samples(posed, photos, frames, candidates, params.photos_per_frame);
     check_value(!samples.colors.empty(), where,
                 "no mesh vertex is seen within the mask of any photograph; check cameras, poses and masks");
