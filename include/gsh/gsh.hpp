@@ -72,6 +72,7 @@
 #include <gsh/optim/schedule.hpp>
 
 #include <gsh/light/coarse_caster.hpp>
+#include <gsh/light/environment.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/light/lit_element.hpp>
 #include <gsh/light/lit_splats.hpp>
