@@ -4,6 +4,8 @@
 #include "support/framing.hpp"
 #include "support/input_files.hpp"
 #include "support/interrupts.hpp"
+#include "support/light_command.hpp"
+#include "support/light_option.hpp"
 #include "support/messages.hpp"
 #include "support/output_folder.hpp"
 #include "support/program.hpp"
@@ -37,6 +39,7 @@ struct AnimateOptions {
     std::string camera_name;
     int size = 540;
     bool upright = false, as_stored = false; ///< at most one of them is set
+    LightOption light;
     std::array<double, 3> background{1, 1, 1};
     std::size_t threads = 0;
 };
@@ -82,7 +85,7 @@ std::size_t frames_from(const std::filesystem::path& folder, std::size_t first) 
 int animate(const AnimateOptions& options) {
     // Estimated poses match the given camera as they are. With the framing camera, bodies are turned upright.
     const bool upright = options.upright || (options.camera.empty() && !options.as_stored);
-    const ShownPeople people(options.avatars, options.poses, upright);
+    const ShownPeople people(options.avatars, options.poses, options.light, upright);
     const std::size_t frames = people.frame_count();
     for (std::size_t p = 0; p < people.motions.size(); ++p)
         if (people.motions[p].frame_count() > frames)
@@ -133,6 +136,7 @@ int main(int argc, char** argv) {
     app.add_flag("--as-stored", options.as_stored, "keep the world of each motion as it is (default with --camera)")
         ->excludes(upright);
     app.add_option("--out", options.out, "folder for the frames")->required();
+    add_light(app, options.light);
     add_background(app, options.background, "white");
     add_threads(app, options.threads);
     return run_program(app, argc, argv, [&] { return animate(options); });

@@ -2,6 +2,8 @@
 /// @file  gsh-render: renders one picture of a 3DGS scene (.ply), or of avatars (.gsh) in one frame of their motions.
 
 #include "support/input_files.hpp"
+#include "support/light_command.hpp"
+#include "support/light_option.hpp"
 #include "support/messages.hpp"
 #include "support/program.hpp"
 #include "support/renderer.hpp"
@@ -32,6 +34,7 @@ struct RenderOptions {
     std::filesystem::path camera, out, npy;
     std::string camera_name;
     std::size_t frame = 0;
+    LightOption light;
     std::array<double, 3> background{0, 0, 0};
     std::size_t threads = 0;
 };
@@ -58,7 +61,7 @@ bool is_empty(const Image<float>& picture, const vec3<float>& background) {
 /// Loads the avatars and their motions.
 /// Errors  ValueError if a motion does not have the frame that is requested; else those of the files.
 ShownPeople people_of(const RenderOptions& options) {
-    ShownPeople people(options.scenes, options.poses);
+    ShownPeople people(options.scenes, options.poses, options.light);
     for (std::size_t p = 0; p < people.motions.size(); ++p)
         check_value(options.frame < people.motions[p].frame_count(), "--frame " + std::to_string(options.frame),
                     options.poses.empty() ? "needs --poses"
@@ -75,6 +78,8 @@ int render(const RenderOptions& options) {
                     "is not an avatar (.gsh); only avatars can be drawn together");
     check_value(avatars || (options.poses.empty() && options.frame == 0), options.scenes[0].string(),
                 "--poses and --frame need avatars (.gsh)");
+    check_value(avatars || options.light.is_default(), options.scenes[0].string(),
+                "--light, --light-turn and --exposure need avatars (.gsh)");
     const auto kind = options.out.extension();
     check_value(kind.empty() || kind == ".png", "--out " + options.out.string(), "is a PNG file; name it .png");
     const Camera<double> camera = camera_of_file(options.camera, options.camera_name).camera;
@@ -115,6 +120,7 @@ int main(int argc, char** argv) {
     app.add_option("--camera-name", options.camera_name, "name of the entry, if the file has several cameras");
     app.add_option("--out", options.out, "IMAGE.png")->required();
     app.add_option("--npy", options.npy, "IMAGE.npy: the same picture as floats (height, width, 3), not rounded");
+    add_light(app, options.light);
     add_background(app, options.background, "black");
     add_threads(app, options.threads);
     return run_program(app, argc, argv, [&] { return render(options); });

@@ -5,8 +5,10 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
+#include <gsh/light/shadow_map.hpp>
 
 #include <utility>
+#include <vector>
 
 namespace gsh::examples {
 
@@ -32,12 +34,23 @@ Image<float> Renderer::render(const std::vector<Pose>& people, const Camera<doub
     for (const Pose& person : people) count += person.avatar->size();
     splats_.resize(count);
     avatar_caches_.resize(people.size());
-    std::size_t first = 0;
+    poses_.resize(people.size());
+    std::vector<std::pair<std::size_t, ShadowCaster<float>>> casters; // with the person
     for (std::size_t p = 0; p < people.size(); ++p) {
         const auto& [avatar, motion, frame] = people[p];
-        avatar->rig().upload_pose(*motion, frame, pose_);
-        avatar->pose(pose_, view.center(), splats_.view().subview(first, avatar->size()), avatar_caches_[p]);
-        first += avatar->size();
+        avatar->rig().upload_pose(*motion, frame, poses_[p]);
+        // Posing later computes the same vertices in the same memory, so that the caster stays valid.
+        if (people.size() > 1 && avatar->is_lit())
+            casters.emplace_back(p, avatar->caster(poses_[p], avatar_caches_[p]));
+    }
+    std::size_t first = 0;
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        const Avatar<Backend>& avatar = *people[p].avatar;
+        std::vector<ShadowCaster<float>> others;
+        for (const auto& [person, caster] : casters)
+            if (person != p) others.push_back(caster);
+        avatar.pose(poses_[p], view.center(), splats_.view().subview(first, avatar.size()), avatar_caches_[p], others);
+        first += avatar.size();
     }
     return draw(view, background);
 }

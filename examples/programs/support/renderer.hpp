@@ -36,7 +36,7 @@ public:
     explicit Renderer(Backend& backend, const PixelFilter& filter = {});
     ~Renderer();
 
-    /// Renders avatars in one scene; a person in front hides the others.
+    /// Renders avatars in one scene; a person in front hides the others. Lit avatars cast shadows on each other.
     Image<float> render(const std::vector<Pose>& people, const Camera<double>& camera, const vec3<float>& background);
 
     /// Renders a static 3DGS scene.
@@ -47,7 +47,7 @@ private:
 
     Backend* backend_;
     Rasterizer<Backend> rasterizer_;
-    RigPose<Backend, float> pose_;
+    std::vector<RigPose<Backend, float>> poses_;        // one per person
     Splats<Backend, float> splats_;
     std::vector<Avatar<Backend>::Cache> avatar_caches_; // one per person
     Rasterizer<Backend>::Cache raster_cache_;

@@ -13,7 +13,8 @@
 namespace gsh::examples {
 
 ShownPeople::ShownPeople(const std::vector<std::filesystem::path>& avatars,
-                         const std::vector<std::filesystem::path>& poses, bool upright) {
+                         const std::vector<std::filesystem::path>& poses, const LightOption& light,
+                         bool upright) {
     check_value(poses.empty() || poses.size() == avatars.size(), "--poses",
                 "has " + std::to_string(poses.size()) + " motions for " + std::to_string(avatars.size()) +
                     " avatars; give one for each, in the same order");
@@ -24,6 +25,7 @@ ShownPeople::ShownPeople(const std::vector<std::filesystem::path>& avatars,
         const RigData& rig = data[p].rig;
         motions.push_back(poses.empty() ? rest_motion(rig) : motion_of_file(poses[p], rig.body, warnings, upright));
     }
+    relight(data, avatars, light);
     for (const std::string& warning : warnings) warn(warning);
 }
 

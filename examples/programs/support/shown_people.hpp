@@ -2,6 +2,7 @@
 /// @file  Avatars and their motions, read from files, for gsh-animate and gsh-render.
 #pragma once
 
+#include "support/light_option.hpp"
 #include "support/renderer.hpp"
 
 #include <gsh/avatar/avatar.hpp>
@@ -22,9 +23,9 @@ struct ShownPeople {
 
     /// Takes one file or folder of poses per avatar, in the same order. Without poses, all are in the canonical pose.
     /// `upright` rotates the world of each motion so that the body stands along +y.
-    /// Errors  ValueError if the numbers of avatars and motions differ; else those of the files.
+    /// Errors  ValueError if the numbers of avatars and motions differ; those of relight; else those of the files.
     ShownPeople(const std::vector<std::filesystem::path>& avatars, const std::vector<std::filesystem::path>& poses,
-                bool upright = false);
+                const LightOption& light = {}, bool upright = false);
 
     /// The length of the shortest motion.
     [[nodiscard]] std::size_t frame_count() const;

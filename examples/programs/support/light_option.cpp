@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/light_option.hpp"
+
+#include <gsh/avatar/avatar.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/io/image/environment_file.hpp>
+#include <gsh/light/environment.hpp>
+#include <gsh/light/light.hpp>
+
+#include <cstddef>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+namespace gsh::examples {
+
+namespace {
+
+/// The light that replaces the avatars' own, if one does.
+std::optional<LightData> replacement(const LightOption& option) {
+    if (option.light == "estimated") return std::nullopt;
+    if (option.light == "even") return even_light(0, EnvironmentParams().directions, {0, 0, 0}, 1);
+    const Image<float> image = read_environment(option.light);
+    return environment_light(image.view(), {.turn = option.turn * std::numbers::pi / 180});
+}
+
+} // namespace
+
+void relight(std::vector<AvatarData>& avatars, const std::vector<std::filesystem::path>& files,
+             const LightOption& option) {
+    check_value(option.turn == 0 || (option.light != "estimated" && option.light != "even"), "--light-turn",
+                "needs the light of an image, --light FILE");
+    if (option.is_default()) return;
+    for (std::size_t p = 0; p < avatars.size(); ++p)
+        check_value(avatars[p].light.has_value(), files[p].string(),
+                    "was trained without a light, so that its colours contain that of the capture and --light and "
+                    "--exposure cannot change it; train it with gsh-reconstruct --config light");
+    const std::optional<LightData> other = replacement(option);
+    for (AvatarData& avatar : avatars) {
+        LightData& light = *avatar.light;
+        if (other) {
+            std::vector<double> gloss = std::move(light.gloss);
+            light = *other;
+            light.gloss = std::move(gloss);
+        }
+        for (double& intensity : light.log_intensities) intensity += option.exposure * std::numbers::ln2;
+    }
+}
+
+} // namespace gsh::examples
