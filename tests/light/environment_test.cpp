@@ -51,7 +51,7 @@ double summed(const Image<float>& image, const vec3<double>& normal) {
 }
 
 /// Irradiance at the origin from the lights.
-double lit(const LightData& light, const vec3<double>& normal) {
+double lit_from(const LightData& light, const vec3<double>& normal) {
     double sum = 0;
     for (std::size_t k = 0; k < light.size(); ++k) {
         const bool point = k < light.points.size();
@@ -69,11 +69,11 @@ double largest_error(const Image<float>& image, const LightData& light) {
     std::vector<double> expected;
     for (const vec3<double>& n : normals) {
         expected.push_back(summed(image, n)), mean += expected.back() / 100;
-        mean_lit += lit(light, n) / 100;
+        mean_lit += lit_from(light, n) / 100;
     }
     CHECK(mean_lit == doctest::Approx(1).epsilon(0.01)); // of even_light
     for (std::size_t i = 0; i < normals.size(); ++i)
-        worst = std::max(worst, std::abs(lit(light, normals[i]) - expected[i] / mean));
+        worst = std::max(worst, std::abs(lit_from(light, normals[i]) - expected[i] / mean));
     return worst;
 }
 
@@ -156,7 +156,8 @@ TEST_CASE("an environment turns about the vertical, and its unit has no meaning"
     for (int y = 0; y < 64; ++y)
         for (int x = 0; x < 128; ++x) moved.at(0, y, x) = image.at(0, y, (x + 32) % 128);
     const auto same = environment_light(moved.view());
-    for (const vec3<double>& n : even_directions(20)) CHECK(lit(light, n) == doctest::Approx(lit(same, n)).epsilon(0.03));
+    for (const vec3<double>& n : even_directions(20))
+        CHECK(lit_from(light, n) == doctest::Approx(lit_from(same, n)).epsilon(0.03));
     for (float& value : brighter.data) value *= 8;
     CHECK(environment_light(brighter.view()).log_intensities[0] ==
           doctest::Approx(environment_light(image.view()).log_intensities[0]));
