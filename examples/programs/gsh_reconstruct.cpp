@@ -59,7 +59,8 @@ int reconstruct(const ReconstructOptions& options) {
     std::printf("%zu Gaussians, %zu training and %zu test images, %zu threads\n", reconstruction.gaussian_count(),
                 reconstruction.trainer.photos().size(), reconstruction.test_photos.size(), backend.thread_count());
     if (const auto& light = reconstruction.light_estimate)
-        std::printf("light from %zu colours of the mesh: a colour per vertex explains them to %.1f dB, with light to %.1f dB\n",
+        std::printf("light from %zu colours of the mesh: a colour per vertex explains them to %.1f dB, with light "
+                    "to %.1f dB\n",
                     light->samples, light->psnr_even, light->psnr);
     std::fflush(stdout);
 

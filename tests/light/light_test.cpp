@@ -18,7 +18,10 @@ TEST_CASE("even directions are unit vectors that are spread over the sphere and 
         const std::vector<vec3<double>> directions = even_directions(count);
         REQUIRE(directions.size() == count);
         vec3<double> sum(0);
-        for (const auto& d : directions) CHECK(length(d) == doctest::Approx(1)), sum += d;
+        for (const auto& d : directions) {
+            CHECK(length(d) == doctest::Approx(1));
+            sum += d;
+        }
         if (count >= 12) CHECK(length(sum) < 0.1 * static_cast<double>(count));
         double nearest = 2;
         for (std::size_t i = 0; i < count; ++i)

@@ -499,10 +499,11 @@ struct LitGaussianElement {
         LitGaussian::Gradient<T> gradient;
         vec3<T> dL_dpoints[3] = {vec3<T>(T(0)), vec3<T>(T(0)), vec3<T>(T(0))};
         T dL_dlog_intensities[5] = {T(0), T(0), T(0), T(0), T(0)}, dL_dgloss[2] = {T(0), T(0)};
-        LitGaussian::color_backward(gaussian.base, shading, dL_dcolor, gradient.base, dL_dshading);
+        LitGaussian::color_backward(gaussian.base, shading, dL_dcolor, ColorClamp::both, gradient.base, dL_dshading);
         LitGaussian::shading_backward(light, gaussian, visible, shading, dL_dshading, gradient,
                                       LitLightSums<T>{dL_dpoints, dL_dlog_intensities, dL_dgloss});
-        out.put(shading.irradiance), out.put(shading.specular), out.put(LitGaussian::color(gaussian.base, shading));
+        out.put(shading.irradiance), out.put(shading.specular);
+        out.put(LitGaussian::color(gaussian.base, shading, ColorClamp::both));
         out.put(gradient.mean), out.put(gradient.base), out.put(gradient.normal), out.put(gradient.center);
         out.put(dL_dpoints), out.put(dL_dgloss[0]), out.put(dL_dgloss[1]);
         for (const T value : dL_dlog_intensities) out.put(value);
