@@ -58,7 +58,7 @@ inline void light_cloud(GaussianCloud<float>& cloud, ColorClamp clamping, Span<c
             float dlit_dlinear = 0, dlit_dbase = 0;
             linear_to_srgb_backward(linear, 1.0f, dlit_dlinear);
             srgb_to_linear_backward(base, dlit_dlinear * irradiance[i], dlit_dbase);
-            lit[c] = linear_to_srgb(linear), slope[c] = dlit_dbase;
+            lit[c] = clamp_color(linear_to_srgb(linear), clamping), slope[c] = dlit_dbase;
         }
         sh[0] = sh_of_color(lit);
         for (std::size_t k = 1; k < basis; ++k) sh[k] = sh[k] * slope;
