@@ -107,7 +107,7 @@ TEST_CASE("SurfaceLight is its parts, and its adjoint their gradient with visibi
     for (const bool shadows : {true, false}) {
         CAPTURE(shadows);
         LitTube<double> tube;
-        const auto light = tube.shade(backend, {.shadows = shadows});
+        const auto light = tube.shade(backend, {.shadows = shadows, .clamping = ColorClamp::below});
         SurfaceLight<cpu::Serial, double>::Cache cache;
         const auto colors = lit_colors(tube, light, cache);
         const std::vector<double> visibility(cache.visibility.begin(), cache.visibility.end());
