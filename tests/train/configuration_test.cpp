@@ -246,7 +246,7 @@ TEST_CASE("a file names where it starts from and what differs") {
     const std::string file = (folder / "mine.json").string();
     refused(R"({"configuration": 3})", (file + ": there is no configuration '3'").c_str());
     refused(R"({"configuration": "x"})", (file + ": there is no configuration 'x', expected one of paper").c_str());
-    refused(R"({"configuration": "x"})", "pose-ao, static");
+    refused(R"({"configuration": "x"})", "pose-ao, light, static");
     refused(R"({"configuration": "static"})", (file + ": static is no person's").c_str());
     refused(R"({"rate.sh": -1})", (file + ": rate.sh is '-1', expected a number of at least 0").c_str());
     refused(R"({"ao.start": 2})", (file + ": ao.start is '2'").c_str());
