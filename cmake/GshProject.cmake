@@ -13,7 +13,8 @@ if(GSH_WERROR)
 endif()
 set(gsh_joined_warnings) # for translation units of several joined files
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU") # GCC warns after inlining, and a large unit does not inline throwing checks
-  set(gsh_joined_warnings -Wno-error=array-bounds -Wno-error=restrict -Wno-error=stringop-overflow)
+  set(gsh_joined_warnings -Wno-error=array-bounds -Wno-error=restrict -Wno-error=stringop-overflow
+      -Wno-error=maybe-uninitialized)
 else() # Clang: a local name may shadow one in the unnamed namespace of another joined file
   set(gsh_joined_warnings -Wno-error=shadow)
 endif()
