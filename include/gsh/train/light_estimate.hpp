@@ -16,10 +16,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -50,12 +52,13 @@ namespace detail {
 
 /// Minimises xᵀ A x / 2 - bᵀ x over x >= 0 by descent along one coordinate at a time. A is symmetric and positive
 /// definite; x is the start.
-inline void solve_nonnegative(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, Eigen::VectorXd& x) {
-    Eigen::VectorXd gradient = A * x - b;
+template <std::floating_point T>
+void solve_nonnegative(const Eigen::MatrixX<T>& A, const Eigen::VectorX<T>& b, Eigen::VectorX<T>& x) {
+    Eigen::VectorX<T> gradient = A * x - b;
     for (int sweep = 0; sweep < 500; ++sweep) {
-        double moved = 0;
+        T moved = 0;
         for (Eigen::Index k = 0; k < x.size(); ++k) {
-            const double next = std::max(0.0, x[k] - gradient[k] / A(k, k)), change = next - x[k];
+            const T next = std::max(T(0), x[k] - gradient[k] / A(k, k)), change = next - x[k];
             if (change == 0) continue;
             gradient += change * A.col(k);
             x[k] = next;
@@ -66,16 +69,18 @@ inline void solve_nonnegative(const Eigen::MatrixXd& A, const Eigen::VectorXd& b
 }
 
 /// Albedos and intensities in turns, each by weighted least squares. Returns the intensities; the mean irradiance of
-/// all colours is 1. psnr receives the fit's.
-inline Eigen::VectorXd fit_intensities(const LightSamples& samples, const Eigen::MatrixXf& G, int rounds,
-                                       double& psnr) {
+/// all colours is 1. psnr receives the fit's. T is the type of the sums; a template, so that Eigen's products are
+/// compiled only where a light is estimated.
+template <std::floating_point T>
+[[nodiscard]] Eigen::VectorX<T> fit_intensities(const LightSamples& samples, const Eigen::MatrixXf& G, int rounds,
+                                                T& psnr) {
     const Eigen::Index lights = G.rows();
-    Eigen::VectorXd x = Eigen::VectorXd::Ones(lights);
+    Eigen::VectorX<T> x = Eigen::VectorX<T>::Ones(lights);
     std::vector<vec3<double>> albedo(samples.vertices), numerator(samples.vertices);
     std::vector<double> denominator(samples.vertices);
     Eigen::VectorXf E;
     for (int round = 0;; ++round) {
-        E = G.transpose() * x.cast<float>();
+        E = G.transpose() * x.template cast<float>();
         double mean = 0;
         for (const auto& color : samples.colors) mean += E[color.row];
         mean /= static_cast<double>(samples.colors.size());
@@ -98,17 +103,17 @@ inline Eigen::VectorXd fit_intensities(const LightSamples& samples, const Eigen:
             alpha[color.row] += static_cast<float>(color.weight * dot(a, a));
             beta[color.row] += static_cast<float>(color.weight * dot(a, vec3<double>(color.linear)));
         }
-        Eigen::MatrixXd A = Eigen::MatrixXd::Zero(lights, lights);
+        Eigen::MatrixX<T> A = Eigen::MatrixX<T>::Zero(lights, lights);
         constexpr std::size_t block = 4096; // sums of blocks in float, then in double
         for (std::size_t first = 0; first < rows; first += block) {
             const auto begin = static_cast<Eigen::Index>(first);
             const auto count = static_cast<Eigen::Index>(std::min(block, rows - first));
             const Eigen::MatrixXf scaled =
                 G.middleCols(begin, count) * alpha.segment(begin, count).cwiseSqrt().asDiagonal();
-            A += (scaled * scaled.transpose()).cast<double>();
+            A += (scaled * scaled.transpose()).template cast<T>();
         }
         A.diagonal().array() += 1e-6 * A.diagonal().mean() + 1e-12;
-        solve_nonnegative(A, (G * beta).cast<double>(), x);
+        solve_nonnegative<T>(A, (G * beta).template cast<T>(), x);
         if (!(x.maxCoeff() > 0)) x.setOnes();
     }
     double squared = 0;
@@ -228,7 +233,7 @@ template <Backend B>
     G = samples.irradiances(light);
     const Eigen::VectorXd fitted = detail::fit_intensities(samples, G, params.rounds, estimate.psnr);
     estimate.samples = samples.colors.size();
-    detail::fit_intensities(samples, Eigen::MatrixXf::Ones(1, G.cols()), 0, estimate.psnr_even);
+    std::ignore = detail::fit_intensities(samples, Eigen::MatrixXf::Ones(1, G.cols()), 0, estimate.psnr_even);
 
     // An intensity of zero has no logarithm: the least is a thousandth of the mean irradiance. The strongest point
     // comes first, for it is the unit of a LearnedLight.
