@@ -38,8 +38,8 @@ struct CastMember {
     return person == 0 ? std::string() : "person" + std::to_string(person) + "/";
 }
 
-/// Metres between the roots of two people, beyond which they do not cast shadows on each other. Somebody who waits far
-/// outside of the cameras' view would otherwise stretch the maps of everybody's shadows.
+/// Metres between the roots of two people, beyond which they do not cast shadows on each other. A depth map covers all
+/// casters, so a person far outside of the cameras' view would otherwise make its texels too large.
 inline constexpr double shadow_reach = 4;
 
 /// People in the frames of their motions. They share only photographs and frames. Each has a model, a motion, and

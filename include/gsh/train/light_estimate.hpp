@@ -127,8 +127,8 @@ template <std::floating_point T>
     return x;
 }
 
-/// The mean of the people's roots in `frames`, each where a photograph of its frame shows it: somebody who waits
-/// outside of the cameras' view does not move it. If no photograph shows a root, the mean of all.
+/// The mean of the people's roots in `frames`, over the roots that a photograph of their frame shows. A person outside of
+/// the cameras' view therefore does not move it. If no photograph shows a root, it is the mean of all.
 [[nodiscard]] inline vec3<double> middle_of_people(Span<const LitPerson> people, Span<const Photo> photos,
                                                    const std::vector<std::size_t>& frames) {
     std::vector<vec3<double>> all, shown;

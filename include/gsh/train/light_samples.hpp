@@ -69,7 +69,7 @@ template <Backend B>
 class PosedPeople {
 public:
     /// At most `most_vertices` of each person are sampled, chosen by `seed`. People farther than `reach` from `center`
-    /// in a frame cast no shadow there: somebody who waits far outside of the cameras' view would stretch all maps.
+    /// in a frame cast no shadow there, because a depth map covers all casters and its texels would become too large.
     PosedPeople(B& backend, Span<const LitPerson> people, std::size_t most_vertices, std::uint64_t seed,
                 const vec3<double>& center, double reach)
         : center_(center), reach_(reach), backend_(&backend), people_(people), maps_(backend), casters_(people.size()) {

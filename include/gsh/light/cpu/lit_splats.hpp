@@ -77,7 +77,7 @@ private:
                                      row[2][k] * corner[2].weight;
                 }
             }
-            for (std::size_t k = 0; k < count; k += few) { // beyond count, numbers without a meaning that nobody reads
+            for (std::size_t k = 0; k < count; k += few) { // numbers beyond count are not used
                 Few mixed[few];
                 for (std::size_t j = 0; j < few; ++j) std::memcpy(mixed + j, rows[j] + k, sizeof(Few));
                 transpose(mixed);
