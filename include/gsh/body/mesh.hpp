@@ -10,9 +10,20 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace gsh {
+
+/// Faces as unsigned indices, for upload to a backend. No index may be negative.
+[[nodiscard]] inline std::vector<vec3<std::uint32_t>> triangle_indices(Span<const std::array<int, 3>> faces) {
+    std::vector<vec3<std::uint32_t>> triangles;
+    triangles.reserve(faces.size());
+    for (const auto& face : faces)
+        triangles.push_back({static_cast<std::uint32_t>(face[0]), static_cast<std::uint32_t>(face[1]),
+                             static_cast<std::uint32_t>(face[2])});
+    return triangles;
+}
 
 /// Unit normals [V], the area-weighted mean over the triangles at each vertex. They point outward if triangles are
 /// counter-clockwise seen from outside. A vertex without triangles, or with degenerate ones only, has normal zero.

@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/memory.hpp>
 #include <gsh/body/body_model.hpp>
+#include <gsh/body/mesh.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
@@ -281,18 +282,14 @@ private:
     }
 
     void group_by_vertex(const std::vector<std::array<int, 3>>& faces) {
-        std::vector<vec3<std::uint32_t>> triangles;
         std::vector<std::uint32_t> starts(vertex_count_ + 1, 0), corners(3 * faces.size());
-        for (const auto& face : faces) {
-            triangles.push_back({static_cast<std::uint32_t>(face[0]), static_cast<std::uint32_t>(face[1]),
-                                 static_cast<std::uint32_t>(face[2])});
+        for (const auto& face : faces)
             for (const int v : face) ++starts[static_cast<std::size_t>(v) + 1];
-        }
         for (std::size_t v = 0; v < vertex_count_; ++v) starts[v + 1] += starts[v];
         std::vector<std::uint32_t> next(starts.begin(), starts.end() - 1);
         for (std::size_t n = 0; n < corners.size(); ++n)
             corners[next[static_cast<std::size_t>(faces[n / 3][n % 3])]++] = static_cast<std::uint32_t>(n);
-        bring(triangles, triangles_), bring(starts, corner_starts_), bring(corners, corners_);
+        bring(triangle_indices(faces), triangles_), bring(starts, corner_starts_), bring(corners, corners_);
     }
 
     void check_inputs(std::string_view where, Span<const Affine<T>> bones, Span<const vec3<T>> offsets) const {

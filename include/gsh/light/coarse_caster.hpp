@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/memory.hpp>
 #include <gsh/body/coarse_mesh.hpp>
+#include <gsh/body/mesh.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
@@ -55,10 +56,7 @@ public:
                  double spacing = default_caster_spacing)
         : backend_(&backend), vertex_count_(rest.size()) {
         const CoarseMesh mesh = coarse_mesh(rest, faces, spacing);
-        std::vector<vec3<std::uint32_t>> triangles;
-        for (const auto& f : mesh.faces)
-            triangles.push_back({static_cast<std::uint32_t>(f[0]), static_cast<std::uint32_t>(f[1]),
-                                 static_cast<std::uint32_t>(f[2])});
+        const std::vector<vec3<std::uint32_t>> triangles = triangle_indices(mesh.faces);
         picked_.resize(mesh.picked.size()), triangles_.resize(triangles.size());
         backend.upload(Span<const std::uint32_t>(mesh.picked), picked_);
         backend.upload(Span<const vec3<std::uint32_t>>(triangles), triangles_);

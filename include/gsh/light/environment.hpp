@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/light/light.hpp>
+#include <gsh/math/nonnegative.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -243,14 +244,10 @@ inline void fit_irradiance(const EnvironmentCells& cells, std::vector<Environmen
     }
     // The start counts a little: lights that are close to each other share as their regions do.
     for (std::size_t k = 0; k < K; ++k) A[k * K + k] *= 1.01;
-    for (int sweep = 0; sweep < 500; ++sweep)
-        for (std::size_t k = 0; k < K; ++k) {
-            const double next = std::max(0.0, lights[k].intensity - gradient[k] / A[k * K + k]);
-            const double change = next - lights[k].intensity;
-            if (change == 0) continue;
-            lights[k].intensity = next;
-            for (std::size_t j = 0; j < K; ++j) gradient[j] += change * A[j * K + k];
-        }
+    std::vector<double> intensities;
+    for (const EnvironmentLight& light : lights) intensities.push_back(light.intensity);
+    descend_nonnegative<double>(A, gradient, intensities);
+    for (std::size_t k = 0; k < K; ++k) lights[k].intensity = intensities[k];
 }
 
 } // namespace detail

@@ -86,13 +86,15 @@ public:
     void forward(Span<const Affine<T>> bones, Span<const vec3<T>> offsets, const LightView<const T>& light,
                  Span<const ShadowCaster<T>> others, Span<const vec3<T>> means, const vec3<T>& center,
                  Span<vec3<T>> colors, Cache& cache) const {
-        std::vector<ShadowCaster<T>> casters{caster(bones, offsets, cache)};
-        casters.insert(casters.end(), others.begin(), others.end());
+        surface_.forward(bones, offsets, cache.surface);
         cache.visibility.resize(surface_.vertex_count() * light.size());
-        if (shadows_)
+        if (shadows_) {
+            std::vector<ShadowCaster<T>> casters{caster_.forward(cache.surface.vertices, cache.caster)};
+            casters.insert(casters.end(), others.begin(), others.end());
             maps_.forward(casters, light, cache.surface.vertices, cache.surface.normals, cache.visibility, cache.maps);
-        else
+        } else {
             backend_->fill(Span<T>(cache.visibility), T(1));
+        }
         cache.base.resize(colors.size());
         backend_->copy(Span<const vec3<T>>(colors), Span<vec3<T>>(cache.base));
         lit_.forward(input(light, means, center, cache), colors, cache.lit);

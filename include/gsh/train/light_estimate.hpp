@@ -8,6 +8,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/light/light.hpp>
+#include <gsh/math/nonnegative.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/train/light_samples.hpp>
@@ -49,24 +50,6 @@ struct LightEstimate {
 };
 
 namespace detail {
-
-/// Minimises xᵀ A x / 2 - bᵀ x over x >= 0 by descent along one coordinate at a time. A is symmetric and positive
-/// definite; x is the start.
-template <std::floating_point T>
-void solve_nonnegative(const Eigen::MatrixX<T>& A, const Eigen::VectorX<T>& b, Eigen::VectorX<T>& x) {
-    Eigen::VectorX<T> gradient = A * x - b;
-    for (int sweep = 0; sweep < 500; ++sweep) {
-        T moved = 0;
-        for (Eigen::Index k = 0; k < x.size(); ++k) {
-            const T next = std::max(T(0), x[k] - gradient[k] / A(k, k)), change = next - x[k];
-            if (change == 0) continue;
-            gradient += change * A.col(k);
-            x[k] = next;
-            moved = std::max(moved, std::abs(change));
-        }
-        if (moved <= 1e-9 * x.maxCoeff()) break;
-    }
-}
 
 /// Albedos and intensities in turns, each by weighted least squares. Returns the intensities; the mean irradiance of
 /// all colours is 1. psnr receives the fit's. T is the type of the sums; a template, so that Eigen's products are
@@ -113,7 +96,10 @@ template <std::floating_point T>
             A += (scaled * scaled.transpose()).template cast<T>();
         }
         A.diagonal().array() += 1e-6 * A.diagonal().mean() + 1e-12;
-        solve_nonnegative<T>(A, (G * beta).template cast<T>(), x);
+        Eigen::VectorX<T> gradient = A * x - (G * beta).template cast<T>();
+        descend_nonnegative<T>({A.data(), static_cast<std::size_t>(A.size())},
+                               {gradient.data(), static_cast<std::size_t>(gradient.size())},
+                               {x.data(), static_cast<std::size_t>(x.size())});
         if (!(x.maxCoeff() > 0)) x.setOnes();
     }
     double squared = 0;
@@ -127,8 +113,8 @@ template <std::floating_point T>
     return x;
 }
 
-/// The mean of the people's roots in `frames`, over the roots that a photograph of their frame shows. A person outside of
-/// the cameras' view therefore does not move it. If no photograph shows a root, it is the mean of all.
+/// The mean of the people's roots in `frames`, over the roots that a photograph of their frame shows. A person outside
+/// of the cameras' view therefore does not move it. If no photograph shows a root, it is the mean of all.
 [[nodiscard]] inline vec3<double> middle_of_people(Span<const LitPerson> people, Span<const Photo> photos,
                                                    const std::vector<std::size_t>& frames) {
     std::vector<vec3<double>> all, shown;

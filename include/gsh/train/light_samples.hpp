@@ -80,10 +80,7 @@ public:
                 shuffled_indices(static_cast<std::uint32_t>(body.vertex_count()), mix_bits(seed + p));
             order.resize(std::min<std::size_t>(order.size(), most_vertices));
             chosen_.push_back(std::move(order));
-            std::vector<vec3<std::uint32_t>> triangles;
-            for (const auto& face : body.faces)
-                triangles.push_back({static_cast<std::uint32_t>(face[0]), static_cast<std::uint32_t>(face[1]),
-                                     static_cast<std::uint32_t>(face[2])});
+            const std::vector<vec3<std::uint32_t>> triangles = triangle_indices(body.faces);
             casters_[p].triangles.resize(triangles.size());
             backend.upload(Span<const vec3<std::uint32_t>>(triangles), casters_[p].triangles);
         }
