@@ -75,6 +75,7 @@
 #include <gsh/light/coarse_caster.hpp>
 #include <gsh/light/environment.hpp>
 #include <gsh/light/light.hpp>
+#include <gsh/light/light_buffers.hpp>
 #include <gsh/light/lit_element.hpp>
 #include <gsh/light/lit_splats.hpp>
 #include <gsh/light/shadow_map.hpp>
@@ -104,6 +105,7 @@
 
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/deformation.hpp>
+#include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/poser.hpp>
 #include <gsh/avatar/rig.hpp>

@@ -61,6 +61,9 @@ TEST_CASE("a body stands up, whichever axis it stood along") {
                                                           rotation_from_axis_angle(vec3<double>(0.1, 0.5, 0)));
         Motion stood = motion;
         CHECK(stand_upright(body, stood));
+        REQUIRE(upright_rotation(motion));
+        CHECK(length((*upright_rotation(motion) * rotation_from_axis_angle(turn))[1] - vec3<double>(0, 1, 0)) < 1e-6);
+        CHECK(upright_rotation(stood) == mat3<double>(1.0));
         for (std::size_t t = 0; t < 4; ++t) CHECK(rotation_from_axis_angle(stood.pose[5 * t])[1].y > 0.99);
         // A rigid motion keeps the distances between frames.
         const double before = length(test::posed_points(body, motion, 0)[3] - test::posed_points(body, motion, 2)[1]);
@@ -70,6 +73,7 @@ TEST_CASE("a body stands up, whichever axis it stood along") {
     Motion lying = some_motion(body, 2);
     lying.pose[0] = {1, 0, 0}, lying.pose[5] = {-2.2, 0, 0};
     const Motion copy = lying;
+    CHECK(!upright_rotation(lying));
     CHECK(!stand_upright(body, lying));
     CHECK(lying.pose == copy.pose);
     Motion none;

@@ -2,6 +2,8 @@
 #include "support/light_option.hpp"
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/light_place.hpp>
+#include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/image/environment_file.hpp>
@@ -28,22 +30,27 @@ std::optional<LightData> replacement(const LightOption& option) {
 } // namespace
 
 void relight(std::vector<AvatarData>& avatars, const std::vector<std::filesystem::path>& files,
-             const LightOption& option) {
+             const std::vector<Motion>& motions, const LightOption& option) {
     check_value(option.turn == 0 || (option.light != "estimated" && option.light != "even"), "--light-turn",
                 "needs the light of an image, --light FILE");
-    if (option.is_default()) return;
     for (std::size_t p = 0; p < avatars.size(); ++p)
-        check_value(avatars[p].light.has_value(), files[p].string(),
+        check_value(avatars[p].light.has_value() || option.is_default(), files[p].string(),
                     "was trained without a light, so that its colours contain that of the capture and --light and "
                     "--exposure cannot change it; train it with gsh-reconstruct --config light");
     const std::optional<LightData> other = replacement(option);
-    for (AvatarData& avatar : avatars) {
+    for (std::size_t p = 0; p < avatars.size(); ++p) {
+        AvatarData& avatar = avatars[p];
+        if (!avatar.light) continue;
         LightData& light = *avatar.light;
+        MotionPlace from = avatar.light_place;
+        const MotionPlace to = place_of(motions[p], avatar.rig.joints[0]);
         if (other) {
             std::vector<double> gloss = std::move(light.gloss);
             light = *other;
             light.gloss = std::move(gloss);
+            from = {mat3<double>(1.0), to.low, to.high};
         }
+        light = light_at(std::move(light), from, to);
         for (double& intensity : light.log_intensities) intensity += option.exposure * std::numbers::ln2;
     }
 }

@@ -8,6 +8,7 @@
 
 namespace gsh {
 struct AvatarData;
+struct Motion;
 } // namespace gsh
 
 namespace gsh::examples {
@@ -20,10 +21,12 @@ struct LightOption {
     [[nodiscard]] bool is_default() const { return light == "estimated" && exposure == 0 && turn == 0; }
 };
 
-/// Puts avatars, which were read from the given files, in the light of an option. The numbers of their gloss stay.
+/// Puts avatars, which were read from the given files and are shown in the given motions, in the light of an option.
+/// The light of a capture follows a motion to another world frame or place (light_at). The light of an image comes from
+/// above where a motion's body stands up. The numbers of the gloss stay.
 /// Errors  ValueError for an avatar that was trained without a light, unless the option is the default; those of
 ///         read_environment.
 void relight(std::vector<AvatarData>& avatars, const std::vector<std::filesystem::path>& files,
-             const LightOption& option);
+             const std::vector<Motion>& motions, const LightOption& option);
 
 } // namespace gsh::examples

@@ -25,7 +25,7 @@ ShownPeople::ShownPeople(const std::vector<std::filesystem::path>& avatars,
         const RigData& rig = data[p].rig;
         motions.push_back(poses.empty() ? rest_motion(rig) : motion_of_file(poses[p], rig.body, warnings, upright));
     }
-    relight(data, avatars, light);
+    relight(data, avatars, motions, light);
     for (const std::string& warning : warnings) warn(warning);
 }
 

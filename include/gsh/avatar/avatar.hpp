@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>
+#include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/poser.hpp>
 #include <gsh/avatar/rig.hpp>
@@ -14,6 +15,7 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/light/light.hpp>
+#include <gsh/light/light_buffers.hpp>
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -39,6 +41,8 @@ struct AvatarData {
     std::optional<OcclusionFieldData> occlusion_field = {};
     /// The light of the capture. Colours are then those of the surface, without light.
     std::optional<LightData> light = {};
+    /// Where the light was estimated. light_at brings it to another motion.
+    MotionPlace light_place = {};
     /// [N] irradiance, mean over training, for formats without light; or empty for 1.
     std::vector<float> mean_irradiance = {};
 };
@@ -139,23 +143,13 @@ public:
     }
 
     /// Whether a light shades the avatar. Only an avatar that was made with a light can be given another.
-    [[nodiscard]] bool is_lit() const { return log_intensities_.size() != 0; }
+    [[nodiscard]] bool is_lit() const { return !light_.empty(); }
     /// Puts the avatar in another light. Whether there are shadows stays as it is.
     /// Errors  ValueError for an avatar that was made without a light, and those of check_light.
     void set_light(const LightData& light) {
         check_value(poser_.has_light(), "Avatar::set_light",
                     "the avatar was made without a light; its colours contain the light of its photographs");
-        check_light("Avatar::set_light", light);
-        const auto bring = [&]<class U>(std::vector<U> host, Buffer<U>& to) {
-            to.resize(host.size());
-            backend_->upload(Span<const U>(host), to);
-        };
-        const auto vectors = [](const std::vector<vec3<double>>& from) {
-            return std::vector<vec3<T>>(from.begin(), from.end());
-        };
-        const auto numbers = [](const std::vector<double>& from) { return std::vector<T>(from.begin(), from.end()); };
-        bring(vectors(light.points), light_points_), bring(vectors(light.directions), light_directions_);
-        bring(numbers(light.log_intensities), log_intensities_), bring(numbers(light.gloss), light_gloss_);
+        light_.upload(*backend_, light);
     }
 
     [[nodiscard]] std::size_t size() const { return gaussians_.size(); }
@@ -214,11 +208,7 @@ private:
     }
 
     [[nodiscard]] PoserLight<T> in_light(Span<const ShadowCaster<T>> others = {}) const {
-        return {{.points = light_points_,
-                 .directions = light_directions_,
-                 .log_intensities = log_intensities_,
-                 .gloss = light_gloss_},
-                others};
+        return {light_.view(), others};
     }
 
     B* backend_;
@@ -226,8 +216,7 @@ private:
     Gaussians<B, T> gaussians_;
     Buffer<vec3<T>> joints_;
     Buffer<T> ao_; // [N] or empty
-    Buffer<vec3<T>> light_points_, light_directions_; // empty without a light
-    Buffer<T> log_intensities_, light_gloss_;
+    LightBuffers<B, T> light_; // empty without a light
     std::optional<OcclusionField<B, T>> occlusion_field_;
 };
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/gaussians.hpp>
@@ -129,10 +130,13 @@ template <class Scene>
                       .deformation = model.params().deformation};
     scene.backend().download(model.joints(), Span<vec3<float>>(joints));
     for (std::size_t j = 0; j < joints.size(); ++j) rig.joints[j] = vec3<double>(joints[j]);
+    if (model.light()) {
+        avatar.light = model.light()->data();
+        avatar.light_place = place_of(scene.motion(person), rig.joints[0], frames);
+    }
     avatar.rig = std::move(rig);
     avatar.ao = mean_ao(scene, frames, person);
     if (!avatar.ao.empty()) avatar.occlusion_field = baked_field(model.shadow());
-    if (model.light()) avatar.light = model.light()->data();
     avatar.mean_irradiance = mean_irradiance(scene, frames, person);
     return avatar;
 }

@@ -84,6 +84,8 @@ public:
     [[nodiscard]] View part(std::size_t person, const View& scene) const {
         return scene.subview(at(person).first_splat, at(person).model->size());
     }
+    /// A person's poses as they were before any refinement.
+    [[nodiscard]] const Motion& motion(std::size_t person = 0) const { return *at(person).motion; }
     /// A person's present pose at a frame. The reference is valid until the next call for the same person.
     [[nodiscard]] const RigPose<B, T>& pose(std::size_t frame, std::size_t person = 0) {
         Person& of = at(person);

@@ -13,6 +13,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/light/light.hpp>
+#include <gsh/light/light_buffers.hpp>
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/pipeline/photo.hpp>
@@ -115,20 +116,13 @@ public:
 
     /// [samples, lights] on the host.
     [[nodiscard]] std::vector<float> visibility(const LightData& light) {
-        std::vector<vec3<float>> points(light.points.begin(), light.points.end()),
-            directions(light.directions.begin(), light.directions.end());
-        std::vector<float> intensities(light.size(), 0);
-        points_.resize(points.size()), directions_.resize(directions.size()), intensities_.resize(light.size());
-        backend_->upload(Span<const vec3<float>>(points), points_);
-        backend_->upload(Span<const vec3<float>>(directions), directions_);
-        backend_->upload(Span<const float>(intensities), intensities_);
+        light_.upload(*backend_, light);
         std::vector<ShadowCaster<float>> casters;
         for (const Caster& caster : casters_)
             if (caster.present) casters.push_back({caster.vertices, caster.triangles});
         visibility_.resize(positions_.size() * light.size());
         if (!light.shadows) return std::vector<float>(visibility_.size(), 1.0f);
-        maps_.forward(casters, {.points = points_, .directions = directions_, .log_intensities = intensities_},
-                      receivers_, receiver_normals_, visibility_, cache_);
+        maps_.forward(casters, light_.view(), receivers_, receiver_normals_, visibility_, cache_);
         std::vector<float> result(visibility_.size());
         backend_->download(Span<const float>(visibility_), Span<float>(result));
         return result;
@@ -157,8 +151,9 @@ private:
     std::vector<Caster> casters_;
     std::vector<std::vector<std::uint32_t>> chosen_; // vertices of each person
     std::vector<vec3<float>> positions_, normals_;   // of the samples, on the host
-    Buffer<vec3<float>> receivers_, receiver_normals_, points_, directions_;
-    Buffer<float> intensities_, visibility_;
+    LightBuffers<B, float> light_;
+    Buffer<vec3<float>> receivers_, receiver_normals_;
+    Buffer<float> visibility_;
 };
 
 /// The colour of a photograph at a pixel position, bilinear in linear light. False near the mask's edge, where the

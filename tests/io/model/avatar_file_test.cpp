@@ -213,6 +213,9 @@ TEST_CASE("a light comes back from a file and shades a new motion as in training
         CHECK(data.light->log_intensities == saved.light->log_intensities);
         CHECK(data.light->gloss == saved.light->gloss);
         CHECK(data.light->shadows);
+        CHECK(data.light_place.low == saved.light_place.low);
+        CHECK(data.light_place.high == saved.light_place.high);
+        CHECK(data.light_place.upright == saved.light_place.upright);
         CHECK(data.mean_irradiance == saved.mean_irradiance);
         CHECK(data.mean_irradiance.size() == training.model.size());
         CHECK(data.occlusion_field.has_value() == (ao == AmbientOcclusion::pose));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/core/error.hpp>
@@ -11,6 +12,7 @@
 #include <gsh/io/file/archive.hpp>
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -49,12 +51,18 @@ inline OcclusionFieldData read_occlusion_field(const ArchiveReader& file) {
             .largest = file.read_number<double>("occlusion_largest")};
 }
 
-inline void add_light(ArchiveWriter& file, const LightData& light) {
+inline void add_light(ArchiveWriter& file, const LightData& light, const MotionPlace& place) {
     file.add_rows<double>("light_points", light.points);
     file.add_rows<double>("light_directions", light.directions);
     file.add("light_log_intensities", light.log_intensities);
     file.add("light_gloss", light.gloss);
     file.add("light_shadows", std::int32_t(light.shadows));
+    file.add_rows<double>("light_place", std::vector<vec3<double>>{place.low, place.high});
+    if (!place.upright) return;
+    const mat3<double>& A = *place.upright; // in rows
+    file.add_rows<double>("light_upright", std::vector<vec3<double>>{{A[0].x, A[1].x, A[2].x},
+                                                                     {A[0].y, A[1].y, A[2].y},
+                                                                     {A[0].z, A[1].z, A[2].z}});
 }
 
 inline LightData read_light(const ArchiveReader& file) {
@@ -65,6 +73,26 @@ inline LightData read_light(const ArchiveReader& file) {
                     .shadows = file.read_number<std::int32_t>("light_shadows") != 0};
     check_light(file.file().path().string(), light);
     return light;
+}
+
+inline MotionPlace read_light_place(const ArchiveReader& file) {
+    const std::string where = file.file().path().string();
+    const auto rows = [&](const char* name, std::size_t count) {
+        const auto values = file.read_rows<double, vec3<double>>(name);
+        check_size(where, name, values.size(), count, "rows of three numbers");
+        check_finite<double>(where, name, view_as<const double>(Span<const vec3<double>>(values)));
+        return values;
+    };
+    const auto box = rows("light_place", 2);
+    MotionPlace place{.low = box[0], .high = box[1]};
+    if (!file.has("light_upright")) return place;
+    const auto A = rows("light_upright", 3);
+    place.upright = transpose(mat3<double>(A[0], A[1], A[2]));
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            check_value(std::abs(dot(A[static_cast<std::size_t>(i)], A[static_cast<std::size_t>(j)]) - (i == j)) < 1e-6,
+                        where, "light_upright is not a rotation");
+    return place;
 }
 
 } // namespace detail
@@ -100,7 +128,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     file.add("deformation", std::int32_t(avatar.deformation));
     file.add("ao", avatar.ao);
     if (avatar.occlusion_field) detail::add_occlusion_field(file, *avatar.occlusion_field);
-    if (avatar.light) detail::add_light(file, *avatar.light);
+    if (avatar.light) detail::add_light(file, *avatar.light, avatar.light_place);
     if (!avatar.mean_irradiance.empty()) file.add("mean_irradiance", avatar.mean_irradiance);
     file.commit();
 }
@@ -133,7 +161,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
 
     avatar.ao = file.read<float>("ao").data;
     if (file.has("occlusion_neurons")) avatar.occlusion_field = detail::read_occlusion_field(file);
-    if (file.has("light_points")) avatar.light = detail::read_light(file);
+    if (file.has("light_points")) avatar.light = detail::read_light(file), avatar.light_place = detail::read_light_place(file);
     if (file.has("mean_irradiance")) avatar.mean_irradiance = file.read<float>("mean_irradiance").data;
     const auto deformation = file.read_number<std::int32_t>("deformation");
 
