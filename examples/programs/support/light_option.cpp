@@ -48,7 +48,8 @@ void relight(std::vector<AvatarData>& avatars, const std::vector<std::filesystem
             std::vector<double> gloss = std::move(light.gloss);
             light = *other;
             light.gloss = std::move(gloss);
-            from = {mat3<double>(1.0), to.low, to.high};
+            const mat3<double> upright = to.upright.value_or(mat3<double>(1.0));
+            from = {mat3<double>(1.0), upright * to.low, upright * to.high}; // y is up, and the place is the motion's
         }
         light = light_at(std::move(light), from, to);
         for (double& intensity : light.log_intensities) intensity += option.exposure * std::numbers::ln2;
