@@ -9,6 +9,7 @@
 #include "support/closed_mesh.hpp"
 
 #include <algorithm>
+#include <numbers>
 #include <set>
 
 using namespace gsh;
@@ -239,7 +240,7 @@ TEST_CASE("the zero pose is the template; jaw, finger and knee move what they sh
 }
 
 TEST_CASE("motions loop, stay on the floor, and move what they promise") {
-    for (const auto kind : {ActorMotion::talk, ActorMotion::stride}) {
+    for (const auto kind : {ActorMotion::talk, ActorMotion::stride, ActorMotion::reach}) {
         const Motion motion = actor_motion(kind, 12);
         CHECK(motion.frame_count() == 12);
         CHECK(motion.timestamps[11] == doctest::Approx(1.1));
@@ -265,6 +266,14 @@ TEST_CASE("motions loop, stay on the floor, and move what they promise") {
             for (const auto& p : test::posed_vertices(default_actor(), motion, t)) lowest = std::min(lowest, p.y);
             CHECK(std::abs(lowest - ActorOutfit::sole_y) < 0.03);
         }
+    }
+    const Motion reach = actor_motion(ActorMotion::reach, 24);
+    for (const int joint : {int(smplx::left_elbow), int(smplx::left_elbow) + 1, int(smplx::left_knee),
+                            int(smplx::left_knee) + 1}) {
+        double bend = 0;
+        for (std::size_t t = 0; t < 24; ++t)
+            bend = std::max(bend, length(reach.pose_at(t)[static_cast<std::size_t>(joint)]));
+        CHECK(bend == doctest::Approx(120 * std::numbers::pi / 180).epsilon(0.01));
     }
     CHECK_THROWS_AS((void)actor_motion(ActorMotion::talk, 0), ValueError);
     CHECK_THROWS_AS((void)actor_motion(ActorMotion::talk, 3, 0), ValueError);

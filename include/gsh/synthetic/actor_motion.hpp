@@ -14,8 +14,9 @@
 namespace gsh {
 
 /// talk: moves both arms, each finger, jaw, face, head, torso and knees; the feet stay. Suitable for a capture. stride:
-/// steps on the spot with high arm swings. Its poses differ from talk's, so it suits animating the result.
-enum class ActorMotion { talk, stride };
+/// steps on the spot with high arm swings. Its poses differ from talk's, so it suits animating the result. reach: lifts
+/// each arm above the head in turn, and bends elbows and knees to 120 degrees, farther than talk.
+enum class ActorMotion { talk, stride, reach };
 
 namespace detail {
 
@@ -103,6 +104,30 @@ inline vec3<double> stride(ActorPose pose, double a) {
     return {0.06 * wave(1.6), -sink, 0};
 }
 
+inline vec3<double> reach(ActorPose pose, double a) {
+    const auto wave = [a](double shift, double times = 1) { return std::sin(times * a + shift); };
+    constexpr double half = std::numbers::pi; // the other side is half a loop later
+    constexpr double far_bend = 120 * std::numbers::pi / 180;
+    pose.at(smplx::pelvis) = {0, 0.30 * wave(0.7), 0};
+    const auto leg = [&](int side, double shift) {
+        const double lift = std::max(0.0, wave(shift));
+        return pose.leg(side, 0.10 + 1.20 * lift, 0.15 + (far_bend - 0.15) * lift);
+    };
+    const double sink = std::min(leg(0, 0), leg(1, half));
+    for (const int joint : {smplx::spine1, smplx::spine2, smplx::spine3}) pose.at(joint) = {0.02, 0.08 * wave(0.7), 0};
+    pose.at(smplx::head) = {0.10 * wave(0.5), 0.35 * wave(1.1), 0.05 * wave(2.0)};
+    pose.both(smplx::left_collar, {0, 0, 0.10 + 0.10 * wave(0.4)}, {0, 0, 0.10 + 0.10 * wave(0.4 + half)});
+    pose.both(smplx::left_shoulder, {0.1 * wave(1), -0.30, 0.30 + 1.00 * wave(0.4)},
+              {0.1 * wave(2), -0.30, 0.30 + 1.00 * wave(0.4 + half)});
+    const auto elbow = [&](double shift) { return -far_bend * (0.5 + 0.5 * wave(shift)); };
+    pose.both(smplx::left_elbow, {0, elbow(1.9), 0}, {0, elbow(1.9 + half), 0});
+    for (int finger = 0; finger < 5; ++finger)
+        pose.curl(finger, 0.4 + 0.3 * wave(0.5 * finger), 0.4 - 0.3 * wave(0.5 * finger));
+    pose.at(smplx::jaw) = {0.10 + 0.08 * wave(0.3), 0, 0};
+    pose.expression(0) = 0.5 + 0.4 * wave(1.3);
+    return {0.04 * wave(0.2), -sink, 0};
+}
+
 } // namespace detail
 
 /// One loop of a motion in `frames` even steps; a frame after the last would equal the first.
@@ -123,7 +148,9 @@ inline vec3<double> stride(ActorPose pose, double a) {
         const double time = static_cast<double>(t), phase = 2 * std::numbers::pi * time / frames;
         detail::ActorPose pose({&motion.pose[t * motion.joint_count], motion.joint_count},
                                {&motion.expression[t * motion.expression_count], motion.expression_count});
-        motion.transl.push_back(kind == ActorMotion::talk ? detail::talk(pose, phase) : detail::stride(pose, phase));
+        motion.transl.push_back(kind == ActorMotion::talk     ? detail::talk(pose, phase)
+                                : kind == ActorMotion::stride ? detail::stride(pose, phase)
+                                                              : detail::reach(pose, phase));
         motion.timestamps.push_back(time / fps);
     }
     return motion;

@@ -27,6 +27,21 @@ struct StudioLight {
     vec3<float> floor{0.13f, 0.11f, 0.09f};
 };
 
+/// A small lamp and a dark room: shadows have sharp edges.
+[[nodiscard]] inline StudioLight hard_light() {
+    return {.radius = 0.05f,
+            .lamp = {1.25f, 1.19f, 1.08f},
+            .sky = {0.12f, 0.13f, 0.15f},
+            .floor = {0.06f, 0.05f, 0.04f}};
+}
+/// A large lamp and a bright sky: shadows have no edges.
+[[nodiscard]] inline StudioLight soft_light() {
+    return {.radius = 1.2f,
+            .lamp = {0.42f, 0.40f, 0.36f},
+            .sky = {0.62f, 0.69f, 0.80f},
+            .floor = {0.30f, 0.26f, 0.21f}};
+}
+
 /// Points in [0, 1)² that cover the square evenly for successive `index`, shifted by `key`: Roberts' R2 sequence.
 [[nodiscard]] inline std::array<float, 2> even_sample(std::uint64_t key, std::uint64_t index) {
     const auto wrap = [](double x) { return static_cast<float>(std::min(x - std::floor(x), 0.999999)); };
