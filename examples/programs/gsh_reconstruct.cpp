@@ -8,7 +8,6 @@
 
 #include "support/evaluation_tables.hpp"
 #include "support/figures.hpp"
-#include "support/input_files.hpp"
 #include "support/judgement.hpp"
 #include "support/output_folder.hpp"
 #include "support/program.hpp"
@@ -47,10 +46,11 @@ int reconstruct_scene(cpu::Threads& backend, const ReconstructOptions& options) 
 
 int reconstruct(const ReconstructOptions& options) {
     cpu::Threads backend(options.threads);
-    if (is_scene_configuration(options.config)) return reconstruct_scene(backend, options);
-    const Source source = load_source(backend, options);
+    if (is_scene(options)) return reconstruct_scene(backend, options);
+    Source source = load_source(backend, options);
+    const Configuration configuration = configuration_for(options, source);
     if (!options.lpips.empty()) check_lpips(options.lpips);
-    Reconstruction reconstruction(backend, source, configuration_of(options), options);
+    Reconstruction reconstruction(backend, source, configuration, options);
     TrainingRecord record;
     if (options.resume) load_checkpoint(options, reconstruction, record);
     OutputFolder out(options.out);

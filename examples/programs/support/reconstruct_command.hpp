@@ -5,7 +5,11 @@
 #include "support/program.hpp"
 #include "support/reconstruct_options.hpp"
 
+#include <gsh/train/configuration.hpp>
+
 #include <CLI/CLI.hpp>
+
+#include <string>
 
 namespace gsh::examples {
 
@@ -52,7 +56,8 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--checkpoint-interval", o.checkpoint_interval, "seconds between checkpoints (default 5)")
         ->check(above_zero());
     app.add_option("--config", o.config,
-                   "configuration by name, or a JSON file of settings (default paper); static: one frame, no body");
+                   "configuration by name, or a JSON file of settings (default " + std::string(default_configuration) +
+                       "); static: one frame, no body");
     app.add_option("--set", o.set, "change a setting of the configuration, key=value; may be repeated");
     app.add_flag("--refine", o.refine,
                  "refine the poses during training; test poses are fitted to the test images, as the protocol states");

@@ -4,6 +4,7 @@
 #include "support/input_files.hpp"
 
 #include <gsh/core/error.hpp>
+#include <gsh/train/configuration.hpp>
 #include <gsh/train/static_configuration.hpp>
 
 #include <charconv>
@@ -55,7 +56,7 @@ void check_options(ReconstructOptions& o) {
     const auto expect = [](bool condition, const char* message) {
         if (!condition) throw ValueError(message);
     };
-    const bool scene = is_scene_configuration(o.config); // has neither body nor poses
+    const bool scene = is_scene(o); // has neither body nor poses
     expect(o.synthetic || (!o.capture.empty() && (scene || has_body(o))),
            "needs --capture and --body, or --synthetic alone");
     for (const auto& [given, option] : {std::pair(o.synthetic, "--synthetic: it needs a capture"),
@@ -87,16 +88,19 @@ void check_options(ReconstructOptions& o) {
     complete_poses(o);
 }
 
+bool is_scene(const ReconstructOptions& o) { return o.config && is_scene_configuration(*o.config); }
+
 Configuration configuration_of(const ReconstructOptions& o) {
-    Configuration configuration = configuration_called(o.config, "--config");
+    const std::string name = o.config.value_or(std::string(default_configuration));
+    Configuration configuration = configuration_called(name, "--config");
     set_all(configuration, o.set);
-    check_settings(configuration, o.set.empty() ? o.config : "--set");
+    check_settings(configuration, o.set.empty() ? name : "--set");
     configuration.name += set_words(o);
     return configuration;
 }
 
 StaticConfig scene_configuration_of(const ReconstructOptions& o) {
-    StaticConfig config = scene_configuration_called(o.config, static_cast<std::int64_t>(o.steps));
+    StaticConfig config = scene_configuration_called(o.config.value(), static_cast<std::int64_t>(o.steps));
     set_all(config, o.set);
     config.density.max_gaussians = o.gaussians;
     return config;

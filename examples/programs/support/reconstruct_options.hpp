@@ -29,7 +29,7 @@ struct ReconstructOptions : PeopleOptions {
     std::filesystem::path out;
     bool synthetic = false;
     bool resume = false;
-    std::string config = "paper";  ///< name or JSON file
+    std::optional<std::string> config; ///< name or JSON file; without one, default_configuration
     std::vector<std::string> set;  ///< key=value, applied to the configuration
     bool refine = false;           ///< refine poses in training, fit test poses
     bool refine_cameras = false;   ///< refine cameras, too
@@ -58,7 +58,10 @@ std::string poses_text(const PeopleOptions& o);
 /// Errors  ValueError for options that exclude each other or have no effect.
 void check_options(ReconstructOptions& o);
 
-/// The configuration of --config with the settings of --set.
+/// True for the configuration of a static scene.
+bool is_scene(const ReconstructOptions& o);
+
+/// The configuration of --config, or the default one, with the settings of --set.
 Configuration configuration_of(const ReconstructOptions& o);
 
 /// The same for the configuration of a static scene.

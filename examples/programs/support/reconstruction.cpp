@@ -96,11 +96,15 @@ void Reconstruction::light_people(Backend& backend) {
     const AvatarConfig& config = configuration.avatar;
     std::vector<LitPerson> lit;
     for (const Person& person : people) lit.push_back({&person.setup.rig, &person.setup.motion});
-    light_estimate = estimate_light(backend, Span<const LitPerson>(lit), Span<const Photo>(trainer.photos()),
-                                    {.points = static_cast<std::size_t>(config.light_points),
-                                     .directions = static_cast<std::size_t>(config.light_directions),
-                                     .distance = config.light_distance,
-                                     .shadows = config.light_shadows});
+    try {
+        light_estimate = estimate_light(backend, Span<const LitPerson>(lit), Span<const Photo>(trainer.photos()),
+                                        {.points = static_cast<std::size_t>(config.light_points),
+                                         .directions = static_cast<std::size_t>(config.light_directions),
+                                         .distance = config.light_distance,
+                                         .shadows = config.light_shadows});
+    } catch (const ValueError& error) {
+        throw ValueError(std::string(error.what()) + "; --config paper trains without a light");
+    }
     const auto light = std::make_shared<LearnedLight<Backend>>(
         backend, light_estimate->light,
         LightRates{config.rates.light_points, config.rates.light_intensities, config.rates.light_gloss});

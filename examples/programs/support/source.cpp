@@ -11,6 +11,7 @@
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
+#include <gsh/train/configuration.hpp>
 
 #include <algorithm>
 #include <cstdint>
@@ -82,6 +83,21 @@ Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
         source.priors_checksum = priors_checksum(o.priors);
     }
     return source;
+}
+
+Configuration configuration_for(const ReconstructOptions& o, Source& source) {
+    const Configuration usual = configuration_of(o);
+    const bool meshes = std::none_of(source.people.begin(), source.people.end(), [&](const CapturePerson& person) {
+        return source.bodies[person.body].faces.empty();
+    });
+    if (meshes || o.config || !usual.avatar.light) return usual;
+    ReconstructOptions other = o;
+    other.config = "paper";
+    const Configuration fallback = configuration_of(other);
+    if (fallback.avatar.light) return usual; // --set requests light; the estimate of the light refuses the body
+    source.warnings.push_back(o.capture.string() + ": its body has no triangles for light to fall on, so the " +
+                              "configuration is paper instead of " + std::string(default_configuration));
+    return fallback;
 }
 
 std::vector<Photo> test_photos_of(const Capture& capture) {

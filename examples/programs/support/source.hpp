@@ -42,6 +42,10 @@ Source load_people(cpu::Threads& backend, const PeopleOptions& o, const CaptureO
 /// The same with regions and estimated priors; or films the built-in actor.
 Source load_source(cpu::Threads& backend, const ReconstructOptions& o);
 
+/// The configuration of a run on a source. Light falls on triangles: if a person's body has none, and neither --config
+/// nor --set requests light, it is `paper` instead of the default, and the source has a warning that states this.
+Configuration configuration_for(const ReconstructOptions& o, Source& source);
+
 /// The test photographs. They are checked here, so that errors are reported before training.
 /// Errors  ValueError for a photograph that is smaller than the SSIM window, or whose mask nowhere exceeds 1/2; for a
 ///         held-out span without a photograph.

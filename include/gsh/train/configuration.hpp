@@ -70,6 +70,9 @@ inline constexpr std::array<std::string_view, 13> configuration_names{
     "no-multiscale", "coarse-only", "no-depth",   "no-normals", "smpl-init",  "pose-ao",
     "light"};
 
+/// The configuration of a run for which none is chosen.
+inline constexpr std::string_view default_configuration = "light";
+
 namespace detail {
 
 template <>

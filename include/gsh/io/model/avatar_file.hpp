@@ -21,7 +21,7 @@
 
 namespace gsh {
 
-inline constexpr int avatar_file_version = 3;
+inline constexpr int avatar_file_version = 4;
 
 namespace detail {
 

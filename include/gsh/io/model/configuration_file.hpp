@@ -52,14 +52,15 @@ struct SettingsFile {
 
 } // namespace detail
 
-/// Reads {"configuration": "paper", "rate.sh": 0.001, "hash_sh": false, …}. All members are optional.
+/// Reads {"configuration": "paper", "rate.sh": 0.001, "hash_sh": false, …}. All members are optional; without
+/// "configuration", the file changes default_configuration.
 ///
 /// Errors  IoError for a file that is not a flat JSON object; ValueError, naming the file, for an unknown configuration
 ///         or setting, or an invalid value.
 [[nodiscard]] inline Configuration read_configuration(const std::filesystem::path& path) {
     const detail::SettingsFile file(path);
-    Configuration configuration =
-        detail::configuration_of_person(file.configuration.empty() ? "paper" : file.configuration, file.path);
+    Configuration configuration = detail::configuration_of_person(
+        file.configuration.empty() ? std::string(default_configuration) : file.configuration, file.path);
     file.set(configuration);
     if (!file.settings.empty()) configuration.name = path.stem().string();
     return configuration;
