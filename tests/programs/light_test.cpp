@@ -8,8 +8,10 @@
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <initializer_list>
@@ -46,8 +48,8 @@ struct LitActor {
 
     LitActor() {
         const test::SmallCapture& s = test::studio();
-        check_done(run(s.reconstruct(folder / "lit", {"--config", "light", "--steps", "30"})));
-        check_done(run(s.reconstruct(folder / "unlit", {"--steps", "2"})));
+        check_done(run(s.reconstruct(folder / "lit", {"--steps", "30"})));
+        check_done(run(s.reconstruct(folder / "unlit", {"--config", "paper", "--steps", "2"})));
         write_png(left, patch_environment(-90));
         write_png(right, patch_environment(90));
     }
@@ -182,4 +184,21 @@ TEST_CASE("a light that cannot be used is refused in a line") {
     refuse(s.lit, {"--light", (s.folder / "black.png").string()}, {"black.png", "black"});
     write_file(s.folder / "text.hdr", "no image");
     refuse(s.lit, {"--light", (s.folder / "text.hdr").string()}, {"text.hdr", "Radiance HDR"});
+}
+
+TEST_CASE("without a pixel to read the light from, the way out is named") {
+    const test::SmallCapture& s = test::studio();
+    const test::Temporary folder;
+    Capture faint = s.capture; // masks that are nowhere full
+    for (PixelImage& image : faint.images)
+        for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = std::min<std::uint8_t>(image.data[i], 254);
+    save_capture(folder / "capture", faint);
+    const auto reconstruct = [&](std::vector<std::string> more) {
+        more.insert(more.end(), {"--steps", "1"});
+        return run(s.reconstruct(folder / "out", more, folder / "capture"));
+    };
+    check_refused(reconstruct({}), "gsh-reconstruct", {"no vertex of a mesh is seen", "alpha 255", "--config paper"});
+    CHECK(!fs::exists(folder / "out"));
+    check_done(reconstruct({"--config", "paper"}));
+    CHECK(!load_avatar(folder / "out/avatar.gsh").light.has_value());
 }

@@ -71,7 +71,7 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     CHECK(metrics.at("images")[1].at("name") == "test00_0001");
     CHECK(metrics.at("images")[1].at("psnr").is_number());
     CHECK(metrics.at("ms_per_stage").at("render") > 0.0);
-    CHECK(metrics.at("configuration").get<std::string>().starts_with("paper"));
+    CHECK(metrics.at("configuration").get<std::string>().starts_with(default_configuration));
     for (const char* region : {"face", "hands", "body"}) {
         CHECK(metrics.at("psnr_regions").contains(region)); // null if images of 64 pixels show too little of it
         CHECK(metrics.at("images")[0].at("psnr_regions").contains(region));
@@ -81,6 +81,8 @@ TEST_CASE("a reconstruction leaves all that was promised") {
 
     const AvatarData avatar = load_avatar(s.out / "avatar.gsh");
     CHECK(avatar.gaussians.size() == 1500);
+    CHECK(avatar.light.has_value());
+    CHECK(avatar.ao.empty());
     const GaussianCloud<float> cloud = read_gaussian_ply(s.out / "avatar.ply");
     CHECK(cloud.size() == 1500);
     CHECK(cloud.sh_degree == 3);
@@ -99,14 +101,14 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     CHECK(test::files_below(s.out) == 7);
 }
 
-TEST_CASE("who asks for nothing gets the paper's configuration") {
+TEST_CASE("who asks for nothing gets the default configuration") {
     const Reconstructed& s = reconstructed();
     const OutFolder out;
     check_done(run({"gsh-reconstruct", "--capture", s.path.string(), "--body", s.body_file.string(), "--out",
                     out.path.string(), "--gaussians", "1500", "--steps", "1"}));
     const auto metrics = json_of(out.path / "metrics.json");
-    CHECK(metrics.at("configuration") == "paper");
-    const auto settings = settings_of(named_configuration("paper"));
+    CHECK(metrics.at("configuration") == std::string(default_configuration));
+    const auto settings = settings_of(named_configuration(default_configuration));
     CHECK(metrics.at("settings").size() == settings.size());
     for (const auto& [key, value] : settings) CHECK(metrics.at("settings").at(key) == value);
 }
@@ -131,6 +133,15 @@ TEST_CASE("the same seed gives the same avatar on any number of threads, another
     CHECK(same_file(two.path / "test/test00_0001.png", s.out / "test/test00_0001.png"));
     check_done(run(s.reconstruct(other.path, {"--steps", "4", "--seed", "7"})));
     CHECK(!same_file(other.path / "avatar.ply", s.out / "avatar.ply"));
+
+    const OutFolder paper_one, paper_two; // shadows over time
+    check_done(run(s.reconstruct(paper_one.path, {"--config", "paper", "--steps", "12", "--threads", "1"})));
+    check_done(run(s.reconstruct(paper_two.path, {"--config", "paper", "--steps", "12", "--threads", "2"})));
+    CHECK(same_file(paper_one.path / "avatar.gsh", paper_two.path / "avatar.gsh"));
+    CHECK(same_file(paper_one.path / "test/test00_0001.png", paper_two.path / "test/test00_0001.png"));
+    const AvatarData avatar = load_avatar(paper_one.path / "avatar.gsh");
+    CHECK(!avatar.light.has_value());
+    CHECK(avatar.ao.size() == 1500);
 }
 
 TEST_CASE("a signal in the middle loses nothing that a checkpoint keeps") {
@@ -219,6 +230,13 @@ TEST_CASE("a checkpoint belongs to one training alone") {
     Words fewer = s.reconstruct(out.path, {"--steps", "3", "--resume"});
     *std::next(std::find(fewer.begin(), fewer.end(), "--gaussians")) = "400";
     check_refused(run(fewer), "gsh-reconstruct", {"checkpoint.gsh", "gaussians = 400"});
+    const OutFolder paper; // of a run with another configuration than the default
+    check_done(run(s.reconstruct(paper.path, {"--config", "paper", "--steps", "2"})));
+    check_refused(run(s.reconstruct(paper.path, {"--steps", "4", "--resume"})), "gsh-reconstruct",
+                  {"checkpoint.gsh", "a different run", "'ao = time' where this run has 'ao = none'", "--config"});
+    check_done(run(s.reconstruct(paper.path, {"--config", "paper", "--steps", "4", "--resume"})));
+    check_done(resume({"--config", std::string(default_configuration), "--steps", "2"})); // named, it is the same
+    CHECK(read_file(out.path / "avatar.gsh") == avatar);
     test::truncate_file(out.path / "checkpoint.gsh", 1000);
     check_refused(resume({"--steps", "6"}), "gsh-reconstruct", {"checkpoint.gsh"});
     fs::remove(out.path / "checkpoint.gsh");
@@ -239,16 +257,20 @@ TEST_CASE("a reconstruction keeps to time and memory") {
 
     std::size_t held = 0;
     for (const PixelImage& image : s.capture.images) held += image.data.size();
-    AvatarConfig config = named_configuration("paper").avatar;
-    config.hash_table_size = config.ao_table_size = 4096;
-    const MemoryModel memory = training_memory<cpu::Serial>(config, 64 * 64, held);
-    const auto budget = [&](std::size_t gaussians) { return std::to_string(memory.bytes(gaussians)); };
-    const test::Outcome fewer = run(s.reconstruct(small.path, {"--steps", "1", "--max-memory", budget(1000)}));
-    CHECK(fewer.code == 0);
-    CHECK(fewer.err.find("warning: 1000 instead of 1500 Gaussians") != std::string::npos);
-    CHECK(json_of(small.path / "metrics.json").at("gaussians") == 1000);
-    check_refused(run(s.reconstruct(none.path, {"--steps", "1", "--max-memory", budget(100)})), "gsh-reconstruct",
-                  {"--max-memory", "too little"});
+    for (const std::string name : {"light", "paper"}) {
+        AvatarConfig config = named_configuration(name).avatar;
+        config.hash_table_size = config.ao_table_size = 4096;
+        const MemoryModel memory = training_memory<cpu::Serial>(
+            config, 64 * 64, held, 1, {.joint_count = s.body.joint_count(), .vertex_count = s.body.vertex_count()});
+        const auto budget = [&](std::size_t gaussians) { return std::to_string(memory.bytes(gaussians)); };
+        const test::Outcome fewer =
+            run(s.reconstruct(small.path, {"--config", name, "--steps", "1", "--max-memory", budget(1000)}));
+        CHECK(fewer.code == 0);
+        CHECK(fewer.err.find("warning: 1000 instead of 1500 Gaussians") != std::string::npos);
+        CHECK(json_of(small.path / "metrics.json").at("gaussians") == 1000);
+        check_refused(run(s.reconstruct(none.path, {"--config", name, "--steps", "1", "--max-memory", budget(100)})),
+                      "gsh-reconstruct", {"--max-memory", "too little"});
+    }
     CHECK(!fs::exists(none.path));
 }
 

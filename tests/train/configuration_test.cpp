@@ -87,6 +87,14 @@ TEST_CASE("every named configuration exists under its own name, and differs from
                          ValueError);
 }
 
+TEST_CASE("the default is one of the named configurations, and the pages name it") {
+    CHECK(named_configuration(default_configuration).name == default_configuration);
+    const std::filesystem::path docs = std::filesystem::path(GSH_SOURCE_DIR) / "docs";
+    const std::string name = std::string("`").append(default_configuration).append("`");
+    CHECK(read_file(docs / "configurations.md").find("\n| " + name + " | the default: ") != std::string::npos);
+    CHECK(read_file(docs / "programs.md").find(name + " (the default)") != std::string::npos);
+}
+
 TEST_CASE("an ablation differs from the paper's in its own part alone") {
     const auto paper = settings_of(named_configuration("paper"));
     const auto differences = [&](std::string_view name) {
@@ -105,6 +113,7 @@ TEST_CASE("an ablation differs from the paper's in its own part alone") {
     CHECK(differences("no-multiscale") == std::set<std::string>{"fine_levels"});
     CHECK(differences("coarse-only") == std::set<std::string>{"fine_levels"});
     CHECK(differences("smpl-init") == std::set<std::string>{"joints", "region.samples"});
+    CHECK(differences("light") == std::set<std::string>{"ao", "light"});
 }
 
 TEST_CASE("settings read back what they print") {
@@ -237,6 +246,10 @@ TEST_CASE("a file names where it starts from and what differs") {
     CHECK(mine.avatar.mlp_width == 32);
     CHECK(find_configuration(write(R"({"configuration": "no-depth"})")).name == "no-depth");
     CHECK(find_configuration("no-ao").avatar.ao == AmbientOcclusion::none);
+    Configuration changed = named_configuration(default_configuration); // a file without a configuration changes this
+    set_setting(changed, "rate.sh", "0.001", "test");
+    CHECK(settings_of(find_configuration(write(R"({"rate.sh": 1e-3})"))) == settings_of(changed));
+    CHECK(find_configuration(write("{}")).name == default_configuration);
 
     const auto refused = [&](const std::string& text, const char* message) {
         CHECK_THROWS_WITH((void)find_configuration(write(text)), doctest::Contains(message));
