@@ -191,7 +191,8 @@ TEST_CASE("without a pixel to read the light from, the way out is named") {
     const test::Temporary folder;
     Capture faint = s.capture; // masks that are nowhere full
     for (PixelImage& image : faint.images)
-        for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = std::min<std::uint8_t>(image.data[i], 254);
+        for (std::size_t i = 3; i < image.data.size(); i += 4)
+            image.data[i] = std::min(image.data[i], std::uint8_t(254));
     save_capture(folder / "capture", faint);
     const auto reconstruct = [&](std::vector<std::string> more) {
         more.insert(more.end(), {"--steps", "1"});
