@@ -308,7 +308,11 @@ TEST_CASE("what is probably wrong is said, and done all the same") {
     body.hands_mean_right.assign(pose.begin() + 40, pose.begin() + 55);
     save_body_model(folder / "body.npz", body);
     test::NpzEdit(path / "poses.npz").replace("flat_hand", test::npy_bytes("|u1", "()", std::string(1, '\0')));
-    const test::Outcome outcome = run(s.reconstruct(out.path, {"--steps", "1"}, path, folder / "body.npz"));
+    // Both training cameras are wrong, so no photograph shows where the light comes from.
+    check_refused(run(s.reconstruct(out.path, {"--steps", "1"}, path, folder / "body.npz")), "gsh-reconstruct",
+                  {"check cameras, poses and masks", "--config paper"});
+    const test::Outcome outcome =
+        run(s.reconstruct(out.path, {"--config", "paper", "--steps", "1"}, path, folder / "body.npz"));
     INFO(outcome.err);
     CHECK(outcome.code == 0);
     for (const char* words : {"warning: ", "mean hand was added twice", "camera 'cam01' is far off the body",

@@ -103,7 +103,7 @@ void Reconstruction::light_people(Backend& backend) {
                                          .distance = config.light_distance,
                                          .shadows = config.light_shadows});
     } catch (const ValueError& error) {
-        throw ValueError(std::string(error.what()) + "; --config paper trains without a light");
+        throw ValueError(std::string(error.what()) + "; or train without a light, by --config paper");
     }
     const auto light = std::make_shared<LearnedLight<Backend>>(
         backend, light_estimate->light,
