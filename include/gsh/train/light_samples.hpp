@@ -203,6 +203,7 @@ template <Backend B>
         people.pose(frame);
         LightData eyes; // a camera sees what a light at its centre would reach
         for (const Photo* photo : views) eyes.points.push_back(photo->camera.center());
+        eyes.log_intensities.assign(eyes.size(), 0);
         const std::vector<float> seen = people.visibility(eyes), lit = people.visibility(light);
         for (std::size_t s = 0; s < S; ++s) {
             const vec3<double> position(people.positions()[s]), normal(people.normals()[s]);
