@@ -161,7 +161,10 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
 
     avatar.ao = file.read<float>("ao").data;
     if (file.has("occlusion_neurons")) avatar.occlusion_field = detail::read_occlusion_field(file);
-    if (file.has("light_points")) avatar.light = detail::read_light(file), avatar.light_place = detail::read_light_place(file);
+    if (file.has("light_points")) {
+        avatar.light = detail::read_light(file);
+        avatar.light_place = detail::read_light_place(file);
+    }
     if (file.has("mean_irradiance")) avatar.mean_irradiance = file.read<float>("mean_irradiance").data;
     const auto deformation = file.read_number<std::int32_t>("deformation");
 
