@@ -104,6 +104,51 @@ TEST_CASE("PosedSurface::backward is the gradient of forward, and adds") {
     }
 }
 
+TEST_CASE("normals with offsets turn with the skin, and their adjoint is the gradient") {
+    BentTube scene;
+    test::Rng rng(7);
+    const std::size_t V = scene.body.vertex_count();
+    cpu::Serial backend;
+    const TubeSurface surface(backend, scene.body, {});
+    TubeSurface::Cache cache;
+    auto normal_offsets = rng.vecs(V, -0.5, 0.5);
+    const auto dL_dresult = rng.vecs(V);
+    const auto result = [&] {
+        std::vector<vec3<double>> normals(V);
+        surface.forward(scene.bones, scene.offsets, cache);
+        surface.offset_normals(scene.bones, normal_offsets, cache, normals);
+        return normals;
+    };
+    const auto loss = [&] {
+        double sum = 0;
+        const auto normals = result();
+        for (std::size_t v = 0; v < V; ++v) sum += dot(normals[v], dL_dresult[v]);
+        return sum;
+    };
+    loss();
+    std::vector<Affine<double>> dL_dbones(scene.bones.size(), Affine<double>::zero());
+    std::vector<vec3<double>> dL_doffsets(V, vec3<double>(0)), dL_dnormal_offsets(V, vec3<double>(0));
+    surface.offset_normals_backward(scene.bones, normal_offsets, dL_dresult, cache, dL_dbones, dL_dnormal_offsets);
+    surface.backward(scene.bones, scene.offsets, {}, dL_dresult, cache, dL_dbones, dL_doffsets);
+    test::check_gradient(loss, test::scalars(scene.bones), test::scalars(dL_dbones), {.step = 1e-6});
+    test::check_gradient(loss, test::scalars(normal_offsets), test::scalars(dL_dnormal_offsets), {.stride = 13});
+    test::check_gradient(loss, test::scalars(scene.offsets), test::scalars(dL_doffsets), {.step = 1e-6, .stride = 13});
+
+    // A turn of the whole body turns the normals.
+    const auto before = result();
+    const mat3<double> turn = rotation_from_axis_angle(vec3<double>(0.4, -0.8, 0.3));
+    for (Affine<double>& bone : scene.bones) bone = {turn * bone.linear, turn * bone.translation};
+    const auto after = result();
+    for (std::size_t v = 0; v < V; ++v) CHECK(length(after[v] - turn * before[v]) < 1e-9);
+    // Offsets of zero leave the mesh's normals.
+    normal_offsets.assign(V, vec3<double>(0));
+    const auto plain = result();
+    CHECK(std::equal(plain.begin(), plain.end(), cache.normals.begin()));
+    std::vector<vec3<double>> few(3);
+    CHECK_THROWS_AS(surface.offset_normals(scene.bones, few, cache, few), ShapeError);
+    CHECK_THROWS_AS(surface.offset_normals_backward(scene.bones, normal_offsets, few, cache, dL_dbones, {}), ShapeError);
+}
+
 TEST_CASE("a surface without area has normal zero and passes no gradient to it") {
     BodyModel body = test::tube();
     body.v_template.push_back({0.2, 0.3, 0.4}); // a vertex without triangles

@@ -26,10 +26,11 @@ struct LitTube {
     SurfaceSamples samples = sample_surface(body, shaped_vertices(body, betas),
                                             std::vector<double>(body.vertex_count(), 0.4), 3);
     std::vector<Affine<T>> bones;
-    std::vector<vec3<T>> offsets, points, directions, means, base, center, dL_dmeans, dL_dcolors;
+    std::vector<vec3<T>> offsets, normal_offsets, points, directions, means, base, center, dL_dmeans, dL_dcolors;
     std::vector<T> log_intensities, gloss{T(-1), T(1.5)};
 
-    LitTube() {
+    /// `bent`: with normal offsets.
+    explicit LitTube(bool bent = false) {
         test::Rng rng(4);
         for (std::size_t j = 0; j < body.joint_count(); ++j) { // each bends on from the one before it, forwards
             const double angle = 0.7 * static_cast<double>(j), c = std::cos(angle), s = std::sin(angle);
@@ -43,6 +44,7 @@ struct LitTube {
             for (std::size_t i = 0; i < count; ++i) to.push_back(vec3<T>(rng.vec(low, high)));
         };
         bring(offsets, body.vertex_count(), -0.01, 0.01);
+        if (bent) bring(normal_offsets, body.vertex_count(), -0.4, 0.4);
         const LightData light = even_light(2, 3, {0, 0.8, 0}, 3);
         for (const auto& point : light.points) points.push_back(vec3<T>(point));
         for (const auto& direction : light.directions) directions.push_back(vec3<T>(direction));
@@ -53,6 +55,7 @@ struct LitTube {
         bring(dL_dcolors, means.size(), -1, 1);
         center.push_back(vec3<T>(T(0.5), T(1), T(3)));
     }
+    LitSurface<T> posed() const { return {bones, offsets, normal_offsets}; }
     LightView<const T> light() const { return {points, directions, log_intensities, gloss}; }
     template <class B>
     SurfaceLight<B, T> shade(B& backend, const SurfaceLightParams& params = {}) const {
@@ -70,21 +73,22 @@ struct LitTube {
 template <class T>
 struct LitTubeGradient {
     std::vector<Affine<T>> bones;
-    std::vector<vec3<T>> offsets, points, center, means, base;
+    std::vector<vec3<T>> offsets, normal_offsets, points, center, means, base;
     std::vector<T> log_intensities, gloss;
 
     explicit LitTubeGradient(const LitTube<T>& tube)
         : bones(tube.bones.size(), Affine<T>::zero()), offsets(tube.offsets.size(), vec3<T>(T(0))),
-          points(tube.points.size(), vec3<T>(T(0))), center(1, vec3<T>(T(0))),
+          normal_offsets(tube.normal_offsets.size(), vec3<T>(T(0))), points(tube.points.size(), vec3<T>(T(0))), center(1, vec3<T>(T(0))),
           log_intensities(tube.log_intensities.size(), T(0)), gloss(2, T(0)) {}
 
     template <class B>
     void add(const LitTube<T>& tube, const SurfaceLight<B, T>& light, typename SurfaceLight<B, T>::Cache& cache) {
-        light.backward(tube.bones, tube.offsets, tube.light(), tube.means, tube.center[0], tube.dL_dmeans,
+        light.backward(tube.posed(), tube.light(), tube.means, tube.center[0], tube.dL_dmeans,
                        tube.dL_dcolors, cache,
                        {.light = {points, {}, log_intensities, gloss},
                         .bones = bones,
                         .offsets = offsets,
+                        .normal_offsets = normal_offsets,
                         .center = center});
         means.assign(cache.dL_dmeans.begin(), cache.dL_dmeans.end());
         base.assign(cache.dL_dbase.begin(), cache.dL_dbase.end());
@@ -96,7 +100,7 @@ std::vector<vec3<T>> lit_colors(const LitTube<T>& tube, const SurfaceLight<B, T>
                                 typename SurfaceLight<B, T>::Cache& cache,
                                 const std::vector<ShadowCaster<T>>& others = {}) {
     std::vector<vec3<T>> colors = tube.base;
-    light.forward(tube.bones, tube.offsets, tube.light(), others, tube.means, tube.center[0], colors, cache);
+    light.forward(tube.posed(), tube.light(), others, tube.means, tube.center[0], colors, cache);
     return colors;
 }
 
@@ -104,9 +108,10 @@ std::vector<vec3<T>> lit_colors(const LitTube<T>& tube, const SurfaceLight<B, T>
 
 TEST_CASE("SurfaceLight is its parts, and its adjoint their gradient with visibility held constant") {
     cpu::Serial backend;
-    for (const bool shadows : {true, false}) {
+    for (const auto& [shadows, bent] : {std::pair(true, false), {false, false}, {true, true}}) {
         CAPTURE(shadows);
-        LitTube<double> tube;
+        CAPTURE(bent);
+        LitTube<double> tube(bent);
         const auto light = tube.shade(backend, {.shadows = shadows, .clamping = ColorClamp::below});
         SurfaceLight<cpu::Serial, double>::Cache cache;
         const auto colors = lit_colors(tube, light, cache);
@@ -125,8 +130,9 @@ TEST_CASE("SurfaceLight is its parts, and its adjoint their gradient with visibi
         std::vector<vec3<double>> found(colors.size());
         const auto loss = [&] {
             surface.forward(tube.bones, tube.offsets, posed);
-            lit.forward({tube.light(), tube.means, tube.base, posed.normals, visibility, tube.center[0]}, found,
-                        lit_cache);
+            std::vector<vec3<double>> normals(posed.normals.begin(), posed.normals.end());
+            if (bent) surface.offset_normals(tube.bones, tube.normal_offsets, posed, normals);
+            lit.forward({tube.light(), tube.means, tube.base, normals, visibility, tube.center[0]}, found, lit_cache);
             double sum = 0;
             for (std::size_t i = 0; i < found.size(); ++i)
                 sum += dot(found[i], tube.dL_dcolors[i]) + dot(tube.means[i], tube.dL_dmeans[i]);
@@ -143,6 +149,7 @@ TEST_CASE("SurfaceLight is its parts, and its adjoint their gradient with visibi
         };
         check(tube.bones, gradient.bones);
         check(tube.offsets, gradient.offsets, 11);
+        if (bent) check(tube.normal_offsets, gradient.normal_offsets, 11);
         check(tube.points, gradient.points);
         check(tube.log_intensities, gradient.log_intensities);
         check(tube.gloss, gradient.gloss);
@@ -170,18 +177,18 @@ TEST_CASE("a gradient that nobody asks for is not computed and changes no other"
     (void)lit_colors(tube, light, cache);
     LitTubeGradient<double> all(tube);
     all.add(tube, light, cache);
-    light.backward(tube.bones, tube.offsets, tube.light(), tube.means, tube.center[0], tube.dL_dmeans, tube.dL_dcolors,
+    light.backward(tube.posed(), tube.light(), tube.means, tube.center[0], tube.dL_dmeans, tube.dL_dcolors,
                    cache, {});
     CHECK(std::equal(all.means.begin(), all.means.end(), cache.dL_dmeans.begin()));
     CHECK(std::equal(all.base.begin(), all.base.end(), cache.dL_dbase.begin()));
     std::vector<Affine<double>> bones(tube.bones.size(), Affine<double>::zero());
-    light.backward(tube.bones, tube.offsets, tube.light(), tube.means, tube.center[0], tube.dL_dmeans, tube.dL_dcolors,
+    light.backward(tube.posed(), tube.light(), tube.means, tube.center[0], tube.dL_dmeans, tube.dL_dcolors,
                    cache, {.bones = bones});
     for (std::size_t j = 0; j < bones.size(); ++j) CHECK(bones[j].translation == all.bones[j].translation);
 }
 
 TEST_CASE("SurfaceLight is the same on threads bit for bit") {
-    const LitTube<float> tube;
+    const LitTube<float> tube(true);
     cpu::Serial serial;
     const auto expected_light = tube.shade(serial);
     SurfaceLight<cpu::Serial>::Cache expected_cache;
@@ -196,6 +203,7 @@ TEST_CASE("SurfaceLight is the same on threads bit for bit") {
         LitTubeGradient<float> gradient(tube);
         gradient.add(tube, light, cache);
         CHECK(gradient.offsets == expected_gradient.offsets);
+        CHECK(gradient.normal_offsets == expected_gradient.normal_offsets);
         CHECK(gradient.points == expected_gradient.points);
         CHECK(gradient.log_intensities == expected_gradient.log_intensities);
         CHECK(gradient.gloss == expected_gradient.gloss);
@@ -218,10 +226,11 @@ TEST_CASE("another body between a light and this one darkens it, and brightens n
     SurfaceLight<cpu::Serial, double>::Cache cache, other;
     const auto alone = lit_colors(tube, light, cache);
     // 1.2 m nearer to the light; then beyond this body, where it hides nothing from it
-    const auto near = light.caster(tube.moved({0, 0, 1.2}), tube.offsets, other);
+    const auto near_bones = tube.moved({0, 0, 1.2}), far_bones = tube.moved({0, 0, -3});
+    const auto near = light.caster({near_bones, tube.offsets}, other);
     const auto hidden = lit_colors(tube, light, cache, {near});
     SurfaceLight<cpu::Serial, double>::Cache far_cache;
-    const auto far = light.caster(tube.moved({0, 0, -3}), tube.offsets, far_cache);
+    const auto far = light.caster({far_bones, tube.offsets}, far_cache);
     const auto behind = lit_colors(tube, light, cache, {far});
     double of_alone = 0, of_hidden = 0, of_behind = 0;
     for (std::size_t i = 0; i < alone.size(); ++i) {
@@ -242,10 +251,13 @@ TEST_CASE("a body without triangles, and arguments of another size, are refused"
     SurfaceLight<cpu::Serial, double>::Cache cache;
     std::vector<vec3<double>> colors = tube.base;
     const std::vector<vec3<double>> fewer(tube.offsets.begin(), tube.offsets.end() - 1);
-    CHECK_THROWS_AS(light.forward(tube.bones, fewer, tube.light(), {}, tube.means, tube.center[0], colors, cache),
+    CHECK_THROWS_AS(light.forward({tube.bones, fewer}, tube.light(), {}, tube.means, tube.center[0], colors, cache),
+                    ShapeError);
+    CHECK_THROWS_AS(light.forward({tube.bones, tube.offsets, fewer}, tube.light(), {}, tube.means, tube.center[0], colors,
+                                  cache),
                     ShapeError);
     colors.pop_back();
-    CHECK_THROWS_AS(light.forward(tube.bones, tube.offsets, tube.light(), {}, tube.means, tube.center[0], colors,
+    CHECK_THROWS_AS(light.forward(tube.posed(), tube.light(), {}, tube.means, tube.center[0], colors,
                                   cache),
                     ShapeError);
     tube.body.faces.clear();

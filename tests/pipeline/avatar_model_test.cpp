@@ -221,7 +221,8 @@ TEST_CASE_TEMPLATE("the whole chain's adjoint is the gradient of the loss", B, c
     SUBCASE("light on the posed mesh") {
         // Colours above 1 pass a gradient only downwards, so here they are not clamped there.
         check_chain<B>({.light = true, .clamping = ColorClamp::below}, true,
-                       {"joints", "shared_field.table", "light_points", "light_log_intensities", "light_gloss"});
+                       {"joints", "shared_field.table", "normal_offsets", "light_points", "light_log_intensities",
+                        "light_gloss"});
     }
     SUBCASE("displacements from a field alone, dual quaternions") {
         check_chain<B>({.hash_sh = false, .deformation = Deformation::dual_quaternion}, true,

@@ -41,6 +41,8 @@ struct AvatarData {
     std::optional<OcclusionFieldData> occlusion_field = {};
     /// The light of the capture. Colours are then those of the surface, without light.
     std::optional<LightData> light = {};
+    /// [V] canonical offsets of the mesh's unit normals, for the light; or empty for none.
+    std::vector<vec3<float>> normal_offsets = {};
     /// Where the light was estimated. light_at brings it to another motion.
     MotionPlace light_place = {};
     /// [N] irradiance, mean over training, for formats without light; or empty for 1.
@@ -139,6 +141,12 @@ public:
         if (data.light) {
             poser_.prepare_light(data.rig, {.shadows = data.light->shadows});
             set_light(*data.light);
+            const std::vector<vec3<T>> offsets(data.normal_offsets.begin(), data.normal_offsets.end());
+            if (!offsets.empty())
+                check_size("Avatar", "normal_offsets", offsets.size(), data.rig.body.vertex_count(),
+                           "one per vertex, or none");
+            normal_offsets_.resize(offsets.size());
+            backend.upload(Span<const vec3<T>>(offsets), Span<vec3<T>>(normal_offsets_));
         }
     }
 
@@ -208,7 +216,7 @@ private:
     }
 
     [[nodiscard]] PoserLight<T> in_light(Span<const ShadowCaster<T>> others = {}) const {
-        return {light_.view(), others};
+        return {light_.view(), normal_offsets_, others};
     }
 
     B* backend_;
@@ -216,7 +224,8 @@ private:
     Gaussians<B, T> gaussians_;
     Buffer<vec3<T>> joints_;
     Buffer<T> ao_; // [N] or empty
-    LightBuffers<B, T> light_; // empty without a light
+    LightBuffers<B, T> light_;       // empty without a light
+    Buffer<vec3<T>> normal_offsets_; // [V] or empty
     std::optional<OcclusionField<B, T>> occlusion_field_;
 };
 

@@ -51,7 +51,7 @@ struct MotionPlace {
 /// Metres between the boxes of two motions along an axis, up to which both are in the same place.
 inline constexpr double same_place_distance = 1;
 
-/// The light of a capture at `from`, for a motion at `to`. If their worlds have different vertical axes, the light turns
+/// The light of a capture at `from`, for a motion at `to`. If their worlds have different vertical axes, it turns
 /// so that it comes from above where it came from above. If the motion is in another place (same_place_distance), the
 /// light moves from the middle of one box to that of the other, since its points are near the people whom they light.
 /// A motion in the world and at the place of the capture has the light of the capture, unchanged.

@@ -25,11 +25,19 @@ namespace gsh {
 
 /// The light in which a poser shades its Gaussians, and who casts shadows on them beside their own body.
 ///
-/// Shapes  light as in LightView, in the backend's memory; others: a list on the host.
+/// Shapes  light as in LightView, normal_offsets as in LitSurface, in the backend's memory; others: a list on the host.
 template <std::floating_point T>
 struct PoserLight {
     LightView<const T> light = {};
+    Span<const vec3<T>> normal_offsets = {};
     Span<const ShadowCaster<T>> others = {};
+};
+
+/// Gradient with respect to a PoserLight. Casters have none.
+template <std::floating_point T>
+struct PoserLightGradient {
+    LightView<T> light = {};
+    Span<vec3<T>> normal_offsets = {};
 };
 
 /// Poses the Gaussians of an avatar. One frame takes three calls, because the displacement of the canonical means and
@@ -87,7 +95,7 @@ public:
 
     /// The body's mesh after bones(), for the light of others. It is valid until the next call with this cache.
     [[nodiscard]] ShadowCaster<T> caster(Cache& cache) const {
-        return lit("Poser::caster").caster(cache.rig.bones, cache.rig.vertex_offsets, cache.light);
+        return lit("Poser::caster").caster(surface(cache), cache.light);
     }
 
     /// Splats as seen from `center`, in a light if there is one.
@@ -100,8 +108,8 @@ public:
         cache.posed_means.resize(size());
         backend_->copy(Span<const vec3<T>>(splats.means), Span<vec3<T>>(cache.posed_means));
         lit("Poser::forward")
-            .forward(cache.rig.bones, cache.rig.vertex_offsets, light.light, light.others, cache.posed_means, center,
-                     splats.colors, cache.light);
+            .forward(surface(cache, light), light.light, light.others, cache.posed_means, center, splats.colors,
+                     cache.light);
     }
 
     /// Adjoint of forward and bones: adds to the non-empty attributes of dL_dgaussians, to dL_djoints [J] unless it is
@@ -111,7 +119,7 @@ public:
     void backward(const RigPose<B, T>& pose, SkinnedView<const T> gaussians, const vec3<T>& center,
                   SplatView<const T> dL_dsplats, Cache& cache, SkinnedView<T> dL_dgaussians,
                   Span<vec3<T>> dL_djoints, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter,
-                  const PoserLight<T>& light = {}, const LightView<T>& dL_dlight = {}) {
+                  const PoserLight<T>& light = {}, const PoserLightGradient<T>& dL_dlight = {}) {
         zeros(cache.dL_dmeans, size(), vec3<T>(T(0)));
         zeros(cache.dL_dbones, rig_.joint_count(), Affine<T>::zero());
         if (dL_djoints.empty()) {
@@ -123,9 +131,12 @@ public:
             zeros(cache.dL_doffsets, dL_dpose.empty() ? 0 : cache.rig.vertex_offsets.size(), vec3<T>(T(0)));
             dL_doffsets = cache.dL_doffsets;
             lit("Poser::backward")
-                .backward(cache.rig.bones, cache.rig.vertex_offsets, light.light, cache.posed_means, center,
-                          dL_dsplats.means, dL_dsplats.colors, cache.light,
-                          {.light = dL_dlight, .bones = cache.dL_dbones, .offsets = cache.dL_doffsets,
+                .backward(surface(cache, light), light.light, cache.posed_means, center, dL_dsplats.means,
+                          dL_dsplats.colors, cache.light,
+                          {.light = dL_dlight.light,
+                           .bones = cache.dL_dbones,
+                           .offsets = cache.dL_doffsets,
+                           .normal_offsets = dL_dlight.normal_offsets,
                            .center = dL_dcenter});
             dL_dsplats.means = cache.light.dL_dmeans;
             dL_dsplats.colors = cache.light.dL_dbase;
@@ -145,6 +156,9 @@ private:
         gaussians.means = cache.means;
         gaussians.weights = rig_.skin();
         return gaussians;
+    }
+    [[nodiscard]] static LitSurface<T> surface(const Cache& cache, const PoserLight<T>& light = {}) {
+        return {cache.rig.bones, cache.rig.vertex_offsets, light.normal_offsets};
     }
     [[nodiscard]] const SurfaceLight<B, T>& lit(std::string_view where) const {
         check_value(surface_light_.has_value(), where, "there is a light; call prepare_light first");

@@ -106,6 +106,29 @@ struct PoseVertexBackward {
     }
 };
 
+/// n_v + L_v offset_v, L_v the linear part of the blend of the bones.
+template <class T>
+struct OffsetNormal {
+    SkinWeights<T> skin;
+    Span<const Affine<T>> bones;              // [J]
+    Span<const vec3<T>> normals, offsets;     // [V]
+    Span<vec3<T>> result;                     // [V]
+    GSH_HD void operator()(std::size_t v) const {
+        result[v] = normals[v] + blend(skin, v, bones).linear * offsets[v];
+    }
+};
+
+template <class T>
+struct OffsetNormalBackward {
+    SkinWeights<T> skin;
+    Span<const Affine<T>> bones;              // [J]
+    Span<const vec3<T>> dL_dresult;           // [V]
+    Span<vec3<T>> dL_doffsets;                // [V] added to
+    GSH_HD void operator()(std::size_t v) const {
+        dL_doffsets[v] += transposed_times(blend(skin, v, bones).linear, dL_dresult[v]);
+    }
+};
+
 /// A vertex that a bone moves.
 template <class T>
 struct MovedVertex {
@@ -113,7 +136,8 @@ struct MovedVertex {
     T weight;
 };
 
-/// Sums the gradient of one bone over a piece of its vertices.
+/// Sums the gradient of one bone over a piece of its vertices: of what it does to points, rest + offset, or to
+/// directions, offset, if `rest` is empty.
 template <class T>
 struct BonePieceBackward {
     Span<const std::uint32_t> piece_starts;             // [pieces + 1] into moved
@@ -125,8 +149,8 @@ struct BonePieceBackward {
         for (std::uint32_t e = piece_starts[piece]; e < piece_starts[piece + 1]; ++e) {
             const std::uint32_t v = moved[e].vertex;
             const vec3<T> g = dL_dposed[v] * moved[e].weight;
-            sum.linear += outer(g, rest[v] + offsets[v]);
-            sum.translation += g;
+            sum.linear += outer(g, rest.empty() ? offsets[v] : rest[v] + offsets[v]);
+            if (!rest.empty()) sum.translation += g;
         }
         dL_dpieces[piece] = sum;
     }
@@ -241,12 +265,42 @@ public:
                            detail::PoseVertexBackward<T>{skin(), bones, corner_starts_, corners_, triangles_,
                                                          cache.vertices, dL_dvertices, dL_dsums, cache.dL_dposed,
                                                          dL_doffsets});
-        if (dL_dbones.empty()) return;
-        const std::size_t pieces = piece_starts_.size() - 1;
-        cache.dL_dpieces.resize(pieces);
-        backend_->for_each(pieces, detail::BonePieceBackward<T>{piece_starts_, moved_, rest_, offsets, cache.dL_dposed,
-                                                                cache.dL_dpieces});
-        backend_->for_each(joint_count_, detail::JoinBonePieces<T>{bone_pieces_, cache.dL_dpieces, dL_dbones});
+        if (!dL_dbones.empty()) add_to_bones(rest_, offsets, cache.dL_dposed, cache, dL_dbones);
+    }
+
+    /// Normals that differ from those of the mesh, as under cloth:
+    ///
+    ///     result_v = n_v + L_v normal_offset_v,   L_v the linear part of M_v
+    ///
+    /// The offsets are canonical and turn with the skin. Results have any length. n is that of the last forward.
+    ///
+    /// Shapes  normal_offsets, result [V].
+    void offset_normals(Span<const Affine<T>> bones, Span<const vec3<T>> normal_offsets, const Cache& cache,
+                        Span<vec3<T>> result) const {
+        constexpr std::string_view where = "PosedSurface::offset_normals";
+        check_inputs(where, bones, normal_offsets);
+        check_size(where, "cache.normals", cache.normals.size(), vertex_count_, "forward must come first");
+        check_size(where, "result", result.size(), vertex_count_, "store one per vertex");
+        check_memory(*backend_, where, "result", result);
+        backend_->for_each(vertex_count_,
+                           detail::OffsetNormal<T>{skin(), bones, cache.normals, normal_offsets, result});
+    }
+
+    /// Adjoint of offset_normals, but for the gradient of n, which is dL_dresult itself: adds to dL_dbones and
+    /// dL_dnormal_offsets, each of which may be empty.
+    void offset_normals_backward(Span<const Affine<T>> bones, Span<const vec3<T>> normal_offsets,
+                                 Span<const vec3<T>> dL_dresult, Cache& cache, Span<Affine<T>> dL_dbones,
+                                 Span<vec3<T>> dL_dnormal_offsets) const {
+        constexpr std::string_view where = "PosedSurface::offset_normals_backward";
+        check_inputs(where, bones, normal_offsets);
+        check_size(where, "dL_dresult", dL_dresult.size(), vertex_count_, "store one per vertex");
+        check_memory(*backend_, where, "dL_dresult", dL_dresult);
+        check_optional(where, "dL_dbones", dL_dbones, joint_count_, "store one per joint, or none");
+        check_optional(where, "dL_dnormal_offsets", dL_dnormal_offsets, vertex_count_, "store one per vertex, or none");
+        if (!dL_dnormal_offsets.empty())
+            backend_->for_each(vertex_count_,
+                               detail::OffsetNormalBackward<T>{skin(), bones, dL_dresult, dL_dnormal_offsets});
+        if (!dL_dbones.empty()) add_to_bones({}, normal_offsets, dL_dresult, cache, dL_dbones);
     }
 
 private:
@@ -261,6 +315,16 @@ private:
     }
 
     [[nodiscard]] SkinWeights<T> skin() const { return {skin_joints_, skin_weights_, influences_}; }
+
+    /// Adds to dL_dbones what BonePieceBackward sums.
+    void add_to_bones(Span<const vec3<T>> rest, Span<const vec3<T>> offsets, Span<const vec3<T>> dL_dposed,
+                      Cache& cache, Span<Affine<T>> dL_dbones) const {
+        const std::size_t pieces = piece_starts_.size() - 1;
+        cache.dL_dpieces.resize(pieces);
+        backend_->for_each(pieces, detail::BonePieceBackward<T>{piece_starts_, moved_, rest, offsets, dL_dposed,
+                                                                cache.dL_dpieces});
+        backend_->for_each(joint_count_, detail::JoinBonePieces<T>{bone_pieces_, cache.dL_dpieces, dL_dbones});
+    }
 
     void group_by_bone(const SkinWeightTable<T>& skin) {
         std::vector<std::vector<detail::MovedVertex<T>>> of_bone(joint_count_);

@@ -26,7 +26,7 @@ namespace gsh {
 /// Shapes  N Gaussians, V vertices, P points and D directions of the light: means, base [N]; normals [V];
 ///         visibility [V, P + D].
 /// Frame   the world, with the body posed.
-/// Units   means in metres; base display-referred sRGB without light, not negative; normals unit vectors; visibility
+/// Units   means in metres; base display-referred sRGB without light, not negative; normals of any length; visibility
 ///         the share of each light that reaches the vertex, 0 to 1.
 template <class T>
 struct LitSplatsInput {

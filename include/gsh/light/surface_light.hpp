@@ -30,10 +30,21 @@ struct SurfaceLightParams {
     ColorClamp clamping = ColorClamp::both; ///< of lit colours
 };
 
+/// The surface of a body in a pose, as SurfaceLight reads it. All are arrays of the backend.
+///
+/// Shapes  bones [J]; offsets [V] as in PosedSurface; normal_offsets [V] as in PosedSurface::offset_normals, or empty
+///         for the normals of the mesh.
+template <class T>
+struct LitSurface {
+    Span<const Affine<T>> bones;
+    Span<const vec3<T>> offsets;
+    Span<const vec3<T>> normal_offsets = {};
+};
+
 /// Shades the Gaussians of a body by what its posed mesh says about light: where the surface faces, and what the body,
 /// and other bodies, hide from each light.
 ///
-///     vertices, normals = PosedSurface(bones, offsets)
+///     vertices, normals = PosedSurface(bones, offsets), with normal_offsets added for shading if there are any
 ///     visibility        = ShadowMaps(CoarseCaster of the own mesh, and of others; light)
 ///     colors            = LitSplats(base colours, means, normals, visibility, light)
 ///
@@ -47,6 +58,7 @@ public:
 
     struct Cache {
         typename PosedSurface<B, T>::Cache surface;
+        Buffer<vec3<T>> offset_normals;         // [V], or empty without normal_offsets
         Buffer<T> visibility;                   // [V, P + D]
         Buffer<vec3<T>> base;                   // [N] colours without light
         Buffer<vec3<T>> dL_dmeans, dL_dbase;    // [N], results of backward
@@ -62,6 +74,7 @@ public:
         LightView<T> light = {};
         Span<Affine<T>> bones = {};   // [J]
         Span<vec3<T>> offsets = {};   // [V]
+        Span<vec3<T>> normal_offsets = {}; // [V]
         Span<vec3<T>> center = {};    // [1]
     };
 
@@ -75,18 +88,20 @@ public:
           maps_(backend, params.maps), lit_(backend, body.vertex_count(), triangles, barycentric, params.clamping) {}
 
     /// The coarse mesh in a pose, which casts shadows. It is valid until the next call with this cache.
-    ShadowCaster<T> caster(Span<const Affine<T>> bones, Span<const vec3<T>> offsets, Cache& cache) const {
-        surface_.forward(bones, offsets, cache.surface);
+    ShadowCaster<T> caster(const LitSurface<T>& posed, Cache& cache) const {
+        surface_.forward(posed.bones, posed.offsets, cache.surface);
         return caster_.forward(cache.surface.vertices, cache.caster);
     }
 
     /// Replaces base colours by lit ones.
     ///
-    /// Shapes  offsets [V] as in PosedSurface; means, colors [N]; `others` casts shadows on this body.
-    void forward(Span<const Affine<T>> bones, Span<const vec3<T>> offsets, const LightView<const T>& light,
-                 Span<const ShadowCaster<T>> others, Span<const vec3<T>> means, const vec3<T>& center,
-                 Span<vec3<T>> colors, Cache& cache) const {
-        surface_.forward(bones, offsets, cache.surface);
+    /// Shapes  means, colors [N]; `others` casts shadows on this body.
+    void forward(const LitSurface<T>& posed, const LightView<const T>& light, Span<const ShadowCaster<T>> others,
+                 Span<const vec3<T>> means, const vec3<T>& center, Span<vec3<T>> colors, Cache& cache) const {
+        surface_.forward(posed.bones, posed.offsets, cache.surface);
+        cache.offset_normals.resize(posed.normal_offsets.size());
+        if (!posed.normal_offsets.empty())
+            surface_.offset_normals(posed.bones, posed.normal_offsets, cache.surface, cache.offset_normals);
         cache.visibility.resize(surface_.vertex_count() * light.size());
         if (shadows_) {
             std::vector<ShadowCaster<T>> casters{caster_.forward(cache.surface.vertices, cache.caster)};
@@ -102,13 +117,14 @@ public:
 
     /// Adjoint of forward, but for visibility, which counts as constant. Writes cache.dL_dmeans, which is dL_dmeans
     /// and the part of it that comes through the light, and cache.dL_dbase. Adds to dL_din.
-    void backward(Span<const Affine<T>> bones, Span<const vec3<T>> offsets, const LightView<const T>& light,
-                  Span<const vec3<T>> means, const vec3<T>& center, Span<const vec3<T>> dL_dmeans,
-                  Span<const vec3<T>> dL_dcolors, Cache& cache, const Gradient& dL_din) const {
+    void backward(const LitSurface<T>& posed, const LightView<const T>& light, Span<const vec3<T>> means,
+                  const vec3<T>& center, Span<const vec3<T>> dL_dmeans, Span<const vec3<T>> dL_dcolors, Cache& cache,
+                  const Gradient& dL_din) const {
         const bool surface_moves = !dL_din.bones.empty() || !dL_din.offsets.empty();
+        const bool normals_count = surface_moves || !dL_din.normal_offsets.empty();
         cache.dL_dmeans.resize(means.size());
         cache.dL_dbase.resize(means.size());
-        cache.dL_dnormals.resize(surface_moves ? surface_.vertex_count() : 0);
+        cache.dL_dnormals.resize(normals_count ? surface_.vertex_count() : 0);
         backend_->copy(dL_dmeans, Span<vec3<T>>(cache.dL_dmeans));
         backend_->fill(Span<vec3<T>>(cache.dL_dbase), vec3<T>(T(0)));
         backend_->fill(Span<vec3<T>>(cache.dL_dnormals), vec3<T>(T(0)));
@@ -118,8 +134,12 @@ public:
                        .base = cache.dL_dbase,
                        .normals = cache.dL_dnormals,
                        .center = dL_din.center});
+        if (normals_count && !posed.normal_offsets.empty())
+            surface_.offset_normals_backward(posed.bones, posed.normal_offsets, cache.dL_dnormals, cache.surface,
+                                             dL_din.bones, dL_din.normal_offsets);
         if (surface_moves)
-            surface_.backward(bones, offsets, {}, cache.dL_dnormals, cache.surface, dL_din.bones, dL_din.offsets);
+            surface_.backward(posed.bones, posed.offsets, {}, cache.dL_dnormals, cache.surface, dL_din.bones,
+                              dL_din.offsets);
     }
 
 private:
@@ -130,7 +150,9 @@ private:
     }
     [[nodiscard]] typename LitSplats<B, T>::Input input(const LightView<const T>& light, Span<const vec3<T>> means,
                                                         const vec3<T>& center, const Cache& cache) const {
-        return {light, means, cache.base, cache.surface.normals, cache.visibility, center};
+        const Span<const vec3<T>> normals = cache.offset_normals.size() ? Span<const vec3<T>>(cache.offset_normals)
+                                                                        : Span<const vec3<T>>(cache.surface.normals);
+        return {light, means, cache.base, normals, cache.visibility, center};
     }
 
     B* backend_;

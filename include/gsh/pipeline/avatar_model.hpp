@@ -47,6 +47,8 @@ struct AvatarModelParams {
     double quat_rate = 1e-3;
     double log_scale_rate = 5e-3;
     double opacity_logit_rate = 0.05;
+    /// Of normal offsets, in units of a normal's length. If it is 0, a light reads the normals of the mesh.
+    double normal_offset_rate = 0;
 };
 
 namespace detail {
@@ -154,6 +156,8 @@ public:
         check_value(light != nullptr, "AvatarModel::set_light", "there is no light");
         poser_.prepare_light(rig, {.shadows = light->shadows()});
         light_ = std::move(light), announces_light_ = announces;
+        const std::size_t count = params_.normal_offset_rate > 0 ? rig.body.vertex_count() : 0;
+        normal_offsets_ = {*backend_, std::vector<vec3<T>>(count, vec3<T>(T(0)))};
     }
     /// The light, or null.
     [[nodiscard]] const SharedLight<B, T>& light() const { return light_; }
@@ -199,7 +203,8 @@ public:
              .sh = dL_dcolors.sh,
              .ao = dL_dao,
              .sh_stride = dL_dcolors.sh_stride},
-            joints_.gradient(), dL_dpose, dL_dcenter, in_light(), light_ ? light_->gradient() : LightView<T>());
+            joints_.gradient(), dL_dpose, dL_dcenter, in_light(),
+            {light_ ? light_->gradient() : LightView<T>(), normal_offsets_.gradient()});
         if (!dL_dao.empty()) shadow_.backward(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
         appearance_.backward(frame, cache_.poser.dL_dmeans);
     }
@@ -215,7 +220,7 @@ public:
         if (shadow_moves) shadow_.backward_to_pose(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
     }
 
-    /// The joints, the Gaussians' own attributes, then the arrays of appearance, shadow and light.
+    /// The joints, the Gaussians' own attributes, then the arrays of appearance and shadow, normal offsets, and the light.
     [[nodiscard]] LearnedArrays<T> learned() {
         LearnedArrays<T> arrays{joints_.announce("joints", params_.joint_rate),
                                 quats_.announce("quats", params_.quat_rate),
@@ -223,6 +228,8 @@ public:
                                 opacity_logits_.announce("opacity_logits", params_.opacity_logit_rate)};
         append(arrays, appearance_.learned());
         append(arrays, shadow_.learned());
+        if (normal_offsets_.size())
+            arrays.push_back(normal_offsets_.announce("normal_offsets", params_.normal_offset_rate));
         if (light_ && announces_light_) append(arrays, light_->learned());
         return arrays;
     }
@@ -243,6 +250,8 @@ public:
         check_value(light_ != nullptr, "AvatarModel::irradiance", "the model has no light");
         return cache_.poser.light.lit.irradiance;
     }
+    /// Learned offsets of the mesh's normals [V], in the backend's memory; empty if there are none.
+    [[nodiscard]] Span<const vec3<T>> normal_offsets() const { return normal_offsets_.values(); }
     /// The learned joints [J], in the backend's memory.
     [[nodiscard]] Span<const vec3<T>> joints() const { return joints_.values(); }
     /// The canonical Gaussians without means and weights. Colours are those of the last update_canonical.
@@ -277,7 +286,7 @@ private:
     }
     /// Shadows have no gradient, so backward needs no casters.
     [[nodiscard]] PoserLight<T> in_light(Span<const ShadowCaster<T>> others = {}) const {
-        return light_ ? PoserLight<T>{light_->view(), others} : PoserLight<T>{};
+        return light_ ? PoserLight<T>{light_->view(), normal_offsets_.values(), others} : PoserLight<T>{};
     }
     [[nodiscard]] Span<T> zeros(Buffer<T>& buffer, std::size_t count) {
         buffer.resize(count);
@@ -297,6 +306,7 @@ private:
     bool shadow_joined_ = params_.shadow_start <= 0;
     SharedLight<B, T> light_;
     bool announces_light_ = false;
+    LearnedBuffer<B, vec3<T>> normal_offsets_; // [V], or empty
     Cache cache_;
 };
 

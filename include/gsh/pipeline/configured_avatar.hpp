@@ -68,7 +68,8 @@ using ConfiguredAvatar = AvatarModel<B, AnyAppearance<T, Degree>, AnyShadow<B, T
             .joint_rate = config.rates.joints,
             .quat_rate = config.rates.quats,
             .log_scale_rate = config.rates.log_scales,
-            .opacity_logit_rate = config.rates.opacity_logits};
+            .opacity_logit_rate = config.rates.opacity_logits,
+            .normal_offset_rate = config.rates.light_normals};
 }
 
 /// Calls use(std::type_identity<A>()) with the appearance A of a configuration.

@@ -174,6 +174,7 @@ void for_each_setting(C& c, const F& f) {
     f("rate.light_points", c.avatar.rates.light_points, R::at_least(0));
     f("rate.light_intensities", c.avatar.rates.light_intensities, R::at_least(0));
     f("rate.light_gloss", c.avatar.rates.light_gloss, R::at_least(0));
+    f("rate.light_normals", c.avatar.rates.light_normals, R::at_least(0));
     f("rate.decay_start", c.train.decay_start, share);
     f("rate.final", c.train.final_rate, R::above(0).up_to(1));
     f("ssim_weight", c.train.ssim_weight, share);

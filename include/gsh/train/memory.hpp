@@ -50,7 +50,8 @@ template <Backend B, std::floating_point T = float>
     MemoryModel memory{.fixed = program + held + per_pixel * pixels + people * sizeof(T) * avatar.fixed(),
                        .per_gaussian = people * (per_gaussian + sizeof(T) * avatar.per_point())};
     if (config.light) {
-        constexpr std::uint64_t per_vertex = 160; // the posed mesh, its normals, their gradients, the caster
+        // The posed mesh, its normals, their gradients, the caster; normal offsets with gradient and moments.
+        const std::uint64_t per_vertex = 160 + (config.rates.light_normals > 0 ? 60 : 0);
         constexpr ShadowMapParams maps;
         const auto points = static_cast<std::uint64_t>(config.light_points),
                    directions = static_cast<std::uint64_t>(config.light_directions);

@@ -216,6 +216,9 @@ TEST_CASE("a light comes back from a file and shades a new motion as in training
         CHECK(data.light_place.low == saved.light_place.low);
         CHECK(data.light_place.high == saved.light_place.high);
         CHECK(data.light_place.upright == saved.light_place.upright);
+        CHECK(data.normal_offsets == saved.normal_offsets);
+        CHECK(std::any_of(data.normal_offsets.begin(), data.normal_offsets.end(),
+                          [](const vec3<float>& offset) { return offset != vec3<float>(0); }));
         CHECK(data.mean_irradiance == saved.mean_irradiance);
         CHECK(data.mean_irradiance.size() == training.model.size());
         CHECK(data.occlusion_field.has_value() == (ao == AmbientOcclusion::pose));
@@ -249,6 +252,8 @@ TEST_CASE("a light comes back from a file and shades a new motion as in training
     CHECK_THROWS_AS(unlit.set_light(even_light(1, 1, {0, 0, 0}, 1)), ValueError);
     AvatarData bad = small_avatar();
     bad.light = even_light(1, 1, {0, 0, 0}, 1), bad.light->log_intensities.pop_back();
+    CHECK_THROWS_AS(save_avatar(temporary("bad.gsh"), bad), ShapeError);
+    bad = small_avatar(), bad.normal_offsets = {{1, 0, 0}};
     CHECK_THROWS_AS(save_avatar(temporary("bad.gsh"), bad), ShapeError);
     bad = small_avatar(), bad.mean_irradiance = {1};
     CHECK_THROWS_AS(save_avatar(temporary("bad.gsh"), bad), ShapeError);

@@ -108,6 +108,9 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     if (!avatar.mean_irradiance.empty())
         check_size("save_avatar", "mean_irradiance", avatar.mean_irradiance.size(), rig.point_count(),
                    "one per Gaussian, or none");
+    if (!avatar.normal_offsets.empty())
+        check_size("save_avatar", "normal_offsets", avatar.normal_offsets.size(), rig.body.vertex_count(),
+                   "one per vertex, or none");
     ArchiveWriter file(path, "avatar", avatar_file_version);
     add_body_model(file, rig.body, "body/");
     file.add("betas", rig.betas);
@@ -129,6 +132,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     file.add("ao", avatar.ao);
     if (avatar.occlusion_field) detail::add_occlusion_field(file, *avatar.occlusion_field);
     if (avatar.light) detail::add_light(file, *avatar.light, avatar.light_place);
+    if (!avatar.normal_offsets.empty()) file.add_rows<float>("normal_offsets", avatar.normal_offsets);
     if (!avatar.mean_irradiance.empty()) file.add("mean_irradiance", avatar.mean_irradiance);
     file.commit();
 }
@@ -165,6 +169,7 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
         avatar.light = detail::read_light(file);
         avatar.light_place = detail::read_light_place(file);
     }
+    if (file.has("normal_offsets")) avatar.normal_offsets = file.read_rows<float, vec3<float>>("normal_offsets");
     if (file.has("mean_irradiance")) avatar.mean_irradiance = file.read<float>("mean_irradiance").data;
     const auto deformation = file.read_number<std::int32_t>("deformation");
 
@@ -178,6 +183,10 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
         check_size(where, "mean_irradiance", avatar.mean_irradiance.size(), rig.point_count(),
                    "one per Gaussian, or none");
     check_finite<float>(where, "mean_irradiance", avatar.mean_irradiance);
+    if (!avatar.normal_offsets.empty())
+        check_size(where, "normal_offsets", avatar.normal_offsets.size(), rig.body.vertex_count(),
+                   "one per vertex, or none");
+    check_finite<float>(where, "normal_offsets", view_as<const float>(Span<const vec3<float>>(avatar.normal_offsets)));
     if (avatar.occlusion_field)
         check_occlusion_field(where, *avatar.occlusion_field, rig.point_count(), rig.joint_count());
     check_value(g.sh_degree >= 0 && g.sh_degree <= 4, where,
