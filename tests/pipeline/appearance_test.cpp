@@ -40,7 +40,8 @@ void check_same_appearance(const AppearanceParams& params) {
         CHECK(found[i].row_size == expected[i].row_size);
         CHECK(found[i].touched_rows.size() == expected[i].touched_rows.size());
     }
-    test::AppearanceProbe probe(policy, points->size(), 1), probe_any(any, points->size(), 1);
+    test::AppearanceProbe probe(policy, points->size(), 1);
+    test::AppearanceProbe probe_any(any, points->size(), 1);
     probe.backward(), probe_any.backward();
     CHECK(probe_any.outputs() == probe.outputs());
     CHECK(test::learned_gradients(any) == test::learned_gradients(policy));
