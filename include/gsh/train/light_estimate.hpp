@@ -204,8 +204,10 @@ template <Backend B>
     detail::PosedPeople<B> posed(backend, people, params.vertices, params.seed, center, 2 * params.distance);
     detail::LightSamples samples = detail::read_samples(posed, photos, frames, candidates, params.photos_per_frame);
     check_value(!samples.colors.empty(), where,
-                "no vertex of a mesh is seen inside the mask (alpha 255) of any photograph, so there are no colours to "
-                "find the light from; check cameras, poses and masks");
+                "no vertex of a mesh is seen inside the mask (alpha of at least " +
+                    std::to_string(detail::solid_alpha) +
+                    ") of any photograph, so there are no colours to find the light from; check cameras, poses and "
+                    "masks");
     Eigen::MatrixXf G = samples.irradiances(candidates);
     const Eigen::VectorXd found = detail::fit_intensities(samples, G, params.rounds, estimate.psnr);
     const Eigen::VectorXd strength = found.cwiseProduct(G.rowwise().mean().cast<double>());

@@ -156,6 +156,10 @@ private:
     Buffer<float> visibility_;
 };
 
+/// Alpha from which a pixel counts as the person's alone. Masks of JPEG files and of matting do not reach 255
+/// everywhere inside.
+inline constexpr std::uint8_t solid_alpha = 250;
+
 /// The colour of a photograph at a pixel position, bilinear in linear light. False near the mask's edge, where the
 /// nearest pixels in any direction are not the person's, and where a channel is overexposed.
 [[nodiscard]] inline bool read_color(const Photo& photo, const vec2<double>& pixel, vec3<float>& linear) {
@@ -169,7 +173,7 @@ private:
     };
     for (const int dy : {-margin, 0, 1, 1 + margin})
         for (const int dx : {-margin, 0, 1, 1 + margin})
-            if (at(x + dx, y + dy)[3] != 255) return false;
+            if (at(x + dx, y + dy)[3] < solid_alpha) return false;
     const double u = pixel.x - 0.5 - x, v = pixel.y - 0.5 - y;
     for (int c = 0; c < 3; ++c) {
         const auto value = [&](int dx, int dy) { return srgb_to_linear(at(x + dx, y + dy)[c] / 255.0); };
