@@ -261,6 +261,9 @@ std::vector<float> lit_surface(B& backend) {
     maps.forward(casters, {.points = points, .directions = directions}, cache.vertices, cache.normals, visibility,
                  shadows);
     surface.backward(bones, offsets, cache.vertices, cache.normals, cache, dL_dbones, dL_doffsets);
+    typename B::template Buffer<vec3<float>> bent(V);
+    surface.offset_normals(bones, offsets, cache, bent);
+    surface.offset_normals_backward(bones, offsets, bent, cache, dL_dbones, dL_doffsets);
     std::vector<float> result(2 * V + 3 * V + 12 * J);
     const auto part = [&](std::size_t first, std::size_t count) { return Span<float>(result).subspan(first, count); };
     backend.download(Span<const float>(visibility), part(0, 2 * V));
@@ -289,6 +292,10 @@ TEST_CASE("posed surfaces and shadow maps refuse host memory, and work without i
     check_refused("PosedSurface::forward", "bones", [&] { surface.forward(maps, v, cache); });
     check_refused("PosedSurface::forward", "offsets", [&] { surface.forward(b, vectors, cache); });
     surface.forward(b, v, cache);
+    check_refused("PosedSurface::offset_normals", "normal_offsets", [&] { surface.offset_normals(b, vectors, cache, v); });
+    check_refused("PosedSurface::offset_normals", "result", [&] { surface.offset_normals(b, v, cache, vectors); });
+    check_refused("PosedSurface::offset_normals_backward", "dL_dnormal_offsets",
+                  [&] { surface.offset_normals_backward(b, v, v, cache, b, vectors); });
     check_refused("PosedSurface::backward", "dL_dnormals", [&] { surface.backward(b, v, {}, vectors, cache, b, v); });
     check_refused("PosedSurface::backward", "dL_dbones", [&] { surface.backward(b, v, v, {}, cache, maps, v); });
     check_refused("PosedSurface::backward", "dL_doffsets", [&] { surface.backward(b, v, v, {}, cache, b, vectors); });

@@ -278,7 +278,7 @@ public:
     void offset_normals(Span<const Affine<T>> bones, Span<const vec3<T>> normal_offsets, const Cache& cache,
                         Span<vec3<T>> result) const {
         constexpr std::string_view where = "PosedSurface::offset_normals";
-        check_inputs(where, bones, normal_offsets);
+        check_inputs(where, bones, normal_offsets, "normal_offsets");
         check_size(where, "cache.normals", cache.normals.size(), vertex_count_, "forward must come first");
         check_size(where, "result", result.size(), vertex_count_, "store one per vertex");
         check_memory(*backend_, where, "result", result);
@@ -292,7 +292,7 @@ public:
                                  Span<const vec3<T>> dL_dresult, Cache& cache, Span<Affine<T>> dL_dbones,
                                  Span<vec3<T>> dL_dnormal_offsets) const {
         constexpr std::string_view where = "PosedSurface::offset_normals_backward";
-        check_inputs(where, bones, normal_offsets);
+        check_inputs(where, bones, normal_offsets, "normal_offsets");
         check_size(where, "dL_dresult", dL_dresult.size(), vertex_count_, "store one per vertex");
         check_memory(*backend_, where, "dL_dresult", dL_dresult);
         check_optional(where, "dL_dbones", dL_dbones, joint_count_, "store one per joint, or none");
@@ -356,11 +356,12 @@ private:
         bring(triangle_indices(faces), triangles_), bring(starts, corner_starts_), bring(corners, corners_);
     }
 
-    void check_inputs(std::string_view where, Span<const Affine<T>> bones, Span<const vec3<T>> offsets) const {
+    void check_inputs(std::string_view where, Span<const Affine<T>> bones, Span<const vec3<T>> offsets,
+                      std::string_view argument = "offsets") const {
         check_size(where, "bones", bones.size(), joint_count_, "store one per joint");
-        check_size(where, "offsets", offsets.size(), vertex_count_, "store one per vertex");
+        check_size(where, argument, offsets.size(), vertex_count_, "store one per vertex");
         check_memory(*backend_, where, "bones", bones);
-        check_memory(*backend_, where, "offsets", offsets);
+        check_memory(*backend_, where, argument, offsets);
     }
     template <class U>
     void check_optional(std::string_view where, std::string_view argument, Span<U> found, std::size_t count,

@@ -37,7 +37,7 @@ struct LearningRates {
     double light_points = 2e-3;      ///< metres
     double light_intensities = 2e-3; ///< of their logarithms
     double light_gloss = 5e-3;       ///< of logarithms of strength and sharpness
-    double light_normals = 5e-3;     ///< of offsets of the mesh's unit normals; 0: its own normals
+    double light_normals = 0;        ///< of offsets of the mesh's unit normals, say 5e-3; 0: its own normals
 };
 
 /// Rates of the direct baseline, as in its code: slow fields, fixed rotations.
