@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Bench of one frame of an avatar of 170,000 Gaussians, from pose to splats, without and with shadows by pose.
+/// @file  Bench of one frame of an avatar of 170,000 Gaussians, from pose to splats: without shadows (0), with shadows
+///        by pose (1), in a light of 4 points and 12 directions (2).
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/rng.hpp>
@@ -9,6 +10,7 @@
 #include <benchmark/benchmark.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -17,9 +19,9 @@ namespace {
 
 constexpr std::size_t N = 170000;
 
-/// The actor, and a field with the sizes of the trained networks.
-const AvatarData& avatar(bool shaded) {
-    static const auto make = [](bool with_field) {
+/// The actor. `shading` is the benches' argument; a field has the sizes of the trained networks.
+const AvatarData& avatar(std::int64_t shading) {
+    static const auto make = [](bool with_field, bool with_light) {
         const BodyModel body = make_actor();
         const std::vector<double> betas(static_cast<std::size_t>(body.shape_count), 0.0);
         const auto samples =
@@ -42,10 +44,11 @@ const AvatarData& avatar(bool shaded) {
             fill(field.pose_weights, 64 * 9 * (data.rig.joint_count() - 1));
             fill(field.weights, field.network().parameter_count());
         }
+        if (with_light) data.light = even_light(4, 12, {0, 0, 0}, 4);
         return data;
     };
-    static const AvatarData with = make(true), without = make(false);
-    return shaded ? with : without;
+    static const AvatarData plain = make(false, false), shadowed = make(true, false), lit = make(false, true);
+    return shading == 2 ? lit : shading == 1 ? shadowed : plain;
 }
 
 template <class B>
@@ -57,7 +60,7 @@ struct Frame {
     typename Avatar<B>::Cache cache;
 
     explicit Frame(const benchmark::State& state) : shown(backend, avatar(state.range(0))) {
-        Motion motion = rest_motion(avatar(false).rig);
+        Motion motion = rest_motion(avatar(0).rig);
         for (auto& angle : motion.pose) angle = vec3<double>(0.1, -0.1, 0.2);
         shown.rig().upload_pose(motion, 0, pose);
         splats.resize(shown.size());
@@ -76,17 +79,19 @@ template <class B>
 void backward(benchmark::State& state) {
     Frame<B> frame(state);
     frame.forward();
-    std::vector<vec3<float>> dL_dpose(avatar(false).rig.joint_count());
+    std::vector<vec3<float>> dL_dpose(avatar(0).rig.joint_count());
     for (auto _ : state)
         frame.shown.backward_to_pose(frame.pose, {0, 1, 4}, std::as_const(frame.splats).view(), frame.cache,
                                   {dL_dpose, {}, {}});
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(frame.shown.size()));
 }
 
-BENCHMARK(forward<cpu::Serial>)->ArgName("shadows")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
-BENCHMARK(forward<cpu::Threads>)->ArgName("shadows")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond)->UseRealTime();
-BENCHMARK(backward<cpu::Serial>)->ArgName("shadows")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
-BENCHMARK(backward<cpu::Threads>)->ArgName("shadows")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond)->UseRealTime();
+void shadings(benchmark::internal::Benchmark* bench) { bench->ArgName("shading")->DenseRange(0, 2); }
+
+BENCHMARK(forward<cpu::Serial>)->Apply(shadings)->Unit(benchmark::kMillisecond);
+BENCHMARK(forward<cpu::Threads>)->Apply(shadings)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(backward<cpu::Serial>)->Apply(shadings)->Unit(benchmark::kMillisecond);
+BENCHMARK(backward<cpu::Threads>)->Apply(shadings)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 } // namespace
 } // namespace gsh
