@@ -165,7 +165,8 @@ using Bodies = Types<
     gsh::detail::SequenceGradient<RotationSequence<T>, vec3<T>>, gsh::detail::SequenceGradient<NumberSequence<T>, T>,
     gsh::detail::PoseVertex<T>, gsh::detail::TriangleCross<T>, gsh::detail::VertexNormal<T>,
     gsh::detail::VertexNormalBackward<T>, gsh::detail::PoseVertexBackward<T>, gsh::detail::BonePieceBackward<T>,
-    gsh::detail::JoinBonePieces<T>, gsh::detail::PickVertices<T>, gsh::detail::BoundShadowCasters<T>,
+    gsh::detail::JoinBonePieces<T>, gsh::detail::OffsetNormal<T>, gsh::detail::OffsetNormalBackward<T>,
+    gsh::detail::PickVertices<T>, gsh::detail::BoundShadowCasters<T>,
     gsh::detail::AimShadowMaps<T>, gsh::detail::ReceiveShadows<T>,
     gsh::detail::SequenceValue<RotationSequence<T>, T>, gsh::detail::SequenceValue<NumberSequence<T>, T>>;
 

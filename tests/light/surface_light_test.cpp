@@ -99,7 +99,9 @@ template <class B, class T>
 std::vector<vec3<T>> lit_colors(const LitTube<T>& tube, const SurfaceLight<B, T>& light,
                                 typename SurfaceLight<B, T>::Cache& cache,
                                 const std::vector<ShadowCaster<T>>& others = {}) {
-    std::vector<vec3<T>> colors = tube.base;
+    std::vector<vec3<T>> colors(tube.base.size());
+    cache.base.resize(tube.base.size());
+    std::copy(tube.base.begin(), tube.base.end(), cache.base.data());
     light.forward(tube.posed(), tube.light(), others, tube.means, tube.center[0], colors, cache);
     return colors;
 }

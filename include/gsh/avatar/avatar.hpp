@@ -92,6 +92,13 @@ inline void light_cloud(GaussianCloud<float>& cloud, ColorClamp clamping, Span<c
     return cloud;
 }
 
+/// How an avatar is shown.
+struct AvatarParams {
+    /// Metres between the vertices that cast shadows. Training uses default_caster_spacing, half of it; the difference
+    /// cannot be seen in pictures, and a frame is faster by a fifth of what its light costs.
+    double caster_spacing = 0.03;
+};
+
 /// Poses an avatar. Its fields were evaluated when it was exported. A frame costs skinning and shading and, with an
 /// occlusion field, most of one small network.
 ///
@@ -111,7 +118,7 @@ public:
         typename OcclusionField<B, T>::Cache occlusion_field;
     };
 
-    Avatar(B& backend, const AvatarData& data)
+    Avatar(B& backend, const AvatarData& data, const AvatarParams& params = {})
         : backend_(&backend), poser_(backend, data.rig, {data.clamping, data.deformation}) {
         check_size("Avatar", "gaussians", data.gaussians.size(), data.rig.point_count(), "one per point of the rig");
         if (!data.ao.empty())
@@ -139,7 +146,7 @@ public:
         for (const auto& joint : data.rig.joints) joints.push_back(vec3<T>(joint));
         backend.upload(Span<const vec3<T>>(joints), Span<vec3<T>>(joints_));
         if (data.light) {
-            poser_.prepare_light(data.rig, {.shadows = data.light->shadows});
+            poser_.prepare_light(data.rig, {.shadows = data.light->shadows, .caster_spacing = params.caster_spacing});
             set_light(*data.light);
             const std::vector<vec3<T>> offsets(data.normal_offsets.begin(), data.normal_offsets.end());
             if (!offsets.empty())

@@ -103,7 +103,12 @@ public:
     void forward(SkinnedView<const T> gaussians, const vec3<T>& center, const SplatView<T>& splats, Cache& cache,
                  const PoserLight<T>& light = {}) const {
         rig_.add_offsets(cache.rig, cache.means);
-        skin<Degree>().forward(posed(gaussians, cache), cache.rig.bones, center, splats, cache.skin);
+        SplatView<T> skinned = splats;
+        if (light.light.size()) {
+            cache.light.base.resize(size());
+            skinned.colors = cache.light.base;
+        }
+        skin<Degree>().forward(posed(gaussians, cache), cache.rig.bones, center, skinned, cache.skin);
         if (!light.light.size()) return;
         cache.posed_means.resize(size());
         backend_->copy(Span<const vec3<T>>(splats.means), Span<vec3<T>>(cache.posed_means));

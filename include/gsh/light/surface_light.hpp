@@ -60,7 +60,7 @@ public:
         typename PosedSurface<B, T>::Cache surface;
         Buffer<vec3<T>> offset_normals;         // [V], or empty without normal_offsets
         Buffer<T> visibility;                   // [V, P + D]
-        Buffer<vec3<T>> base;                   // [N] colours without light
+        Buffer<vec3<T>> base;                   // [N] colours without light, which the caller writes
         Buffer<vec3<T>> dL_dmeans, dL_dbase;    // [N], results of backward
         // working storage
         Buffer<vec3<T>> dL_dnormals;            // [V]
@@ -93,9 +93,9 @@ public:
         return caster_.forward(cache.surface.vertices, cache.caster);
     }
 
-    /// Replaces base colours by lit ones.
+    /// Writes lit colours. The caller has written cache.base, the colours without light; it stays for backward.
     ///
-    /// Shapes  means, colors [N]; `others` casts shadows on this body.
+    /// Shapes  means, cache.base, colors [N]; `others` casts shadows on this body.
     void forward(const LitSurface<T>& posed, const LightView<const T>& light, Span<const ShadowCaster<T>> others,
                  Span<const vec3<T>> means, const vec3<T>& center, Span<vec3<T>> colors, Cache& cache) const {
         surface_.forward(posed.bones, posed.offsets, cache.surface);
@@ -110,8 +110,6 @@ public:
         } else {
             backend_->fill(Span<T>(cache.visibility), T(1));
         }
-        cache.base.resize(colors.size());
-        backend_->copy(Span<const vec3<T>>(colors), Span<vec3<T>>(cache.base));
         lit_.forward(input(light, means, center, cache), colors, cache.lit);
     }
 

@@ -220,7 +220,7 @@ public:
         if (shadow_moves) shadow_.backward_to_pose(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
     }
 
-    /// The joints, the Gaussians' own attributes, then the arrays of appearance and shadow, normal offsets, and the light.
+    /// The joints, the Gaussians' own attributes, then the arrays of appearance, shadow and light.
     [[nodiscard]] LearnedArrays<T> learned() {
         LearnedArrays<T> arrays{joints_.announce("joints", params_.joint_rate),
                                 quats_.announce("quats", params_.quat_rate),
