@@ -104,7 +104,8 @@ TEST_CASE("a light stays where it was for a motion in the place of the capture")
         const LightData light = light_at(*walk.avatar.light, place, beside);
         CHECK(light.directions == walk.avatar.light->directions);
         const vec3<double> shift = light.points[1] - walk.avatar.light->points[1];
-        const vec3<double> expected = gap < 1 ? vec3<double>(0) : (beside.low + beside.high - place.low - place.high) * 0.5;
+        const vec3<double> expected =
+            gap < 1 ? vec3<double>(0) : (beside.low + beside.high - place.low - place.high) * 0.5;
         CHECK(length(shift - expected) < 1e-12);
     }
     CHECK_THROWS_AS((void)place_of(walk.motion, {0, 0, 0}, std::vector<std::size_t>{3}), ValueError);

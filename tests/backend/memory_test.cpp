@@ -292,7 +292,8 @@ TEST_CASE("posed surfaces and shadow maps refuse host memory, and work without i
     check_refused("PosedSurface::forward", "bones", [&] { surface.forward(maps, v, cache); });
     check_refused("PosedSurface::forward", "offsets", [&] { surface.forward(b, vectors, cache); });
     surface.forward(b, v, cache);
-    check_refused("PosedSurface::offset_normals", "normal_offsets", [&] { surface.offset_normals(b, vectors, cache, v); });
+    check_refused("PosedSurface::offset_normals", "normal_offsets",
+                  [&] { surface.offset_normals(b, vectors, cache, v); });
     check_refused("PosedSurface::offset_normals", "result", [&] { surface.offset_normals(b, v, cache, vectors); });
     check_refused("PosedSurface::offset_normals_backward", "dL_dnormal_offsets",
                   [&] { surface.offset_normals_backward(b, v, v, cache, b, vectors); });

@@ -146,7 +146,8 @@ TEST_CASE("normals with offsets turn with the skin, and their adjoint is the gra
     CHECK(std::equal(plain.begin(), plain.end(), cache.normals.begin()));
     std::vector<vec3<double>> few(3);
     CHECK_THROWS_AS(surface.offset_normals(scene.bones, few, cache, few), ShapeError);
-    CHECK_THROWS_AS(surface.offset_normals_backward(scene.bones, normal_offsets, few, cache, dL_dbones, {}), ShapeError);
+    CHECK_THROWS_AS(surface.offset_normals_backward(scene.bones, normal_offsets, few, cache, dL_dbones, {}),
+                    ShapeError);
 }
 
 TEST_CASE("a surface without area has normal zero and passes no gradient to it") {

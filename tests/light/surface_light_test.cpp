@@ -78,8 +78,8 @@ struct LitTubeGradient {
 
     explicit LitTubeGradient(const LitTube<T>& tube)
         : bones(tube.bones.size(), Affine<T>::zero()), offsets(tube.offsets.size(), vec3<T>(T(0))),
-          normal_offsets(tube.normal_offsets.size(), vec3<T>(T(0))), points(tube.points.size(), vec3<T>(T(0))), center(1, vec3<T>(T(0))),
-          log_intensities(tube.log_intensities.size(), T(0)), gloss(2, T(0)) {}
+          normal_offsets(tube.normal_offsets.size(), vec3<T>(T(0))), points(tube.points.size(), vec3<T>(T(0))),
+          center(1, vec3<T>(T(0))), log_intensities(tube.log_intensities.size(), T(0)), gloss(2, T(0)) {}
 
     template <class B>
     void add(const LitTube<T>& tube, const SurfaceLight<B, T>& light, typename SurfaceLight<B, T>::Cache& cache) {
@@ -255,8 +255,8 @@ TEST_CASE("a body without triangles, and arguments of another size, are refused"
     const std::vector<vec3<double>> fewer(tube.offsets.begin(), tube.offsets.end() - 1);
     CHECK_THROWS_AS(light.forward({tube.bones, fewer}, tube.light(), {}, tube.means, tube.center[0], colors, cache),
                     ShapeError);
-    CHECK_THROWS_AS(light.forward({tube.bones, tube.offsets, fewer}, tube.light(), {}, tube.means, tube.center[0], colors,
-                                  cache),
+    CHECK_THROWS_AS(light.forward({tube.bones, tube.offsets, fewer}, tube.light(), {}, tube.means, tube.center[0],
+                                  colors, cache),
                     ShapeError);
     colors.pop_back();
     CHECK_THROWS_AS(light.forward(tube.posed(), tube.light(), {}, tube.means, tube.center[0], colors,
