@@ -94,8 +94,8 @@ inline void light_cloud(GaussianCloud<float>& cloud, ColorClamp clamping, Span<c
 
 /// How an avatar is shown.
 struct AvatarParams {
-    /// Metres between the vertices that cast shadows. Training uses default_caster_spacing, half of it; the difference
-    /// cannot be seen in pictures, and a frame is faster by a fifth of what its light costs.
+    /// Metres between the vertices that cast shadows. Training uses default_caster_spacing, which is finer; a coarser
+    /// mesh is faster. At 0.03, a person loses 0.08 dB in new motion, at 0.02 less than 0.01 dB.
     double caster_spacing = 0.03;
 };
 
