@@ -177,8 +177,10 @@ TEST_CASE("its own functions take memory of the right side only") {
     check_refused("Guarded::fill", "values", [&] { backend.fill(Span<float>(host), 0.0f); });
     CHECK_THROWS_AS(backend.upload(Span<const float>(buffer), Span<float>(buffer)), MemoryError);
     CHECK_THROWS_AS(backend.download(Span<const float>(buffer), Span<float>(buffer)), MemoryError);
+#if __has_builtin(__builtin_clear_padding) // see Guarded::check_pointers
     CHECK_THROWS_AS(backend.for_each(3, Twice{host, buffer}), MemoryError);
     CHECK_THROWS_AS(backend.for_each(3, Twice{buffer, host}), MemoryError);
+#endif
     CHECK_NOTHROW(backend.for_each(0, Twice{{}, {}}));
     CHECK_NOTHROW(backend.for_each(0, Twice{Span<const float>(host).subspan(0, 0), buffer}));
 }

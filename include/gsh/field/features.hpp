@@ -36,7 +36,7 @@ struct FeatureView {
     [[nodiscard]] bool empty() const { return columns == 0; }
     /// Address of (0, column); the next rows follow at distance `block`.
     [[nodiscard]] GSH_HD T* column(std::size_t c) const {
-        return values.data() + c / block * rows * block + c % block;
+        return values.data() + (rows ? c / block * rows * block + c % block : 0); // without rows there is no memory
     }
     [[nodiscard]] GSH_HD T& operator()(std::size_t row, std::size_t c) const { return column(c)[row * block]; }
 

@@ -131,10 +131,10 @@ private:
             }
             const T* __restrict p = a.row(tile.channel, y) + x0;
             const T* __restrict q = b.row(tile.channel, y) + x0;
-            T* __restrict s = in[0] + shift + x0;
-            T* __restrict d = in[1] + shift + x0;
-            T* __restrict ss = in[2] + shift + x0;
-            T* __restrict dd = in[3] + shift + x0;
+            T* __restrict s = in[0] + (shift + x0);
+            T* __restrict d = in[1] + (shift + x0);
+            T* __restrict ss = in[2] + (shift + x0);
+            T* __restrict dd = in[3] + (shift + x0);
             for (int x = 0; x < x1 - x0; ++x) {
                 const T sum = p[x] + q[x], difference = p[x] - q[x];
                 s[x] = sum, d[x] = difference, ss[x] = sum * sum, dd[x] = difference * difference;
