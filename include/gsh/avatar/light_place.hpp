@@ -11,9 +11,9 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <limits>
 #include <numeric>
 #include <optional>
-#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -31,14 +31,14 @@ struct MotionPlace {
 [[nodiscard]] inline MotionPlace place_of(const Motion& motion, const vec3<double>& root_joint,
                                           Span<const std::size_t> frames) {
     check_value(!frames.empty(), "place_of", "there are no frames");
-    std::optional<MotionPlace> place;
+    constexpr double far = std::numeric_limits<double>::infinity();
+    MotionPlace place{upright_rotation(motion), vec3<double>(far), vec3<double>(-far)};
     for (const std::size_t frame : frames) {
         check_value(frame < motion.frame_count(), "place_of", "a frame does not exist in the motion");
         const vec3<double> root = motion.transl[frame] + root_joint;
-        if (!place) place = {upright_rotation(motion), root, root};
-        place->low = glm::min(place->low, root), place->high = glm::max(place->high, root);
+        place.low = glm::min(place.low, root), place.high = glm::max(place.high, root);
     }
-    return *place;
+    return place;
 }
 
 /// The place of a whole motion.
