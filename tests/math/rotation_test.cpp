@@ -3,6 +3,7 @@
 
 #include "support/linear.hpp"
 
+#include <limits>
 #include <numbers>
 
 using namespace gsh;
@@ -151,4 +152,13 @@ TEST_CASE("quat_from_rotation undoes rotation_matrix in all four branches") {
         CHECK(std::abs(dot(n, back)) == doctest::Approx(1).epsilon(1e-15));
         CHECK(back.w >= 0);
     }
+}
+
+TEST_CASE("a matrix is a rotation if it is orthonormal and right-handed") {
+    const mat3<double> turn = rotation_from_axis_angle(vec3<double>(0.4, -1.1, 0.7));
+    CHECK(is_rotation(turn, 1e-12));
+    CHECK(!is_rotation(turn * 1.001, 1e-3));
+    CHECK(is_rotation(turn * 1.0001, 1e-3));
+    CHECK(!is_rotation(turn * mat3<double>(vec3<double>(-1, 0, 0), vec3<double>(0, 1, 0), vec3<double>(0, 0, 1)), 0.1));
+    CHECK(!is_rotation(turn * std::numeric_limits<double>::quiet_NaN(), 0.1));
 }

@@ -58,11 +58,8 @@ inline vec3<double> root_joint(const BodyModel& model, Span<const double> betas,
 
 inline void move_frame(const BodyModel& model, Motion& motion, std::size_t frame, const Affine<double>& new_from_old) {
     const mat3<double>& A = new_from_old.linear;
-    bool rotation = determinant(A) > 0;
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j) rotation = rotation && std::abs(dot(A[i], A[j]) - (i == j)) < 1e-3;
     check_value(
-        rotation, "move_frame",
+        is_rotation(A, 1e-3), "move_frame",
         "the change of frame is not a rotation (orthonormal, determinant +1); a mirrored world needs a mirrored body");
     check_value(frame < motion.frame_count(), "move_frame",
                 "frame " + std::to_string(frame) + " is not below " + std::to_string(motion.frame_count()));

@@ -183,4 +183,13 @@ template <std::floating_point T>
     return v * scale;
 }
 
+/// Whether the columns of A are orthonormal within `tolerance` and right-handed.
+template <std::floating_point T>
+[[nodiscard]] bool is_rotation(const mat3<T>& A, T tolerance) {
+    bool rotation = determinant(A) > T(0);
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) rotation = rotation && std::abs(dot(A[i], A[j]) - T(i == j)) < tolerance;
+    return rotation;
+}
+
 } // namespace gsh

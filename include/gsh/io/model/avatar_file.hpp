@@ -10,9 +10,9 @@
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/file/archive.hpp>
+#include <gsh/math/rotation.hpp>
 
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -88,10 +88,7 @@ inline MotionPlace read_light_place(const ArchiveReader& file) {
     if (!file.has("light_upright")) return place;
     const auto A = rows("light_upright", 3);
     place.upright = transpose(mat3<double>(A[0], A[1], A[2]));
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            check_value(std::abs(dot(A[static_cast<std::size_t>(i)], A[static_cast<std::size_t>(j)]) - (i == j)) < 1e-6,
-                        where, "light_upright is not a rotation");
+    check_value(is_rotation(*place.upright, 1e-6), where, "light_upright is not a rotation");
     return place;
 }
 
