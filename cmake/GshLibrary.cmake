@@ -4,7 +4,8 @@
 #   gsh::io         io/           libzip, stb, nlohmann-json
 #   gsh::check      check/        those of gsh::io
 #   gsh::synthetic  synthetic/    Embree, and those of gsh::io
-set(gsh_components simd io check synthetic)
+#   gsh::cuda       *.cuh         CUDA's runtime; sources that include a .cuh are compiled by nvcc
+set(gsh_components simd io check synthetic cuda)
 
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(glm REQUIRED)
@@ -18,6 +19,7 @@ foreach(component IN LISTS gsh_components)
   list(FILTER gsh_${component}_headers INCLUDE REGEX "/gsh/${component}/")
   list(FILTER gsh_headers EXCLUDE REGEX "/gsh/${component}/")
 endforeach()
+file(GLOB_RECURSE gsh_cuda_headers CONFIGURE_DEPENDS ${gsh_include_dir}/gsh/*.cuh)
 
 add_library(gsh INTERFACE)
 add_library(gsh::gsh ALIAS gsh)
@@ -46,6 +48,7 @@ find_package(libzip ${gsh_need} MODULE)
 find_package(stb ${gsh_need} MODULE)
 find_package(nlohmann_json ${gsh_need})
 find_package(embree 3 ${gsh_need})
+find_package(CUDAToolkit QUIET) # optional everywhere
 
 if(xsimd_FOUND)
   gsh_add_component(simd xsimd::headers)
@@ -56,4 +59,9 @@ if(libzip_FOUND AND stb_FOUND AND nlohmann_json_FOUND)
   if(embree_FOUND)
     gsh_add_component(synthetic gsh_io embree)
   endif()
+endif()
+if(CUDAToolkit_FOUND)
+  gsh_add_component(cuda CUDA::cudart)
+  # `cmake --preset dev` compiles each header of a file set alone, with the C++ compiler; .cuh headers need nvcc.
+  set_target_properties(gsh_cuda PROPERTIES VERIFY_INTERFACE_HEADER_SETS OFF)
 endif()

@@ -137,6 +137,9 @@ bool is_of_cpu(const std::string& path) {
     return path.find("/cpu/") != std::string::npos || path == "backend/threads.hpp" || path == "math/wide.hpp";
 }
 
+/// Headers for nvcc, which only gsh/cuda.cuh and other headers of this kind may include.
+bool is_of_cuda(const std::string& path) { return path.ends_with(".cuh"); }
+
 /// The headers of gsh that an umbrella includes, each once.
 std::set<std::string> listed_by(const std::string& umbrella) {
     std::set<std::string> listed;
@@ -234,6 +237,41 @@ TEST_CASE("no component includes what belongs to the CPU backends") {
             CHECK_MESSAGE(!include.path.starts_with("tbb/"), header.at(include.line), "oneTBB belongs to cpu::Threads");
         }
     }
+}
+
+TEST_CASE("what the CUDA backend runs lies in folders cuda/, and no other header includes it") {
+    std::size_t found = 0;
+    for (const auto& header : headers()) {
+        if (is_umbrella(header)) continue;
+        CHECK_MESSAGE(is_of_cuda(header.path) == (header.path.find("/cuda/") != std::string::npos), header.path,
+                      ": .cuh headers belong in a folder cuda/, and no others do");
+        if (is_of_cuda(header.path)) {
+            ++found;
+            for (const auto& include : header.includes)
+                CHECK_MESSAGE(!is_of_cpu(ours(include.path)), header.at(include.line), include.path,
+                              " belongs to the CPU backends");
+            // A sum of floating-point numbers by atomic operations depends on the order of the threads.
+            const std::regex atomic_float("atomicAdd\\s*\\([^;]*(float|double)|__half2? atomicAdd|red\\.[a-z.]*\\.f(16|32|64)");
+            for (std::size_t i = 0; i < header.lines.size(); ++i)
+                CHECK_MESSAGE(!std::regex_search(header.lines[i], atomic_float), header.at(static_cast<int>(i) + 1),
+                              "an atomic operation on a floating-point number");
+            continue;
+        }
+        for (const auto& include : header.includes) {
+            CHECK_MESSAGE(!is_of_cuda(include.path), header.at(include.line), include.path, " is for nvcc");
+            CHECK_MESSAGE(!include.path.starts_with("cuda"), header.at(include.line), include.path,
+                          ": gsh::gsh needs no CUDA");
+        }
+    }
+    CHECK(found > 3);
+}
+
+TEST_CASE("cuda.cuh lists every header of the CUDA backend") {
+    const std::set<std::string> listed = listed_by("cuda.cuh");
+    for (const auto& header : headers())
+        if (is_of_cuda(header.path) && !is_umbrella(header))
+            CHECK_MESSAGE(listed.contains(header.path), "include/gsh/cuda.cuh: <gsh/", header.path,
+                          "> is missing; run scripts/house");
 }
 
 TEST_CASE("gsh.hpp and cpu.hpp list every header that gsh::gsh can serve, and no other") {

@@ -23,19 +23,11 @@
 
 #include "support/guarded_memory.hpp"
 
-#include <cxxabi.h>
-
-#include <array>
 #include <concepts>
 #include <cstddef>
-#include <cstdint>
-#include <cstdlib>
-#include <cstring>
-#include <memory>
 #include <string>
 #include <string_view>
 #include <type_traits>
-#include <typeinfo>
 
 namespace gsh::test {
 
@@ -102,34 +94,14 @@ public:
         return work(inside);
     }
 
-    /// A device receives the bytes of an argument, and an address of host memory among them is invalid there. Arguments
-    /// that are not trivially copyable (caches, networks) stay on the host and are not checked. Nothing is checked if
-    /// the compiler cannot clear the gaps between members, which may contain old addresses.
+    /// Refuses an argument that contains the address of host memory.
     template <class T>
-    static void check_pointers([[maybe_unused]] std::string_view where, [[maybe_unused]] const T& argument) {
-#if __has_builtin(__builtin_clear_padding)
-        if constexpr (std::is_trivially_copyable_v<T> && sizeof(T) >= sizeof(void*)) {
-            T copy(argument);
-            __builtin_clear_padding(&copy);
-            std::array<std::uintptr_t, sizeof(T) / sizeof(std::uintptr_t)> words;
-            std::memcpy(words.data(), static_cast<const void*>(&copy), sizeof words);
-            for (std::size_t i = 0; i < words.size(); ++i) {
-                if (i + 1 < words.size() && words[i + 1] == 0) continue; // a span of no elements
-                if (GuardedMemory::instance().is_host_address(words[i]))
-                    throw MemoryError(std::string(where) + ": " + readable_name(typeid(T).name()) +
-                                      " holds the address of host memory (8 bytes at " + std::to_string(8 * i) +
-                                      "); upload it into a Buffer of the backend first");
-            }
-        }
-#endif
+    static void check_pointers(std::string_view where, const T& argument) {
+        if (const std::string found = host_address_in(argument); !found.empty())
+            throw MemoryError(std::string(where) + ": " + found + "; upload it into a Buffer of the backend first");
     }
 
 private:
-    [[nodiscard]] static std::string readable_name(const char* mangled) {
-        const std::unique_ptr<char, void (*)(void*)> name(abi::__cxa_demangle(mangled, nullptr, nullptr, nullptr),
-                                                          &std::free);
-        return name ? name.get() : mangled;
-    }
     template <class T>
     void check_host(std::string_view where, std::string_view argument, Span<const T> memory) const {
         if (!memory.empty() && owns(memory.data(), 1))

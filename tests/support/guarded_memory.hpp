@@ -2,17 +2,23 @@
 /// @file  Memory that can be accessed only while a guard is open. Any other access is a crash with a stack trace.
 #pragma once
 
+#include <cxxabi.h>
 #include <execinfo.h>
 #include <signal.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <new>
+#include <string>
 #include <type_traits>
+#include <typeinfo>
 #include <utility>
 #include <vector>
 
@@ -116,6 +122,31 @@ private:
     std::map<std::size_t, std::vector<char*>> free_; // by size
     struct sigaction previous_ = {};
 };
+
+/// A device receives the bytes of an argument, and an address of host memory among them is invalid there: names the
+/// first such address, or returns an empty string. Arguments that are not trivially copyable (caches, networks) stay on
+/// the host and are not checked. Nothing is checked if the compiler cannot clear the gaps between members, which may
+/// contain old addresses.
+template <class T>
+[[nodiscard]] std::string host_address_in([[maybe_unused]] const T& argument) {
+#if __has_builtin(__builtin_clear_padding)
+    if constexpr (std::is_trivially_copyable_v<T> && sizeof(T) >= sizeof(void*)) {
+        T copy(argument);
+        __builtin_clear_padding(&copy);
+        std::array<std::uintptr_t, sizeof(T) / sizeof(std::uintptr_t)> words;
+        std::memcpy(words.data(), static_cast<const void*>(&copy), sizeof words);
+        for (std::size_t i = 0; i < words.size(); ++i) {
+            if (i + 1 < words.size() && words[i + 1] == 0) continue; // a span of no elements
+            if (!GuardedMemory::instance().is_host_address(words[i])) continue;
+            const std::unique_ptr<char, void (*)(void*)> name(
+                abi::__cxa_demangle(typeid(T).name(), nullptr, nullptr, nullptr), &std::free);
+            return (name ? name.get() : typeid(T).name()) + std::string(" holds the address of host memory (8 bytes at ") +
+                   std::to_string(8 * i) + ")";
+        }
+    }
+#endif
+    return {};
+}
 
 /// Opens the guard during its lifetime.
 class OpenGuard {

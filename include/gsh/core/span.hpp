@@ -12,6 +12,13 @@
 
 namespace gsh {
 
+#if defined(GSH_CHECK_SPANS)
+namespace detail {
+/// What happens when an index is outside of a span: the definition is the program's, and does not return.
+[[noreturn]] void index_outside_span(std::size_t index, std::size_t size);
+} // namespace detail
+#endif
+
 /// View of `size` contiguous elements in host or device memory; `Span<const T>` is an input.
 ///
 /// Trivially copyable, so it can be passed to a kernel by value. Unlike std::span, it needs no extra compiler flag in
@@ -43,7 +50,13 @@ public:
     [[nodiscard]] GSH_HD constexpr T* data() const { return data_; }
     [[nodiscard]] GSH_HD constexpr std::size_t size() const { return size_; }
     [[nodiscard]] GSH_HD constexpr bool empty() const { return size_ == 0; }
-    [[nodiscard]] GSH_HD constexpr T& operator[](std::size_t i) const { return data_[i]; }
+    /// Not checked, unless the program is compiled with GSH_CHECK_SPANS.
+    [[nodiscard]] GSH_HD constexpr T& operator[](std::size_t i) const {
+#if defined(GSH_CHECK_SPANS)
+        if (i >= size_) detail::index_outside_span(i, size_);
+#endif
+        return data_[i];
+    }
     [[nodiscard]] GSH_HD constexpr T* begin() const { return data_; }
     [[nodiscard]] GSH_HD constexpr T* end() const { return data_ + size_; }
     [[nodiscard]] GSH_HD constexpr Span subspan(std::size_t offset, std::size_t count) const {

@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The CUDA backend: an NVIDIA GPU and a stream on it.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/backend/cuda/error.cuh>
+#include <gsh/backend/cuda/kernel.cuh>
+#include <gsh/backend/cuda/memory.cuh>
+#include <gsh/backend/cuda/recorder.cuh>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+
+#include <cuda_runtime.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <type_traits>
+
+namespace gsh::cuda {
+
+/// Runs everything on one stream of one GPU, in order.
+///
+/// Calls return when the work is queued. download and synchronize wait for it and report its errors. A device belongs
+/// to the thread that made it, and its buffers to the GPU that was current when they were made.
+///
+/// Errors  DeviceError: no driver, no such GPU, no code for its architecture, a kernel that failed.
+class Device {
+public:
+    template <class T>
+    using Buffer = cuda::Buffer<T>;
+    static constexpr bool host_memory = false;
+
+    /// A new stream on GPU `ordinal`, counted from 0 as in CUDA_VISIBLE_DEVICES.
+    explicit Device(int ordinal = 0) : ordinal_(ordinal) {
+        check_ordinal();
+        check(cudaSetDevice(ordinal), where);
+        check_code();
+        check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), where);
+        owns_stream_ = true;
+    }
+    /// The caller's stream, which must live longer than the device. Work is queued behind what is there already, and
+    /// the caller's own later work on the stream comes after it. A capture that the caller has begun receives the
+    /// work, provided that no buffer has to grow and nothing is downloaded.
+    explicit Device(cudaStream_t stream) : stream_(stream) {
+        int count = 0;
+        check_driver(cudaGetDeviceCount(&count));
+        check(cudaStreamGetDevice(stream, &ordinal_), where, "is it a stream of this process?");
+        check(cudaSetDevice(ordinal_), where);
+        check_code();
+    }
+    Device(const Device&) = delete;
+    Device& operator=(const Device&) = delete;
+    ~Device() {
+        if (owns_stream_) (void)cudaStreamDestroy(stream_);
+    }
+
+    [[nodiscard]] static constexpr std::string_view name() { return "cuda"; }
+    [[nodiscard]] static bool available() {
+        int count = 0;
+        const bool found = cudaGetDeviceCount(&count) == cudaSuccess && count > 0;
+        (void)cudaGetLastError();
+        return found;
+    }
+
+    [[nodiscard]] int ordinal() const { return ordinal_; }
+    [[nodiscard]] cudaStream_t stream() const { return stream_; }
+    /// The name of the GPU, for instance "NVIDIA H100 80GB HBM3".
+    [[nodiscard]] std::string gpu() const {
+        cudaDeviceProp properties;
+        check(cudaGetDeviceProperties(&properties, ordinal_), where);
+        return properties.name;
+    }
+
+    /// Whether all of `bytes` is memory of this GPU.
+    [[nodiscard]] bool owns(const void* memory, std::size_t bytes) const {
+        return bytes == 0 || (is_here(memory) && is_here(static_cast<const unsigned char*>(memory) + bytes - 1));
+    }
+
+    /// Queues blocks of a kernel (backend/cuda/kernel.cuh).
+    template <class Kernel>
+    void launch(std::size_t blocks, const Kernel& kernel) {
+        if (blocks == 0) return;
+        check_value(blocks <= std::size_t(std::numeric_limits<int>::max()), "gsh::cuda::Device::launch",
+                    "more blocks than a grid has");
+        if (recorder_ != nullptr)
+            recorder_->launch(static_cast<unsigned>(blocks), kernel);
+        else
+            detail::launch_on(stream_, static_cast<unsigned>(blocks), kernel);
+    }
+    /// Queues the work of another library on the stream. It must do the same whenever `key` is the same.
+    void call(std::string_view key, const std::function<void(cudaStream_t)>& work) {
+        if (recorder_ != nullptr)
+            recorder_->call(key, work);
+        else
+            work(stream_);
+    }
+
+    template <class Body>
+    void for_each(std::size_t n, const Body& body) {
+        using Kernel = detail::ForEach<Body>;
+        launch((n + Kernel::block_size - 1) / Kernel::block_size, Kernel{body, n});
+    }
+    template <class T>
+    void fill(Span<T> values, std::type_identity_t<T> value) {
+        for_each(values.size(), detail::Fill<T>{values, value});
+    }
+    template <class T>
+    void copy(Span<const T> from, Span<std::type_identity_t<T>> to) {
+        check_size("gsh::cuda::Device::copy", "destination", to.size(), from.size());
+        for_each(from.size(), detail::Copy<T>{from, to});
+    }
+
+    /// Queues a copy; `from` may change as soon as the call returns.
+    template <class T>
+    void upload(Span<const T> from, Span<std::type_identity_t<T>> to) {
+        check_size("gsh::cuda::Device::upload", "destination", to.size(), from.size());
+        if (from.empty()) return;
+        if (recorder_ != nullptr && from.size() * sizeof(T) <= most_small_uploads * detail::SmallUpload::capacity) {
+            upload_small(reinterpret_cast<const unsigned char*>(from.data()), from.size() * sizeof(T),
+                         reinterpret_cast<unsigned char*>(to.data()));
+            return;
+        }
+        const Cut cut(recorder_);
+        check(cudaMemcpyAsync(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice, stream_),
+              "gsh::cuda::Device::upload");
+    }
+    /// Waits for all work before it.
+    template <class T>
+    void download(Span<const T> from, Span<std::type_identity_t<T>> to) {
+        check_size("gsh::cuda::Device::download", "destination", to.size(), from.size());
+        if (from.empty()) return;
+        const Cut cut(recorder_);
+        check(cudaMemcpyAsync(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyDeviceToHost, stream_),
+              "gsh::cuda::Device::download");
+        check(cudaStreamSynchronize(stream_), "gsh::cuda::Device::download");
+    }
+    void synchronize() {
+        const Cut cut(recorder_);
+        check(cudaStreamSynchronize(stream_), "gsh::cuda::Device::synchronize");
+    }
+
+    /// Later work waits for an event of another stream.
+    void wait(cudaEvent_t event) {
+        const Cut cut(recorder_);
+        check(cudaStreamWaitEvent(stream_, event, 0), "gsh::cuda::Device::wait");
+    }
+    /// The event happens when all work before it is done.
+    void record(cudaEvent_t event) {
+        const Cut cut(recorder_);
+        check(cudaEventRecord(event, stream_), "gsh::cuda::Device::record");
+    }
+
+private:
+    friend class StepGraph;
+
+    static constexpr std::string_view where = "gsh::cuda::Device";
+    static constexpr std::size_t most_small_uploads = 4;
+
+    /// Work that cannot be recorded runs during the lifetime of a cut.
+    class Cut {
+    public:
+        explicit Cut(detail::Recorder* recorder) : recorder_(recorder) {
+            if (recorder_ != nullptr) recorder_->cut();
+        }
+        Cut(const Cut&) = delete;
+        ~Cut() noexcept(false) {
+            if (recorder_ != nullptr) recorder_->resume();
+        }
+
+    private:
+        detail::Recorder* recorder_;
+    };
+
+    static void check_driver(cudaError_t error) {
+        check(error, where,
+              error == cudaErrorInsufficientDriver
+                  ? "the driver of the GPU is missing or older than this program's CUDA"
+                  : "is there an NVIDIA GPU, and may this process use it?");
+    }
+    void check_ordinal() const {
+        int count = 0;
+        check_driver(cudaGetDeviceCount(&count));
+        if (ordinal_ < 0 || ordinal_ >= count)
+            throw DeviceError("gsh::cuda::Device: there is no GPU " + std::to_string(ordinal_) +
+                              ", expected one of 0 to " + std::to_string(count - 1));
+    }
+    /// The program must contain code for this GPU.
+    void check_code() const {
+        cudaFuncAttributes attributes;
+        const cudaError_t error =
+            cudaFuncGetAttributes(&attributes, &detail::run_kernel<detail::ForEach<gsh::detail::NoOp>>);
+        if (error == cudaSuccess) return;
+        int major = 0, minor = 0;
+        (void)cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, ordinal_);
+        (void)cudaDeviceGetAttribute(&minor, cudaDevAttrComputeCapabilityMinor, ordinal_);
+        check(error, where,
+              "GPU " + std::to_string(ordinal_) + " has compute capability " + std::to_string(major) + "." +
+                  std::to_string(minor) + "; compile with nvcc -arch=sm_" + std::to_string(10 * major + minor));
+    }
+    [[nodiscard]] bool is_here(const void* memory) const {
+        cudaPointerAttributes attributes;
+        const cudaError_t error = cudaPointerGetAttributes(&attributes, memory);
+        if (error != cudaSuccess) (void)cudaGetLastError();
+        return error == cudaSuccess && attributes.type == cudaMemoryTypeDevice && attributes.device == ordinal_;
+    }
+    void upload_small(const unsigned char* from, std::size_t bytes, unsigned char* to) {
+        for (std::size_t first = 0; first < bytes; first += detail::SmallUpload::capacity) {
+            detail::SmallUpload kernel{};
+            kernel.to = to + first;
+            kernel.count = static_cast<unsigned>(std::min(bytes - first, detail::SmallUpload::capacity));
+            std::memcpy(kernel.bytes, from + first, kernel.count);
+            launch(1, kernel);
+        }
+    }
+
+    int ordinal_ = 0;
+    cudaStream_t stream_ = nullptr;
+    bool owns_stream_ = false;
+    detail::Recorder* recorder_ = nullptr;
+};
+static_assert(Backend<Device> && !CpuBackend<Device>);
+
+/// A step that is repeated: its kernels become one CUDA graph, which each run updates and launches.
+///
+///     StepGraph graph(device);
+///     for (...) graph.run([&] { trainer.step(); });
+class StepGraph {
+public:
+    explicit StepGraph(Device& device) : device_(&device), recorder_(device.stream()) {}
+
+    /// Runs step() with the same results as without the graph. step() may do anything; what cannot be part of a graph
+    /// (a download, an upload of more than 8 KiB) cuts it in two.
+    template <class Step>
+    void run(const Step& step) {
+        check_value(device_->recorder_ == nullptr, "gsh::cuda::StepGraph::run", "a step is already being recorded");
+        const Use use(*device_, recorder_);
+        step();
+        recorder_.end();
+    }
+    [[nodiscard]] const detail::Recorder::Counts& counts() const { return recorder_.counts(); }
+
+private:
+    struct Use {
+        Device& device;
+        detail::Recorder& recorder;
+        Use(Device& d, detail::Recorder& r) : device(d), recorder(r) {
+            recorder.begin();
+            device.recorder_ = &recorder;
+        }
+        ~Use() {
+            device.recorder_ = nullptr;
+            recorder.abandon(); // does nothing after end
+        }
+    };
+
+    Device* device_;
+    detail::Recorder recorder_;
+};
+
+} // namespace gsh::cuda

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Kernels as function objects, and their shared memory.
+///
+/// A kernel of gsh is a struct with its arguments as members:
+///
+///     struct SumOfTiles {
+///         static constexpr unsigned block_size = 256;     // threads of a block
+///         struct Shared { SharedArray<float, 8> sums; };  // optional
+///         Span<const float> values;
+///         __device__ void operator()(Shared& shared) const;
+///     };
+///     device.launch(blocks, SumOfTiles{values});
+///
+/// One __global__ function runs all of them, so a kernel can be copied, compared and repeated with other arguments.
+#pragma once
+
+#include <cuda_runtime.h>
+
+#include <cstddef>
+#include <type_traits>
+
+namespace gsh::cuda {
+
+inline constexpr unsigned warp_size = 32;
+inline constexpr unsigned all_lanes = 0xFFFFFFFFu;
+
+#if defined(GSH_CUDA_EMULATION) // tests/support/cuda_emulation: accesses are checked
+template <class T, std::size_t N>
+using SharedArray = test::EmulatedSharedArray<T, N>;
+#else
+/// An array in the shared memory of a block. Elements are read and written as a whole, as in T x = array[i].
+template <class T, std::size_t N>
+    requires std::is_trivially_copyable_v<T>
+struct SharedArray {
+    T values[N];
+    [[nodiscard]] __device__ T& operator[](std::size_t i) { return values[i]; }
+    [[nodiscard]] __device__ const T& operator[](std::size_t i) const { return values[i]; }
+    [[nodiscard]] static constexpr __host__ __device__ std::size_t size() { return N; }
+};
+#endif
+
+namespace detail {
+
+template <class Kernel>
+concept HasSharedMemory = requires { typename Kernel::Shared; };
+
+/// The least number of blocks that a multiprocessor must hold at once: limits the registers of a thread.
+template <class Kernel>
+constexpr unsigned least_blocks() {
+    if constexpr (requires { Kernel::least_blocks; }) return Kernel::least_blocks;
+    return 1;
+}
+
+template <class Kernel>
+__global__ void __launch_bounds__(Kernel::block_size, least_blocks<Kernel>())
+    run_kernel(const __grid_constant__ Kernel kernel) {
+    if constexpr (HasSharedMemory<Kernel>) {
+        __shared__ typename Kernel::Shared shared;
+        kernel(shared);
+    } else {
+        kernel();
+    }
+}
+
+/// body(i) for each index, one thread each.
+template <class Body>
+struct ForEach {
+    static constexpr unsigned block_size = 256;
+    Body body;
+    std::size_t count;
+
+    __device__ void operator()() const {
+        const std::size_t i = std::size_t(blockIdx.x) * block_size + threadIdx.x;
+        if (i < count) body(i);
+    }
+};
+
+template <class T>
+struct Fill {
+    Span<T> values;
+    T value;
+    __device__ void operator()(std::size_t i) const { values[i] = value; }
+};
+
+template <class T>
+struct Copy {
+    Span<const T> from;
+    Span<T> to;
+    __device__ void operator()(std::size_t i) const { to[i] = from[i]; }
+};
+
+/// Bytes that travel as the argument of a kernel. Unlike a copy from host memory, they cannot change before the device
+/// reads them, and a recorded step can replace them.
+struct SmallUpload {
+    static constexpr unsigned block_size = 256;
+    static constexpr std::size_t capacity = 2048;
+    unsigned char* to;
+    unsigned count;
+    unsigned char bytes[capacity];
+
+    __device__ void operator()() const {
+        for (unsigned i = threadIdx.x; i < count; i += block_size) to[i] = bytes[i];
+    }
+};
+
+} // namespace detail
+
+} // namespace gsh::cuda

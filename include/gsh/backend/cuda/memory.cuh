@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Storage of the CUDA backend: device memory, and page-locked host memory.
+#pragma once
+
+#include <gsh/backend/cuda/error.cuh>
+#include <gsh/core/span.hpp>
+
+#include <cuda_runtime.h>
+
+#include <cstddef>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+namespace gsh::cuda {
+
+namespace detail {
+
+/// Memory that was given back while a step is recorded. Kernels of the step may still use it, so it is freed when the
+/// step has been handed to the device; cudaFree then waits for it.
+class FreedMemory {
+public:
+    static FreedMemory& instance() {
+        thread_local FreedMemory freed;
+        return freed;
+    }
+    void hold() { ++holders_; }
+    void release() {
+        if (--holders_ != 0) return;
+        for (void* memory : waiting_) (void)cudaFree(memory);
+        waiting_.clear();
+    }
+    void free(void* memory) {
+        if (holders_ == 0)
+            (void)cudaFree(memory);
+        else
+            waiting_.push_back(memory);
+    }
+
+private:
+    int holders_ = 0;
+    std::vector<void*> waiting_;
+};
+
+[[nodiscard]] inline void* allocate(std::size_t bytes) {
+    void* memory = nullptr;
+    const cudaError_t error = cudaMalloc(&memory, bytes);
+    if (error == cudaSuccess) return memory;
+    if (error == cudaErrorStreamCaptureUnsupported)
+        check(error, "gsh::cuda::Buffer::resize",
+              "a buffer must grow while a stream is captured; run the same work once before the capture");
+    (void)cudaGetLastError();
+    std::size_t free = 0, total = 0;
+    (void)cudaMemGetInfo(&free, &total);
+    throw DeviceError("gsh::cuda::Buffer::resize: " + std::to_string(bytes >> 20) +
+                      " MiB of device memory are needed, " + std::to_string(free >> 20) + " MiB of " +
+                      std::to_string(total >> 20) +
+                      " are free; lower the number of Gaussians, the size of the images or that of the tables");
+}
+
+} // namespace detail
+
+/// Owning array of trivially copyable T in the memory of the current device. resize leaves the contents unspecified.
+/// Shrinking keeps the memory, so a step that repeats its sizes allocates nothing. The host cannot access elements.
+///
+/// Errors  DeviceError: the device has too little free memory (the message gives both numbers), or memory would have to
+///         grow inside a capture of the caller's.
+template <class T>
+    requires std::is_trivially_copyable_v<T>
+class Buffer {
+public:
+    Buffer() = default;
+    explicit Buffer(std::size_t size) { resize(size); }
+    Buffer(const Buffer& other) : Buffer(other.size_) {
+        if (size_ != 0)
+            check(cudaMemcpy(data_, other.data_, size_ * sizeof(T), cudaMemcpyDeviceToDevice), "gsh::cuda::Buffer");
+    }
+    Buffer(Buffer&& other) noexcept { swap(other); }
+    Buffer& operator=(Buffer other) noexcept {
+        swap(other);
+        return *this;
+    }
+    ~Buffer() { clear(); }
+
+    void resize(std::size_t size) {
+        if (size > capacity_) {
+            clear(); // free first: the old and the new array never exist at the same time
+            data_ = static_cast<T*>(detail::allocate(size * sizeof(T)));
+            capacity_ = size;
+        }
+        size_ = size;
+    }
+
+    [[nodiscard]] T* data() { return data_; }
+    [[nodiscard]] const T* data() const { return data_; }
+    [[nodiscard]] std::size_t size() const { return size_; }
+    [[nodiscard]] bool empty() const { return size_ == 0; }
+
+    void swap(Buffer& other) noexcept {
+        std::swap(data_, other.data_);
+        std::swap(size_, other.size_);
+        std::swap(capacity_, other.capacity_);
+    }
+
+private:
+    void clear() {
+        if (data_ != nullptr) detail::FreedMemory::instance().free(data_);
+        data_ = nullptr, size_ = 0, capacity_ = 0;
+    }
+
+    T* data_ = nullptr;
+    std::size_t size_ = 0, capacity_ = 0;
+};
+
+} // namespace gsh::cuda

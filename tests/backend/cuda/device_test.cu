@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The CUDA backend: memory, launches, steps that are repeated as graphs.
+#include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/memory.hpp>
+
+#include <doctest/doctest.h>
+
+#include "support/cuda_device.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <numeric>
+#include <vector>
+
+namespace {
+
+using namespace gsh;
+using cuda::Device;
+
+template <class T>
+std::vector<T> fetch(Device& device, const Device::Buffer<T>& buffer) {
+    std::vector<T> host(buffer.size());
+    device.download(Span<const T>(buffer), Span<T>(host));
+    return host;
+}
+
+/// to[i] = factor from[i] + i.
+struct Line {
+    Span<const float> from;
+    Span<float> to;
+    float factor;
+    GSH_HD void operator()(std::size_t i) const { to[i] = factor * from[i] + static_cast<float>(i); }
+};
+
+/// Sums of blocks of 64 numbers, through shared memory.
+struct BlockSums {
+    static constexpr unsigned block_size = 64;
+    struct Shared {
+        cuda::SharedArray<float, 64> values;
+    };
+    Span<const float> from;
+    Span<float> to;
+
+    __device__ void operator()(Shared& shared) const {
+        const std::size_t i = std::size_t(blockIdx.x) * block_size + threadIdx.x;
+        shared.values[threadIdx.x] = i < from.size() ? from[i] : 0.0f;
+        __syncthreads();
+        if (threadIdx.x != 0) return;
+        float sum = 0;
+        for (unsigned k = 0; k < block_size; ++k) sum += shared.values[k];
+        to[blockIdx.x] = sum;
+    }
+};
+
+} // namespace
+
+TEST_CASE("Device moves, fills and computes arrays of any length") {
+    if (test::skip_without_device()) return;
+    Device device;
+    for (const std::size_t n : {0u, 1u, 31u, 32u, 33u, 255u, 256u, 257u, 3000u}) {
+        CAPTURE(n);
+        std::vector<float> host(n);
+        std::iota(host.begin(), host.end(), 1.0f);
+        Device::Buffer<float> a(n), b(n), c(n);
+        device.upload(Span<const float>(host), Span<float>(a));
+        device.fill(Span<float>(b), 7.0f);
+        device.for_each(n, Line{a, b, 2.0f});
+        device.copy(Span<const float>(b), Span<float>(c));
+        const std::vector<float> result = fetch(device, c);
+        for (std::size_t i = 0; i < n; ++i) REQUIRE(result[i] == 2 * host[i] + static_cast<float>(i));
+    }
+}
+
+TEST_CASE("A kernel with shared memory sums its blocks") {
+    if (test::skip_without_device()) return;
+    Device device;
+    const std::size_t n = 150, blocks = 3;
+    std::vector<float> host(n, 1.0f);
+    Device::Buffer<float> from(n), to(blocks);
+    device.upload(Span<const float>(host), Span<float>(from));
+    device.launch(blocks, BlockSums{from, to});
+    CHECK(fetch(device, to) == std::vector<float>{64, 64, 22});
+}
+
+TEST_CASE("Device distinguishes its memory from the host's") {
+    if (test::skip_without_device()) return;
+    Device device;
+    Device::Buffer<float> buffer(10);
+    const std::vector<float> host(10);
+    CHECK(device.owns(buffer.data(), 40));
+    CHECK_FALSE(device.owns(host.data(), 40));
+    CHECK_THROWS_WITH_AS(check_memory(device, "f", "x", Span<const float>(host)),
+                         "f: x is not memory of the backend 'cuda'; upload it into a Buffer of the backend first",
+                         MemoryError);
+}
+
+TEST_CASE("A buffer copies its contents and keeps its memory when it shrinks") {
+    if (test::skip_without_device()) return;
+    Device device;
+    Device::Buffer<int> a(100);
+    device.fill(Span<int>(a), 3);
+    const int* const memory = a.data();
+    a.resize(10);
+    a.resize(100);
+    CHECK(a.data() == memory);
+    device.synchronize();
+    const Device::Buffer<int> b = a;
+    CHECK(b.data() != a.data());
+    CHECK(fetch(device, b) == std::vector<int>(100, 3));
+    Device::Buffer<int> moved = std::move(a);
+    CHECK(moved.data() == memory);
+}
+
+TEST_CASE("Device works on the caller's stream and waits for its events") {
+    if (test::skip_without_device()) return;
+    cudaStream_t mine = nullptr;
+    REQUIRE(cudaStreamCreateWithFlags(&mine, cudaStreamNonBlocking) == cudaSuccess);
+    {
+        Device device(mine), other;
+        Device::Buffer<int> a(10), b(10);
+        cudaEvent_t done = nullptr;
+        REQUIRE(cudaEventCreateWithFlags(&done, cudaEventDisableTiming) == cudaSuccess);
+        device.fill(Span<int>(a), 5);
+        device.record(done);
+        other.wait(done);
+        other.copy(Span<const int>(a), Span<int>(b));
+        CHECK(fetch(other, b) == std::vector<int>(10, 5));
+        cudaEventDestroy(done);
+    }
+    CHECK(cudaStreamDestroy(mine) == cudaSuccess);
+}
+
+TEST_CASE("A repeated step is one graph, whose arguments follow the step") {
+    if (test::skip_without_device()) return;
+    Device device;
+    const std::size_t n = 1000;
+    Device::Buffer<float> a(n), b(n);
+    Device::Buffer<float> table(3);
+    cuda::StepGraph graph(device);
+    device.fill(Span<float>(a), 1.0f);
+    std::vector<float> expected(n, 1.0f);
+    for (int step = 1; step <= 5; ++step) {
+        const float factor = 1.0f / static_cast<float>(step);
+        graph.run([&] {
+            const std::vector<float> rates(3, factor); // gone when the graph runs
+            device.upload(Span<const float>(rates), Span<float>(table));
+            device.for_each(n, Line{a, b, factor});
+            device.copy(Span<const float>(b), Span<float>(a));
+        });
+        for (std::size_t i = 0; i < n; ++i) expected[i] = factor * expected[i] + static_cast<float>(i);
+        CHECK(fetch(device, table) == std::vector<float>(3, factor));
+    }
+    CHECK(fetch(device, a) == expected);
+    CHECK(graph.counts().captures == 1);
+    CHECK(graph.counts().launches == 5);
+    CHECK(graph.counts().updates == 8); // of two launches in four steps; the copy has the same arguments
+}
+
+TEST_CASE("A step that changes is captured anew, from the first difference on") {
+    if (test::skip_without_device()) return;
+    Device device;
+    Device::Buffer<float> a(100), b(100), total(10);
+    const auto run = [&](bool direct) {
+        cuda::StepGraph graph(device);
+        device.fill(Span<float>(a), 1.0f);
+        std::vector<float> result;
+        for (int step = 0; step < 8; ++step) {
+            const auto work = [&] {
+                const std::size_t n = step < 4 ? 100 : 40; // other numbers of blocks
+                device.for_each(n, Line{Span<const float>(a).subspan(0, n), b, 0.5f});
+                if (step % 3 == 1) device.fill(Span<float>(a), 2.0f); // a kernel more
+                device.launch(2, BlockSums{b, total});
+                device.copy(Span<const float>(b), Span<float>(a));
+            };
+            if (direct)
+                work();
+            else
+                graph.run(work);
+        }
+        const std::vector<float> of_a = fetch(device, a), of_total = fetch(device, total);
+        result.insert(result.end(), of_a.begin(), of_a.end());
+        result.insert(result.end(), of_total.begin(), of_total.begin() + 2);
+        return result;
+    };
+    CHECK(run(true) == run(false));
+}
+
+TEST_CASE("A download, a large upload and a growing buffer are allowed in a step") {
+    if (test::skip_without_device()) return;
+    Device device;
+    cuda::StepGraph graph(device);
+    Device::Buffer<float> grows, large(20000);
+    for (std::size_t step = 1; step <= 4; ++step) {
+        float seen = 0;
+        graph.run([&] {
+            grows.resize(10 * step);
+            device.fill(Span<float>(grows), 1.0f);
+            grows.resize(1000 * step); // the memory that the kernel before uses must not be freed yet
+            device.fill(Span<float>(grows), static_cast<float>(step));
+            device.download(Span<const float>(grows).subspan(step, 1), Span<float>(&seen, 1));
+            const std::vector<float> many(20000, seen + 1);
+            device.upload(Span<const float>(many), Span<float>(large));
+        });
+        CHECK(seen == static_cast<float>(step));
+        CHECK(fetch(device, large)[19999] == static_cast<float>(step + 1));
+    }
+}
+
+TEST_CASE("An exception inside a step leaves the device usable") {
+    if (test::skip_without_device()) return;
+    Device device;
+    cuda::StepGraph graph(device);
+    Device::Buffer<int> a(10);
+    for (int step = 0; step < 3; ++step) {
+        const auto work = [&] {
+            device.fill(Span<int>(a), step);
+            if (step == 1) throw ValueError("planted");
+        };
+        if (step == 1)
+            CHECK_THROWS_AS(graph.run(work), ValueError);
+        else
+            graph.run(work);
+    }
+    CHECK(fetch(device, a) == std::vector<int>(10, 2));
+}

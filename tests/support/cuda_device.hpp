@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Tests that run on a GPU if there is one, and on the emulation otherwise.
+#pragma once
+
+#include <gsh/backend/cuda/device.cuh>
+
+#include "support/skip.hpp"
+
+namespace gsh::test {
+
+/// Whether no GPU answers; then the running test case is reported as skipped. The emulation always answers.
+[[nodiscard]] inline bool skip_without_device() {
+    if (cuda::Device::available()) return false;
+    skip("no GPU answers");
+    return true;
+}
+
+} // namespace gsh::test
