@@ -43,6 +43,7 @@ public:
         check_code();
         check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), where);
         owns_stream_ = true;
+        resume();
     }
     /// The caller's stream, which must live longer than the device. Work is queued behind what is there already, and
     /// the caller's own later work on the stream comes after it. A capture that the caller has begun receives the
@@ -53,6 +54,7 @@ public:
         check(cudaStreamGetDevice(stream, &ordinal_), where, "is it a stream of this process?");
         check(cudaSetDevice(ordinal_), where);
         check_code();
+        resume();
     }
     Device(const Device&) = delete;
     Device& operator=(const Device&) = delete;
@@ -156,6 +158,21 @@ public:
         check(cudaEventRecord(event, stream_), "gsh::cuda::Device::record");
     }
 
+    /// Whether a step is being recorded (StepGraph): then components do not wait for the device to learn whether their
+    /// input was accepted. What is wrong halts the device instead.
+    [[nodiscard]] bool deferring() const { return recorder_ != nullptr; }
+
+    /// One word of device memory: 0 while all is well. A kernel that cannot do its work in a recorded step (more pairs
+    /// than the buffers hold, a number that is not finite) sets it to another number, and kernels that change what is
+    /// learned (Adam, density control) do nothing while it is set. Queued steps therefore change nothing either, and
+    /// the host finds everything as it was before the step that failed.
+    [[nodiscard]] Span<std::uint32_t> halted() { return halted_; }
+    /// Clears it.
+    void resume() {
+        halted_.resize(1);
+        fill(Span<std::uint32_t>(halted_), 0u);
+    }
+
 private:
     friend class StepGraph;
 
@@ -222,6 +239,7 @@ private:
     int ordinal_ = 0;
     cudaStream_t stream_ = nullptr;
     bool owns_stream_ = false;
+    Buffer<std::uint32_t> halted_;
     detail::Recorder* recorder_ = nullptr;
 };
 static_assert(Backend<Device> && !CpuBackend<Device>);
