@@ -124,7 +124,7 @@ TEST_CASE("PhotometricLoss::backward is the gradient of forward") {
     const auto result = run(device, {}, a, b, scale);
     const auto value = [&] { return scale * run(device, {}, a, b, 1.0, 0).values.loss; };
     std::vector<std::size_t> elements;
-    for (std::size_t i = 0; i < a.data.size(); i += 97)
+    for (std::size_t i = 0; i < a.data.size(); i += 293)
         if (a.data[i] != b.data[i]) elements.push_back(i);
     test::check_gradient(value, a.data, result.gradient, {.elements = elements});
 }
@@ -149,14 +149,14 @@ TEST_CASE_TEMPLATE("leaving out equal tiles changes no bit, nor does a cache of 
     Device device;
     for (const double radius : {-1.0, 3.0, 21.0}) {
         CAPTURE(radius);
-        const auto [a, b] = person_on_white(100, 140, radius);
+        const auto [a, b] = person_on_white(70, 100, radius);
         const auto without = run<T>(device, {.skip_equal = false}, as<T>(a), as<T>(b), T(1), 1, T(0.5));
         PhotometricCache<Device, T> stale;
-        const auto busy = as<T>(random_image({3, 100, 140}, 1)), other = as<T>(random_image({3, 100, 140}, 2));
+        const auto busy = as<T>(random_image({3, 70, 100}, 1)), other = as<T>(random_image({3, 70, 100}, 2));
         Device::Buffer<T> first(busy.data.size()), second(busy.data.size());
         device.upload(Span<const T>(busy.data), Span<T>(first));
         device.upload(Span<const T>(other.data), Span<T>(second));
-        PhotometricLoss<Device, T>(device).forward({first, 3, 100, 140}, {second, 3, 100, 140}, stale);
+        PhotometricLoss<Device, T>(device).forward({first, 3, 70, 100}, {second, 3, 70, 100}, stale);
         const auto with = run<T>(device, {.skip_equal = true}, as<T>(a), as<T>(b), T(1), 1, T(0.5), stale);
         CHECK(with.values.loss == without.values.loss);
         CHECK(with.values.l1 == without.values.l1);
