@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Sums on the GPU: of an array, of a warp, of a block.
 #include <gsh/backend/cuda/sum.cuh>
+#include <gsh/backend/sum.hpp>
 
 #include <doctest/doctest.h>
 
