@@ -27,7 +27,7 @@ namespace gsh::cuda::detail {
 
 /// A contribution to an entry: weight times a row, which is the gradient of a point or a sum of a cell.
 template <class T>
-struct HashItem {
+struct alignas(2 * sizeof(T)) HashItem { // one read
     std::uint32_t row;
     T weight;
 };
