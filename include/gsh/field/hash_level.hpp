@@ -123,7 +123,7 @@ struct LevelWeights {
         return {split, coarse.empty() ? T(1) : coarse[i], fine.empty() ? T(1) : fine[i]};
     }
     /// The weights that apply to a level.
-    [[nodiscard]] GSH_HD Span<const T> of_level(int level) const { return level < split ? coarse : fine; }
+    [[nodiscard]] Span<const T> of_level(int level) const { return level < split ? coarse : fine; }
 };
 
 } // namespace gsh

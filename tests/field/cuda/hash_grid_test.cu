@@ -15,7 +15,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <utility>
 #include <vector>
 
 namespace {
@@ -142,7 +141,9 @@ void check_equal(const Results<T>& found, const Results<T>& expected) {
     check_close(plain(found.dL_dpoints), plain(expected.dL_dpoints), 10 * tolerance);
 }
 
-std::vector<vec3<double>> spread(std::size_t count) { return test::Rng(8).vecs(count, 0, 1); }
+std::vector<vec3<double>> spread(std::size_t count) {
+    return test::Rng(8).vecs(count, 0, 1);
+}
 
 } // namespace
 
@@ -152,6 +153,58 @@ TEST_CASE_TEMPLATE("HashGrid on the device equals Serial at any number of points
         CAPTURE(n);
         const Problem<Grid, T> p(small, spread(n));
         check_equal(run_device(p), run_serial(p));
+    }
+}
+
+TEST_CASE("lists name every use of the table once, and the tests' problems have lists of every kind") {
+    if (test::skip_without_device()) return;
+    const Grid grid(small);
+    std::vector<vec3<double>> points = spread(700);
+    for (const auto& p : test::Rng(1).vecs(700, 0.501, 0.51)) points.push_back(p);
+    std::vector<double> fine(points.size(), 1.0);
+    fine[5] = 0;
+    const cuda::detail::HashLists<double, 5> lists(grid, points, {4, {}, fine});
+    CHECK(lists.lookups == 8 * (5 * points.size() - 1));
+
+    std::vector<std::vector<double>> weights(points.size(), std::vector<double>(grid.entry_count(), 0.0));
+    bool full_segment = false, summed = false, direct = false, is_long = false, is_short = false;
+    std::size_t entries = 0;
+    for (const auto& task : lists.gather_tasks) {
+        (task.summed ? summed : direct) = true;
+        (task.lanes == 32 ? is_long : is_short) = true;
+        CHECK(task.first == entries);
+        CHECK(task.count * task.lanes <= 128);
+        entries += task.count;
+        for (std::size_t e = task.first; e < task.first + task.count; ++e)
+            for (std::size_t k = lists.item_begin[e]; k < lists.item_begin[e + 1]; ++k) {
+                const auto [row, weight] = lists.items[k];
+                if (!task.summed) {
+                    weights[row][lists.entries[e]] += weight;
+                    continue;
+                }
+                CHECK(weight == 1);
+                const std::size_t s = row / 8, size = lists.segments[s + 1] - lists.segments[s];
+                CHECK((0 < size && size <= 64));
+                full_segment = full_segment || size == 64;
+                for (std::size_t p = lists.segments[s]; p < lists.segments[s + 1]; ++p) {
+                    const std::uint32_t i = lists.points[p];
+                    weights[i][lists.entries[e]] +=
+                        grid.level(task.level).cell(points[i]).weight(static_cast<int>(row % 8));
+                }
+            }
+    }
+    CHECK(entries == lists.entries.size());
+    CHECK(lists.touched.size() == entries);
+    CHECK((full_segment && summed && direct && is_long && is_short));
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        std::vector<double> expected(grid.entry_count(), 0.0);
+        for (int l = 0; l < 5; ++l)
+            for (int c = 0; c < 8; ++c) {
+                const auto cell = grid.level(l).cell(points[i]);
+                if (l < 4 || i != 5) expected[grid.level(l).index(cell, c)] += cell.weight(c);
+            }
+        for (std::size_t e = 0; e < expected.size(); ++e)
+            if (std::abs(weights[i][e] - expected[e]) > 1e-12) FAIL_CHECK("point " << i << ", entry " << e);
     }
 }
 

@@ -40,15 +40,30 @@ template <class R>
 struct HashRows {
     Span<R> rows;
     std::size_t points;
-    std::uint32_t stride; ///< between the points, in rows
+    std::size_t stride; ///< between the points, in rows
 
     template <class T, std::size_t F>
     static HashRows of(std::string_view where, const FeatureView<T>& view) {
-        return {as_rows<F>(where, view.values), view.rows, static_cast<std::uint32_t>(view.block / F)};
+        return {as_rows<F>(where, view.values), view.rows, view.block / F};
     }
     /// Index of the first point's row; the next follow at distance `stride`.
     [[nodiscard]] __device__ std::size_t begin(unsigned level) const {
-        return level / stride * stride * points + level % stride; // as FeatureView::column
+        const unsigned of_group = static_cast<unsigned>(stride); // as FeatureView::column, with divisions of 32 bits
+        return level / of_group * stride * points + level % of_group;
+    }
+};
+
+/// LevelWeights without padding. A recorded step compares the bytes of its kernels with those of the step before.
+template <class T>
+struct HashWeights {
+    std::size_t split;
+    Span<const T> coarse, fine;
+
+    explicit HashWeights(const LevelWeights<T>& w)
+        : split(static_cast<std::size_t>(w.split)), coarse(w.coarse), fine(w.fine) {}
+    [[nodiscard]] __device__ T operator()(unsigned level, std::size_t i) const {
+        const Span<const T> weights = level < split ? coarse : fine;
+        return weights.empty() ? T(1) : weights[i];
     }
 };
 
@@ -71,17 +86,16 @@ struct HashEncode {
     Grid grid;
     Span<const T> x, y, z;
     Span<const R> table;
-    LevelWeights<T> weights;
+    HashWeights<T> weights;
     HashRows<R> features;
-    bool adds;
+    Write mode;
     unsigned chunks; ///< blocks per level
 
     __device__ void operator()() const {
         const unsigned l = blockIdx.x / chunks;
         const std::size_t i = std::size_t(blockIdx.x % chunks) * block_size + threadIdx.x;
         if (i >= x.size()) return;
-        const Span<const T> level_weights = weights.of_level(static_cast<int>(l));
-        const T level_weight = level_weights.empty() ? T(1) : level_weights[i];
+        const T level_weight = weights(l, i);
         R sum{};
         if (level_weight != T(0)) {
             const HashLevel& level = grid.level(static_cast<int>(l));
@@ -94,7 +108,7 @@ struct HashEncode {
             }
         }
         R& to = features.rows[features.begin(l) + i * features.stride];
-        if (adds) {
+        if (mode == Write::add) {
             const R before = to;
             for (int f = 0; f < Grid::feature_count; ++f) sum[f] += before[f];
         }
@@ -109,7 +123,7 @@ struct HashSumCells {
     using R = Row<T, Grid::feature_count>;
     Grid grid;
     Span<const T> x, y, z;
-    LevelWeights<T> weights;
+    HashWeights<T> weights;
     HashRows<const R> gradients;
     Span<const HashTask> tasks;
     Span<const std::uint32_t> points, segments;
@@ -119,7 +133,6 @@ struct HashSumCells {
         const HashTask task = tasks[blockIdx.x];
         const unsigned group = threadIdx.x / 8, lane = threadIdx.x % 8;
         const HashLevel& level = grid.level(task.level);
-        const Span<const T> level_weights = weights.of_level(task.level);
         const std::size_t first_row = gradients.begin(task.level), segment = std::size_t(task.first) + group;
         R corners[8] = {};
         if (group < task.count) {
@@ -130,7 +143,7 @@ struct HashSumCells {
                 if (k + 8 < end) next = points[k + 8]; // while this point is read
                 const R gradient = gradients.rows[first_row + i * gradients.stride];
                 const HashCell<T> cell = level.cell(vec3<T>(x[i], y[i], z[i]));
-                const T level_weight = level_weights.empty() ? T(1) : level_weights[i];
+                const T level_weight = weights(task.level, i);
                 for (int c = 0; c < 8; ++c) {
                     const T weight = cell.weight(c) * level_weight;
                     for (int f = 0; f < Grid::feature_count; ++f) corners[c][f] += weight * gradient[f];
@@ -176,7 +189,7 @@ struct HashGather {
         const std::size_t e = std::size_t(task.first) + group;
         const Span<const R> rows = task.summed ? sums : gradients.rows;
         const std::size_t first_row = task.summed ? 0 : gradients.begin(task.level);
-        const std::size_t stride = task.summed ? 1u : gradients.stride;
+        const std::size_t stride = task.summed ? 1 : gradients.stride;
         R sum{};
         if (active) {
             const std::uint32_t end = item_begin[e + 1], step = task.lanes;
@@ -250,8 +263,9 @@ void hash_forward(Device& device, const Grid& grid, Span<const T> table, const Q
     using Rows = detail::HashRows<typename Kernel::R>;
     const std::size_t chunks = chunk_count(query.size(), Kernel::block_size);
     device.launch(Grid::level_count * chunks,
-                  Kernel{grid, query.x, query.y, query.z, detail::as_rows<F>(where, table), query.weights(),
-                         Rows::template of<T, F>(where, features), mode == Write::add, static_cast<unsigned>(chunks)});
+                  Kernel{grid, query.x, query.y, query.z, detail::as_rows<F>(where, table),
+                         detail::HashWeights<T>(query.weights()), Rows::template of<T, F>(where, features), mode,
+                         static_cast<unsigned>(chunks)});
 }
 
 template <class Grid, class T, class Query>
@@ -264,8 +278,9 @@ void hash_backward(Device& device, const Grid& grid, FeatureView<const T> dL_dfe
     const auto gradients = detail::HashRows<const R>::template of<const T, F>(where, dL_dfeatures);
     const Span<R> sums = detail::as_rows<F>(where, Span<T>(scratch.sums));
     device.launch(scratch.sum_tasks.size(),
-                  detail::HashSumCells<Grid, T>{grid, query.x, query.y, query.z, query.weights(), gradients,
-                                                scratch.sum_tasks, scratch.points, scratch.segments, sums});
+                  detail::HashSumCells<Grid, T>{grid, query.x, query.y, query.z,
+                                                detail::HashWeights<T>(query.weights()), gradients, scratch.sum_tasks,
+                                                scratch.points, scratch.segments, sums});
     device.launch(scratch.gather_tasks.size(),
                   detail::HashGather<T, F>{gradients, sums, scratch.gather_tasks, scratch.entries, scratch.item_begin,
                                            scratch.items, detail::as_rows<F>(where, dL_dtable)});

@@ -9,6 +9,7 @@
 
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
+#include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/cuda/mlp_backward.cuh>
 #include <gsh/field/cuda/mlp_forward.cuh>
@@ -21,6 +22,7 @@
 #include <algorithm>
 #include <concepts>
 #include <cstddef>
+#include <string_view>
 
 namespace gsh {
 
@@ -45,15 +47,15 @@ template <class T>
 struct MlpPack {
     static constexpr unsigned block_size = 256, outputs_per_block = block_size / warp_size;
     MlpShape shape;
+    unsigned bias_blocks;
     Span<const T> weights, shared;
     Span<T> forward, backward, bias;
-    unsigned bias_blocks;
 
     __device__ void operator()() const {
         if (blockIdx.x < bias_blocks)
             sum_shared();
         else
-            copy(std::size_t(blockIdx.x - bias_blocks) * block_size + threadIdx.x);
+            copy((blockIdx.x - bias_blocks) * block_size + threadIdx.x);
     }
 
 private:
@@ -62,28 +64,29 @@ private:
         T sum = 0;
         if (o < shape.out(0))
             for (unsigned c = lane; c < shape.shared; c += warp_size)
-                sum += weights[std::size_t(o) * shape.weights_stride(0) + shape.inputs + c] * shared[c];
+                sum += weights[o * shape.weights_stride(0) + shape.inputs + c] * shared[c];
         for (int distance = warp_size / 2; distance > 0; distance /= 2)
             sum += __shfl_xor_sync(all_lanes, sum, distance);
         if (lane == 0) bias[o] = sum; // zeros beyond the outputs
     }
-    __device__ void copy(std::size_t e) const {
-        if (e < forward.size()) {
+    __device__ void copy(unsigned e) const {
+        const unsigned forward_size = static_cast<unsigned>(forward.size());
+        if (e < forward_size) {
             const unsigned layer = shape.layer_of(e, shape.forward_size(0), shape.middle_size());
             const unsigned columns = mlp_groups(shape.out(layer)) * mlp_columns;
-            const unsigned at = static_cast<unsigned>(e - shape.forward_offset(layer));
+            const unsigned at = e - shape.forward_offset(layer);
             forward[e] = weight(layer, at % columns, at / columns);
-        } else if (e - forward.size() < backward.size()) {
-            e -= forward.size();
+        } else if (e - forward_size < backward.size()) {
+            e -= forward_size;
             const unsigned layer = shape.layer_of(e, shape.backward_size(0), shape.middle_size());
             const unsigned columns = mlp_groups(shape.in(layer)) * mlp_columns;
-            const unsigned at = static_cast<unsigned>(e - shape.backward_offset(layer));
+            const unsigned at = e - shape.backward_offset(layer);
             backward[e] = weight(layer, at / columns, at % columns);
         }
     }
     [[nodiscard]] __device__ T weight(unsigned layer, unsigned o, unsigned i) const {
         if (o >= shape.out(layer) || i >= shape.in(layer)) return T(0);
-        return weights[shape.weights_offset(layer) + std::size_t(o) * shape.weights_stride(layer) + i];
+        return weights[shape.weights_offset(layer) + o * shape.weights_stride(layer) + i];
     }
 };
 
@@ -96,12 +99,12 @@ struct MlpJoin {
         SharedArray<T, block_size> sums;
     };
     MlpShape shape;
-    Span<const T> sums;
     unsigned blocks;
+    Span<const T> sums;
     Span<T> dL_dweights, dL_dbias;
 
     __device__ void operator()(Shared& shared) const {
-        const std::size_t at = std::size_t(blockIdx.x) * numbers + threadIdx.x % numbers;
+        const unsigned at = blockIdx.x * numbers + threadIdx.x % numbers;
         T* const to = target(at);
         const unsigned part = threadIdx.x / numbers;
         T sum = 0;
@@ -116,24 +119,22 @@ struct MlpJoin {
     }
 
 private:
-    [[nodiscard]] __device__ std::size_t bias_begin() const {
-        return std::size_t(shape.piece_count()) * mlp_columns * mlp_columns;
-    }
+    [[nodiscard]] __device__ unsigned bias_begin() const { return shape.piece_count() * mlp_columns * mlp_columns; }
     /// Where the sum `at` of MlpBackward belongs; null for padding.
-    [[nodiscard]] __device__ T* target(std::size_t at) const {
+    [[nodiscard]] __device__ T* target(unsigned at) const {
         if (at >= bias_begin()) {
-            const std::size_t o = at - bias_begin();
+            const unsigned o = at - bias_begin();
             return o < dL_dbias.size() ? &dL_dbias[o] : nullptr;
         }
-        const unsigned piece = static_cast<unsigned>(at / (mlp_columns * mlp_columns)),
-                       number = static_cast<unsigned>(at % (mlp_columns * mlp_columns));
-        const unsigned layer = shape.layer_of(piece, shape.pieces(0), mlp_groups(shape.width) * mlp_groups(shape.width));
+        const unsigned piece = at / (mlp_columns * mlp_columns), number = at % (mlp_columns * mlp_columns);
+        const unsigned layer =
+            shape.layer_of(piece, shape.pieces(0), mlp_groups(shape.width) * mlp_groups(shape.width));
         const unsigned groups = mlp_groups(shape.in(layer)), in_layer = piece - shape.first_piece(layer);
         const unsigned thread = number % MlpTile<T>::threads, share = number / MlpTile<T>::threads;
         const unsigned o = in_layer / groups * mlp_columns + MlpTile<T>::row_group(thread) + 16 * (share / 8),
                        i = in_layer % groups * mlp_columns + MlpTile<T>::column_group(thread) + 8 * (share % 8);
         if (o >= shape.out(layer) || i >= shape.in(layer)) return nullptr;
-        return &dL_dweights[shape.weights_offset(layer) + std::size_t(o) * shape.weights_stride(layer) + i];
+        return &dL_dweights[shape.weights_offset(layer) + o * shape.weights_stride(layer) + i];
     }
 };
 
@@ -154,7 +155,7 @@ struct MlpShareGradient {
         T sum = 0;
         if (c < shape.shared)
             for (unsigned o = part; o < shape.out(0); o += parts) {
-                const std::size_t w = std::size_t(o) * shape.weights_stride(0) + shape.inputs + c;
+                const unsigned w = o * shape.weights_stride(0) + shape.inputs + c;
                 const T gradient = dL_dbias[o];
                 dL_dweights[w] += gradient * shared_inputs[c];
                 sum += gradient * weights[w];
@@ -167,19 +168,27 @@ struct MlpShareGradient {
     }
 };
 
+/// Sizes of a network and its batch.
+/// Errors  ValueError unless the kernels' indexes of 32 bits suffice: for two layers of 64, up to 130 million rows.
 template <class Network, class T>
-[[nodiscard]] MlpShape mlp_shape(const Network& network, const MlpInputs<T>& inputs) {
+[[nodiscard]] MlpShape mlp_shape(std::string_view where, const Network& network, const MlpInputs<T>& inputs) {
+    const std::size_t rows = inputs.features.rows + MlpTile<T>::rows, hidden = network.layer_count() - 1;
+    const std::size_t width = hidden ? network.layer_outputs(0) : 0, groups = width / mlp_columns + 1,
+                      columns = std::max(network.inputs(), network.outputs());
+    const std::size_t pieces = (hidden * groups + 1) * (groups + columns / mlp_columns) * mlp_columns * mlp_columns;
+    check_value(std::max({rows * columns, rows * width * hidden / 4, mlp_most_blocks * pieces}) < (1ull << 32), where,
+                "the batch or the network is too large for the CUDA backend, which counts numbers in 32 bits");
     const auto number = [](std::size_t n) { return static_cast<unsigned>(n); };
     return {.inputs = number(network.inputs() - inputs.shared.size()),
             .outputs = number(network.outputs()),
-            .width = network.layer_count() > 1 ? number(network.layer_outputs(0)) : 0,
+            .width = number(width),
             .layers = number(network.layer_count()),
             .shared = number(inputs.shared.size())};
 }
 
 template <class T>
 [[nodiscard]] MlpRowInputs<T> mlp_row_inputs(const MlpShape& shape, const MlpInputs<T>& inputs) {
-    return {inputs.features, inputs.points, shape.inputs - static_cast<unsigned>(inputs.features.columns)};
+    return {inputs.features, inputs.points, shape.inputs - inputs.features.columns};
 }
 
 /// As mlp_backward, with a given number of blocks that sum gradients.
@@ -190,21 +199,20 @@ void mlp_backward_in_blocks(Device& device, const Network& network, Span<const T
                             unsigned most_blocks) {
     using Kernel = MlpBackward<T>;
     constexpr std::size_t tile_rows = MlpTile<T>::rows;
-    const MlpShape shape = mlp_shape(network, inputs);
+    const MlpShape shape = mlp_shape("Mlp::backward", network, inputs);
     const unsigned tiles = static_cast<unsigned>(chunk_count(inputs.features.rows, tile_rows));
     const unsigned blocks = std::min(tiles, most_blocks);
     const bool wide = Kernel::uses_wide(shape, dL_dfeatures.columns);
-    scratch.sums.resize(blocks * shape.sums_size());
-    scratch.wide.resize(wide ? blocks * 2 * shape.width * tile_rows : 0);
+    scratch.sums.resize(std::size_t(blocks) * shape.sums_size());
+    scratch.wide.resize(wide ? tile_rows * 2 * blocks * shape.width : 0);
     scratch.dL_dbias.resize(shape.shared ? shape.out(0) : 0);
 
     const auto fours = [](auto values) { return as_rows<4>("Mlp::backward", values); };
-    device.launch(blocks, Kernel{shape, mlp_row_inputs(shape, inputs), fours(Span<const T>(scratch.backward_weights)),
-                                 fours(Span<const T>(scratch.hidden)), dL_doutputs, scratch.sums,
-                                 fours(Span<T>(scratch.wide)), dL_dfeatures, features_mode == Write::add, tiles,
-                                 blocks});
+    device.launch(blocks, Kernel{shape, features_mode, mlp_row_inputs(shape, inputs),
+                                 fours(Span<const T>(scratch.backward_weights)), fours(Span<const T>(scratch.hidden)),
+                                 dL_doutputs, scratch.sums, fours(Span<T>(scratch.wide)), dL_dfeatures});
     device.launch(chunk_count(shape.sums_size(), MlpJoin<T>::numbers),
-                  MlpJoin<T>{shape, scratch.sums, blocks, dL_dweights, scratch.dL_dbias});
+                  MlpJoin<T>{shape, blocks, scratch.sums, dL_dweights, scratch.dL_dbias});
     device.launch(chunk_count(shape.shared, MlpShareGradient<T>::numbers),
                   MlpShareGradient<T>{shape, weights, inputs.shared, scratch.dL_dbias, dL_dweights, dL_dshared});
 }
@@ -215,7 +223,7 @@ template <class Network, class T>
 void mlp_forward(Device& device, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
                  Span<T> outputs, MlpScratch<Device, T>& scratch) {
     using detail::MlpPack;
-    const detail::MlpShape shape = detail::mlp_shape(network, inputs);
+    const detail::MlpShape shape = detail::mlp_shape("Mlp::forward", network, inputs);
     constexpr std::size_t tile_rows = detail::MlpTile<T>::rows;
     const std::size_t tiles = chunk_count(inputs.features.rows, tile_rows);
     const unsigned last = shape.layers - 1;
@@ -227,8 +235,8 @@ void mlp_forward(Device& device, const Network& network, Span<const T> weights, 
     const unsigned bias_blocks = static_cast<unsigned>(scratch.bias.size()) / MlpPack<T>::outputs_per_block;
     const std::size_t packed = scratch.forward_weights.size() + scratch.backward_weights.size();
     device.launch(bias_blocks + chunk_count(packed, MlpPack<T>::block_size),
-                  MlpPack<T>{shape, weights, inputs.shared, scratch.forward_weights, scratch.backward_weights,
-                             scratch.bias, bias_blocks});
+                  MlpPack<T>{shape, bias_blocks, weights, inputs.shared, scratch.forward_weights,
+                             scratch.backward_weights, scratch.bias});
     device.launch(tiles, detail::MlpForward<T>{
                              shape, detail::mlp_row_inputs(shape, inputs),
                              detail::as_rows<4>("Mlp::forward", Span<const T>(scratch.forward_weights)), scratch.bias,

@@ -7,6 +7,7 @@
 #include <gsh/field/cuda/mlp_shape.cuh>
 #include <gsh/field/cuda/mlp_tile.cuh>
 #include <gsh/field/cuda/row.cuh>
+#include <gsh/field/features.hpp>
 
 #include <cstddef>
 
@@ -25,15 +26,14 @@ struct MlpBackward {
     static constexpr unsigned block_size = Tile::threads, least_blocks = Tile::least_blocks;
 
     MlpShape shape;
+    Write mode; ///< of dL_dfeatures
     MlpRowInputs<T> inputs;
     Span<const Row<T, 4>> packed; ///< MlpShape::backward_offset
     Span<const Row<T, 4>> hidden; ///< as of MlpForward
     Span<const T> dL_doutputs;
-    Span<T> sums;                 ///< [blocks][shape.sums_size()]
-    Span<Row<T, 4>> wide;         ///< [blocks][2][width][rows of a tile] if uses_wide
-    MlpColumns<T> dL_dfeatures;   ///< no columns: not wanted
-    bool adds;                    ///< to dL_dfeatures
-    unsigned tiles, blocks;
+    Span<T> sums;               ///< [blocks][shape.sums_size()]
+    Span<Row<T, 4>> wide;       ///< [blocks][2][width][rows of a tile] if uses_wide
+    MlpColumns<T> dL_dfeatures; ///< no columns: not wanted
 
     /// Whether a gradient must be kept outside of the tile: it does not fit, or is needed again after another has taken
     /// its place.
@@ -42,101 +42,83 @@ struct MlpBackward {
     }
 
     __device__ void operator()(Shared& shared) const {
-        // Ranges differ by one tile at most.
-        const unsigned begin = static_cast<unsigned>(std::size_t(tiles) * blockIdx.x / blocks),
-                       end = static_cast<unsigned>(std::size_t(tiles) * (blockIdx.x + 1) / blocks);
-        for (unsigned tile = begin; tile < end; ++tile) {
-            unsigned held = nothing;
+        const std::size_t tiles = (inputs.rows() + Tile::rows - 1) / Tile::rows; // ranges differ by one at most
+        const unsigned end = static_cast<unsigned>(tiles * (blockIdx.x + 1) / gridDim.x);
+        bool first = true;
+        for (unsigned tile = static_cast<unsigned>(tiles * blockIdx.x / gridDim.x); tile < end; ++tile) {
             for (unsigned layer = shape.layers; layer-- > 0;) {
-                add_weights(shared, tile, layer, tile == begin, held);
+                add_weights(shared, tile, layer, first);
                 const unsigned columns = layer ? shape.width : dL_dfeatures.columns;
-                for (unsigned group = 0; group < mlp_groups(columns); ++group)
-                    with_width(count_of(columns, group), [&](auto width) {
-                        run_layer<decltype(width)::value>(shared, tile, layer, group, count_of(columns, group), held);
-                    });
+                for (unsigned group = 0; group * mlp_columns < columns; ++group)
+                    run_layer(shared, tile, layer, group, mlp_count(columns, group));
             }
+            first = false;
         }
     }
 
 private:
-    static constexpr unsigned nothing = ~0u;
-
-    [[nodiscard]] __device__ static unsigned count_of(unsigned columns, unsigned group) {
-        const unsigned rest = columns - group * mlp_columns;
-        return rest < mlp_columns ? rest : mlp_columns;
-    }
-    [[nodiscard]] __device__ static unsigned padded(unsigned count) { return count > 32 ? 64 : count > 16 ? 32 : 16; }
-    [[nodiscard]] __device__ static std::size_t first_row(unsigned tile) { return std::size_t(tile) * Tile::rows; }
-    [[nodiscard]] __device__ std::size_t hidden_offset(unsigned tile, unsigned layer, unsigned column) const {
-        return ((std::size_t(tile) * (shape.layers - 1) + layer) * shape.width + column) * (Tile::rows / 4);
+    [[nodiscard]] __device__ static unsigned first_row(unsigned tile) { return tile * Tile::rows; }
+    [[nodiscard]] __device__ unsigned hidden_offset(unsigned tile, unsigned layer, unsigned column) const {
+        return ((tile * (shape.layers - 1) + layer) * shape.width + column) * (Tile::rows / 4);
     }
     /// The gradient of a layer's outputs.
-    [[nodiscard]] __device__ std::size_t wide_offset(unsigned layer, unsigned column) const {
-        return ((std::size_t(blockIdx.x) * 2 + layer % 2) * shape.width + column) * (Tile::rows / 4);
+    [[nodiscard]] __device__ unsigned wide_offset(unsigned layer, unsigned column) const {
+        return ((blockIdx.x * 2 + layer % 2) * shape.width + column) * (Tile::rows / 4);
     }
 
-    /// The gradient of 64 outputs of a layer, unless the tile holds it.
-    __device__ void load_gradient(Shared& shared, unsigned tile, unsigned layer, unsigned group,
-                                  unsigned& held) const {
-        if (held == 1024 * layer + group) return;
-        held = 1024 * layer + group;
-        const unsigned count = count_of(shape.out(layer), group), first_column = group * mlp_columns;
+    /// The gradient of 64 outputs of a layer, or the rest.
+    __device__ void load_gradient(Shared& shared, unsigned tile, unsigned layer, unsigned group) const {
+        const unsigned count = mlp_count(shape.out(layer), group), first_column = group * mlp_columns;
         __syncthreads();
         if (layer + 1 < shape.layers) {
             load_columns<Tile::rows, Tile::stride, T>(shared.tile, wide, wide_offset(layer, first_column),
-                                                      Tile::rows / 4, count, padded(count));
+                                                      Tile::rows / 4, count, 8 * mlp_share(count));
             return;
         }
-        for (unsigned e = threadIdx.x; e < Tile::rows * count; e += block_size) { // neighbouring numbers
-            const unsigned r = e / count, c = e - r * count;
-            shared.tile[c * Tile::stride + r] =
-                first_row(tile) + r < inputs.rows()
-                    ? dL_doutputs[(first_row(tile) + r) * shape.outputs + first_column + c]
-                    : T(0);
+        for (MlpWalk at(count); at.row < Tile::rows; at.step()) {
+            const unsigned row = first_row(tile) + at.row;
+            shared.tile[at.column * Tile::stride + at.row] =
+                row < inputs.rows() ? dL_doutputs[row * shape.outputs + first_column + at.column] : T(0);
         }
-        for (unsigned e = threadIdx.x; e < Tile::rows * (padded(count) - count); e += block_size)
+        for (unsigned e = threadIdx.x; e < Tile::rows * (8 * mlp_share(count) - count); e += block_size)
             shared.tile[(count + e / Tile::rows) * Tile::stride + e % Tile::rows] = T(0);
     }
 
     /// dL/dW[o, i] += sum over the rows of dL/dy[o] x[i].
-    __device__ void add_weights(Shared& shared, unsigned tile, unsigned layer, bool first, unsigned& held) const {
+    __device__ void add_weights(Shared& shared, unsigned tile, unsigned layer, bool first) const {
+        const bool held = layer + 1 < shape.layers && shape.width <= mlp_columns; // from the layer after
         for (unsigned out = 0; out < mlp_groups(shape.out(layer)); ++out) {
-            load_gradient(shared, tile, layer, out, held);
+            if (!held) load_gradient(shared, tile, layer, out);
             if (layer == 0 && shape.shared != 0) add_bias(shared, out, first);
             for (unsigned in = 0; in < mlp_groups(shape.in(layer)); ++in)
-                with_width(count_of(shape.out(layer), out), [&](auto outputs) {
-                    with_width(count_of(shape.in(layer), in), [&](auto width) {
-                        add_piece<decltype(outputs)::value, decltype(width)::value>(shared, tile, layer, out, in,
-                                                                                    first);
-                    });
-                });
+                add_piece(shared, tile, layer, out, in, first);
         }
     }
 
-    template <unsigned Outputs, unsigned Inputs>
     __device__ void add_piece(Shared& shared, unsigned tile, unsigned layer, unsigned out, unsigned in,
                               bool first) const {
-        constexpr unsigned N = Outputs / 16, M = Inputs / 8;
-        const unsigned count = count_of(shape.in(layer), in);
-        T piece[N][M] = {};
+        const unsigned count = mlp_count(shape.in(layer), in), share = mlp_share(count),
+                       output_share = mlp_share(mlp_count(shape.out(layer), out));
+        T piece[4][8] = {};
         for (unsigned r = 0; r < Tile::rows; r += Tile::depth) {
             __syncthreads();
             if (layer == 0)
-                inputs.template load<Tile::depth, Tile::side_stride>(shared.side, first_row(tile) + r,
-                                                                     in * mlp_columns, count, Inputs);
+                inputs.template load<Tile::depth, Tile::side_stride>(shared.side, first_row(tile) + r, in * mlp_columns,
+                                                                     count, 8 * share);
             else
                 load_columns<Tile::depth, Tile::side_stride, T>(
                     shared.side, hidden, hidden_offset(tile, layer - 1, in * mlp_columns) + r / 4, Tile::rows / 4,
-                    count, Inputs);
+                    count, 8 * share);
             __syncthreads();
-            multiply_over_rows<T, Outputs, Inputs>(shared, r, piece);
+            multiply_over_rows<T>(shared, r, output_share, share, piece);
         }
         // Each thread's numbers at a distance of the block, so that neighbouring threads write neighbouring numbers.
-        const std::size_t begin =
+        const unsigned begin =
             blockIdx.x * shape.sums_size() +
-            std::size_t(shape.first_piece(layer) + out * mlp_groups(shape.in(layer)) + in) * mlp_columns * mlp_columns;
-        for (unsigned i = 0; i < N; ++i)
-            for (unsigned j = 0; j < M; ++j) {
+            (shape.first_piece(layer) + out * mlp_groups(shape.in(layer)) + in) * mlp_columns * mlp_columns;
+        for (unsigned i = 0; i < 4; ++i)
+            for (unsigned j = 0; j < 8; ++j) {
+                if (2 * i >= output_share || j >= share) continue;
                 T& sum = sums[begin + (i * 8 + j) * block_size + threadIdx.x];
                 sum = first ? piece[i][j] : sum + piece[i][j];
             }
@@ -144,10 +126,10 @@ private:
 
     /// The gradient of the first layer's bias: a warp sums one column of the tile after the other.
     __device__ void add_bias(Shared& shared, unsigned group, bool first) const {
-        const std::size_t begin = blockIdx.x * shape.sums_size() +
-                                  std::size_t(shape.piece_count()) * mlp_columns * mlp_columns + group * mlp_columns;
+        const unsigned begin =
+            blockIdx.x * shape.sums_size() + shape.piece_count() * mlp_columns * mlp_columns + group * mlp_columns;
         __syncthreads();
-        for (unsigned c = threadIdx.x / warp_size; c < count_of(shape.out(0), group); c += block_size / warp_size) {
+        for (unsigned c = threadIdx.x / warp_size; c < mlp_count(shape.out(0), group); c += block_size / warp_size) {
             T sum = 0;
             for (unsigned r = threadIdx.x % warp_size; r < Tile::rows; r += warp_size)
                 sum += shared.tile[c * Tile::stride + r];
@@ -158,51 +140,49 @@ private:
     }
 
     /// dL/dx = dL/dy W for 64 columns of x, or the rest; through the ReLU that made x.
-    template <unsigned Columns>
-    __device__ void run_layer(Shared& shared, unsigned tile, unsigned layer, unsigned group, unsigned count,
-                              unsigned& held) const {
-        constexpr unsigned N = Tile::thread_rows, M = Columns / 8;
+    __device__ void run_layer(Shared& shared, unsigned tile, unsigned layer, unsigned group, unsigned count) const {
+        const unsigned share = mlp_share(count);
         const unsigned length = mlp_groups(shape.in(layer)) * (mlp_columns / 4);
-        T dL_dx[N][M] = {};
+        T dL_dx[Tile::thread_rows][8] = {};
+        const bool held = group == 0 && shape.out(layer) <= mlp_columns; // from add_weights
+        unsigned weights = shape.backward_offset(layer) / 4 + group * (mlp_columns / 4);
         for (unsigned out = 0; out < mlp_groups(shape.out(layer)); ++out) {
-            const unsigned inner = count_of(shape.out(layer), out);
-            load_gradient(shared, tile, layer, out, held);
+            const unsigned inner = mlp_count(shape.out(layer), out);
+            if (!held) load_gradient(shared, tile, layer, out);
             for (unsigned k = 0; k < inner; k += Tile::depth) {
                 const unsigned depth = inner - k < Tile::depth ? inner - k : Tile::depth;
                 __syncthreads();
-                load_weights<T>(shared.side, packed,
-                                shape.backward_offset(layer) / 4 +
-                                    std::size_t(out * mlp_columns + k) * length + group * (mlp_columns / 4),
-                                length, depth);
+                load_weights<T>(shared.side, packed, weights, length, depth);
                 __syncthreads();
-                multiply<T, Columns>(shared, k, depth, dL_dx);
+                multiply<T>(shared, k, depth, share, dL_dx);
+                weights += depth * length;
             }
         }
         const bool stays = layer == 0 || shape.width <= mlp_columns, saved = layer != 0 && !wide.empty();
         if (stays) __syncthreads(); // the tile is still read
-        for (unsigned j = 0; j < M; ++j) {
-            const unsigned c = Tile::template column<Columns>(j);
-            for (unsigned i = 0; i < N; i += 4) {
-                Row<T, 4> four{};
+        const unsigned first_column = group * mlp_columns;
+        for (unsigned j = 0; j < 8; ++j) {
+            if (j >= share) break;
+            const unsigned c = Tile::column(j, share);
+            for (unsigned i = 0; i < Tile::thread_rows; i += 4) {
+                const unsigned at = (c * Tile::rows + Tile::row(i)) / 4;
+                Row<T, 4> four;
                 for (unsigned u = 0; u < 4; ++u) four[u] = dL_dx[i + u][j];
                 if (layer != 0 && c < count) {
-                    const Row<T, 4> x =
-                        hidden[hidden_offset(tile, layer - 1, group * mlp_columns + c) + Tile::row(i) / 4];
+                    const Row<T, 4> x = hidden[hidden_offset(tile, layer - 1, first_column) + at];
                     for (unsigned u = 0; u < 4; ++u) four[u] = x[u] > T(0) ? four[u] : T(0);
                 }
                 if (stays)
                     for (unsigned u = 0; u < 4; ++u) shared.tile[c * Tile::stride + Tile::row(i) + u] = four[u];
-                if (saved && c < count)
-                    wide[wide_offset(layer - 1, group * mlp_columns + c) + Tile::row(i) / 4] = four;
+                if (saved && c < count) wide[wide_offset(layer - 1, first_column) + at] = four;
             }
         }
         if (layer == 0) write_features(shared, tile, group * mlp_columns, count);
-        if (stays) held = layer == 0 ? nothing : 1024 * (layer - 1);
     }
 
     __device__ void write_features(Shared& shared, unsigned tile, unsigned first_column, unsigned count) const {
         __syncthreads();
-        const std::size_t row = first_row(tile) + threadIdx.x % Tile::rows;
+        const unsigned row = first_row(tile) + threadIdx.x % Tile::rows;
         if (row >= inputs.rows()) return; // no barrier follows before all threads are back
         constexpr unsigned step = block_size / Tile::rows;
         const unsigned part = threadIdx.x / Tile::rows;
@@ -211,7 +191,7 @@ private:
             for (unsigned c = 4 * part; c < count; c += 4 * step) {
                 Row<T, 4>& to = dL_dfeatures.by_four[dL_dfeatures.index(row, first_column + c) / 4];
                 Row<T, 4> four{};
-                if (adds) four = to;
+                if (mode == Write::add) four = to;
                 for (unsigned j = 0; j < 4; ++j) four[j] += value(c + j);
                 to = four;
             }
@@ -219,7 +199,7 @@ private:
         }
         for (unsigned c = part; c < count; c += step) {
             T& to = dL_dfeatures.values[dL_dfeatures.index(row, first_column + c)];
-            to = adds ? to + value(c) : value(c);
+            to = mode == Write::add ? to + value(c) : value(c);
         }
     }
 };

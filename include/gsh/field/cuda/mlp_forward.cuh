@@ -28,58 +28,48 @@ struct MlpForward {
     Span<T> outputs;
 
     __device__ void operator()(Shared& shared) const {
-        unsigned held = nothing;
         for (unsigned layer = 0; layer < shape.layers; ++layer)
-            for (unsigned group = 0; group < mlp_groups(shape.out(layer)); ++group)
-                with_width(count_of(shape.out(layer), group), [&](auto width) {
-                    run_layer<decltype(width)::value>(shared, layer, group, held);
-                });
+            for (unsigned group = 0; group < mlp_groups(shape.out(layer)); ++group) run_layer(shared, layer, group);
     }
 
 private:
-    static constexpr unsigned nothing = ~0u;
+    using Sums = T[Tile::thread_rows][8];
 
-    [[nodiscard]] __device__ static unsigned count_of(unsigned columns, unsigned group) {
-        const unsigned rest = columns - group * mlp_columns;
-        return rest < mlp_columns ? rest : mlp_columns;
-    }
-    [[nodiscard]] __device__ static std::size_t first_row() { return std::size_t(blockIdx.x) * Tile::rows; }
+    [[nodiscard]] __device__ static unsigned first_row() { return blockIdx.x * Tile::rows; }
     /// Where the activations behind a layer begin, in fours.
-    [[nodiscard]] __device__ std::size_t hidden_offset(unsigned layer, unsigned column) const {
-        return ((std::size_t(blockIdx.x) * (shape.layers - 1) + layer) * shape.width + column) * (Tile::rows / 4);
+    [[nodiscard]] __device__ unsigned hidden_offset(unsigned layer, unsigned column) const {
+        return ((blockIdx.x * (shape.layers - 1) + layer) * shape.width + column) * (Tile::rows / 4);
     }
 
-    /// 64 outputs of a layer, or the rest. `held` is what the tile holds: 1024 layer + group of the layer's inputs.
-    template <unsigned Columns>
-    __device__ void run_layer(Shared& shared, unsigned layer, unsigned group, unsigned& held) const {
-        constexpr unsigned N = Tile::thread_rows, M = Columns / 8;
-        const unsigned first_column = group * mlp_columns, count = count_of(shape.out(layer), group);
+    /// 64 outputs of a layer, or the rest.
+    __device__ void run_layer(Shared& shared, unsigned layer, unsigned group) const {
+        const unsigned first_column = group * mlp_columns, count = mlp_count(shape.out(layer), group);
+        const unsigned share = mlp_share(count);
         const unsigned length = mlp_groups(shape.out(layer)) * (mlp_columns / 4);
-        T sums[N][M];
-        for (unsigned j = 0; j < M; ++j) {
-            const unsigned c = Tile::template column<Columns>(j);
-            const T start = layer == 0 && !bias.empty() ? bias[first_column + c] : T(0);
-            for (unsigned i = 0; i < N; ++i) sums[i][j] = start;
+        Sums sums;
+        for (unsigned j = 0; j < 8; ++j) {
+            const bool biased = layer == 0 && !bias.empty() && j < share;
+            const T start = biased ? bias[first_column + Tile::column(j, share)] : T(0);
+            for (unsigned i = 0; i < Tile::thread_rows; ++i) sums[i][j] = start;
         }
+        const bool held = layer != 0 && group == 0 && shape.width <= mlp_columns; // from the layer before
+        unsigned weights = shape.forward_offset(layer) / 4 + group * (mlp_columns / 4);
         for (unsigned in = 0; in < mlp_groups(shape.in(layer)); ++in) {
-            const unsigned inner = count_of(shape.in(layer), in);
-            if (held != 1024 * layer + in) load_inputs(shared, layer, in, inner);
-            held = 1024 * layer + in;
+            const unsigned inner = mlp_count(shape.in(layer), in);
+            if (!held) load_inputs(shared, layer, in, inner);
             for (unsigned k = 0; k < inner; k += Tile::depth) {
                 const unsigned depth = inner - k < Tile::depth ? inner - k : Tile::depth;
                 __syncthreads();
-                load_weights<T>(shared.side, packed,
-                                shape.forward_offset(layer) / 4 +
-                                    std::size_t(in * mlp_columns + k) * length + group * (mlp_columns / 4),
-                                length, depth);
+                load_weights<T>(shared.side, packed, weights, length, depth);
                 __syncthreads();
-                multiply<T, Columns>(shared, k, depth, sums);
+                multiply<T>(shared, k, depth, share, sums);
+                weights += depth * length;
             }
         }
         if (layer + 1 < shape.layers)
-            keep<Columns>(shared, layer, first_column, count, sums, held);
+            keep(shared, layer, first_column, count, sums);
         else
-            write_outputs<Columns>(shared, first_column, count, sums, held);
+            write_outputs(shared, first_column, count, sums);
     }
 
     __device__ void load_inputs(Shared& shared, unsigned layer, unsigned in, unsigned count) const {
@@ -91,39 +81,39 @@ private:
                                                       Tile::rows / 4, count, count);
     }
 
-    template <unsigned Columns, unsigned N, unsigned M>
-    __device__ void keep(Shared& shared, unsigned layer, unsigned first_column, unsigned count, T (&sums)[N][M],
-                         unsigned& held) const {
+    __device__ void keep(Shared& shared, unsigned layer, unsigned first_column, unsigned count,
+                         const Sums& sums) const {
+        const unsigned share = mlp_share(count);
         const bool stays = shape.width <= mlp_columns;
+        const unsigned begin = hidden_offset(layer, first_column);
         if (stays) __syncthreads(); // the tile is still read
-        for (unsigned j = 0; j < M; ++j) {
-            const unsigned c = Tile::template column<Columns>(j);
-            for (unsigned i = 0; i < N; i += 4) {
+        for (unsigned j = 0; j < 8; ++j) {
+            if (j >= share) break;
+            const unsigned c = Tile::column(j, share);
+            for (unsigned i = 0; i < Tile::thread_rows; i += 4) {
                 Row<T, 4> four;
                 for (unsigned u = 0; u < 4; ++u) four[u] = sums[i + u][j] > T(0) ? sums[i + u][j] : T(0);
-                if (c < count) hidden[hidden_offset(layer, first_column + c) + Tile::row(i) / 4] = four;
+                if (c < count) hidden[begin + (c * Tile::rows + Tile::row(i)) / 4] = four;
                 if (stays)
                     for (unsigned u = 0; u < 4; ++u) shared.tile[c * Tile::stride + Tile::row(i) + u] = four[u];
             }
         }
-        if (stays) held = 1024 * (layer + 1);
     }
 
     /// Through shared memory, so that neighbouring threads write neighbouring numbers.
-    template <unsigned Columns, unsigned N, unsigned M>
-    __device__ void write_outputs(Shared& shared, unsigned first_column, unsigned count, T (&sums)[N][M],
-                                  unsigned& held) const {
+    __device__ void write_outputs(Shared& shared, unsigned first_column, unsigned count, const Sums& sums) const {
+        const unsigned share = mlp_share(count);
         __syncthreads();
-        for (unsigned j = 0; j < M; ++j)
-            for (unsigned i = 0; i < N; ++i)
-                shared.tile[Tile::template column<Columns>(j) * Tile::stride + Tile::row(i)] = sums[i][j];
-        __syncthreads();
-        for (unsigned e = threadIdx.x; e < Tile::rows * count; e += block_size) {
-            const unsigned r = e / count, c = e - r * count;
-            if (first_row() + r < inputs.rows())
-                outputs[(first_row() + r) * shape.outputs + first_column + c] = shared.tile[c * Tile::stride + r];
+        for (unsigned j = 0; j < 8; ++j) {
+            if (j >= share) break;
+            for (unsigned i = 0; i < Tile::thread_rows; ++i)
+                shared.tile[Tile::column(j, share) * Tile::stride + Tile::row(i)] = sums[i][j];
         }
-        held = nothing;
+        __syncthreads();
+        const unsigned rest = inputs.rows() - first_row(), rows = rest < Tile::rows ? rest : Tile::rows;
+        for (MlpWalk at(count); at.row < rows; at.step())
+            outputs[(first_row() + at.row) * shape.outputs + first_column + at.column] =
+                shared.tile[at.column * Tile::stride + at.row];
     }
 };
 

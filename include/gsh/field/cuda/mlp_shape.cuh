@@ -4,8 +4,6 @@
 
 #include <gsh/core/config.hpp>
 
-#include <cstddef>
-
 namespace gsh::cuda::detail {
 
 /// Columns of a layer are processed in groups of 64.
@@ -29,22 +27,22 @@ struct MlpShape {
 
     /// The caller's weights: rows of in(layer) numbers, and of the shared inputs' in the first layer.
     [[nodiscard]] GSH_HD unsigned weights_stride(unsigned layer) const { return in(layer) + (layer ? 0 : shared); }
-    [[nodiscard]] GSH_HD std::size_t weights_offset(unsigned layer) const {
-        return layer ? std::size_t(weights_stride(0)) * out(0) + std::size_t(layer - 1) * width * width : 0;
+    [[nodiscard]] GSH_HD unsigned weights_offset(unsigned layer) const {
+        return layer ? (weights_stride(0))*out(0) + (layer - 1) * width * width : 0;
     }
 
     /// Right operand of forward, [in][groups of out * 64].
-    [[nodiscard]] GSH_HD std::size_t forward_size(unsigned layer) const {
-        return std::size_t(in(layer)) * mlp_groups(out(layer)) * mlp_columns;
+    [[nodiscard]] GSH_HD unsigned forward_size(unsigned layer) const {
+        return (in(layer))*mlp_groups(out(layer)) * mlp_columns;
     }
-    [[nodiscard]] GSH_HD std::size_t forward_offset(unsigned layer) const {
+    [[nodiscard]] GSH_HD unsigned forward_offset(unsigned layer) const {
         return layer ? forward_size(0) + (layer - 1) * middle_size() : 0;
     }
     /// Right operand of backward, [out][groups of in * 64].
-    [[nodiscard]] GSH_HD std::size_t backward_size(unsigned layer) const {
-        return std::size_t(out(layer)) * mlp_groups(in(layer)) * mlp_columns;
+    [[nodiscard]] GSH_HD unsigned backward_size(unsigned layer) const {
+        return (out(layer))*mlp_groups(in(layer)) * mlp_columns;
     }
-    [[nodiscard]] GSH_HD std::size_t backward_offset(unsigned layer) const {
+    [[nodiscard]] GSH_HD unsigned backward_offset(unsigned layer) const {
         return layer ? backward_size(0) + (layer - 1) * middle_size() : 0;
     }
 
@@ -57,9 +55,8 @@ struct MlpShape {
     }
     [[nodiscard]] GSH_HD unsigned piece_count() const { return first_piece(layers - 1) + pieces(layers - 1); }
     /// Numbers that a block sums: the pieces, then the gradient of the bias.
-    [[nodiscard]] GSH_HD std::size_t sums_size() const {
-        return std::size_t(piece_count()) * mlp_columns * mlp_columns +
-               (shared ? mlp_groups(out(0)) * mlp_columns : 0);
+    [[nodiscard]] GSH_HD unsigned sums_size() const {
+        return (piece_count())*mlp_columns * mlp_columns + (shared ? mlp_groups(out(0)) * mlp_columns : 0);
     }
 
     /// The layer of which the index-th number is, where the first layer has `first` numbers and each in the middle has
@@ -71,9 +68,7 @@ struct MlpShape {
         const Size layer = 1 + (index - first) / middle;
         return static_cast<unsigned>(layer < layers - 1 ? layer : layers - 1);
     }
-    [[nodiscard]] GSH_HD std::size_t middle_size() const {
-        return std::size_t(width) * mlp_groups(width) * mlp_columns;
-    }
+    [[nodiscard]] GSH_HD unsigned middle_size() const { return (width)*mlp_groups(width) * mlp_columns; }
 };
 
 } // namespace gsh::cuda::detail

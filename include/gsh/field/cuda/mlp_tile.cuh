@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  A tile of rows of the MLP in shared memory: what is loaded into it, and the products on it.
 ///
+/// Indexes have 32 bits, since twice as many registers would not be left; the overloads check the sizes.
 /// A tile is kept column after column, so that a thread reads four rows of a column with one instruction. Columns are
 /// four numbers longer than the tile has rows. Eight neighbouring columns then begin in different banks.
 #pragma once
@@ -12,6 +13,7 @@
 #include <gsh/field/features.hpp>
 
 #include <cstddef>
+#include <type_traits>
 
 namespace gsh::cuda::detail {
 
@@ -42,27 +44,22 @@ struct MlpTile {
 
     /// A thread's j-th row. Rows come in fours.
     [[nodiscard]] __device__ static unsigned row(unsigned j) { return j / 4 * 64 + row_group() * 4 + j % 4; }
-    /// A thread's j-th column of Columns.
-    template <unsigned Columns>
-    [[nodiscard]] __device__ static unsigned column(unsigned j) {
-        constexpr unsigned run = Columns < 32 ? Columns / 8 : 4;
-        return j / run * (8 * run) + column_group() * run + j % run;
+    /// A thread's j-th column, where it has `share` of them. Columns come in fours, too, if there are so many.
+    [[nodiscard]] __device__ static unsigned column(unsigned j, unsigned share) {
+        return j / 4 * 32 + column_group() * (share < 4 ? share : 4) + j % 4;
     }
 };
 
-/// Calls f(Columns) with the smallest of 16, 32 and 64 columns that holds `count`, as the value of a type.
-template <unsigned N>
-struct MlpWidth {
-    static constexpr unsigned value = N;
-};
-template <class F>
-__device__ void with_width(unsigned count, const F& f) {
-    if (count > 32)
-        f(MlpWidth<64>());
-    else if (count > 16)
-        f(MlpWidth<32>());
-    else
-        f(MlpWidth<16>());
+/// The number of columns in a group.
+[[nodiscard]] __device__ inline unsigned mlp_count(unsigned columns, unsigned group) {
+    const unsigned rest = columns - group * mlp_columns;
+    return rest < mlp_columns ? rest : mlp_columns;
+}
+
+/// A thread's share of a product with `count` columns: 2, 4 or 8, which makes products of 16, 32 or 64 columns. Fewer
+/// would save little, since the 128 threads read all of the other operand anyway.
+[[nodiscard]] __device__ inline unsigned mlp_share(unsigned count) {
+    return count > 32 ? 8 : count > 16 ? 4 : 2;
 }
 
 /// A FeatureView, of which a thread takes four numbers of a row at once where their place in memory permits.
@@ -79,9 +76,9 @@ struct MlpColumns {
           block(static_cast<unsigned>(view.block)) {
         if (view.block % 4 == 0 && has_rows<4>(values)) by_four = as_rows<4>("Mlp", values);
     }
-    [[nodiscard]] __device__ std::size_t index(std::size_t row, unsigned column) const {
+    [[nodiscard]] __device__ unsigned index(unsigned row, unsigned column) const {
         const unsigned group = block == 4 ? column / 4 : column / block;
-        return (group * rows + row) * block + (column - group * block);
+        return (group * static_cast<unsigned>(rows) + row) * block + (column - group * block);
     }
 };
 
@@ -90,18 +87,18 @@ template <class T>
 struct MlpRowInputs {
     MlpColumns<const T> features;
     Span<const T> points;
-    unsigned own; ///< numbers of each point
+    std::size_t own; ///< numbers of each point
 
-    [[nodiscard]] __device__ std::size_t rows() const { return features.rows; }
-    [[nodiscard]] __device__ T operator()(std::size_t row, unsigned column) const {
+    [[nodiscard]] __device__ unsigned rows() const { return static_cast<unsigned>(features.rows); }
+    [[nodiscard]] __device__ T operator()(unsigned row, unsigned column) const {
         return column < features.columns ? features.values[features.index(row, column)]
-                                         : points[row * own + (column - features.columns)];
+                                         : points[row * static_cast<unsigned>(own) + (column - features.columns)];
     }
 
     /// Columns [column, column + count) of Rows rows, column after column at distance Stride; zeros beyond the last row
     /// and up to `padded` columns.
     template <unsigned Rows, unsigned Stride, class Array>
-    __device__ void load(Array& to, std::size_t first_row, unsigned column, unsigned count, unsigned padded) const {
+    __device__ void load(Array& to, unsigned first_row, unsigned column, unsigned count, unsigned padded) const {
         constexpr unsigned step = 128 / Rows;
         const unsigned r = threadIdx.x % Rows, part = threadIdx.x / Rows;
         const bool inside = first_row + r < rows();
@@ -119,70 +116,113 @@ struct MlpRowInputs {
     }
 };
 
+/// The numbers of a row-major matrix of `columns` columns, a thread's one after the other: neighbouring threads have
+/// neighbouring numbers. Steps without division.
+struct MlpWalk {
+    unsigned columns, row, column;
+
+    __device__ explicit MlpWalk(unsigned count)
+        : columns(count), row(threadIdx.x / count), column(threadIdx.x - row * count), rows_of_step_(128 / count),
+          columns_of_step_(128 - rows_of_step_ * count) {}
+    __device__ void step() {
+        row += rows_of_step_, column += columns_of_step_;
+        if (column >= columns) column -= columns, ++row;
+    }
+
+private:
+    unsigned rows_of_step_, columns_of_step_;
+};
+
 /// Columns [0, count) of Rows rows of a tile in global memory, whose columns are `length` fours long; zeros up to
 /// `padded` columns.
 template <unsigned Rows, unsigned Stride, class T, class Array>
-__device__ void load_columns(Array& to, Span<const Row<T, 4>> from, std::size_t first, unsigned length, unsigned count,
+__device__ void load_columns(Array& to, Span<const Row<T, 4>> from, unsigned first, unsigned length, unsigned count,
                              unsigned padded) {
     constexpr unsigned fours = Rows / 4;
     for (unsigned e = threadIdx.x; e < padded * fours; e += 128) {
         const unsigned c = e / fours, r = e % fours;
         Row<T, 4> four{};
-        if (c < count) four = from[first + std::size_t(c) * length + r];
+        if (c < count) four = from[first + c * length + r];
         for (unsigned j = 0; j < 4; ++j) to[c * Stride + 4 * r + j] = four[j];
     }
 }
 
 /// Weights of `depth` rows of a packed matrix, 64 columns of each.
 template <class T, class Array>
-__device__ void load_weights(Array& to, Span<const Row<T, 4>> from, std::size_t first, unsigned length,
-                             unsigned depth) {
+__device__ void load_weights(Array& to, Span<const Row<T, 4>> from, unsigned first, unsigned length, unsigned depth) {
     for (unsigned e = threadIdx.x; e < depth * (mlp_columns / 4); e += 128) {
         const unsigned k = e / (mlp_columns / 4), c = e % (mlp_columns / 4);
-        const Row<T, 4> four = from[first + std::size_t(k) * length + c];
+        const Row<T, 4> four = from[first + k * length + c];
         for (unsigned j = 0; j < 4; ++j) to[k * mlp_columns + 4 * c + j] = four[j];
     }
 }
 
-/// sums[i][j] += sum over k < depth of tile[first + k][row i] side[k][column j].
-template <class T, unsigned Columns>
-__device__ void multiply(typename MlpTile<T>::Shared& shared, unsigned first, unsigned depth,
-                         T (&sums)[MlpTile<T>::thread_rows][Columns / 8]) {
+/// sums[i][j] += sum over k < depth of tile[first + k][row i] side[k][column j], for j < Share.
+template <class T, unsigned Share>
+__device__ void multiply(const typename MlpTile<T>::Shared& shared, unsigned first, unsigned depth,
+                         T (&sums)[MlpTile<T>::thread_rows][8]) {
     using Tile = MlpTile<T>;
-    constexpr unsigned N = Tile::thread_rows, M = Columns / 8;
     const auto step = [&](unsigned k) {
-        T a[N], b[M];
-        for (unsigned i = 0; i < N; ++i) a[i] = shared.tile[(first + k) * Tile::stride + Tile::row(i)];
-        for (unsigned j = 0; j < M; ++j) b[j] = shared.side[k * mlp_columns + Tile::template column<Columns>(j)];
-        for (unsigned i = 0; i < N; ++i)
-            for (unsigned j = 0; j < M; ++j) sums[i][j] += a[i] * b[j];
+        T a[Tile::thread_rows], b[Share];
+        for (unsigned i = 0; i < Tile::thread_rows; ++i) a[i] = shared.tile[(first + k) * Tile::stride + Tile::row(i)];
+        for (unsigned j = 0; j < Share; ++j) b[j] = shared.side[k * mlp_columns + Tile::column(j, Share)];
+        for (unsigned i = 0; i < Tile::thread_rows; ++i)
+            for (unsigned j = 0; j < Share; ++j) sums[i][j] += a[i] * b[j];
     };
     unsigned k = 0;
-    for (; k + 4 <= depth; k += 4)
-        for (unsigned u = 0; u < 4; ++u) step(k + u);
-    for (; k < depth; ++k) step(k);
+    for (; k + 2 <= depth; k += 2) step(k), step(k + 1);
+    if (k < depth) step(k);
+}
+/// For a share that is known when running. All else around a product is written once, for eight columns.
+template <class T>
+__device__ void multiply(const typename MlpTile<T>::Shared& shared, unsigned first, unsigned depth, unsigned share,
+                         T (&sums)[MlpTile<T>::thread_rows][8]) {
+    if (share == 8)
+        multiply<T, 8>(shared, first, depth, sums);
+    else if (share == 4)
+        multiply<T, 4>(shared, first, depth, sums);
+    else
+        multiply<T, 2>(shared, first, depth, sums);
 }
 
 /// sums[i][j] += sum over rows r < depth of tile[o_i][first + r] side[c_j][r], with o_i = row group + 16 i and
 /// c_j = column group + 8 j: neighbouring threads read neighbouring columns, and these lie in different banks.
 template <class T, unsigned Outputs, unsigned Inputs>
-__device__ void multiply_over_rows(typename MlpTile<T>::Shared& shared, unsigned first,
-                                   T (&sums)[Outputs / 16][Inputs / 8]) {
+__device__ void multiply_over_rows(const typename MlpTile<T>::Shared& shared, unsigned first, T (&sums)[4][8]) {
     using Tile = MlpTile<T>;
-    constexpr unsigned N = Outputs / 16, M = Inputs / 8;
     for (unsigned r = 0; r < Tile::depth; r += 4) {
-        T a[N][4];
-        for (unsigned i = 0; i < N; ++i)
+        T a[Outputs][4];
+        for (unsigned i = 0; i < Outputs; ++i)
             for (unsigned u = 0; u < 4; ++u)
                 a[i][u] = shared.tile[(Tile::row_group() + 16 * i) * Tile::stride + first + r + u];
-        for (unsigned j = 0; j < M; ++j) {
+        for (unsigned j = 0; j < Inputs; ++j) {
             T b[4];
             for (unsigned u = 0; u < 4; ++u)
                 b[u] = shared.side[(Tile::column_group() + 8 * j) * Tile::side_stride + r + u];
             for (unsigned u = 0; u < 4; ++u)
-                for (unsigned i = 0; i < N; ++i) sums[i][j] += a[i][u] * b[u];
+                for (unsigned i = 0; i < Outputs; ++i) sums[i][j] += a[i][u] * b[u];
         }
     }
+}
+/// For shares of outputs (times two) and inputs that are known when running.
+template <class T>
+__device__ void multiply_over_rows(const typename MlpTile<T>::Shared& shared, unsigned first, unsigned outputs,
+                                   unsigned inputs, T (&sums)[4][8]) {
+    const auto for_outputs = [&](auto share) {
+        constexpr unsigned N = decltype(share)::value;
+        if (inputs == 8)
+            multiply_over_rows<T, N, 8>(shared, first, sums);
+        else if (inputs == 4)
+            multiply_over_rows<T, N, 4>(shared, first, sums);
+        else
+            multiply_over_rows<T, N, 2>(shared, first, sums);
+    };
+    if (outputs == 8)
+        for_outputs(std::integral_constant<unsigned, 4>());
+    else if (outputs == 4)
+        for_outputs(std::integral_constant<unsigned, 2>());
+    else
+        for_outputs(std::integral_constant<unsigned, 1>());
 }
 
 } // namespace gsh::cuda::detail
