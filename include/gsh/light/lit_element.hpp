@@ -110,11 +110,12 @@ struct LitGaussian {
         return {irradiance, specular};
     }
 
-    /// Adjoint of shading, whose result is `out`: adds to dL_din and to sums.
-    template <Lane T, class Visibility>
+    /// Adjoint of shading, whose result is `out`: adds to dL_din and, once to each number, to sums: a LitLightSums or
+    /// something with the same members.
+    template <Lane T, class Visibility, class Sums>
     GSH_HD static void shading_backward(const LitLight<ScalarOf<T>>& light, const Input<T>& in,
                                         Visibility&& visibility, const Shading<T>& out, const Shading<T>& dL_dout,
-                                        Gradient<T>& dL_din, const LitLightSums<T>& sums) {
+                                        Gradient<T>& dL_din, const Sums& sums) {
         const SoftDirection<T> normal(in.normal), view(in.center - in.mean);
         const vec3<T>& n = normal.dir;
         const std::size_t P = light.points.size();

@@ -145,17 +145,26 @@ struct LitSplatBackward {
     GSH_HD void operator()(std::size_t i, const LitLightSums<T>& sums, vec3<T>& dL_dcenter) const {
         LitGaussian::Gradient<T> gradient;
         if (!unseen(i)) {
-            const auto in = input[i];
-            const LitGaussian::Shading<T> shading{irradiance[i], specular[i]};
-            LitGaussian::Shading<T> dL_dshading{T(0), T(0)};
-            LitGaussian::color_backward(in.base, shading, dL_dcolors[i], input.light.clamping, gradient.base,
-                                        dL_dshading);
-            LitGaussian::shading_backward(input.light, in, input.visibility_of(i), shading, dL_dshading, gradient,
-                                          sums);
-            if (!dL_dmeans.empty()) dL_dmeans[i] += gradient.mean;
-            if (!dL_dbase.empty()) dL_dbase[i] += gradient.base;
+            gradient = adjoint(i, dL_dcolors[i], sums);
             dL_dcenter += gradient.center;
         }
+        store(i, gradient);
+    }
+
+    [[nodiscard]] GSH_HD LitGaussian::Gradient<T> adjoint(std::size_t i, const vec3<T>& dL_dcolor,
+                                                          const auto& sums) const {
+        const auto in = input[i];
+        const LitGaussian::Shading<T> shading{irradiance[i], specular[i]};
+        LitGaussian::Shading<T> dL_dshading{T(0), T(0)};
+        LitGaussian::Gradient<T> gradient;
+        LitGaussian::color_backward(in.base, shading, dL_dcolor, input.light.clamping, gradient.base, dL_dshading);
+        LitGaussian::shading_backward(input.light, in, input.visibility_of(i), shading, dL_dshading, gradient, sums);
+        return gradient;
+    }
+    /// Adds to the Gaussian's own attributes, and writes the gradient of its normal.
+    GSH_HD void store(std::size_t i, const LitGaussian::Gradient<T>& gradient) const {
+        if (!dL_dmeans.empty()) dL_dmeans[i] += gradient.mean;
+        if (!dL_dbase.empty()) dL_dbase[i] += gradient.base;
         if (!dL_dnormals.empty()) dL_dnormals[i] = gradient.normal;
     }
 
