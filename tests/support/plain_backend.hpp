@@ -10,9 +10,11 @@
 #include <gsh/core/span.hpp>
 #include <gsh/light/lit_splats.hpp>
 #include <gsh/light/shadow_map.hpp>
+#include <gsh/light/shadow_triangle.hpp>
 
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <string_view>
 #include <vector>
 
@@ -135,6 +137,30 @@ void occlusion_backward(Plain&, const Network& network, Span<const T> weights, S
         }
         for (std::size_t o = 0; o < dL_dpose.size(); ++o) dL_dpose[o] += dL_dy[o];
     }
+}
+
+template <class T>
+void shadow_draw(Plain&, Span<const ShadowFrame<T>> frames, const ShadowCaster<T>& caster, bool closed, bool clear,
+                 Span<T> maps, ShadowMapScratch<Plain, T>&) {
+    if (clear)
+        for (T& texel : maps) texel = gsh::detail::shadow_empty<T>;
+    for (const ShadowFrame<T>& frame : frames)
+        for (const vec3<std::uint32_t>& corners : caster.triangles) {
+            const auto vertex = [&](std::uint32_t v) {
+                return gsh::detail::place_shadow_vertex(frame, caster.vertices[v]);
+            };
+            gsh::detail::ShadowTriangle<T> t;
+            if (!t.place(vertex(corners.x), vertex(corners.y), vertex(corners.z), closed, 0, frame.height)) continue;
+            for (int row = t.top; row < t.bottom; ++row)
+                for (int column = t.left; column < t.right; ++column) {
+                    const auto at = [&](const auto& edge) {
+                        return edge.at + (column - t.left) * edge.column_step + (row - t.top) * edge.row_step;
+                    };
+                    if (at(t.bc) < 0 || at(t.ca) < 0 || at(t.ab) < 0) continue;
+                    T& texel = maps[frame.begin + static_cast<std::size_t>(row * frame.stride + column)];
+                    texel = max(texel, t.at_a + static_cast<T>(at(t.ca)) * t.to_b + static_cast<T>(at(t.ab)) * t.to_c);
+                }
+        }
 }
 
 } // namespace gsh::test
