@@ -33,15 +33,15 @@ __device__ void sum_lanes_from(const T (&values)[N], unsigned first, const Use& 
 
 } // namespace detail
 
-/// Sums each of N numbers over the lanes of a warp and calls use(k, sum of values[k]) on one lane for each k, always
-/// the same lane. All 32 lanes take part.
+/// Sums each of N numbers over the lanes of a warp, or over each `Lanes` consecutive ones, and calls use(k, sum of
+/// values[k]) on one of them for each k, always the same. All 32 lanes take part.
 ///
 /// While their number is even, the lower lanes go on with one half of the numbers and the upper lanes with the other:
 /// twelve numbers take 18 exchanges, where twelve separate sums take 60.
-template <int N, class T, class Use>
+template <int Lanes = int(warp_size), int N, class T, class Use>
 __device__ void sum_lanes(const T (&values)[N], const Use& use) {
-    static_assert(0 < N && N <= 32);
-    detail::sum_lanes_from<int(warp_size / 2), int(warp_size)>(values, 0u, use);
+    static_assert(0 < N && N <= Lanes && Lanes <= int(warp_size) && (Lanes & (Lanes - 1)) == 0);
+    detail::sum_lanes_from<Lanes / 2, Lanes>(values, 0u, use);
 }
 
 } // namespace gsh::cuda
