@@ -19,7 +19,7 @@ constexpr std::size_t N = 170000, V = 13886, P = 4, D = 12;
 
 /// Samples in an order like that of Morton-sorted ones: neighbours stand on nearby vertices.
 struct LitArrays {
-    std::vector<vec3<float>> points, directions, means, base, normals, colors;
+    std::vector<vec3<float>> points, directions, vertices, base, normals, colors;
     std::vector<float> log_intensities, gloss = {-1, 3}, visibility;
     std::vector<std::array<int, 3>> triangles;
     std::vector<vec3<float>> center{vec3<float>(0, 0, 4)};
@@ -34,17 +34,17 @@ struct LitArrays {
         for (std::size_t k = 0; k < P; ++k) points.push_back(normalize(vector(-1, 1)) * 4.0f);
         for (std::size_t k = 0; k < D; ++k) directions.push_back(normalize(vector(-1, 1)));
         for (std::size_t k = 0; k < P + D; ++k) log_intensities.push_back(number(-1, 1));
-        for (std::size_t v = 0; v < V; ++v) normals.push_back(normalize(vector(-1, 1)));
+        for (std::size_t v = 0; v < V; ++v) vertices.push_back(vector(-1, 1)), normals.push_back(normalize(vector(-1, 1)));
         for (std::size_t n = 0; n < V * (P + D); ++n) visibility.push_back(number(0, 1));
         for (std::size_t i = 0; i < N; ++i) {
-            means.push_back(vector(-1, 1)), base.push_back(vector(0, 1)), colors.push_back(vector(-1, 1));
+            base.push_back(vector(0, 1)), colors.push_back(vector(-1, 1));
             const auto near = static_cast<int>(i * (V - 40) / N);
             triangles.push_back({near, near + static_cast<int>(rng.below(40)), near + static_cast<int>(rng.below(40))});
         }
     }
     LitSplatsInput<float> input(bool glossy) const {
         return {{points, directions, log_intensities, glossy ? Span<const float>(gloss) : Span<const float>()},
-                means, base, normals, visibility, center[0]};
+                vertices, normals, visibility, base, center[0]};
     }
     template <class B>
     LitSplats<B> splats(B& backend) const {
@@ -65,7 +65,7 @@ void forward(benchmark::State& state) {
         benchmark::ClobberMemory();
     }
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(N));
-    state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(N * (36 + 24 + 8)));
+    state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(N * (24 + 12 + 12)));
 }
 
 template <class B>
@@ -80,13 +80,13 @@ void backward(benchmark::State& state) {
         if ((i / 64) % 2 && state.range(1) == 50) scene.colors[i] = vec3<float>(0);
     const LitSplatsGradient<float> out{{gradient.points, gradient.directions, gradient.log_intensities,
                                         state.range(0) ? Span<float>(gradient.gloss) : Span<float>()},
-                                       gradient.means, gradient.base, gradient.normals, gradient.center};
+                                       gradient.vertices, gradient.normals, gradient.base, gradient.center};
     for (auto _ : state) {
         lit.backward(scene.input(state.range(0)), scene.colors, cache, out);
         benchmark::ClobberMemory();
     }
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(N));
-    state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(N * (36 + 24 + 8 + 48 + 24)));
+    state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(N * (24 + 12 + 12 + 24 + 8)));
 }
 
 void forward_cases(benchmark::internal::Benchmark* bench) {

@@ -428,17 +428,17 @@ TEST_CASE("lighting refuses host memory, and computes on the backend what Serial
     Guarded backend;
     const std::vector<std::array<int, 3>> triangles{{0, 1, 2}, {1, 2, 0}};
     const std::vector<vec3<double>> barycentric(2, vec3<double>(1.0 / 3));
-    const std::vector<vec3<float>> points{{0, 1, 3}}, directions{{0, 0, 1}}, means{{0, 0, 0}, {0, 1, 0}},
-        base(2, vec3<float>(0.5f)), normals(3, vec3<float>(0, 0, 1));
+    const std::vector<vec3<float>> points{{0, 1, 3}}, directions{{0, 0, 1}},
+        vertices{{0, 0, 0}, {0, 1, 0}, {1, 0, 0}}, base(2, vec3<float>(0.5f)), normals(3, vec3<float>(0, 0, 1));
     const std::vector<float> log_intensities{1, -1}, gloss{0, 1}, visibility(6, 0.7f);
     const vec3<float> center(0, 0, 4);
-    const LitSplatsInput<float> host{{points, directions, log_intensities, gloss}, means, base, normals, visibility,
+    const LitSplatsInput<float> host{{points, directions, log_intensities, gloss}, vertices, normals, visibility, base,
                                      center};
-    const auto p = on_backend(backend, points), d = on_backend(backend, directions), x = on_backend(backend, means),
+    const auto p = on_backend(backend, points), d = on_backend(backend, directions), x = on_backend(backend, vertices),
                c = on_backend(backend, base), n = on_backend(backend, normals);
     const auto i = on_backend(backend, log_intensities), g = on_backend(backend, gloss),
                v = on_backend(backend, visibility);
-    const LitSplatsInput<float> good{{p, d, i, g}, x, c, n, v, center};
+    const LitSplatsInput<float> good{{p, d, i, g}, x, n, v, c, center};
     const LitSplats<Guarded> lit(backend, 3, triangles, barycentric);
     LitSplats<Guarded>::Cache cache;
     std::vector<vec3<float>> host_colors(2);
@@ -451,16 +451,18 @@ TEST_CASE("lighting refuses host memory, and computes on the backend what Serial
     refused("light.points", [&](auto& in) { in.light.points = host.light.points; });
     refused("light.log_intensities", [&](auto& in) { in.light.log_intensities = host.light.log_intensities; });
     refused("light.gloss", [&](auto& in) { in.light.gloss = host.light.gloss; });
-    refused("means", [&](auto& in) { in.means = host.means; });
+    refused("vertices", [&](auto& in) { in.vertices = host.vertices; });
     refused("base", [&](auto& in) { in.base = host.base; });
     refused("normals", [&](auto& in) { in.normals = host.normals; });
     refused("visibility", [&](auto& in) { in.visibility = host.visibility; });
     check_refused("LitSplats::forward", "colors", [&] { lit.forward(good, host_colors, cache); });
     lit.forward(good, colors, cache);
     check_refused("LitSplats::backward", "dL_dcolors", [&] { lit.backward(good, host_colors, cache, {}); });
-    check_refused("LitSplats::backward", "dL_din.means",
-                  [&] { lit.backward(good, colors, cache, {.means = host_colors}); });
+    check_refused("LitSplats::backward", "dL_din.base",
+                  [&] { lit.backward(good, colors, cache, {.base = host_colors}); });
     std::vector<vec3<float>> dL_dnormals(3), dL_dpoints(1), dL_dcenter(1);
+    check_refused("LitSplats::backward", "dL_din.vertices",
+                  [&] { lit.backward(good, colors, cache, {.vertices = dL_dnormals}); });
     check_refused("LitSplats::backward", "dL_din.normals",
                   [&] { lit.backward(good, colors, cache, {.normals = dL_dnormals}); });
     check_refused("LitSplats::backward", "dL_din.light.points",

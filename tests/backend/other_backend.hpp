@@ -177,9 +177,9 @@ void skinned_splats_accumulate(Device& device, const gsh::detail::SkinnedSplatBa
 }
 
 template <class T>
-void lit_splats_accumulate(Device& device, const gsh::detail::LitSplatBackward<T>&, const LightView<T>&,
-                           Span<vec3<T>>, LitSplatsScratch<Device, T>&) {
-    device.calls.push_back("lit_splats_accumulate");
+void lit_vertices_accumulate(Device& device, const gsh::detail::LitVertexBackward<T>&, const LightView<T>&,
+                             Span<vec3<T>>, LitSplatsScratch<Device, T>&) {
+    device.calls.push_back("lit_vertices_accumulate");
 }
 
 template <class T>

@@ -30,6 +30,6 @@ TEST_CASE("a backend beside the CPU's runs every component by its own overloads,
          {"composite_forward", "composite_backward", "hash_prepare", "hash_forward", "hash_backward", "mlp_forward",
           "mlp_backward", "photometric_forward", "photometric_backward", "lpips_forward", "lpips_distance", "adam_step",
           "adam_step_rows", "adam_step_columns", "skinned_splats_accumulate", "occlusion_forward", "occlusion_backward",
-           "lit_splats_accumulate", "blend_shapes_forward", "blend_shapes_backward", "shadow_draw", "add_sum"})
+           "lit_vertices_accumulate", "blend_shapes_forward", "blend_shapes_backward", "shadow_draw", "add_sum"})
         CHECK_MESSAGE(std::ranges::count(device.calls, name) > 0, name);
 }

@@ -157,7 +157,7 @@ void use_lit_splats(B& backend) {
     const LitSplats<B> lit(backend, 2, triangles, std::vector<vec3<double>>(1));
     std::vector<vec3<float>> one(1), two(2);
     const std::vector<float> intensity(1), visibility(2);
-    const LitSplatsInput<float> input{{.points = one, .log_intensities = intensity}, one, one, two, visibility, {}};
+    const LitSplatsInput<float> input{{.points = one, .log_intensities = intensity}, two, two, visibility, one, {}};
     typename LitSplats<B>::Cache cache;
     std::vector<vec3<float>> colors(1);
     lit.forward(input, colors, cache);

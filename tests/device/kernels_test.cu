@@ -84,19 +84,19 @@ struct SkinnedBackward {
     }
 };
 
-/// The adjoint of a Gaussian under a light adds to sums and a centre that its caller owns.
+/// The adjoint of a vertex under a light adds to sums and a centre that its caller owns.
 template <class T>
 struct LitBackward {
-    gsh::detail::LitSplatBackward<T> body;
-    Span<vec3<T>> dL_dpoints, dL_dcenters;             // [N, P], [N]
-    Span<T> dL_dlog_intensities, dL_dgloss;            // [N, P + D], [N, 2]
+    gsh::detail::LitVertexBackward<T> body;
+    Span<vec3<T>> dL_dpoints, dL_dcenters;             // [V, P], [V]
+    Span<T> dL_dlog_intensities, dL_dgloss;            // [V, P + D], [V, 2]
 
-    GSH_HD void operator()(std::size_t i) const {
-        const auto& light = body.input.light;
-        body(i,
-             {dL_dpoints.data() + i * light.points.size(), dL_dlog_intensities.data() + i * light.size(),
-              dL_dgloss.data() + 2 * i},
-             dL_dcenters[i]);
+    GSH_HD void operator()(std::size_t v) const {
+        const auto& light = body.surface.light;
+        body(v,
+             {dL_dpoints.data() + v * light.points.size(), dL_dlog_intensities.data() + v * light.size(),
+              dL_dgloss.data() + 2 * v},
+             dL_dcenters[v]);
     }
 };
 
@@ -149,7 +149,8 @@ using Bodies = Types<
     gsh::detail::BonesAsDualQuatsBackward<T>, gsh::detail::PoseRotations<T>, gsh::detail::PoseRotationsBackward<T>,
     gsh::detail::PoseFeature<T>, gsh::detail::PoseFeatureBackward<T>, gsh::detail::BoneTransforms<T>,
     gsh::detail::BoneTransformsBackward<T>, gsh::detail::SurfaceGather<T>, gsh::detail::SurfaceScatter<T>,
-    gsh::detail::LitFactors<T>, gsh::detail::LitSplatForward<T>, LitBackward<T>,
+    gsh::detail::LitFactors<T>, gsh::detail::LitVertexForward<T>, gsh::detail::LitColorForward<T>,
+    gsh::detail::LitColorBackward<T>, LitBackward<T>,
     gsh::detail::HashBackwardPoint<HashGrid<5, 2>, T>, gsh::detail::ResamplePlanes<T, UndistortMap<T>>,
     gsh::detail::ResampleRgba8<T, UndistortMap<T>>, gsh::detail::CompositeRgba8<T, gsh::detail::PlainBackground<T>>,
     gsh::detail::CompositeRgba8<T, gsh::detail::ImageBackground<T>>,

@@ -53,7 +53,7 @@ TEST_CASE("LitSplats::backward is the gradient of forward with respect to every 
         const LitScene<double> once = gradient;
         lit.backward(scene.input(), dL_dcolors, cache, gradient.view());
         for (const auto& [twice, single] :
-             {std::pair(&gradient.points, &once.points), std::pair(&gradient.means, &once.means),
+             {std::pair(&gradient.points, &once.points), std::pair(&gradient.vertices, &once.vertices),
               std::pair(&gradient.base, &once.base), std::pair(&gradient.normals, &once.normals),
               std::pair(&gradient.center, &once.center)})
             for (std::size_t i = 0; i < single->size(); ++i)
@@ -68,7 +68,7 @@ TEST_CASE("LitSplats::backward is the gradient of forward with respect to every 
         test::check_gradient(loss, test::scalars(scene.points), test::scalars(gradient.points));
         test::check_gradient(loss, test::scalars(scene.log_intensities), test::scalars(gradient.log_intensities));
         test::check_gradient(loss, test::scalars(scene.gloss), test::scalars(gradient.gloss), {.may_vanish = !lobes});
-        test::check_gradient(loss, test::scalars(scene.means), test::scalars(gradient.means),
+        test::check_gradient(loss, test::scalars(scene.vertices), test::scalars(gradient.vertices),
                              {.may_vanish = kind.points == 0});
         test::check_gradient(loss, test::scalars(scene.base), test::scalars(gradient.base));
         test::check_gradient(loss, test::scalars(scene.normals), test::scalars(gradient.normals));
@@ -85,30 +85,30 @@ TEST_CASE("a lane of the element equals the plain formula") {
     LitSplats<cpu::Serial, double>::Cache cache;
     std::vector<vec3<double>> colors(1);
     lit.forward(in, colors, cache);
-    vec3<double> n(0);
-    double V[4] = {};
+    double E = 0, S = 0; // at the Gaussian
     for (int c = 0; c < 3; ++c) {
         const auto v = static_cast<std::size_t>(scene.triangles[0][static_cast<std::size_t>(c)]);
-        n += scene.normals[v] * scene.barycentric[0][c];
-        for (std::size_t k = 0; k < 4; ++k) V[k] += scene.visibility[4 * v + k] * scene.barycentric[0][c];
-    }
-    n = normalize(n);
-    const vec3<double> view = normalize(scene.center[0] - scene.means[0]);
-    double E = 0, S = 0;
-    for (std::size_t k = 0; k < 4; ++k) {
-        const bool point = k < 2;
-        const vec3<double> to = point ? scene.points[k] - scene.means[0] : scene.directions[k - 2];
-        const double e = std::exp(scene.log_intensities[k]) * V[k] * std::max(0.0, dot(n, normalize(to))) / dot(to, to);
-        E += e;
-        if (!point) continue;
-        const vec3<double> h = normalize(view + normalize(to));
-        const double F = (0.04 + 0.96 * std::pow(1 - dot(h, view), 5)) / 0.04;
-        S += std::exp(scene.gloss[0]) * e * F * std::exp(-std::exp(scene.gloss[1]) * (1 - dot(n, h)));
+        const vec3<double> n = normalize(scene.normals[v]), view = normalize(scene.center[0] - scene.vertices[v]);
+        double of_vertex = 0, gloss_of_vertex = 0;
+        for (std::size_t k = 0; k < 4; ++k) {
+            const bool point = k < 2;
+            const vec3<double> to = point ? scene.points[k] - scene.vertices[v] : scene.directions[k - 2];
+            const double e = std::exp(scene.log_intensities[k]) * scene.visibility[4 * v + k] *
+                             std::max(0.0, dot(n, normalize(to))) / dot(to, to);
+            of_vertex += e;
+            if (!point) continue;
+            const vec3<double> h = normalize(view + normalize(to));
+            const double F = (0.04 + 0.96 * std::pow(1 - dot(h, view), 5)) / 0.04;
+            gloss_of_vertex += std::exp(scene.gloss[0]) * e * F * std::exp(-std::exp(scene.gloss[1]) * (1 - dot(n, h)));
+        }
+        CHECK(cache.shading[v].x == doctest::Approx(of_vertex).epsilon(1e-7));
+        CHECK(cache.shading[v].y == doctest::Approx(gloss_of_vertex).epsilon(1e-7));
+        E += scene.barycentric[0][c] * of_vertex, S += scene.barycentric[0][c] * gloss_of_vertex;
     }
     CHECK(E > 0);
     CHECK(S > 0);
-    CHECK(cache.irradiance[0] == doctest::Approx(E).epsilon(1e-7));
-    CHECK(cache.specular[0] == doctest::Approx(S).epsilon(1e-7));
+    CHECK(lit.interpolate(cache)[0].x == doctest::Approx(E).epsilon(1e-7));
+    CHECK(lit.interpolate(cache)[0].y == doctest::Approx(S).epsilon(1e-7));
     for (int c = 0; c < 3; ++c)
         CHECK(colors[0][c] == doctest::Approx(linear_to_srgb(srgb_to_linear(scene.base[0][c]) * E + S)).epsilon(1e-7));
 }
@@ -131,7 +131,7 @@ TEST_CASE_TEMPLATE("where the irradiance is one and nothing shines, the colour i
     // A point at one metre straight ahead is the same.
     LitScene<T> near = scene;
     near.directions.clear(), near.points = {vec3<T>(0, 0, 1)};
-    std::fill(near.means.begin(), near.means.end(), vec3<T>(T(0)));
+    std::fill(near.vertices.begin(), near.vertices.end(), vec3<T>(T(0)));
     lit.forward(near.input(), colors, cache);
     for (std::size_t i = 0; i < near.N; ++i)
         for (int c = 0; c < 3; ++c) CHECK(std::abs(static_cast<double>(colors[i][c] - near.base[i][c])) < tolerance);
@@ -144,30 +144,31 @@ TEST_CASE_TEMPLATE("where the irradiance is one and nothing shines, the colour i
     CHECK(in_place == colors);
 }
 
-TEST_CASE_TEMPLATE("no normal, a light or a camera at the Gaussian, and darkness give finite numbers", T, float,
+TEST_CASE_TEMPLATE("no normal, a light or a camera at a vertex, and darkness give finite numbers", T, float,
                    double) {
     for (int fault = 0; fault < 5; ++fault) {
         CAPTURE(fault);
         LitScene<T> scene(21, 3, 4, true, 10), gradient = scene;
         gradient.clear();
         if (fault == 0) std::fill(scene.normals.begin(), scene.normals.end(), vec3<T>(T(0)));
-        if (fault == 1) scene.points[1] = scene.means[4];
-        if (fault == 2) scene.center[0] = scene.means[4];
+        if (fault == 1) scene.points[1] = scene.vertices[4];
+        if (fault == 2) scene.center[0] = scene.vertices[4];
         if (fault == 3) std::fill(scene.visibility.begin(), scene.visibility.end(), T(0));
-        if (fault == 4) scene.points[1] = scene.means[4] * T(2) - scene.center[0]; // behind, straight: no half vector
+        if (fault == 4) scene.points[1] = scene.vertices[4] * T(2) - scene.center[0]; // behind, straight: no half vector
         cpu::Serial backend;
         const auto lit = scene.splats(backend);
         typename LitSplats<cpu::Serial, T>::Cache cache;
         std::vector<vec3<T>> colors(scene.N);
         lit.forward(scene.input(), colors, cache);
         lit.backward(scene.input(), color_gradient<T>(scene.N, 11), cache, gradient.view());
-        for (const auto* values : {&colors, &gradient.points, &gradient.means, &gradient.base, &gradient.normals,
+        for (const auto* values : {&colors, &gradient.points, &gradient.vertices, &gradient.base, &gradient.normals,
                                    &gradient.center})
             for (const vec3<T>& value : *values)
                 for (int c = 0; c < 3; ++c) CHECK(std::isfinite(value[c]));
         for (const auto* values : {&gradient.log_intensities, &gradient.gloss})
             for (const T value : *values) CHECK(std::isfinite(value));
-        if (fault == 0) CHECK(*std::max_element(cache.irradiance.begin(), cache.irradiance.end()) == T(0));
+        if (fault == 0)
+            for (const auto& shading : cache.shading) CHECK(shading.x == T(0));
         if (fault == 0 || fault == 3)
             for (const vec3<T>& color : colors) CHECK(color == vec3<T>(T(0)));
     }
@@ -184,8 +185,8 @@ TEST_CASE("gradients that nobody asks for are left alone, and a colour without g
     auto dL_dcolors = color_gradient<double>(scene.N, 13);
     lit.forward(scene.input(), colors, cache);
     lit.backward(scene.input(), dL_dcolors, cache, all.view());
-    lit.backward(scene.input(), dL_dcolors, cache, {.means = some.means});
-    CHECK(some.means == all.means);
+    lit.backward(scene.input(), dL_dcolors, cache, {.vertices = some.vertices});
+    CHECK(some.vertices == all.vertices);
     CHECK(some.base[0] == vec3<double>(0));
     lit.backward(scene.input(), dL_dcolors, cache, {.light = {.gloss = some.gloss}, .normals = some.normals});
     CHECK(some.normals == all.normals);
@@ -196,7 +197,6 @@ TEST_CASE("gradients that nobody asks for are left alone, and a colour without g
     const vec3<double> kept = dL_dcolors[5];
     dL_dcolors[5] = vec3<double>(0);
     lit.backward(scene.input(), dL_dcolors, cache, seen.view());
-    CHECK(seen.means[5] == vec3<double>(0));
     CHECK(seen.base[5] == vec3<double>(0));
     std::fill(dL_dcolors.begin(), dL_dcolors.end(), vec3<double>(0));
     dL_dcolors[5] = kept;
@@ -232,7 +232,7 @@ TEST_CASE("Threads equals Serial bit for bit; any size from none to beyond a chu
         for (const std::size_t threads : {1, 2, 3, 7}) {
             const auto [other_colors, other] = run(cpu::Threads(threads), scene);
             CHECK(equal(colors, other_colors));
-            CHECK(equal(gradient.means, other.means));
+            CHECK(equal(gradient.vertices, other.vertices));
             CHECK(equal(gradient.base, other.base));
             CHECK(equal(gradient.normals, other.normals));
             CHECK(equal(gradient.points, other.points));
@@ -243,7 +243,7 @@ TEST_CASE("Threads equals Serial bit for bit; any size from none to beyond a chu
         if (count != 2049) continue;
         LitScene<double> exact(count, 4, 12, true, 14);
         const auto copy = [](const auto& from, auto& to) { to.assign(from.begin(), from.end()); };
-        copy(scene.points, exact.points), copy(scene.directions, exact.directions), copy(scene.means, exact.means);
+        copy(scene.points, exact.points), copy(scene.directions, exact.directions), copy(scene.vertices, exact.vertices);
         copy(scene.base, exact.base), copy(scene.normals, exact.normals), copy(scene.center, exact.center);
         copy(scene.log_intensities, exact.log_intensities), copy(scene.gloss, exact.gloss);
         copy(scene.visibility, exact.visibility);
@@ -253,9 +253,11 @@ TEST_CASE("Threads equals Serial bit for bit; any size from none to beyond a chu
             const auto near = [](const vec3<float>& found, const vec3<double>& expected) {
                 return length(vec3<double>(found) - expected) < 1e-4 * (1 + length(expected));
             };
-            CHECK(near(gradient.means[i], exact_gradient.means[i]));
             CHECK(near(gradient.base[i], exact_gradient.base[i]));
         }
+        for (std::size_t v = 0; v < scene.V; ++v)
+            CHECK(length(vec3<double>(gradient.vertices[v]) - exact_gradient.vertices[v]) <
+                  1e-4 * (1 + length(exact_gradient.vertices[v])));
         for (std::size_t k = 0; k < 4; ++k)
             CHECK(length(vec3<double>(gradient.points[k]) - exact_gradient.points[k]) < 1e-3);
     }
@@ -278,7 +280,7 @@ TEST_CASE("sizes that do not fit are refused") {
     CHECK_THROWS_AS(forward([&](auto& in) { shorter(in.light.points); }), ShapeError);
     CHECK_THROWS_AS(forward([&](auto& in) { shorter(in.light.log_intensities); }), ShapeError);
     CHECK_THROWS_AS(forward([&](auto& in) { shorter(in.light.gloss); }), ShapeError);
-    CHECK_THROWS_AS(forward([&](auto& in) { shorter(in.means); }), ShapeError);
+    CHECK_THROWS_AS(forward([&](auto& in) { shorter(in.vertices); }), ShapeError);
     CHECK_THROWS_AS(forward([&](auto& in) { shorter(in.base); }), ShapeError);
     CHECK_THROWS_AS(forward([&](auto& in) { shorter(in.normals); }), ShapeError);
     CHECK_THROWS_AS(forward([&](auto& in) { shorter(in.visibility); }), ShapeError);
@@ -292,7 +294,7 @@ TEST_CASE("sizes that do not fit are refused") {
     CHECK_THROWS_AS(backward([&](auto& out) { shorter(out.light.points); }), ShapeError);
     CHECK_THROWS_AS(backward([&](auto& out) { shorter(out.light.log_intensities); }), ShapeError);
     CHECK_THROWS_AS(backward([&](auto& out) { shorter(out.light.gloss); }), ShapeError);
-    CHECK_THROWS_AS(backward([&](auto& out) { shorter(out.means); }), ShapeError);
+    CHECK_THROWS_AS(backward([&](auto& out) { shorter(out.vertices); }), ShapeError);
     CHECK_THROWS_AS(backward([&](auto& out) { shorter(out.base); }), ShapeError);
     CHECK_THROWS_AS(backward([&](auto& out) { shorter(out.normals); }), ShapeError);
     std::vector<vec3<double>> centers(2);

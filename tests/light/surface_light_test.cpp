@@ -73,7 +73,7 @@ struct LitTube {
 template <class T>
 struct LitTubeGradient {
     std::vector<Affine<T>> bones;
-    std::vector<vec3<T>> offsets, normal_offsets, points, center, means, base;
+    std::vector<vec3<T>> offsets, normal_offsets, points, center, base;
     std::vector<T> log_intensities, gloss;
 
     explicit LitTubeGradient(const LitTube<T>& tube)
@@ -83,14 +83,12 @@ struct LitTubeGradient {
 
     template <class B>
     void add(const LitTube<T>& tube, const SurfaceLight<B, T>& light, typename SurfaceLight<B, T>::Cache& cache) {
-        light.backward(tube.posed(), tube.light(), tube.means, tube.center[0], tube.dL_dmeans,
-                       tube.dL_dcolors, cache,
+        light.backward(tube.posed(), tube.light(), tube.center[0], tube.dL_dcolors, cache,
                        {.light = {points, {}, log_intensities, gloss},
                         .bones = bones,
                         .offsets = offsets,
                         .normal_offsets = normal_offsets,
                         .center = center});
-        means.assign(cache.dL_dmeans.begin(), cache.dL_dmeans.end());
         base.assign(cache.dL_dbase.begin(), cache.dL_dbase.end());
     }
 };
@@ -102,7 +100,7 @@ std::vector<vec3<T>> lit_colors(const LitTube<T>& tube, const SurfaceLight<B, T>
     std::vector<vec3<T>> colors(tube.base.size());
     cache.base.resize(tube.base.size());
     std::copy(tube.base.begin(), tube.base.end(), cache.base.data());
-    light.forward(tube.posed(), tube.light(), others, tube.means, tube.center[0], colors, cache);
+    light.forward(tube.posed(), tube.light(), others, tube.center[0], colors, cache);
     return colors;
 }
 
@@ -134,10 +132,9 @@ TEST_CASE("SurfaceLight is its parts, and its adjoint their gradient with visibi
             surface.forward(tube.bones, tube.offsets, posed);
             std::vector<vec3<double>> normals(posed.normals.begin(), posed.normals.end());
             if (bent) surface.offset_normals(tube.bones, tube.normal_offsets, posed, normals);
-            lit.forward({tube.light(), tube.means, tube.base, normals, visibility, tube.center[0]}, found, lit_cache);
+            lit.forward({tube.light(), posed.vertices, normals, visibility, tube.base, tube.center[0]}, found, lit_cache);
             double sum = 0;
-            for (std::size_t i = 0; i < found.size(); ++i)
-                sum += dot(found[i], tube.dL_dcolors[i]) + dot(tube.means[i], tube.dL_dmeans[i]);
+            for (std::size_t i = 0; i < found.size(); ++i) sum += dot(found[i], tube.dL_dcolors[i]);
             return sum;
         };
         loss();
@@ -156,12 +153,10 @@ TEST_CASE("SurfaceLight is its parts, and its adjoint their gradient with visibi
         check(tube.log_intensities, gradient.log_intensities);
         check(tube.gloss, gradient.gloss);
         check(tube.center, gradient.center);
-        check(tube.means, gradient.means, 7);
         check(tube.base, gradient.base, 7);
 
         gradient.add(tube, light, cache);
-        CHECK(gradient.means == once.means); // written, all else is added
-        CHECK(gradient.base == once.base);
+        CHECK(gradient.base == once.base); // written, all else is added
         for (std::size_t j = 0; j < once.bones.size(); ++j)
             CHECK(length(gradient.bones[j].translation - 2.0 * once.bones[j].translation) < 1e-12);
         for (std::size_t v = 0; v < once.offsets.size(); ++v)
@@ -179,13 +174,10 @@ TEST_CASE("a gradient that nobody asks for is not computed and changes no other"
     (void)lit_colors(tube, light, cache);
     LitTubeGradient<double> all(tube);
     all.add(tube, light, cache);
-    light.backward(tube.posed(), tube.light(), tube.means, tube.center[0], tube.dL_dmeans, tube.dL_dcolors,
-                   cache, {});
-    CHECK(std::equal(all.means.begin(), all.means.end(), cache.dL_dmeans.begin()));
+    light.backward(tube.posed(), tube.light(), tube.center[0], tube.dL_dcolors, cache, {});
     CHECK(std::equal(all.base.begin(), all.base.end(), cache.dL_dbase.begin()));
     std::vector<Affine<double>> bones(tube.bones.size(), Affine<double>::zero());
-    light.backward(tube.posed(), tube.light(), tube.means, tube.center[0], tube.dL_dmeans, tube.dL_dcolors,
-                   cache, {.bones = bones});
+    light.backward(tube.posed(), tube.light(), tube.center[0], tube.dL_dcolors, cache, {.bones = bones});
     for (std::size_t j = 0; j < bones.size(); ++j) CHECK(bones[j].translation == all.bones[j].translation);
 }
 
@@ -210,7 +202,6 @@ TEST_CASE("SurfaceLight is the same on threads bit for bit") {
         CHECK(gradient.log_intensities == expected_gradient.log_intensities);
         CHECK(gradient.gloss == expected_gradient.gloss);
         CHECK(gradient.center == expected_gradient.center);
-        CHECK(gradient.means == expected_gradient.means);
         CHECK(gradient.base == expected_gradient.base);
         for (std::size_t j = 0; j < gradient.bones.size(); ++j) {
             CHECK(gradient.bones[j].linear == expected_gradient.bones[j].linear);
@@ -253,14 +244,12 @@ TEST_CASE("a body without triangles, and arguments of another size, are refused"
     SurfaceLight<cpu::Serial, double>::Cache cache;
     std::vector<vec3<double>> colors = tube.base;
     const std::vector<vec3<double>> fewer(tube.offsets.begin(), tube.offsets.end() - 1);
-    CHECK_THROWS_AS(light.forward({tube.bones, fewer}, tube.light(), {}, tube.means, tube.center[0], colors, cache),
+    CHECK_THROWS_AS(light.forward({tube.bones, fewer}, tube.light(), {}, tube.center[0], colors, cache),
                     ShapeError);
-    CHECK_THROWS_AS(light.forward({tube.bones, tube.offsets, fewer}, tube.light(), {}, tube.means, tube.center[0],
-                                  colors, cache),
+    CHECK_THROWS_AS(light.forward({tube.bones, tube.offsets, fewer}, tube.light(), {}, tube.center[0], colors, cache),
                     ShapeError);
     colors.pop_back();
-    CHECK_THROWS_AS(light.forward(tube.posed(), tube.light(), {}, tube.means, tube.center[0], colors,
-                                  cache),
+    CHECK_THROWS_AS(light.forward(tube.posed(), tube.light(), {}, tube.center[0], colors, cache),
                     ShapeError);
     tube.body.faces.clear();
     CHECK_THROWS_AS((void)tube.shade(backend), ValueError);

@@ -476,7 +476,7 @@ struct SkinnedGaussianElement {
 };
 
 /// Three points and two directions that all elements share.
-struct LitGaussianElement {
+struct LitElement {
     static constexpr const char* name = "light/lit_element";
     template <Lane T>
     GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
@@ -485,26 +485,27 @@ struct LitGaussianElement {
         const vec3<S> directions[2] = {{0, 1, 0}, {S(0.6), 0, S(0.8)}};
         const S factors[7] = {3, 2, 4, S(0.5), S(0.3), S(0.8), 12};
         const LitLight<S> light{{points, 3}, {directions, 2}, {factors, 7}, true};
-        LitGaussian::Input<T> gaussian;
-        gaussian.mean = in.vector();
-        gaussian.base = in.vector() * T(0.4) + vec3<T>(T(0.5));
-        gaussian.normal = in.vector() + vec3<T>(T(0), T(0), T(1.5));
-        gaussian.center = in.vector() + vec3<T>(T(0), T(0), T(4));
+        LitPoint::Input<T> point;
+        point.position = in.vector();
+        const vec3<T> base = in.vector() * T(0.4) + vec3<T>(T(0.5));
+        point.normal = in.vector() + vec3<T>(T(0), T(0), T(1.5));
+        point.center = in.vector() + vec3<T>(T(0), T(0), T(4));
         T visibility[5];
         for (T& value : visibility) value = in.number(0, 1);
         const auto visible = [&](std::size_t k) { return visibility[k]; };
-        const auto shading = LitGaussian::shading(light, gaussian, visible);
+        const LitShading<T> shading = LitPoint::forward(light, point, visible);
         const vec3<T> dL_dcolor = in.vector();
-        LitGaussian::Shading<T> dL_dshading{T(0), T(0)};
-        LitGaussian::Gradient<T> gradient;
+        LitShading<T> dL_dshading(T(0));
+        LitPoint::Gradient<T> gradient;
+        vec3<T> dL_dbase(T(0));
         vec3<T> dL_dpoints[3] = {vec3<T>(T(0)), vec3<T>(T(0)), vec3<T>(T(0))};
         T dL_dlog_intensities[5] = {T(0), T(0), T(0), T(0), T(0)}, dL_dgloss[2] = {T(0), T(0)};
-        LitGaussian::color_backward(gaussian.base, shading, dL_dcolor, ColorClamp::both, gradient.base, dL_dshading);
-        LitGaussian::shading_backward(light, gaussian, visible, shading, dL_dshading, gradient,
-                                      LitLightSums<T>{dL_dpoints, dL_dlog_intensities, dL_dgloss});
-        out.put(shading.irradiance), out.put(shading.specular);
-        out.put(LitGaussian::color(gaussian.base, shading, ColorClamp::both));
-        out.put(gradient.mean), out.put(gradient.base), out.put(gradient.normal), out.put(gradient.center);
+        LitColor::backward(base, shading, dL_dcolor, ColorClamp::both, dL_dbase, dL_dshading);
+        LitPoint::backward(light, point, visible, shading, dL_dshading, gradient,
+                           LitLightSums<T>{dL_dpoints, dL_dlog_intensities, dL_dgloss});
+        out.put(shading.x), out.put(shading.y);
+        out.put(LitColor::forward(base, shading, ColorClamp::both));
+        out.put(gradient.position), out.put(dL_dbase), out.put(gradient.normal), out.put(gradient.center);
         out.put(dL_dpoints), out.put(dL_dgloss[0]), out.put(dL_dgloss[1]);
         for (const T value : dL_dlog_intensities) out.put(value);
     }
@@ -578,7 +579,7 @@ using Elements =
                SHElement<1>, SHElement<2>, SHElement<3>, SHElement<4>, CovarianceElement, ShadeElement, PinholeElement,
                DistortionElement, SkeletonElement, ProjectionElement, WhitenElement, ColorElement, HashGridElement,
                PolarElement, DualQuatElement, SkinnedGaussianElement<LinearBlend>, SkinnedGaussianElement<PolarBlend>,
-               SkinnedGaussianElement<DualQuaternionBlend>, LitGaussianElement, AdamElement, FrequencyElement,
+               SkinnedGaussianElement<DualQuaternionBlend>, LitElement, AdamElement, FrequencyElement,
                SsimElement>;
 
 } // namespace gsh::test

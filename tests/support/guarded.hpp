@@ -204,13 +204,21 @@ void skinned_splats_accumulate(Guarded&, const Element& element, const Bones& dL
     GSH_GUARDED_OVERLOAD(skinned_splats_accumulate, element, dL_dbones, dL_dcenter, scratch);
 }
 template <class T>
-void lit_splats_shade(Guarded&, const gsh::detail::LitSplatForward<T>& element) {
-    GSH_GUARDED_OVERLOAD(lit_splats_shade, element);
+void lit_vertices_shade(Guarded&, const gsh::detail::LitVertexForward<T>& element) {
+    GSH_GUARDED_OVERLOAD(lit_vertices_shade, element);
+}
+template <class T>
+void lit_splats_color(Guarded&, const gsh::detail::LitColorForward<T>& element) {
+    GSH_GUARDED_OVERLOAD(lit_splats_color, element);
+}
+template <class T>
+void lit_splats_color_backward(Guarded&, const gsh::detail::LitColorBackward<T>& element) {
+    GSH_GUARDED_OVERLOAD(lit_splats_color_backward, element);
 }
 template <class Element, class Light, class Center, class Scratch>
-void lit_splats_accumulate(Guarded&, const Element& element, const Light& dL_dlight, const Center& dL_dcenter,
-                           Scratch& scratch) {
-    GSH_GUARDED_OVERLOAD(lit_splats_accumulate, element, dL_dlight, dL_dcenter, scratch);
+void lit_vertices_accumulate(Guarded&, const Element& element, const Light& dL_dlight, const Center& dL_dcenter,
+                             Scratch& scratch) {
+    GSH_GUARDED_OVERLOAD(lit_vertices_accumulate, element, dL_dlight, dL_dcenter, scratch);
 }
 template <class Network, class W, class L, class Cache>
 void occlusion_forward(Guarded&, const Network& network, const W& weights, const W& neurons, const W& pose,

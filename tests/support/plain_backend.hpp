@@ -77,14 +77,14 @@ void skinned_splats_accumulate(Plain&, const gsh::detail::SkinnedSplatBackward<D
 }
 
 template <class T>
-void lit_splats_accumulate(Plain&, const gsh::detail::LitSplatBackward<T>& element, const LightView<T>& dL_dlight,
-                           Span<vec3<T>> dL_dcenter, LitSplatsScratch<Plain, T>&) {
-    const auto& light = element.input.light;
+void lit_vertices_accumulate(Plain&, const gsh::detail::LitVertexBackward<T>& element, const LightView<T>& dL_dlight,
+                             Span<vec3<T>> dL_dcenter, LitSplatsScratch<Plain, T>&) {
+    const auto& light = element.surface.light;
     std::vector<vec3<T>> points(light.points.size(), vec3<T>(T(0)));
     std::vector<T> log_intensities(light.size(), T(0)), gloss(2, T(0));
     vec3<T> center(T(0));
-    for (std::size_t i = 0; i < element.dL_dcolors.size(); ++i)
-        element(i, LitLightSums<T>{points.data(), log_intensities.data(), gloss.data()}, center);
+    for (std::size_t v = 0; v < element.shading.size(); ++v)
+        element(v, LitLightSums<T>{points.data(), log_intensities.data(), gloss.data()}, center);
     for (std::size_t k = 0; k < dL_dlight.points.size(); ++k) dL_dlight.points[k] += points[k];
     for (std::size_t k = 0; k < dL_dlight.log_intensities.size(); ++k)
         dL_dlight.log_intensities[k] += log_intensities[k];

@@ -15,6 +15,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -135,7 +136,12 @@ struct SmallTraining {
 
     explicit SmallTraining(const SmallScene& small_scene, B where = B(), std::uint64_t seed = 3,
                            const AvatarConfig& avatar = {.rates = small_rates}, const TrainConfig& config = {})
-        : scene(&small_scene), backend(std::move(where)),
+        : SmallTraining(small_scene, [&]() -> B { return std::move(where); }, seed, avatar, config) {}
+    /// On a backend that make() returns, which need not be movable.
+    template <std::invocable Make>
+    SmallTraining(const SmallScene& small_scene, const Make& make, std::uint64_t seed, const AvatarConfig& avatar,
+                  const TrainConfig& config = {})
+        : scene(&small_scene), backend(make()),
           samples(sample_surface(scene->body, shaped_vertices(scene->body, scene->betas),
                                  std::vector<double>(scene->body.vertex_count(), 12.0), seed)),
           rig(make_rig(scene->body, scene->betas, samples)),

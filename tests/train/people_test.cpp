@@ -232,7 +232,7 @@ TEST_CASE("people in one light cast shadows on each other, within reach") {
         cast.people.prepare(0);
         cast.people.forward(0, vec3<float>(0, 1, 4), splats.view());
         double sum = 0;
-        for (const float irradiance : cast.models[person].irradiance()) sum += static_cast<double>(irradiance);
+        for (const auto& shading : cast.models[person].shading()) sum += static_cast<double>(shading.x);
         return sum;
     };
     const vec3<double> front{0, 0.8, 4}, back{0, 0.8, -4}, first_away = behind_the_cameras;

@@ -66,7 +66,6 @@ public:
         Buffer<Affine<T>> dL_dbones; // [J]
         SkinnedSplatsCache<B, T> skin;
         // with a light:
-        Buffer<vec3<T>> posed_means; // [N] of the last forward
         Buffer<vec3<T>> dL_doffsets; // [V]
         typename SurfaceLight<B, T>::Cache light;
     };
@@ -98,6 +97,11 @@ public:
         return lit("Poser::caster").caster(surface(cache), cache.light);
     }
 
+    /// Irradiance and gloss of each Gaussian in the last forward, [N], in the backend's memory.
+    [[nodiscard]] Span<const LitShading<T>> shading(Cache& cache) const {
+        return lit("Poser::shading").shading(cache.light);
+    }
+
     /// Splats as seen from `center`, in a light if there is one.
     template <int Degree>
     void forward(SkinnedView<const T> gaussians, const vec3<T>& center, const SplatView<T>& splats, Cache& cache,
@@ -110,11 +114,8 @@ public:
         }
         skin<Degree>().forward(posed(gaussians, cache), cache.rig.bones, center, skinned, cache.skin);
         if (!light.light.size()) return;
-        cache.posed_means.resize(size());
-        backend_->copy(Span<const vec3<T>>(splats.means), Span<vec3<T>>(cache.posed_means));
         lit("Poser::forward")
-            .forward(surface(cache, light), light.light, light.others, cache.posed_means, center, splats.colors,
-                     cache.light);
+            .forward(surface(cache, light), light.light, light.others, center, splats.colors, cache.light);
     }
 
     /// Adjoint of forward and bones: adds to the non-empty attributes of dL_dgaussians, to dL_djoints [J] unless it is
@@ -136,14 +137,12 @@ public:
             zeros(cache.dL_doffsets, dL_dpose.empty() ? 0 : cache.rig.vertex_offsets.size(), vec3<T>(T(0)));
             dL_doffsets = cache.dL_doffsets;
             lit("Poser::backward")
-                .backward(surface(cache, light), light.light, cache.posed_means, center, dL_dsplats.means,
-                          dL_dsplats.colors, cache.light,
+                .backward(surface(cache, light), light.light, center, dL_dsplats.colors, cache.light,
                           {.light = dL_dlight.light,
                            .bones = cache.dL_dbones,
                            .offsets = cache.dL_doffsets,
                            .normal_offsets = dL_dlight.normal_offsets,
                            .center = dL_dcenter});
-            dL_dsplats.means = cache.light.dL_dmeans;
             dL_dsplats.colors = cache.light.dL_dbase;
         }
         dL_dgaussians.means = cache.dL_dmeans;

@@ -6,6 +6,7 @@
 
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <string_view>
 
 namespace gsh {
@@ -67,6 +68,34 @@ template <class B>
 concept CpuBackend = Backend<B> && B::host_memory && HostExecutor<B> && requires(B& backend) {
     { backend.thread_count() } -> std::convertible_to<std::size_t>;
 };
+
+/// Runs a step that is repeated many times, such as a step of training. This version calls it.
+///
+/// A device specialises it: it records what the step launches and repeats the record, and it does not wait for errors.
+/// Steps after an error then change nothing that is learned. settle() waits, and returns how many of the steps since
+/// the last call that were: the caller mends the cause, takes back what its host code has counted, and goes on from the
+/// step that failed.
+///
+/// `kind` distinguishes steps that launch other work, for instance because images have another size.
+template <Backend B>
+class RepeatedStep {
+public:
+    explicit RepeatedStep(B&) {}
+    template <class Step>
+    void run(std::uint64_t /*kind*/, const Step& step) {
+        step();
+    }
+    [[nodiscard]] std::uint64_t settle() { return 0; }
+};
+
+/// A word in the backend's memory that is not zero after an error in a repeated step; empty on backends that report
+/// errors at once. Function objects that change what is learned do nothing while it is set.
+template <Backend B>
+[[nodiscard]] Span<const std::uint32_t> halt_word([[maybe_unused]] B& backend) {
+    if constexpr (requires { backend.halted(); }) return backend.halted();
+    else return {};
+}
+[[nodiscard]] GSH_HD inline bool is_halted(Span<const std::uint32_t> word) { return !word.empty() && word[0] != 0; }
 
 /// Number of chunks in for_chunks(n, grain, …).
 [[nodiscard]] constexpr std::size_t chunk_count(std::size_t n, std::size_t grain) { return (n + grain - 1) / grain; }

@@ -13,6 +13,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 namespace gsh {
@@ -26,11 +27,11 @@ struct Contribution {
     T weight;
 };
 
-template <class T>
+template <class T, class Vector = vec3<T>>
 struct SurfaceGather {
     Span<const Contribution<T>> corners; // [N, 3]
-    Span<const vec3<T>> values;          // [V]
-    Span<vec3<T>> points;                // [N]
+    Span<const Vector> values;           // [V]
+    Span<Vector> points;                 // [N]
     GSH_HD void operator()(std::size_t i) const {
         const Contribution<T>* corner = corners.data() + 3 * i;
         points[i] += values[corner[0].index] * corner[0].weight + values[corner[1].index] * corner[1].weight +
@@ -38,14 +39,14 @@ struct SurfaceGather {
     }
 };
 
-template <class T>
+template <class T, class Vector = vec3<T>>
 struct SurfaceScatter {
     Span<const std::uint32_t> starts;      // [V + 1]
     Span<const Contribution<T>> entries;   // [3 N], grouped by vertex
-    Span<const vec3<T>> dL_dpoints;        // [N]
-    Span<vec3<T>> dL_dvalues;              // [V]
+    Span<const Vector> dL_dpoints;         // [N]
+    Span<Vector> dL_dvalues;               // [V]
     GSH_HD void operator()(std::size_t v) const {
-        vec3<T> sum(T(0));
+        Vector sum(T(0));
         for (std::uint32_t e = starts[v]; e < starts[v + 1]; ++e)
             sum += dL_dpoints[entries[e].index] * entries[e].weight;
         dL_dvalues[v] += sum;
@@ -98,24 +99,27 @@ public:
     /// The three vertices and weights of each point, [N, 3], for kernels that interpolate more than one array.
     [[nodiscard]] Span<const detail::Contribution<T>> corners() const { return corners_; }
 
-    /// Adds to points.
-    void forward(Span<const vec3<T>> values, Span<vec3<T>> points) const {
+    /// Adds to points. Values are vec3<T>, or vec2<T>.
+    template <class Vector = vec3<T>>
+    void forward(std::type_identity_t<Span<const Vector>> values, std::type_identity_t<Span<Vector>> points) const {
         check_size("SurfaceInterpolation::forward", "values", values.size(), vertex_count_, "store one per vertex");
         check_size("SurfaceInterpolation::forward", "points", points.size(), point_count_, "store one per sample");
         check_memory(*backend_, "SurfaceInterpolation::forward", "values", values);
         check_memory(*backend_, "SurfaceInterpolation::forward", "points", points);
-        backend_->for_each(point_count_, detail::SurfaceGather<T>{corners_, values, points});
+        backend_->for_each(point_count_, detail::SurfaceGather<T, Vector>{corners_, values, points});
     }
 
     /// Adds to dL_dvalues.
-    void backward(Span<const vec3<T>> dL_dpoints, Span<vec3<T>> dL_dvalues) const {
+    template <class Vector = vec3<T>>
+    void backward(std::type_identity_t<Span<const Vector>> dL_dpoints,
+                  std::type_identity_t<Span<Vector>> dL_dvalues) const {
         check_size("SurfaceInterpolation::backward", "dL_dpoints", dL_dpoints.size(), point_count_,
                    "store one per sample");
         check_size("SurfaceInterpolation::backward", "dL_dvalues", dL_dvalues.size(), vertex_count_,
                    "store one per vertex");
         check_memory(*backend_, "SurfaceInterpolation::backward", "dL_dpoints", dL_dpoints);
         check_memory(*backend_, "SurfaceInterpolation::backward", "dL_dvalues", dL_dvalues);
-        backend_->for_each(vertex_count_, detail::SurfaceScatter<T>{starts_, entries_, dL_dpoints, dL_dvalues});
+        backend_->for_each(vertex_count_, detail::SurfaceScatter<T, Vector>{starts_, entries_, dL_dpoints, dL_dvalues});
     }
 
 private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  One Gaussian under a light: irradiance, gloss and colour, with adjoint.
+/// @file  A point of a surface under a light, its irradiance and gloss, and the colour that a Gaussian takes from them.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -37,7 +37,6 @@ struct LitLight {
     Span<const vec3<T>> points, directions;
     Span<const T> factors;
     bool glossy = false;
-    ColorClamp clamping = ColorClamp::below; ///< with `both`, colours end at 1, as in a photograph
 
     /// P + D.
     [[nodiscard]] GSH_HD std::size_t size() const { return points.size() + directions.size(); }
@@ -55,51 +54,48 @@ struct LitLightSums {
     T* gloss;
 };
 
-/// One Gaussian under a light. Its colour c without light is display-referred sRGB, as SkinnedGaussian returns it:
+/// Irradiance and specular radiance, E and S: what light gives to a colour. x is E, y is S, so that both are
+/// interpolated as one vector.
+template <Lane T>
+using LitShading = vec2<T>;
+
+/// A point of a surface under a light:
 ///
-///     n = soft(Σ_c b_c n_c)                                  the surface's normal at the Gaussian's foot
+///     n = soft(normal)
 ///     e_k = I_k V_k max(0, n·l) / r²                         a point, l = soft(p_k - x), r² = |p_k - x|² + 10⁻⁸
 ///     e_k = I_k V_k max(0, n·d_k)                            a direction
 ///     E = Σ_k e_k
 ///     S = strength Σ_points e_k F(h·v) exp(sharpness (n·h - 1)),   v = soft(center - x),  h = soft(v + l)
-///     colour = srgb(linear(c) E + S)
 ///
 /// soft is SoftDirection. F(x) = 1 + (1/F₀ - 1) (1 - x)⁵ is Schlick's Fresnel term with F₀ = 0.04, divided by F₀, so
-/// strength is the lobe's height where light and camera are on the normal. E = 1 and S = 0 return c. Colours are not
-/// clamped from above.
+/// strength is the lobe's height where light and camera are on the normal.
 ///
-/// Shapes  visibility(k), k in [0, P + D): V_k, the share of light k that reaches the Gaussian.
+/// Shapes  visibility(k), k in [0, P + D): V_k, the share of light k that reaches the point.
 /// Frame   the world.
-/// Errors  none, this is kernel code; a zero normal gives black, a light at the Gaussian's place finite numbers.
+/// Errors  none, this is kernel code; a zero normal gives black, a light at the point's place finite numbers.
 /// Source  half vectors as in Blinn, "Models of light reflection for computer synthesized pictures", 1977, with a
 ///         spherical Gaussian in place of his power of the cosine; Schlick, "An inexpensive BRDF model", 1994.
-struct LitGaussian {
+struct LitPoint {
     template <Lane T>
     struct Input {
-        vec3<T> mean;
-        vec3<T> base;   ///< c
-        vec3<T> normal; ///< Σ_c b_c n_c, of any length
+        vec3<T> position;
+        vec3<T> normal; ///< of any length
         vec3<T> center; ///< of the camera
-    };
-    /// E and S.
-    template <Lane T>
-    struct Shading {
-        T irradiance, specular;
     };
     template <Lane T>
     struct Gradient {
-        vec3<T> mean = vec3<T>(T(0)), base = vec3<T>(T(0)), normal = vec3<T>(T(0)), center = vec3<T>(T(0));
+        vec3<T> position = vec3<T>(T(0)), normal = vec3<T>(T(0)), center = vec3<T>(T(0));
     };
 
     template <Lane T, class Visibility>
-    [[nodiscard]] GSH_HD static Shading<T> shading(const LitLight<ScalarOf<T>>& light, const Input<T>& in,
-                                                   Visibility&& visibility) {
+    [[nodiscard]] GSH_HD static LitShading<T> forward(const LitLight<ScalarOf<T>>& light, const Input<T>& in,
+                                                      Visibility&& visibility) {
         const vec3<T> n = SoftDirection<T>(in.normal).dir;
-        const SoftDirection<T> view(in.center - in.mean);
+        const SoftDirection<T> view(in.center - in.position);
         const std::size_t P = light.points.size();
         T irradiance(0), specular(0);
         for (std::size_t k = 0; k < P; ++k) {
-            const Point<T> point(light, k, in.mean, n, visibility(k));
+            const Point<T> point(light, k, in.position, n, visibility(k));
             irradiance += point.irradiance;
             if (light.glossy) specular += point.irradiance * Lobe<T>(light, n, view.dir, point.to_light.dir).value;
         }
@@ -107,27 +103,27 @@ struct LitGaussian {
             irradiance += T(light.factors[P + k]) * visibility(P + k) *
                           max(dot(n, all<T>(light.directions[k])), T(0));
         if (light.glossy) specular = specular * T(light.strength());
-        return {irradiance, specular};
+        return LitShading<T>(irradiance, specular);
     }
 
-    /// Adjoint of shading, whose result is `out`: adds to dL_din and, once to each number, to sums: a LitLightSums or
+    /// Adjoint of forward, whose result is `out`: adds to dL_din and, once to each number, to sums: a LitLightSums or
     /// something with the same members.
     template <Lane T, class Visibility, class Sums>
-    GSH_HD static void shading_backward(const LitLight<ScalarOf<T>>& light, const Input<T>& in,
-                                        Visibility&& visibility, const Shading<T>& out, const Shading<T>& dL_dout,
-                                        Gradient<T>& dL_din, const Sums& sums) {
-        const SoftDirection<T> normal(in.normal), view(in.center - in.mean);
+    GSH_HD static void backward(const LitLight<ScalarOf<T>>& light, const Input<T>& in, Visibility&& visibility,
+                                const LitShading<T>& out, const LitShading<T>& dL_dout, Gradient<T>& dL_din,
+                                const Sums& sums) {
+        const SoftDirection<T> normal(in.normal), view(in.center - in.position);
         const vec3<T>& n = normal.dir;
         const std::size_t P = light.points.size();
-        const T dL_dE = dL_dout.irradiance;
+        const T dL_dE = dL_dout.x;
         T dL_dlobes(0), dL_dlog_sharpness(0);
-        vec3<T> dL_dn(T(0)), dL_dview(T(0)), dL_dmean(T(0));
+        vec3<T> dL_dn(T(0)), dL_dview(T(0)), dL_dposition(T(0));
         if (light.glossy) {
-            dL_dlobes = dL_dout.specular * T(light.strength());
-            sums.gloss[0] += dL_dout.specular * out.specular;
+            dL_dlobes = dL_dout.y * T(light.strength());
+            sums.gloss[0] += dL_dout.y * out.y;
         }
         for (std::size_t k = 0; k < P; ++k) {
-            const Point<T> point(light, k, in.mean, n, visibility(k));
+            const Point<T> point(light, k, in.position, n, visibility(k));
             T dL_dirradiance = dL_dE;
             vec3<T> dL_dl(T(0));
             if (light.glossy) {
@@ -140,7 +136,7 @@ struct LitGaussian {
             sums.log_intensities[k] += dL_dirradiance * point.irradiance;
             point.backward(n, dL_dirradiance, dL_dl, dL_dn, dL_doffset);
             sums.points[k] += dL_doffset;
-            dL_dmean -= dL_doffset;
+            dL_dposition -= dL_doffset;
         }
         if (light.glossy) sums.gloss[1] += dL_dlog_sharpness;
         for (std::size_t k = 0; k < light.directions.size(); ++k) {
@@ -154,35 +150,7 @@ struct LitGaussian {
         view.backward(dL_dview, dL_dto_camera);
         normal.backward(dL_dn, dL_din.normal);
         dL_din.center += dL_dto_camera;
-        dL_din.mean += dL_dmean - dL_dto_camera;
-    }
-
-    template <Lane T>
-    [[nodiscard]] GSH_HD static vec3<T> color(const vec3<T>& base, const Shading<T>& shading, ColorClamp clamping) {
-        const auto channel = [&](T c) {
-            const T lit = linear_to_srgb(srgb_to_linear(c) * shading.irradiance + shading.specular);
-            return clamping == ColorClamp::both ? min(lit, T(1)) : lit;
-        };
-        return {channel(base.x), channel(base.y), channel(base.z)};
-    }
-
-    /// Adjoint of color: adds to dL_dbase and dL_dshading. A clamped channel passes only a gradient that darkens it.
-    template <Lane T>
-    GSH_HD static void color_backward(const vec3<T>& base, const Shading<T>& shading, const vec3<T>& dL_dcolor,
-                                      ColorClamp clamping, vec3<T>& dL_dbase, Shading<T>& dL_dshading) {
-        const auto channel = [&](T c, T dL_dsrgb, T& dL_dc) {
-            const T albedo = srgb_to_linear(c), linear = albedo * shading.irradiance + shading.specular;
-            // A channel that is too bright must be able to become darker.
-            if (clamping == ColorClamp::both) dL_dsrgb = select(linear > T(1), max(dL_dsrgb, T(0)), dL_dsrgb);
-            T dL_dlinear(0);
-            linear_to_srgb_backward(linear, dL_dsrgb, dL_dlinear);
-            srgb_to_linear_backward(c, albedo, dL_dlinear * shading.irradiance, dL_dc);
-            dL_dshading.irradiance += dL_dlinear * albedo;
-            dL_dshading.specular += dL_dlinear;
-        };
-        channel(base.x, dL_dcolor.x, dL_dbase.x);
-        channel(base.y, dL_dcolor.y, dL_dbase.y);
-        channel(base.z, dL_dcolor.z, dL_dbase.z);
+        dL_din.position += dL_dposition - dL_dto_camera;
     }
 
 private:
@@ -198,14 +166,14 @@ private:
         SoftDirection<T> to_light;
         T cosine, at_facing, irradiance; // at_facing: where the cosine is 1
 
-        GSH_INLINE GSH_HD Point(const LitLight<ScalarOf<T>>& light, std::size_t k, const vec3<T>& mean,
+        GSH_INLINE GSH_HD Point(const LitLight<ScalarOf<T>>& light, std::size_t k, const vec3<T>& position,
                                 const vec3<T>& n, T visibility)
-            : to_light(all<T>(light.points[k]) - mean), cosine(dot(n, to_light.dir)),
+            : to_light(all<T>(light.points[k]) - position), cosine(dot(n, to_light.dir)),
               at_facing(T(light.factors[k]) * visibility * (to_light.inverse_length * to_light.inverse_length)),
               irradiance(at_facing * max(cosine, T(0))) {}
 
         /// dL_dl is what else depends on the direction to the light. Adds to dL_dn and to dL_doffset, the gradient of
-        /// the vector from the mean to the light.
+        /// the vector from the position to the light.
         GSH_HD void backward(const vec3<T>& n, T dL_dirradiance, const vec3<T>& dL_dl, vec3<T>& dL_dn,
                              vec3<T>& dL_doffset) const {
             const T dL_dcosine = select(cosine > T(0), dL_dirradiance * at_facing, T(0));
@@ -243,6 +211,43 @@ private:
 
         static constexpr ScalarOf<T> fresnel = ScalarOf<T>(1 / 0.04 - 1);
     };
+};
+
+/// The colour of a Gaussian under a light. Its colour c without light is display-referred sRGB, as SkinnedGaussian
+/// returns it:
+///
+///     colour = srgb(linear(c) E + S)
+///
+/// E = 1 and S = 0 return c. With `both`, lit colours end at 1.
+struct LitColor {
+    template <Lane T>
+    [[nodiscard]] GSH_HD static vec3<T> forward(const vec3<T>& base, const LitShading<T>& shading,
+                                                ColorClamp clamping) {
+        const auto channel = [&](T c) {
+            const T lit = linear_to_srgb(srgb_to_linear(c) * shading.x + shading.y);
+            return clamping == ColorClamp::both ? min(lit, T(1)) : lit;
+        };
+        return {channel(base.x), channel(base.y), channel(base.z)};
+    }
+
+    /// Adds to dL_dbase and dL_dshading. A clamped channel passes only a gradient that darkens it.
+    template <Lane T>
+    GSH_HD static void backward(const vec3<T>& base, const LitShading<T>& shading, const vec3<T>& dL_dcolor,
+                                ColorClamp clamping, vec3<T>& dL_dbase, LitShading<T>& dL_dshading) {
+        const auto channel = [&](T c, T dL_dsrgb, T& dL_dc) {
+            const T albedo = srgb_to_linear(c), linear = albedo * shading.x + shading.y;
+            // A channel that is too bright must be able to become darker.
+            if (clamping == ColorClamp::both) dL_dsrgb = select(linear > T(1), max(dL_dsrgb, T(0)), dL_dsrgb);
+            T dL_dlinear(0);
+            linear_to_srgb_backward(linear, dL_dsrgb, dL_dlinear);
+            srgb_to_linear_backward(c, albedo, dL_dlinear * shading.x, dL_dc);
+            dL_dshading.x += dL_dlinear * albedo;
+            dL_dshading.y += dL_dlinear;
+        };
+        channel(base.x, dL_dcolor.x, dL_dbase.x);
+        channel(base.y, dL_dcolor.y, dL_dbase.y);
+        channel(base.z, dL_dcolor.z, dL_dbase.z);
+    }
 };
 
 } // namespace gsh

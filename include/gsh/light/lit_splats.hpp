@@ -7,7 +7,6 @@
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/core/lane.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/light/light.hpp>
@@ -23,18 +22,18 @@ namespace gsh {
 
 /// What LitSplats reads. The camera's centre is a value, all else is memory of the backend.
 ///
-/// Shapes  N Gaussians, V vertices, P points and D directions of the light: means, base [N]; normals [V];
-///         visibility [V, P + D].
+/// Shapes  N Gaussians, V vertices, P points and D directions of the light: vertices, normals [V]; visibility
+///         [V, P + D]; base [N].
 /// Frame   the world, with the body posed.
-/// Units   means in metres; base display-referred sRGB without light, not negative; normals of any length; visibility
-///         the share of each light that reaches the vertex, 0 to 1.
+/// Units   vertices in metres; normals of any length; visibility the share of each light that reaches the vertex, 0 to
+///         1; base display-referred sRGB without light, not negative.
 template <class T>
 struct LitSplatsInput {
     LightView<const T> light = {};
-    Span<const vec3<T>> means = {};
-    Span<const vec3<T>> base = {};
+    Span<const vec3<T>> vertices = {};
     Span<const vec3<T>> normals = {};
     Span<const T> visibility = {};
+    Span<const vec3<T>> base = {};
     vec3<T> center = vec3<T>(T(0));
 };
 
@@ -44,9 +43,9 @@ struct LitSplatsInput {
 template <class T>
 struct LitSplatsGradient {
     LightView<T> light = {};
-    Span<vec3<T>> means = {};
-    Span<vec3<T>> base = {};
+    Span<vec3<T>> vertices = {};
     Span<vec3<T>> normals = {};
+    Span<vec3<T>> base = {};
     Span<vec3<T>> center = {};
 };
 
@@ -64,10 +63,12 @@ struct LitSplatsCache {
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
-    Buffer<T> irradiance, specular;  // [N] E and S of LitGaussian
-    Buffer<T> factors;               // [P + D + 2] of LitLight
-    Buffer<vec3<T>> dL_dnormals;     // [N] of the interpolated normals
-    LitSplatsScratch<B, T> scratch;  // the backend's own
+    Buffer<LitShading<T>> shading;           // [V]
+    Buffer<LitShading<T>> point_shading;     // [N], written by interpolate
+    Buffer<T> factors;                       // [P + D + 2] of LitLight
+    Buffer<LitShading<T>> dL_dpoint_shading; // [N]
+    Buffer<LitShading<T>> dL_dshading;       // [V]
+    LitSplatsScratch<B, T> scratch;          // the backend's own
 };
 
 namespace detail {
@@ -84,91 +85,107 @@ struct LitFactors {
     }
 };
 
-/// V_k of one Gaussian.
+/// The vertices of a surface under a light.
 template <class T>
-struct InterpolatedVisibility {
-    const Contribution<T>* corner;
-    const T* visibility; // [V, lights]
-    std::size_t lights;
-    [[nodiscard]] GSH_HD T operator()(std::size_t k) const {
-        T sum = visibility[corner[0].index * lights + k] * corner[0].weight;
-        for (int c = 1; c < 3; ++c) sum += visibility[corner[c].index * lights + k] * corner[c].weight;
-        return sum;
-    }
-};
-
-template <class T>
-struct LitSplatInput {
+struct LitVertices {
     LitLight<T> light;
-    Span<const Contribution<T>> corners;   // [N, 3]
-    Span<const vec3<T>> means, base, normals;
-    Span<const T> visibility;
+    Span<const vec3<T>> vertices, normals;
+    Span<const T> visibility; // [V, P + D]
     vec3<T> center;
 
-    /// Of the three corners.
-    [[nodiscard]] GSH_HD vec3<T> normal(std::size_t i) const {
-        const Contribution<T>* corner = corners.data() + 3 * i;
-        return normals[corner[0].index] * corner[0].weight + normals[corner[1].index] * corner[1].weight +
-               normals[corner[2].index] * corner[2].weight;
-    }
-    [[nodiscard]] GSH_HD LitGaussian::Input<T> operator[](std::size_t i) const {
-        return {means[i], base[i], normal(i), center};
-    }
-    [[nodiscard]] GSH_HD InterpolatedVisibility<T> visibility_of(std::size_t i) const {
-        return {corners.data() + 3 * i, visibility.data(), light.size()};
+    [[nodiscard]] GSH_HD LitPoint::Input<T> operator[](std::size_t v) const { return {vertices[v], normals[v], center}; }
+    /// V_k of a vertex.
+    [[nodiscard]] GSH_HD auto visibility_of(std::size_t v) const {
+        return [row = visibility.data() + v * light.size()](std::size_t k) { return row[k]; };
     }
 };
 
 template <class T>
-struct LitSplatForward {
-    LitSplatInput<T> input;
-    Span<vec3<T>> colors;             // may be the memory of input.base
-    Span<T> irradiance, specular;     // [N]
+struct LitVertexForward {
+    LitVertices<T> surface;
+    Span<LitShading<T>> shading; // [V]
 
-    GSH_HD void operator()(std::size_t i) const {
-        const auto in = input[i];
-        const auto shading = LitGaussian::shading(input.light, in, input.visibility_of(i));
-        irradiance[i] = shading.irradiance;
-        specular[i] = shading.specular;
-        colors[i] = LitGaussian::color(in.base, shading, input.light.clamping);
+    GSH_HD void operator()(std::size_t v) const {
+        shading[v] = LitPoint::forward(surface.light, surface[v], surface.visibility_of(v));
     }
 };
 
-/// The adjoint of one Gaussian: adds to its own attributes, and to sums and a centre that the caller provides.
+/// The adjoint of a vertex: writes its own gradients, and adds to sums and a centre that the caller provides.
 template <class T>
-struct LitSplatBackward {
-    LitSplatInput<T> input;
-    Span<const T> irradiance, specular;
-    Span<const vec3<T>> dL_dcolors;
-    Span<vec3<T>> dL_dmeans, dL_dbase, dL_dnormals; // [N] or empty; dL_dnormals is overwritten
+struct LitVertexBackward {
+    LitVertices<T> surface;
+    Span<const LitShading<T>> shading, dL_dshading; // [V]
+    Span<vec3<T>> dL_dvertices, dL_dnormals;        // [V] or empty; adds
 
-    GSH_HD void operator()(std::size_t i, const LitLightSums<T>& sums, vec3<T>& dL_dcenter) const {
-        LitGaussian::Gradient<T> gradient;
-        if (!unseen(i)) {
-            gradient = adjoint(i, dL_dcolors[i], sums);
-            dL_dcenter += gradient.center;
-        }
-        store(i, gradient);
+    GSH_HD void operator()(std::size_t v, const LitLightSums<T>& sums, vec3<T>& dL_dcenter) const {
+        if (unseen(v)) return;
+        const LitPoint::Gradient<T> gradient = adjoint(v, dL_dshading[v], sums);
+        add(v, gradient);
+        dL_dcenter += gradient.center;
     }
 
-    [[nodiscard]] GSH_HD LitGaussian::Gradient<T> adjoint(std::size_t i, const vec3<T>& dL_dcolor,
-                                                          const auto& sums) const {
-        const auto in = input[i];
-        const LitGaussian::Shading<T> shading{irradiance[i], specular[i]};
-        LitGaussian::Shading<T> dL_dshading{T(0), T(0)};
-        LitGaussian::Gradient<T> gradient;
-        LitGaussian::color_backward(in.base, shading, dL_dcolor, input.light.clamping, gradient.base, dL_dshading);
-        LitGaussian::shading_backward(input.light, in, input.visibility_of(i), shading, dL_dshading, gradient, sums);
+    [[nodiscard]] GSH_HD LitPoint::Gradient<T> adjoint(std::size_t v, const LitShading<T>& dL_dout,
+                                                       const auto& sums) const {
+        LitPoint::Gradient<T> gradient;
+        LitPoint::backward(surface.light, surface[v], surface.visibility_of(v), shading[v], dL_dout, gradient, sums);
         return gradient;
     }
-    /// Adds to the Gaussian's own attributes, and writes the gradient of its normal.
-    GSH_HD void store(std::size_t i, const LitGaussian::Gradient<T>& gradient) const {
-        if (!dL_dmeans.empty()) dL_dmeans[i] += gradient.mean;
-        if (!dL_dbase.empty()) dL_dbase[i] += gradient.base;
-        if (!dL_dnormals.empty()) dL_dnormals[i] = gradient.normal;
+    /// Adds to the vertex's own attributes.
+    GSH_HD void add(std::size_t v, const LitPoint::Gradient<T>& gradient) const {
+        if (!dL_dvertices.empty()) dL_dvertices[v] += gradient.position;
+        if (!dL_dnormals.empty()) dL_dnormals[v] += gradient.normal;
     }
 
-    /// True if the colour has no gradient. The adjoint is linear, so such a Gaussian contributes nothing.
+    /// True if the shading has no gradient. The adjoint is linear, so such a vertex contributes nothing.
+    [[nodiscard]] GSH_HD bool unseen(std::size_t v) const {
+        return dL_dshading[v].x == T(0) && dL_dshading[v].y == T(0);
+    }
+};
+
+/// Gaussians on a surface whose vertices are shaded.
+template <class T>
+struct LitColors {
+    Span<const Contribution<T>> corners;  // [N, 3]
+    Span<const LitShading<T>> shading;    // [V]
+    Span<const vec3<T>> base;             // [N]
+    ColorClamp clamping;
+
+    /// Interpolated at the Gaussian's foot.
+    [[nodiscard]] GSH_HD LitShading<T> shading_of(std::size_t i) const {
+        const Contribution<T>* corner = corners.data() + 3 * i;
+        return shading[corner[0].index] * corner[0].weight + shading[corner[1].index] * corner[1].weight +
+               shading[corner[2].index] * corner[2].weight;
+    }
+};
+
+template <class T>
+struct LitColorForward {
+    LitColors<T> splats;
+    Span<vec3<T>> colors; // [N]; may be the memory of splats.base
+
+    GSH_HD void operator()(std::size_t i) const {
+        colors[i] = LitColor::forward(splats.base[i], splats.shading_of(i), splats.clamping);
+    }
+};
+
+template <class T>
+struct LitColorBackward {
+    LitColors<T> splats;
+    Span<const vec3<T>> dL_dcolors;      // [N]
+    Span<LitShading<T>> dL_dshading;     // [N], overwritten
+    Span<vec3<T>> dL_dbase;              // [N] or empty; adds
+
+    GSH_HD void operator()(std::size_t i) const {
+        LitShading<T> of_shading(T(0));
+        vec3<T> of_base(T(0));
+        if (!unseen(i))
+            LitColor::backward(splats.base[i], splats.shading_of(i), dL_dcolors[i], splats.clamping, of_base,
+                               of_shading);
+        dL_dshading[i] = of_shading;
+        if (!dL_dbase.empty()) dL_dbase[i] += of_base;
+    }
+
+    /// True if the colour has no gradient.
     [[nodiscard]] GSH_HD bool unseen(std::size_t i) const {
         return dL_dcolors[i].x == T(0) && dL_dcolors[i].y == T(0) && dL_dcolors[i].z == T(0);
     }
@@ -176,24 +193,33 @@ struct LitSplatBackward {
 
 } // namespace detail
 
-/// Fallback for backends without an overload: each index is one Gaussian.
+/// Fallbacks for backends without overloads: each index is one vertex, or one Gaussian.
 template <Backend B, class T>
-void lit_splats_shade(B& backend, const detail::LitSplatForward<T>& element) {
+void lit_vertices_shade(B& backend, const detail::LitVertexForward<T>& element) {
     static_assert(!CpuBackend<B>, "LitSplats: include its backend's overloads, "
                                   "<gsh/light/cpu/lit_splats.hpp> or <gsh/cpu.hpp>");
+    backend.for_each(element.shading.size(), element);
+}
+template <Backend B, class T>
+void lit_splats_color(B& backend, const detail::LitColorForward<T>& element) {
     backend.for_each(element.colors.size(), element);
 }
+template <Backend B, class T>
+void lit_splats_color_backward(B& backend, const detail::LitColorBackward<T>& element) {
+    backend.for_each(element.dL_dcolors.size(), element);
+}
 
-/// Fallback without the backend's overloads, which the sums over Gaussians require: fails to compile, and names the
+/// Fallback without the backend's overloads, which the sums over vertices require: fails to compile, and names the
 /// header to include.
 template <Backend B, class... Arguments>
-void lit_splats_accumulate(B&, const Arguments&...) {
+void lit_vertices_accumulate(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>, "LitSplats: include its backend's overloads, "
                                                    "<gsh/light/cpu/lit_splats.hpp> or <gsh/cpu.hpp>");
 }
 
-/// Colours of posed Gaussians under a light: LitGaussian for each of N Gaussians, whose normals and visibilities are
-/// interpolated between the vertices of the triangle on which the Gaussian stands.
+/// Colours of N Gaussians under a light. LitPoint gives irradiance and gloss at the vertices of the body's mesh. They
+/// are interpolated at the foot of each Gaussian, in the triangle on which it stands, where LitColor takes the colour.
+/// A body has a tenth as many vertices as Gaussians, and light changes little between two of them.
 ///
 /// Only the product of base colours and intensities is observable, up to the gloss. Who learns both fixes one number of
 /// the scale; the gradient here is the full one, whatever the caller fixes.
@@ -221,13 +247,22 @@ public:
         check_input(where, in);
         check_size(where, "colors", colors.size(), size(), "one per Gaussian");
         check_memory(*backend_, where, "colors", colors);
-        cache.irradiance.resize(size());
-        cache.specular.resize(size());
+        cache.shading.resize(vertex_count());
         cache.factors.resize(in.light.size() + 2);
         backend_->for_each(cache.factors.size(),
                            detail::LitFactors<T>{in.light.log_intensities, in.light.gloss, cache.factors});
-        lit_splats_shade(*backend_, detail::LitSplatForward<T>{kernel_input(in, cache), colors, cache.irradiance,
-                                                               cache.specular});
+        lit_vertices_shade(*backend_, detail::LitVertexForward<T>{vertices(in, cache), cache.shading});
+        lit_splats_color(*backend_, detail::LitColorForward<T>{splats(in, cache), colors});
+    }
+
+    /// The shading of each Gaussian in the last forward, [N].
+    [[nodiscard]] Span<const LitShading<T>> interpolate(Cache& cache) const {
+        check_size("LitSplats::interpolate", "cache.shading", cache.shading.size(), vertex_count(),
+                   "forward must come first");
+        cache.point_shading.resize(size());
+        backend_->fill(Span<LitShading<T>>(cache.point_shading), LitShading<T>(T(0)));
+        surface_.template forward<LitShading<T>>(cache.shading, cache.point_shading);
+        return cache.point_shading;
     }
 
     /// Adjoint of the last forward with this cache and the same input: adds to the non-empty attributes of dL_din.
@@ -235,7 +270,7 @@ public:
         constexpr auto where = "LitSplats::backward";
         check_input(where, in);
         check_size(where, "dL_dcolors", dL_dcolors.size(), size(), "one per Gaussian");
-        check_size(where, "cache.irradiance", cache.irradiance.size(), size(), "forward must come first");
+        check_size(where, "cache.shading", cache.shading.size(), vertex_count(), "forward must come first");
         check_size(where, "cache.factors", cache.factors.size(), in.light.size() + 2, "forward must come first");
         const auto check = [&](const char* name, std::size_t found, std::size_t expected) {
             if (found != 0) check_size(where, name, found, expected, "or none");
@@ -243,42 +278,49 @@ public:
         check("dL_din.light.points", dL_din.light.points.size(), in.light.points.size());
         check("dL_din.light.log_intensities", dL_din.light.log_intensities.size(), in.light.size());
         check("dL_din.light.gloss", dL_din.light.gloss.size(), in.light.gloss.size());
-        check("dL_din.means", dL_din.means.size(), size());
-        check("dL_din.base", dL_din.base.size(), size());
+        check("dL_din.vertices", dL_din.vertices.size(), vertex_count());
         check("dL_din.normals", dL_din.normals.size(), vertex_count());
+        check("dL_din.base", dL_din.base.size(), size());
         check("dL_din.center", dL_din.center.size(), 1);
         check_memory(*backend_, where, "dL_dcolors", dL_dcolors);
         check_memory(*backend_, where, "dL_din.light", dL_din.light);
-        check_memory(*backend_, where, "dL_din", dL_din.means, "means");
-        check_memory(*backend_, where, "dL_din", dL_din.base, "base");
+        check_memory(*backend_, where, "dL_din", dL_din.vertices, "vertices");
         check_memory(*backend_, where, "dL_din", dL_din.normals, "normals");
+        check_memory(*backend_, where, "dL_din", dL_din.base, "base");
         check_memory(*backend_, where, "dL_din", dL_din.center, "center");
 
-        cache.dL_dnormals.resize(dL_din.normals.empty() ? 0 : size());
-        lit_splats_accumulate(*backend_,
-                              detail::LitSplatBackward<T>{kernel_input(in, cache), cache.irradiance, cache.specular,
-                                                          dL_dcolors, dL_din.means, dL_din.base, cache.dL_dnormals},
-                              dL_din.light, dL_din.center, cache.scratch);
-        if (!dL_din.normals.empty()) surface_.backward(cache.dL_dnormals, dL_din.normals);
+        cache.dL_dpoint_shading.resize(size());
+        lit_splats_color_backward(*backend_, detail::LitColorBackward<T>{splats(in, cache), dL_dcolors,
+                                                                         cache.dL_dpoint_shading, dL_din.base});
+        cache.dL_dshading.resize(vertex_count());
+        backend_->fill(Span<LitShading<T>>(cache.dL_dshading), LitShading<T>(T(0)));
+        surface_.template backward<LitShading<T>>(cache.dL_dpoint_shading, cache.dL_dshading);
+        lit_vertices_accumulate(*backend_,
+                                detail::LitVertexBackward<T>{vertices(in, cache), cache.shading, cache.dL_dshading,
+                                                             dL_din.vertices, dL_din.normals},
+                                dL_din.light, dL_din.center, cache.scratch);
     }
 
 private:
     void check_input(std::string_view where, const Input& in) const {
         check_light(where, in.light);
-        check_size(where, "means", in.means.size(), size(), "one per Gaussian");
-        check_size(where, "base", in.base.size(), size(), "one per Gaussian");
+        check_size(where, "vertices", in.vertices.size(), vertex_count(), "one per vertex");
         check_size(where, "normals", in.normals.size(), vertex_count(), "one per vertex");
         check_size(where, "visibility", in.visibility.size(), vertex_count() * in.light.size(),
                    "one per vertex and light");
+        check_size(where, "base", in.base.size(), size(), "one per Gaussian");
         check_memory(*backend_, where, "light", in.light);
-        check_memory(*backend_, where, "means", in.means);
-        check_memory(*backend_, where, "base", in.base);
+        check_memory(*backend_, where, "vertices", in.vertices);
         check_memory(*backend_, where, "normals", in.normals);
         check_memory(*backend_, where, "visibility", in.visibility);
+        check_memory(*backend_, where, "base", in.base);
     }
-    [[nodiscard]] detail::LitSplatInput<T> kernel_input(const Input& in, const Cache& cache) const {
-        return {{in.light.points, in.light.directions, cache.factors, !in.light.gloss.empty(), clamping_},
-                surface_.corners(), in.means, in.base, in.normals, in.visibility, in.center};
+    [[nodiscard]] detail::LitVertices<T> vertices(const Input& in, const Cache& cache) const {
+        return {{in.light.points, in.light.directions, cache.factors, !in.light.gloss.empty()},
+                in.vertices, in.normals, in.visibility, in.center};
+    }
+    [[nodiscard]] detail::LitColors<T> splats(const Input& in, const Cache& cache) const {
+        return {surface_.corners(), cache.shading, in.base, clamping_};
     }
 
     B* backend_;

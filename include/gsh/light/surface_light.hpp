@@ -46,10 +46,10 @@ struct LitSurface {
 ///
 ///     vertices, normals = PosedSurface(bones, offsets), with normal_offsets added for shading if there are any
 ///     visibility        = ShadowMaps(CoarseCaster of the own mesh, and of others; light)
-///     colors            = LitSplats(base colours, means, normals, visibility, light)
+///     colors            = LitSplats(base colours, vertices, normals, visibility, light)
 ///
 /// Shapes  N Gaussians on the triangles of a mesh with V vertices; J bones.
-/// Frame   bones lead from canonical space to the world; means, center and light are in the world.
+/// Frame   bones lead from canonical space to the world; center and light are in the world.
 template <Backend B, std::floating_point T = float>
 class SurfaceLight {
 public:
@@ -61,9 +61,9 @@ public:
         Buffer<vec3<T>> offset_normals;         // [V], or empty without normal_offsets
         Buffer<T> visibility;                   // [V, P + D]
         Buffer<vec3<T>> base;                   // [N] colours without light, which the caller writes
-        Buffer<vec3<T>> dL_dmeans, dL_dbase;    // [N], results of backward
+        Buffer<vec3<T>> dL_dbase;               // [N], the result of backward
         // working storage
-        Buffer<vec3<T>> dL_dnormals;            // [V]
+        Buffer<vec3<T>> dL_dvertices, dL_dnormals; // [V]
         typename CoarseCaster<B, T>::Cache caster;
         typename ShadowMaps<B, T>::Cache maps;
         typename LitSplats<B, T>::Cache lit;
@@ -95,9 +95,9 @@ public:
 
     /// Writes lit colours. The caller has written cache.base, the colours without light; it stays for backward.
     ///
-    /// Shapes  means, cache.base, colors [N]; `others` casts shadows on this body.
+    /// Shapes  cache.base, colors [N]; `others` casts shadows on this body.
     void forward(const LitSurface<T>& posed, const LightView<const T>& light, Span<const ShadowCaster<T>> others,
-                 Span<const vec3<T>> means, const vec3<T>& center, Span<vec3<T>> colors, Cache& cache) const {
+                 const vec3<T>& center, Span<vec3<T>> colors, Cache& cache) const {
         surface_.forward(posed.bones, posed.offsets, cache.surface);
         cache.offset_normals.resize(posed.normal_offsets.size());
         if (!posed.normal_offsets.empty())
@@ -110,34 +110,34 @@ public:
         } else {
             backend_->fill(Span<T>(cache.visibility), T(1));
         }
-        lit_.forward(input(light, means, center, cache), colors, cache.lit);
+        lit_.forward(input(light, center, cache), colors, cache.lit);
     }
 
-    /// Adjoint of forward, but for visibility, which counts as constant. Writes cache.dL_dmeans, which is dL_dmeans
-    /// and the part of it that comes through the light, and cache.dL_dbase. Adds to dL_din.
-    void backward(const LitSurface<T>& posed, const LightView<const T>& light, Span<const vec3<T>> means,
-                  const vec3<T>& center, Span<const vec3<T>> dL_dmeans, Span<const vec3<T>> dL_dcolors, Cache& cache,
-                  const Gradient& dL_din) const {
+    /// Irradiance and gloss of each Gaussian in the last forward, [N].
+    [[nodiscard]] Span<const LitShading<T>> shading(Cache& cache) const { return lit_.interpolate(cache.lit); }
+
+    /// Adjoint of forward, but for visibility, which counts as constant. Writes cache.dL_dbase and adds to dL_din.
+    void backward(const LitSurface<T>& posed, const LightView<const T>& light, const vec3<T>& center,
+                  Span<const vec3<T>> dL_dcolors, Cache& cache, const Gradient& dL_din) const {
         const bool surface_moves = !dL_din.bones.empty() || !dL_din.offsets.empty();
         const bool normals_count = surface_moves || !dL_din.normal_offsets.empty();
-        cache.dL_dmeans.resize(means.size());
-        cache.dL_dbase.resize(means.size());
+        cache.dL_dbase.resize(dL_dcolors.size());
+        cache.dL_dvertices.resize(surface_moves ? surface_.vertex_count() : 0);
         cache.dL_dnormals.resize(normals_count ? surface_.vertex_count() : 0);
-        backend_->copy(dL_dmeans, Span<vec3<T>>(cache.dL_dmeans));
-        backend_->fill(Span<vec3<T>>(cache.dL_dbase), vec3<T>(T(0)));
-        backend_->fill(Span<vec3<T>>(cache.dL_dnormals), vec3<T>(T(0)));
-        lit_.backward(input(light, means, center, cache), dL_dcolors, cache.lit,
+        for (auto* gradient : {&cache.dL_dbase, &cache.dL_dvertices, &cache.dL_dnormals})
+            backend_->fill(Span<vec3<T>>(*gradient), vec3<T>(T(0)));
+        lit_.backward(input(light, center, cache), dL_dcolors, cache.lit,
                       {.light = dL_din.light,
-                       .means = cache.dL_dmeans,
-                       .base = cache.dL_dbase,
+                       .vertices = cache.dL_dvertices,
                        .normals = cache.dL_dnormals,
+                       .base = cache.dL_dbase,
                        .center = dL_din.center});
         if (normals_count && !posed.normal_offsets.empty())
             surface_.offset_normals_backward(posed.bones, posed.normal_offsets, cache.dL_dnormals, cache.surface,
                                              dL_din.bones, dL_din.normal_offsets);
         if (surface_moves)
-            surface_.backward(posed.bones, posed.offsets, {}, cache.dL_dnormals, cache.surface, dL_din.bones,
-                              dL_din.offsets);
+            surface_.backward(posed.bones, posed.offsets, cache.dL_dvertices, cache.dL_dnormals, cache.surface,
+                              dL_din.bones, dL_din.offsets);
     }
 
 private:
@@ -146,11 +146,11 @@ private:
                     "the body has no triangles; light needs a mesh, so use shadows over time or pose, or none");
         return PosedSurface<B, T>(backend, body, betas);
     }
-    [[nodiscard]] typename LitSplats<B, T>::Input input(const LightView<const T>& light, Span<const vec3<T>> means,
-                                                        const vec3<T>& center, const Cache& cache) const {
+    [[nodiscard]] typename LitSplats<B, T>::Input input(const LightView<const T>& light, const vec3<T>& center,
+                                                        const Cache& cache) const {
         const Span<const vec3<T>> normals = cache.offset_normals.size() ? Span<const vec3<T>>(cache.offset_normals)
                                                                         : Span<const vec3<T>>(cache.surface.normals);
-        return {light, means, cache.base, normals, cache.visibility, center};
+        return {light, cache.surface.vertices, normals, cache.visibility, cache.base, center};
     }
 
     B* backend_;

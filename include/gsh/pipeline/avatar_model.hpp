@@ -244,11 +244,11 @@ public:
         return cache_.ao;
     }
 
-    /// Irradiance [N] at the last pose(), in the backend's memory.
+    /// Irradiance and gloss of each Gaussian at the last pose(), [N], in the backend's memory.
     /// Errors  ValueError without a light.
-    [[nodiscard]] Span<const T> irradiance() const {
-        check_value(light_ != nullptr, "AvatarModel::irradiance", "the model has no light");
-        return cache_.poser.light.lit.irradiance;
+    [[nodiscard]] Span<const LitShading<T>> shading() {
+        check_value(light_ != nullptr, "AvatarModel::shading", "the model has no light");
+        return poser_.shading(cache_.poser);
     }
     /// Learned offsets of the mesh's normals [V], in the backend's memory; empty if there are none.
     [[nodiscard]] Span<const vec3<T>> normal_offsets() const { return normal_offsets_.values(); }

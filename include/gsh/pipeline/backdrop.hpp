@@ -30,15 +30,15 @@ public:
 
     void set_color(const std::array<double, 3>& color) { color_ = {T(color[0]), T(color[1]), T(color[2])}; }
 
-    /// `plate` [height, width, 4] replaces the colour from now on. An empty plate restores the colour.
+    /// `plate` [height, width, 4], in the backend's memory, replaces the colour from now on. An empty plate restores the
+    /// colour.
     /// Errors  ShapeError for a plate of another size.
     void set_plate(B& backend, Span<const std::uint8_t> plate, int height, int width) {
         height_ = height, width_ = width;
         if (plate.empty()) return plate_.resize(0);
-        upload(backend, plate, "a plate is as large as its photograph");
+        check_size("Backdrop", "plate", plate.size(), 4 * plane_size(), "a plate is as large as its photograph");
         plate_.resize(3 * plane_size());
-        composite_rgba8(backend, Span<const std::uint8_t>(bytes_), height, width, vec3<T>(T(0)),
-                        ImageView<T>{plate_, 3, height, width});
+        composite_rgba8(backend, plate, height, width, vec3<T>(T(0)), ImageView<T>{plate_, 3, height, width});
     }
     void clear_plate() { plate_.resize(0); }
 
@@ -48,32 +48,23 @@ public:
     }
 
     /// Composites a photograph [height, width, 4] over its plate or the colour, into color [3, height, width]. Its mask
-    /// goes into alpha if that is given.
+    /// goes into alpha if that is given. All are in the backend's memory.
     /// Errors  ShapeError for a photograph or plate of another size than color.
     void photograph(B& backend, Span<const std::uint8_t> rgba, Span<const std::uint8_t> plate,
                     const ImageView<T>& color, const ImageView<T>& alpha = {}) {
         set_plate(backend, plate, color.height, color.width);
-        upload(backend, rgba, "the image must have its camera's size");
-        const Span<const std::uint8_t> bytes(bytes_);
-        if (plate.empty())
-            composite_rgba8(backend, bytes, height_, width_, color_, color, alpha);
-        else
-            composite_rgba8(backend, bytes, height_, width_, background().image, color, alpha);
+        check_size("Backdrop", "rgba", rgba.size(), 4 * plane_size(), "the image must have its camera's size");
+        if (plate.empty()) composite_rgba8(backend, rgba, height_, width_, color_, color, alpha);
+        else composite_rgba8(backend, rgba, height_, width_, background().image, color, alpha);
     }
 
 private:
     vec3<T> color_ = vec3<T>(T(1));
     int height_ = 0, width_ = 0;
-    Buffer<std::uint8_t> bytes_;
     Buffer<T> plate_; // [3, height, width] or empty
 
     [[nodiscard]] std::size_t plane_size() const {
         return static_cast<std::size_t>(height_) * static_cast<std::size_t>(width_);
-    }
-    void upload(B& backend, Span<const std::uint8_t> rgba, const char* expected) {
-        check_size("Backdrop", "rgba", rgba.size(), 4 * plane_size(), expected);
-        bytes_.resize(rgba.size());
-        backend.upload(rgba, bytes_);
     }
 };
 

@@ -63,9 +63,10 @@ struct ObserveSplats {
     Span<T> gradient_sums;
     Span<std::uint32_t> view_counts;
     Span<T> radii;
+    Span<const std::uint32_t> halt; ///< halt_word
 
     GSH_HD void operator()(std::size_t i) const {
-        if (!visible[i]) return;
+        if (is_halted(halt) || !visible[i]) return;
         gradient_sums[i] += gradient_norms[i] * unit;
         ++view_counts[i];
         radii[i] = max(radii[i], screen_radii[i]);
@@ -172,13 +173,15 @@ public:
         const T unit = T(std::max(cache.width, cache.height)) / 2;
         backend_->for_each(count, detail::ObserveSplats<T>{cache.visible, cache.screen_gradient_norms,
                                                            cache.screen_radii, unit, gradient_sums_, view_counts_,
-                                                           radii_});
+                                                           radii_, halt_word(*backend_)});
     }
 
     /// Makes the changes that the schedule has after step `step`, counted from 1. After a change the number of
     /// Gaussians may be another one; gradients and splats then need new sizes.
     DensityChange after_step(std::int64_t step, Gaussians<B, T>& gaussians, Gaussians<B, T>& m, Gaussians<B, T>& v) {
         DensityChange change;
+        if (!params_.adapts_after(step) && !params_.resets_after(step)) return change;
+        if (has_halted()) return change; // the statistics are not complete; the step will be taken again
         if (params_.adapts_after(step))
             change = adapt(gaussians, m, v, random_bits(seed_, static_cast<std::uint64_t>(step)),
                            params_.prunes_large_after(step));
@@ -230,6 +233,13 @@ public:
     }
 
 private:
+    /// Waits for the backend, if it is one that may have halted.
+    [[nodiscard]] bool has_halted() {
+        const Span<const std::uint32_t> word = halt_word(*backend_);
+        std::uint32_t host = 0;
+        if (!word.empty()) backend_->download(word, Span<std::uint32_t>(&host, 1));
+        return host != 0;
+    }
     static void check_moments(const char* where, const Gaussians<B, T>& gaussians, const Gaussians<B, T>& m,
                               const Gaussians<B, T>& v) {
         check_gaussians(where, "m", m.view(), gaussians.size());

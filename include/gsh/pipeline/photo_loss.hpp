@@ -12,6 +12,7 @@
 #include <gsh/loss/photometric.hpp>
 #include <gsh/pipeline/backdrop.hpp>
 #include <gsh/pipeline/photo.hpp>
+#include <gsh/pipeline/photo_pixels.hpp>
 #include <gsh/render/rasterizer.hpp>
 
 #include <array>
@@ -49,15 +50,24 @@ public:
     [[nodiscard]] const Params& params() const { return params_; }
 
     /// Composites the photograph over its plate or, without one, over `background`. render and compare use both from
-    /// now on.
-    void set_photo(const Photo& photo, const std::array<double, 3>& background) {
+    /// now on. `pixels` are those of the photograph in the backend's memory (PhotoPixels).
+    void set_photo(const Photo& photo, const typename PhotoPixels<B>::View& pixels,
+                   const std::array<double, 3>& background) {
         backdrop_.set_color(background);
         resize(photo.camera.height, photo.camera.width);
-        backdrop_.photograph(*backend_, photo.rgba, photo.plate, view(truth_, 3),
+        backdrop_.photograph(*backend_, pixels.rgba, pixels.plate, view(truth_, 3),
                              with_mask() ? in(mask_, 1) : ImageView<T>{});
     }
-
     /// The same over Params::background.
+    void set_photo(const Photo& photo, const typename PhotoPixels<B>::View& pixels) {
+        set_photo(photo, pixels, params_.background);
+    }
+
+    /// The same for pixels in host memory, which are uploaded.
+    void set_photo(const Photo& photo, const std::array<double, 3>& background) {
+        pixels_ = PhotoPixels<B>(*backend_, {photo});
+        set_photo(photo, pixels_[0], background);
+    }
     void set_photo(const Photo& photo) { set_photo(photo, params_.background); }
 
     /// Renders the splats. `camera` is the photograph's camera, as it was calibrated or as refinement has moved it.
@@ -66,6 +76,10 @@ public:
                             {.color = view(render_, 3), .alpha = with_mask() ? in(alpha_, 1) : ImageView<T>{}},
                             raster_cache_);
     }
+
+    /// After RepeatedStep::settle has found lost steps: gives the rasterizer the memory that the last picture needs, or
+    /// throws what Rasterizer::forward would have thrown.
+    void mend() { rasterizer_.mend(raster_cache_); }
 
     /// Compares the render with the photograph.
     void compare() {
@@ -112,7 +126,8 @@ public:
     /// Renders the splats over the photograph's plate or Params::background, into color [3, height, width]. alpha
     /// [1, height, width] is written if it is given.
     void picture(const Photo& photo, const SplatView<const T>& splats, Image<T>& color, Image<T>* alpha = nullptr) {
-        backdrop_.set_plate(*backend_, photo.plate, photo.camera.height, photo.camera.width);
+        pixels_ = PhotoPixels<B>(*backend_, {photo});
+        backdrop_.set_plate(*backend_, pixels_[0].plate, photo.camera.height, photo.camera.width);
         picture_from(photo.camera, splats, color, alpha);
     }
     /// Renders the splats over the background.
@@ -125,7 +140,8 @@ public:
     void photograph(const Photo& photo, Image<T>& color, Image<T>& mask) {
         resize(photo.camera.height, photo.camera.width);
         backdrop_.set_color(params_.background);
-        backdrop_.photograph(*backend_, photo.rgba, photo.plate, view(truth_, 3), in(mask_, 1));
+        pixels_ = PhotoPixels<B>(*backend_, {photo});
+        backdrop_.photograph(*backend_, pixels_[0].rgba, pixels_[0].plate, view(truth_, 3), in(mask_, 1));
         color = download(truth_, 3);
         mask = download(mask_, 1);
     }
@@ -165,6 +181,7 @@ private:
 
     B* backend_;
     Params params_;
+    PhotoPixels<B> pixels_; // of a photograph in host memory
     Backdrop<B, T> backdrop_;
     Rasterizer<B, T> rasterizer_;
     PhotometricLoss<B, T> photometric_;

@@ -134,6 +134,10 @@ public:
                            dL_dbackground);
     }
 
+    /// After a step that halted a device: throws what forward would have thrown, or gives the cache the memory that the
+    /// last pass lacked.
+    void mend(Cache& cache) const { check_status("Rasterizer::forward", cache); }
+
 private:
     static constexpr int max_side = 1048560; ///< pixels: 65535 tiles of 16
 

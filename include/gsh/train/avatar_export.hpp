@@ -102,14 +102,15 @@ template <class Scene>
     if (!model.light()) return {};
     Splats<typename Scene::BackendType, T> splats;
     splats.resize(scene.size());
-    std::vector<T> mean(model.size(), T(0)), of_frame(model.size());
+    std::vector<T> mean(model.size(), T(0));
+    std::vector<LitShading<T>> of_frame(model.size());
     const std::size_t count = std::min(frames.size(), most);
     for (std::size_t k = 0; k < count; ++k) {
         const std::size_t frame = frames[k * frames.size() / count];
         scene.prepare(frame);
         scene.forward(frame, vec3<T>(T(0)), splats.view()); // irradiance does not depend on the camera
-        scene.backend().download(model.irradiance(), Span<T>(of_frame));
-        for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += of_frame[i];
+        scene.backend().download(model.shading(), Span<LitShading<T>>(of_frame));
+        for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += of_frame[i].x;
     }
     for (T& irradiance : mean) irradiance /= static_cast<T>(count);
     return mean;

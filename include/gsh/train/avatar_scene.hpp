@@ -180,6 +180,11 @@ public:
         for (std::size_t p = 0; p < people_.size(); ++p) append(arrays, people_[p].model->learned(), person_prefix(p));
         return arrays;
     }
+    /// Takes back steps that have changed nothing because the backend had halted.
+    void take_back(std::uint64_t steps) {
+        for (Person& person : people_)
+            if (person.refinement) person.refinement->take_back(steps);
+    }
     /// Refinements take their own steps, in which only the rows of visited frames and cameras move.
     void after_step(const RasterCache<B, T>&) {
         for (Person& person : people_)

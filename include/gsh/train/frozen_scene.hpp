@@ -38,6 +38,7 @@ public:
     [[nodiscard]] std::size_t frame_count() const { return motion_->frame_count(); }
     void set_progress(std::uint64_t /*step*/, double progress) { motion_->set_progress(progress); }
     [[nodiscard]] LearnedArrays<T> learned() { return {}; }
+    void take_back(std::uint64_t steps) { motion_->take_back(steps); }
     void after_step(const RasterCache<B, T>&) { motion_->step(); }
 
 private:

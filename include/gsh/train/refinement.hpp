@@ -174,6 +174,7 @@ public:
         each_touched_row([&](RefinementGroup group, std::size_t row) {
             if (learns(group)) add_terms(group, row); // before any row moves, since rows read neighbours
         });
+        tables_.begin_step();
         each_touched_row([&](RefinementGroup group, std::size_t row) {
             if (!learns(group)) return tables_.forget_gradient(group, row);
             const bool pose = group == RefinementGroup::pose;
@@ -183,6 +184,13 @@ public:
         frames_touched_.clear();
         cameras_touched_.clear();
         ++steps_;
+    }
+
+    /// Takes back the last `steps` steps, which have changed nothing because the backend had halted (RepeatedStep).
+    /// Errors  ValueError for more than RefinementTables::remembered_steps.
+    void take_back(std::uint64_t steps) {
+        tables_.take_back(steps);
+        steps_ -= steps;
     }
 
     /// The present value of all terms, for reports and tests. Waits for the backend.

@@ -15,6 +15,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -30,7 +31,9 @@ struct RowStep {
     Span<T> parameters, gradients, m, v;
     Span<const T> rates; // a factor for every three numbers, or empty
     AdamCoefficients<T> coefficients;
+    Span<const std::uint32_t> halt; // halt_word
     GSH_HD void operator()(std::size_t i) const {
+        if (is_halted(halt)) return;
         AdamCoefficients<T> mine = coefficients;
         if (!rates.empty()) mine.step_size *= rates[i / 3];
         adam_update(parameters[i], gradients[i], m[i], v[i], mine);
@@ -53,6 +56,7 @@ class RefinementTables {
 public:
     static constexpr std::size_t camera_width = sizeof(CameraIncrement<T>) / sizeof(T);
     static_assert(camera_width == 9, "a camera's increment is nine numbers without gaps");
+    static constexpr std::size_t remembered_steps = 256; ///< that take_back may take back
 
     struct Sizes {
         std::size_t frames = 0, joints = 0, expression = 0, betas = 0, cameras = 0;
@@ -113,7 +117,9 @@ public:
 
     /// A step of Adam for one row. Its gradient is zero afterwards. rates: a factor for every three numbers, or empty.
     void step(RefinementGroup group, std::size_t row, const Adam& adam, double rate, Span<const T> rates = {}) {
-        const double t = static_cast<double>(++updates_[table(group).first_update + row]);
+        const std::size_t update = table(group).first_update + row;
+        if (!history_.empty()) history_.back().push_back(update);
+        const double t = static_cast<double>(++updates_[update]);
         const double correction1 = 1 - std::pow(adam.beta1, t), correction2 = 1 - std::pow(adam.beta2, t);
         const Span<T> numbers = increments(group, row);
         backend_->for_each(numbers.size(),
@@ -123,8 +129,25 @@ public:
                                               at(Span<T>(second_moment_), group, row),
                                               rates,
                                               {T(adam.beta1), T(adam.beta2), T(1 - adam.beta1), T(1 - adam.beta2),
-                                               T(rate / correction1), T(1 / std::sqrt(correction2)), T(adam.epsilon)}});
+                                               T(rate / correction1), T(1 / std::sqrt(correction2)), T(adam.epsilon)},
+                                              halt_word(*backend_)});
     }
+
+    /// Marks the beginning of a step of several rows.
+    void begin_step() {
+        if (history_.size() == remembered_steps) history_.pop_front();
+        history_.emplace_back();
+    }
+    /// Takes back the counts of the last `steps` steps, which have changed nothing because the backend had halted.
+    /// Errors  ValueError for more steps than it remembers.
+    void take_back(std::uint64_t steps) {
+        check_value(steps <= history_.size(), "RefinementTables::take_back", "so many steps are not remembered");
+        for (; steps > 0; --steps) {
+            for (const std::size_t update : history_.back()) --updates_[update];
+            history_.pop_back();
+        }
+    }
+
     void forget_gradient(RefinementGroup group, std::size_t row) { backend_->fill(gradient(group, row), T(0)); }
 
     /// All increments on the host, row by row.
@@ -168,6 +191,7 @@ public:
         check_size(where, "first_moment", state.first_moment.size(), increments_.size(), hint);
         check_size(where, "second_moment", state.second_moment.size(), increments_.size(), hint);
         updates_ = state.updates;
+        history_.clear();
         backend_->upload(Span<const T>(state.increments), increments_);
         backend_->upload(Span<const T>(state.first_moment), first_moment_);
         backend_->upload(Span<const T>(state.second_moment), second_moment_);
@@ -198,6 +222,7 @@ private:
     std::array<Table, refinement_group_count> tables_;
     Buffer increments_, gradient_, first_moment_, second_moment_;
     std::vector<std::uint64_t> updates_; ///< number of steps of each row of each group
+    std::deque<std::vector<std::size_t>> history_; ///< which of them the last steps counted
 };
 
 } // namespace gsh

@@ -13,6 +13,7 @@
 #include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/pipeline/photo_loss.hpp>
+#include <gsh/pipeline/photo_pixels.hpp>
 #include <gsh/pipeline/splat_scene.hpp>
 #include <gsh/train/stage.hpp>
 #include <gsh/train/train_config.hpp>
@@ -44,8 +45,10 @@ public:
     ///         of range. ShapeError: images of another size than their cameras.
     Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config = {})
         : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(checked(config)),
+          pixels_(backend, photos_),
           loss_(backend,
-                {.filter = config.filter, .ssim_weight = config.ssim_weight, .background = config.background}) {
+                {.filter = config.filter, .ssim_weight = config.ssim_weight, .background = config.background}),
+          repeated_(backend) {
         check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
         for (const Photo& photo : photos_) check_photo("Trainer", photo, scene.frame_count());
         for (const LearnedArray<T>& array : scene.learned())
@@ -86,39 +89,27 @@ public:
     /// called at the beginning of each stage, observer.leave at the end of the step.
     template <class Observer = NoObserver>
     void step(double progress = 0, Observer&& observer = {}) {
-        const Photo& photo = photos_[photo_of_step(step_count_)];
+        const std::size_t index = photo_of_step(step_count_);
         progress_ = progress;
         scene_->set_progress(step_count_, progress);
-
-        observer.enter(Stage::photo);
-        loss_.set_photo(photo, config_.random_background ? random_color(step_count_) : config_.background);
-        observer.enter(Stage::field_forward);
-        scene_->prepare(photo.frame);
-        observer.enter(Stage::pose);
-        const Camera<T> camera = scene_->camera(photo);
-        splats_.resize(scene_->size());
-        scene_->forward(photo.frame, camera.center(), splats_.view());
-        observer.enter(Stage::render);
-        loss_.render(camera, splats());
-        observer.enter(Stage::loss);
-        loss_.compare();
-
-        observer.enter(Stage::render_backward);
-        const CameraGradientView<T> dL_dcamera = scene_->camera_gradient(photo);
-        dL_dsplats_.resize(scene_->size());
-        fill_zero(*backend_, dL_dsplats_.view());
-        loss_.backward(camera, splats(), dL_dsplats_.view(), dL_dcamera.camera);
-        observer.enter(Stage::model_backward);
-        scene_->backward(photo.frame, camera.center(), std::as_const(dL_dsplats_).view(), dL_dcamera.center);
-        scene_->camera_backward(photo);
-
-        observer.enter(Stage::update);
-        const double factor = config_.rate_factor(progress);
-        for (const LearnedArray<T>& array : scene_->learned())
-            take_step(*backend_, adam_, array, factor, static_cast<std::int64_t>(step_count_ + 1));
-        scene_->after_step(loss_.raster_cache());
+        const Camera<double>& camera = photos_[index].camera;
+        repeated_.run(std::uint64_t(camera.height) << 32 | std::uint64_t(camera.width),
+                      [&] { compute_step(index, progress, observer); });
         ++step_count_;
         observer.leave();
+    }
+
+    /// Waits for the steps so far. On a device that does not wait within a step, an error is found here: then either
+    /// its cause is mended and the trainer goes back to the step that failed, whose number step_count() returns from
+    /// now on, or the error is thrown. Nothing has changed since that step.
+    /// Errors  those of Rasterizer::forward.
+    void settle() {
+        const std::uint64_t lost = repeated_.settle();
+        if (lost == 0) return;
+        loss_.mend();
+        step_count_ -= lost;
+        if constexpr (requires { scene_->take_back(lost); }) scene_->take_back(lost);
+        scene_->set_progress(step_count_, progress_);
     }
 
     /// Loss of the last step. Waits for the backend.
@@ -145,6 +136,39 @@ public:
     }
 
 private:
+    template <class Observer>
+    void compute_step(std::size_t index, double progress, Observer& observer) {
+        const Photo& photo = photos_[index];
+        observer.enter(Stage::photo);
+        loss_.set_photo(photo, pixels_[index],
+                        config_.random_background ? random_color(step_count_) : config_.background);
+        observer.enter(Stage::field_forward);
+        scene_->prepare(photo.frame);
+        observer.enter(Stage::pose);
+        const Camera<T> camera = scene_->camera(photo);
+        splats_.resize(scene_->size());
+        scene_->forward(photo.frame, camera.center(), splats_.view());
+        observer.enter(Stage::render);
+        loss_.render(camera, splats());
+        observer.enter(Stage::loss);
+        loss_.compare();
+
+        observer.enter(Stage::render_backward);
+        const CameraGradientView<T> dL_dcamera = scene_->camera_gradient(photo);
+        dL_dsplats_.resize(scene_->size());
+        fill_zero(*backend_, dL_dsplats_.view());
+        loss_.backward(camera, splats(), dL_dsplats_.view(), dL_dcamera.camera);
+        observer.enter(Stage::model_backward);
+        scene_->backward(photo.frame, camera.center(), std::as_const(dL_dsplats_).view(), dL_dcamera.center);
+        scene_->camera_backward(photo);
+
+        observer.enter(Stage::update);
+        const double factor = config_.rate_factor(progress);
+        for (const LearnedArray<T>& array : scene_->learned())
+            take_step(*backend_, adam_, array, factor, static_cast<std::int64_t>(step_count_ + 1));
+        scene_->after_step(loss_.raster_cache());
+    }
+
     [[nodiscard]] static const TrainConfig& checked(const TrainConfig& config) {
         const auto expect = [](bool good, const char* what) { check_value(good, "TrainConfig", what); };
         expect(config.decay_start >= 0 && config.decay_start <= 1, "decay_start must lie in [0, 1]");
@@ -174,7 +198,9 @@ private:
     std::vector<Photo> photos_;
     std::uint64_t seed_;
     TrainConfig config_;
+    PhotoPixels<B> pixels_;
     PhotoLoss<B, T> loss_;
+    RepeatedStep<B> repeated_;
     Adam adam_;
     Splats<B, T> splats_, dL_dsplats_;
 

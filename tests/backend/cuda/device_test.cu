@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  The CUDA backend: memory, launches, steps that are repeated as graphs.
 #include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/step_graph.cuh>
 #include <gsh/backend/memory.hpp>
 
 #include <doctest/doctest.h>
@@ -223,4 +224,47 @@ TEST_CASE("An exception inside a step leaves the device usable") {
             graph.run(work);
     }
     CHECK(fetch(device, a) == std::vector<int>(10, 2));
+}
+
+namespace {
+
+/// Adds one to all numbers, unless the device has halted.
+struct AddOne {
+    Span<const std::uint32_t> halt;
+    Span<int> numbers;
+    GSH_HD void operator()(std::size_t i) const {
+        if (!is_halted(halt)) ++numbers[i];
+    }
+};
+/// Halts the device.
+struct Halt {
+    Span<std::uint32_t> halt;
+    GSH_HD void operator()(std::size_t) const { halt[0] = 1; }
+};
+
+} // namespace
+
+TEST_CASE("After a step that halts the device, queued steps change nothing, and settle counts them") {
+    if (test::skip_without_device()) return;
+    Device device;
+    Device::Buffer<int> numbers(3);
+    device.fill(Span<int>(numbers), 0);
+    RepeatedStep<Device> repeated(device);
+    const auto step = [&](bool fails) {
+        repeated.run(fails, [&] {
+            if (fails) device.for_each(1, Halt{device.halted()});
+            device.for_each(3, AddOne{halt_word(device), numbers});
+        });
+    };
+    for (int i = 0; i < 5; ++i) step(false);
+    CHECK(repeated.settle() == 0);
+    step(false);
+    step(true);
+    step(false);
+    step(false);
+    CHECK(fetch(device, numbers) == std::vector<int>(3, 6));
+    CHECK(repeated.settle() == 3);
+    step(false);
+    CHECK(repeated.settle() == 0);
+    CHECK(fetch(device, numbers) == std::vector<int>(3, 7));
 }

@@ -7,7 +7,6 @@
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/lane_sums.cuh>
-#include <gsh/backend/cuda/reduce.cuh>
 #include <gsh/body/skinning.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/affine.hpp>
@@ -197,7 +196,7 @@ struct BackwardSkinned {
     struct Shared {
         SharedArray<T, (Rows::size > Sums::size ? Rows::size : Sums::size)> rows_then_sums;
         SharedArray<std::uint64_t, warps> follow;
-        SharedArray<vec3<T>, warps> center;
+        SharedArray<T, 3 * warps> center;
     };
     SkinnedSplatBackward<Degree, T, D> element;
     Span<T> bones;              // [blocks, J, numbers]
@@ -241,9 +240,17 @@ private:
     }
 
     __device__ void sum_center(Shared& shared, const vec3<T>& dL_dcenter) const {
-        const vec3<T> sum = block_sum<block_size>(shared.center, dL_dcenter);
-        if (threadIdx.x != 0) return;
-        for (int c = 0; c < 3; ++c) center[c * std::size_t(gridDim.x) + blockIdx.x] = sum[c];
+        const T numbers[3] = {dL_dcenter.x, dL_dcenter.y, dL_dcenter.z};
+        const unsigned warp = threadIdx.x / warp_size;
+        sum_lanes(numbers, [&](unsigned c, T sum) { shared.center[3 * warp + c] = sum; });
+        __syncthreads();
+        if (threadIdx.x >= 3) return;
+        T total(0);
+        for (unsigned w = 0; w < warps; ++w) {
+            const T sum = shared.center[3 * w + threadIdx.x];
+            total += sum;
+        }
+        center[threadIdx.x * std::size_t(gridDim.x) + blockIdx.x] = total;
     }
 
     __device__ void sum_bones(Shared& shared, std::size_t i, bool seen, const Bone& dL_dblend, std::size_t page) const {

@@ -244,41 +244,4 @@ private:
 };
 static_assert(Backend<Device> && !CpuBackend<Device>);
 
-/// A step that is repeated: its kernels become one CUDA graph, which each run updates and launches.
-///
-///     StepGraph graph(device);
-///     for (...) graph.run([&] { trainer.step(); });
-class StepGraph {
-public:
-    explicit StepGraph(Device& device) : device_(&device), recorder_(device.stream()) {}
-
-    /// Runs step() with the same results as without the graph. step() may do anything; what cannot be part of a graph
-    /// (a download, an upload of more than 8 KiB) cuts it in two.
-    template <class Step>
-    void run(const Step& step) {
-        check_value(device_->recorder_ == nullptr, "gsh::cuda::StepGraph::run", "a step is already being recorded");
-        const Use use(*device_, recorder_);
-        step();
-        recorder_.end();
-    }
-    [[nodiscard]] const detail::Recorder::Counts& counts() const { return recorder_.counts(); }
-
-private:
-    struct Use {
-        Device& device;
-        detail::Recorder& recorder;
-        Use(Device& d, detail::Recorder& r) : device(d), recorder(r) {
-            recorder.begin();
-            device.recorder_ = &recorder;
-        }
-        ~Use() {
-            device.recorder_ = nullptr;
-            recorder.abandon(); // does nothing after end
-        }
-    };
-
-    Device* device_;
-    detail::Recorder recorder_;
-};
-
 } // namespace gsh::cuda

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Gaussians under a light on the GPU, one Gaussian per thread, with sums of the light's gradient by warps.
+/// @file  Vertices and Gaussians under a light on the GPU, one per thread, with sums of the light's gradient by warps.
 #pragma once
 
 #include <gsh/backend/cuda/device.cuh>
@@ -26,10 +26,24 @@ namespace cuda {
 
 namespace detail {
 
-using gsh::detail::LitSplatBackward;
-using gsh::detail::LitSplatForward;
+using gsh::detail::LitVertexBackward;
+using gsh::detail::LitVertexForward;
 
-/// The sums of one warp's Gaussians, a column of all sums. What a lane adds is summed over the lanes at once, so a
+/// A body has about ten thousand vertices, so blocks are small: then most multiprocessors of a large GPU have one.
+inline constexpr unsigned lit_block_size = 64;
+
+template <class T>
+struct ShadeVertices {
+    static constexpr unsigned block_size = lit_block_size;
+    LitVertexForward<T> element;
+
+    __device__ void operator()() const {
+        const std::size_t v = std::size_t(blockIdx.x) * block_size + threadIdx.x;
+        if (v < element.shading.size()) element(v);
+    }
+};
+
+/// The sums of one warp's vertices, a column of all sums. What a lane adds is summed over the lanes at once, so a
 /// light may have any number of parts without memory in the block.
 template <class T>
 struct WarpLightSums {
@@ -74,41 +88,40 @@ struct LightSumPlaces {
 };
 
 template <class T>
-struct BackwardLit {
-    static constexpr unsigned block_size = 128;
-    LitSplatBackward<T> element;
+struct BackwardVertices {
+    static constexpr unsigned block_size = lit_block_size;
+    LitVertexBackward<T> element;
     Span<T> sums; // [size, warps]
     std::size_t warps;
 
     __device__ void operator()() const {
         using Sums = WarpLightSums<T>;
-        const std::size_t i = std::size_t(blockIdx.x) * block_size + threadIdx.x, count = element.dL_dcolors.size();
+        const std::size_t v = std::size_t(blockIdx.x) * block_size + threadIdx.x, count = element.shading.size();
         const std::size_t lane = threadIdx.x % warp_size;
-        const Sums own{sums, warps, i / warp_size};
-        const auto& light = element.input.light;
+        const Sums own{sums, warps, v / warp_size};
+        const auto& light = element.surface.light;
         const LightSumPlaces places(light.points.size(), light.size());
-        const bool seen = i < count && !element.unseen(i);
+        const bool seen = v < count && !element.unseen(v);
         const unsigned some = __ballot_sync(all_lanes, seen);
-        if (i < count && !seen && !element.dL_dnormals.empty()) element.dL_dnormals[i] = vec3<T>(T(0));
         if (some == 0) {
             for (std::size_t k = lane; k < places.size; k += warp_size) sums[k * warps + own.warp] = T(0);
             return;
         }
-        // A lane without a gradient takes part in the sums with zeros, which it computes from a Gaussian that has one:
+        // A lane without a gradient takes part in the sums with zeros, which it computes from a vertex that has one:
         // its own may hold numbers that are not finite.
-        const std::size_t at = seen ? i : i - lane + static_cast<std::size_t>(__ffs(static_cast<int>(some)) - 1);
-        const vec3<T> dL_dcolor = seen ? element.dL_dcolors[at] : vec3<T>(T(0));
+        const std::size_t at = seen ? v : v - lane + static_cast<std::size_t>(__ffs(static_cast<int>(some)) - 1);
+        const LitShading<T> dL_dshading = seen ? element.dL_dshading[at] : LitShading<T>(T(0));
         struct {
             typename Sums::template Parts<typename Sums::Vector, 3> points;
             typename Sums::template Parts<typename Sums::Number, 1> log_intensities, gloss;
         } const of_light{{own, 0}, {own, places.log_intensities}, {own, places.gloss}};
-        const LitGaussian::Gradient<T> gradient = element.adjoint(at, dL_dcolor, of_light);
+        const LitPoint::Gradient<T> gradient = element.adjoint(at, dL_dshading, of_light);
         typename Sums::Vector{own, places.center} += gradient.center;
-        if (seen) element.store(i, gradient);
+        if (seen) element.add(v, gradient);
     }
 };
 
-/// One block for each number of the light's gradient: adds the sums of all warps of BackwardLit.
+/// One block for each number of the light's gradient: adds the sums of all warps of BackwardVertices.
 template <class T>
 struct JoinLight {
     static constexpr unsigned block_size = 256;
@@ -144,19 +157,20 @@ private:
 } // namespace detail
 
 template <class T>
-void lit_splats_shade(Device& device, const gsh::detail::LitSplatForward<T>& element) {
-    device.for_each(element.colors.size(), element);
+void lit_vertices_shade(Device& device, const gsh::detail::LitVertexForward<T>& element) {
+    using Kernel = detail::ShadeVertices<T>;
+    device.launch(chunk_count(element.shading.size(), Kernel::block_size), Kernel{element});
 }
 
-/// Adds the adjoints of all Gaussians with a gradient. Each warp sums its Gaussians; a second kernel adds the warps, in
+/// Adds the adjoints of all vertices with a gradient. Each warp sums its vertices; a second kernel adds the warps, in
 /// fixed order.
 template <class T>
-void lit_splats_accumulate(Device& device, const gsh::detail::LitSplatBackward<T>& element,
-                           const LightView<T>& dL_dlight, Span<vec3<T>> dL_dcenter,
-                           LitSplatsScratch<Device, T>& scratch) {
-    using Kernel = detail::BackwardLit<T>;
-    const auto& light = element.input.light;
-    const std::size_t blocks = chunk_count(element.dL_dcolors.size(), Kernel::block_size);
+void lit_vertices_accumulate(Device& device, const gsh::detail::LitVertexBackward<T>& element,
+                             const LightView<T>& dL_dlight, Span<vec3<T>> dL_dcenter,
+                             LitSplatsScratch<Device, T>& scratch) {
+    using Kernel = detail::BackwardVertices<T>;
+    const auto& light = element.surface.light;
+    const std::size_t blocks = chunk_count(element.shading.size(), Kernel::block_size);
     if (blocks == 0) return;
     const std::size_t warps = blocks * (Kernel::block_size / warp_size);
     const detail::LightSumPlaces places(light.points.size(), light.size());

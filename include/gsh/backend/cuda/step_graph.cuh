@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Steps that are repeated on a GPU: each is one CUDA graph, and none waits for the host.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/recorder.cuh>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+
+namespace gsh {
+
+namespace cuda {
+
+/// A step that is repeated: its kernels become one CUDA graph, which each run updates and launches.
+///
+///     StepGraph graph(device);
+///     for (...) graph.run([&] { rasterizer.forward(...); ...; adam.step(...); });
+class StepGraph {
+public:
+    explicit StepGraph(Device& device) : device_(&device), recorder_(device.stream()) {}
+
+    /// Runs step() with the same results as without the graph. step() may do anything; what cannot be part of a graph
+    /// (a download, an upload of more than 8 KiB) cuts it in two. Components do not wait for the device inside a step,
+    /// so an error is found later (Device::halted).
+    template <class Step>
+    void run(const Step& step) {
+        check_value(device_->recorder_ == nullptr, "gsh::cuda::StepGraph::run", "a step is already being recorded");
+        const Use use(*device_, recorder_);
+        step();
+        recorder_.end();
+    }
+    [[nodiscard]] const detail::Recorder::Counts& counts() const { return recorder_.counts(); }
+
+private:
+    struct Use {
+        Device& device;
+        detail::Recorder& recorder;
+        Use(Device& d, detail::Recorder& r) : device(d), recorder(r) {
+            recorder.begin();
+            device.recorder_ = &recorder;
+        }
+        ~Use() {
+            device.recorder_ = nullptr;
+            recorder.abandon(); // does nothing after end
+        }
+    };
+
+    Device* device_;
+    detail::Recorder recorder_;
+};
+
+namespace detail {
+
+/// Counts a step, unless the device has halted.
+struct CountStep {
+    Span<const std::uint32_t> halt;
+    Span<std::uint32_t> count; // [1]
+    __device__ void operator()(std::size_t) const {
+        if (halt[0] == 0) ++count[0];
+    }
+};
+
+} // namespace detail
+
+} // namespace cuda
+
+/// On a GPU, the first step of each kind runs directly: it waits for the device, so buffers take the size that they
+/// need. All others are recorded.
+template <>
+class RepeatedStep<cuda::Device> {
+public:
+    explicit RepeatedStep(cuda::Device& device) : device_(&device), finished_(1) { restart(); }
+
+    template <class Step>
+    void run(std::uint64_t kind, const Step& step) {
+        std::unique_ptr<cuda::StepGraph>& graph = graphs_[kind];
+        const auto counted = [&] {
+            step();
+            device_->for_each(1, cuda::detail::CountStep{device_->halted(), finished_});
+        };
+        if (graph != nullptr) {
+            graph->run(counted);
+        } else {
+            counted();
+            graph = std::make_unique<cuda::StepGraph>(*device_);
+        }
+        ++queued_;
+    }
+    [[nodiscard]] std::uint64_t settle() {
+        std::uint32_t finished = 0;
+        device_->download(Span<const std::uint32_t>(finished_), Span<std::uint32_t>(&finished, 1));
+        const std::uint64_t lost = queued_ - finished;
+        restart();
+        return lost;
+    }
+
+private:
+    void restart() {
+        device_->resume();
+        device_->fill(Span<std::uint32_t>(finished_), 0u);
+        queued_ = 0;
+    }
+
+    cuda::Device* device_;
+    cuda::Buffer<std::uint32_t> finished_; // [1] steps since the last settle that the device has finished
+    std::uint64_t queued_ = 0;             // steps since then that were handed to it
+    std::map<std::uint64_t, std::unique_ptr<cuda::StepGraph>> graphs_;
+};
+
+} // namespace gsh

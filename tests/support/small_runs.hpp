@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Small runs of everything that trains and renders, on any backend: the tests compare backends by them.
+#pragma once
+
+#include <gsh/avatar/avatar.hpp>
+#include <gsh/pipeline/static_model.hpp>
+#include <gsh/train/frozen_scene.hpp>
+#include <gsh/train/pose_fit.hpp>
+#include <gsh/train/refinement.hpp>
+#include <gsh/train/static_configuration.hpp>
+#include <gsh/train/trainer.hpp>
+
+#include "support/posed_scene.hpp"
+#include "support/small_training.hpp"
+
+#include <cstddef>
+#include <memory>
+#include <utility>
+#include <vector>
+
+namespace gsh::test {
+
+/// Pictures of some steps, and what was learned at the end.
+struct Outcome {
+    std::vector<Image<float>> pictures;
+    std::vector<double> losses;
+    std::vector<float> learned;
+};
+
+/// Takes steps until `count` are done. progress rises from `from`.
+template <class TrainerType>
+void take_steps(TrainerType& trainer, int count, double from) {
+    while (trainer.step_count() < static_cast<std::uint64_t>(count)) {
+        while (trainer.step_count() < static_cast<std::uint64_t>(count))
+            trainer.step(from + (1 - from) * static_cast<double>(trainer.step_count()) / count);
+        trainer.settle(); // may go back to a step that failed
+    }
+}
+
+template <class TrainerType>
+void observe(TrainerType& trainer, const Photo& photo, Outcome& outcome) {
+    outcome.losses.push_back(trainer.last_loss().loss);
+    outcome.losses.push_back(trainer.last_psnr());
+    trainer.render(photo, outcome.pictures.emplace_back());
+}
+
+inline void append(std::vector<float>& to, const GaussianCloud<float>& cloud) {
+    for (const auto& v : cloud.means) to.insert(to.end(), {v.x, v.y, v.z});
+    for (const auto& v : cloud.log_scales) to.insert(to.end(), {v.x, v.y, v.z});
+    for (const auto& v : cloud.quats) to.insert(to.end(), {v.w, v.x, v.y, v.z});
+    for (const auto& v : cloud.sh) to.insert(to.end(), {v.x, v.y, v.z});
+    to.insert(to.end(), cloud.opacity_logits.begin(), cloud.opacity_logits.end());
+}
+
+template <class B>
+Outcome train_avatar(const SmallScene& scene, const AvatarConfig& config, int steps = 5) {
+    SmallTraining<B> training(scene, [] { return B(); }, 3, config);
+    Outcome outcome;
+    take_steps(training.trainer, steps, 0.1); // the shadow joins at 0.1
+    observe(training.trainer, scene.photos[1], outcome);
+    outcome.learned = training.parameters();
+    const AvatarData avatar = training.exported();
+    append(outcome.learned, avatar.gaussians);
+    outcome.learned.insert(outcome.learned.end(), avatar.ao.begin(), avatar.ao.end());
+    return outcome;
+}
+
+template <class B>
+Outcome train_lit(const SmallScene& scene, int steps = 5) {
+    SmallTraining<B> training(scene, [] { return B(); }, 3, {.ao = AmbientOcclusion::pose});
+    const LightData start = even_light(2, 3, {0, 0.8, 0}, 3);
+    training.model.set_light(training.rig, std::make_shared<LearnedLight<B>>(training.backend, start));
+    MotionRefinement<B> refinement(training.backend, training.rig, scene.motion, {}, test_time_config());
+    training.people.refine(refinement);
+    Outcome outcome;
+    take_steps(training.trainer, steps, 0.1);
+    observe(training.trainer, scene.photos[1], outcome);
+    outcome.learned = training.parameters();
+    const AvatarData avatar = training.exported();
+    outcome.learned.insert(outcome.learned.end(), avatar.mean_irradiance.begin(), avatar.mean_irradiance.end());
+    outcome.losses.insert(outcome.losses.end(), avatar.light->log_intensities.begin(),
+                          avatar.light->log_intensities.end());
+    return outcome;
+}
+
+inline GaussianCloud<float> start_cloud() {
+    test::Rng rng(8);
+    GaussianCloud<float> cloud(40, 0);
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+        cloud.means[i] = vec3<float>(rng.vec(-0.4, 0.4)) + vec3<float>(0, 0.8f, 0);
+        cloud.log_scales[i] = vec3<float>(i % 2 ? -2.0f : -4.5f); // some to split, some to clone
+        cloud.opacity_logits[i] = i % 7 ? 1.0f : -6.0f;           // some to prune
+    }
+    return cloud;
+}
+
+template <class B>
+Outcome train_static(const SmallScene& scene) {
+    StaticConfig config = static_config(30);
+    config.density.start = 4, config.density.stop = 30, config.density.interval = 5;
+    config.density.reset_interval = 12, config.density.gradient_threshold = 1e-6;
+    config.sh_degree = 1, config.sh_interval = 8, config.extent = 2;
+    B backend;
+    std::vector<Photo> photos;
+    for (const Photo& photo : scene.photos)
+        if (photo.frame == 0) photos.push_back(photo);
+    StaticModel<B> scene_model(backend, start_cloud(), config.extent, 5, config);
+    Trainer<B, StaticModel<B>> trainer(backend, scene_model, photos, static_order_seed(5), train_config_of(config));
+    Outcome outcome;
+    take_steps(trainer, 20, 0);
+    observe(trainer, photos[0], outcome);
+    append(outcome.learned, scene_model.cloud());
+    CHECK(scene_model.total_change().split > 0);
+    CHECK(scene_model.total_change().cloned > 0);
+    CHECK(scene_model.total_change().pruned > 0);
+    CHECK(scene_model.cloud().sh_degree == 1);
+    return outcome;
+}
+
+inline RefinementConfig everything() {
+    RefinementConfig config;
+    config.pose = {.rate = 4e-3, .terms = {.pull = 0.01, .drift = 0.02, .acceleration = 0.03}};
+    config.transl = {.rate = 1e-3, .terms = {.pull = 0.01}};
+    config.expression = {.rate = 1e-2, .terms = {.pull = 0.01, .drift = 0.02}};
+    config.betas = {.rate = 1e-2, .terms = {.pull = 0.04}};
+    config.camera_rotation = {.rate = 1e-3, .terms = {.pull = 0.05}};
+    config.camera_translation = {.rate = 1e-3, .terms = {.pull = 0.06}};
+    config.camera_focal = {.rate = 1e-3, .terms = {.pull = 0.07}};
+    config.camera_principal_point = {.rate = 1e-2, .terms = {.pull = 0.08}};
+    return config;
+}
+
+template <class B>
+Outcome train_refined(const SmallScene& scene, int steps = 8) {
+    SmallTraining<B> training(scene, [] { return B(); }, 3, {.ao = AmbientOcclusion::pose});
+    MotionRefinement<B> refinement(training.backend, training.rig, scene.motion, scene.cameras, everything());
+    training.people.refine(refinement);
+    Outcome outcome;
+    take_steps(training.trainer, steps, 0.2);
+    observe(training.trainer, scene.photos[3], outcome);
+    outcome.learned = training.parameters();
+    outcome.losses.push_back(refinement.terms());
+    const Motion motion = refinement.motion();
+    for (const auto& angle : motion.pose) outcome.losses.insert(outcome.losses.end(), {angle.x, angle.y, angle.z});
+    outcome.losses.insert(outcome.losses.end(), motion.expression.begin(), motion.expression.end());
+    const Camera<double> camera = refinement.template camera<double>(1);
+    outcome.losses.insert(outcome.losses.end(), {camera.fx, camera.cx, camera.t.x, camera.R[0][1]});
+    return outcome;
+}
+
+template <class B>
+Outcome fit_pose(const PosedScene& scene) {
+    B backend;
+    Avatar<B> avatar(backend, scene.avatar);
+    PoseFit<B> fit(backend, scene.avatar.filter, {.steps = 4, .mask_weight = 0.3});
+    MotionRefinement<B> motion(backend, scene.avatar.rig, scene.estimate(), {}, test_time_config());
+    FrozenAvatar<B> frozen(avatar, motion);
+    const PoseFitReport report = fit.fit(frozen, 2, scene.observe(2));
+    Outcome outcome{.pictures = {}, .losses = {report.loss_before, report.loss_after}, .learned = {}};
+    for (const auto& angle : motion.motion().pose)
+        outcome.losses.insert(outcome.losses.end(), {angle.x, angle.y, angle.z});
+    return outcome;
+}
+
+/// An avatar in a pose, in front of a camera, and the gradient of its pose.
+template <class B>
+Outcome show(const PosedScene& scene, const AvatarData& data) {
+    B backend;
+    Avatar<B> avatar(backend, data);
+    const Rasterizer<B> rasterizer(backend, raster_params<float>(data.filter));
+    RigPose<B> pose;
+    typename Avatar<B>::Cache cache;
+    typename Rasterizer<B>::Cache raster;
+    Splats<B> splats, dL_dsplats;
+    splats.resize(avatar.size()), dL_dsplats.resize(avatar.size());
+    const Camera<float> camera = scene.cameras[1].template cast<float>();
+    typename B::template Buffer<float> color(3 * PosedScene::size * PosedScene::size), dL_dcolor(color.size());
+    typename B::template Buffer<vec3<float>> dL_dpose(data.rig.joint_count());
+    backend.fill(Span<float>(dL_dcolor), 0.01f);
+    backend.fill(Span<vec3<float>>(dL_dpose), vec3<float>(0));
+    fill_zero(backend, dL_dsplats.view());
+
+    avatar.rig().upload_pose(scene.truth, 3, pose);
+    avatar.pose(pose, camera.center(), splats.view(), cache);
+    const auto image = [](auto& buffer) { return ImageView<float>{buffer, 3, PosedScene::size, PosedScene::size}; };
+    rasterizer.forward(camera, std::as_const(splats).view(), {}, {.color = image(color)}, raster);
+    rasterizer.backward(camera, std::as_const(splats).view(), {}, {.color = image(dL_dcolor)}, raster,
+                        dL_dsplats.view());
+    avatar.backward_to_pose(pose, camera.center(), std::as_const(dL_dsplats).view(), cache,
+                            {.pose = dL_dpose, .coefficients = {}, .transl = {}});
+
+    Outcome outcome;
+    outcome.learned.resize(color.size() + 3 * dL_dpose.size());
+    backend.download(Span<const float>(color), Span<float>(outcome.learned).subspan(0, color.size()));
+    std::vector<vec3<float>> host(dL_dpose.size());
+    backend.download(Span<const vec3<float>>(dL_dpose), Span<vec3<float>>(host));
+    for (std::size_t j = 0; j < host.size(); ++j)
+        for (int k = 0; k < 3; ++k) outcome.learned[color.size() + 3 * j + static_cast<std::size_t>(k)] = host[j][k];
+    return outcome;
+}
+
+} // namespace gsh::test
