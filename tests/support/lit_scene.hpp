@@ -28,8 +28,7 @@ struct LitScene {
         : N(count), V(vertex_count) {
         Rng rng(seed);
         const auto number = [&](double low, double high) { return static_cast<T>(rng.uniform(low, high)); };
-        for (std::size_t k = 0; k < P; ++k)
-            points.push_back(vec3<T>(normalize(rng.vec()) * rng.uniform(2, 4)));
+        for (std::size_t k = 0; k < P; ++k) points.push_back(vec3<T>(normalize(rng.vec()) * rng.uniform(2, 4)));
         for (std::size_t k = 0; k < D; ++k) directions.push_back(vec3<T>(normalize(rng.vec())));
         for (std::size_t k = 0; k < P + D; ++k) log_intensities.push_back(number(-1, 1));
         if (glossy) gloss = {number(-1, 0), number(1, 3)};

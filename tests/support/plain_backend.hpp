@@ -112,8 +112,8 @@ std::vector<std::vector<T>> occlusion_layers(const Network& network, Span<const 
 }
 
 template <class Network, class T>
-void occlusion_forward(Plain&, const Network& network, Span<const T> weights, Span<const T> neurons,
-                       Span<const T> pose, Span<T> logits, OcclusionFieldScratch<Plain, T>&) {
+void occlusion_forward(Plain&, const Network& network, Span<const T> weights, Span<const T> neurons, Span<const T> pose,
+                       Span<T> logits, OcclusionFieldScratch<Plain, T>&) {
     for (std::size_t i = 0; i < logits.size(); ++i)
         logits[i] =
             occlusion_layers(network, weights, neurons.subspan(i * pose.size(), pose.size()), pose).back().at(0);

@@ -134,8 +134,8 @@ void occlusion_backward(B&, const Arguments&...) {
                   "<gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
 }
 
-/// Sums the contribution of a pose to each neuron. This version and the next need no overload; a backend may have faster
-/// ones.
+/// Sums the contribution of a pose to each neuron. This version and the next need no overload; a backend may have
+/// faster ones.
 template <Backend B, class T>
 void pose_of_neurons(B& backend, const detail::PoseOfNeurons<T>& element) {
     backend.for_each(element.sums.size(), element);

@@ -26,11 +26,11 @@ struct ShadowFrame {
         [[nodiscard]] GSH_HD T operator()(const vec3<T>& p) const { return dot(factor, p) + offset; }
     };
     Row x, y, q, w;
-    vec3<T> light;     ///< position of a point light, or direction towards the light
-    T has_position;    ///< 1 for a point light, 0 for a direction
-    T near;            ///< smallest w at which anything is drawn or received
-    T radius;          ///< texels: half the width of the filter, in [0.5, 1.5]
-    T slope_lift;      ///< metres per unit w: lift of a receiver that the light grazes; 0 if casters are closed
+    vec3<T> light;  ///< position of a point light, or direction towards the light
+    T has_position; ///< 1 for a point light, 0 for a direction
+    T near;         ///< smallest w at which anything is drawn or received
+    T radius;       ///< texels: half the width of the filter, in [0.5, 1.5]
+    T slope_lift;   ///< metres per unit w: lift of a receiver that the light grazes; 0 if casters are closed
     std::int32_t width, height, stride; ///< texels
     std::uint32_t begin;                ///< first texel in the array of all maps
 };
@@ -41,7 +41,7 @@ inline constexpr std::size_t shadow_box_vertices = 64; // vertices per box
 inline constexpr int shadow_taps = 4;                  // texels along a side of the largest filter
 inline constexpr int shadow_margin = 3;                // texels before the casters that stay empty: a filter's width
 inline constexpr int shadow_margins = shadow_margin + shadow_taps; // and those before and after them
-inline constexpr int largest_shadow_map = 1024;        // texels; 4 more bits for parts of a texel: products fit 32
+inline constexpr int largest_shadow_map = 1024; // texels; 4 more bits for parts of a texel: products fit 32
 
 /// Nearness of a texel that nothing covers.
 template <class T>
@@ -137,8 +137,7 @@ struct AimShadowMaps {
     struct Bounds {
         T low[2], high[2];
 
-        GSH_HD explicit Bounds(const View& view)
-            : low{view.widest, view.widest}, high{-view.widest, -view.widest} {}
+        GSH_HD explicit Bounds(const View& view) : low{view.widest, view.widest}, high{-view.widest, -view.widest} {}
 
         GSH_HD void include(const View& view, const ShadowBox<T>& box) {
             const Frame& frame = view.frame;

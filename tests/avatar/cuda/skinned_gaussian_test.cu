@@ -81,7 +81,7 @@ Result<T> run(B& backend, const Scene<T>& scene, const Case& c) {
     const auto logits = bring(scene.logits), ao = bring(scene.ao), weights = bring(scene.weights);
     const auto joints = bring(scene.joints);
     const auto bones = bring(scene.bones);
-    const SkinnedView<const T> input{means, quats, log_scales, logits, sh, ao, {joints, weights, scene.slots},
+    const SkinnedView<const T> input{means,          quats, log_scales, logits, sh, ao, {joints, weights, scene.slots},
                                      scene.sh_stride};
     const SkinnedSplats<B, Degree, T> skin(backend, {.deformation = c.deformation});
     typename SkinnedSplats<B, Degree, T>::Cache cache;
@@ -101,8 +101,14 @@ Result<T> run(B& backend, const Scene<T>& scene, const Case& c) {
     const auto g_opacities = bring(scene.dL_dsplats.opacities);
     for (int pass = 0; pass < c.passes; ++pass)
         skin.backward(input, bones, scene.center[0], {g_means, g_covariances, g_opacities, g_colors}, cache,
-                      {d_means, d_quats, d_log_scales, d_logits, c.sh ? Span<vec3<T>>(d_sh) : Span<vec3<T>>(), d_ao,
-                       {}, scene.sh_stride},
+                      {d_means,
+                       d_quats,
+                       d_log_scales,
+                       d_logits,
+                       c.sh ? Span<vec3<T>>(d_sh) : Span<vec3<T>>(),
+                       d_ao,
+                       {},
+                       scene.sh_stride},
                       c.bones ? Span<Affine<T>>(d_bones) : Span<Affine<T>>(),
                       c.center ? Span<vec3<T>>(d_center) : Span<vec3<T>>());
 
@@ -140,9 +146,8 @@ void compare(const Case& c) {
     const Scene<T> scene(c, sh_basis_count(Degree));
     Device device;
     const Result<T> found = run<Degree, T>(device, scene, c);
-    test::with_references([&](auto& backend) {
-        check_near(found, run<Degree, T>(backend, scene, c), sizeof(T) == 8 ? 1e-12 : 2e-5);
-    });
+    test::with_references(
+        [&](auto& backend) { check_near(found, run<Degree, T>(backend, scene, c), sizeof(T) == 8 ? 1e-12 : 2e-5); });
 }
 
 constexpr Deformation deformations[] = {Deformation::linear, Deformation::polar, Deformation::dual_quaternion};
@@ -172,8 +177,7 @@ TEST_CASE("gradients of bones agree for one bone, for more than a word has bits,
     for (const std::size_t joints : {1u, 63u, 64u, 65u, 130u})
         for (const std::size_t influences : {1u, 4u, 11u})
             compare<0, double>({.count = 290, .joints = joints, .influences = influences});
-    compare<0, double>(
-        {.count = 290, .joints = 130, .influences = 11, .deformation = Deformation::dual_quaternion});
+    compare<0, double>({.count = 290, .joints = 130, .influences = 11, .deformation = Deformation::dual_quaternion});
 }
 
 TEST_CASE("backward adds, and leaves alone what nobody asks for") {

@@ -26,9 +26,12 @@ std::vector<int> skeleton(std::string_view kind, std::size_t joints) {
     std::vector<int> parents;
     for (std::size_t j = 0; j < joints; ++j) {
         const int last = static_cast<int>(j) - 1;
-        if (j == 0 || kind == "chain") parents.push_back(last);
-        else if (kind == "star") parents.push_back(0);
-        else parents.push_back(static_cast<int>(rng.below(j)));
+        if (j == 0 || kind == "chain")
+            parents.push_back(last);
+        else if (kind == "star")
+            parents.push_back(0);
+        else
+            parents.push_back(static_cast<int>(rng.below(j)));
     }
     return parents;
 }

@@ -26,7 +26,7 @@ struct Case {
     bool glossy = true;
     ColorClamp clamping = ColorClamp::below;
     bool light = true, center = true, vertices_too = true;
-    int passes = 1;     ///< backward is called so often
+    int passes = 1;      ///< backward is called so often
     bool broken = false; ///< an unseen vertex has numbers that are not finite
 };
 
@@ -54,8 +54,8 @@ Result<T> run(B& backend, const Case& c) {
                base = bring(scene.base), normals = bring(scene.normals), gradient = bring(dL_dcolors);
     const auto log_intensities = bring(scene.log_intensities), gloss = bring(scene.gloss),
                visibility = bring(scene.visibility);
-    const LitSplatsInput<T> input{{points, directions, log_intensities, gloss}, vertices, normals, visibility, base,
-                                  scene.center[0]};
+    const LitSplatsInput<T> input{
+        {points, directions, log_intensities, gloss}, vertices, normals, visibility, base, scene.center[0]};
     typename LitSplats<B, T>::Cache cache;
     auto colors = bring(zero.base);
     lit.forward(input, colors, cache);
@@ -104,8 +104,7 @@ void compare(const Case& c) {
     CAPTURE(c.glossy);
     Device device;
     const Result<T> found = run<T>(device, c);
-    test::with_references(
-        [&](auto& backend) { check_near(found, run<T>(backend, c), sizeof(T) == 8 ? 1e-10 : 2e-5); });
+    test::with_references([&](auto& backend) { check_near(found, run<T>(backend, c), sizeof(T) == 8 ? 1e-10 : 2e-5); });
 }
 
 TEST_CASE("shading agrees with the host for every number of Gaussians and vertices") {
@@ -121,8 +120,8 @@ TEST_CASE("shading agrees with the host for every number of Gaussians and vertic
 
 TEST_CASE("shading agrees for every kind of light, and where colours end at one") {
     if (test::skip_without_device()) return;
-    for (const auto& [points, directions] : {std::pair(3u, 0u), std::pair(0u, 7u), std::pair(1u, 1u),
-                                             std::pair(0u, 0u), std::pair(5u, 40u)})
+    for (const auto& [points, directions] :
+         {std::pair(3u, 0u), std::pair(0u, 7u), std::pair(1u, 1u), std::pair(0u, 0u), std::pair(5u, 40u)})
         for (const bool glossy : {true, false})
             for (const ColorClamp clamping : {ColorClamp::below, ColorClamp::both})
                 compare<double>({.points = points, .directions = directions, .glossy = glossy, .clamping = clamping});

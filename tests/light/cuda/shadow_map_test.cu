@@ -56,8 +56,8 @@ Result<T> run(B& backend, const Scene<T>& scene) {
         vertices.push_back(bring(caster.vertices)), triangles.push_back(bring(caster.triangles));
     std::vector<ShadowCaster<T>> casters;
     for (std::size_t c = 0; c < vertices.size(); ++c) casters.push_back({vertices[c], triangles[c]});
-    const auto points = bring(scene.points), directions = bring(scene.directions),
-               at = bring(scene.receiver.vertices), normals = bring(scene.receiver.normals);
+    const auto points = bring(scene.points), directions = bring(scene.directions), at = bring(scene.receiver.vertices),
+               normals = bring(scene.receiver.normals);
     const std::size_t L = scene.points.size() + scene.directions.size();
     typename B::template Buffer<T> visibility(scene.receiver.vertices.size() * L);
     const ShadowMaps<B, T> maps(backend, scene.params);

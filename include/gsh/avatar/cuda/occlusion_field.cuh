@@ -2,11 +2,13 @@
 /// @file  Ambient occlusion on the GPU: the hidden layers as products of tiles in shared memory.
 #pragma once
 
+#include <gsh/avatar/cuda/pose_of_neurons.cuh>
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/lane_sums.cuh>
 #include <gsh/backend/cuda/reduce.cuh>
+#include <gsh/core/lane.hpp>
 #include <gsh/core/span.hpp>
 
 #include <concepts>
@@ -89,12 +91,12 @@ struct OcclusionLayer {
     using Shared = typename Product::Shared;
     static constexpr unsigned block_size = Product::block_size, least_blocks = sizeof(T) == 4 ? 3 : 1;
 
-    Span<const T> from;   // [N, W]
-    Span<const T> pose;   // [W] x = relu(from + pose), or empty for x = from
-    Span<const T> matrix; // [W, W], or empty for y = x
-    Span<const T> last;   // [W], or empty: there is another hidden layer
-    Span<T> logits;       // [N] if there is `last`
-    Span<T> values;       // [N, W] y if there is another hidden layer
+    Span<const T> from;       // [N, W]
+    Span<const T> pose;       // [W] x = relu(from + pose), or empty for x = from
+    Span<const T> matrix;     // [W, W], or empty for y = x
+    Span<const T> last;       // [W], or empty: there is another hidden layer
+    Span<T> logits;           // [N] if there is `last`
+    Span<T> values;           // [N, W] y if there is another hidden layer
     Span<std::uint8_t> signs; // [N, W / 4], or empty if y = x
     std::size_t rows, width;
 
@@ -151,13 +153,13 @@ struct OcclusionLayerBackward {
     using Shared = typename Product::Shared;
     static constexpr unsigned block_size = Product::block_size, least_blocks = sizeof(T) == 4 ? 3 : 1;
 
-    Span<const T> dL_dlogits, last;  // [N], [W] dL_dy = dL_dlogits last, or empty
-    Span<const T> dL_dy;             // [N, W] otherwise
-    Span<const std::uint8_t> signs;  // [N, W / 4] of y
-    Span<const T> matrix;            // [W, W], or empty for y = x
-    Span<const T> neurons, pose;     // [N, W], [W] x = relu(neurons + pose), or empty if there is a layer below
-    Span<T> dL_dx;                   // [N, W] if there is
-    Span<T> partials;                // [W, blocks] otherwise
+    Span<const T> dL_dlogits, last; // [N], [W] dL_dy = dL_dlogits last, or empty
+    Span<const T> dL_dy;            // [N, W] otherwise
+    Span<const std::uint8_t> signs; // [N, W / 4] of y
+    Span<const T> matrix;           // [W, W], or empty for y = x
+    Span<const T> neurons, pose;    // [N, W], [W] x = relu(neurons + pose), or empty if there is a layer below
+    Span<T> dL_dx;                  // [N, W] if there is
+    Span<T> partials;               // [W, blocks] otherwise
     std::size_t rows, width;
 
     __device__ void operator()(Shared& shared) const {
@@ -171,14 +173,18 @@ struct OcclusionLayerBackward {
             } else {
                 Product::sum(
                     shared, width,
-                    [&](unsigned r, std::size_t k) { return is_positive(first + r, k) ? gradient(first + r, k) : T(0); },
+                    [&](unsigned r, std::size_t k) {
+                        return is_positive(first + r, k) ? gradient(first + r, k) : T(0);
+                    },
                     [&](std::size_t k, unsigned c) {
                         return k < width && begin + c < width ? matrix[k * width + begin + c] : T(0);
                     },
                     dx);
             }
-            if (neurons.empty()) store(row, column, dx);
-            else sum_rows(shared, row, column, dx);
+            if (neurons.empty())
+                store(row, column, dx);
+            else
+                sum_rows(shared, row, column, dx);
         }
     }
 
@@ -238,62 +244,7 @@ struct JoinPose {
     }
 };
 
-/// A warp for each neuron.
-template <class T>
-struct PoseOfNeuronsByWarps {
-    static constexpr unsigned block_size = 128;
-    gsh::detail::PoseOfNeurons<T> element;
-
-    __device__ void operator()() const {
-        const std::size_t o = (std::size_t(blockIdx.x) * block_size + threadIdx.x) / warp_size;
-        const std::size_t count = element.feature.size();
-        if (o >= element.sums.size()) return;
-        T sum(0);
-        for (std::size_t c = threadIdx.x % warp_size; c < count; c += warp_size)
-            sum += element.weights[o * count + c] * element.feature[c];
-        sum = warp_sum(sum);
-        if (threadIdx.x % warp_size == 0) element.sums[o] = sum;
-    }
-};
-
-/// A block for 32 numbers of the pose. Its warps share the neurons.
-template <class T>
-struct PoseOfNeuronsBackwardByWarps {
-    static constexpr unsigned block_size = 256, warps = block_size / warp_size;
-    struct Shared {
-        SharedArray<T, block_size> sums;
-    };
-    gsh::detail::PoseOfNeuronsBackward<T> element;
-
-    __device__ void operator()(Shared& shared) const {
-        const std::size_t count = element.dL_dfeature.size();
-        const std::size_t c = std::size_t(blockIdx.x) * warp_size + threadIdx.x % warp_size;
-        T sum(0);
-        for (std::size_t o = threadIdx.x / warp_size; c < count && o < element.dL_dsums.size(); o += warps)
-            sum += element.weights[o * count + c] * element.dL_dsums[o];
-        shared.sums[threadIdx.x] = sum;
-        __syncthreads();
-        if (threadIdx.x >= warp_size || c >= count) return;
-        for (unsigned warp = 1; warp < warps; ++warp) {
-            const T other = shared.sums[warp * warp_size + threadIdx.x];
-            sum += other;
-        }
-        element.dL_dfeature[c] += sum;
-    }
-};
-
 } // namespace detail
-
-template <class T>
-void pose_of_neurons(Device& device, const gsh::detail::PoseOfNeurons<T>& element) {
-    using Kernel = detail::PoseOfNeuronsByWarps<T>;
-    device.launch(chunk_count(element.sums.size() * warp_size, Kernel::block_size), Kernel{element});
-}
-
-template <class T>
-void pose_of_neurons_backward(Device& device, const gsh::detail::PoseOfNeuronsBackward<T>& element) {
-    device.launch(chunk_count(element.dL_dfeature.size(), warp_size), detail::PoseOfNeuronsBackwardByWarps<T>{element});
-}
 
 /// logits[i] = network(relu(neurons[i] + pose)). One kernel for each hidden layer after the first, so one in all for
 /// the usual two; the last of them computes the output, too.
@@ -311,8 +262,10 @@ void occlusion_forward(Device& device, const Network& network, Span<const T> wei
         const bool ends = l + 1 == layers;
         Kernel kernel{neurons, pose, weights.subspan(network.layer_offset(l), W * W), {}, {}, {}, {}, rows, W};
         if (l > 0) kernel.from = scratch.values[(l - 1) % 2], kernel.pose = {};
-        if (ends) kernel.last = last, kernel.logits = logits;
-        else kernel.values = scratch.values[l % 2];
+        if (ends)
+            kernel.last = last, kernel.logits = logits;
+        else
+            kernel.values = scratch.values[l % 2];
         kernel.signs = Span<std::uint8_t>(scratch.signs).subspan(l * signs, signs);
         device.launch(blocks, kernel);
     }
@@ -330,14 +283,17 @@ void occlusion_backward(Device& device, const Network& network, Span<const T> we
     scratch.partials.resize(W * blocks);
     const Span<const T> last = weights.subspan(network.layer_offset(layers), W);
     if (layers == 0)
-        device.launch(blocks,
-                      Kernel{dL_dlogits, last, {}, {}, {}, neurons, pose, {}, scratch.partials, rows, W});
+        device.launch(blocks, Kernel{dL_dlogits, last, {}, {}, {}, neurons, pose, {}, scratch.partials, rows, W});
     for (std::size_t l = layers; l-- > 0;) {
         Kernel kernel{{}, {}, {}, {}, weights.subspan(network.layer_offset(l), W * W), {}, {}, {}, {}, rows, W};
-        if (l + 1 == layers) kernel.dL_dlogits = dL_dlogits, kernel.last = last;
-        else kernel.dL_dy = scratch.values[(l + 1) % 2];
-        if (l > 0) kernel.dL_dx = scratch.values[l % 2];
-        else kernel.neurons = neurons, kernel.pose = pose, kernel.partials = scratch.partials;
+        if (l + 1 == layers)
+            kernel.dL_dlogits = dL_dlogits, kernel.last = last;
+        else
+            kernel.dL_dy = scratch.values[(l + 1) % 2];
+        if (l > 0)
+            kernel.dL_dx = scratch.values[l % 2];
+        else
+            kernel.neurons = neurons, kernel.pose = pose, kernel.partials = scratch.partials;
         kernel.signs = Span<const std::uint8_t>(Span<std::uint8_t>(scratch.signs)).subspan(l * signs, signs);
         device.launch(blocks, kernel);
     }

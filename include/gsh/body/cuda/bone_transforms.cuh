@@ -79,8 +79,10 @@ struct BoneChain {
         const int depth = exists ? joint_depth(shared.parents, parent) : -1;
         for (int level = 0; __syncthreads_or(depth >= level); ++level) {
             if (depth != level) continue;
-            if (parent < 0) bone.translation = bone.translation + chain.transl[0];
-            else bone = shared.bones.get(static_cast<unsigned>(parent)) * bone;
+            if (parent < 0)
+                bone.translation = bone.translation + chain.transl[0];
+            else
+                bone = shared.bones.get(static_cast<unsigned>(parent)) * bone;
             shared.bones.set(j, bone);
         }
         if (exists) chain.bones[j] = bone;
@@ -157,14 +159,18 @@ private:
 /// joint passes on stays in shared memory.
 template <class T>
 void bone_chain(Device& device, const gsh::detail::BoneTransforms<T>& chain) {
-    if (chain.parents.size() > detail::most_chain_joints) device.for_each(1, chain);
-    else if (!chain.parents.empty()) device.launch(1, detail::BoneChain<T>{chain});
+    if (chain.parents.size() > detail::most_chain_joints)
+        device.for_each(1, chain);
+    else if (!chain.parents.empty())
+        device.launch(1, detail::BoneChain<T>{chain});
 }
 
 template <class T>
 void bone_chain_backward(Device& device, const gsh::detail::BoneTransformsBackward<T>& chain) {
-    if (chain.parents.size() > detail::most_chain_joints) device.for_each(1, chain);
-    else if (!chain.parents.empty()) device.launch(1, detail::BoneChainBackward<T>{chain});
+    if (chain.parents.size() > detail::most_chain_joints)
+        device.for_each(1, chain);
+    else if (!chain.parents.empty())
+        device.launch(1, detail::BoneChainBackward<T>{chain});
 }
 
 } // namespace gsh::cuda

@@ -178,8 +178,8 @@ void lit_vertices_accumulate(Device& device, const gsh::detail::LitVertexBackwar
     device.launch(blocks, Kernel{element, scratch.sums, warps});
     if (dL_dlight.points.empty() && dL_dlight.log_intensities.empty() && dL_dlight.gloss.empty() && dL_dcenter.empty())
         return;
-    device.launch(places.size, detail::JoinLight<T>{scratch.sums, warps, light.points.size(), light.size(), dL_dlight,
-                                                    dL_dcenter});
+    device.launch(places.size,
+                  detail::JoinLight<T>{scratch.sums, warps, light.points.size(), light.size(), dL_dlight, dL_dcenter});
 }
 
 } // namespace cuda

@@ -88,8 +88,7 @@ struct AimMaps {
         const auto view = element.look(l, center);
         typename gsh::detail::AimShadowMaps<T>::Bounds bounds(view);
         for (std::size_t b = threadIdx.x; b < count; b += warp_size) bounds.include(view, element.boxes[b]);
-        for (int k = 0; k < 2; ++k)
-            bounds.low[k] = warp_min(bounds.low[k]), bounds.high[k] = warp_max(bounds.high[k]);
+        for (int k = 0; k < 2; ++k) bounds.low[k] = warp_min(bounds.low[k]), bounds.high[k] = warp_max(bounds.high[k]);
         if (threadIdx.x == 0) element.frames[l] = element.cover(l, view, bounds);
     }
 };
@@ -110,8 +109,10 @@ __device__ void keep_nearest(T& texel, T nearness) {
     if (!(nearness > value)) return;
     Bits bits;
     std::memcpy(&bits, &nearness, sizeof bits);
-    if (bits >= 0) atomicMax(at, bits);
-    else atomicMin(reinterpret_cast<Unsigned*>(at), static_cast<Unsigned>(bits));
+    if (bits >= 0)
+        atomicMax(at, bits);
+    else
+        atomicMin(reinterpret_cast<Unsigned*>(at), static_cast<Unsigned>(bits));
 }
 
 template <class T>
@@ -159,10 +160,10 @@ private:
             const int ca = at(t.ca), ab = at(t.ab);
             if ((at(t.bc) | ca | ab) < 0) continue;
             const T nearness = t.at_a + static_cast<T>(ca) * t.to_b + static_cast<T>(ab) * t.to_c;
-            keep_nearest(maps[frame.begin + static_cast<std::size_t>(t.top + row) *
-                                                static_cast<std::size_t>(frame.stride) +
-                              static_cast<std::size_t>(t.left + column)],
-                         nearness);
+            keep_nearest(
+                maps[frame.begin + static_cast<std::size_t>(t.top + row) * static_cast<std::size_t>(frame.stride) +
+                     static_cast<std::size_t>(t.left + column)],
+                nearness);
         }
     }
 };
