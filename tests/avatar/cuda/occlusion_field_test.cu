@@ -81,20 +81,21 @@ void compare(std::size_t count, int width, int hidden_layers) {
 
 TEST_CASE("occlusion agrees with the host for every number of Gaussians") {
     if (test::skip_without_device()) return;
-    for (const std::size_t count : {0u, 1u, 31u, 32u, 33u, 127u, 128u, 129u, 400u}) compare<double>(count, 64, 2);
-    for (const std::size_t count : {1u, 129u, 400u}) compare<float>(count, 64, 2);
+    for (const std::size_t count : {0u, 1u, 31u, 32u, 33u, 127u, 128u, 129u}) compare<double>(count, 20, 2);
+    for (const std::size_t count : {1u, 300u}) compare<float>(count, 64, 2);
 }
 
 TEST_CASE("occlusion agrees for every width and number of layers") {
     if (test::skip_without_device()) return;
     for (const int layers : {1, 2, 3, 4})
-        for (const int width : {1, 13, 16, 63, 65, 130}) compare<double>(150, width, layers);
+        for (const int width : {1, 16, 65}) compare<double>(130, width, layers);
+    compare<double>(130, 130, 2);
     compare<float>(150, 64, 3);
 }
 
 TEST_CASE("the adjoint of occlusion adds") {
     if (test::skip_without_device()) return;
-    const OcclusionFieldData data = field_data(150, 64, 3);
+    const OcclusionFieldData data = field_data(150, 30, 3);
     Device device;
     Result<double> once = run<double>(device, data);
     for (auto& m : once.dL_drotations) m *= 2.0;
