@@ -134,6 +134,18 @@ void occlusion_backward(B&, const Arguments&...) {
                   "<gsh/avatar/cpu/occlusion_field.hpp> or <gsh/cpu.hpp>");
 }
 
+/// Sums the contribution of a pose to each neuron. This version and the next need no overload; a backend may have
+/// faster ones.
+template <Backend B, class T>
+void pose_of_neurons(B& backend, const detail::PoseOfNeurons<T>& element) {
+    backend.for_each(element.sums.size(), element);
+}
+/// Its adjoint: adds to the gradient of the pose's numbers.
+template <Backend B, class T>
+void pose_of_neurons_backward(B& backend, const detail::PoseOfNeuronsBackward<T>& element) {
+    backend.for_each(element.dL_dfeature.size(), element);
+}
+
 /// ao_i(R) = largest · sigmoid(Mlp([h_i, vec(R - I)]) + bias), where R are the rotations of the non-root joints
 /// relative to their parents. ao is the same whenever the body bends in the same way, in any orientation of the body.
 ///
@@ -185,7 +197,7 @@ public:
         cache.feature.resize(skeleton.pose_feature_count());
         cache.neurons.resize(width_);
         skeleton.feature(rotations, cache.feature);
-        backend_->for_each(width_, detail::PoseOfNeurons<T>{pose_weights_, cache.feature, cache.neurons});
+        pose_of_neurons(*backend_, detail::PoseOfNeurons<T>{pose_weights_, cache.feature, cache.neurons});
         occlusion_forward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_),
                           Span<const T>(cache.neurons), ao, cache.scratch);
         backend_->for_each(size(), detail::AoFromLogit<T>{ao, bias_, largest_});
@@ -212,8 +224,8 @@ public:
         occlusion_backward(*backend_, network_, Span<const T>(weights_), Span<const T>(neurons_),
                            Span<const T>(cache.neurons), Span<const T>(cache.dL_dlogits), cache.scratch,
                            Span<T>(cache.dL_dneurons));
-        backend_->for_each(cache.feature.size(),
-                           detail::PoseOfNeuronsBackward<T>{pose_weights_, cache.dL_dneurons, cache.dL_dfeature});
+        pose_of_neurons_backward(
+            *backend_, detail::PoseOfNeuronsBackward<T>{pose_weights_, cache.dL_dneurons, cache.dL_dfeature});
         skeleton.feature_backward(cache.dL_dfeature, dL_drotations);
     }
 

@@ -155,9 +155,13 @@ struct SkinnedInput {
     std::size_t sh_stride;
 
     [[nodiscard]] GSH_HD typename SkinnedGaussian<Degree, D>::template Input<T> operator[](std::size_t i) const {
+        return with_sh(i, gaussians.sh.data() + i * sh_stride);
+    }
+    /// The same with the coefficients at another place.
+    [[nodiscard]] GSH_HD typename SkinnedGaussian<Degree, D>::template Input<T> with_sh(std::size_t i,
+                                                                                        const vec3<T>* sh) const {
         return {gaussians.means[i], gaussians.quats[i], gaussians.log_scales[i], gaussians.opacity_logits[i],
-                gaussians.sh.data() + i * sh_stride, gaussians.ao.empty() ? T(1) : gaussians.ao[i],
-                blend(gaussians.weights, i, bones), center};
+                sh, gaussians.ao.empty() ? T(1) : gaussians.ao[i], blend(gaussians.weights, i, bones), center};
     }
 };
 
@@ -167,8 +171,9 @@ struct SkinnedSplatForward {
     ColorClamp clamping;
     SplatView<T> splats;
 
-    GSH_HD void operator()(std::size_t i) const {
-        const auto out = SkinnedGaussian<Degree, D>::forward(input[i], clamping);
+    GSH_HD void operator()(std::size_t i) const { store(i, SkinnedGaussian<Degree, D>::forward(input[i], clamping)); }
+
+    GSH_HD void store(std::size_t i, const typename SkinnedGaussian<Degree, D>::template Output<T>& out) const {
         splats.means[i] = out.mean;
         splats.covariances[i] = out.covariance;
         splats.opacities[i] = out.opacity;
@@ -192,17 +197,22 @@ struct SkinnedSplatBackward {
         gradient.sh = dL_dgaussians.sh.empty() ? unused : dL_dgaussians.sh.data() + i * dL_dsh_stride;
         if (dL_dgaussians.sh.empty())
             for (vec3<T>& value : unused) value = vec3<T>(T(0));
-        SkinnedGaussian<Degree, D>::backward(input[i], clamping,
-                                          {dL_dsplats.means[i], dL_dsplats.covariances[i], dL_dsplats.opacities[i],
-                                           dL_dsplats.colors[i]},
-                                          gradient);
+        SkinnedGaussian<Degree, D>::backward(input[i], clamping, output_gradient(i), gradient);
+        add(i, gradient);
+        if (!dL_dbones.empty()) blend_backward(input.gaussians.weights, i, input.bones, gradient.blend, dL_dbones);
+        dL_dcenter += gradient.center;
+    }
+
+    [[nodiscard]] GSH_HD typename SkinnedGaussian<Degree, D>::template Output<T> output_gradient(std::size_t i) const {
+        return {dL_dsplats.means[i], dL_dsplats.covariances[i], dL_dsplats.opacities[i], dL_dsplats.colors[i]};
+    }
+    /// Adds to the Gaussian's own attributes, but for the coefficients.
+    GSH_HD void add(std::size_t i, const typename SkinnedGaussian<Degree, D>::template Gradient<T>& gradient) const {
         if (!dL_dgaussians.means.empty()) dL_dgaussians.means[i] += gradient.mean;
         if (!dL_dgaussians.quats.empty()) dL_dgaussians.quats[i] += gradient.q;
         if (!dL_dgaussians.log_scales.empty()) dL_dgaussians.log_scales[i] += gradient.log_scale;
         if (!dL_dgaussians.opacity_logits.empty()) dL_dgaussians.opacity_logits[i] += gradient.opacity_logit;
         if (!dL_dgaussians.ao.empty()) dL_dgaussians.ao[i] += gradient.ao;
-        if (!dL_dbones.empty()) blend_backward(input.gaussians.weights, i, input.bones, gradient.blend, dL_dbones);
-        dL_dcenter += gradient.center;
     }
 
     /// True if the gradient of the splat is zero. The adjoint is linear, so such a Gaussian contributes nothing. This

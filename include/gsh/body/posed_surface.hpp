@@ -171,6 +171,18 @@ struct JoinBonePieces {
 
 } // namespace detail
 
+/// Sums the gradient of each piece of a bone's vertices. This version and the next need no overload; a backend may have
+/// faster ones.
+template <Backend B, class T>
+void bone_pieces_sum(B& backend, const detail::BonePieceBackward<T>& element) {
+    backend.for_each(element.dL_dpieces.size(), element);
+}
+/// Adds the pieces of each bone.
+template <Backend B, class T>
+void bone_pieces_join(B& backend, const detail::JoinBonePieces<T>& element) {
+    backend.for_each(element.dL_dbones.size(), element);
+}
+
 /// The mesh of a body in a pose, by linear blend skinning, and its unit vertex normals.
 ///
 ///     x_v = M_v (rest_v + offset_v),   M_v = Σ_j w_vj B_j
@@ -321,9 +333,9 @@ private:
                       Cache& cache, Span<Affine<T>> dL_dbones) const {
         const std::size_t pieces = piece_starts_.size() - 1;
         cache.dL_dpieces.resize(pieces);
-        backend_->for_each(pieces, detail::BonePieceBackward<T>{piece_starts_, moved_, rest, offsets, dL_dposed,
+        bone_pieces_sum(*backend_, detail::BonePieceBackward<T>{piece_starts_, moved_, rest, offsets, dL_dposed,
                                                                 cache.dL_dpieces});
-        backend_->for_each(joint_count_, detail::JoinBonePieces<T>{bone_pieces_, cache.dL_dpieces, dL_dbones});
+        bone_pieces_join(*backend_, detail::JoinBonePieces<T>{bone_pieces_, cache.dL_dpieces, dL_dbones});
     }
 
     void group_by_bone(const SkinWeightTable<T>& skin) {

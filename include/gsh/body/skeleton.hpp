@@ -144,6 +144,18 @@ struct BoneTransformsBackward {
 
 } // namespace detail
 
+/// Runs the whole chain as one element. This version needs no overload; a backend may have one that runs the joints of
+/// the same depth at the same time.
+template <Backend B, class T>
+void bone_chain(B& backend, const detail::BoneTransforms<T>& chain) {
+    backend.for_each(1, chain);
+}
+/// Its adjoint, likewise.
+template <Backend B, class T>
+void bone_chain_backward(B& backend, const detail::BoneTransformsBackward<T>& chain) {
+    backend.for_each(1, chain);
+}
+
 /// A skeleton with fixed parents whose joints, pose and translation are arrays of the backend.
 ///
 /// It has three stages, each with its adjoint: rotations (axis-angle pose to matrices), feature (input of the pose
@@ -200,7 +212,7 @@ public:
         check("bones", "joints", joints);
         check("bones", "transl", transl, 1);
         check("bones", "bones", bones);
-        backend_->for_each(1, detail::BoneTransforms<T>{parents_, rotations, joints, transl, bones});
+        bone_chain(*backend_, detail::BoneTransforms<T>{parents_, rotations, joints, transl, bones});
     }
     /// bones are those written by the forward pass.
     void bones_backward(Span<const mat3<T>> rotations, Span<const vec3<T>> joints, Span<const Affine<T>> bones,
@@ -213,8 +225,9 @@ public:
         check("bones_backward", "dL_drotations", dL_drotations);
         check("bones_backward", "dL_djoints", dL_djoints);
         check("bones_backward", "dL_dtransl", dL_dtransl, 1);
-        backend_->for_each(1, detail::BoneTransformsBackward<T>{parents_, rotations, joints, bones, dL_dbones,
-                                                                dL_drotations, dL_djoints, dL_dtransl, scratch_});
+        bone_chain_backward(*backend_,
+                            detail::BoneTransformsBackward<T>{parents_, rotations, joints, bones, dL_dbones,
+                                                              dL_drotations, dL_djoints, dL_dtransl, scratch_});
     }
 
 private:

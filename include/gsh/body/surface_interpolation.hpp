@@ -55,6 +55,12 @@ struct SurfaceScatter {
 
 } // namespace detail
 
+/// Sums the gradients of each vertex's samples. This version needs no overload; a backend may have a faster one.
+template <Backend B, class T, class Vector>
+void surface_scatter(B& backend, const detail::SurfaceScatter<T, Vector>& element) {
+    backend.for_each(element.dL_dvalues.size(), element);
+}
+
 /// points[i] += Σ_c barycentric[i][c] values[triangle_i[c]].
 ///
 /// The triangles and barycentric coordinates are fixed, so the transpose is sorted once (compressed rows, one per
@@ -119,7 +125,7 @@ public:
                    "store one per vertex");
         check_memory(*backend_, "SurfaceInterpolation::backward", "dL_dpoints", dL_dpoints);
         check_memory(*backend_, "SurfaceInterpolation::backward", "dL_dvalues", dL_dvalues);
-        backend_->for_each(vertex_count_, detail::SurfaceScatter<T, Vector>{starts_, entries_, dL_dpoints, dL_dvalues});
+        surface_scatter(*backend_, detail::SurfaceScatter<T, Vector>{starts_, entries_, dL_dpoints, dL_dvalues});
     }
 
 private:

@@ -106,11 +106,12 @@ struct LitPoint {
         return LitShading<T>(irradiance, specular);
     }
 
-    /// Adjoint of forward, whose result is `out`: adds to dL_din and to sums.
-    template <Lane T, class Visibility>
+    /// Adjoint of forward, whose result is `out`: adds to dL_din and, once to each number, to sums: a LitLightSums or
+    /// something with the same members.
+    template <Lane T, class Visibility, class Sums>
     GSH_HD static void backward(const LitLight<ScalarOf<T>>& light, const Input<T>& in, Visibility&& visibility,
                                 const LitShading<T>& out, const LitShading<T>& dL_dout, Gradient<T>& dL_din,
-                                const LitLightSums<T>& sums) {
+                                const Sums& sums) {
         const SoftDirection<T> normal(in.normal), view(in.center - in.position);
         const vec3<T>& n = normal.dir;
         const std::size_t P = light.points.size();

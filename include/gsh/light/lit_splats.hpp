@@ -119,12 +119,21 @@ struct LitVertexBackward {
 
     GSH_HD void operator()(std::size_t v, const LitLightSums<T>& sums, vec3<T>& dL_dcenter) const {
         if (unseen(v)) return;
+        const LitPoint::Gradient<T> gradient = adjoint(v, dL_dshading[v], sums);
+        add(v, gradient);
+        dL_dcenter += gradient.center;
+    }
+
+    [[nodiscard]] GSH_HD LitPoint::Gradient<T> adjoint(std::size_t v, const LitShading<T>& dL_dout,
+                                                       const auto& sums) const {
         LitPoint::Gradient<T> gradient;
-        LitPoint::backward(surface.light, surface[v], surface.visibility_of(v), shading[v], dL_dshading[v], gradient,
-                           sums);
+        LitPoint::backward(surface.light, surface[v], surface.visibility_of(v), shading[v], dL_dout, gradient, sums);
+        return gradient;
+    }
+    /// Adds to the vertex's own attributes.
+    GSH_HD void add(std::size_t v, const LitPoint::Gradient<T>& gradient) const {
         if (!dL_dvertices.empty()) dL_dvertices[v] += gradient.position;
         if (!dL_dnormals.empty()) dL_dnormals[v] += gradient.normal;
-        dL_dcenter += gradient.center;
     }
 
     /// True if the shading has no gradient. The adjoint is linear, so such a vertex contributes nothing.

@@ -14,6 +14,8 @@
 /// One __global__ function runs all of them, so a kernel can be copied, compared and repeated with other arguments.
 #pragma once
 
+#include <gsh/core/span.hpp>
+
 #include <cuda_runtime.h>
 
 #include <cstddef>

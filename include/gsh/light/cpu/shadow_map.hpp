@@ -6,6 +6,7 @@
 #include <gsh/core/lane.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/light/shadow_map.hpp>
+#include <gsh/light/shadow_triangle.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/math/wide.hpp>
 
@@ -14,20 +15,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <utility>
 
 namespace gsh {
-
-namespace detail {
-
-/// A vertex in a light's map, in sixteenths of a texel; x is negative if it is not in the map.
-template <class T>
-struct ShadowVertex {
-    std::int32_t x, y;
-    T nearness;
-};
-
-} // namespace detail
 
 template <CpuBackend B, std::floating_point T>
 struct ShadowMapScratch<B, T> {
@@ -38,74 +27,39 @@ namespace cpu::inline GSH_ISA {
 
 namespace detail {
 
+using gsh::detail::ShadowTriangle;
 using gsh::detail::ShadowVertex;
 
-inline constexpr int shadow_subtexels = 16; // vertices are rounded to this part of a texel
-
-template <class T>
-[[nodiscard]] GSH_INLINE ShadowVertex<T> place_shadow_vertex(const ShadowFrame<T>& frame, const vec3<T>& p) {
-    const T w = frame.w(p), inverse = T(1) / w;
-    const T x = frame.x(p) * inverse, y = frame.y(p) * inverse;
-    // Written so that a comparison with NaN is false: what cannot be placed is left out.
-    const bool inside = w > frame.near && x >= T(0) && x <= T(frame.width) && y >= T(0) && y <= T(frame.height);
-    const auto fixed = [&](T v) {
-        return static_cast<std::int32_t>((inside ? v : T(0)) * T(shadow_subtexels) + T(0.5));
-    };
-    return {inside ? fixed(x) : -1, fixed(y), frame.q(p) * inverse};
-}
-
 /// Keeps the greater nearness at the texels of rows [row_begin, row_end) whose centres a triangle covers.
-///
-/// Coverage is decided in integers by the top-left rule, so neighbouring triangles leave no gap.
 template <class T>
-GSH_INLINE void draw_shadow_triangle(const ShadowVertex<T>& a, ShadowVertex<T> b, ShadowVertex<T> c, bool closed,
-                                     std::int32_t row_begin, std::int32_t row_end, T* map, std::int32_t stride) {
-    std::int32_t area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
-    const auto first = [](std::int32_t v) { return (v + 7) >> 4; }; // first texel whose centre is not before v
-    const std::int32_t left = first(std::min({a.x, b.x, c.x})), right = first(std::max({a.x, b.x, c.x}) + 1);
-    const std::int32_t top = std::max(first(std::min({a.y, b.y, c.y})), row_begin);
-    const std::int32_t bottom = std::min(first(std::max({a.y, b.y, c.y}) + 1), row_end);
-    // One branch for all reasons to leave: it faces the light, has no area, is not in the map, or covers no centre.
-    const bool faces_light = closed ? area <= 0 : area == 0;
-    if (faces_light | ((a.x | b.x | c.x) < 0) | (left >= right) | (top >= bottom)) return;
-    if (area < 0) std::swap(b, c), area = -area;
-
+GSH_INLINE void draw_shadow_triangle(const ShadowVertex<T>& a, const ShadowVertex<T>& b, const ShadowVertex<T>& c,
+                                     bool closed, std::int32_t row_begin, std::int32_t row_end, T* map,
+                                     std::int32_t stride) {
+    ShadowTriangle<T> triangle;
+    if (!triangle.place(a, b, c, closed, row_begin, row_end)) return;
     typedef std::int32_t Ints __attribute__((vector_size(16)));
     typedef T Numbers __attribute__((vector_size(4 * sizeof(T))));
     using Mask = decltype(Numbers{} < Numbers{});
     constexpr Ints lanes{0, 1, 2, 3};
-    const std::int32_t x = left * shadow_subtexels + shadow_subtexels / 2;
-    const std::int32_t y = top * shadow_subtexels + shadow_subtexels / 2;
-    struct Edge { // not negative inside: less one, unless points of the edge, a top or left one, are inside
-        Ints at;
-        std::int32_t column_step, row_step, less;
-    };
-    const auto edge = [&](const ShadowVertex<T>& p, const ShadowVertex<T>& q) {
-        const std::int32_t dx = q.x - p.x, dy = q.y - p.y, column_step = -dy * shadow_subtexels;
-        const std::int32_t less = (dy < 0) | ((dy == 0) & (dx > 0)) ? 0 : 1;
-        return Edge{dx * (y - p.y) - dy * (x - p.x) - less + lanes * column_step, column_step, dx * shadow_subtexels,
-                    less};
-    };
-    Edge bc = edge(b, c), ca = edge(c, a), ab = edge(a, b);
-    const T inverse_area = T(1) / static_cast<T>(area);
-    const T to_b = (b.nearness - a.nearness) * inverse_area, to_c = (c.nearness - a.nearness) * inverse_area;
-    const T at_a = a.nearness + static_cast<T>(ca.less) * to_b + static_cast<T>(ab.less) * to_c;
+    const auto &bc = triangle.bc, &ca = triangle.ca, &ab = triangle.ab;
+    Ints row_bc = bc.at + lanes * bc.column_step, row_ca = ca.at + lanes * ca.column_step,
+         row_ab = ab.at + lanes * ab.column_step;
     // Four columns at a time. The map's margin lies behind the last of them.
     static_assert(gsh::detail::shadow_margin >= 3);
-    for (std::int32_t row = top; row < bottom; ++row) {
-        T* texels = map + static_cast<std::ptrdiff_t>(row) * stride + left;
-        Ints at_bc = bc.at, at_ca = ca.at, at_ab = ab.at;
-        for (std::int32_t column = left; column < right; column += 4, texels += 4) {
+    for (std::int32_t row = triangle.top; row < triangle.bottom; ++row) {
+        T* texels = map + static_cast<std::ptrdiff_t>(row) * stride + triangle.left;
+        Ints at_bc = row_bc, at_ca = row_ca, at_ab = row_ab;
+        for (std::int32_t column = triangle.left; column < triangle.right; column += 4, texels += 4) {
             const Mask inside = __builtin_convertvector((at_bc | at_ca | at_ab) >= 0, Mask);
-            const Numbers nearness = at_a + __builtin_convertvector(at_ca, Numbers) * to_b +
-                                     __builtin_convertvector(at_ab, Numbers) * to_c;
+            const Numbers nearness = triangle.at_a + __builtin_convertvector(at_ca, Numbers) * triangle.to_b +
+                                     __builtin_convertvector(at_ab, Numbers) * triangle.to_c;
             Numbers texel;
             std::memcpy(&texel, texels, sizeof texel);
             texel = (inside & (nearness > texel)) ? nearness : texel;
             std::memcpy(texels, &texel, sizeof texel);
             at_bc += 4 * bc.column_step, at_ca += 4 * ca.column_step, at_ab += 4 * ab.column_step;
         }
-        bc.at += bc.row_step, ca.at += ca.row_step, ab.at += ab.row_step;
+        row_bc += bc.row_step, row_ca += ca.row_step, row_ab += ab.row_step;
     }
 }
 
@@ -195,7 +149,7 @@ void shadow_draw(B& backend, Span<const ShadowFrame<T>> frames, const ShadowCast
         const std::size_t l = task / chunks, begin = task % chunks * grain, end = std::min(begin + grain, V);
         const ShadowFrame<T> frame = frames[l];
         ShadowVertex<T>* const placed = scratch.vertices.data() + l * V;
-        for (std::size_t v = begin; v < end; ++v) placed[v] = detail::place_shadow_vertex(frame, caster.vertices[v]);
+        for (std::size_t v = begin; v < end; ++v) placed[v] = gsh::detail::place_shadow_vertex(frame, caster.vertices[v]);
     });
 
     // One band per light occupies a few threads; more threads share the rows of a map, at the price of reading the
