@@ -87,12 +87,28 @@ template <std::floating_point T>
     return bits_as<T>(static_cast<Bits>(bits_as<Bits>(value) + exponent));
 }
 
-/// sqrt(x) for 0 <= x < 1e30, to a relative error of 1e-5: Newton's iteration from the exponent halved.
+/// sqrt(x) for 0 <= x < 1e30, to a relative error of 1e-5: Newton's iteration from the exponent halved, or a GPU's own
+/// approximation.
 [[nodiscard]] GSH_HD inline float rough_sqrt(float x) {
+#if defined(__CUDA_ARCH__)
+    float root;
+    asm("sqrt.approx.ftz.f32 %0, %1;" : "=f"(root) : "f"(x));
+    return root;
+#else
     const float y0 = bits_as<float>(0x5F3759DFu - (bits_as<std::uint32_t>(x) >> 1)); // about 1 / sqrt(x)
     const float y1 = y0 * (1.5f - 0.5f * x * y0 * y0);
     const float y2 = y1 * (1.5f - 0.5f * x * y1 * y1);
     return x * y2;
+#endif
+}
+
+/// a / b, on a GPU to two units in the last place, in a quarter of the time.
+[[nodiscard]] GSH_HD inline float rough_ratio(float a, float b) {
+#if defined(__CUDA_ARCH__)
+    return __fdividef(a, b);
+#else
+    return a / b;
+#endif
 }
 
 } // namespace GSH_ISA

@@ -68,9 +68,9 @@ inline namespace GSH_ISA { // roundings depend on the instruction set
 /// meet between the first and the last line of pixels; (u, v) are those of the centre of the tile's first pixel. It
 /// works as horizontal_extent (tiles.hpp), in single precision with a margin and without branches.
 [[nodiscard]] GSH_INLINE GSH_HD std::uint32_t touched_blocks(float u, float v, const Whitening<float>& w, float reach) {
-    const float inverse_ux = 1.0f / w.ux, shear = w.uy / w.vy;
+    const float inverse_ux = rough_ratio(1.0f, w.ux), shear = rough_ratio(w.uy, w.vy);
     const float radius = rough_sqrt(reach) * 1.0001f;
-    const float tip = radius * shear / rough_sqrt(1.0f + shear * shear);
+    const float tip = rough_ratio(radius * shear, rough_sqrt(1.0f + shear * shear));
     const float margin = 2e-3f + 4e-6f * std::fabs(shear);
     const float base = shear * v - u;
     std::uint32_t found = 0;

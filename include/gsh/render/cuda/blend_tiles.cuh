@@ -17,18 +17,17 @@ namespace gsh::cuda::detail {
 /// One thread block per tile, long lists first. A batch of the list is staged in shared memory; then each half warp
 /// blends those splats that may touch its block of pixels.
 ///
-/// `used` tells the backward pass which splats had an effect in which block, so that it neither finds the blocks again
-/// nor visits splats behind opaque ones: it blends about half as many.
+/// `used` tells the backward pass which splats came to which block, so that it neither finds the blocks again nor visits
+/// what is behind opaque ones.
 template <std::floating_point T, bool Depth>
 struct BlendTiles {
     static constexpr unsigned block_size = tile_pixels;
     static constexpr unsigned batch = 256;
-    static constexpr unsigned groups = batch / 32; // of `used`
-    static_assert(groups <= block_lanes);
+    using Lists = BlockLists<batch, std::uint16_t>;
     struct Shared {
-        SharedArray<TileSplat<T>, batch> splats;
+        SharedArray<TileSplat<T>, batch + 1> splats; // the last one pads lists
         SharedArray<std::uint16_t, batch> touched;
-        BlockLists<batch, std::uint8_t> lists;
+        Lists lists;
     };
 
     TileGrid grid;
@@ -47,6 +46,7 @@ struct BlendTiles {
         const std::uint32_t begin = tile_begin[pixel.tile], length = tile_begin[pixel.tile + 1] - begin;
         State state;
         state.product = state.transmittance = pixel.inside ? T(1) : T(0);
+        if (threadIdx.x == 0) shared.splats[batch] = TileSplat<T>::none();
         std::uint32_t done = 0;
         while (done < length && __syncthreads_or(state.product >= limits.transmittance_min) != 0) {
             const std::uint32_t size = length - done < batch ? length - done : batch;
@@ -75,46 +75,40 @@ private:
         T red = 0, green = 0, blue = 0, depth = 0, median = 0;
     };
 
-    /// Returns, on lane g of each half warp, which of the splats 32 g, 32 g + 1, … had an effect in the half's block.
+    /// Returns, on lane g of each half warp, which of the splats 32 g, 32 g + 1, … came to the half's block before all of
+    /// its pixels had stopped.
     __device__ std::uint32_t blend_batch(Shared& shared, const TilePixel& pixel, State& state) const {
-        unsigned mine = shared.lists.make([&](unsigned j) -> std::uint32_t { return shared.touched[j]; },
-                                          [](unsigned j, unsigned) { return static_cast<std::uint8_t>(j); });
-        // The splats after the last pixel has stopped have no effect.
-        if (!pixel.in_half(__ballot_sync(all_lanes, state.product >= limits.transmittance_min))) mine = 0;
-        const unsigned other = __shfl_xor_sync(all_lanes, mine, int(block_lanes));
-        const unsigned steps = mine < other ? other : mine;
-        const T x = static_cast<T>(pixel.x), y = static_cast<T>(pixel.y);
-        std::uint32_t word = 0;
-
-        // The next splat is loaded while this one is blended: a tile has few warps that could hide the latency.
-        const auto index = [&](unsigned k) { return k < mine ? unsigned(shared.lists.at(pixel.block, k)) : 0u; };
-        unsigned j = index(0);
-        TileSplat<T> next = shared.splats[j];
-        for (unsigned k = 0; k < steps; ++k) {
-            TileSplat<T> s = next;
-            if (k >= mine) s.cut = T(-1); // no effect
-            const unsigned now = j;
-            j = index(k + 1);
-            next = shared.splats[j];
-
-            const T before = state.product;
-            const BlendStep<T> step(s, limits, x, y, before);
-            // Also the splat that stops a pixel: the backward pass must stop there, too.
-            const unsigned votes = __ballot_sync(all_lanes, step.alpha > T(0) && before >= limits.transmittance_min);
-            if (pixel.in_half(votes) && pixel.lane == now / 32) word |= 1u << now % 32;
-            state.product = step.after;
-            state.transmittance = step.live ? step.after : state.transmittance;
-            state.red = multiply_add(step.weight, s.red, state.red);
-            state.green = multiply_add(step.weight, s.green, state.green);
-            state.blue = multiply_add(step.weight, s.blue, state.blue);
-            if constexpr (Depth) {
-                const bool crosses = before > T(0.5) && step.after <= T(0.5) && step.live;
-                state.depth = multiply_add(step.weight, s.depth, state.depth);
-                state.median = crosses ? s.depth : state.median;
+        const auto touched = [&](unsigned j) -> std::uint32_t { return shared.touched[j]; };
+        typename Lists::List list = shared.lists.make(
+            touched, [](unsigned j, unsigned) { return static_cast<std::uint16_t>(j); }, std::uint16_t(batch));
+        const auto accepts = [&] { return __ballot_sync(all_lanes, state.product >= limits.transmittance_min); };
+        unsigned votes = accepts(), end = pixel.in_half(votes) ? list.padded : 0;
+        for (unsigned k = 0; k < list.padded && votes != 0; k += Lists::unroll) {
+            for (unsigned q = 0; q < Lists::unroll; ++q) {
+                const unsigned j = shared.lists.at(pixel.block, k + q);
+                blend(shared.splats[j], pixel, state);
             }
-            if (k % 8 == 7 && __any_sync(all_lanes, state.product >= limits.transmittance_min) == 0) break;
+            votes = accepts();
+            if (!pixel.in_half(votes) && end > k + Lists::unroll) end = k + Lists::unroll;
         }
-        return word;
+        if (__any_sync(all_lanes, end < list.length) != 0) shared.lists.cut(touched, end, list);
+        return list.word;
+    }
+
+    /// C += T alpha c,  T *= 1 - alpha,  unless that would take T below the limit.
+    __device__ void blend(const TileSplat<T>& s, const TilePixel& pixel, State& state) const {
+        const T before = state.product;
+        const BlendStep<T> step(s, limits, static_cast<T>(pixel.x), static_cast<T>(pixel.y), before);
+        state.product = step.after;
+        state.transmittance = step.live ? step.after : state.transmittance;
+        state.red = multiply_add(step.weight, s.red, state.red);
+        state.green = multiply_add(step.weight, s.green, state.green);
+        state.blue = multiply_add(step.weight, s.blue, state.blue);
+        if constexpr (Depth) {
+            const bool crosses = before > T(0.5) && step.after <= T(0.5) && step.live;
+            state.depth = multiply_add(step.weight, s.depth, state.depth);
+            state.median = crosses ? s.depth : state.median;
+        }
     }
 
     __device__ void write(const TilePixel& pixel, const State& state, bool active) const {

@@ -47,17 +47,19 @@ struct BlendTilesBackward {
     /// Pairs of a batch, as many as fit into 48 KiB. The stride is odd: 16 lanes write to 16 banks.
     static constexpr unsigned pairs = sizeof(T) == 4 ? 208 : 64, stride = pairs + 1;
     static constexpr unsigned shift = 7; // entries hold a splat of the batch, and above it a pair or a block
-    static_assert(batch == 1u << shift && pairs <= 1u << (16 - shift) && pairs >= blocks_of_tile);
+    static constexpr std::uint16_t no_entry = 0xFFFF;
+    using Lists = BlockLists<batch, std::uint16_t>;
+    static_assert(batch == 1u << shift && pairs < 1u << (16 - shift) && pairs >= blocks_of_tile);
     static constexpr unsigned depth_pixels = Depth ? tile_pixels : 1;
     struct Shared {
-        SharedArray<TileSplat<T>, batch> splats;
+        SharedArray<TileSplat<T>, batch + 1> splats; // the last one pads lists
         SharedArray<T, block_lanes * stride> g,
             weight;                                   // [pixel of the block, pair]; a weight is negative at the median
         SharedArray<T, tile_pixels> red, green, blue; // [pixel of the block, block] gradient
         SharedArray<T, depth_pixels> depth, median;
         SharedArray<std::uint16_t, batch> mask, begin; // blocks of a splat, and its first pair
         SharedArray<std::uint16_t, pairs> pair;        // splat and block
-        BlockLists<batch, std::uint16_t> lists;        // splat and pair
+        Lists lists;                                   // splat and pair
         SharedArray<std::uint32_t, block_size / warp_size> scan;
         SharedArray<vec3<T>, block_size / warp_size> sums;
     };
@@ -80,6 +82,7 @@ struct BlendTilesBackward {
         const TilePixel pixel(grid, tile_order[blockIdx.x]);
         const std::uint32_t begin = tile_begin[pixel.tile], length = tile_begin[pixel.tile + 1] - begin;
         if (length == 0 && tile_background.empty() && dL_dbackground.data.empty()) return;
+        if (threadIdx.x == 0) shared.splats[batch] = TileSplat<T>::none();
         State state;
         const vec3<T> dL_dbehind = start(shared, pixel, state, length != 0);
         if (!tile_background.empty()) {
@@ -192,7 +195,7 @@ private:
 
     /// First step: this pixel's numbers for the splats of its block.
     __device__ void blend_batch(Shared& shared, const TilePixel& pixel, State& state) const {
-        const unsigned mine =
+        const typename Lists::List list =
             shared.lists.make([&](unsigned j) -> std::uint32_t { return shared.mask[j]; },
                               [&](unsigned j, unsigned block) {
                                   const std::uint32_t mask = shared.mask[j], first = shared.begin[j];
@@ -200,33 +203,30 @@ private:
                                       first + static_cast<unsigned>(__popc(mask & ((1u << block) - 1)));
                                   shared.pair[pair] = static_cast<std::uint16_t>(j | block << shift);
                                   return static_cast<std::uint16_t>(j | pair << shift);
-                              });
-        const T x = static_cast<T>(pixel.x), y = static_cast<T>(pixel.y);
-        unsigned next_entry = 0;
-        TileSplat<T> next;
-        const auto load = [&](unsigned k) { // ahead of its use, as in the forward pass
-            if (k >= mine) return;
-            next_entry = shared.lists.at(pixel.block, k);
-            next = shared.splats[next_entry & (batch - 1)];
-        };
-        load(0);
-        for (unsigned k = 0; k < mine; ++k) {
-            const unsigned pair = next_entry >> shift;
-            const TileSplat<T> s = next;
-            load(k + 1);
-            const T before = state.product;
-            const BlendStep<T> step(s, limits, x, y, before);
-            state.product = step.after;
-            T shade = s.red * state.red + s.green * state.green + s.blue * state.blue;
-            if constexpr (Depth) shade += s.depth * state.depth;
-            state.behind -= step.weight * shade;
-            const T dL_dalpha = before * shade - state.behind * quick_reciprocal(step.keep);
-            const T passes = step.raw <= limits.alpha_max ? step.alpha : T(0);
-            T weight = step.weight;
-            if constexpr (Depth) weight = before > T(0.5) && step.after <= T(0.5) && step.live ? -weight : weight;
-            shared.g[pixel.lane * stride + pair] = step.live ? dL_dalpha * passes : T(0);
-            shared.weight[pixel.lane * stride + pair] = weight;
-        }
+                              },
+                              no_entry);
+        for (unsigned k = 0; k < list.padded; k += Lists::unroll)
+            for (unsigned q = 0; q < Lists::unroll; ++q) {
+                const unsigned entry = shared.lists.at(pixel.block, k + q);
+                blend(shared, shared.splats[entry == no_entry ? batch : entry & (batch - 1)], pixel, state,
+                      entry == no_entry ? pairs : entry >> shift);
+            }
+    }
+    __device__ void blend(Shared& shared, const TileSplat<T>& s, const TilePixel& pixel, State& state,
+                          unsigned pair) const {
+        const T before = state.product;
+        const BlendStep<T> step(s, limits, static_cast<T>(pixel.x), static_cast<T>(pixel.y), before);
+        state.product = step.after;
+        T shade = s.red * state.red + s.green * state.green + s.blue * state.blue;
+        if constexpr (Depth) shade += s.depth * state.depth;
+        state.behind -= step.weight * shade;
+        const T dL_dalpha = before * shade - state.behind * quick_reciprocal(step.keep);
+        const T passes = step.raw <= limits.alpha_max ? step.alpha : T(0);
+        T weight = step.weight;
+        if constexpr (Depth) weight = before > T(0.5) && step.after <= T(0.5) && step.live ? -weight : weight;
+        if (pair == pairs) return; // padding
+        shared.g[pixel.lane * stride + pair] = step.live ? dL_dalpha * passes : T(0);
+        shared.weight[pixel.lane * stride + pair] = weight;
     }
 
     /// Second step: sums pair i over its pixels. Column i of `g` then holds the entries of the slot.

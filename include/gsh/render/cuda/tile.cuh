@@ -45,7 +45,7 @@ struct TilePixel {
         index = static_cast<std::size_t>(tile_y + y) * static_cast<std::size_t>(grid.width) +
                 static_cast<std::size_t>(tile_x + x);
     }
-    /// Whether a warp's vote has a lane of this half.
+    /// Whether a lane of this half of the warp has voted.
     [[nodiscard]] __device__ bool in_half(unsigned votes) const {
         return (votes & (block % 2 == 0 ? 0xFFFFu : 0xFFFF0000u)) != 0;
     }
@@ -57,6 +57,12 @@ struct alignas(16) TileSplat {
     T u, v, ux, uy, vy, opacity, cut, depth, red, green, blue, unused;
 
     TileSplat() = default;
+    /// One that touches nothing.
+    [[nodiscard]] __device__ static TileSplat none() {
+        TileSplat splat{};
+        splat.cut = T(-1);
+        return splat;
+    }
     /// Both passes must have the same bits, so roundings are explicit.
     __device__ TileSplat(const ScreenSplat<T>& s, const TilePixel& tile)
         : ux(s.ux), uy(s.uy), vy(s.vy), opacity(s.opacity), cut(s.cut), depth(s.depth), red(s.red), green(s.green),
@@ -77,30 +83,68 @@ struct alignas(16) TileSplat {
 /// The lists of the 16 blocks of pixels over a batch of splats.
 template <unsigned Batch, class Entry>
 struct BlockLists {
+    static constexpr unsigned unroll = 4; // splats that are blended between two votes on whether pixels accept more
+    static_assert(Batch % warp_size == 0 && Batch / warp_size <= block_lanes);
     SharedArray<Entry, blocks_of_tile * Batch> entries;
 
+    /// The list of a thread's block.
+    struct List {
+        unsigned length;    // of the list
+        unsigned padded;    // of both lists of the warp, a multiple of `unroll`
+        std::uint32_t word; // on lane g of a half warp: which of the splats 32 g, 32 g + 1, … are in the half's list
+    };
+
     /// Makes the lists of this warp's two blocks: the splats j, in order, for which bit b of mask(j) is set in block b,
-    /// as entry(j, b). Returns the length of the list of this thread's block.
+    /// as entry(j, b). Both are padded to the same length.
     template <class Mask, class MakeEntry>
-    __device__ unsigned make(const Mask& mask, const MakeEntry& entry) {
-        const unsigned lane = threadIdx.x % warp_size, first = threadIdx.x / warp_size * 2;
+    __device__ List make(const Mask& mask, const MakeEntry& entry, Entry padding) {
+        const unsigned lane = threadIdx.x % warp_size, half = lane / block_lanes;
         unsigned length[2] = {0, 0};
-        for (unsigned base = 0; base < Batch; base += warp_size) {
-            const std::uint32_t bits = mask(base + lane);
-            for (unsigned half = 0; half < 2; ++half) {
-                const bool touched = (bits >> (first + half) & 1u) != 0;
+        List list{0, 0, 0};
+        for (unsigned group = 0; group < Batch / warp_size; ++group) {
+            const unsigned j = group * warp_size + lane;
+            const std::uint32_t bits = mask(j);
+            for (unsigned h = 0; h < 2; ++h) {
+                const unsigned block = threadIdx.x / warp_size * 2 + h;
+                const bool touched = (bits >> block & 1u) != 0;
                 const unsigned votes = __ballot_sync(all_lanes, touched);
-                if (touched) {
-                    const auto before = static_cast<unsigned>(__popc(votes & ((1u << lane) - 1)));
-                    entries[(first + half) * Batch + length[half] + before] = entry(base + lane, first + half);
-                }
-                length[half] += static_cast<unsigned>(__popc(votes));
+                if (touched) entries[block * Batch + length[h] + before(votes, lane)] = entry(j, block);
+                if (lane == h * block_lanes + group) list.word = votes;
+                length[h] += static_cast<unsigned>(__popc(votes));
             }
         }
+        list.length = length[half];
+        const unsigned longer = length[0] < length[1] ? length[1] : length[0];
+        list.padded = (longer + unroll - 1) / unroll * unroll;
+        for (unsigned k = list.length + lane % block_lanes; k < list.padded; k += block_lanes)
+            entries[threadIdx.x / block_lanes * Batch + k] = padding;
         __syncwarp();
-        return length[lane / block_lanes];
+        return list;
+    }
+    /// Removes from `word` the splats from place `end` of a block's list on; `end` is that of this thread's block.
+    template <class Mask>
+    __device__ void cut(const Mask& mask, unsigned end, List& list) const {
+        const unsigned lane = threadIdx.x % warp_size;
+        unsigned length[2] = {0, 0};
+        for (unsigned group = 0; group < Batch / warp_size; ++group) {
+            const std::uint32_t bits = mask(group * warp_size + lane);
+            for (unsigned h = 0; h < 2; ++h) {
+                const bool touched = (bits >> (threadIdx.x / warp_size * 2 + h) & 1u) != 0;
+                const unsigned votes = __ballot_sync(all_lanes, touched);
+                const unsigned limit = __shfl_sync(all_lanes, end, static_cast<int>(h * block_lanes));
+                const unsigned kept = __ballot_sync(all_lanes, touched && length[h] + before(votes, lane) < limit);
+                if (lane == h * block_lanes + group) list.word = kept;
+                length[h] += static_cast<unsigned>(__popc(votes));
+            }
+        }
     }
     [[nodiscard]] __device__ Entry at(unsigned block, unsigned k) { return entries[block * Batch + k]; }
+
+private:
+    /// The number of votes of lanes before this one.
+    [[nodiscard]] __device__ static unsigned before(unsigned votes, unsigned lane) {
+        return static_cast<unsigned>(__popc(votes & ((1u << lane) - 1)));
+    }
 };
 
 } // namespace gsh::cuda::detail
