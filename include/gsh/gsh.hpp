@@ -83,6 +83,9 @@
 #include <gsh/light/shadow_triangle.hpp>
 #include <gsh/light/surface_light.hpp>
 
+#include <gsh/render/arithmetic.hpp>
+#include <gsh/render/blend.hpp>
+#include <gsh/render/cover.hpp>
 #include <gsh/render/projection.hpp>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/render/rasterizer.hpp>

@@ -8,6 +8,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 namespace gsh {
 
@@ -25,6 +26,8 @@ struct RasterStatus {
     std::uint32_t visible = 0;         ///< splats that reach a tile
     std::uint32_t nonfinite = 0;       ///< splats with a NaN or infinite number
     std::uint32_t first_nonfinite = 0; ///< the first of them
+    /// Pairs that the buffers of a recorded step hold, in which the backend cannot enlarge them; more are refused.
+    std::uint64_t capacity = std::numeric_limits<std::uint64_t>::max();
 };
 
 /// Private storage of a backend, between and within its passes: tile lists, sort buffers, partial sums. Each backend

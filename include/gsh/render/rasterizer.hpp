@@ -49,7 +49,7 @@ void composite_backward(B&, const Arguments&...) {
 /// Shapes  images planar, [channels, height, width] of the camera.
 /// Errors  ShapeError for sizes that do not match. ValueError for invalid settings, for an invalid camera, for a
 ///         Gaussian with a NaN or infinite number (the message gives its index; nothing is drawn), and for more than
-///         max_pairs pairs.
+///         max_pairs pairs. In a recorded step, check throws the last two.
 /// Source  Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023. Two differences: a splat
 ///         counts wherever alpha >= alpha_min, not only within three sigma, and the cap alpha_max passes no gradient.
 template <Backend B, std::floating_point T = float>
@@ -94,9 +94,14 @@ public:
         check_memory(*backend_, where, "background", background.image);
         cache.splat_count = 0, cache.width = cache.height = 0; // backward refuses the cache until forward has succeeded
         composite_forward(*backend_, camera, splats, background, params_, target, cache); // the backend's own overload
-        check_status(where, cache);
+        if (!defers()) check_status(where, cache);
         cache.splat_count = splats.size(), cache.width = camera.width, cache.height = camera.height;
     }
+
+    /// Throws what forward throws for the Gaussians that it was given. Forward itself does this at once, unless the
+    /// backend records a step (StepGraph): then the host does not wait, and this function is for the time after the
+    /// step.
+    void check(const Cache& cache) const { check_status("Rasterizer::forward", cache); }
 
     /// Adds to the non-empty spans of dL_dsplats, and to dL_dcamera and dL_dbackground if given. The other arguments
     /// are those of the forward pass that filled the cache.
@@ -167,6 +172,11 @@ private:
     static void check_gradient(const char* where, const char* argument, std::size_t found, std::size_t expected) {
         if (found != 0) check_size(where, argument, found, expected, "or leave it empty to skip it");
     }
+    /// Whether the backend is recording a step, during which the host must not wait for it.
+    [[nodiscard]] bool defers() const {
+        if constexpr (requires { backend_->deferring(); }) return backend_->deferring();
+        return false;
+    }
     void check_status(const char* where, const Cache& cache) const {
         RasterStatus status;
         backend_->download(Span<const RasterStatus>(cache.status), Span<RasterStatus>(&status, 1));
@@ -178,6 +188,10 @@ private:
             throw ValueError(std::string(where) + ": the Gaussians cover " + std::to_string(status.pairs) +
                              " tiles in all, expected at most " + std::to_string(params_.max_pairs) +
                              "; are scales or the camera in other units than metres? Params::max_pairs sets the limit");
+        if (status.pairs > status.capacity)
+            throw ValueError(std::string(where) + ": the Gaussians cover " + std::to_string(status.pairs) +
+                             " tiles in all, the buffers of the recorded step hold " + std::to_string(status.capacity) +
+                             "; run forward once outside of a recorded step, where the buffers grow");
     }
 
     B* backend_;

@@ -5,7 +5,9 @@
 #include <gsh/core/lane.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
+#include <gsh/render/arithmetic.hpp>
 
+#include <concepts>
 #include <cstdint>
 
 namespace gsh {
@@ -20,6 +22,11 @@ struct TileGrid {
     [[nodiscard]] GSH_HD std::uint32_t size() const {
         return static_cast<std::uint32_t>(columns()) * static_cast<std::uint32_t>(rows());
     }
+};
+
+/// A pixel by its column and row.
+struct Pixel {
+    int x = 0, y = 0;
 };
 
 /// A linear map W of the image plane in which a splat is round: with (u, v) = W (pixel - mean2d),
@@ -51,34 +58,38 @@ template <Lane T>
 }
 
 /// Three standard deviations along the longer axis of a splat on the screen, pixels.
-[[nodiscard]] GSH_HD inline double screen_radius(const Whitening<double>& w) {
+template <std::floating_point T>
+[[nodiscard]] GSH_HD T screen_radius(const Whitening<T>& w) {
     // u² + v² = log2(e)/2 dᵀ Σ⁻¹ d; the smaller eigenvalue of WᵀW is det / the larger one.
-    const double trace = w.ux * w.ux + w.uy * w.uy + w.vy * w.vy, det = w.ux * w.ux * w.vy * w.vy;
-    const double larger = 0.5 * (trace + sqrt(max(trace * trace - 4 * det, 0.0)));
-    return 3 * sqrt(half_log2_e * larger / det);
+    const T trace = w.ux * w.ux + w.uy * w.uy + w.vy * w.vy, det = w.ux * w.ux * w.vy * w.vy;
+    const T larger = T(0.5) * (trace + sqrt(max(trace * trace - 4 * det, T(0))));
+    return 3 * sqrt(T(half_log2_e) * larger / det);
 }
 
 /// The ellipse u² + v² <= reach around (x, y).
 template <class T>
 struct Ellipse {
-    T x, y; ///< centre: mean2d of a splat, pixels
+    T x, y; ///< centre: mean2d of a splat, pixels from the corner of the pixel `origin`
     Whitening<T> w;
     T reach;
+    Pixel origin = {}; ///< near the centre, where float would have too few digits for the whole image
 };
 
 /// Interval of x that the ellipse covers between the lines y0 <= y1 (y1 may equal y0); false if it does not reach them.
-template <class T>
+/// All are relative to its origin. Roundings are explicit: each pass that lists a splat's tiles must find the same.
+template <std::floating_point T>
 [[nodiscard]] GSH_HD bool horizontal_extent(const Ellipse<T>& e, T y0, T y1, T& x0, T& x1) {
+    using detail::product;
     const T radius = sqrt(e.reach);
-    const T v0 = e.w.vy * (y0 - e.y), v1 = e.w.vy * (y1 - e.y);
+    const T v0 = product(e.w.vy, y0 - e.y), v1 = product(e.w.vy, y1 - e.y);
     if (!(v0 <= radius && v1 >= -radius)) return false;
     // x = e.x + (u - shear v) / ux. On the circle u² + v² = reach, u - shear v is largest at
     // v = -shear radius / sqrt(1 + shear²). It is concave in v: between the lines, its maximum is at the nearest v.
     const T shear = e.w.uy / e.w.vy;
-    const T tip = radius * shear / sqrt(T(1) + shear * shear);
+    const T tip = product(radius, shear) / sqrt(T(1) + product(shear, shear));
     const T right = clamp(-tip, v0, v1), left = clamp(tip, v0, v1);
-    x1 = e.x + (sqrt(max(e.reach - right * right, T(0))) - shear * right) / e.w.ux;
-    x0 = e.x - (sqrt(max(e.reach - left * left, T(0))) + shear * left) / e.w.ux;
+    x1 = e.x + (sqrt(max(e.reach - product(right, right), T(0))) - product(shear, right)) / e.w.ux;
+    x0 = e.x - (sqrt(max(e.reach - product(left, left), T(0))) + product(shear, left)) / e.w.ux;
     return true;
 }
 
@@ -90,48 +101,56 @@ struct TileRect {
 
 namespace detail {
 
-/// x clamped to [0, high]; 0 if x is NaN.
-GSH_HD inline double cut_to(double x, double high) {
-    const double above = x > 0 ? x : 0;
+/// x clamped to [low, high]; low if x is NaN.
+template <std::floating_point T>
+[[nodiscard]] GSH_HD T cut_to(T x, T low, T high) {
+    const T above = x > low ? x : low;
     return above < high ? above : high;
 }
 
-/// Pixels of [0, size) whose centres lie in [low, high], as a half-open range. Numbers are clamped to the image first;
-/// they are then not negative, and truncation equals floor.
-GSH_HD inline void pixel_range(double low, double high, int size, int& first, int& end) {
-    const double last = static_cast<double>(size), from = cut_to(low - 0.5, last);
-    first = static_cast<int>(from);
-    first += from > static_cast<double>(first) ? 1 : 0;
-    end = static_cast<int>(cut_to(high + 0.5, last));
+/// Pixels of [0, size) whose centres lie in [low, high], as a half-open range; low and high count from the corner of
+/// the pixel `origin`.
+template <std::floating_point T>
+GSH_HD void pixel_range(T low, T high, int origin, int size, int& first, int& end) {
+    const T before = static_cast<T>(-origin), last = static_cast<T>(size - origin);
+    const T from = cut_to(low - T(0.5), before, last) - before, to = cut_to(high + T(0.5), before, last) - before;
+    first = static_cast<int>(from); // not negative: truncation equals floor
+    first += from > static_cast<T>(first) ? 1 : 0;
+    end = static_cast<int>(to);
 }
 
 } // namespace detail
 
-/// The tiles with a pixel centre within half_width and half_height of (x, y).
-[[nodiscard]] GSH_HD inline TileRect tile_rect(double x, double y, double half_width, double half_height,
-                                               const TileGrid& grid) {
+/// The tiles with a pixel centre within half_width and half_height of (x, y), which count from the corner of `origin`.
+template <std::floating_point T>
+[[nodiscard]] GSH_HD TileRect tile_rect(T x, T y, T half_width, T half_height, const TileGrid& grid,
+                                        const Pixel& origin = {}) {
     constexpr int size = TileGrid::tile_size;
     int px0, px1, py0, py1;
-    detail::pixel_range(x - half_width, x + half_width, grid.width, px0, px1);
-    detail::pixel_range(y - half_height, y + half_height, grid.height, py0, py1);
+    detail::pixel_range(x - half_width, x + half_width, origin.x, grid.width, px0, px1);
+    detail::pixel_range(y - half_height, y + half_height, origin.y, grid.height, py0, py1);
     const TileRect rect{px0 / size, py0 / size, (px1 + size - 1) / size, (py1 + size - 1) / size};
     return {rect.x0, rect.y0, px0 < px1 ? rect.x1 : rect.x0, py0 < py1 ? rect.y1 : rect.y0};
 }
 
 /// Square of half the extent of u² + v² <= reach along an axis with the given variance.
-[[nodiscard]] GSH_HD inline double squared_extent(double reach, double variance) {
-    return reach * variance * (1 / half_log2_e);
+template <std::floating_point T>
+[[nodiscard]] GSH_HD T squared_extent(T reach, T variance) {
+    return reach * variance * T(1 / half_log2_e);
 }
 
 /// Tile columns of row `tile_y` with a pixel centre in reach of the ellipse's extent there, as a half-open range.
-GSH_HD inline void tile_columns(const Ellipse<double>& e, int tile_y, const TileGrid& grid, int& first, int& end) {
+template <std::floating_point T>
+GSH_HD void tile_columns(const Ellipse<T>& e, int tile_y, const TileGrid& grid, int& first, int& end) {
     constexpr int size = TileGrid::tile_size;
     const int last_row = (tile_y + 1) * size < grid.height ? (tile_y + 1) * size - 1 : grid.height - 1;
-    double x0, x1;
+    T x0, x1;
     first = end = 0;
-    if (!horizontal_extent(e, tile_y * size + 0.5, last_row + 0.5, x0, x1)) return;
+    const T top = static_cast<T>(tile_y * size - e.origin.y) + T(0.5);
+    const T bottom = static_cast<T>(last_row - e.origin.y) + T(0.5);
+    if (!horizontal_extent(e, top, bottom, x0, x1)) return;
     int px0, px1;
-    detail::pixel_range(x0, x1, grid.width, px0, px1);
+    detail::pixel_range(x0, x1, e.origin.x, grid.width, px0, px1);
     if (px0 >= px1) return;
     first = px0 / size;
     end = (px1 - 1) / size + 1;

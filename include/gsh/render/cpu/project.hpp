@@ -4,9 +4,11 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/render/blend.hpp>
+#include <gsh/render/cover.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
-#include <gsh/render/projection.hpp>
 #include <gsh/render/cpu/raster_scratch.hpp>
+#include <gsh/render/projection.hpp>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/render/tiles.hpp>
 
@@ -23,43 +25,26 @@ namespace detail {
 
 inline constexpr std::size_t splat_grain = 1024; // number of splats in one chunk of the per-splat passes
 
-/// Enlarges a cut slightly, so that rounding in the choice of tiles never loses a pixel that the blend would draw.
-[[nodiscard]] constexpr double generous(double cut) { return cut * 1.0001 + 1e-3; }
+using gsh::detail::cover_columns;
+using gsh::detail::generous;
 
 template <std::floating_point T>
 [[nodiscard]] Ellipse<double> ellipse_of(const ScreenSplat<T>& s) {
-    return {s.mean2d.x, s.mean2d.y, s.w, generous(s.cut)};
-}
-
-/// Columns of tiles, as a half-open range, that the ellipse meets in a row of its rectangle.
-inline void cover_columns(const Ellipse<double>& ellipse, const TileCover& cover, int row, const TileGrid& grid,
-                          int& first, int& end) {
-    tile_columns(ellipse, row, grid, first, end);
-    first = std::max(first, int(cover.x0)); // the rectangle was rounded differently
-    end = std::max(first, std::min(end, cover.x0 + cover.columns));
+    return {s.mean2d.x, s.mean2d.y, s.w, generous(static_cast<double>(s.cut))};
 }
 
 /// The tiles of a rectangle that the ellipse inside it touches; returns their number.
 template <std::floating_point T>
 [[nodiscard]] std::uint32_t cover_tiles(const ScreenSplat<T>& splat, const TileRect& rect, const TileGrid& grid,
                                         TileCover& cover) {
-    const int columns = rect.x1 - rect.x0, rows = rect.y1 - rect.y0;
-    cover = {0, static_cast<std::uint16_t>(rect.x0), static_cast<std::uint16_t>(rect.y0),
-             static_cast<std::uint16_t>(columns), static_cast<std::uint16_t>(rows)};
-    const bool small = columns <= 8 && rows <= 8;
-    if (small && (columns == 1 || rows == 1)) { // the ellipse meets all tiles
-        constexpr std::uint64_t first_column = 0x0101010101010101ull;
-        cover.mask = ((1ull << columns) - 1) * (first_column >> (64 - 8 * rows));
-        return static_cast<std::uint32_t>(columns * rows);
-    }
+    cover = gsh::detail::cover_of(rect);
     const Ellipse<double> ellipse = ellipse_of(splat);
+    if (gsh::detail::fits_mask(cover)) return gsh::detail::set_mask(ellipse, grid, cover);
     std::uint32_t count = 0;
     for (int y = rect.y0; y < rect.y1; ++y) {
         int first, end;
         cover_columns(ellipse, cover, y, grid, first, end);
-        if (first == end) continue;
         count += static_cast<std::uint32_t>(end - first);
-        if (small) cover.mask |= ((1ull << (end - first)) - 1) << (8 * (y - rect.y0) + first - rect.x0);
     }
     return count;
 }
@@ -160,7 +145,7 @@ template <CpuBackend B, std::floating_point T>
     const Camera<double> wide_camera = camera.template cast<double>();
     const ProjectionParams<double> projection_params = params.template cast<double>();
     const double alpha_min = params.alpha_min;
-    constexpr double largest_cut = sizeof(T) == 4 ? 120 : 1000; // limit of exp2_minus, far above any opacity up to 1
+    constexpr double largest_cut = gsh::detail::largest_cut<T>;
     backend.for_chunks(n, detail::splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         RasterStatus status;
         // Arithmetic first, branches second, so that a misprediction does not stall it.

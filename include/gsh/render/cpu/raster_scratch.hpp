@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/math/vec.hpp>
+#include <gsh/render/cover.hpp>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/render/tiles.hpp>
 
@@ -27,13 +28,6 @@ struct ScreenSplat {
     T depth;                  ///< camera z, metres
     vec3<T> color;
     T cut;                    ///< log2(opacity / alpha_min): alpha < alpha_min where u² + v² exceeds it
-};
-
-/// The tiles of one splat. For a rectangle of up to 8x8 tiles, the mask has one bit for each tile, eight to a row. For
-/// a larger rectangle it is 0, and the tiles follow from the shape of the splat.
-struct TileCover {
-    std::uint64_t mask = 0;
-    std::uint16_t x0 = 0, y0 = 0, columns = 0, rows = 0;
 };
 
 /// Depth as an integer with the same order, and the index of the splat.
@@ -59,7 +53,7 @@ struct RasterScratch<B, T> {
     // Kept from forward to backward.
     TileGrid grid;
     Buffer<cpu::ScreenSplat<T>> splats;        // [N]
-    Buffer<cpu::TileCover> covers;             // [N]
+    Buffer<TileCover> covers;                  // [N]
     Buffer<std::uint32_t> slot_begin;          // [N + 1] slots of a splat, in the order of its tiles
     Buffer<std::uint32_t> tile_begin;          // [tiles + 1]
     Buffer<cpu::TileInstance> instances;       // [pairs] by tile, front to back

@@ -8,6 +8,8 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/prefetch.hpp>
+#include <gsh/render/blend.hpp>
+#include <gsh/render/cover.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
 #include <gsh/render/cpu/project.hpp>
 #include <gsh/render/cpu/raster_scratch.hpp>
@@ -22,6 +24,9 @@
 #include <limits>
 
 namespace gsh::cpu::inline GSH_ISA::detail {
+
+using gsh::detail::BlendLimits;
+using gsh::detail::BlendStep;
 
 inline constexpr int block_lanes = 16;      // pixels of a 4x4 block
 inline constexpr int blocks_of_tile = 16;   // blocks of a 16x16 tile
@@ -93,7 +98,7 @@ struct Batch {
             to.red = s.color.x, to.green = s.color.y, to.blue = s.color.z;
             shapes.u[j] = static_cast<float>(to.u), shapes.v[j] = static_cast<float>(to.v);
             shapes.ux[j] = static_cast<float>(to.ux), shapes.uy[j] = static_cast<float>(to.uy);
-            shapes.vy[j] = static_cast<float>(to.vy), shapes.reach[j] = static_cast<float>(generous(s.cut));
+            shapes.vy[j] = static_cast<float>(to.vy), shapes.reach[j] = static_cast<float>(generous(double(s.cut)));
         }
         find_blocks(shapes);
     }
@@ -116,72 +121,17 @@ private:
         alignas(64) float reach[batch_size];
     };
 
-    /// Finds, in each row of blocks, the blocks that the ellipse meets between the first and the last line of pixels.
-    /// It works as horizontal_extent (tiles.hpp), in single precision with a margin and without branches.
+    /// A loop over whole registers, padded with ellipses out of reach.
     void find_blocks(Shapes& s) {
-        const std::size_t padded = (size + 15) / 16 * 16; // whole registers, padded with ellipses out of reach
+        const std::size_t padded = (size + 15) / 16 * 16;
         for (std::size_t j = size; j < padded; ++j)
             s.u[j] = s.v[j] = 1e6f, s.ux[j] = s.uy[j] = s.vy[j] = 1, s.reach[j] = 0;
-        for (std::size_t first = 0; first < padded; first += 16) {
+        for (std::size_t first = 0; first < padded; first += 16)
             for (std::size_t l = 0; l < 16; ++l) {
                 const std::size_t j = first + l;
-                const float u = s.u[j], v = s.v[j], vy = s.vy[j], reach = s.reach[j];
-                const float inverse_ux = 1.0f / s.ux[j], shear = s.uy[j] / vy;
-                const float radius = rough_sqrt(reach) * 1.0001f;
-                const float tip = radius * shear / rough_sqrt(1.0f + shear * shear);
-                const float margin = 2e-3f + 4e-6f * std::fabs(shear);
-                const float base = shear * v - u;
-                std::uint32_t found = 0;
-                for (int row = 0; row < 4; ++row) {
-                    const float low = v + static_cast<float>(4 * row) * vy, high = low + 3.0f * vy;
-                    const float at_right = -tip < low ? low : (-tip > high ? high : -tip);
-                    const float at_left = tip < low ? low : (tip > high ? high : tip);
-                    const float right_square = reach - at_right * at_right, left_square = reach - at_left * at_left;
-                    const float right_u = rough_sqrt(right_square > 0.0f ? right_square : 0.0f) + margin;
-                    const float left_u = rough_sqrt(left_square > 0.0f ? left_square : 0.0f) + margin;
-                    const float right = (base - shear * at_right + right_u) * inverse_ux;
-                    const float left = (base - shear * at_left - left_u) * inverse_ux;
-                    const bool inside = (low <= radius + margin) & (high >= -radius - margin);
-                    for (int column = 0; column < 4; ++column) {
-                        const bool touched = inside & (right >= static_cast<float>(4 * column)) &
-                                             (left <= static_cast<float>(4 * column + 3));
-                        found |= touched ? 1u << (4 * row + column) : 0u;
-                    }
-                }
-                blocks[j] = found;
+                const Whitening<float> w{s.ux[j], s.uy[j], s.vy[j]};
+                blocks[j] = gsh::detail::touched_blocks(s.u[j], s.v[j], w, s.reach[j]);
             }
-        }
-    }
-};
-
-/// The scalar limits of RasterParams, by value.
-template <class T>
-struct BlendLimits {
-    T alpha_min, alpha_max, transmittance_min;
-    explicit BlendLimits(const RasterParams<T>& p)
-        : alpha_min(p.alpha_min), alpha_max(p.alpha_max), transmittance_min(p.transmittance_min) {}
-};
-
-/// The effect of a splat on a pixel; bit-identical in both passes.
-///
-/// The product of (1 - alpha) continues after a pixel has stopped. It only falls, so a splat is blended exactly if the
-/// product after it is not below the limit. No pixel needs a branch.
-template <class T>
-struct BlendStep {
-    T u, v, raw, alpha, keep, after, weight;
-    bool live; ///< the pixel has not stopped: the splat is blended, or has no effect
-
-    BlendStep(const TileSplat<T>& s, const BlendLimits<T>& limits, T x, T y, T before) {
-        constexpr T least = sizeof(T) == 4 ? T(1e-36) : T(1e-300); // so that the product never becomes denormal
-        u = multiply_add(s.ux, x, multiply_add(s.uy, y, s.u));
-        v = multiply_add(s.vy, y, s.v);
-        const T square = multiply_add(u, u, v * v);
-        raw = s.opacity * exp2_minus(square);
-        alpha = square <= s.cut ? min_positive(raw, limits.alpha_max) : T(0);
-        keep = T(1) - alpha;
-        after = max_positive(before * keep, least);
-        live = after >= limits.transmittance_min;
-        weight = live ? alpha * before : T(0);
     }
 };
 

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The effect of one splat on one pixel: what every pass of every backend decides in the same way.
+#pragma once
+
+#include <gsh/core/config.hpp>
+#include <gsh/render/arithmetic.hpp>
+#include <gsh/render/raster_cache.hpp>
+
+#include <concepts>
+
+namespace gsh::detail {
+
+/// Limit of cut, within the range of exp2_minus and far above what any opacity up to 1 needs.
+template <std::floating_point T>
+inline constexpr T largest_cut = sizeof(T) == 4 ? T(120) : T(1000);
+
+/// Enlarges a cut slightly, so that rounding in the choice of tiles and of blocks of pixels never loses a pixel that the
+/// blend would draw.
+template <std::floating_point T>
+[[nodiscard]] GSH_HD constexpr T generous(T cut) {
+    return cut * T(1.0001) + T(1e-3);
+}
+
+/// The scalar limits of RasterParams, by value.
+template <class T>
+struct BlendLimits {
+    T alpha_min, alpha_max, transmittance_min;
+    explicit BlendLimits(const RasterParams<T>& p)
+        : alpha_min(p.alpha_min), alpha_max(p.alpha_max), transmittance_min(p.transmittance_min) {}
+};
+
+inline namespace GSH_ISA { // roundings depend on the instruction set
+
+/// The effect of a splat on a pixel; bit-identical in both passes.
+///
+/// The product of (1 - alpha) continues after a pixel has stopped. It only falls, so a splat is blended exactly if the
+/// product after it is not below the limit. No pixel needs a branch.
+///
+/// A splat has the members u, v (of the centre of the tile's first pixel), ux, uy, vy (Whitening), opacity and
+/// cut = log2(opacity / alpha_min); x and y count pixels within the tile; `before` is the product before the splat.
+template <class T>
+struct BlendStep {
+    T u, v, raw, alpha, keep, after, weight;
+    bool live; ///< the pixel has not stopped: the splat is blended, or has no effect
+
+    template <class Splat>
+    GSH_HD BlendStep(const Splat& s, const BlendLimits<T>& limits, T x, T y, T before) {
+        constexpr T least = sizeof(T) == 4 ? T(1e-36) : T(1e-300); // so that the product never becomes denormal
+        u = multiply_add(s.ux, x, multiply_add(s.uy, y, s.u));
+        v = multiply_add(s.vy, y, s.v);
+        const T square = multiply_add(u, u, product(v, v));
+        raw = product(s.opacity, exp2_minus(square));
+        alpha = square <= s.cut ? min_positive(raw, limits.alpha_max) : T(0);
+        keep = T(1) - alpha;
+        after = max_positive(product(before, keep), least);
+        live = after >= limits.transmittance_min;
+        weight = live ? product(alpha, before) : T(0);
+    }
+};
+
+} // namespace GSH_ISA
+
+} // namespace gsh::detail

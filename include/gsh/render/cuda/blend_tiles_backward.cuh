@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  First stage of the rasterizer's backward pass on a GPU: each tile's share of the gradients of its splats.
+#pragma once
+
+#include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/reduce.cuh>
+#include <gsh/backend/cuda/scan.cuh>
+#include <gsh/math/vec.hpp>
+#include <gsh/render/cuda/float_pair.cuh>
+#include <gsh/render/cuda/raster_scratch.cuh>
+#include <gsh/render/cuda/tile.cuh>
+#include <gsh/render/target.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+
+namespace gsh::cuda::detail {
+
+/// Entries of a slot: sums over pixels, with G = dL/d ln(alpha) at a pixel.
+enum SlotEntry : unsigned {
+    slot_g, // sum G
+    slot_u,
+    slot_v, // sum G u, G v
+    slot_uu,
+    slot_uv,
+    slot_vv, // sum G u u, G u v, G v v
+    slot_red,
+    slot_green,
+    slot_blue,  // sum weight * dL/d color of the pixel
+    slot_depth, // likewise for the depths, if there is such a gradient
+    slot_entries
+};
+
+/// One thread block per tile. Per batch of its list:
+///
+/// 1. Pixels are the threads. Each blends its block's splats again, front to back, and leaves two numbers per splat in
+///    shared memory: G and the weight.
+/// 2. Pairs of a splat and a block of pixels are the threads. Each sums over its 16 pixels.
+/// 3. Splats are the threads. Each sums over its blocks and writes its slot.
+///
+/// To sum ten numbers over lanes in step 1 instead would take as long as the blending. Each sum has a fixed order.
+template <std::floating_point T, bool Depth>
+struct BlendTilesBackward {
+    static constexpr unsigned block_size = tile_pixels;
+    static constexpr unsigned batch = 128;
+    /// Pairs of a batch, as many as fit into 48 KiB. The stride is odd: 16 lanes write to 16 banks.
+    static constexpr unsigned pairs = sizeof(T) == 4 ? 208 : 64, stride = pairs + 1;
+    static constexpr unsigned shift = 7; // entries hold a splat of the batch, and above it a pair or a block
+    static constexpr std::uint16_t no_entry = 0xFFFF;
+    using Lists = BlockLists<batch, std::uint16_t>;
+    static_assert(batch == 1u << shift && pairs < 1u << (16 - shift) && pairs >= blocks_of_tile);
+    static constexpr unsigned depth_pixels = Depth ? tile_pixels : 1;
+    struct Shared {
+        SharedArray<TileSplat<T>, batch + 1> splats; // the last one pads lists
+        SharedArray<T, block_lanes * stride> g,
+            weight;                                   // [pixel of the block, pair]; a weight is negative at the median
+        SharedArray<T, tile_pixels> red, green, blue; // [pixel of the block, block] gradient
+        SharedArray<T, depth_pixels> depth, median;
+        SharedArray<std::uint16_t, batch> mask, begin; // blocks of a splat, and its first pair
+        SharedArray<std::uint16_t, pairs> pair;        // splat and block
+        Lists lists;                                   // splat and pair
+        SharedArray<std::uint32_t, block_size / warp_size> scan;
+        SharedArray<vec3<T>, block_size / warp_size> sums;
+    };
+
+    TileGrid grid;
+    Span<const std::uint32_t> refused, tile_order, tile_begin, tile_used, used;
+    Span<const TileInstance> instances;
+    Span<const ScreenSplat<T>> screen;
+    Span<const T> pixels;
+    std::size_t channels; // of pixels
+    BlendLimits<T> limits;
+    Background<T> background;
+    RenderGradient<T> dL_dtarget;
+    ImageView<T> dL_dbackground;
+    Span<vec3<T>> tile_background; // [tiles] or empty
+    Span<Slot<T>> slots;
+
+    __device__ void operator()(Shared& shared) const {
+        if (refused[0] != 0) return;
+        const TilePixel pixel(grid, tile_order[blockIdx.x]);
+        const std::uint32_t begin = tile_begin[pixel.tile], length = tile_begin[pixel.tile + 1] - begin;
+        if (length == 0 && tile_background.empty() && dL_dbackground.data.empty()) return;
+        if (threadIdx.x == 0) shared.splats[batch] = TileSplat<T>::none();
+        State state;
+        const vec3<T> dL_dbehind = start(shared, pixel, state, length != 0);
+        if (!tile_background.empty()) {
+            const vec3<T> sum = block_sum<block_size>(shared.sums, dL_dbehind);
+            if (threadIdx.x == 0) tile_background[pixel.tile] = sum;
+        }
+        const std::uint32_t end = tile_used[pixel.tile];
+        for (std::uint32_t done = 0; done < end;) {
+            const std::uint32_t left = end - done < batch ? end - done : batch;
+            done += add_batch(shared, pixel, state, begin, done, left);
+        }
+        for (std::uint32_t i = end + threadIdx.x; i < length; i += block_size) // behind the last pixel that stopped
+            slots[instances[begin + i].slot] = Slot<T>{};
+    }
+
+private:
+    /// State of the second sweep front to back at a pixel, and the pixel's gradients.
+    ///
+    /// With the pixel's value F = sum w s + T_end s_end, where s is a splat's colour (and depth) dotted with the pixel's
+    /// gradient, dF/d alpha = T s - (share of F behind the splat) / (1 - alpha). `behind` starts at F and loses w s at
+    /// each splat.
+    struct State {
+        T product, behind;
+        T red = 0, green = 0, blue = 0, depth = 0, median = 0;
+    };
+
+    [[nodiscard]] __device__ static T read(const ImageView<const T>& image, const TilePixel& pixel, int channel = 0) {
+        if (image.data.empty() || !pixel.inside) return T(0);
+        return image.data[static_cast<std::size_t>(channel) * image.plane_size() + pixel.index];
+    }
+
+    /// Reads the pixel; returns the gradient with respect to its background.
+    __device__ vec3<T> start(Shared& shared, const TilePixel& pixel, State& state, bool active) const {
+        const unsigned i = threadIdx.x, at = pixel.lane * blocks_of_tile + pixel.block;
+        const auto stored = [&](std::size_t channel) {
+            return pixels[(pixel.tile * channels + channel) * tile_pixels + i];
+        };
+        const T end = active ? stored(3) : T(1);
+        const T dL_dcolor[3] = {read(dL_dtarget.color, pixel, 0), read(dL_dtarget.color, pixel, 1),
+                                read(dL_dtarget.color, pixel, 2)};
+        state.red = dL_dcolor[0], state.green = dL_dcolor[1], state.blue = dL_dcolor[2];
+        const vec3<T> dL_dbehind =
+            pixel.inside ? vec3<T>(end * state.red, end * state.green, end * state.blue) : vec3<T>(T(0));
+        if (!dL_dbackground.data.empty() && pixel.inside)
+            for (int c = 0; c < 3; ++c)
+                dL_dbackground.data[static_cast<std::size_t>(c) * dL_dbackground.plane_size() + pixel.index] +=
+                    dL_dbehind[c];
+        if (!active) return dL_dbehind;
+
+        T value = -end * read(dL_dtarget.alpha, pixel);
+        if constexpr (Depth) {
+            state.depth = read(dL_dtarget.expected_depth, pixel);
+            state.median = read(dL_dtarget.median_depth, pixel);
+            if (channels > 4) value += state.depth * stored(4);
+            shared.depth[at] = state.depth;
+            shared.median[at] = state.median;
+        }
+        for (int c = 0; c < 3; ++c) {
+            const T behind = background.image.data.empty() ? background.color[c] : read(background.image, pixel, c);
+            value += dL_dcolor[c] * (stored(static_cast<std::size_t>(c)) + end * behind);
+        }
+        state.product = pixel.inside ? T(1) : T(0);
+        state.behind = value;
+        shared.red[at] = state.red;
+        shared.green[at] = state.green;
+        shared.blue[at] = state.blue;
+        return dL_dbehind;
+    }
+
+    /// Up to `left` entries of the list from `done` on, as many as fit; returns their number.
+    __device__ std::uint32_t add_batch(Shared& shared, const TilePixel& pixel, State& state, std::uint32_t begin,
+                                       std::uint32_t done, std::uint32_t left) const {
+        const unsigned i = threadIdx.x;
+        TileInstance instance{0, 0};
+        std::uint32_t mask = 0;
+        __syncthreads(); // the batch before has been read
+        if (i < left) {
+            instance = instances[begin + done + i];
+            mask = blocks_of(pixel, begin, done + i);
+            if (mask != 0) shared.splats[i] = TileSplat<T>(screen[instance.splat], pixel);
+        }
+        std::uint32_t all;
+        const auto count = static_cast<std::uint32_t>(__popc(mask));
+        const std::uint32_t first = block_scan<block_size>(shared.scan, count, all);
+        const bool fits = i < left && first + count <= pairs;
+        if (i < batch) {
+            shared.mask[i] = static_cast<std::uint16_t>(fits ? mask : 0u);
+            shared.begin[i] = static_cast<std::uint16_t>(first);
+        }
+        const auto taken = static_cast<std::uint32_t>(__syncthreads_count(fits)); // always the first ones
+        if (taken < left) all = shared.begin[taken];
+        if (all != 0) {
+            blend_batch(shared, pixel, state);
+            __syncthreads();
+            if (i < all) sum_pixels(shared, i);
+            __syncthreads();
+        }
+        if (i < taken) slots[instance.slot] = sum_blocks(shared, first, count);
+        return taken;
+    }
+
+    /// The blocks in which entry i of the list had an effect.
+    [[nodiscard]] __device__ std::uint32_t blocks_of(const TilePixel& pixel, std::uint32_t begin,
+                                                     std::uint32_t i) const {
+        const std::size_t group = RasterScratch<Device, T>::group_begin(pixel.tile, begin) + i / 32;
+        std::uint32_t mask = 0;
+        for (unsigned b = 0; b < blocks_of_tile; ++b) mask |= (used[group * blocks_of_tile + b] >> i % 32 & 1u) << b;
+        return mask;
+    }
+
+    /// First step: this pixel's numbers for the splats of its block.
+    __device__ void blend_batch(Shared& shared, const TilePixel& pixel, State& state) const {
+        const typename Lists::List list =
+            shared.lists.make([&](unsigned j) -> std::uint32_t { return shared.mask[j]; },
+                              [&](unsigned j, unsigned block) {
+                                  const std::uint32_t mask = shared.mask[j], first = shared.begin[j];
+                                  const std::uint32_t pair =
+                                      first + static_cast<unsigned>(__popc(mask & ((1u << block) - 1)));
+                                  shared.pair[pair] = static_cast<std::uint16_t>(j | block << shift);
+                                  return static_cast<std::uint16_t>(j | pair << shift);
+                              },
+                              no_entry);
+        for (unsigned k = 0; k < list.padded; k += Lists::unroll)
+            for (unsigned q = 0; q < Lists::unroll; ++q) {
+                const unsigned entry = shared.lists.at(pixel.block, k + q);
+                blend(shared, shared.splats[entry == no_entry ? batch : entry & (batch - 1)], pixel, state,
+                      entry == no_entry ? pairs : entry >> shift);
+            }
+    }
+    __device__ void blend(Shared& shared, const TileSplat<T>& s, const TilePixel& pixel, State& state,
+                          unsigned pair) const {
+        const T before = state.product;
+        const BlendStep<T> step(s, limits, static_cast<T>(pixel.x), static_cast<T>(pixel.y), before);
+        state.product = step.after;
+        T shade = s.red * state.red + s.green * state.green + s.blue * state.blue;
+        if constexpr (Depth) shade += s.depth * state.depth;
+        state.behind -= step.weight * shade;
+        const T dL_dalpha = before * shade - state.behind * quick_reciprocal(step.keep);
+        const T passes = step.raw <= limits.alpha_max ? step.alpha : T(0);
+        T weight = step.weight;
+        if constexpr (Depth) weight = before > T(0.5) && step.after <= T(0.5) && step.live ? -weight : weight;
+        if (pair == pairs) return; // padding
+        shared.g[pixel.lane * stride + pair] = step.live ? dL_dalpha * passes : T(0);
+        shared.weight[pixel.lane * stride + pair] = weight;
+    }
+
+    /// Second step: sums pair i over its pixels. Column i of `g` then holds the entries of the slot.
+    __device__ void sum_pixels(Shared& shared, unsigned i) const {
+        const unsigned entry = shared.pair[i], block = entry >> shift;
+        const TileSplat<T> s = shared.splats[entry & (batch - 1)];
+        const T x = static_cast<T>(block % 4 * 4), y = static_cast<T>(block / 4 * 4);
+        T sum[slot_entries] = {};
+        for (unsigned row = 0; row < 4; ++row) {
+            const T v = s.vy * (y + T(row)) + s.v, u0 = s.ux * x + (s.uy * (y + T(row)) + s.u);
+            T of_g = 0, of_u = 0, of_uu = 0;
+            for (unsigned column = 0; column < 4; ++column) {
+                const unsigned p = row * 4 + column, at = p * blocks_of_tile + block;
+                const T g = shared.g[p * stride + i], stored = shared.weight[p * stride + i];
+                const T u = s.ux * T(column) + u0, weight = Depth ? abs(stored) : stored;
+                const T red = shared.red[at], green = shared.green[at], blue = shared.blue[at];
+                of_g += g;
+                of_u += g * u;
+                of_uu += g * u * u;
+                sum[slot_red] += weight * red;
+                sum[slot_green] += weight * green;
+                sum[slot_blue] += weight * blue;
+                if constexpr (Depth) {
+                    const T depth = shared.depth[at], median = shared.median[at];
+                    sum[slot_depth] += weight * depth + (stored < T(0) ? median : T(0));
+                }
+            }
+            sum[slot_g] += of_g;
+            sum[slot_u] += of_u;
+            sum[slot_v] += v * of_g;
+            sum[slot_uu] += of_uu;
+            sum[slot_uv] += v * of_u;
+            sum[slot_vv] += v * v * of_g;
+        }
+        for (unsigned k = 0; k < slot_entries; ++k) shared.g[k * stride + i] = sum[k];
+    }
+
+    /// Third step: sums the pairs of a splat.
+    [[nodiscard]] __device__ static Slot<T> sum_blocks(Shared& shared, std::uint32_t first, std::uint32_t count) {
+        Slot<T> slot{};
+        for (std::uint32_t pair = first; pair < first + count; ++pair)
+            for (unsigned k = 0; k < slot_entries; ++k) {
+                const T value = shared.g[k * stride + pair];
+                slot.entries[k] += value;
+            }
+        return slot;
+    }
+};
+
+} // namespace gsh::cuda::detail

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Last stage of the rasterizer's backward pass on a GPU: from sums over tiles to gradients of splats and camera.
+#pragma once
+
+#include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/reduce.cuh>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/gaussian/splats.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/render/cuda/blend_tiles_backward.cuh>
+#include <gsh/render/cuda/raster_scratch.cuh>
+#include <gsh/render/projection.hpp>
+#include <gsh/render/tiles.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+
+namespace gsh::cuda::detail {
+
+/// The sum of a camera's gradient over a thread block, on every thread. All threads take part.
+template <unsigned Block, class T, std::size_t Warps>
+[[nodiscard]] __device__ CameraGradient<T> block_sum_of(SharedArray<CameraGradient<T>, Warps>& shared,
+                                                        const CameraGradient<T>& value) {
+    CameraGradient<T> of_warp;
+    for (int c = 0; c < 3; ++c) of_warp.dL_dR[c] = warp_sum(value.dL_dR[c]);
+    of_warp.dL_dt = warp_sum(value.dL_dt);
+    of_warp.dL_dfx = warp_sum(value.dL_dfx), of_warp.dL_dfy = warp_sum(value.dL_dfy);
+    of_warp.dL_dcx = warp_sum(value.dL_dcx), of_warp.dL_dcy = warp_sum(value.dL_dcy);
+    if (threadIdx.x % warp_size == 0) shared[threadIdx.x / warp_size] = of_warp;
+    __syncthreads();
+    CameraGradient<T> sum = shared[0];
+    for (std::size_t warp = 1; warp < Warps; ++warp) {
+        const CameraGradient<T> next = shared[warp];
+        sum += next;
+    }
+    return sum;
+}
+
+/// One thread per splat. Unlike positions, gradients are no small differences of large numbers, so plain float is
+/// enough.
+template <std::floating_point T, bool WithCamera>
+struct ProjectSplatsBackward {
+    static constexpr unsigned block_size = splats_of_block;
+    static constexpr unsigned warps = block_size / warp_size;
+    struct Shared {
+        SharedArray<CameraGradient<T>, WithCamera ? warps : 1> camera;
+    };
+
+    Span<const std::uint32_t> refused;
+    SplatView<const T> splats;
+    ProjectionParams<T> params;
+    Span<const ScreenSplat<T>> screen;
+    Span<const std::uint8_t> visible;
+    Span<const std::uint32_t> slot_begin;
+    Span<const Slot<T>> slots;
+    SplatView<T> dL_dsplats;
+    Span<T> gradient_norms, radii;
+    Span<CameraGradient<T>> block_camera;
+    Camera<T> camera;
+
+    __device__ void operator()(Shared& shared) const {
+        if (refused[0] != 0) return;
+        const std::size_t i = std::size_t(blockIdx.x) * block_size + threadIdx.x;
+        CameraGradient<T> dL_dcamera;
+        if (i < splats.size()) add_splat(i, WithCamera ? &dL_dcamera : nullptr);
+        if constexpr (WithCamera) {
+            const CameraGradient<T> sum = block_sum_of<block_size>(shared.camera, dL_dcamera);
+            if (threadIdx.x == 0) block_camera[blockIdx.x] = sum;
+        }
+    }
+
+private:
+    /// ln(alpha) = ln(opacity) - ln(2) (u² + v²), (u, v) = W (pixel - mean2d), Σ⁻¹ = 2 ln(2) Wᵀ W, so that with the
+    /// moments m = sum G (u, v), M = sum G (u, v) (u, v)ᵀ: dL_dmean2d = 2 ln(2) Wᵀ m, dL_dΣ = 2 ln(2)² Wᵀ M W.
+    __device__ void add_splat(std::size_t i, CameraGradient<T>* dL_dcamera) const {
+        if (visible[i] == 0) {
+            gradient_norms[i] = radii[i] = T(0);
+            return;
+        }
+        T sum[slot_entries] = {};
+        for (std::uint32_t slot = slot_begin[i], end = slot_begin[i + 1]; slot < end; ++slot) {
+            const Slot<T> of_tile = slots[slot];
+            for (unsigned k = 0; k < slot_entries; ++k) sum[k] += of_tile.entries[k];
+        }
+        const ScreenSplat<T> s = screen[i];
+        const T opacity = splats.opacities[i], g = sum[slot_g] / s.opacity;
+        if (!dL_dsplats.opacities.empty())
+            dL_dsplats.opacities[i] += params.compensate_opacity ? g * (s.opacity / opacity) : g;
+        if (!dL_dsplats.colors.empty()) dL_dsplats.colors[i] += vec3<T>(sum[slot_red], sum[slot_green], sum[slot_blue]);
+
+        constexpr T ln2 = T(0.69314718055994530942), to_mean2d = 2 * ln2, to_covariance = 2 * ln2 * ln2;
+        const T along_u = s.uy * sum[slot_uu] + s.vy * sum[slot_uv],
+                along_v = s.uy * sum[slot_uv] + s.vy * sum[slot_vv];
+        Projection<T> dL;
+        dL.mean2d = vec2<T>(to_mean2d * (s.ux * sum[slot_u]), to_mean2d * (s.uy * sum[slot_u] + s.vy * sum[slot_v]));
+        dL.covariance = {to_covariance * (s.ux * s.ux * sum[slot_uu]), to_covariance * (2 * s.ux * along_u),
+                         to_covariance * (s.uy * along_u + s.vy * along_v)};
+        dL.depth = sum[slot_depth];
+        dL.opacity_factor = g * opacity;
+        gradient_norms[i] = sqrt(dL.mean2d.x * dL.mean2d.x + dL.mean2d.y * dL.mean2d.y);
+        radii[i] = screen_radius(Whitening<T>{s.ux, s.uy, s.vy});
+
+        vec3<T> dL_dmean(T(0));
+        sym3<T> dL_dcovariance{};
+        project_backward(camera, splats.means[i], splats.covariances[i], params, dL, dL_dmean, dL_dcovariance,
+                         dL_dcamera);
+        if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += dL_dmean;
+        if (!dL_dsplats.covariances.empty()) dL_dsplats.covariances[i] += dL_dcovariance;
+    }
+};
+
+/// Adds the sums over tiles and thread blocks to the gradients of the background's colour and of the camera. One thread
+/// block: each thread adds every 256th, then the threads are joined.
+template <std::floating_point T>
+struct AddSharedGradients {
+    static constexpr unsigned block_size = 256;
+    static constexpr unsigned warps = block_size / warp_size;
+    struct Shared {
+        SharedArray<vec3<T>, warps> background;
+        SharedArray<CameraGradient<T>, warps> camera;
+    };
+
+    Span<const std::uint32_t> refused;
+    Span<const vec3<T>> tile_background;
+    Span<const CameraGradient<T>> block_camera;
+    Span<vec3<T>> dL_dbackground;       // [1] or empty
+    Span<CameraGradient<T>> dL_dcamera; // [1] or empty
+
+    __device__ void operator()(Shared& shared) const {
+        if (refused[0] != 0) return;
+        if (!dL_dbackground.empty()) {
+            vec3<T> sum(T(0));
+            for (std::size_t i = threadIdx.x; i < tile_background.size(); i += block_size) sum += tile_background[i];
+            sum = block_sum<block_size>(shared.background, sum);
+            if (threadIdx.x == 0) dL_dbackground[0] += sum;
+        }
+        if (!dL_dcamera.empty()) {
+            CameraGradient<T> sum;
+            for (std::size_t i = threadIdx.x; i < block_camera.size(); i += block_size) sum += block_camera[i];
+            sum = block_sum_of<block_size>(shared.camera, sum);
+            if (threadIdx.x == 0) dL_dcamera[0] += sum;
+        }
+    }
+};
+
+} // namespace gsh::cuda::detail
