@@ -10,6 +10,7 @@
 #include <gsh/backend/cuda/pack.cuh>
 #include <gsh/backend/cuda/recorder.cuh>
 #include <gsh/backend/cuda/reduce.cuh>
+#include <gsh/backend/cuda/scan.cuh>
 #include <gsh/backend/cuda/step_graph.cuh>
 #include <gsh/backend/cuda/sum.cuh>
 #include <gsh/backend/cuda/unroll.cuh>
@@ -28,6 +29,18 @@
 #include <gsh/optim/cuda/adam.cuh>
 #include <gsh/light/cuda/lit_splats.cuh>
 #include <gsh/light/cuda/shadow_map.cuh>
+#include <gsh/render/cuda/bin.cuh>
+#include <gsh/render/cuda/blend_tiles.cuh>
+#include <gsh/render/cuda/blend_tiles_backward.cuh>
+#include <gsh/render/cuda/composite.cuh>
+#include <gsh/render/cuda/composite_backward.cuh>
+#include <gsh/render/cuda/float_pair.cuh>
+#include <gsh/render/cuda/project.cuh>
+#include <gsh/render/cuda/project_backward.cuh>
+#include <gsh/render/cuda/raster_scratch.cuh>
+#include <gsh/render/cuda/rasterizer.cuh>
+#include <gsh/render/cuda/tile.cuh>
+#include <gsh/render/cuda/tile_sort.cuh>
 #include <gsh/loss/cuda/lpips.cuh>
 #include <gsh/loss/cuda/photometric.cuh>
 #include <gsh/loss/cuda/photometric_tile.cuh>

@@ -140,8 +140,12 @@ public:
     }
 
     /// After a step that halted a device: throws what forward would have thrown, or gives the cache the memory that the
-    /// last pass lacked.
-    void mend(Cache& cache) const { check_status("Rasterizer::forward", cache); }
+    /// pass lacked.
+    void mend(Cache& cache) const {
+        [[maybe_unused]] const RasterStatus status = accepted_status("Rasterizer::forward", cache);
+        if constexpr (requires { cache.scratch.reserve(std::size_t()); })
+            cache.scratch.reserve(static_cast<std::size_t>(status.pairs));
+    }
 
 private:
     static constexpr int max_side = 1048560; ///< pixels: 65535 tiles of 16
@@ -177,7 +181,8 @@ private:
         if constexpr (requires { backend_->deferring(); }) return backend_->deferring();
         return false;
     }
-    void check_status(const char* where, const Cache& cache) const {
+    /// The report of the last pass. Throws for input that is wrong, whatever the size of the buffers.
+    [[nodiscard]] RasterStatus accepted_status(const char* where, const Cache& cache) const {
         RasterStatus status;
         backend_->download(Span<const RasterStatus>(cache.status), Span<RasterStatus>(&status, 1));
         if (status.nonfinite != 0)
@@ -188,6 +193,10 @@ private:
             throw ValueError(std::string(where) + ": the Gaussians cover " + std::to_string(status.pairs) +
                              " tiles in all, expected at most " + std::to_string(params_.max_pairs) +
                              "; are scales or the camera in other units than metres? Params::max_pairs sets the limit");
+        return status;
+    }
+    void check_status(const char* where, const Cache& cache) const {
+        const RasterStatus status = accepted_status(where, cache);
         if (status.pairs > status.capacity)
             throw ValueError(std::string(where) + ": the Gaussians cover " + std::to_string(status.pairs) +
                              " tiles in all, the buffers of the recorded step hold " + std::to_string(status.capacity) +

@@ -82,6 +82,10 @@ private:
             const std::uint32_t other = shared.c[w];
             first = other < first ? other : first;
         }
+        if (!halted.empty() && halted[0] != 0) { // by an earlier step, whose status the host still has to read
+            refused[0] = 1;
+            return;
+        }
         RasterStatus result;
         result.pairs = pairs;
         result.visible = all_visible;
