@@ -12,7 +12,7 @@
 
 #include "support/gradient.hpp"
 #include "support/reference_rasterizer.hpp"
-#include "support/splat_scene.hpp"
+#include "support/raster_scene.hpp"
 
 #include <cstring>
 #include <limits>
@@ -30,7 +30,7 @@ using test::make_scene;
 using test::random_weights;
 using test::Rendering;
 template <class T>
-using Scene = test::SplatScene<T>;
+using Scene = test::RasterScene<T>;
 
 template <Backend B, std::floating_point T = float>
 Rendering<T> render(B& backend, const Scene<T>& scene, const RasterParams<T>& params = {},

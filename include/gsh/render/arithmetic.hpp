@@ -102,10 +102,12 @@ template <std::floating_point T>
 #endif
 }
 
-/// a / b, on a GPU to two units in the last place, in a quarter of the time.
+/// a / b, on a GPU to a few units in the last place and with one instruction for 1 / b.
 [[nodiscard]] GSH_HD inline float rough_ratio(float a, float b) {
 #if defined(__CUDA_ARCH__)
-    return __fdividef(a, b);
+    float inverse;
+    asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(inverse) : "f"(b));
+    return a * inverse;
 #else
     return a / b;
 #endif

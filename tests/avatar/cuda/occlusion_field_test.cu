@@ -102,6 +102,20 @@ TEST_CASE("the adjoint of occlusion adds") {
     check_near(run<double>(device, data, 2), once, 1e-15);
 }
 
+TEST_CASE("the gradient of the pose is that of all blocks, for more blocks than threads join them") {
+    if (test::skip_without_device()) return;
+    using Join = cuda::detail::JoinPose<double>;
+    const std::size_t blocks = 2 * Join::block_size + 9, width = 3;
+    const std::vector<double> partials = test::Rng(3).numbers(width * blocks);
+    std::vector<double> expected(width, 1);
+    for (std::size_t n = 0; n < partials.size(); ++n) expected[n / blocks] += partials[n];
+    Device device;
+    const auto from = test::brought(device, partials);
+    auto to = test::brought(device, std::vector<double>(width, 1));
+    device.launch(width, Join{from, to, blocks});
+    CHECK(test::relative_distance(test::fetched(device, to), expected) < 1e-14);
+}
+
 TEST_CASE("occlusion has the same bits in any order of blocks and threads") {
     if (test::skip_without_device()) return;
     for (const int layers : {2, 4}) {

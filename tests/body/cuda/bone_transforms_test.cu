@@ -87,7 +87,7 @@ constexpr double tolerance() {
 #if defined(GSH_CUDA_EMULATION)
     return 1e-300;
 #else
-    return sizeof(T) == 8 ? 1e-12 : 1e-5;
+    return sizeof(T) == 8 ? 1e-12 : 1e-4;
 #endif
 }
 

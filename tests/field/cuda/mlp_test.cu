@@ -150,43 +150,41 @@ void check_equal(const Results<T>& found, const Results<T>& expected) {
 
 TEST_CASE_TEMPLATE("Mlp on the device equals Serial for networks of any size", T, float, double) {
     if (test::skip_without_device()) return;
-    for (const Shape& s : {Shape{64, 4, 0, 0, 30, 64, 2}, // an avatar's colours and displacements
-                           Shape{64, 4, 9, 5, 1, 64, 2},  // its shadow, with more inputs
+    for (const Shape& s : {Shape{64, 4, 9, 5, 30, 64, 2}, // an avatar's field
                            Shape{3, 1, 0, 0, 2, 0, 0}, Shape{4, 4, 0, 0, 1, 8, 1}, Shape{5, 5, 0, 2, 3, 7, 2},
-                           Shape{16, 2, 3, 0, 9, 16, 3}, Shape{6, 3, 0, 40, 27, 33, 2}, Shape{8, 8, 1, 0, 17, 16, 5},
-                           Shape{68, 4, 2, 3, 5, 20, 2},                                    // many features
-                           Shape{66, 66, 0, 1, 70, 65, 3}, Shape{132, 4, 0, 70, 4, 130, 2}, // wide layers
-                           Shape{12, 4, 0, 0, 65, 64, 1}, Shape{130, 10, 1, 2, 66, 0, 0}}) {
+                           Shape{16, 2, 3, 0, 9, 17, 3}, Shape{6, 3, 0, 40, 27, 33, 1}, Shape{8, 8, 1, 0, 17, 16, 5},
+                           Shape{68, 4, 2, 3, 5, 9, 1},    // many features
+                           Shape{66, 66, 0, 1, 67, 65, 2}, // wide layers
+                           Shape{12, 4, 0, 70, 65, 20, 1}, Shape{70, 10, 1, 2, 66, 0, 0}}) {
         CAPTURE(s.features);
         CAPTURE(s.width);
-        const Problem<T> p(s, 131);
+        const Problem<T> p(s, 33);
         check_equal(run_device(p), run_serial(p));
     }
 }
 
 TEST_CASE_TEMPLATE("Mlp on the device takes any number of rows", T, float, double) {
     if (test::skip_without_device()) return;
-    for (const std::size_t rows : {0, 1, 31, 32, 33, 63, 64, 65, 127, 128, 129, 257}) {
+    for (const std::size_t rows : {0, 1, 31, 32, 63, 64, 65, 127, 128, 129}) {
         CAPTURE(rows);
-        const Problem<T> p({8, 4, 1, 3, 5, 20, 2}, rows);
+        const Problem<T> p({8, 4, 1, 3, 5, 9, 1}, rows);
         check_equal(run_device(p), run_serial(p));
     }
 }
 
 TEST_CASE_TEMPLATE("gradients of many tiles are summed by few blocks", T, float, double) {
     if (test::skip_without_device()) return;
-    const Problem<T> p({8, 4, 1, 3, 5, 20, 2}, 650);
+    const Problem<T> p({8, 4, 1, 3, 5, 9, 1}, 400);
     const auto expected = run_serial(p);
-    for (const unsigned blocks : {1u, 2u, 3u, 5u, 11u}) check_equal(run_device(p, {.most_blocks = blocks}), expected);
+    for (const unsigned blocks : {1u, 3u}) check_equal(run_device(p, {.most_blocks = blocks}), expected);
 }
 
 TEST_CASE("Mlp::backward adds on the device, and Write::assign overwrites the inputs' gradient alone") {
     if (test::skip_without_device()) return;
     for (const int block : {4, 2}) {
-        const Problem<double> p({8, block, 1, 3, 5, 20, 2}, 140);
+        const Problem<double> p({8, block, 1, 3, 5, 9, 1}, 70);
         for (const Write mode : {Write::add, Write::assign})
-            for (const int backwards : {1, 2})
-                check_equal(run_device(p, {mode, backwards}), run_serial(p, {mode, backwards}));
+            check_equal(run_device(p, {mode, 2}), run_serial(p, {mode, 2}));
         const auto none = run_device(p, {.features = false, .shared = false});
         check_equal(none, run_serial(p, {.features = false, .shared = false}));
         CHECK(none.dL_dfeatures == std::vector<double>(p.features.size(), 1.0));
@@ -220,18 +218,17 @@ TEST_CASE("Mlp takes features that do not begin at a multiple of four numbers") 
 
 TEST_CASE("Mlp has the same bits in any order of threads, whatever new memory holds") {
     auto& machine = test::CudaEmulation::instance();
-    for (const Shape& s : {Shape{12, 4, 1, 3, 5, 20, 2}, Shape{4, 4, 0, 1, 3, 70, 2}}) {
-        const Problem<float> p(s, 300);
-        const auto expected = run_device(p, {.most_blocks = 2});
-        for (const auto order : {test::Order::forward, test::Order::reverse, test::Order::random})
-            for (const unsigned char fill : {0xA5, 0xFF}) {
-                machine.order = order, machine.fill = fill;
-                const auto found = run_device(p, {.most_blocks = 2});
-                CHECK(found.outputs == expected.outputs);
-                CHECK(found.dL_dweights == expected.dL_dweights);
-                CHECK(found.dL_dfeatures == expected.dL_dfeatures);
-                CHECK(found.dL_dshared == expected.dL_dshared);
-            }
+    for (const Shape& s : {Shape{12, 4, 1, 3, 5, 9, 2}, Shape{4, 4, 0, 1, 3, 65, 1}}) {
+        const Problem<float> p(s, 130);
+        const auto expected = run_device(p, {.most_blocks = 1});
+        for (const auto order : {test::Order::forward, test::Order::reverse, test::Order::random}) {
+            machine.order = order, machine.fill = 0xFF;
+            const auto found = run_device(p, {.most_blocks = 1});
+            CHECK(found.outputs == expected.outputs);
+            CHECK(found.dL_dweights == expected.dL_dweights);
+            CHECK(found.dL_dfeatures == expected.dL_dfeatures);
+            CHECK(found.dL_dshared == expected.dL_dshared);
+        }
         machine.order = test::Order::forward, machine.fill = 0xA5;
     }
 }

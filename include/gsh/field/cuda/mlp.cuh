@@ -104,9 +104,22 @@ struct MlpJoin {
     Span<T> dL_dweights, dL_dbias;
 
     __device__ void operator()(Shared& shared) const {
-        const unsigned at = blockIdx.x * numbers + threadIdx.x % numbers;
-        T* const to = target(at);
-        const unsigned part = threadIdx.x / numbers;
+        const unsigned at = blockIdx.x * numbers + threadIdx.x % numbers, part = threadIdx.x / numbers;
+        const bool is_bias = at >= bias_begin();
+        T* to = nullptr; // for padding
+        if (is_bias) {
+            const unsigned o = at - bias_begin();
+            if (o < dL_dbias.size()) to = &dL_dbias[o];
+        } else {
+            const Share share = share_of(at);
+            if (share.first_out >= shape.out(share.layer) || share.first_in >= shape.in(share.layer))
+                return; // all threads of the block: a share has 128 numbers
+            const unsigned thread = at % MlpTile<T>::threads;
+            const unsigned o = share.first_out + MlpTile<T>::row_group(thread),
+                           i = share.first_in + MlpTile<T>::column_group(thread);
+            if (o < shape.out(share.layer) && i < shape.in(share.layer))
+                to = &dL_dweights[shape.weights_offset(share.layer) + o * shape.weights_stride(share.layer) + i];
+        }
         T sum = 0;
         if (to != nullptr)
             for (unsigned b = blocks * part / parts; b < blocks * (part + 1) / parts; ++b)
@@ -115,26 +128,23 @@ struct MlpJoin {
         __syncthreads();
         if (part != 0 || to == nullptr) return;
         for (unsigned p = 1; p < parts; ++p) sum += shared.sums[p * numbers + threadIdx.x];
-        *to = at < bias_begin() ? *to + sum : sum;
+        *to = is_bias ? sum : *to + sum;
     }
 
 private:
+    /// The weights of which MlpBackward's threads have one each.
+    struct Share {
+        unsigned layer, first_out, first_in;
+    };
     [[nodiscard]] __device__ unsigned bias_begin() const { return shape.piece_count() * mlp_columns * mlp_columns; }
-    /// Where the sum `at` of MlpBackward belongs; null for padding.
-    [[nodiscard]] __device__ T* target(unsigned at) const {
-        if (at >= bias_begin()) {
-            const unsigned o = at - bias_begin();
-            return o < dL_dbias.size() ? &dL_dbias[o] : nullptr;
-        }
-        const unsigned piece = at / (mlp_columns * mlp_columns), number = at % (mlp_columns * mlp_columns);
+    [[nodiscard]] __device__ Share share_of(unsigned at) const {
+        const unsigned piece = at / (mlp_columns * mlp_columns),
+                       share = at % (mlp_columns * mlp_columns) / MlpTile<T>::threads;
         const unsigned layer =
             shape.layer_of(piece, shape.pieces(0), mlp_groups(shape.width) * mlp_groups(shape.width));
         const unsigned groups = mlp_groups(shape.in(layer)), in_layer = piece - shape.first_piece(layer);
-        const unsigned thread = number % MlpTile<T>::threads, share = number / MlpTile<T>::threads;
-        const unsigned o = in_layer / groups * mlp_columns + MlpTile<T>::row_group(thread) + 16 * (share / 8),
-                       i = in_layer % groups * mlp_columns + MlpTile<T>::column_group(thread) + 8 * (share % 8);
-        if (o >= shape.out(layer) || i >= shape.in(layer)) return nullptr;
-        return &dL_dweights[shape.weights_offset(layer) + o * shape.weights_stride(layer) + i];
+        return {layer, in_layer / groups * mlp_columns + 16 * (share / 8),
+                in_layer % groups * mlp_columns + 8 * (share % 8)};
     }
 };
 

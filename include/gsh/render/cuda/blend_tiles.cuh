@@ -48,17 +48,18 @@ struct BlendTiles {
         state.product = state.transmittance = pixel.inside ? T(1) : T(0);
         if (threadIdx.x == 0) shared.splats[batch] = TileSplat<T>::none();
         std::uint32_t done = 0;
+        TileInstance instance = this_instance(begin, length, done);
         while (done < length && __syncthreads_or(state.product >= limits.transmittance_min) != 0) {
             const std::uint32_t size = length - done < batch ? length - done : batch;
             std::uint32_t touched = 0;
             if (threadIdx.x < size) {
-                const TileInstance instance = instances[begin + done + threadIdx.x];
                 const TileSplat<T> splat(screen[instance.splat], pixel);
                 touched = splat.touched();
                 shared.splats[threadIdx.x] = splat;
             }
             shared.touched[threadIdx.x] = static_cast<std::uint16_t>(touched);
             __syncthreads();
+            instance = this_instance(begin, length, done + size); // of the next batch, while this one is blended
             const std::uint32_t word = blend_batch(shared, pixel, state);
             const std::size_t group = RasterScratch<Device, T>::group_begin(pixel.tile, begin) + done / 32 + pixel.lane;
             if (pixel.lane < (size + 31) / 32) used[group * blocks_of_tile + pixel.block] = word;
@@ -74,6 +75,12 @@ private:
         T transmittance; // of those that were blended
         T red = 0, green = 0, blue = 0, depth = 0, median = 0;
     };
+
+    [[nodiscard]] __device__ TileInstance this_instance(std::uint32_t begin, std::uint32_t length,
+                                                        std::uint32_t done) const {
+        const std::uint32_t i = done + threadIdx.x;
+        return i < length ? instances[begin + i] : TileInstance{0, 0};
+    }
 
     /// Returns, on lane g of each half warp, which of the splats 32 g, 32 g + 1, … came to the half's block before all of
     /// its pixels had stopped.

@@ -46,10 +46,8 @@ struct BlendTilesBackward {
     static constexpr unsigned batch = 128;
     /// Pairs of a batch, as many as fit into 48 KiB. The stride is odd: 16 lanes write to 16 banks.
     static constexpr unsigned pairs = sizeof(T) == 4 ? 208 : 64, stride = pairs + 1;
-    static constexpr unsigned shift = 7; // entries hold a splat of the batch, and above it a pair or a block
-    static constexpr std::uint16_t no_entry = 0xFFFF;
-    using Lists = BlockLists<batch, std::uint16_t>;
-    static_assert(batch == 1u << shift && pairs < 1u << (16 - shift) && pairs >= blocks_of_tile);
+    using Lists = BlockLists<batch, std::uint32_t>; // splat of the batch, and from bit 16 on its pair
+    static_assert(pairs >= blocks_of_tile);
     static constexpr unsigned depth_pixels = Depth ? tile_pixels : 1;
     struct Shared {
         SharedArray<TileSplat<T>, batch + 1> splats; // the last one pads lists
@@ -201,38 +199,46 @@ private:
                                   const std::uint32_t mask = shared.mask[j], first = shared.begin[j];
                                   const std::uint32_t pair =
                                       first + static_cast<unsigned>(__popc(mask & ((1u << block) - 1)));
-                                  shared.pair[pair] = static_cast<std::uint16_t>(j | block << shift);
-                                  return static_cast<std::uint16_t>(j | pair << shift);
+                                  shared.pair[pair] = static_cast<std::uint16_t>(j | block << 8);
+                                  return j | pair << 16;
                               },
-                              no_entry);
-        for (unsigned k = 0; k < list.padded; k += Lists::unroll)
-            for (unsigned q = 0; q < Lists::unroll; ++q) {
-                const unsigned entry = shared.lists.at(pixel.block, k + q);
-                blend(shared, shared.splats[entry == no_entry ? batch : entry & (batch - 1)], pixel, state,
-                      entry == no_entry ? pairs : entry >> shift);
+                              batch);
+        // The next splat is loaded before the numbers of this one are stored: the compiler does not know that they are
+        // not the same memory.
+        std::uint32_t entry = shared.lists.at(pixel.block, 0);
+        TileSplat<T> next = shared.splats[entry & 0xFFFFu];
+        for (unsigned begin = 0; begin < list.padded; begin += Lists::unroll)
+            for (unsigned k = begin; k < begin + Lists::unroll; ++k) {
+                const TileSplat<T> s = next;
+                const unsigned pair = entry >> 16;
+                entry = shared.lists.at(pixel.block, k + 1);
+                next = shared.splats[entry & 0xFFFFu];
+                T weight;
+                const T g = blend(s, pixel, state, weight);
+                if (k >= list.length) continue; // padding
+                shared.g[pixel.lane * stride + pair] = g;
+                shared.weight[pixel.lane * stride + pair] = weight;
             }
     }
-    __device__ void blend(Shared& shared, const TileSplat<T>& s, const TilePixel& pixel, State& state,
-                          unsigned pair) const {
+    /// Returns G of one splat at this pixel.
+    [[nodiscard]] __device__ T blend(const TileSplat<T>& s, const TilePixel& pixel, State& state, T& weight) const {
         const T before = state.product;
         const BlendStep<T> step(s, limits, static_cast<T>(pixel.x), static_cast<T>(pixel.y), before);
         state.product = step.after;
         T shade = s.red * state.red + s.green * state.green + s.blue * state.blue;
         if constexpr (Depth) shade += s.depth * state.depth;
         state.behind -= step.weight * shade;
+        weight = step.weight;
+        if constexpr (Depth) weight = before > T(0.5) && step.after <= T(0.5) && step.live ? -weight : weight;
         const T dL_dalpha = before * shade - state.behind * quick_reciprocal(step.keep);
         const T passes = step.raw <= limits.alpha_max ? step.alpha : T(0);
-        T weight = step.weight;
-        if constexpr (Depth) weight = before > T(0.5) && step.after <= T(0.5) && step.live ? -weight : weight;
-        if (pair == pairs) return; // padding
-        shared.g[pixel.lane * stride + pair] = step.live ? dL_dalpha * passes : T(0);
-        shared.weight[pixel.lane * stride + pair] = weight;
+        return step.live ? dL_dalpha * passes : T(0);
     }
 
     /// Second step: sums pair i over its pixels. Column i of `g` then holds the entries of the slot.
     __device__ void sum_pixels(Shared& shared, unsigned i) const {
-        const unsigned entry = shared.pair[i], block = entry >> shift;
-        const TileSplat<T> s = shared.splats[entry & (batch - 1)];
+        const unsigned entry = shared.pair[i], block = entry >> 8;
+        const TileSplat<T> s = shared.splats[entry & 0xFFu];
         const T x = static_cast<T>(block % 4 * 4), y = static_cast<T>(block / 4 * 4);
         T sum[slot_entries] = {};
         for (unsigned row = 0; row < 4; ++row) {

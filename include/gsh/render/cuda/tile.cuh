@@ -85,7 +85,8 @@ template <unsigned Batch, class Entry>
 struct BlockLists {
     static constexpr unsigned unroll = 4; // splats that are blended between two votes on whether pixels accept more
     static_assert(Batch % warp_size == 0 && Batch / warp_size <= block_lanes);
-    SharedArray<Entry, blocks_of_tile * Batch> entries;
+    static constexpr unsigned stride = Batch + 1;
+    SharedArray<Entry, blocks_of_tile * stride> entries;
 
     /// The list of a thread's block.
     struct List {
@@ -95,7 +96,7 @@ struct BlockLists {
     };
 
     /// Makes the lists of this warp's two blocks: the splats j, in order, for which bit b of mask(j) is set in block b,
-    /// as entry(j, b). Both are padded to the same length.
+    /// as entry(j, b). Both are padded to the same length and one entry more, so that a loop may load ahead.
     template <class Mask, class MakeEntry>
     __device__ List make(const Mask& mask, const MakeEntry& entry, Entry padding) {
         const unsigned lane = threadIdx.x % warp_size, half = lane / block_lanes;
@@ -108,7 +109,7 @@ struct BlockLists {
                 const unsigned block = threadIdx.x / warp_size * 2 + h;
                 const bool touched = (bits >> block & 1u) != 0;
                 const unsigned votes = __ballot_sync(all_lanes, touched);
-                if (touched) entries[block * Batch + length[h] + before(votes, lane)] = entry(j, block);
+                if (touched) entries[block * stride + length[h] + before(votes, lane)] = entry(j, block);
                 if (lane == h * block_lanes + group) list.word = votes;
                 length[h] += static_cast<unsigned>(__popc(votes));
             }
@@ -116,8 +117,8 @@ struct BlockLists {
         list.length = length[half];
         const unsigned longer = length[0] < length[1] ? length[1] : length[0];
         list.padded = (longer + unroll - 1) / unroll * unroll;
-        for (unsigned k = list.length + lane % block_lanes; k < list.padded; k += block_lanes)
-            entries[threadIdx.x / block_lanes * Batch + k] = padding;
+        for (unsigned k = list.length + lane % block_lanes; k <= list.padded; k += block_lanes)
+            entries[threadIdx.x / block_lanes * stride + k] = padding;
         __syncwarp();
         return list;
     }
@@ -138,7 +139,7 @@ struct BlockLists {
             }
         }
     }
-    [[nodiscard]] __device__ Entry at(unsigned block, unsigned k) { return entries[block * Batch + k]; }
+    [[nodiscard]] __device__ Entry at(unsigned block, unsigned k) { return entries[block * stride + k]; }
 
 private:
     /// The number of votes of lanes before this one.

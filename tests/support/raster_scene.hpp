@@ -23,7 +23,7 @@ namespace gsh::test {
 
 /// Splats in host memory, as in the buffers of the CPU backends.
 template <class T>
-struct SplatScene {
+struct RasterScene {
     Camera<T> camera;
     std::vector<vec3<T>> means, colors;
     std::vector<sym3<T>> covariances;
@@ -36,8 +36,8 @@ struct SplatScene {
     void add(const vec3<T>& mean, const sym3<T>& covariance, T opacity, const vec3<T>& color) {
         means.push_back(mean), covariances.push_back(covariance), opacities.push_back(opacity), colors.push_back(color);
     }
-    SplatScene zeros() const {
-        SplatScene z = *this;
+    RasterScene zeros() const {
+        RasterScene z = *this;
         std::fill(z.means.begin(), z.means.end(), vec3<T>(0));
         std::fill(z.colors.begin(), z.colors.end(), vec3<T>(0));
         std::fill(z.covariances.begin(), z.covariances.end(), sym3<T>{});
@@ -45,8 +45,8 @@ struct SplatScene {
         return z;
     }
     template <class U>
-    SplatScene<U> cast() const {
-        SplatScene<U> s;
+    RasterScene<U> cast() const {
+        RasterScene<U> s;
         s.camera = camera.template cast<U>();
         s.background = vec3<U>(background);
         for (std::size_t i = 0; i < size(); ++i) {
@@ -69,9 +69,9 @@ inline Camera<double> make_camera(int width, int height) {
 }
 
 /// Ellipsoids with axes of about `size` metres within half a metre of the origin, their depths apart.
-inline SplatScene<double> make_scene(Rng& rng, std::size_t count, int width, int height, double size,
-                                     double spread = 0.4) {
-    SplatScene<double> scene;
+inline RasterScene<double> make_scene(Rng& rng, std::size_t count, int width, int height, double size,
+                                      double spread = 0.4) {
+    RasterScene<double> scene;
     scene.camera = make_camera(width, height);
     for (std::size_t i = 0; i < count; ++i) {
         const mat3<double> R = rotation_matrix(normalize(rng.quat()));
