@@ -138,7 +138,8 @@ public:
         if (history_.size() == remembered_steps) history_.pop_front();
         history_.emplace_back();
     }
-    /// Takes back the counts of the last `steps` steps, which have changed nothing because the backend had halted.
+    /// Takes back the counts of the last `steps` steps, which have changed nothing because the backend had halted, and
+    /// clears the gradients that they have left.
     /// Errors  ValueError for more steps than it remembers.
     void take_back(std::uint64_t steps) {
         check_value(steps <= history_.size(), "RefinementTables::take_back", "so many steps are not remembered");
@@ -146,6 +147,7 @@ public:
             for (const std::size_t update : history_.back()) --updates_[update];
             history_.pop_back();
         }
+        backend_->fill(Span<T>(gradient_), T(0));
     }
 
     void forget_gradient(RefinementGroup group, std::size_t row) { backend_->fill(gradient(group, row), T(0)); }

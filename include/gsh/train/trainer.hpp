@@ -107,6 +107,8 @@ public:
         const std::uint64_t lost = repeated_.settle();
         if (lost == 0) return;
         loss_.mend();
+        for (const LearnedArray<T>& array : scene_->learned()) // no step has used what the lost ones added
+            backend_->fill(array.gradient, T(0));
         step_count_ -= lost;
         if constexpr (requires { scene_->take_back(lost); }) scene_->take_back(lost);
         scene_->set_progress(step_count_, progress_);

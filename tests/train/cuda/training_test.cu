@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Training, refinement, pose fitting and rendering on the CUDA backend, beside cpu::Serial.
+/// @file  Avatars are trained and shown on the CUDA backend as on cpu::Serial.
 #include <gsh/backend/serial.hpp>
 #include <gsh/cuda.cuh>
 
-#include <doctest/doctest.h>
-
 #include "support/cuda_device.hpp"
+#include "support/cuda_outcomes.hpp"
 #include "support/small_runs.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 
@@ -18,50 +16,49 @@ using namespace gsh;
 using namespace test;
 using cuda::Device;
 
-namespace {
-
-/// PSNR of two pictures in [0, 1], and the largest difference of two lists of numbers relative to the list's largest.
-double psnr_of(const Image<float>& a, const Image<float>& b) {
-    double sum = 0;
-    for (std::size_t i = 0; i < a.data.size(); ++i) {
-        const double d = static_cast<double>(a.data[i]) - static_cast<double>(b.data[i]);
-        sum += d * d;
-    }
-    return -10 * std::log10(sum / static_cast<double>(a.data.size()) + 1e-20);
-}
-
-void check_near(const Outcome& found, const Outcome& expected, double least_psnr = 60) {
-    REQUIRE(found.pictures.size() == expected.pictures.size());
-    for (std::size_t i = 0; i < found.pictures.size(); ++i) {
-        CAPTURE(i);
-        CHECK(psnr_of(found.pictures[i], expected.pictures[i]) >= least_psnr);
-    }
-    REQUIRE(found.losses.size() == expected.losses.size());
-    for (std::size_t i = 0; i < found.losses.size(); ++i) {
-        CAPTURE(i);
-        CHECK(found.losses[i] == doctest::Approx(expected.losses[i]).epsilon(2e-3).scale(1));
-    }
-    CHECK(found.learned.size() == expected.learned.size());
-}
-
-void check_same(const Outcome& a, const Outcome& b) {
-    REQUIRE(a.pictures.size() == b.pictures.size());
-    for (std::size_t i = 0; i < a.pictures.size(); ++i) CHECK(a.pictures[i].data == b.pictures[i].data);
-    CHECK(a.losses == b.losses);
-    CHECK(a.learned == b.learned);
-}
-
-} // namespace
-
-TEST_CASE("an avatar trains on the device as on the CPU, and with the same bits each time") {
+TEST_CASE("an avatar trains on the device as on the CPU, with the same bits each time and in each order") {
     if (skip_without_device()) return;
     const SmallScene scene;
-    for (const AmbientOcclusion ao : {AmbientOcclusion::time, AmbientOcclusion::pose}) {
-        CAPTURE(static_cast<int>(ao));
-        const Outcome found = train_avatar<Device>(scene, {.ao = ao});
-        check_near(found, train_avatar<cpu::Serial>(scene, {.ao = ao}));
-        if (ao == AmbientOcclusion::time) check_same(found, train_avatar<Device>(scene, {.ao = ao}));
+    const Outcome found = train_avatar<Device>(scene, {.ao = AmbientOcclusion::time}, 50);
+    check_near(found, train_avatar<cpu::Serial>(scene, {.ao = AmbientOcclusion::time}, 50));
+    check_same(found, train_avatar<Device>(scene, {.ao = AmbientOcclusion::time}, 50));
+#if defined(GSH_CUDA_EMULATION)
+    auto& machine = CudaEmulation::instance();
+    machine.order = Order::random, machine.fill = 0x5A;
+    check_same(found, train_avatar<Device>(scene, {.ao = AmbientOcclusion::time}, 50));
+    machine.order = Order::forward, machine.fill = 0xA5;
+#endif
+}
+
+TEST_CASE("so do shadows over the pose, stored attributes, separate heads and other deformations") {
+    if (skip_without_device()) return;
+    const SmallScene scene;
+    const AvatarConfig configs[] = {
+        {.ao = AmbientOcclusion::pose},
+        {.hash_displacement = false, .hash_sh = false, .deformation = Deformation::polar},
+        {.heads = Heads::separate, .head_time = true, .deformation = Deformation::dual_quaternion}};
+    for (const AvatarConfig& config : configs) {
+        CAPTURE(static_cast<int>(config.deformation));
+        check_near(train_avatar<Device>(scene, config), train_avatar<cpu::Serial>(scene, config));
     }
+}
+
+TEST_CASE("so does an avatar in a light, with its poses, and so is it shown") {
+    if (skip_without_device()) return;
+    const SmallScene small;
+    check_near(train_lit<Device>(small), train_lit<cpu::Serial>(small));
+    const PosedScene scene;
+    AvatarData avatar = scene.avatar;
+    avatar.light = even_light(2, 3, {0, 0.8, 0}, 3);
+    const Outcome found = show<Device>(scene, avatar), expected = show<cpu::Serial>(scene, avatar);
+    REQUIRE(found.learned.size() == expected.learned.size());
+    double difference = 0, size = 0; // of the picture and of the pose's gradient
+    for (std::size_t i = 0; i < found.learned.size(); ++i) {
+        const double d = static_cast<double>(found.learned[i]) - static_cast<double>(expected.learned[i]);
+        difference += d * d,
+            size += static_cast<double>(expected.learned[i]) * static_cast<double>(expected.learned[i]);
+    }
+    CHECK(std::sqrt(difference / size) < 1e-4);
 }
 
 } // namespace cuda_training

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Static scenes, refinement and pose fits on the CUDA backend as on cpu::Serial, and steps that fail.
+#include <gsh/backend/serial.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/cuda.cuh>
+
+#include "support/cuda_device.hpp"
+#include "support/cuda_outcomes.hpp"
+#include "support/small_runs.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+namespace cuda_scenes { // joined builds: other tests have helpers of the same names
+
+using namespace gsh;
+using namespace test;
+using cuda::Device;
+
+TEST_CASE("a static scene trains on the device as on the CPU, through changes of its number of Gaussians") {
+    if (skip_without_device()) return;
+    const SmallScene scene;
+    const Outcome found = train_static<Device>(scene);
+    check_near(found, train_static<cpu::Serial>(scene));
+    check_same(found, train_static<Device>(scene));
+}
+
+TEST_CASE("poses, shape and cameras are refined on the device as on the CPU") {
+    if (skip_without_device()) return;
+    const SmallScene scene;
+    check_near(train_refined<Device>(scene), train_refined<cpu::Serial>(scene));
+}
+
+TEST_CASE("a pose is fitted on the device as on the CPU") {
+    if (skip_without_device()) return;
+    const PosedScene scene;
+    check_near(fit_pose<Device>(scene), fit_pose<cpu::Serial>(scene));
+}
+
+TEST_CASE("steps after an overflow change nothing, and are taken again with the bits of large buffers") {
+    if (skip_without_device()) return;
+    SmallScene scene;
+    const std::uint64_t seed = 3;
+    const auto first = scene.photos[shuffled_indices(4, random_bits(seed, 0))[0]].camera_index;
+    for (Photo& photo : scene.photos) // the camera of the first step: seen from afar, the splats cover few tiles
+        if (photo.camera_index == first) photo.camera.t.z += 12;
+    const auto train = [&](bool large_from_the_start) {
+        SmallTraining<Device> training(scene, [] { return Device(); }, seed, {.ao = AmbientOcclusion::time});
+        MotionRefinement<Device> refinement(training.backend, training.rig, scene.motion, {}, test_time_config());
+        training.people.refine(refinement);
+        auto& trainer = training.trainer;
+        std::size_t near = 0; // the first step with the other camera
+        while (scene.photos[trainer.photo_of_step(near)].camera_index == first) ++near;
+        Outcome outcome;
+        if (large_from_the_start)
+            trainer.render(scene.photos[trainer.photo_of_step(near)], outcome.pictures.emplace_back());
+        outcome.pictures.clear();
+        while (trainer.step_count() < 12) trainer.step(0.5);
+        trainer.settle();
+        CHECK(trainer.step_count() == (large_from_the_start ? 12 : near));
+        while (trainer.step_count() < 12) trainer.step(0.5);
+        trainer.settle();
+        CHECK(trainer.step_count() == 12);
+        CHECK(refinement.step_count() == 12);
+        observe(trainer, scene.photos[1], outcome);
+        outcome.learned = training.parameters();
+        const auto state = refinement.state();
+        outcome.learned.insert(outcome.learned.end(), state.increments.begin(), state.increments.end());
+        for (const std::uint64_t count : state.updates) outcome.losses.push_back(static_cast<double>(count));
+        return outcome;
+    };
+    check_same(train(false), train(true));
+}
+
+TEST_CASE("a Gaussian that is not finite in a recorded step is named when the trainer settles") {
+    if (skip_without_device()) return;
+    const SmallScene scene;
+    SmallTraining<Device> training(scene, [] { return Device(); }, 3, {.ao = AmbientOcclusion::none});
+    training.trainer.step(0.5);
+    training.trainer.step(0.5);
+    training.trainer.settle();
+    for (LearnedArray<float>& array : training.model.learned())
+        if (array.name == "log_scales")
+            training.backend.fill(array.values.subspan(21, 1), std::numeric_limits<float>::quiet_NaN());
+    training.trainer.step(0.5);
+    CHECK_THROWS_WITH_AS(training.trainer.settle(), doctest::Contains("Gaussian 7 has a mean, covariance"), ValueError);
+}
+
+} // namespace cuda_scenes
