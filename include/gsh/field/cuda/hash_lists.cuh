@@ -65,7 +65,7 @@ struct HashLists {
             add_level(grid.level(static_cast<int>(l)), l, positions, weights.of_level(static_cast<int>(l)));
             touched_begin[l + 1] = touched.size();
         }
-        check_value(items.size() <= std::numeric_limits<std::uint32_t>::max(), "HashGrid::prepare",
+        check_value(items.size() <= std::size_t(std::numeric_limits<std::int32_t>::max()), "HashGrid::prepare",
                     "too many points; the CUDA backend counts eight uses of the table per point and level in 32 bits");
     }
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  A tile of rows of the MLP in shared memory: what is loaded into it, and the products on it.
 ///
-/// Indexes have 32 bits, since twice as many registers would not be left; the overloads check the sizes.
 /// A tile is kept column after column, so that a thread reads four rows of a column with one instruction. Columns are
-/// four numbers longer than the tile has rows. Eight neighbouring columns then begin in different banks.
+/// four numbers longer than the tile has rows. Eight neighbouring columns then begin in different banks. Indexes have 32
+/// bits, to save registers; the overloads check the sizes.
 #pragma once
 
 #include <gsh/backend/cuda/kernel.cuh>
@@ -17,10 +17,10 @@
 
 namespace gsh::cuda::detail {
 
-/// Sizes of a tile, and a thread's share of its products. There are 128 threads: 16 groups by rows times 8 by columns. A
-/// thread makes 8 x 8 numbers (in double 4 x 8) of a product, from 16 that it reads, which leaves four instructions in
-/// five for arithmetic. Four blocks of float fit a multiprocessor, by registers and by shared memory; while one loads,
-/// the others compute.
+/// Sizes of a tile, and a thread's share of its products. There are 128 threads: 16 groups by rows times 8 by columns.
+/// A thread makes 8 x 8 numbers (in double 4 x 8) of a product, from 16 that it reads, so that almost nine of ten
+/// instructions are arithmetic. Four blocks of float fit a multiprocessor, by registers and by shared memory; while one
+/// loads, the others compute.
 template <class T>
 struct MlpTile {
     static constexpr unsigned threads = 128;
