@@ -78,7 +78,9 @@
 #include <gsh/light/light_buffers.hpp>
 #include <gsh/light/lit_element.hpp>
 #include <gsh/light/lit_splats.hpp>
+#include <gsh/light/shadow_frame.hpp>
 #include <gsh/light/shadow_map.hpp>
+#include <gsh/light/shadow_triangle.hpp>
 #include <gsh/light/surface_light.hpp>
 
 #include <gsh/render/projection.hpp>
@@ -129,6 +131,7 @@
 #include <gsh/pipeline/part_size.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/pipeline/photo_loss.hpp>
+#include <gsh/pipeline/photo_pixels.hpp>
 #include <gsh/pipeline/shadow.hpp>
 #include <gsh/pipeline/shared_field.hpp>
 #include <gsh/pipeline/splat_scene.hpp>

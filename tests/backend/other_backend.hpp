@@ -71,6 +71,8 @@ struct RasterScratch<other::Device, T> {
     int sorted = 0;
 };
 template <std::floating_point T>
+struct HashScratch<other::Device, T> {};
+template <std::floating_point T>
 struct MlpScratch<other::Device, T> {
     std::vector<std::uint16_t> half_precision;
 };

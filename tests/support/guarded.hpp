@@ -14,6 +14,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/field/features.hpp>
+#include <gsh/field/hash_grid.hpp>
 #include <gsh/field/mlp.hpp>
 #include <gsh/light/lit_splats.hpp>
 #include <gsh/light/shadow_map.hpp>
@@ -124,6 +125,8 @@ template <std::floating_point T>
 struct LpipsWeights<test::Guarded, T> : LpipsWeights<test::GuardedInside, T> {};
 template <std::floating_point T>
 struct LpipsFeatures<test::Guarded, T> : LpipsFeatures<test::GuardedInside, T> {};
+template <std::floating_point T>
+struct HashScratch<test::Guarded, T> : HashScratch<test::GuardedInside, T> {};
 template <std::floating_point T>
 struct MlpScratch<test::Guarded, T> : MlpScratch<test::GuardedInside, T> {};
 template <std::floating_point T>

@@ -24,6 +24,14 @@
 
 namespace gsh {
 
+/// Private storage of a backend for fixed points: what its passes need beside the points. Each backend specialises it
+/// beside its overloads.
+template <Backend B, std::floating_point T>
+struct HashScratch {
+    static_assert(detail::overload_is_included<B>,
+                  "HashGrid: include its backend's overloads, <gsh/field/cpu/hash_grid.hpp> or <gsh/cpu.hpp>");
+};
+
 /// Fallback without the backend's overloads: fails to compile, and names the header to include.
 template <Backend B, class... Arguments>
 void hash_prepare(B&, const Arguments&...) {
@@ -73,6 +81,7 @@ public:
         int split = 0;                                       ///< first fine level
         typename B::template Buffer<T> coarse, fine;         ///< [N] or empty: weights of the levels
         std::size_t lookups = 0;                             ///< number of table rows that a pass over all points reads
+        HashScratch<B, T> scratch;                           ///< the backend's own
 
         [[nodiscard]] std::size_t size() const { return x.size(); }
         [[nodiscard]] LevelWeights<T> weights() const { return {split, coarse, fine}; }
@@ -85,6 +94,7 @@ public:
         for (int l = 0; l < Levels; ++l) {
             HashLevel& level = levels_[l];
             level.scale = params.base * std::pow(params.growth, l) - 1;
+            level.scale_single = static_cast<float>(level.scale);
             check_value(level.scale < (1 << 20), "HashGrid",
                         "the finest level must have fewer than 2^20 cells per unit");
             level.resolution = static_cast<std::uint32_t>(std::ceil(level.scale)) + 1;
@@ -230,7 +240,7 @@ GSH_HD void HashGrid<Levels, Features>::encode_backward_point(const ScalarOf<T>*
                 dL_dweight += dL_dfeatures[l * Features + f] * LaneTraits<T>::gather(table + f, first);
             dL_dfraction += cell.weight_gradient(corner) * dL_dweight;
         }
-        dL_dinside += dL_dfraction * (T(static_cast<ScalarOf<T>>(levels_[l].scale)) * level_weight(l));
+        dL_dinside += dL_dfraction * (T(levels_[l].template scale_as<ScalarOf<T>>()) * level_weight(l));
     }
     for (int axis = 0; axis < 3; ++axis) // a coordinate outside the cube was moved to a face: no gradient
         dL_dpoint[axis] += select(point[axis] < T(0) || point[axis] > T(1), T(0), dL_dinside[axis]);

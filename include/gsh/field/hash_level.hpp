@@ -7,6 +7,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/math/vec.hpp>
 
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 
@@ -41,12 +42,20 @@ private:
 ///         half a cell, as in their published code.
 struct HashLevel {
     double scale = 0;             ///< cells per unit length: position = scale * point + 0.5
+    float scale_single = 0;       ///< the same, rounded, since GPUs convert a double slowly
     std::uint32_t resolution = 0; ///< the largest corner coordinate
     std::uint32_t size = 0;       ///< entries of this level
     std::uint32_t offset = 0;     ///< first entry of this level in the table
     bool hashed = false;          ///< if false, corner (x, y, z) has the entry x + stride (y + stride z)
 
     [[nodiscard]] GSH_HD std::uint32_t stride() const { return resolution + 1; }
+    template <std::floating_point T>
+    [[nodiscard]] GSH_HD T scale_as() const {
+        if constexpr (std::same_as<T, float>)
+            return scale_single;
+        else
+            return static_cast<T>(scale);
+    }
 
     template <Lane T>
     [[nodiscard]] GSH_HD HashCell<T> cell(const vec3<T>& point) const {
@@ -87,8 +96,10 @@ struct HashLevel {
 private:
     template <Lane T>
     [[nodiscard]] GSH_HD T inside(const T& coordinate) const {
-        // This order of arguments turns NaN into 0, so that no index leaves the table.
-        return min(T(1), max(T(0), coordinate)) * T(static_cast<ScalarOf<T>>(scale)) + T(ScalarOf<T>(0.5));
+        // This order of arguments turns NaN into 0, so that no index leaves the table. Product and sum are apart, so
+        // that no compiler fuses them: a point has the same cell on every machine and in every copy of this code.
+        const T end(scale_as<ScalarOf<T>>());
+        return min(end, max(T(0), coordinate * end)) + T(ScalarOf<T>(0.5));
     }
 };
 

@@ -10,17 +10,25 @@
 #include <gsh/core/prefetch.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/features.hpp>
+#include <gsh/field/hash_grid.hpp>
 #include <gsh/field/hash_level.hpp>
 #include <gsh/math/linalg.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
 #include <array>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
 
-namespace gsh::cpu::inline GSH_ISA {
+namespace gsh {
+
+/// Corners and weights are recomputed in every pass.
+template <CpuBackend B, std::floating_point T>
+struct HashScratch<B, T> {};
+
+namespace cpu::inline GSH_ISA {
 
 namespace detail {
 
@@ -214,4 +222,6 @@ void hash_backward(B& backend, const Grid& grid, FeatureView<const T> dL_dfeatur
     });
 }
 
-} // namespace gsh::cpu
+} // namespace cpu
+
+} // namespace gsh

@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The hash grid on a GPU: one thread per point and level forward, one group of threads per entry backward.
+#pragma once
+
+#include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/kernel.cuh>
+#include <gsh/core/span.hpp>
+#include <gsh/field/cuda/hash_lists.cuh>
+#include <gsh/field/cuda/row.cuh>
+#include <gsh/field/features.hpp>
+#include <gsh/field/hash_grid.hpp>
+#include <gsh/field/hash_level.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+namespace gsh {
+
+/// The lists of hash_lists.cuh on the device, and working storage of backward: for 16 levels 300 to 600 bytes per point.
+template <std::floating_point T>
+struct HashScratch<cuda::Device, T> {
+    template <class V>
+    using Buffer = cuda::Device::Buffer<V>;
+    Buffer<std::uint32_t> points, segments, entries, item_begin;
+    Buffer<cuda::detail::HashItem<T>> items;
+    Buffer<cuda::detail::HashTask> sum_tasks, gather_tasks;
+    mutable Buffer<T> sums; ///< [S, 8, Features]; passes of one device follow each other, so they may share it
+};
+
+namespace cuda {
+
+namespace detail {
+
+/// Features of a grid as rows: row (l, i) is level l's part of point i.
+template <class R>
+struct HashRows {
+    Span<R> rows;
+    std::size_t points;
+    std::size_t stride; ///< between the points, in rows
+
+    template <class T, std::size_t F>
+    static HashRows of(std::string_view where, const FeatureView<T>& view) {
+        return {as_rows<F>(where, view.values), view.rows, view.block / F};
+    }
+    /// Index of the first point's row; the next follow at distance `stride`.
+    [[nodiscard]] __device__ std::size_t begin(unsigned level) const {
+        const unsigned of_group = static_cast<unsigned>(stride); // as FeatureView::column, with divisions of 32 bits
+        return level / of_group * stride * points + level % of_group;
+    }
+};
+
+/// LevelWeights without padding. A recorded step compares the bytes of its kernels with those of the step before.
+template <class T>
+struct HashWeights {
+    std::size_t split;
+    Span<const T> coarse, fine;
+
+    explicit HashWeights(const LevelWeights<T>& w)
+        : split(static_cast<std::size_t>(w.split)), coarse(w.coarse), fine(w.fine) {}
+    [[nodiscard]] __device__ T operator()(unsigned level, std::size_t i) const {
+        const Span<const T> weights = level < split ? coarse : fine;
+        return weights.empty() ? T(1) : weights[i];
+    }
+};
+
+template <class T>
+struct SplitPoint {
+    Span<const vec3<T>> points;
+    Span<T> x, y, z;
+    __device__ void operator()(std::size_t i) const {
+        const vec3<T> p = points[i];
+        x[i] = p.x, y[i] = p.y, z[i] = p.z;
+    }
+};
+
+/// Level after level, so that the entries of one level are in the caches; neighbouring threads have neighbouring points
+/// and read the same entries.
+template <class Grid, class T>
+struct HashEncode {
+    static constexpr unsigned block_size = 256;
+    using R = Row<T, Grid::feature_count>;
+    Grid grid;
+    Span<const T> x, y, z;
+    Span<const R> table;
+    HashWeights<T> weights;
+    HashRows<R> features;
+    Write mode;
+    unsigned chunks; ///< blocks per level
+
+    __device__ void operator()() const {
+        const unsigned l = blockIdx.x / chunks;
+        const std::size_t i = std::size_t(blockIdx.x % chunks) * block_size + threadIdx.x;
+        if (i >= x.size()) return;
+        const T level_weight = weights(l, i);
+        R sum{};
+        if (level_weight != T(0)) {
+            const HashLevel& level = grid.level(static_cast<int>(l));
+            const HashCell<T> cell = level.cell(vec3<T>(x[i], y[i], z[i]));
+            R entries[8]; // all eight reads are under way before the first is used
+            for (int c = 0; c < 8; ++c) entries[c] = table[level.index(cell, c)];
+            for (int c = 0; c < 8; ++c) {
+                const T weight = cell.weight(c) * level_weight;
+                for (int f = 0; f < Grid::feature_count; ++f) sum[f] += weight * entries[c][f];
+            }
+        }
+        R& to = features.rows[features.begin(l) + i * features.stride];
+        if (mode == Write::add) {
+            const R before = to;
+            for (int f = 0; f < Grid::feature_count; ++f) sum[f] += before[f];
+        }
+        to = sum;
+    }
+};
+
+/// Sums of the corners of each segment, by eight threads.
+template <class Grid, class T>
+struct HashSumCells {
+    static constexpr unsigned block_size = 256;
+    using R = Row<T, Grid::feature_count>;
+    Grid grid;
+    Span<const T> x, y, z;
+    HashWeights<T> weights;
+    HashRows<const R> gradients;
+    Span<const HashTask> tasks;
+    Span<const std::uint32_t> points, segments;
+    Span<R> sums;
+
+    __device__ void operator()() const {
+        const HashTask task = tasks[blockIdx.x];
+        const unsigned group = threadIdx.x / 8, lane = threadIdx.x % 8;
+        const HashLevel& level = grid.level(task.level);
+        const std::size_t first_row = gradients.begin(task.level), segment = std::size_t(task.first) + group;
+        R corners[8] = {};
+        if (group < task.count) {
+            const std::uint32_t end = segments[segment + 1];
+            std::uint32_t k = segments[segment] + lane, next = k < end ? points[k] : 0;
+            for (; k < end; k += 8) {
+                const std::uint32_t i = next;
+                if (k + 8 < end) next = points[k + 8]; // while this point is read
+                const R gradient = gradients.rows[first_row + i * gradients.stride];
+                const HashCell<T> cell = level.cell(vec3<T>(x[i], y[i], z[i]));
+                const T level_weight = weights(task.level, i);
+                for (int c = 0; c < 8; ++c) {
+                    const T weight = cell.weight(c) * level_weight;
+                    for (int f = 0; f < Grid::feature_count; ++f) corners[c][f] += weight * gradient[f];
+                }
+            }
+        }
+        // Each exchange leaves a thread half the corners, summed over twice the threads; at the end it has one.
+        exchange<4>(corners, lane);
+        exchange<2>(corners, lane);
+        exchange<1>(corners, lane);
+        if (group < task.count) sums[8 * segment + lane] = corners[0];
+    }
+
+private:
+    template <int Half>
+    __device__ static void exchange(R (&corners)[8], unsigned lane) {
+        const bool upper = (lane & unsigned(Half)) != 0;
+        for (int c = 0; c < Half; ++c) {
+            for (int f = 0; f < Grid::feature_count; ++f) {
+                const T low = corners[c][f], high = corners[c + Half][f];
+                corners[c][f] = (upper ? high : low) + __shfl_xor_sync(all_lanes, upper ? low : high, Half);
+            }
+        }
+    }
+};
+
+/// Adds its list to each entry, by 4 or 32 threads.
+template <class T, std::size_t F>
+struct HashGather {
+    static constexpr unsigned block_size = 128;
+    using R = Row<T, F>;
+    HashRows<const R> gradients;
+    Span<const R> sums;
+    Span<const HashTask> tasks;
+    Span<const std::uint32_t> entries, item_begin;
+    Span<const HashItem<T>> items;
+    Span<R> dL_dtable;
+
+    __device__ void operator()() const {
+        const HashTask task = tasks[blockIdx.x];
+        const unsigned group = threadIdx.x / task.lanes, lane = threadIdx.x % task.lanes;
+        const bool active = group < task.count;
+        const std::size_t e = std::size_t(task.first) + group;
+        const Span<const R> rows = task.summed ? sums : gradients.rows;
+        const std::size_t first_row = task.summed ? 0 : gradients.begin(task.level);
+        const std::size_t stride = task.summed ? 1 : gradients.stride;
+        R sum{};
+        if (active) {
+            const std::uint32_t end = item_begin[e + 1], step = task.lanes;
+            std::uint32_t k = item_begin[e] + lane;
+            for (; k + step < end; k += 2 * step) { // two reads under way at a time
+                const HashItem<T> a = items[k], b = items[k + step];
+                const R row_a = rows[first_row + a.row * stride], row_b = rows[first_row + b.row * stride];
+                for (std::size_t f = 0; f < F; ++f) sum[f] += a.weight * row_a[f] + b.weight * row_b[f];
+            }
+            if (k < end) {
+                const HashItem<T> item = items[k];
+                const R row = rows[first_row + item.row * stride];
+                for (std::size_t f = 0; f < F; ++f) sum[f] += item.weight * row[f];
+            }
+        }
+        for (int distance = task.lanes / 2; distance > 0; distance /= 2)
+            for (std::size_t f = 0; f < F; ++f) sum[f] += __shfl_xor_sync(all_lanes, sum[f], distance);
+        if (!active || lane != 0) return;
+        R& to = dL_dtable[entries[e]];
+        const R before = to;
+        for (std::size_t f = 0; f < F; ++f) sum[f] += before[f];
+        to = sum;
+    }
+};
+
+template <class V>
+void upload_all(Device& device, const std::vector<V>& from, Device::Buffer<V>& to) {
+    to.resize(from.size());
+    device.upload(Span<const V>(from), Span<V>(to));
+}
+
+} // namespace detail
+
+/// The lists are made on the host: this is set-up, and waits.
+template <class Grid, class T, class Query>
+void hash_prepare(Device& device, const Grid& grid, Span<const vec3<T>> points, const LevelWeights<T>& weights,
+                  Query& query) {
+    device.for_each(points.size(), detail::SplitPoint<T>{points, query.x, query.y, query.z});
+    device.copy(weights.coarse, query.coarse);
+    device.copy(weights.fine, query.fine);
+
+    const auto fetch = [&](const auto& from, auto host) {
+        host.resize(from.size());
+        device.download(from, Span(host.data(), host.size()));
+        return host;
+    };
+    const std::vector<vec3<T>> positions = fetch(points, std::vector<vec3<T>>());
+    const std::vector<T> coarse = fetch(weights.coarse, std::vector<T>()), fine = fetch(weights.fine, std::vector<T>());
+    const detail::HashLists<T, Grid::level_count> lists(grid, positions, {weights.split, coarse, fine});
+
+    query.touched_begin = lists.touched_begin;
+    query.lookups = lists.lookups;
+    detail::upload_all(device, lists.touched, query.touched);
+    HashScratch<Device, T>& scratch = query.scratch;
+    detail::upload_all(device, lists.points, scratch.points);
+    detail::upload_all(device, lists.segments, scratch.segments);
+    detail::upload_all(device, lists.sum_tasks, scratch.sum_tasks);
+    detail::upload_all(device, lists.entries, scratch.entries);
+    detail::upload_all(device, lists.item_begin, scratch.item_begin);
+    detail::upload_all(device, lists.items, scratch.items);
+    detail::upload_all(device, lists.gather_tasks, scratch.gather_tasks);
+    scratch.sums.resize((lists.segments.size() - 1) * 8 * Grid::feature_count);
+}
+
+template <class Grid, class T, class Query>
+void hash_forward(Device& device, const Grid& grid, Span<const T> table, const Query& query, FeatureView<T> features,
+                  Write mode) {
+    constexpr std::size_t F = Grid::feature_count;
+    constexpr std::string_view where = "HashGrid::forward";
+    using Kernel = detail::HashEncode<Grid, T>;
+    using Rows = detail::HashRows<typename Kernel::R>;
+    const std::size_t chunks = chunk_count(query.size(), Kernel::block_size);
+    device.launch(Grid::level_count * chunks,
+                  Kernel{grid, query.x, query.y, query.z, detail::as_rows<F>(where, table),
+                         detail::HashWeights<T>(query.weights()), Rows::template of<T, F>(where, features), mode,
+                         static_cast<unsigned>(chunks)});
+}
+
+template <class Grid, class T, class Query>
+void hash_backward(Device& device, const Grid& grid, FeatureView<const T> dL_dfeatures, const Query& query,
+                   Span<T> dL_dtable) {
+    constexpr std::size_t F = Grid::feature_count;
+    constexpr std::string_view where = "HashGrid::backward";
+    using R = detail::Row<T, F>;
+    const HashScratch<Device, T>& scratch = query.scratch;
+    const auto gradients = detail::HashRows<const R>::template of<const T, F>(where, dL_dfeatures);
+    const Span<R> sums = detail::as_rows<F>(where, Span<T>(scratch.sums));
+    device.launch(scratch.sum_tasks.size(),
+                  detail::HashSumCells<Grid, T>{grid, query.x, query.y, query.z,
+                                                detail::HashWeights<T>(query.weights()), gradients, scratch.sum_tasks,
+                                                scratch.points, scratch.segments, sums});
+    device.launch(scratch.gather_tasks.size(),
+                  detail::HashGather<T, F>{gradients, sums, scratch.gather_tasks, scratch.entries, scratch.item_begin,
+                                           scratch.items, detail::as_rows<F>(where, dL_dtable)});
+}
+
+} // namespace cuda
+
+} // namespace gsh

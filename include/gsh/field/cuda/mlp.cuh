@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The MLP on a GPU, in the arithmetic of its numbers: no tensor cores.
+///
+/// A pass is two launches: weights in the layout of the products, then all layers of a tile of rows in one kernel
+/// (mlp_forward.cuh); or all layers in reverse (mlp_backward.cuh), then the sum of the blocks' gradients. Shared inputs
+/// need one launch more. Forward stores the activations, 512 bytes a row for two layers of 64: computing them again
+/// would take as long as a forward pass, and reading them half as long.
+#pragma once
+
+#include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/kernel.cuh>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/field/cuda/mlp_backward.cuh>
+#include <gsh/field/cuda/mlp_forward.cuh>
+#include <gsh/field/cuda/mlp_shape.cuh>
+#include <gsh/field/cuda/mlp_tile.cuh>
+#include <gsh/field/cuda/row.cuh>
+#include <gsh/field/features.hpp>
+#include <gsh/field/mlp.hpp>
+
+#include <algorithm>
+#include <concepts>
+#include <cstddef>
+#include <string_view>
+
+namespace gsh {
+
+template <std::floating_point T>
+struct MlpScratch<cuda::Device, T> {
+    cuda::Device::Buffer<T> hidden; ///< activations after ReLU, tile after tile, layer after layer, column after column
+    cuda::Device::Buffer<T> forward_weights, backward_weights; ///< in the layouts of the products
+    cuda::Device::Buffer<T> bias;                              ///< what the shared inputs add to the first layer
+    cuda::Device::Buffer<T> sums, dL_dbias;                    ///< of each block; of all
+    cuda::Device::Buffer<T> wide; ///< gradients of layers with more than 64 columns, of each block
+};
+
+namespace cuda {
+
+namespace detail {
+
+/// Enough blocks for the largest GPU. The number of partial sums, and with it the rounding, is the same on all.
+inline constexpr unsigned mlp_most_blocks = 512;
+
+/// Both layouts of the weights, padded with zeros to whole groups of columns; and the bias, a warp per output.
+template <class T>
+struct MlpPack {
+    static constexpr unsigned block_size = 256, outputs_per_block = block_size / warp_size;
+    MlpShape shape;
+    unsigned bias_blocks;
+    Span<const T> weights, shared;
+    Span<T> forward, backward, bias;
+
+    __device__ void operator()() const {
+        if (blockIdx.x < bias_blocks)
+            sum_shared();
+        else
+            copy((blockIdx.x - bias_blocks) * block_size + threadIdx.x);
+    }
+
+private:
+    __device__ void sum_shared() const {
+        const unsigned o = blockIdx.x * outputs_per_block + threadIdx.x / warp_size, lane = threadIdx.x % warp_size;
+        T sum = 0;
+        if (o < shape.out(0))
+            for (unsigned c = lane; c < shape.shared; c += warp_size)
+                sum += weights[o * shape.weights_stride(0) + shape.inputs + c] * shared[c];
+        for (int distance = warp_size / 2; distance > 0; distance /= 2)
+            sum += __shfl_xor_sync(all_lanes, sum, distance);
+        if (lane == 0) bias[o] = sum; // zeros beyond the outputs
+    }
+    __device__ void copy(unsigned e) const {
+        const unsigned forward_size = static_cast<unsigned>(forward.size());
+        if (e < forward_size) {
+            const unsigned layer = shape.layer_of(e, shape.forward_size(0), shape.middle_size());
+            const unsigned columns = mlp_groups(shape.out(layer)) * mlp_columns;
+            const unsigned at = e - shape.forward_offset(layer);
+            forward[e] = weight(layer, at % columns, at / columns);
+        } else if (e - forward_size < backward.size()) {
+            e -= forward_size;
+            const unsigned layer = shape.layer_of(e, shape.backward_size(0), shape.middle_size());
+            const unsigned columns = mlp_groups(shape.in(layer)) * mlp_columns;
+            const unsigned at = e - shape.backward_offset(layer);
+            backward[e] = weight(layer, at / columns, at % columns);
+        }
+    }
+    [[nodiscard]] __device__ T weight(unsigned layer, unsigned o, unsigned i) const {
+        if (o >= shape.out(layer) || i >= shape.in(layer)) return T(0);
+        return weights[shape.weights_offset(layer) + o * shape.weights_stride(layer) + i];
+    }
+};
+
+/// Adds the blocks' sums to the gradient of the weights: 32 numbers a block, each by 8 threads, which take consecutive
+/// parts of the blocks.
+template <class T>
+struct MlpJoin {
+    static constexpr unsigned numbers = 32, parts = 8, block_size = numbers * parts;
+    struct Shared {
+        SharedArray<T, block_size> sums;
+    };
+    MlpShape shape;
+    unsigned blocks;
+    Span<const T> sums;
+    Span<T> dL_dweights, dL_dbias;
+
+    __device__ void operator()(Shared& shared) const {
+        const unsigned at = blockIdx.x * numbers + threadIdx.x % numbers;
+        T* const to = target(at);
+        const unsigned part = threadIdx.x / numbers;
+        T sum = 0;
+        if (to != nullptr)
+            for (unsigned b = blocks * part / parts; b < blocks * (part + 1) / parts; ++b)
+                sum += sums[b * shape.sums_size() + at];
+        shared.sums[threadIdx.x] = sum;
+        __syncthreads();
+        if (part != 0 || to == nullptr) return;
+        for (unsigned p = 1; p < parts; ++p) sum += shared.sums[p * numbers + threadIdx.x];
+        *to = at < bias_begin() ? *to + sum : sum;
+    }
+
+private:
+    [[nodiscard]] __device__ unsigned bias_begin() const { return shape.piece_count() * mlp_columns * mlp_columns; }
+    /// Where the sum `at` of MlpBackward belongs; null for padding.
+    [[nodiscard]] __device__ T* target(unsigned at) const {
+        if (at >= bias_begin()) {
+            const unsigned o = at - bias_begin();
+            return o < dL_dbias.size() ? &dL_dbias[o] : nullptr;
+        }
+        const unsigned piece = at / (mlp_columns * mlp_columns), number = at % (mlp_columns * mlp_columns);
+        const unsigned layer =
+            shape.layer_of(piece, shape.pieces(0), mlp_groups(shape.width) * mlp_groups(shape.width));
+        const unsigned groups = mlp_groups(shape.in(layer)), in_layer = piece - shape.first_piece(layer);
+        const unsigned thread = number % MlpTile<T>::threads, share = number / MlpTile<T>::threads;
+        const unsigned o = in_layer / groups * mlp_columns + MlpTile<T>::row_group(thread) + 16 * (share / 8),
+                       i = in_layer % groups * mlp_columns + MlpTile<T>::column_group(thread) + 8 * (share % 8);
+        if (o >= shape.out(layer) || i >= shape.in(layer)) return nullptr;
+        return &dL_dweights[shape.weights_offset(layer) + o * shape.weights_stride(layer) + i];
+    }
+};
+
+/// dL/dS += g sᵀ and dL/ds += Sᵀ g for the weights S of the shared inputs s, with the gradient g of the bias: 32 inputs
+/// a block, each by 8 threads.
+template <class T>
+struct MlpShareGradient {
+    static constexpr unsigned numbers = 32, parts = 8, block_size = numbers * parts;
+    struct Shared {
+        SharedArray<T, block_size> sums;
+    };
+    MlpShape shape;
+    Span<const T> weights, shared_inputs, dL_dbias;
+    Span<T> dL_dweights, dL_dshared;
+
+    __device__ void operator()(Shared& shared) const {
+        const unsigned c = blockIdx.x * numbers + threadIdx.x % numbers, part = threadIdx.x / numbers;
+        T sum = 0;
+        if (c < shape.shared)
+            for (unsigned o = part; o < shape.out(0); o += parts) {
+                const unsigned w = o * shape.weights_stride(0) + shape.inputs + c;
+                const T gradient = dL_dbias[o];
+                dL_dweights[w] += gradient * shared_inputs[c];
+                sum += gradient * weights[w];
+            }
+        shared.sums[threadIdx.x] = sum;
+        __syncthreads();
+        if (part != 0 || c >= dL_dshared.size()) return;
+        for (unsigned p = 1; p < parts; ++p) sum += shared.sums[p * numbers + threadIdx.x];
+        dL_dshared[c] += sum;
+    }
+};
+
+/// Sizes of a network and its batch.
+/// Errors  ValueError unless the kernels' indexes of 32 bits suffice: for two layers of 64, up to 130 million rows.
+template <class Network, class T>
+[[nodiscard]] MlpShape mlp_shape(std::string_view where, const Network& network, const MlpInputs<T>& inputs) {
+    const std::size_t rows = inputs.features.rows + MlpTile<T>::rows, hidden = network.layer_count() - 1;
+    const std::size_t width = hidden ? network.layer_outputs(0) : 0, groups = width / mlp_columns + 1,
+                      columns = std::max(network.inputs(), network.outputs());
+    const std::size_t pieces = (hidden * groups + 1) * (groups + columns / mlp_columns) * mlp_columns * mlp_columns;
+    check_value(std::max({rows * columns, rows * width * hidden / 4, mlp_most_blocks * pieces}) < (1ull << 32), where,
+                "the batch or the network is too large for the CUDA backend, which counts numbers in 32 bits");
+    const auto number = [](std::size_t n) { return static_cast<unsigned>(n); };
+    return {.inputs = number(network.inputs() - inputs.shared.size()),
+            .outputs = number(network.outputs()),
+            .width = number(width),
+            .layers = number(network.layer_count()),
+            .shared = number(inputs.shared.size())};
+}
+
+template <class T>
+[[nodiscard]] MlpRowInputs<T> mlp_row_inputs(const MlpShape& shape, const MlpInputs<T>& inputs) {
+    return {inputs.features, inputs.points, shape.inputs - inputs.features.columns};
+}
+
+/// As mlp_backward, with a given number of blocks that sum gradients.
+template <class Network, class T>
+void mlp_backward_in_blocks(Device& device, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
+                            Span<const T> dL_doutputs, MlpScratch<Device, T>& scratch, Span<T> dL_dweights,
+                            FeatureView<T> dL_dfeatures, Write features_mode, Span<T> dL_dshared,
+                            unsigned most_blocks) {
+    using Kernel = MlpBackward<T>;
+    constexpr std::size_t tile_rows = MlpTile<T>::rows;
+    const MlpShape shape = mlp_shape("Mlp::backward", network, inputs);
+    const unsigned tiles = static_cast<unsigned>(chunk_count(inputs.features.rows, tile_rows));
+    const unsigned blocks = std::min(tiles, most_blocks);
+    const bool wide = Kernel::uses_wide(shape, dL_dfeatures.columns);
+    scratch.sums.resize(std::size_t(blocks) * shape.sums_size());
+    scratch.wide.resize(wide ? tile_rows * 2 * blocks * shape.width : 0);
+    scratch.dL_dbias.resize(shape.shared ? shape.out(0) : 0);
+
+    const auto fours = [](auto values) { return as_rows<4>("Mlp::backward", values); };
+    device.launch(blocks, Kernel{shape, features_mode, mlp_row_inputs(shape, inputs),
+                                 fours(Span<const T>(scratch.backward_weights)), fours(Span<const T>(scratch.hidden)),
+                                 dL_doutputs, scratch.sums, fours(Span<T>(scratch.wide)), dL_dfeatures});
+    device.launch(chunk_count(shape.sums_size(), MlpJoin<T>::numbers),
+                  MlpJoin<T>{shape, blocks, scratch.sums, dL_dweights, scratch.dL_dbias});
+    device.launch(chunk_count(shape.shared, MlpShareGradient<T>::numbers),
+                  MlpShareGradient<T>{shape, weights, inputs.shared, scratch.dL_dbias, dL_dweights, dL_dshared});
+}
+
+} // namespace detail
+
+template <class Network, class T>
+void mlp_forward(Device& device, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
+                 Span<T> outputs, MlpScratch<Device, T>& scratch) {
+    using detail::MlpPack;
+    const detail::MlpShape shape = detail::mlp_shape("Mlp::forward", network, inputs);
+    constexpr std::size_t tile_rows = detail::MlpTile<T>::rows;
+    const std::size_t tiles = chunk_count(inputs.features.rows, tile_rows);
+    const unsigned last = shape.layers - 1;
+    scratch.forward_weights.resize(shape.forward_offset(last) + shape.forward_size(last));
+    scratch.backward_weights.resize(shape.backward_offset(last) + shape.backward_size(last));
+    scratch.bias.resize(shape.shared ? detail::mlp_groups(shape.out(0)) * detail::mlp_columns : 0);
+    scratch.hidden.resize(tiles * last * shape.width * tile_rows);
+
+    const unsigned bias_blocks = static_cast<unsigned>(scratch.bias.size()) / MlpPack<T>::outputs_per_block;
+    const std::size_t packed = scratch.forward_weights.size() + scratch.backward_weights.size();
+    device.launch(bias_blocks + chunk_count(packed, MlpPack<T>::block_size),
+                  MlpPack<T>{shape, bias_blocks, weights, inputs.shared, scratch.forward_weights,
+                             scratch.backward_weights, scratch.bias});
+    device.launch(tiles, detail::MlpForward<T>{
+                             shape, detail::mlp_row_inputs(shape, inputs),
+                             detail::as_rows<4>("Mlp::forward", Span<const T>(scratch.forward_weights)), scratch.bias,
+                             detail::as_rows<4>("Mlp::forward", Span<T>(scratch.hidden)), outputs});
+}
+
+template <class Network, class T>
+void mlp_backward(Device& device, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
+                  Span<const T> dL_doutputs, MlpScratch<Device, T>& scratch, Span<T> dL_dweights,
+                  FeatureView<T> dL_dfeatures, Write features_mode, Span<T> dL_dshared) {
+    detail::mlp_backward_in_blocks(device, network, weights, inputs, dL_doutputs, scratch, dL_dweights, dL_dfeatures,
+                                   features_mode, dL_dshared, detail::mlp_most_blocks);
+}
+
+} // namespace cuda
+
+} // namespace gsh

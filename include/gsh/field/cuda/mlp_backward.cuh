@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The kernel of the MLP's backward pass: gradients of a tile of rows go back through all layers.
+#pragma once
+
+#include <gsh/backend/cuda/kernel.cuh>
+#include <gsh/core/span.hpp>
+#include <gsh/field/cuda/mlp_shape.cuh>
+#include <gsh/field/cuda/mlp_tile.cuh>
+#include <gsh/field/cuda/row.cuh>
+#include <gsh/field/features.hpp>
+
+#include <cstddef>
+
+namespace gsh::cuda::detail {
+
+/// A block processes a fixed range of tiles and keeps its own sums of the weights' gradients, which a later kernel
+/// joins. The sums are in global memory: three layers of them would take 80 registers a thread, and adding a tile's
+/// share costs two instructions in a hundred.
+///
+/// The tile holds the gradient of a layer's outputs. From it and the layer's inputs come the gradients of the weights;
+/// from it and the weights that of the inputs, which takes its place.
+template <class T>
+struct MlpBackward {
+    using Tile = MlpTile<T>;
+    using Shared = typename Tile::Shared;
+    static constexpr unsigned block_size = Tile::threads, least_blocks = Tile::least_blocks;
+
+    MlpShape shape;
+    Write mode; ///< of dL_dfeatures
+    MlpRowInputs<T> inputs;
+    Span<const Row<T, 4>> packed; ///< MlpShape::backward_offset
+    Span<const Row<T, 4>> hidden; ///< as of MlpForward
+    Span<const T> dL_doutputs;
+    Span<T> sums;               ///< [blocks][shape.sums_size()]
+    Span<Row<T, 4>> wide;       ///< [blocks][2][width][rows of a tile] if uses_wide
+    MlpColumns<T> dL_dfeatures; ///< no columns: not wanted
+
+    /// Whether a gradient must be kept outside of the tile: it does not fit, or is needed again after another has taken
+    /// its place.
+    [[nodiscard]] GSH_HD static bool uses_wide(const MlpShape& shape, std::size_t features) {
+        return shape.layers > 1 && (shape.width > mlp_columns || features > mlp_columns);
+    }
+
+    __device__ void operator()(Shared& shared) const {
+        const std::size_t tiles = (inputs.rows() + Tile::rows - 1) / Tile::rows; // ranges differ by one at most
+        const unsigned end = static_cast<unsigned>(tiles * (blockIdx.x + 1) / gridDim.x);
+        bool first = true;
+        for (unsigned tile = static_cast<unsigned>(tiles * blockIdx.x / gridDim.x); tile < end; ++tile) {
+            for (unsigned layer = shape.layers; layer-- > 0;) {
+                add_weights(shared, tile, layer, first);
+                const unsigned columns = layer ? shape.width : dL_dfeatures.columns;
+                for (unsigned group = 0; group * mlp_columns < columns; ++group)
+                    run_layer(shared, tile, layer, group, mlp_count(columns, group));
+            }
+            first = false;
+        }
+    }
+
+private:
+    [[nodiscard]] __device__ static unsigned first_row(unsigned tile) { return tile * Tile::rows; }
+    [[nodiscard]] __device__ unsigned hidden_offset(unsigned tile, unsigned layer, unsigned column) const {
+        return ((tile * (shape.layers - 1) + layer) * shape.width + column) * (Tile::rows / 4);
+    }
+    /// The gradient of a layer's outputs.
+    [[nodiscard]] __device__ unsigned wide_offset(unsigned layer, unsigned column) const {
+        return ((blockIdx.x * 2 + layer % 2) * shape.width + column) * (Tile::rows / 4);
+    }
+
+    /// The gradient of 64 outputs of a layer, or the rest.
+    __device__ void load_gradient(Shared& shared, unsigned tile, unsigned layer, unsigned group) const {
+        const unsigned count = mlp_count(shape.out(layer), group), first_column = group * mlp_columns;
+        __syncthreads();
+        if (layer + 1 < shape.layers) {
+            load_columns<Tile::rows, Tile::stride, T>(shared.tile, wide, wide_offset(layer, first_column),
+                                                      Tile::rows / 4, count, 8 * mlp_share(count));
+            return;
+        }
+        for (MlpWalk at(count); at.row < Tile::rows; at.step()) {
+            const unsigned row = first_row(tile) + at.row;
+            shared.tile[at.column * Tile::stride + at.row] =
+                row < inputs.rows() ? dL_doutputs[row * shape.outputs + first_column + at.column] : T(0);
+        }
+        for (unsigned e = threadIdx.x; e < Tile::rows * (8 * mlp_share(count) - count); e += block_size)
+            shared.tile[(count + e / Tile::rows) * Tile::stride + e % Tile::rows] = T(0);
+    }
+
+    /// dL/dW[o, i] += sum over the rows of dL/dy[o] x[i].
+    __device__ void add_weights(Shared& shared, unsigned tile, unsigned layer, bool first) const {
+        const bool held = layer + 1 < shape.layers && shape.width <= mlp_columns; // from the layer after
+        for (unsigned out = 0; out < mlp_groups(shape.out(layer)); ++out) {
+            if (!held) load_gradient(shared, tile, layer, out);
+            if (layer == 0 && shape.shared != 0) add_bias(shared, out, first);
+            for (unsigned in = 0; in < mlp_groups(shape.in(layer)); ++in)
+                add_piece(shared, tile, layer, out, in, first);
+        }
+    }
+
+    __device__ void add_piece(Shared& shared, unsigned tile, unsigned layer, unsigned out, unsigned in,
+                              bool first) const {
+        const unsigned count = mlp_count(shape.in(layer), in), share = mlp_share(count),
+                       output_share = mlp_share(mlp_count(shape.out(layer), out));
+        T piece[4][8] = {};
+        for (unsigned r = 0; r < Tile::rows; r += Tile::depth) {
+            __syncthreads();
+            if (layer == 0)
+                inputs.template load<Tile::depth, Tile::side_stride>(shared.side, first_row(tile) + r, in * mlp_columns,
+                                                                     count, 8 * share);
+            else
+                load_columns<Tile::depth, Tile::side_stride, T>(
+                    shared.side, hidden, hidden_offset(tile, layer - 1, in * mlp_columns) + r / 4, Tile::rows / 4,
+                    count, 8 * share);
+            __syncthreads();
+            multiply_over_rows<T>(shared, r, output_share, share, piece);
+        }
+        // Each thread's numbers at a distance of the block, so that neighbouring threads write neighbouring numbers.
+        const unsigned begin =
+            blockIdx.x * shape.sums_size() +
+            (shape.first_piece(layer) + out * mlp_groups(shape.in(layer)) + in) * mlp_columns * mlp_columns;
+        for (unsigned i = 0; i < 4; ++i)
+            for (unsigned j = 0; j < 8; ++j) {
+                if (2 * i >= output_share || j >= share) continue;
+                T& sum = sums[begin + (i * 8 + j) * block_size + threadIdx.x];
+                sum = first ? piece[i][j] : sum + piece[i][j];
+            }
+    }
+
+    /// The gradient of the first layer's bias: a warp sums one column of the tile after the other.
+    __device__ void add_bias(Shared& shared, unsigned group, bool first) const {
+        const unsigned begin =
+            blockIdx.x * shape.sums_size() + shape.piece_count() * mlp_columns * mlp_columns + group * mlp_columns;
+        __syncthreads();
+        for (unsigned c = threadIdx.x / warp_size; c < mlp_count(shape.out(0), group); c += block_size / warp_size) {
+            T sum = 0;
+            for (unsigned r = threadIdx.x % warp_size; r < Tile::rows; r += warp_size)
+                sum += shared.tile[c * Tile::stride + r];
+            for (int distance = warp_size / 2; distance > 0; distance /= 2)
+                sum += __shfl_xor_sync(all_lanes, sum, distance);
+            if (threadIdx.x % warp_size == 0) sums[begin + c] = first ? sum : sums[begin + c] + sum;
+        }
+    }
+
+    /// dL/dx = dL/dy W for 64 columns of x, or the rest; through the ReLU that made x.
+    __device__ void run_layer(Shared& shared, unsigned tile, unsigned layer, unsigned group, unsigned count) const {
+        const unsigned share = mlp_share(count);
+        const unsigned length = mlp_groups(shape.in(layer)) * (mlp_columns / 4);
+        T dL_dx[Tile::thread_rows][8] = {};
+        const bool held = group == 0 && shape.out(layer) <= mlp_columns; // from add_weights
+        unsigned weights = shape.backward_offset(layer) / 4 + group * (mlp_columns / 4);
+        for (unsigned out = 0; out < mlp_groups(shape.out(layer)); ++out) {
+            const unsigned inner = mlp_count(shape.out(layer), out);
+            if (!held) load_gradient(shared, tile, layer, out);
+            for (unsigned k = 0; k < inner; k += Tile::depth) {
+                const unsigned depth = inner - k < Tile::depth ? inner - k : Tile::depth;
+                __syncthreads();
+                load_weights<T>(shared.side, packed, weights, length, depth);
+                __syncthreads();
+                multiply<T>(shared, k, depth, share, dL_dx);
+                weights += depth * length;
+            }
+        }
+        const bool stays = layer == 0 || shape.width <= mlp_columns, saved = layer != 0 && !wide.empty();
+        if (stays) __syncthreads(); // the tile is still read
+        const unsigned first_column = group * mlp_columns;
+        for (unsigned j = 0; j < 8; ++j) {
+            if (j >= share) break;
+            const unsigned c = Tile::column(j, share);
+            for (unsigned i = 0; i < Tile::thread_rows; i += 4) {
+                const unsigned at = (c * Tile::rows + Tile::row(i)) / 4;
+                Row<T, 4> four;
+                for (unsigned u = 0; u < 4; ++u) four[u] = dL_dx[i + u][j];
+                if (layer != 0 && c < count) {
+                    const Row<T, 4> x = hidden[hidden_offset(tile, layer - 1, first_column) + at];
+                    for (unsigned u = 0; u < 4; ++u) four[u] = x[u] > T(0) ? four[u] : T(0);
+                }
+                if (stays)
+                    for (unsigned u = 0; u < 4; ++u) shared.tile[c * Tile::stride + Tile::row(i) + u] = four[u];
+                if (saved && c < count) wide[wide_offset(layer - 1, first_column) + at] = four;
+            }
+        }
+        if (layer == 0) write_features(shared, tile, group * mlp_columns, count);
+    }
+
+    __device__ void write_features(Shared& shared, unsigned tile, unsigned first_column, unsigned count) const {
+        __syncthreads();
+        const unsigned row = first_row(tile) + threadIdx.x % Tile::rows;
+        if (row >= inputs.rows()) return; // no barrier follows before all threads are back
+        constexpr unsigned step = block_size / Tile::rows;
+        const unsigned part = threadIdx.x / Tile::rows;
+        const auto value = [&](unsigned c) -> T { return shared.tile[c * Tile::stride + threadIdx.x % Tile::rows]; };
+        if (!dL_dfeatures.by_four.empty()) {
+            for (unsigned c = 4 * part; c < count; c += 4 * step) {
+                Row<T, 4>& to = dL_dfeatures.by_four[dL_dfeatures.index(row, first_column + c) / 4];
+                Row<T, 4> four{};
+                if (mode == Write::add) four = to;
+                for (unsigned j = 0; j < 4; ++j) four[j] += value(c + j);
+                to = four;
+            }
+            return;
+        }
+        for (unsigned c = part; c < count; c += step) {
+            T& to = dL_dfeatures.values[dL_dfeatures.index(row, first_column + c)];
+            to = mode == Write::add ? to + value(c) : value(c);
+        }
+    }
+};
+
+} // namespace gsh::cuda::detail

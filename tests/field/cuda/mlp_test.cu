@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The MLP on the CUDA backend equals the one of cpu::Serial.
+#include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/serial.hpp>
+#include <gsh/field/cpu/mlp.hpp>
+#include <gsh/field/cuda/mlp.cuh>
+#include <gsh/field/mlp.hpp>
+
+#include <doctest/doctest.h>
+
+#include "support/cuda_device.hpp"
+#include "support/gradient.hpp"
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <vector>
+
+namespace {
+
+using namespace gsh;
+using cuda::Device;
+
+struct Shape {
+    int features, block, points, shared, outputs, width, hidden_layers;
+};
+
+template <class T>
+Device::Buffer<T> to_device(Device& device, const std::vector<T>& host) {
+    Device::Buffer<T> buffer(host.size());
+    device.upload(Span<const T>(host), Span<T>(buffer));
+    return buffer;
+}
+template <class T>
+std::vector<T> fetch(Device& device, const Device::Buffer<T>& buffer) {
+    std::vector<T> host(buffer.size());
+    device.download(Span<const T>(buffer), Span<T>(host));
+    return host;
+}
+
+template <class T>
+struct Problem {
+    Shape shape;
+    std::size_t rows;
+    Mlp mlp;
+    std::vector<T> weights, features, points, shared, dL_doutputs;
+
+    Problem(const Shape& s, std::size_t n)
+        : shape(s), rows(n), mlp({s.features + s.points + s.shared, s.outputs, s.width, s.hidden_layers}),
+          weights(mlp.initial_weights<T>(5)), features(numbers(1, s.features)), points(numbers(2, s.points)),
+          shared(numbers(3, s.shared, 1)), dL_doutputs(numbers(4, s.outputs)) {}
+
+private:
+    [[nodiscard]] std::vector<T> numbers(std::uint64_t seed, int columns) const { return numbers(seed, columns, rows); }
+    [[nodiscard]] static std::vector<T> numbers(std::uint64_t seed, int columns, std::size_t n) {
+        test::Rng rng(seed);
+        std::vector<T> result(n * static_cast<std::size_t>(columns));
+        for (T& x : result) x = static_cast<T>(rng.uniform(-1, 1));
+        return result;
+    }
+};
+
+template <class T>
+struct Results {
+    std::vector<T> outputs, dL_dweights, dL_dfeatures, dL_dshared;
+};
+
+/// How backward is called.
+struct Options {
+    Write mode = Write::add;
+    int backwards = 1;
+    bool features = true, shared = true;
+    unsigned most_blocks = 0; ///< of the device; 0: as many as usual
+};
+
+template <class T>
+FeatureView<T> features_view(const Shape& s, std::size_t rows, Span<T> values) {
+    return {values, rows, static_cast<std::size_t>(s.features), static_cast<std::size_t>(s.block)};
+}
+
+template <class T, class B, class Numbers>
+void run_passes(B& backend, const Problem<T>& p, const Options& options, const Numbers& weights,
+                const Numbers& features, const Numbers& points, const Numbers& shared, const Numbers& dL_doutputs,
+                Numbers& outputs, Numbers& dL_dweights, Numbers& dL_dfeatures, Numbers& dL_dshared) {
+    Mlp::Cache<B, T> cache;
+    const MlpInputs<T> inputs{features_view(p.shape, p.rows, Span<const T>(features)), points, shared};
+    p.mlp.forward(backend, weights, inputs, outputs, cache);
+    const FeatureView<T> to_features =
+        options.features ? features_view(p.shape, p.rows, Span<T>(dL_dfeatures)) : FeatureView<T>();
+    const Span<T> to_shared = options.shared ? Span<T>(dL_dshared) : Span<T>();
+    for (int i = 0; i < options.backwards; ++i) {
+        if constexpr (std::is_same_v<B, Device>)
+            if (options.most_blocks != 0) {
+                cuda::detail::mlp_backward_in_blocks(backend, p.mlp, Span<const T>(weights), inputs,
+                                                     Span<const T>(dL_doutputs), cache.scratch, Span<T>(dL_dweights),
+                                                     to_features, options.mode, to_shared, options.most_blocks);
+                continue;
+            }
+        p.mlp.backward(backend, weights, inputs, dL_doutputs, cache, dL_dweights, to_features, options.mode, to_shared);
+    }
+}
+
+/// All gradients hold ones before.
+template <class T>
+Results<T> run_serial(const Problem<T>& p, const Options& options = {}) {
+    cpu::Serial backend;
+    Results<T> r{std::vector<T>(p.dL_doutputs.size()), std::vector<T>(p.weights.size(), T(1)),
+                 std::vector<T>(p.features.size(), T(1)), std::vector<T>(p.shared.size(), T(1))};
+    run_passes(backend, p, options, p.weights, p.features, p.points, p.shared, p.dL_doutputs, r.outputs, r.dL_dweights,
+               r.dL_dfeatures, r.dL_dshared);
+    return r;
+}
+template <class T>
+Results<T> run_device(const Problem<T>& p, const Options& options = {}) {
+    Device device;
+    const auto weights = to_device(device, p.weights), features = to_device(device, p.features),
+               points = to_device(device, p.points), shared = to_device(device, p.shared),
+               dL_doutputs = to_device(device, p.dL_doutputs);
+    const auto ones = [&](std::size_t n) { return to_device(device, std::vector<T>(n, T(1))); };
+    Device::Buffer<T> outputs(p.dL_doutputs.size()), dL_dweights = ones(p.weights.size()),
+                                                     dL_dfeatures = ones(p.features.size()),
+                                                     dL_dshared = ones(p.shared.size());
+    run_passes(device, p, options, weights, features, points, shared, dL_doutputs, outputs, dL_dweights, dL_dfeatures,
+               dL_dshared);
+    return {fetch(device, outputs), fetch(device, dL_dweights), fetch(device, dL_dfeatures), fetch(device, dL_dshared)};
+}
+
+/// tolerance: of float. An activation near 0 may be rounded to either side of it, which changes its gradient.
+template <class T>
+void check_close(const std::vector<T>& found, const std::vector<T>& expected, double tolerance) {
+    REQUIRE(found.size() == expected.size());
+    double difference = 0, size = 0;
+    for (std::size_t i = 0; i < found.size(); ++i) {
+        difference += std::pow(double(found[i]) - double(expected[i]), 2);
+        size += std::pow(double(expected[i]), 2);
+    }
+    CHECK(std::isfinite(difference));
+    CHECK(std::sqrt(difference) <= (sizeof(T) == 8 ? 1e-13 : tolerance) * std::sqrt(size));
+}
+template <class T>
+void check_equal(const Results<T>& found, const Results<T>& expected) {
+    check_close(found.outputs, expected.outputs, 3e-6);
+    check_close(found.dL_dweights, expected.dL_dweights, 1e-4);
+    check_close(found.dL_dfeatures, expected.dL_dfeatures, 1e-4);
+    check_close(found.dL_dshared, expected.dL_dshared, 1e-4);
+}
+
+} // namespace
+
+TEST_CASE_TEMPLATE("Mlp on the device equals Serial for networks of any size", T, float, double) {
+    if (test::skip_without_device()) return;
+    for (const Shape& s : {Shape{64, 4, 0, 0, 30, 64, 2}, // an avatar's colours and displacements
+                           Shape{64, 4, 9, 5, 1, 64, 2},  // its shadow, with more inputs
+                           Shape{3, 1, 0, 0, 2, 0, 0}, Shape{4, 4, 0, 0, 1, 8, 1}, Shape{5, 5, 0, 2, 3, 7, 2},
+                           Shape{16, 2, 3, 0, 9, 16, 3}, Shape{6, 3, 0, 40, 27, 33, 2}, Shape{8, 8, 1, 0, 17, 16, 5},
+                           Shape{68, 4, 2, 3, 5, 20, 2},                                    // many features
+                           Shape{66, 66, 0, 1, 70, 65, 3}, Shape{132, 4, 0, 70, 4, 130, 2}, // wide layers
+                           Shape{12, 4, 0, 0, 65, 64, 1}, Shape{130, 10, 1, 2, 66, 0, 0}}) {
+        CAPTURE(s.features);
+        CAPTURE(s.width);
+        const Problem<T> p(s, 131);
+        check_equal(run_device(p), run_serial(p));
+    }
+}
+
+TEST_CASE_TEMPLATE("Mlp on the device takes any number of rows", T, float, double) {
+    if (test::skip_without_device()) return;
+    for (const std::size_t rows : {0, 1, 31, 32, 33, 63, 64, 65, 127, 128, 129, 257}) {
+        CAPTURE(rows);
+        const Problem<T> p({8, 4, 1, 3, 5, 20, 2}, rows);
+        check_equal(run_device(p), run_serial(p));
+    }
+}
+
+TEST_CASE_TEMPLATE("gradients of many tiles are summed by few blocks", T, float, double) {
+    if (test::skip_without_device()) return;
+    const Problem<T> p({8, 4, 1, 3, 5, 20, 2}, 650);
+    const auto expected = run_serial(p);
+    for (const unsigned blocks : {1u, 2u, 3u, 5u, 11u}) check_equal(run_device(p, {.most_blocks = blocks}), expected);
+}
+
+TEST_CASE("Mlp::backward adds on the device, and Write::assign overwrites the inputs' gradient alone") {
+    if (test::skip_without_device()) return;
+    for (const int block : {4, 2}) {
+        const Problem<double> p({8, block, 1, 3, 5, 20, 2}, 140);
+        for (const Write mode : {Write::add, Write::assign})
+            for (const int backwards : {1, 2})
+                check_equal(run_device(p, {mode, backwards}), run_serial(p, {mode, backwards}));
+        const auto none = run_device(p, {.features = false, .shared = false});
+        check_equal(none, run_serial(p, {.features = false, .shared = false}));
+        CHECK(none.dL_dfeatures == std::vector<double>(p.features.size(), 1.0));
+        CHECK(none.dL_dshared == std::vector<double>(3, 1.0));
+    }
+}
+
+TEST_CASE("Mlp takes features that do not begin at a multiple of four numbers") {
+    if (test::skip_without_device()) return;
+    const Problem<float> p({8, 4, 0, 0, 5, 20, 1}, 40);
+    const auto expected = run_serial(p);
+    Device device;
+    const auto weights = to_device(device, p.weights), dL_doutputs = to_device(device, p.dL_doutputs);
+    std::vector<float> shifted = p.features;
+    shifted.insert(shifted.begin(), 0.0f);
+    const auto features = to_device(device, shifted);
+    Device::Buffer<float> outputs(p.dL_doutputs.size()), dL_dfeatures(shifted.size());
+    auto dL_dweights = to_device(device, std::vector<float>(p.weights.size(), 1.0f));
+    device.fill(Span<float>(dL_dfeatures), 1.0f);
+    Mlp::Cache<Device, float> cache;
+    const MlpInputs<float> inputs{features_view(p.shape, 40, Span<const float>(features).subspan(1, 320))};
+    p.mlp.forward(device, weights, inputs, outputs, cache);
+    p.mlp.backward(device, weights, inputs, dL_doutputs, cache, dL_dweights,
+                   features_view(p.shape, 40, Span<float>(dL_dfeatures).subspan(1, 320)));
+    auto found = fetch(device, dL_dfeatures);
+    found.erase(found.begin());
+    check_equal({fetch(device, outputs), fetch(device, dL_dweights), found, {}}, expected);
+}
+
+#if defined(GSH_CUDA_EMULATION)
+
+TEST_CASE("Mlp has the same bits in any order of threads, whatever new memory holds") {
+    auto& machine = test::CudaEmulation::instance();
+    for (const Shape& s : {Shape{12, 4, 1, 3, 5, 20, 2}, Shape{4, 4, 0, 1, 3, 70, 2}}) {
+        const Problem<float> p(s, 300);
+        const auto expected = run_device(p, {.most_blocks = 2});
+        for (const auto order : {test::Order::forward, test::Order::reverse, test::Order::random})
+            for (const unsigned char fill : {0xA5, 0xFF}) {
+                machine.order = order, machine.fill = fill;
+                const auto found = run_device(p, {.most_blocks = 2});
+                CHECK(found.outputs == expected.outputs);
+                CHECK(found.dL_dweights == expected.dL_dweights);
+                CHECK(found.dL_dfeatures == expected.dL_dfeatures);
+                CHECK(found.dL_dshared == expected.dL_dshared);
+            }
+        machine.order = test::Order::forward, machine.fill = 0xA5;
+    }
+}
+
+TEST_CASE("a repeated pass of Mlp does not wait and allocates nothing") {
+    auto& machine = test::CudaEmulation::instance();
+    Device device;
+    const Mlp mlp({8, 3, 16, 2});
+    const std::size_t rows = 200;
+    Device::Buffer<float> weights(mlp.parameter_count()), features(rows * 6), shared(2), outputs(rows * 3);
+    for (auto* buffer : {&weights, &features, &shared, &outputs}) device.fill(Span<float>(*buffer), 0.5f);
+    Mlp::Cache<Device> cache;
+    const FeatureView<float> view(features, rows, 6, 2);
+    const auto pass = [&] {
+        mlp.forward(device, weights, {view, {}, shared}, outputs, cache);
+        mlp.backward(device, weights, {view, {}, shared}, outputs, cache, weights, view, Write::assign, shared);
+    };
+    pass();
+    device.synchronize();
+    const auto waits = machine.waits, allocations = machine.allocations, launches = machine.launches;
+    pass();
+    CHECK(machine.waits == waits);
+    CHECK(machine.allocations == allocations);
+    device.synchronize();
+    CHECK(machine.launches == launches + 5);
+}
+
+#endif
