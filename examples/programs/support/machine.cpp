@@ -14,7 +14,7 @@ namespace gsh::examples {
 
 Machine::Machine(const BackendOption& option) : host_(option.threads) {
     const bool cuda = option.backend == "cuda";
-    check_value(cuda || !option.device, "--device", "needs --backend cuda");
+    if (!cuda && option.device) throw ValueError("--device needs --backend cuda");
     if (cuda) gpu_ = open_gpu(option.device.value_or(0));
     computed_on_ = {option.backend, cuda ? name_of(*gpu_) : std::string(), host_.thread_count()};
 }
