@@ -83,6 +83,7 @@ std::size_t frames_from(const std::filesystem::path& folder, std::size_t first) 
 }
 
 int animate(const AnimateOptions& options) {
+    Machine machine(options.machine);
     // Estimated poses match the given camera as they are. With the framing camera, bodies are turned upright.
     const bool upright = options.upright || (options.camera.empty() && !options.as_stored);
     const ShownPeople people(options.avatars, options.poses, options.light, upright);
@@ -94,7 +95,6 @@ int animate(const AnimateOptions& options) {
                  " frames are shown, as many as the shortest motion has");
     const Camera<double> camera = options.camera.empty() ? frame_people(people, options.size)
                                                          : camera_of_file(options.camera, options.camera_name).camera;
-    Machine machine(options.machine);
     const auto renderer = make_renderer(machine, people);
     OutputFolder out(options.out);
     watch_interrupts();

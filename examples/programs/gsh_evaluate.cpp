@@ -76,9 +76,9 @@ std::string summary(const RunResult& result) {
 int evaluate(const EvaluateOptions& o) {
     check_companions(o.common);
     check_body(o.common);
+    Machine machine(o.common.machine);
     const std::vector<Run> runs = planned_runs(o);
     EvaluationFolder folder(o);
-    Machine machine(o.common.machine);
     const Source source = load_source(machine.host(), o.common);
     Evaluator evaluator(machine, source, o);
     for (const Run& run : runs) evaluator.check(run);

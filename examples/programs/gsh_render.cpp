@@ -70,6 +70,7 @@ ShownPeople people_of(const RenderOptions& options) {
 }
 
 int render(const RenderOptions& options) {
+    Machine machine(options.machine);
     const auto is_avatar = [](const std::filesystem::path& file) { return file.extension() == ".gsh"; };
     const bool avatars = std::all_of(options.scenes.begin(), options.scenes.end(), is_avatar);
     for (const auto& scene : options.scenes)
@@ -83,7 +84,6 @@ int render(const RenderOptions& options) {
     check_value(kind.empty() || kind == ".png", "--out " + options.out.string(), "is a PNG file; name it .png");
     const Camera<double> camera = camera_of_file(options.camera, options.camera_name).camera;
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
-    Machine machine(options.machine);
     const auto show = [&](const auto& scene) {
         return make_renderer(machine, scene)->render(options.frame, camera, background);
     };

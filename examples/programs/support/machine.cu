@@ -5,7 +5,11 @@
 
 namespace gsh::examples {
 
-std::shared_ptr<cuda::Device> open_gpu(int number) { return std::make_shared<cuda::Device>(number); }
-std::string name_of(const cuda::Device& gpu) { return gpu.gpu(); }
+std::shared_ptr<cuda::Device> open_gpu(int number) {
+    return std::make_shared<cuda::Device>(number);
+}
+std::string name_of(const cuda::Device& gpu) {
+    return gpu.gpu();
+}
 
 } // namespace gsh::examples

@@ -79,9 +79,9 @@ std::unique_ptr<Reconstruction> make_reconstruction(Machine& machine, Reconstruc
 /// The course of the training, for the report and for resuming.
 struct TrainingRecord {
     std::uint64_t steps = 0;
-    double seconds = 0; ///< of training only
-    std::uint64_t interval = 10; ///< steps between samples
-    std::vector<std::pair<double, double>> loss, psnr; ///< (step, value) of the step's training view
+    double seconds = 0;                                     ///< of training only
+    std::uint64_t interval = 10;                            ///< steps between samples
+    std::vector<std::pair<double, double>> loss, psnr;      ///< (step, value) of the step's training view
     std::array<double, stage_names.size()> stage_seconds{}; ///< in the order of Stage
     std::uint64_t timed_steps = 0;                          ///< number of steps in stage_seconds
 

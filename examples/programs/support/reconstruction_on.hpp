@@ -41,8 +41,10 @@ public:
 
     void step(double progress) override {
         // On a device, the host only queues the work of a stage, so its clock would not measure the stage.
-        if constexpr (B::host_memory) trainer_.step(progress, clock);
-        else trainer_.step(progress);
+        if constexpr (B::host_memory)
+            trainer_.step(progress, clock);
+        else
+            trainer_.step(progress);
     }
     void settle() override { trainer_.settle(); }
     std::uint64_t step_count() const override { return trainer_.step_count(); }
@@ -116,8 +118,7 @@ private:
         const LearningRates& rates = setup.configuration.avatar.rates;
         const auto light = std::make_shared<LearnedLight<B>>(
             *backend_, *setup.light, LightRates{rates.light_points, rates.light_intensities, rates.light_gloss});
-        for (std::size_t p = 0; p < people_.size(); ++p)
-            people_[p].model.set_light(setup.people[p].rig, light, p == 0);
+        for (std::size_t p = 0; p < people_.size(); ++p) people_[p].model.set_light(setup.people[p].rig, light, p == 0);
     }
     void refine_people() {
         const Configuration& configuration = setup.configuration;

@@ -126,8 +126,8 @@ ReconstructionSetup make_setup(Machine& machine, const Source& source, const Con
     }
     if (configuration.avatar.light) add_light(machine.host(), setup);
     if (!setup.held_out_frames.empty())
-        setup.motion_split = split_by_motion(setup.photos, setup.test_photos, setup.held_out_frames,
-                                             source.capture.motion.timestamps);
+        setup.motion_split =
+            split_by_motion(setup.photos, setup.test_photos, setup.held_out_frames, source.capture.motion.timestamps);
     if (o.refine) setup.refinement = refinement_of(setup);
     if (o.refine_cameras)
         for (const auto& camera : source.capture.cameras) setup.cameras.push_back(camera.camera);

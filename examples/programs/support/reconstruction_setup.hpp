@@ -43,11 +43,11 @@ struct ReconstructionSetup {
     std::uint64_t seed = 0;
     std::string regions_checksum, priors_checksum; ///< of the source; empty if none are used
     std::vector<Person> people;
-    std::vector<Photo> photos, test_photos;   ///< of training; for evaluation
-    std::vector<std::size_t> held_out_frames; ///< of the capture; empty if training leaves out no span of the motion
-    std::optional<MotionSplit> motion_split;  ///< of test_photos, if a span is left out
-    std::optional<LightData> light;           ///< with which the light starts, if there is one
-    std::string light_text;                   ///< how well it explains the photographs
+    std::vector<Photo> photos, test_photos;     ///< of training; for evaluation
+    std::vector<std::size_t> held_out_frames;   ///< of the capture; empty if training leaves out no span of the motion
+    std::optional<MotionSplit> motion_split;    ///< of test_photos, if a span is left out
+    std::optional<LightData> light;             ///< with which the light starts, if there is one
+    std::string light_text;                     ///< how well it explains the photographs
     std::optional<RefinementConfig> refinement; ///< of the poses, with --refine; joint_rates are each person's own
     std::vector<Camera<double>> cameras;        ///< that are refined, too; or none
 

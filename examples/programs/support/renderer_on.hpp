@@ -48,7 +48,8 @@ template <Backend B>
 class PeopleRenderer final : public Renderer {
 public:
     PeopleRenderer(B& backend, const ShownPeople& people)
-        : people_(&people), painter_(backend, people.filter()), poses_(people.data.size()), caches_(people.data.size()) {
+        : people_(&people), painter_(backend, people.filter()), poses_(people.data.size()),
+          caches_(people.data.size()) {
         std::size_t count = 0;
         for (const AvatarData& data : people.data) count += avatars_.emplace_back(backend, data).size();
         splats_.resize(count);
@@ -79,9 +80,9 @@ private:
     const ShownPeople* people_;
     SplatPainter<B> painter_;
     std::deque<Avatar<B>> avatars_;
-    std::vector<RigPose<B, float>> poses_;             // one per person
-    std::vector<typename Avatar<B>::Cache> caches_;    // likewise
-    Splats<B, float> splats_;                          // of all people
+    std::vector<RigPose<B, float>> poses_;          // one per person
+    std::vector<typename Avatar<B>::Cache> caches_; // likewise
+    Splats<B, float> splats_;                       // of all people
 };
 
 template <Backend B>
@@ -95,8 +96,8 @@ public:
     Image<float> render(std::size_t /*frame*/, const Camera<double>& camera, const vec3<float>& background) override {
         const Camera<float> view = camera.cast<float>();
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
-            StaticSplats<B, decltype(degree)::value>(*backend_).forward(std::as_const(gaussians_).view(),
-                                                                        view.center(), splats_.view(), cache_);
+            StaticSplats<B, decltype(degree)::value>(*backend_).forward(std::as_const(gaussians_).view(), view.center(),
+                                                                        splats_.view(), cache_);
         });
         return painter_.draw(view, std::as_const(splats_).view(), background);
     }

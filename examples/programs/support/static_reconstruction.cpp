@@ -109,14 +109,18 @@ StaticSource load_static_source(const std::filesystem::path& folder, std::size_t
                                                                      : load_colmap_source(folder);
 }
 
+StaticSetup static_setup(const StaticSource& source, const StaticOptions& options) {
+    const StaticConfig& config = options.config;
+    return {.start = start_of(source, options),
+            .extent = config.extent != 0 ? config.extent : scene_extent(source.training),
+            .photos = source.training,
+            .seed = options.seed,
+            .config = config};
+}
+
 std::unique_ptr<StaticReconstruction> make_static_reconstruction(Machine& machine, const StaticSource& source,
                                                                  const StaticOptions& options) {
-    const StaticConfig& config = options.config;
-    StaticSetup setup{.start = start_of(source, options),
-                      .extent = config.extent != 0 ? config.extent : scene_extent(source.training),
-                      .photos = source.training,
-                      .seed = options.seed,
-                      .config = config};
+    StaticSetup setup = static_setup(source, options);
     if (machine.has_gpu()) return static_reconstruction_on(*machine.gpu(), std::move(setup));
     return std::make_unique<StaticReconstructionOn<cpu::Threads>>(machine.host(), std::move(setup));
 }

@@ -104,8 +104,12 @@ private:
     std::uint64_t steps_;
 };
 
-/// A scene on the machine's backend. Source and machine must outlive it.
+/// Places the first Gaussians.
 /// Errors  ValueError for a source that cannot be trained on.
+StaticSetup static_setup(const StaticSource& source, const StaticOptions& options);
+
+/// A scene on the machine's backend. Source and machine must outlive it.
+/// Errors  those of static_setup.
 std::unique_ptr<StaticReconstruction> make_static_reconstruction(Machine& machine, const StaticSource& source,
                                                                  const StaticOptions& options);
 

@@ -33,8 +33,9 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
 
     Progress progress(title);
     const auto fraction = [&] {
-        return options.seconds > 0 ? record.seconds / options.seconds
-                                   : static_cast<double>(reconstruction.step_count()) / static_cast<double>(options.steps);
+        return options.seconds > 0
+                   ? record.seconds / options.seconds
+                   : static_cast<double>(reconstruction.step_count()) / static_cast<double>(options.steps);
     };
     const auto status = [&] {
         char text[96];

@@ -19,11 +19,23 @@ namespace {
 
 } // namespace
 
-std::shared_ptr<cuda::Device> open_gpu(int) { refuse_cuda(); }
-std::string name_of(const cuda::Device&) { refuse_cuda(); }
-std::unique_ptr<Reconstruction> reconstruction_on(cuda::Device&, ReconstructionSetup) { refuse_cuda(); }
-std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device&, StaticSetup) { refuse_cuda(); }
-std::unique_ptr<Renderer> renderer_on(cuda::Device&, const ShownPeople&) { refuse_cuda(); }
-std::unique_ptr<Renderer> renderer_on(cuda::Device&, const GaussianCloud<float>&) { refuse_cuda(); }
+std::shared_ptr<cuda::Device> open_gpu(int) {
+    refuse_cuda();
+}
+std::string name_of(const cuda::Device&) {
+    refuse_cuda();
+}
+std::unique_ptr<Reconstruction> reconstruction_on(cuda::Device&, ReconstructionSetup) {
+    refuse_cuda();
+}
+std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device&, StaticSetup) {
+    refuse_cuda();
+}
+std::unique_ptr<Renderer> renderer_on(cuda::Device&, const ShownPeople&) {
+    refuse_cuda();
+}
+std::unique_ptr<Renderer> renderer_on(cuda::Device&, const GaussianCloud<float>&) {
+    refuse_cuda();
+}
 
 } // namespace gsh::examples
