@@ -6,6 +6,7 @@
 #include "support/interrupts.hpp"
 #include "support/light_command.hpp"
 #include "support/light_option.hpp"
+#include "support/machine.hpp"
 #include "support/messages.hpp"
 #include "support/output_folder.hpp"
 #include "support/program.hpp"
@@ -13,7 +14,6 @@
 #include "support/renderer.hpp"
 #include "support/shown_people.hpp"
 
-#include <gsh/backend/threads.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/io/capture/camera_file.hpp>
@@ -41,7 +41,7 @@ struct AnimateOptions {
     bool upright = false, as_stored = false; ///< at most one of them is set
     LightOption light;
     std::array<double, 3> background{1, 1, 1};
-    std::size_t threads = 0;
+    BackendOption machine;
 };
 
 std::string frame_name(std::size_t frame) {
@@ -83,6 +83,7 @@ std::size_t frames_from(const std::filesystem::path& folder, std::size_t first) 
 }
 
 int animate(const AnimateOptions& options) {
+    Machine machine(options.machine);
     // Estimated poses match the given camera as they are. With the framing camera, bodies are turned upright.
     const bool upright = options.upright || (options.camera.empty() && !options.as_stored);
     const ShownPeople people(options.avatars, options.poses, options.light, upright);
@@ -94,16 +95,14 @@ int animate(const AnimateOptions& options) {
                  " frames are shown, as many as the shortest motion has");
     const Camera<double> camera = options.camera.empty() ? frame_people(people, options.size)
                                                          : camera_of_file(options.camera, options.camera_name).camera;
-    cpu::Threads backend(options.threads);
-    const Ensemble ensemble(backend, people);
-    Renderer renderer(backend, people.filter());
+    const auto renderer = make_renderer(machine, people);
     OutputFolder out(options.out);
     watch_interrupts();
     Progress progress("animating");
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
     std::size_t done = 0;
     for (; done < frames && !interrupted; ++done) {
-        write_png(out.file(frame_name(done)), renderer.render(ensemble.at(done), camera, background));
+        write_png(out.file(frame_name(done)), renderer->render(done, camera, background));
         progress.show(static_cast<double>(done + 1) / static_cast<double>(frames), "frame " + std::to_string(done));
     }
     progress.finish();
@@ -138,6 +137,6 @@ int main(int argc, char** argv) {
     app.add_option("--out", options.out, "folder for the frames")->required();
     add_light(app, options.light);
     add_background(app, options.background, "white");
-    add_threads(app, options.threads);
+    add_backend(app, options.machine);
     return run_program(app, argc, argv, [&] { return animate(options); });
 }

@@ -11,12 +11,11 @@
 #include "support/evaluation_tables.hpp"
 #include "support/evaluator.hpp"
 #include "support/figures.hpp"
+#include "support/machine.hpp"
 #include "support/program.hpp"
 #include "support/reconstruct_command.hpp"
 #include "support/reconstruct_options.hpp"
 #include "support/source.hpp"
-
-#include <gsh/backend/threads.hpp>
 
 #include <cstddef>
 #include <cstdio>
@@ -48,7 +47,7 @@ void add_options(CLI::App& app, EvaluateOptions& o) {
     app.add_option("--gaussians", common.gaussians, "number of Gaussians (default 170000)")
         ->check(CLI::Range(1, 100'000'000));
     app.add_option("--seed", common.seed, "seed of all random choices (default 0)")->check(not_negative());
-    add_threads(app, common.threads);
+    add_backend(app, common.machine);
     app.add_flag("--refine", common.refine,
                  "refine the poses during training; test poses are fitted to the test images, as the protocol states");
     app.add_flag("--refine-cameras", common.refine_cameras, "with --refine: refine all cameras but the first, too");
@@ -77,11 +76,11 @@ std::string summary(const RunResult& result) {
 int evaluate(const EvaluateOptions& o) {
     check_companions(o.common);
     check_body(o.common);
+    Machine machine(o.common.machine);
     const std::vector<Run> runs = planned_runs(o);
     EvaluationFolder folder(o);
-    cpu::Threads backend(o.common.threads);
-    const Source source = load_source(backend, o.common);
-    Evaluator evaluator(backend, source, o);
+    const Source source = load_source(machine.host(), o.common);
+    Evaluator evaluator(machine, source, o);
     for (const Run& run : runs) evaluator.check(run);
     for (const std::string& warning : source.warnings) warn(warning);
     watch_interrupts();

@@ -9,6 +9,7 @@
 #include "support/evaluation_tables.hpp"
 #include "support/figures.hpp"
 #include "support/judgement.hpp"
+#include "support/machine.hpp"
 #include "support/output_folder.hpp"
 #include "support/program.hpp"
 #include "support/reconstruct_command.hpp"
@@ -19,8 +20,6 @@
 #include "support/static_reconstruction.hpp"
 #include "support/training.hpp"
 
-#include <gsh/backend/threads.hpp>
-
 #include <cstdio>
 
 using namespace gsh;
@@ -29,12 +28,12 @@ using namespace gsh::examples;
 namespace {
 
 /// The configuration `static`: one frame as a 3DGS scene, without a body.
-int reconstruct_scene(cpu::Threads& backend, const ReconstructOptions& options) {
+int reconstruct_scene(Machine& machine, const ReconstructOptions& options) {
     const StaticSource source = load_static_source(options.capture, options.frame);
     const StaticOptions chosen = static_options(options);
     OutputFolder out(options.out);
     watch_interrupts();
-    const StaticResult result = reconstruct_static(backend, source, chosen);
+    const StaticResult result = reconstruct_static(machine, source, chosen);
     if (interrupted) return exit_interrupted;
     write_static_result(out, source, chosen, result);
     const ImageScore mean = mean_score(result.scores);
@@ -45,28 +44,27 @@ int reconstruct_scene(cpu::Threads& backend, const ReconstructOptions& options) 
 }
 
 int reconstruct(const ReconstructOptions& options) {
-    cpu::Threads backend(options.threads);
-    if (is_scene(options)) return reconstruct_scene(backend, options);
-    Source source = load_source(backend, options);
+    Machine machine(options.machine);
+    if (is_scene(options)) return reconstruct_scene(machine, options);
+    Source source = load_source(machine.host(), options);
     const Configuration configuration = configuration_for(options, source);
     if (!options.lpips.empty()) check_lpips(options.lpips);
-    Reconstruction reconstruction(backend, source, configuration, options);
-    TrainingRecord record;
-    if (options.resume) load_checkpoint(options, reconstruction, record);
+    const auto reconstruction =
+        make_reconstruction(machine, make_setup(machine, source, configuration, options));
+    const ReconstructionSetup& setup = reconstruction->setup;
+    TrainingRecord record(machine);
+    if (options.resume) load_checkpoint(options, *reconstruction, record);
     OutputFolder out(options.out);
     for (const std::string& warning : source.warnings) warn(warning);
     if (source.people.size() > 1) std::printf("%zu people, ", source.people.size());
-    std::printf("%zu Gaussians, %zu training and %zu test images, %zu threads\n", reconstruction.gaussian_count(),
-                reconstruction.trainer.photos().size(), reconstruction.test_photos.size(), backend.thread_count());
-    if (const auto& light = reconstruction.light_estimate)
-        std::printf("light from %zu colours of the mesh: a colour per vertex explains them to %.1f dB, with light "
-                    "to %.1f dB\n",
-                    light->samples, light->psnr_even, light->psnr);
+    std::printf("%zu Gaussians, %zu training and %zu test images, %s\n", setup.gaussian_count(), setup.photos.size(),
+                setup.test_photos.size(), machine.computed_on().text().c_str());
+    if (!setup.light_text.empty()) std::printf("%s\n", setup.light_text.c_str());
     std::fflush(stdout);
 
     watch_interrupts();
-    train(reconstruction, options, record);
-    const auto figures = write_results(out, options, source, reconstruction, record);
+    train(*reconstruction, options, record);
+    const auto figures = write_results(out, options, machine, source, *reconstruction, record);
     if (!figures) {
         std::fprintf(stderr, "stopped after step %llu; --resume continues from there\n",
                      static_cast<unsigned long long>(record.steps));

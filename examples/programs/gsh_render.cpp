@@ -4,12 +4,12 @@
 #include "support/input_files.hpp"
 #include "support/light_command.hpp"
 #include "support/light_option.hpp"
+#include "support/machine.hpp"
 #include "support/messages.hpp"
 #include "support/program.hpp"
 #include "support/renderer.hpp"
 #include "support/shown_people.hpp"
 
-#include <gsh/backend/threads.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/npy.hpp>
@@ -21,7 +21,6 @@
 #include <cstddef>
 #include <filesystem>
 #include <string>
-#include <utility>
 #include <vector>
 
 using namespace gsh;
@@ -36,7 +35,7 @@ struct RenderOptions {
     std::size_t frame = 0;
     LightOption light;
     std::array<double, 3> background{0, 0, 0};
-    std::size_t threads = 0;
+    BackendOption machine;
 };
 
 /// Writes the picture as rows of pixels, [height, width, 3], not rounded to bytes.
@@ -71,6 +70,7 @@ ShownPeople people_of(const RenderOptions& options) {
 }
 
 int render(const RenderOptions& options) {
+    Machine machine(options.machine);
     const auto is_avatar = [](const std::filesystem::path& file) { return file.extension() == ".gsh"; };
     const bool avatars = std::all_of(options.scenes.begin(), options.scenes.end(), is_avatar);
     for (const auto& scene : options.scenes)
@@ -84,15 +84,10 @@ int render(const RenderOptions& options) {
     check_value(kind.empty() || kind == ".png", "--out " + options.out.string(), "is a PNG file; name it .png");
     const Camera<double> camera = camera_of_file(options.camera, options.camera_name).camera;
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
-    cpu::Threads backend(options.threads);
-    Image<float> picture;
-    if (avatars) {
-        const ShownPeople people = people_of(options);
-        const Ensemble ensemble(backend, people);
-        picture = Renderer(backend, people.filter()).render(ensemble.at(options.frame), camera, background);
-    } else {
-        picture = Renderer(backend).render(read_gaussian_ply(options.scenes[0]), camera, background);
-    }
+    const auto show = [&](const auto& scene) {
+        return make_renderer(machine, scene)->render(options.frame, camera, background);
+    };
+    const Image<float> picture = avatars ? show(people_of(options)) : show(read_gaussian_ply(options.scenes[0]));
     if (is_empty(picture, background))
         warn(options.camera.string() + ": sees nothing of the scene; the camera looks along +z, and x_cam = R x + t");
     AtomicFile png(options.out); // both files are written or none
@@ -122,6 +117,6 @@ int main(int argc, char** argv) {
     app.add_option("--npy", options.npy, "IMAGE.npy: the same picture as floats (height, width, 3), not rounded");
     add_light(app, options.light);
     add_background(app, options.background, "black");
-    add_threads(app, options.threads);
+    add_backend(app, options.machine);
     return run_program(app, argc, argv, [&] { return render(options); });
 }

@@ -334,6 +334,7 @@ TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
     check_done(run(words(again, {"--steps", "40", "--frame", "1", "--threads", "1"})));
     CHECK(read_file(again / "scene.ply") == read_file(out / "scene.ply"));
     for (const char* key : {"peak_memory_bytes", "threads", "seconds"}) CHECK(metrics.at(key) > 0);
+    CHECK(metrics.at("backend") == "threads");
     CHECK(metrics.at("ms_per_stage").at("all") > 0);
     CHECK(metrics.at("settings").at("sh_degree") == "3");
 

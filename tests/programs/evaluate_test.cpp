@@ -148,6 +148,9 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
         CHECK(cost->at("ms_per_step") > 0.0);
         CHECK(cost->at("ms_per_stage").at("render") > 0.0);
     }
+    for (const Json& cost : tables.at("costs")) CHECK(cost.at("backend") == "threads");
+    CHECK(ordered_json_of(out / "runs/static-6-steps/result.json").at("backend") == "threads");
+    CHECK(read_file(out / "tables.md").find("computed on") != std::string::npos);
     CHECK(paper.at("ao_touched_entries") > 0);
     CHECK(no_ao.at("ao_entries") == 0);
     CHECK(no_ao.at("settings").at("ao") == "none");

@@ -66,6 +66,9 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     CHECK(metrics.at("gaussians") == 1500);
     CHECK(metrics.at("psnr") > 10.0);
     CHECK(metrics.at("peak_memory_bytes") > 50'000'000);
+    CHECK(metrics.at("backend") == "threads");
+    CHECK(metrics.at("threads") == 1);
+    CHECK(!metrics.contains("device"));
     CHECK(metrics.at("protocol").get<std::string>().find("Test views of capture (2 images)") == 0);
     REQUIRE(metrics.at("images").size() == 2);
     CHECK(metrics.at("images")[1].at("name") == "test00_0001");
@@ -95,6 +98,7 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     const std::string page = read_file(s.out / "report.html");
     CHECK(page.find("http") == std::string::npos);
     CHECK(page.find("src=\"data:image/png;base64,") != std::string::npos);
+    CHECK(page.find("<th>Backend</th><td>threads</td>") != std::string::npos);
     CHECK(page.find("<svg") == std::string::npos); // a single sample gives no curve
     CHECK(page.ends_with("</html>\n"));
     CHECK(fs::exists(s.out / "checkpoint.gsh"));

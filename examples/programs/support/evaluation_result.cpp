@@ -28,6 +28,12 @@ MotionFigures motion_of(const Json& json) {
     return figures;
 }
 
+/// The inverse of add_machine. Files of older versions have no `backend`, and `threads` is in their cost.
+ComputedOn computed_on(const Json& json) {
+    const Json& threads = json.contains("threads") ? json.at("threads") : json.at("cost").at("threads");
+    return {json.value("backend", "threads"), json.value("device", ""), threads};
+}
+
 RunCost cost_of(const Json& json) {
     RunCost cost{.gaussians = json.at("gaussians"),
                  .memory = json.at("memory_bytes"),
@@ -36,8 +42,7 @@ RunCost cost_of(const Json& json) {
                  .touched = json.at("touched_entries"),
                  .ao_entries = json.at("ao_entries"),
                  .ao_touched = json.at("ao_touched_entries"),
-                 .ms_per_step = number_of(json.at("ms_per_step")),
-                 .threads = json.at("threads")};
+                 .ms_per_step = number_of(json.at("ms_per_step"))};
     for (const auto& [stage, ms] : json.at("ms_per_stage").items())
         cost.ms_per_stage.emplace_back(stage, number_of(ms));
     return cost;
@@ -101,15 +106,16 @@ Json cost_json(const RunCost& cost) {
               {"touched_entries", cost.touched},
               {"ao_entries", cost.ao_entries},
               {"ao_touched_entries", cost.ao_touched},
-              {"ms_per_step", number_or_null(cost.ms_per_step)},
-              {"threads", cost.threads}};
+              {"ms_per_step", number_or_null(cost.ms_per_step)}};
     json["ms_per_stage"] = Json::object();
     for (const auto& [stage, ms] : cost.ms_per_stage) json["ms_per_stage"][stage] = number_or_null(ms);
     return json;
 }
 
 Json result_json(const RunResult& result) {
-    Json json{{"name", result.name}, {"configuration", result.config}, {"cost", cost_json(result.cost)}};
+    Json json{{"name", result.name}, {"configuration", result.config}};
+    add_machine(json, result.computed_on);
+    json["cost"] = cost_json(result.cost);
     json["marks"] = Json::array();
     for (const Mark& mark : result.marks) json["marks"].push_back(mark_json(mark));
     json["shown"] = result.shown;
@@ -121,6 +127,7 @@ RunResult result_of(const Json& json) {
     RunResult result{.name = json.at("name"),
                      .config = json.at("configuration"),
                      .settings = json.at("settings"),
+                     .computed_on = computed_on(json),
                      .cost = cost_of(json.at("cost")),
                      .shown = json.at("shown")};
     for (const Json& mark : json.at("marks")) result.marks.push_back(mark_of(mark));

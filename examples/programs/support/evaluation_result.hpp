@@ -2,6 +2,7 @@
 /// @file  The stored result of a run of gsh-evaluate: figures at one or more marks, and cost, as structs and as JSON.
 #pragma once
 
+#include "support/backend_option.hpp"
 #include "support/figures.hpp"
 #include "support/input_files.hpp"
 
@@ -48,13 +49,13 @@ struct RunCost {
     std::size_t ao_entries = 0, ao_touched = 0;
     double ms_per_step = 0;
     std::vector<std::pair<std::string, double>> ms_per_stage = {}; ///< empty if stages are not timed
-    std::size_t threads = 0;
 };
 
 struct RunResult {
     std::string name;   ///< in tables: "paper", "paper, refined"
     std::string config; ///< the name of the configuration
     Json settings;      ///< names and values, as text
+    ComputedOn computed_on = {};
     RunCost cost = {};
     std::vector<Mark> marks = {};
     std::vector<std::string> shown = {}; ///< names of the views that have pictures

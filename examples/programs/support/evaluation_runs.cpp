@@ -102,6 +102,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                 if (!run.options.priors.empty()) run.name += ", priors of " + run.options.priors.stem().string();
                 if (run.options.refine) run.name += run.options.refine_cameras ? ", refined with cameras" : ", refined";
             }
+            if (o.common.machine.backend != "threads") run.name += ", " + o.common.machine.backend;
             run.settings = settings_json(run);
             run.key = file_word(run.name) + "-" +
                       (seconds > 0 ? gsh::detail::setting_text(seconds) + "-s"

@@ -211,14 +211,14 @@ Table worth_table(const std::vector<RunResult>& results) {
 }
 
 Table cost_table(const std::vector<RunResult>& results) {
-    Table table{{"configuration", "after", "training", "ms per step", "threads", "Gaussians", "memory", "lookups",
+    Table table{{"configuration", "after", "training", "ms per step", "computed on", "Gaussians", "memory", "lookups",
                  "touched entries", "touched by shadows"}};
     for (const RunResult& result : results) {
         if (result.marks.empty()) continue;
         const RunCost& cost = result.cost;
         const Mark& last = result.marks.back();
         table.push_back({result.name, detail::grouped(last.steps) + " steps", fixed(last.seconds, 1) + " s",
-                         fixed(cost.ms_per_step, 2), std::to_string(cost.threads), detail::grouped(cost.gaussians),
+                         fixed(cost.ms_per_step, 2), result.computed_on.text(), detail::grouped(cost.gaussians),
                          mebibytes(cost.memory), cost.entries ? detail::grouped(cost.lookups) : "–",
                          share(cost.touched, cost.entries), share(cost.ao_touched, cost.ao_entries)});
     }
@@ -342,6 +342,7 @@ Json json_tables(const std::vector<RunResult>& results) {
                  {"configuration", result.config},
                  {"steps", result.marks.empty() ? 0 : result.marks.back().steps},
                  {"seconds", result.marks.empty() ? 0.0 : result.marks.back().seconds}};
+        add_machine(row, result.computed_on);
         row.update(cost_json(result.cost));
         row["settings"] = result.settings;
         json["costs"].push_back(std::move(row));

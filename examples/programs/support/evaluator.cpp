@@ -13,7 +13,6 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/image/image_file.hpp>
-#include <gsh/pipeline/learned_array.hpp>
 #include <gsh/train/configuration.hpp>
 
 #include <malloc.h>
@@ -84,26 +83,20 @@ void resume(const Run& run, Reconstruction& reconstruction, TrainingRecord& reco
     write_progress(run, {});
 }
 
-RunCost cost_of_run(Reconstruction& reconstruction, const TrainingRecord& record, std::size_t threads) {
-    RunCost cost{.gaussians = reconstruction.gaussian_count(), .memory = resident_bytes()};
-    for (auto& person : reconstruction.people) {
-        cost.lookups += person.model.appearance().lookups();
-        const auto count_tables = [](const LearnedArrays<float>& arrays, auto& entries, auto& touched) {
-            for (const LearnedArray<float>& array : arrays) {
-                if (!array.is_table()) continue;
-                entries += array.values.size() / array.row_size;
-                touched += array.touched_rows.size();
-            }
-        };
-        count_tables(person.model.appearance().learned(), cost.entries, cost.touched);
-        count_tables(person.model.shadow().learned(), cost.ao_entries, cost.ao_touched);
-    }
+RunCost cost_of_run(Reconstruction& reconstruction, const TrainingRecord& record, const Machine& machine) {
+    const TableCounts tables = reconstruction.table_counts();
+    RunCost cost{.gaussians = reconstruction.setup.gaussian_count(),
+                 .memory = resident_bytes(),
+                 .lookups = tables.lookups,
+                 .entries = tables.entries,
+                 .touched = tables.touched,
+                 .ao_entries = tables.ao_entries,
+                 .ao_touched = tables.ao_touched};
     cost.ms_per_step = 1e3 * record.seconds / static_cast<double>(std::max<std::uint64_t>(1, record.steps));
-    for (std::size_t s = 0; s < stage_names.size(); ++s)
+    for (std::size_t s = 0; s < stage_names.size() && !machine.has_gpu(); ++s) // a GPU's stages are not timed
         cost.ms_per_stage.emplace_back(stage_names[s],
                                        1e3 * record.stage_seconds[s] /
                                            static_cast<double>(std::max<std::uint64_t>(1, record.timed_steps)));
-    cost.threads = threads;
     return cost;
 }
 
@@ -115,11 +108,11 @@ std::string after(const Run& run, std::uint64_t steps) {
 }
 
 /// A text that describes the training up to a mark.
-std::string training_protocol(const Run& run, std::uint64_t steps, std::size_t threads) {
+std::string training_protocol(const Run& run, std::uint64_t steps, const Machine& machine) {
     std::string text;
     if (run.options.seconds > 0)
-        text = "Trained for " + after(run, steps) + " on " + std::to_string(threads) + " threads of " +
-               processor_name() +
+        text = "Trained for " + after(run, steps) + " on " + machine.computed_on().text() +
+               (machine.has_gpu() ? "" : " of " + processor_name()) +
                ", loading, sampling, checkpoints and judging not counted; learning rates fall over these seconds";
     else if (steps < run.options.steps)
         text = "Judged in the middle of a run, after " + after(run, steps) + ": learning rates fall over all " +
@@ -138,8 +131,8 @@ std::string training_protocol(const Run& run, std::uint64_t steps, std::size_t t
 
 } // namespace
 
-Evaluator::Evaluator(cpu::Threads& backend, const Source& source, const EvaluateOptions& o)
-    : backend_(backend), source_(source), judge_(backend, source, o.common),
+Evaluator::Evaluator(Machine& machine, const Source& source, const EvaluateOptions& o)
+    : machine_(machine), source_(source), judge_(machine.host(), source, o.common),
       test_photos_(test_photos_of(source.capture)), views_(shown_views(source, test_photos_, o.views)) {
     check_value(!test_photos_.empty(), source.capture.name,
                 "has no test views; give a camera the role test, or list test_frames");
@@ -187,10 +180,14 @@ bool Evaluator::judge(Trained& trained, const std::vector<Photo>& photos, const 
 }
 
 bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const std::string& title) {
-    Reconstruction reconstruction(backend_, source_, run.configuration, run.options);
+    const auto made =
+        make_reconstruction(machine_, make_setup(machine_, source_, run.configuration, run.options));
+    Reconstruction& reconstruction = *made;
+    const ReconstructionSetup& setup = reconstruction.setup;
     folder.add(run);
-    TrainingRecord record;
-    RunResult result{.name = run.name, .config = run.config, .settings = run.settings};
+    TrainingRecord record(machine_);
+    RunResult result{
+        .name = run.name, .config = run.config, .settings = run.settings, .computed_on = machine_.computed_on()};
     resume(run, reconstruction, record, result.marks);
     const bool timed = run.options.seconds > 0;
     const std::vector<std::uint64_t> goals = timed ? std::vector<std::uint64_t>{0} : run.marks;
@@ -201,13 +198,13 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
         if (timed || record.steps < goal) train(reconstruction, run.options, record, title, goal);
         if (interrupted) return false;
         const bool last = goal == goals.back();
-        if (last) result.cost = cost_of_run(reconstruction, record, backend_.thread_count());
-        if (run.options.refine && !reconstruction.refine_test_poses(backend_)) return false;
+        if (last) result.cost = cost_of_run(reconstruction, record, machine_);
+        if (run.options.refine && !reconstruction.refine_test_poses()) return false;
         Mark mark{.steps = record.steps, .seconds = record.seconds, .after = after(run, record.steps)};
-        mark.protocol = protocol_of(run.options, source_, reconstruction, judge_) + " " +
-                        training_protocol(run, record.steps, backend_.thread_count());
+        mark.protocol = protocol_of(run.options, source_, setup, judge_) + " " +
+                        training_protocol(run, record.steps, machine_);
         const bool judged =
-            judge(reconstruction, test_photos_, reconstruction.motion_split, mark, last ? &out : nullptr, result);
+            judge(reconstruction, test_photos_, setup.motion_split, mark, last ? &out : nullptr, result);
         if (run.options.refine) reconstruction.end_test_refinement();
         if (!judged) return false;
         result.marks.push_back(std::move(mark));
@@ -219,9 +216,11 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
 
 bool Evaluator::evaluate_scene(const Run& run, EvaluationFolder& folder, const std::string& title) {
     const StaticSource scene = scene_of(run);
-    StaticReconstruction reconstruction(backend_, scene, static_options(run.options));
+    const auto made = make_static_reconstruction(machine_, scene, static_options(run.options));
+    StaticReconstruction& reconstruction = *made;
     folder.add(run);
-    RunResult result{.name = run.name, .config = run.config, .settings = run.settings};
+    RunResult result{
+        .name = run.name, .config = run.config, .settings = run.settings, .computed_on = machine_.computed_on()};
     OutputFolder out(run.options.out);
     for (const std::uint64_t goal : run.marks) {
         reconstruction.train(goal, title);
@@ -230,11 +229,10 @@ bool Evaluator::evaluate_scene(const Run& run, EvaluationFolder& folder, const s
         mark.protocol = "Test views of " + scene.name + " (" + std::to_string(scene.test.size()) +
                         " images), the only frame in training: no body, no poses, " +
                         std::to_string(scene.training.size()) + " images; white background in training and test, " +
-                        measures_of(judge_) + " " + training_protocol(run, goal, backend_.thread_count());
-        result.cost.gaussians = reconstruction.scene.size();
+                        measures_of(judge_) + " " + training_protocol(run, goal, machine_);
+        result.cost.gaussians = reconstruction.size();
         result.cost.memory = resident_bytes();
         result.cost.ms_per_step = 1e3 * reconstruction.seconds / static_cast<double>(goal);
-        result.cost.threads = backend_.thread_count();
         if (!judge(reconstruction, scene.test, {}, mark, goal == run.marks.back() ? &out : nullptr, result))
             return false;
         result.marks.push_back(std::move(mark));

@@ -8,8 +8,6 @@
 #include "support/output_folder.hpp"
 #include "support/source.hpp"
 
-#include <gsh/backend/threads.hpp>
-#include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/train/evaluation.hpp>
 
@@ -21,15 +19,16 @@
 namespace gsh::examples {
 
 class EvaluationFolder;
+class Machine;
 struct EvaluateOptions;
 struct Run;
 struct StaticSource;
 
-/// Trains and evaluates runs on one source.
+/// Trains and evaluates runs on one source. Source and machine must outlive it.
 class Evaluator {
 public:
     /// Errors  ValueError for a capture without test views.
-    Evaluator(cpu::Threads& backend, const Source& source, const EvaluateOptions& o);
+    Evaluator(Machine& machine, const Source& source, const EvaluateOptions& o);
 
     [[nodiscard]] const std::vector<Photo>& test_photos() const { return test_photos_; }
     [[nodiscard]] const std::vector<ShownView>& views() const { return views_; }
@@ -53,7 +52,7 @@ private:
 
     [[nodiscard]] StaticSource scene_of(const Run& run) const;
 
-    cpu::Threads& backend_;
+    Machine& machine_;
     const Source& source_;
     Judge judge_;
     std::vector<Photo> test_photos_;

@@ -23,6 +23,12 @@ std::string fixed(double value, int digits) {
     return text;
 }
 
+void add_machine(Json& json, const ComputedOn& computed_on) {
+    json["threads"] = computed_on.threads;
+    json["backend"] = computed_on.backend;
+    if (!computed_on.device.empty()) json["device"] = computed_on.device;
+}
+
 Json score_json(const ImageScore& score) {
     Json json{{"name", score.name},
               {"psnr", number_or_null(score.psnr)},

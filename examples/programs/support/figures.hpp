@@ -2,6 +2,8 @@
 /// @file  Figures as text and as JSON.
 #pragma once
 
+#include "support/backend_option.hpp"
+
 #include <gsh/train/evaluation.hpp>
 
 #include <nlohmann/json.hpp>
@@ -32,6 +34,9 @@ Json person_json(const Score& whole, const std::vector<Score>& regions) {
         json["psnr_regions"][region_names()[r]] = number_or_null(regions[r].psnr);
     return json;
 }
+
+/// Adds `threads`, `backend` and, for a GPU, `device`.
+void add_machine(Json& json, const ComputedOn& computed_on);
 
 /// Figures of one image.
 Json score_json(const ImageScore& score);

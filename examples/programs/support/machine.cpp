@@ -1,12 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/machine.hpp"
 
+#include "support/gpu.hpp"
+
+#include <gsh/core/error.hpp>
+
 #include <sys/resource.h>
 #include <unistd.h>
 
 #include <fstream>
 
 namespace gsh::examples {
+
+Machine::Machine(const BackendOption& option) : host_(option.threads) {
+    const bool cuda = option.backend == "cuda";
+    if (!cuda && option.device) throw ValueError("--device needs --backend cuda");
+    if (cuda) gpu_ = open_gpu(option.device.value_or(0));
+    computed_on_ = {option.backend, cuda ? name_of(*gpu_) : std::string(), host_.thread_count()};
+}
 
 std::uint64_t resident_bytes() {
     std::ifstream file("/proc/self/statm");

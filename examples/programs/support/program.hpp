@@ -2,6 +2,7 @@
 /// @file  Shared by all programs: common options, one message per error, exit codes.
 #pragma once
 
+#include "support/backend_option.hpp"
 #include "support/interrupts.hpp"
 #include "support/messages.hpp"
 
@@ -64,6 +65,16 @@ inline CLI::Validator not_negative() {
 /// The option --threads; 0 means all threads of the machine.
 inline void add_threads(CLI::App& app, std::size_t& threads) {
     app.add_option("--threads", threads, "CPU threads (default: all)")->check(CLI::Range(1, 1024));
+}
+
+/// The options --backend, --device and --threads.
+inline void add_backend(CLI::App& app, BackendOption& option) {
+    app.add_option("--backend", option.backend,
+                   "where to train and to render: threads (the CPU, the default) or cuda (an NVIDIA GPU)")
+        ->check(CLI::IsMember({"threads", "cuda"}));
+    app.add_option("--device", option.device, "with --backend cuda: number of the GPU (default 0)")
+        ->check(not_negative());
+    add_threads(app, option.threads);
 }
 
 /// The option --background r g b.

@@ -50,8 +50,10 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
                    "number of Gaussians for each person (default 170000; 60000 with --synthetic)")
         ->check(CLI::Range(1, 100'000'000));
     app.add_option("--seed", o.seed, "seed of all random choices (default 0)")->check(not_negative());
-    add_threads(app, o.threads);
-    app.add_option("--max-memory", o.max_memory, "limit on memory in bytes; reduces the number of Gaussians if needed")
+    add_backend(app, o.machine);
+    app.add_option("--max-memory", o.max_memory,
+                   "limit on memory in bytes (with --backend cuda: of the GPU); reduces the number of Gaussians if "
+                   "needed")
         ->check(above_zero());
     app.add_option("--checkpoint-interval", o.checkpoint_interval, "seconds between checkpoints (default 5)")
         ->check(above_zero());

@@ -2,6 +2,8 @@
 /// @file  Options of gsh-reconstruct and of each run of gsh-evaluate, and the files of the people in a capture.
 #pragma once
 
+#include "support/backend_option.hpp"
+
 #include <gsh/body/motion_span.hpp>
 
 #include <cstddef>
@@ -43,8 +45,8 @@ struct ReconstructOptions : PeopleOptions {
     double seconds = 0;            ///< of training; 0: use steps
     std::size_t gaussians = 0;     ///< 0: the default for the kind of input
     std::uint64_t seed = 0;
-    std::size_t threads = 0;        ///< 0: all threads of the machine
-    std::uint64_t max_memory = 0;   ///< bytes; 0: no limit
+    BackendOption machine;
+    std::uint64_t max_memory = 0;   ///< bytes of the host, or of the GPU with --backend cuda; 0: no limit
     double checkpoint_interval = 5; ///< seconds
 };
 

@@ -1,104 +1,93 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The models of people with their trainer, and the record of the training.
+/// @file  The models of people with their trainer, on whichever backend, and the record of the training.
 #pragma once
 
-#include "support/reconstruct_options.hpp"
-#include "support/source.hpp"
+#include "support/reconstruction_setup.hpp"
 
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/cpu.hpp>
-#include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/body/motion.hpp>
 #include <gsh/pipeline/photo.hpp>
-#include <gsh/train/avatar_scene.hpp>
-#include <gsh/train/canonical_setup.hpp>
-#include <gsh/train/configuration.hpp>
 #include <gsh/train/evaluation.hpp>
-#include <gsh/train/light_estimate.hpp>
-#include <gsh/train/refinement.hpp>
 #include <gsh/train/stage.hpp>
-#include <gsh/train/trainer.hpp>
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
-#include <optional>
-#include <string>
+#include <memory>
 #include <utility>
 #include <vector>
 
+namespace gsh {
+class ArchiveReader;
+class ArchiveWriter;
+} // namespace gsh
+
 namespace gsh::examples {
 
-/// The models and their trainer, initialised for the first step.
-struct Reconstruction {
-    using Backend = cpu::Threads;
-    using Model = ConfiguredAvatar<Backend>;
-    using Refinement = MotionRefinement<Backend, float>;
-    using Scene = AvatarScene<Backend, Model>;
-    using TrainerType = Trainer<Backend, Scene>;
+/// Table rows of all people's fields.
+struct TableCounts {
+    std::size_t lookups = 0;              ///< that the fields of colour and displacement read in one pass
+    std::size_t entries = 0, touched = 0; ///< of these fields' tables; touched: read by at least one Gaussian
+    std::size_t ao_entries = 0, ao_touched = 0;
+};
 
-    /// One of the people.
-    struct Person {
-        std::string name;
-        CanonicalSetup setup;
-        Model model;
-        std::optional<Refinement> refinement, test_refinement; ///< of training frames; of test frames
+/// The models and their trainer. ReconstructionOn<B> (reconstruction_on.hpp) is the one on the backend B.
+class Reconstruction {
+public:
+    const ReconstructionSetup setup;
+    StageClock clock; ///< times the steps of this run, on backends with host memory
 
-        Person(Backend& backend, std::string called, CanonicalSetup made, std::uint64_t seed,
-               const AvatarConfig& config);
-    };
-
-    Configuration configuration;
-    std::string regions_checksum, priors_checksum; ///< of the source; empty if none are used
-    std::deque<Person> people;                     ///< a deque: their addresses do not change
-    std::vector<Photo> test_photos;
-    std::vector<std::size_t> held_out_frames; ///< of the capture; empty if training leaves out no span of the motion
-    Scene scene;
-    TrainerType trainer; ///< to be read and stored; the calls that compute are members below, compiled once
-    std::optional<MotionSplit> motion_split; ///< of test_photos, if a span is left out
-    StageClock clock;    ///< times the steps of this run
-    std::optional<LightEstimate> light_estimate; ///< with which the light starts, if there is one
-
-    /// `source` must outlive this object, because photographs are not copied.
-    Reconstruction(Backend& backend, const Source& source, const Configuration& chosen, const ReconstructOptions& o);
+    explicit Reconstruction(ReconstructionSetup made) : setup(std::move(made)) {}
     Reconstruction(const Reconstruction&) = delete;
-    ~Reconstruction();
+    virtual ~Reconstruction() = default;
 
-    /// The number of Gaussians of all people.
-    [[nodiscard]] std::size_t gaussian_count() const { return scene.size(); }
+    /// Trainer::step. On a device, steps are queued, and step_count may go back until they are settled.
+    virtual void step(double progress) = 0;
+    /// Trainer::settle: waits for the steps so far. It comes before the other calls below.
+    virtual void settle() = 0;
+    [[nodiscard]] virtual std::uint64_t step_count() const = 0;
 
-    /// Trainer::step, and the figures of the last step.
-    void step(double progress);
-    [[nodiscard]] double last_loss() const;
-    [[nodiscard]] double last_psnr() const;
+    /// The figures of the last step.
+    [[nodiscard]] virtual double last_loss() const = 0;
+    [[nodiscard]] virtual double last_psnr() const = 0;
 
     /// gsh::compare: a photograph and its render.
-    [[nodiscard]] Comparison<float> compare(const Photo& photo);
+    [[nodiscard]] virtual Comparison<float> compare(const Photo& photo) = 0;
 
     /// The avatars in their present state, for files. An avatar's body may have fewer joints than that of the capture.
-    [[nodiscard]] std::vector<AvatarData> avatars();
+    [[nodiscard]] virtual std::vector<AvatarData> avatars() = 0;
+    /// A person's present motion, with --refine.
+    [[nodiscard]] virtual Motion refined_motion(std::size_t person) const = 0;
 
     /// Fits the poses of the test frames to the test photographs. The avatars do not change. Several people are fitted
     /// in turns. Later figures are figures of test-time refinement. Returns false after an interrupt.
-    bool refine_test_poses(Backend& backend);
+    virtual bool refine_test_poses() = 0;
     /// Restores the poses of training.
-    void end_test_refinement();
+    virtual void end_test_refinement() = 0;
 
-private:
-    /// Estimates the light and shares it among the people.
-    void light_people(Backend& backend);
-    /// Creates the people, each with random numbers of its own.
-    std::vector<CastMember<Model>> cast_of(Backend& backend, const Source& source, const ReconstructOptions& o);
+    /// The state of the training, for checkpoints. It does not depend on the backend.
+    virtual void save(ArchiveWriter& file) = 0;
+    /// Errors  those of load_trainer and load_refinement.
+    virtual void load(const ArchiveReader& file) = 0;
+
+    [[nodiscard]] virtual TableCounts table_counts() = 0;
 };
+
+/// A reconstruction on the machine's backend, initialised for the first step. The machine must outlive it.
+std::unique_ptr<Reconstruction> make_reconstruction(Machine& machine, ReconstructionSetup setup);
 
 /// The course of the training, for the report and for resuming.
 struct TrainingRecord {
     std::uint64_t steps = 0;
-    double seconds = 0; ///< of training only
-    std::uint64_t interval = 10;
-    std::vector<std::pair<double, double>> loss, psnr; ///< (step, value) of the step's training view
+    double seconds = 0;                                     ///< of training only
+    std::uint64_t interval = 10;                            ///< steps between samples
+    std::vector<std::pair<double, double>> loss, psnr;      ///< (step, value) of the step's training view
     std::array<double, stage_names.size()> stage_seconds{}; ///< in the order of Stage
     std::uint64_t timed_steps = 0;                          ///< number of steps in stage_seconds
+
+    TrainingRecord() = default;
+    /// The record of a training that begins on a machine. A sample waits for a GPU, so there it is taken less often.
+    explicit TrainingRecord(const Machine& machine);
 
     [[nodiscard]] bool wants_sample() const { return steps == 1 || steps % interval == 0; }
     /// Adds a sample. When a curve becomes long, every second sample but the first is removed, so that it has at most a

@@ -1,56 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Renders scenes and avatars into pictures in host memory.
+/// @file  Renders scenes and avatars, on whichever backend, into pictures in host memory.
 #pragma once
 
-#include <gsh/avatar/avatar.hpp>
-#include <gsh/body/motion.hpp>
 #include <gsh/camera/pinhole.hpp>
-#include <gsh/cpu.hpp>
-#include <gsh/gaussian/gaussians.hpp>
-#include <gsh/gaussian/splats.hpp>
 #include <gsh/image/image.hpp>
-#include <gsh/render/rasterizer.hpp>
+#include <gsh/math/vec.hpp>
 
 #include <cstddef>
-#include <vector>
+#include <memory>
+
+namespace gsh {
+template <class T>
+struct GaussianCloud;
+}
 
 namespace gsh::examples {
 
-/// A person in a picture: an avatar and a frame of a motion. The caller owns both.
-struct Pose {
-    const Avatar<cpu::Threads>* avatar = nullptr;
-    const Motion* motion = nullptr;
-    std::size_t frame = 0;
-};
+class Machine;
+struct ShownPeople;
 
-/// The pixel filter that all avatars were trained with.
-/// Errors  ValueError if they were trained with different filters.
-PixelFilter common_filter(const std::vector<AvatarData>& avatars);
-
-/// Renders pictures; the buffers are kept from one picture to the next.
+/// A scene in the memory of a backend. renderer_on.hpp has the classes of both kinds of scenes.
 class Renderer {
 public:
-    using Backend = cpu::Threads;
+    Renderer() = default;
+    Renderer(const Renderer&) = delete;
+    virtual ~Renderer() = default;
 
-    /// `filter` must be the one of the scene: an avatar's file contains it; a plain PLY has the default one.
-    explicit Renderer(Backend& backend, const PixelFilter& filter = {});
-    ~Renderer();
-
-    /// Renders avatars in one scene; a person in front hides the others. Lit avatars cast shadows on each other.
-    Image<float> render(const std::vector<Pose>& people, const Camera<double>& camera, const vec3<float>& background);
-
-    /// Renders a static 3DGS scene.
-    Image<float> render(const GaussianCloud<float>& scene, const Camera<double>& camera, const vec3<float>& background);
-
-private:
-    Image<float> draw(const Camera<float>& camera, const vec3<float>& background);
-
-    Backend* backend_;
-    Rasterizer<Backend> rasterizer_;
-    std::vector<RigPose<Backend, float>> poses_;        // one per person
-    Splats<Backend, float> splats_;
-    std::vector<Avatar<Backend>::Cache> avatar_caches_; // one per person
-    Rasterizer<Backend>::Cache raster_cache_;
+    /// Renders the scene at a frame of its motions, if it has any.
+    [[nodiscard]] virtual Image<float> render(std::size_t frame, const Camera<double>& camera,
+                                              const vec3<float>& background) = 0;
 };
+
+/// Renders avatars in one scene; a person in front hides the others. Lit avatars cast shadows on each other. `people`
+/// and the machine must outlive the result.
+std::unique_ptr<Renderer> make_renderer(Machine& machine, const ShownPeople& people);
+
+/// Renders a static 3DGS scene with the usual pixel filter. The machine must outlive the result.
+std::unique_ptr<Renderer> make_renderer(Machine& machine, const GaussianCloud<float>& scene);
 
 } // namespace gsh::examples

@@ -40,17 +40,17 @@ std::string settings_text(const Configuration& configuration) {
 
 /// The input and settings that a checkpoint belongs to, one per line: people if there are several, number of Gaussians,
 /// settings, refinement, regions, estimated priors, frames that are held out.
-std::string checkpoint_text(const ReconstructOptions& o, const Reconstruction& reconstruction) {
+std::string checkpoint_text(const ReconstructOptions& o, const ReconstructionSetup& setup) {
     std::string text;
-    if (reconstruction.people.size() > 1)
-        for (const auto& person : reconstruction.people) text += "person " + person.name + "\n";
-    text += "gaussians = " + std::to_string(reconstruction.gaussian_count()) + "\n";
-    text += settings_text(reconstruction.configuration);
+    if (setup.people.size() > 1)
+        for (const auto& person : setup.people) text += "person " + person.name + "\n";
+    text += "gaussians = " + std::to_string(setup.gaussian_count()) + "\n";
+    text += settings_text(setup.configuration);
     if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
-    if (!reconstruction.regions_checksum.empty()) text += "regions " + reconstruction.regions_checksum + "\n";
-    if (!reconstruction.priors_checksum.empty()) text += "priors " + reconstruction.priors_checksum + "\n";
-    if (!reconstruction.held_out_frames.empty())
-        text += "held-out frames " + frames_text(reconstruction.held_out_frames) + "\n";
+    if (!setup.regions_checksum.empty()) text += "regions " + setup.regions_checksum + "\n";
+    if (!setup.priors_checksum.empty()) text += "priors " + setup.priors_checksum + "\n";
+    if (!setup.held_out_frames.empty())
+        text += "held-out frames " + frames_text(setup.held_out_frames) + "\n";
     return text;
 }
 
@@ -66,8 +66,8 @@ std::string difference(const std::string& there, const std::string& here) {
 }
 
 /// The name of a result file: "avatar" for one person, "avatar-NAME" for one of several.
-std::string result_name(const Reconstruction& reconstruction, const std::string& what, std::size_t person) {
-    return reconstruction.people.size() == 1 ? what : what + "-" + reconstruction.people[person].name;
+std::string result_name(const ReconstructionSetup& setup, const std::string& what, std::size_t person) {
+    return setup.people.size() == 1 ? what : what + "-" + setup.people[person].name;
 }
 
 /// The protocol's sentences on seen and new motion.
@@ -89,10 +89,8 @@ std::filesystem::path checkpoint_path(const ReconstructOptions& o) {
 
 void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record) {
     ArchiveWriter file(checkpoint_path(o), "checkpoint", checkpoint_version);
-    add_trainer(file, reconstruction.trainer);
-    for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
-        if (const auto& refinement = reconstruction.people[p].refinement) add_refinement(file, *refinement, p);
-    file.add_text("configuration", checkpoint_text(o, reconstruction));
+    reconstruction.save(file);
+    file.add_text("configuration", checkpoint_text(o, reconstruction.setup));
     file.add("seconds", record.seconds);
     file.add("interval", record.interval);
     const auto add_curve = [&](const char* key, const auto& curve) {
@@ -112,15 +110,13 @@ void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
     if (!std::filesystem::exists(checkpoint_path(o), ignored))
         throw IoError(checkpoint_path(o).string() + ": there is nothing to resume; leave out --resume to begin");
     const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
-    const std::string there = file.read_text("configuration"), here = checkpoint_text(o, reconstruction);
+    const std::string there = file.read_text("configuration"), here = checkpoint_text(o, reconstruction.setup);
     check_value(there == here, checkpoint_path(o).string(),
                 "belongs to a different run: " + difference(there, here) +
                     "; resume with the same --config, --set, --gaussians, --refine, --regions, --priors, "
                     "--hold-out-motion and --poses");
-    load_trainer(file, reconstruction.trainer);
-    for (std::size_t p = 0; p < reconstruction.people.size(); ++p)
-        if (auto& refinement = reconstruction.people[p].refinement) load_refinement(file, *refinement, p);
-    record.steps = reconstruction.trainer.step_count();
+    reconstruction.load(file);
+    record.steps = reconstruction.step_count();
     record.seconds = file.read_number<double>("seconds");
     record.interval = file.read_number<std::uint64_t>("interval");
     const auto read_curve = [&](const char* key, auto& curve) {
@@ -143,14 +139,14 @@ std::string measures_of(const Judge& judge) {
            judge.lpips_protocol();
 }
 
-std::string protocol_of(const ReconstructOptions& o, const Source& source, const Reconstruction& reconstruction,
+std::string protocol_of(const ReconstructOptions& o, const Source& source, const ReconstructionSetup& setup,
                         const Judge& judge) {
-    const Configuration& configuration = reconstruction.configuration;
+    const Configuration& configuration = setup.configuration;
     const std::string background =
         !source.capture.backgrounds.empty() ? "the capture's backgrounds in training and test"
         : configuration.train.random_background ? "a random background each step in training, white in test"
                                                 : "white background in training and test";
-    return "Test views of " + source.capture.name + " (" + std::to_string(reconstruction.test_photos.size()) +
+    return "Test views of " + source.capture.name + " (" + std::to_string(setup.test_photos.size()) +
            " images), poses of " +
            poses_text(o) +
            (!o.refine                  ? ", as given, not refined"
@@ -162,28 +158,29 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
                 ? " People are judged apart where person_masks show them, else where their body is in front "
                   "(clothes and hair go to the nearest)."
                 : "") +
-           (reconstruction.motion_split ? hold_out_protocol(source.capture, *reconstruction.motion_split) : "");
+           (setup.motion_split ? hold_out_protocol(source.capture, *setup.motion_split) : "");
 }
 
-std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
-                                         Reconstruction& reconstruction, const TrainingRecord& record) {
-    auto& trainer = reconstruction.trainer;
-    Judge judge(trainer.backend(), source, o);
+std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOptions& o, Machine& machine,
+                                         const Source& source, Reconstruction& reconstruction,
+                                         const TrainingRecord& record) {
+    const ReconstructionSetup& setup = reconstruction.setup;
+    Judge judge(machine.host(), source, o);
     const std::vector<AvatarData> avatars = reconstruction.avatars(); // before poses are fitted to test images
-    const std::size_t people = reconstruction.people.size();
-    if (o.refine && !reconstruction.refine_test_poses(trainer.backend())) return std::nullopt;
+    const std::size_t people = setup.people.size();
+    if (o.refine && !reconstruction.refine_test_poses()) return std::nullopt;
     out.own("test");
     Report report;
     std::vector<ImageScore> scores;
     constexpr std::size_t shown = 6; // number of pictures on the page; test/ has all of them
-    const std::size_t every = std::max<std::size_t>(1, reconstruction.test_photos.size() / shown);
-    const auto& split = reconstruction.motion_split;
+    const std::size_t every = std::max<std::size_t>(1, setup.test_photos.size() / shown);
+    const auto& split = setup.motion_split;
     report.images.push_back({"image", "PSNR", "SSIM", "PSNR on the person"});
     for (const std::string& name : region_names()) report.images.back().push_back(name);
     if (people > 1)
-        for (const auto& person : reconstruction.people) report.images.back().push_back(person.name);
+        for (const auto& person : setup.people) report.images.back().push_back(person.name);
     if (split) report.images.back().push_back("motion");
-    for (const Photo& photo : reconstruction.test_photos) {
+    for (const Photo& photo : setup.test_photos) {
         if (interrupted) return std::nullopt;
         const auto comparison = judge.judge(reconstruction.compare(photo), photo);
         const ImageScore& score = comparison.score;
@@ -204,14 +201,14 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     if (split) figures.motion = seen_and_new(scores, *split);
 
     for (std::size_t p = 0; p < people; ++p) {
-        save_avatar(out.file(result_name(reconstruction, "avatar", p) + ".gsh"), avatars[p]);
-        write_gaussian_ply(out.file(result_name(reconstruction, "avatar", p) + ".ply"), shaded_cloud(avatars[p]));
+        save_avatar(out.file(result_name(setup, "avatar", p) + ".gsh"), avatars[p]);
+        write_gaussian_ply(out.file(result_name(setup, "avatar", p) + ".ply"), shaded_cloud(avatars[p]));
         if (o.refine)
-            save_motion(out.file(result_name(reconstruction, "poses_refined", p) + ".npz"),
-                        reconstruction.people[p].refinement->motion());
+            save_motion(out.file(result_name(setup, "poses_refined", p) + ".npz"),
+                        reconstruction.refined_motion(p));
     }
 
-    const std::string protocol = protocol_of(o, source, reconstruction, judge);
+    const std::string protocol = protocol_of(o, source, setup, judge);
     Json json;
     json["psnr"] = number_or_null(mean.psnr);
     json["ssim"] = number_or_null(mean.ssim);
@@ -222,44 +219,48 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     if (figures.motion) {
         json["seen_motion"] = motion_json(figures.motion->seen);
         json["new_motion"] = motion_json(figures.motion->unseen);
-        json["held_out_frames"] = reconstruction.held_out_frames;
+        json["held_out_frames"] = setup.held_out_frames;
         report.motion = motion_rows(*figures.motion);
     }
     json["steps"] = record.steps;
     json["seconds"] = record.seconds;
-    json["gaussians"] = reconstruction.gaussian_count();
+    json["gaussians"] = setup.gaussian_count();
     std::vector<PersonMean> apart = mean_people(scores);
     apart.resize(people); // without test views the list is empty
     if (people > 1) report.people.push_back({"person", "PSNR", "SSIM", "face", "hands", "body", "Gaussians"});
     for (std::size_t p = 0; people > 1 && p < people; ++p) {
-        const Reconstruction::Person& person = reconstruction.people[p];
+        const ReconstructionSetup::Person& person = setup.people[p];
         Json one{{"name", person.name}};
         one.update(person_json(apart[p].whole, apart[p].regions));
-        one["gaussians"] = person.model.size();
+        one["gaussians"] = person.gaussian_count();
         json["people"].push_back(one);
         report.people.push_back({person.name, fixed(apart[p].whole.psnr, 2), fixed(apart[p].whole.ssim, 4)});
         for (std::size_t r = 0; r < region_names().size(); ++r)
             report.people.back().push_back(fixed(r < apart[p].regions.size() ? apart[p].regions[r].psnr : NAN, 2));
-        report.people.back().push_back(std::to_string(person.model.size()));
+        report.people.back().push_back(std::to_string(person.gaussian_count()));
     }
     json["peak_memory_bytes"] = peak_memory_bytes();
     json["seed"] = o.seed;
-    json["threads"] = trainer.backend().thread_count();
-    json["configuration"] = reconstruction.configuration.name;
-    for (const auto& [key, value] : settings_of(reconstruction.configuration)) json["settings"][key] = value;
+    add_machine(json, machine.computed_on());
+    json["configuration"] = setup.configuration.name;
+    for (const auto& [key, value] : settings_of(setup.configuration)) json["settings"][key] = value;
     json["protocol"] = protocol;
     report.stages.push_back({"stage", "ms per step"});
-    double total = 0;
-    const auto stage = [&](std::string_view name, double seconds) {
-        const double ms = 1e3 * seconds / static_cast<double>(std::max<std::uint64_t>(1, record.timed_steps));
+    const auto stage = [&](std::string_view name, double seconds, std::uint64_t steps) {
+        const double ms = 1e3 * seconds / static_cast<double>(std::max<std::uint64_t>(1, steps));
         json["ms_per_stage"][std::string(name)] = ms;
         report.stages.push_back({std::string(name), fixed(ms, 2)});
     };
-    for (std::size_t s = 0; s < stage_names.size(); ++s) {
-        stage(stage_names[s], record.stage_seconds[s]);
-        total += record.stage_seconds[s];
+    if (machine.has_gpu()) { // its stages are not timed
+        stage("all", record.seconds, record.steps);
+    } else {
+        double total = 0;
+        for (std::size_t s = 0; s < stage_names.size(); ++s) {
+            stage(stage_names[s], record.stage_seconds[s], record.timed_steps);
+            total += record.stage_seconds[s];
+        }
+        stage("all", total, record.timed_steps);
     }
-    stage("all", total);
     json["images"] = Json::array();
     for (std::size_t i = 0; i < scores.size(); ++i) {
         json["images"].push_back(score_json(scores[i]));
@@ -274,15 +275,16 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
                     {"PSNR on face, hands, body", fixed(regions.empty() ? NAN : regions[0].psnr, 2) + ", " +
                                                       fixed(regions.empty() ? NAN : regions[1].psnr, 2) + ", " +
                                                       fixed(regions.empty() ? NAN : regions[2].psnr, 2) + " dB"},
-                    {"Configuration", reconstruction.configuration.name},
-                    {"Gaussians", std::to_string(reconstruction.gaussian_count())},
+                    {"Configuration", setup.configuration.name},
+                    {"Backend", machine.computed_on().backend},
+                    {"Gaussians", std::to_string(setup.gaussian_count())},
                     {"Training", std::to_string(record.steps) + " steps in " + fixed(record.seconds, 1) + " s on " +
-                                     std::to_string(trainer.backend().thread_count()) + " threads"},
+                                     machine.computed_on().text()},
                     {"Peak memory", fixed(static_cast<double>(peak_memory_bytes()) / (1 << 20), 0) + " MiB"}};
+    const double ssim_weight = setup.configuration.train.ssim_weight;
     report.curves = {
         {"Loss of the step's training view",
-         fixed(1 - trainer.config().ssim_weight, 2) + " L1 + " + fixed(trainer.config().ssim_weight, 2) + " (1 - SSIM)",
-         record.loss},
+         fixed(1 - ssim_weight, 2) + " L1 + " + fixed(ssim_weight, 2) + " (1 - SSIM)", record.loss},
         {"PSNR of the step's training view", "dB", record.psnr}};
     write_report(out.file("report.html"), report);
     write_json(out.file("metrics.json"), json);

@@ -7,7 +7,6 @@
 #include "support/reconstruct_options.hpp"
 
 #include <gsh/train/evaluation.hpp>
-#include <gsh/train/trainer.hpp>
 
 #include <filesystem>
 #include <optional>
@@ -16,7 +15,9 @@
 namespace gsh::examples {
 
 class Judge;
-struct Reconstruction;
+class Machine;
+class Reconstruction;
+struct ReconstructionSetup;
 struct Source;
 struct TrainingRecord;
 
@@ -24,6 +25,7 @@ std::filesystem::path checkpoint_path(const ReconstructOptions& o);
 
 void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record);
 
+/// A checkpoint of any backend fits.
 /// Errors  ValueError for a checkpoint of another configuration or of other people; else those of the file.
 void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record);
 
@@ -31,7 +33,7 @@ void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
 std::string measures_of(const Judge& judge);
 
 /// A text that describes how the figures were obtained.
-std::string protocol_of(const ReconstructOptions& o, const Source& source, const Reconstruction& reconstruction,
+std::string protocol_of(const ReconstructOptions& o, const Source& source, const ReconstructionSetup& setup,
                         const Judge& judge);
 
 /// Means over the test views.
@@ -42,7 +44,8 @@ struct TestFigures {
 
 /// Evaluates the avatar on the test views and writes all files. metrics.json is the last one: if it exists, all files
 /// are complete. After an interrupt it returns nothing and leaves no files.
-std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOptions& o, const Source& source,
-                                         Reconstruction& reconstruction, const TrainingRecord& record);
+std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOptions& o, Machine& machine,
+                                         const Source& source, Reconstruction& reconstruction,
+                                         const TrainingRecord& record);
 
 } // namespace gsh::examples

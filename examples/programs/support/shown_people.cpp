@@ -35,15 +35,15 @@ std::size_t ShownPeople::frame_count() const {
     return count;
 }
 
-Ensemble::Ensemble(cpu::Threads& backend, const ShownPeople& people) : people_(&people) {
-    for (const AvatarData& avatar : people.data) avatars_.emplace_back(backend, avatar);
-}
-Ensemble::~Ensemble() = default;
-
-std::vector<Pose> Ensemble::at(std::size_t frame) const {
-    std::vector<Pose> poses;
-    for (std::size_t p = 0; p < avatars_.size(); ++p) poses.push_back({&avatars_[p], &people_->motions[p], frame});
-    return poses;
+PixelFilter ShownPeople::filter() const {
+    for (const AvatarData& avatar : data)
+        check_value(
+            avatar.filter.dilation == data[0].filter.dilation &&
+                avatar.filter.compensate_opacity == data[0].filter.compensate_opacity,
+            "avatars",
+            "were trained with different pixel filters (filter.dilation, filter.compensate), so that one picture "
+            "cannot be correct for all of them; train them with the same filter");
+    return data[0].filter;
 }
 
 } // namespace gsh::examples

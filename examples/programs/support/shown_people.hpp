@@ -3,14 +3,11 @@
 #pragma once
 
 #include "support/light_option.hpp"
-#include "support/renderer.hpp"
 
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/backend/threads.hpp>
 #include <gsh/body/motion.hpp>
 
 #include <cstddef>
-#include <deque>
 #include <filesystem>
 #include <vector>
 
@@ -29,21 +26,9 @@ struct ShownPeople {
 
     /// The length of the shortest motion.
     [[nodiscard]] std::size_t frame_count() const;
-    [[nodiscard]] PixelFilter filter() const { return common_filter(data); }
-};
-
-/// The same people in the memory of a backend, for rendering. `people` must outlive it.
-class Ensemble {
-public:
-    Ensemble(cpu::Threads& backend, const ShownPeople& people);
-    ~Ensemble();
-
-    /// All people at a frame.
-    [[nodiscard]] std::vector<Pose> at(std::size_t frame) const;
-
-private:
-    const ShownPeople* people_;
-    std::deque<Avatar<cpu::Threads>> avatars_;
+    /// The pixel filter that all avatars were trained with.
+    /// Errors  ValueError if they were trained with different filters.
+    [[nodiscard]] PixelFilter filter() const;
 };
 
 } // namespace gsh::examples

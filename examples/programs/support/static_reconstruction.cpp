@@ -2,15 +2,19 @@
 #include "support/static_reconstruction.hpp"
 
 #include "support/figures.hpp"
+#include "support/gpu.hpp"
 #include "support/input_files.hpp"
 #include "support/interrupts.hpp"
 #include "support/machine.hpp"
 #include "support/pictures.hpp"
 #include "support/progress.hpp"
 #include "support/rasterizer.hpp"
+#include "support/static_reconstruction_on.hpp"
+#include "support/training.hpp"
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/colmap.hpp>
 #include <gsh/io/capture/colmap_image.hpp>
@@ -105,50 +109,57 @@ StaticSource load_static_source(const std::filesystem::path& folder, std::size_t
                                                                      : load_colmap_source(folder);
 }
 
-StaticReconstruction::StaticReconstruction(cpu::Threads& backend, const StaticSource& source,
-                                           const StaticOptions& options)
-    : scene(backend, start_of(source, options),
-            options.config.extent != 0 ? options.config.extent : scene_extent(source.training), options.seed,
-            options.config),
-      trainer(backend, scene, source.training, static_order_seed(options.seed), train_config_of(options.config)),
-      steps_(static_cast<std::uint64_t>(options.config.steps)) {}
-StaticReconstruction::~StaticReconstruction() = default;
+StaticSetup static_setup(const StaticSource& source, const StaticOptions& options) {
+    const StaticConfig& config = options.config;
+    return {.start = start_of(source, options),
+            .extent = config.extent != 0 ? config.extent : scene_extent(source.training),
+            .photos = source.training,
+            .seed = options.seed,
+            .config = config};
+}
+
+std::unique_ptr<StaticReconstruction> make_static_reconstruction(Machine& machine, const StaticSource& source,
+                                                                 const StaticOptions& options) {
+    StaticSetup setup = static_setup(source, options);
+    if (machine.has_gpu()) return static_reconstruction_on(*machine.gpu(), std::move(setup));
+    return std::make_unique<StaticReconstructionOn<cpu::Threads>>(machine.host(), std::move(setup));
+}
 
 void StaticReconstruction::train(std::uint64_t until, const std::string& title) {
     using Clock = std::chrono::steady_clock;
     Progress progress(title);
     const double seconds_before = seconds;
-    const std::uint64_t steps_before = trainer.step_count();
+    const std::uint64_t steps_before = step_count();
     const auto begin = Clock::now();
-    while (trainer.step_count() < std::min(until, steps_) && !interrupted) {
-        trainer.step();
+    const auto goes_on = [&] { return step_count() < std::min(until, steps_) && !interrupted; };
+    while (goes_on()) {
+        step();
+        if (step_count() % most_queued_steps == 0 || !goes_on()) settle(); // may go back to a step that failed
         const double spent = std::chrono::duration<double>(Clock::now() - begin).count();
         seconds = seconds_before + spent;
         char text[96];
         std::snprintf(text, sizeof text, "step %llu  %zu Gaussians  %.1f steps/s",
-                      static_cast<unsigned long long>(trainer.step_count()), scene.size(),
-                      static_cast<double>(trainer.step_count() - steps_before) / spent);
-        progress.show(static_cast<double>(trainer.step_count()) / static_cast<double>(steps_), text);
+                      static_cast<unsigned long long>(step_count()), size(),
+                      static_cast<double>(step_count() - steps_before) / spent);
+        progress.show(static_cast<double>(step_count()) / static_cast<double>(steps_), text);
     }
 }
 
-Comparison<float> StaticReconstruction::compare(const Photo& photo) { return gsh::compare(trainer, photo); }
-
-StaticResult reconstruct_static(cpu::Threads& backend, const StaticSource& source, const StaticOptions& options) {
-    StaticReconstruction reconstruction(backend, source, options);
-    reconstruction.train(static_cast<std::uint64_t>(options.config.steps));
+StaticResult reconstruct_static(Machine& machine, const StaticSource& source, const StaticOptions& options) {
+    const auto reconstruction = make_static_reconstruction(machine, source, options);
+    reconstruction->train(static_cast<std::uint64_t>(options.config.steps));
     StaticResult result;
-    result.seconds = reconstruction.seconds;
-    result.steps = reconstruction.trainer.step_count();
-    result.threads = backend.thread_count();
-    result.change = reconstruction.scene.total_change();
+    result.seconds = reconstruction->seconds;
+    result.steps = reconstruction->step_count();
+    result.computed_on = machine.computed_on();
+    result.change = reconstruction->total_change();
     for (const Photo& photo : source.test) {
-        const auto comparison = reconstruction.compare(photo);
+        const auto comparison = reconstruction->compare(photo);
         result.scores.push_back(comparison.score);
         result.pictures.push_back(comparison_picture(comparison.render, comparison.truth));
     }
     result.mean = mean_score(result.scores);
-    result.scene = reconstruction.scene.cloud();
+    result.scene = reconstruction->cloud();
     return result;
 }
 
@@ -169,7 +180,7 @@ void write_static_result(OutputFolder& out, const StaticSource& source, const St
     json["pruned"] = result.change.pruned;
     json["peak_memory_bytes"] = peak_memory_bytes();
     json["seed"] = options.seed;
-    json["threads"] = result.threads;
+    add_machine(json, result.computed_on);
     json["configuration"] = "static";
     for (const auto& [key, value] : settings_of(options.config)) json["settings"][key] = value;
     json["ms_per_stage"]["all"] = 1e3 * result.seconds / static_cast<double>(std::max<std::uint64_t>(1, result.steps));

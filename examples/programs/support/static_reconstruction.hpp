@@ -2,10 +2,10 @@
 /// @file  The configuration `static`: one frame of a capture, or a reconstruction of COLMAP, as a 3DGS scene.
 #pragma once
 
+#include "support/backend_option.hpp"
 #include "support/output_folder.hpp"
 #include "support/reconstruct_options.hpp"
 
-#include <gsh/cpu.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/capture/capture.hpp>
@@ -15,16 +15,18 @@
 #include <gsh/pipeline/static_model.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/static_start.hpp>
-#include <gsh/train/trainer.hpp>
 
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 namespace gsh::examples {
+
+class Machine;
 
 /// Photographs of one moment, and points to initialise the scene with.
 struct StaticSource {
@@ -55,7 +57,7 @@ struct StaticResult {
     std::vector<Image<float>> pictures;    ///< render, truth and error of each
     std::uint64_t steps = 0;               ///< less than requested after an interrupt
     double seconds = 0;                    ///< of training only
-    std::size_t threads = 0;
+    ComputedOn computed_on;
     DensityChange change;
 };
 
@@ -66,31 +68,53 @@ StaticSource static_source(const Capture& capture, std::size_t frame);
 /// read. Any other folder is a reconstruction of COLMAP.
 StaticSource load_static_source(const std::filesystem::path& folder, std::size_t frame = 0);
 
-/// A scene in training.
+/// What the training of a scene starts from, on the host.
+struct StaticSetup {
+    GaussianCloud<float> start;
+    double extent = 0; ///< metres
+    std::vector<Photo> photos;
+    std::uint64_t seed = 0;
+    StaticConfig config;
+};
+
+/// A scene in training. StaticReconstructionOn<B> (static_reconstruction_on.hpp) is the one on the backend B.
 class StaticReconstruction {
 public:
-    StaticModel<cpu::Threads> scene;
-    Trainer<cpu::Threads, StaticModel<cpu::Threads>> trainer; ///< calls that compute are members below, compiled once
-    double seconds = 0;                                       ///< of training only
+    double seconds = 0; ///< of training only
 
-    /// `source` must outlive this object.
-    /// Errors  ValueError for a source that cannot be trained on.
-    StaticReconstruction(cpu::Threads& backend, const StaticSource& source, const StaticOptions& options);
-    ~StaticReconstruction();
+    explicit StaticReconstruction(std::uint64_t steps) : steps_(steps) {}
+    StaticReconstruction(const StaticReconstruction&) = delete;
+    virtual ~StaticReconstruction() = default;
 
     /// Trains until step `until`, the last step or an interrupt. Shows the progress.
     void train(std::uint64_t until, const std::string& title = "training");
 
+    [[nodiscard]] virtual std::uint64_t step_count() const = 0;
+    /// The number of Gaussians.
+    [[nodiscard]] virtual std::size_t size() const = 0;
+    [[nodiscard]] virtual DensityChange total_change() const = 0;
+    [[nodiscard]] virtual GaussianCloud<float> cloud() = 0;
     /// gsh::compare: a photograph and its render.
-    [[nodiscard]] Comparison<float> compare(const Photo& photo);
+    [[nodiscard]] virtual Comparison<float> compare(const Photo& photo) = 0;
 
 private:
+    virtual void step() = 0;
+    virtual void settle() = 0;
+
     std::uint64_t steps_;
 };
 
+/// Places the first Gaussians.
+/// Errors  ValueError for a source that cannot be trained on.
+StaticSetup static_setup(const StaticSource& source, const StaticOptions& options);
+
+/// A scene on the machine's backend. Source and machine must outlive it.
+/// Errors  those of static_setup.
+std::unique_ptr<StaticReconstruction> make_static_reconstruction(Machine& machine, const StaticSource& source,
+                                                                 const StaticOptions& options);
+
 /// Trains with a progress line, and evaluates on the test photographs.
-StaticResult reconstruct_static(cpu::Threads& backend, const StaticSource& source,
-                                const StaticOptions& options);
+StaticResult reconstruct_static(Machine& machine, const StaticSource& source, const StaticOptions& options);
 
 /// Writes scene.ply, test/NAME.png (render, truth, error) and, as the last file, metrics.json.
 void write_static_result(OutputFolder& out, const StaticSource& source, const StaticOptions& options,

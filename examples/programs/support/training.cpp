@@ -15,10 +15,9 @@ namespace gsh::examples {
 void train(Reconstruction& reconstruction, const ReconstructOptions& options, TrainingRecord& record,
            const std::string& title, std::uint64_t until) {
     using Clock = std::chrono::steady_clock;
-    const auto& trainer = reconstruction.trainer;
     const StageClock& clock = reconstruction.clock;
     const double seconds_before = record.seconds;
-    const std::uint64_t steps_before = trainer.step_count(), timed_before = record.timed_steps - clock.steps();
+    const std::uint64_t steps_before = reconstruction.step_count(), timed_before = record.timed_steps - clock.steps();
     auto stages_before = record.stage_seconds;
     for (std::size_t s = 0; s < stages_before.size(); ++s) stages_before[s] -= clock.seconds()[s];
     const auto checkpoint = [&] {
@@ -34,8 +33,9 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
 
     Progress progress(title);
     const auto fraction = [&] {
-        return options.seconds > 0 ? record.seconds / options.seconds
-                                   : static_cast<double>(trainer.step_count()) / static_cast<double>(options.steps);
+        return options.seconds > 0
+                   ? record.seconds / options.seconds
+                   : static_cast<double>(reconstruction.step_count()) / static_cast<double>(options.steps);
     };
     const auto status = [&] {
         char text[96];
@@ -46,19 +46,36 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
                       static_cast<double>(record.steps - steps_before) / (record.seconds - seconds_before));
         return std::string(text);
     };
-    while (fraction() < 1 && (until == 0 || trainer.step_count() < until) && !interrupted) {
-        reconstruction.step(fraction());
-        record.steps = trainer.step_count();
+    const auto note = [&] {
+        record.steps = reconstruction.step_count();
         record.seconds = seconds_before + since(start) - paused;
+    };
+    const auto goes_on = [&] {
+        return fraction() < 1 && (until == 0 || reconstruction.step_count() < until) && !interrupted;
+    };
+    std::uint64_t queued = 0; // steps since the last settle
+    while (goes_on()) {
+        reconstruction.step(fraction());
+        note();
+        const bool checkpoint_is_due = since(last_checkpoint) > options.checkpoint_interval;
+        if (++queued >= most_queued_steps || record.wants_sample() || checkpoint_is_due || !goes_on()) {
+            const std::uint64_t last = record.steps;
+            reconstruction.settle(); // waiting for steps is training, too
+            note();
+            queued = 0;
+            if (record.steps < last) continue; // back at a step that failed
+        }
         const auto pause = Clock::now();
         if (record.wants_sample()) record.add_sample(reconstruction.last_loss(), reconstruction.last_psnr());
         progress.show(fraction(), status());
-        if (since(last_checkpoint) > options.checkpoint_interval) {
+        if (checkpoint_is_due) {
             checkpoint();
             last_checkpoint = Clock::now();
         }
         paused += since(pause);
     }
+    reconstruction.settle(); // after an interrupt
+    note();
     checkpoint();
 }
 

@@ -64,9 +64,10 @@ public:
     [[nodiscard]] LearnedArrays<T> learned() {
         LearnedArrays<T> arrays = field_.learned(query_, params_.sh_rate);
         const Mlp& mlp = field_.mlp();
-        arrays[1].other = {.where = LearnedArray<T>::OtherRate::Where::tail,
-                           .width = 3 * mlp.layer_inputs(mlp.layer_count() - 1),
-                           .rate = params_.displacement_rate};
+        using OtherRate = typename LearnedArray<T>::OtherRate;
+        arrays[1].other = OtherRate{.where = OtherRate::Where::tail,
+                                    .width = 3 * mlp.layer_inputs(mlp.layer_count() - 1),
+                                    .rate = params_.displacement_rate};
         return arrays;
     }
     [[nodiscard]] bool reads_time() const { return codes_.size() != 0; }

@@ -162,10 +162,10 @@ template <class TrainerType>
     trainer.render(photo, result.render);
     trainer.photo_pixels(photo, result.truth, result.mask);
     const auto render = std::as_const(result.render).view(), truth = std::as_const(result.truth).view();
-    result.score = {.name = photo.name,
-                    .psnr = psnr(render, truth),
-                    .ssim = ssim(render, truth),
-                    .psnr_person = psnr(render, truth, std::as_const(result.mask).view())};
+    result.score = ImageScore{.name = photo.name,
+                              .psnr = psnr(render, truth),
+                              .ssim = ssim(render, truth),
+                              .psnr_person = psnr(render, truth, std::as_const(result.mask).view())};
     return result;
 }
 

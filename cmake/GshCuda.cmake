@@ -1,0 +1,49 @@
+# Device code of gsh's own tests and programs. Custom commands call nvcc, so configuring needs neither CUDA nor a GPU.
+set(GSH_CUDA AUTO CACHE STRING "Compile device code with nvcc: AUTO (if nvcc is found), ON or OFF")
+set_property(CACHE GSH_CUDA PROPERTY STRINGS AUTO ON OFF)
+option(GSH_PROGRAMS_CUDA "Build the programs with --backend cuda" OFF)
+find_program(GSH_NVCC nvcc HINTS ENV CUDA_HOME PATHS /usr/local/cuda PATH_SUFFIXES bin)
+set(GSH_CUDA_ARCHITECTURE sm_90 CACHE STRING "Architecture of device code, as for nvcc -arch")
+
+set(gsh_with_cuda OFF)
+if(GSH_CUDA AND GSH_NVCC AND NOT GSH_SANITIZE)
+  set(gsh_with_cuda ON)
+elseif(GSH_CUDA STREQUAL "ON" AND NOT GSH_NVCC)
+  message(FATAL_ERROR "GSH_CUDA is ON, but nvcc is not found; put it into PATH, or set GSH_CUDA to AUTO")
+elseif(GSH_PROGRAMS_CUDA AND GSH_BUILD_EXAMPLES)
+  message(FATAL_ERROR "GSH_PROGRAMS_CUDA needs nvcc in PATH, GSH_CUDA other than OFF, and no sanitizer")
+endif()
+
+# The beginning of a command that compiles device code with warnings as errors. nvcc may print a warning and still
+# succeed, so any output of nvcc counts as a failure.
+set(gsh_eigen_includes $<TARGET_PROPERTY:Eigen3::Eigen,INTERFACE_INCLUDE_DIRECTORIES>)
+set(gsh_nvcc_command
+    sh -c "said=$(\"$@\" 2>&1) && test -z \"$said\" || (echo \"$said\" && false)" sh
+    ${GSH_NVCC} -std=c++20 -O3 -arch=${GSH_CUDA_ARCHITECTURE} --Werror all-warnings -Xcompiler -Wall,-Wextra,-Werror
+    -I${PROJECT_SOURCE_DIR}/include "-isystem=$<JOIN:${gsh_eigen_includes},$<SEMICOLON>-isystem=>")
+
+# gsh_add_device_code(target sources...): compiles .cu files with nvcc into objects of a target. Host code in them is
+# compiled like that of gsh_project, because the linker merges the functions that both compilers emit.
+function(gsh_add_device_code target)
+  set(host_options -ffp-contract=off,-fno-math-errno)
+  if(GSH_NATIVE)
+    string(APPEND host_options ",-march=native")
+  endif()
+  foreach(source IN LISTS ARGN)
+    set(object ${CMAKE_CURRENT_BINARY_DIR}/${source}.o)
+    add_custom_command(
+      OUTPUT ${object}
+      COMMAND ${gsh_nvcc_command} -Xcompiler ${host_options} $<$<CONFIG:Release>:-DNDEBUG>
+              -I${CMAKE_CURRENT_SOURCE_DIR} -MD -MF ${object}.d -MT ${object}
+              -c ${CMAKE_CURRENT_SOURCE_DIR}/${source} -o ${object}
+      DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${source}
+      DEPFILE ${object}.d COMMAND_EXPAND_LISTS VERBATIM
+      COMMENT "Compiling ${source} with nvcc")
+    target_sources(${target} PRIVATE ${object})
+    set_source_files_properties(${object} PROPERTIES EXTERNAL_OBJECT ON GENERATED ON)
+  endforeach()
+  if(NOT TARGET CUDA::cudart_static)
+    message(FATAL_ERROR "CMake finds no CUDA toolkit beside ${GSH_NVCC}; set CUDAToolkit_ROOT to its folder")
+  endif()
+  target_link_libraries(${target} PUBLIC CUDA::cudart_static)
+endfunction()

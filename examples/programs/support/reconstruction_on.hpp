@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  A reconstruction on a backend. Who includes it also includes the backend's overloads.
+#pragma once
+
+#include "support/interrupts.hpp"
+#include "support/progress.hpp"
+#include "support/reconstruction.hpp"
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/io/model/checkpoint.hpp>
+#include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/train/avatar_export.hpp>
+#include <gsh/train/avatar_scene.hpp>
+#include <gsh/train/frozen_scene.hpp>
+#include <gsh/train/pose_fit.hpp>
+#include <gsh/train/refinement.hpp>
+#include <gsh/train/trainer.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh::examples {
+
+template <Backend B>
+class ReconstructionOn final : public Reconstruction {
+public:
+    /// `backend` must outlive this object.
+    ReconstructionOn(B& backend, ReconstructionSetup made)
+        : Reconstruction(std::move(made)), backend_(&backend), scene_(backend, cast()),
+          trainer_(backend, scene_, setup.photos, setup.seed, setup.configuration.train) {
+        if (setup.light) light_people();
+        if (setup.refinement) refine_people();
+    }
+
+    void step(double progress) override {
+        // On a device, the host only queues the work of a stage, so its clock would not measure the stage.
+        if constexpr (B::host_memory)
+            trainer_.step(progress, clock);
+        else
+            trainer_.step(progress);
+    }
+    void settle() override { trainer_.settle(); }
+    std::uint64_t step_count() const override { return trainer_.step_count(); }
+    double last_loss() const override { return trainer_.last_loss().loss; }
+    double last_psnr() const override { return trainer_.last_psnr(); }
+    Comparison<float> compare(const Photo& photo) override { return gsh::compare(trainer_, photo); }
+
+    std::vector<AvatarData> avatars() override {
+        std::vector<AvatarData> result;
+        const std::vector<std::size_t> frames = photographed_frames(setup.photos);
+        for (std::size_t p = 0; p < people_.size(); ++p)
+            result.push_back(export_avatar(scene_, setup.people[p].rig, frames, trainer_.config().filter, p));
+        return result;
+    }
+    Motion refined_motion(std::size_t person) const override { return people_[person].refinement->motion(); }
+
+    bool refine_test_poses() override;
+    void end_test_refinement() override {
+        for (std::size_t p = 0; p < people_.size(); ++p) scene_.refine(*people_[p].refinement, p);
+    }
+
+    void save(ArchiveWriter& file) override {
+        add_trainer(file, trainer_);
+        for (std::size_t p = 0; p < people_.size(); ++p)
+            if (people_[p].refinement) add_refinement(file, *people_[p].refinement, p);
+    }
+    void load(const ArchiveReader& file) override {
+        load_trainer(file, trainer_);
+        for (std::size_t p = 0; p < people_.size(); ++p)
+            if (people_[p].refinement) load_refinement(file, *people_[p].refinement, p);
+    }
+
+    TableCounts table_counts() override {
+        TableCounts counts;
+        const auto count = [](const LearnedArrays<float>& arrays, std::size_t& entries, std::size_t& touched) {
+            for (const LearnedArray<float>& array : arrays) {
+                if (!array.is_table()) continue;
+                entries += array.values.size() / array.row_size;
+                touched += array.touched_rows.size();
+            }
+        };
+        for (Person& person : people_) {
+            counts.lookups += person.model.appearance().lookups();
+            count(person.model.appearance().learned(), counts.entries, counts.touched);
+            count(person.model.shadow().learned(), counts.ao_entries, counts.ao_touched);
+        }
+        return counts;
+    }
+
+private:
+    using Model = ConfiguredAvatar<B>;
+    using Scene = AvatarScene<B, Model>;
+    using Refinement = MotionRefinement<B, float>;
+
+    struct Person {
+        Model model;
+        std::optional<Refinement> refinement, test_refinement; // of training frames; of test frames
+
+        Person(B& backend, const ReconstructionSetup::Person& from, const AvatarConfig& config)
+            : model(make_avatar<B>(backend, from.rig, from.samples, from.motion.frame_count(), from.seed, config,
+                                   from.priors)) {}
+    };
+
+    std::vector<CastMember<Model>> cast() {
+        std::vector<CastMember<Model>> cast;
+        for (const ReconstructionSetup::Person& from : setup.people)
+            cast.push_back({&people_.emplace_back(*backend_, from, setup.configuration.avatar).model, &from.motion});
+        return cast;
+    }
+    void light_people() {
+        const LearningRates& rates = setup.configuration.avatar.rates;
+        const auto light = std::make_shared<LearnedLight<B>>(
+            *backend_, *setup.light, LightRates{rates.light_points, rates.light_intensities, rates.light_gloss});
+        for (std::size_t p = 0; p < people_.size(); ++p) people_[p].model.set_light(setup.people[p].rig, light, p == 0);
+    }
+    void refine_people() {
+        const Configuration& configuration = setup.configuration;
+        RefinementConfig config = *setup.refinement;
+        for (std::size_t p = 0; p < people_.size(); ++p) {
+            const ReconstructionSetup::Person& from = setup.people[p];
+            config.joint_rates =
+                joint_rates(from.rig.joint_count(), configuration.finger_rate, configuration.face_rate);
+            // All people share the cameras; the first person's refinement holds them.
+            people_[p].refinement.emplace(*backend_, from.rig, from.motion,
+                                          p == 0 ? setup.cameras : std::vector<Camera<double>>(), config);
+            scene_.refine(*people_[p].refinement, p);
+        }
+    }
+
+    B* backend_;
+    std::deque<Person> people_; // a deque: their addresses do not change
+    Scene scene_;
+    Trainer<B, Scene> trainer_;
+};
+
+template <Backend B>
+bool ReconstructionOn<B>::refine_test_poses() {
+    const Configuration& configuration = setup.configuration;
+    for (std::size_t p = 0; p < people_.size(); ++p) {
+        Person& person = people_[p];
+        person.refinement->carry_to_left_out();
+        person.test_refinement.emplace(*backend_, setup.people[p].rig, person.refinement->motion(),
+                                       std::vector<Camera<double>>(), test_time_config(person.refinement->config()));
+        scene_.refine(*person.test_refinement, p);
+    }
+    std::set<std::size_t> frames;
+    for (const Photo& photo : setup.test_photos) frames.insert(photo.frame);
+    const std::size_t rounds = people_.size() > 1 ? 2 : 1, steps = (configuration.test_steps + rounds - 1) / rounds;
+    PoseFit<B> fit(*backend_, configuration.train.filter,
+                   {.steps = steps,
+                    .ssim_weight = configuration.train.ssim_weight,
+                    .mask_weight = configuration.test_mask_weight,
+                    .background = configuration.train.background,
+                    .stop = [] { return interrupted.load(); }});
+    Progress shown("fitting test poses");
+    std::size_t done = 0;
+    for (const std::size_t frame : frames) {
+        shown.show(static_cast<double>(done++) / static_cast<double>(frames.size()), "frame " + std::to_string(frame));
+        std::vector<Photo> photos;
+        for (const Photo& photo : setup.test_photos)
+            if (photo.frame == frame) photos.push_back(photo);
+        for (std::size_t turn = 0; turn < rounds * people_.size(); ++turn) {
+            FrozenPerson<Scene> frozen(scene_, turn % people_.size());
+            fit.fit(frozen, frame, photos);
+            if (interrupted) return false;
+        }
+    }
+    shown.show(1, "done");
+    return true;
+}
+
+} // namespace gsh::examples

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/reconstruction_setup.hpp"
+
+#include "support/machine.hpp"
+#include "support/messages.hpp"
+#include "support/source.hpp"
+
+#include <gsh/core/error.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/cpu.hpp>
+#include <gsh/io/capture/photos.hpp>
+#include <gsh/train/canonical_setup.hpp>
+#include <gsh/train/light_estimate.hpp>
+#include <gsh/train/memory.hpp>
+
+#include <algorithm>
+#include <cstdio>
+#include <set>
+#include <utility>
+
+namespace gsh::examples {
+
+namespace {
+
+/// Bytes of photographs in the memory that --max-memory limits. The host has the images of the whole capture, a GPU
+/// those of training and their plates.
+std::size_t bytes_of_photos(const Machine& machine, const Source& source, const std::vector<Photo>& training) {
+    std::size_t bytes = 0;
+    if (!machine.has_gpu()) {
+        for (const auto& image : source.capture.images) bytes += image.data.size();
+        return bytes;
+    }
+    std::set<const std::uint8_t*> known; // photographs share plates
+    for (const Photo& photo : training)
+        for (const auto& pixels : {photo.rgba, photo.plate})
+            if (known.insert(pixels.data()).second) bytes += pixels.size();
+    return bytes;
+}
+
+/// The number of Gaussians of each person: as requested, or as many as fit into --max-memory.
+/// Errors  ValueError if less than a tenth of the requested number fits.
+std::size_t gaussians_within_memory(const Machine& machine, const Source& source, const std::vector<Photo>& training,
+                                    const Configuration& configuration, const ReconstructOptions& o) {
+    if (o.max_memory == 0) return o.gaussians;
+    std::size_t pixels = 0;
+    for (const auto& camera : source.capture.cameras)
+        pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) *
+                                      static_cast<std::size_t>(camera.camera.height));
+    const MemoryModel memory = training_memory<cpu::Threads>(
+        configuration.avatar, pixels, bytes_of_photos(machine, source, training), source.people.size(),
+        {.joint_count = source.body().joint_count(), .vertex_count = source.body().vertex_count()});
+    const std::size_t count = std::min(o.gaussians, memory.gaussians_within(o.max_memory));
+    if (count < o.gaussians / 10)
+        throw ValueError("--max-memory " + std::to_string(o.max_memory) + " is too little: training " +
+                         std::to_string(o.gaussians) + " Gaussians takes about " +
+                         std::to_string(memory.bytes(o.gaussians)) + " bytes, a tenth of them " +
+                         std::to_string(memory.bytes(o.gaussians / 10)));
+    if (count < o.gaussians)
+        warn(std::to_string(count) + " instead of " + std::to_string(o.gaussians) + " Gaussians, to stay within " +
+             std::to_string(o.max_memory) + " bytes");
+    return count;
+}
+
+/// Estimates the light that all people share.
+void add_light(cpu::Threads& host, ReconstructionSetup& setup) {
+    const AvatarConfig& config = setup.configuration.avatar;
+    std::vector<LitPerson> lit;
+    for (const auto& person : setup.people) lit.push_back({&person.rig, &person.motion});
+    try {
+        LightEstimate estimate = estimate_light(host, Span<const LitPerson>(lit), Span<const Photo>(setup.photos),
+                                                {.points = static_cast<std::size_t>(config.light_points),
+                                                 .directions = static_cast<std::size_t>(config.light_directions),
+                                                 .distance = config.light_distance,
+                                                 .shadows = config.light_shadows});
+        char text[192];
+        std::snprintf(text, sizeof text,
+                      "light from %zu colours of the mesh: a colour per vertex explains them to %.1f dB, with light "
+                      "to %.1f dB",
+                      estimate.samples, estimate.psnr_even, estimate.psnr);
+        setup.light = std::move(estimate.light);
+        setup.light_text = text;
+    } catch (const ValueError& error) {
+        throw ValueError(std::string(error.what()) + "; or train without a light, by --config paper");
+    }
+}
+
+/// The refinement of --refine. Poses of frames without a photograph in training do not learn.
+RefinementConfig refinement_of(const ReconstructionSetup& setup) {
+    check_value(setup.configuration.test_mask_weight >= 0, "refine.test_mask_weight",
+                "must not be negative"); // checked before training
+    RefinementConfig config = setup.configuration.refinement;
+    std::set<std::size_t> seen;
+    for (const Photo& photo : setup.photos) seen.insert(photo.frame);
+    for (std::size_t frame = 0; frame < setup.people[0].motion.frame_count(); ++frame)
+        if (!seen.contains(frame)) config.left_out.push_back(frame);
+    return config;
+}
+
+} // namespace
+
+std::size_t ReconstructionSetup::gaussian_count() const {
+    std::size_t count = 0;
+    for (const Person& person : people) count += person.gaussian_count();
+    return count;
+}
+
+ReconstructionSetup make_setup(Machine& machine, const Source& source, const Configuration& configuration,
+                               const ReconstructOptions& o) {
+    ReconstructionSetup setup;
+    setup.configuration = configuration;
+    setup.seed = o.seed;
+    if (configuration.has_regions()) setup.regions_checksum = source.regions_checksum;
+    if (configuration.has_priors()) setup.priors_checksum = source.priors_checksum;
+    setup.test_photos = test_photos_of(source.capture);
+    setup.photos = photos_of(source.capture, false);
+    check_value(!setup.photos.empty(), source.capture.name, "has no photographs to train on");
+    setup.held_out_frames = source.capture.held_out_frames;
+    const std::size_t count = gaussians_within_memory(machine, source, setup.photos, configuration, o);
+    for (std::size_t p = 0; p < source.people.size(); ++p) {
+        const CapturePerson& from = source.people[p];
+        const std::uint64_t seed = p == 0 ? o.seed : random_bits(o.seed, p);
+        CanonicalSetup made = make_canonical_setup(machine.host(), source.body(p), from.motion, configuration, count,
+                                                   seed, source.regions[from.body], source.priors[p]);
+        setup.people.push_back({from.name, seed, std::move(made.motion), std::move(made.samples), std::move(made.rig),
+                                std::move(made.priors)});
+    }
+    if (configuration.avatar.light) add_light(machine.host(), setup);
+    if (!setup.held_out_frames.empty())
+        setup.motion_split =
+            split_by_motion(setup.photos, setup.test_photos, setup.held_out_frames, source.capture.motion.timestamps);
+    if (o.refine) setup.refinement = refinement_of(setup);
+    if (o.refine_cameras)
+        for (const auto& camera : source.capture.cameras) setup.cameras.push_back(camera.camera);
+    return setup;
+}
+
+} // namespace gsh::examples

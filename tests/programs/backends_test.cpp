@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  What the programs run on a backend: on one whose buffers the host cannot access, every number is that of the
+///        CPU's threads. The programs themselves run on threads here.
+#include "programs/small_capture.hpp"
+#include "support/guarded.hpp"
+
+#include "support/machine.hpp"
+#include "support/reconstruction.hpp"
+#include "support/reconstruction_on.hpp"
+#include "support/renderer.hpp"
+#include "support/renderer_on.hpp"
+#include "support/source.hpp"
+#include "support/static_reconstruction.hpp"
+#include "support/static_reconstruction_on.hpp"
+
+#include <gsh/io/file/archive.hpp>
+#include <gsh/io/model/avatar_file.hpp>
+#include <gsh/io/model/checkpoint.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace backends_of_programs { // joined builds: other tests have helpers of the same names
+
+using namespace gsh;
+using namespace gsh::examples;
+using test::Guarded;
+
+namespace {
+
+/// The small capture as the input of a reconstruction. With two people, the second one stands beside the first, where
+/// no photograph shows a person.
+Source source_of_people(std::size_t count) {
+    const test::SmallCapture& s = test::studio();
+    Source source;
+    source.bodies = {s.body};
+    source.capture = s.capture;
+    source.regions.resize(1);
+    for (std::size_t p = 0; p < count; ++p) {
+        source.people.push_back({"person" + std::to_string(p), 0, s.capture.motion});
+        for (auto& transl : source.people[p].motion.transl) transl.x += 0.6 * static_cast<double>(p);
+    }
+    source.priors.resize(count);
+    return source;
+}
+
+ReconstructOptions options_of_test(const char* config, std::vector<std::string> more = {}) {
+    ReconstructOptions o;
+    o.config = config;
+    o.set = {"hash.table_size=512", "ao.table_size=512", "light.points=1", "light.directions=2"};
+    o.set.insert(o.set.end(), more.begin(), more.end());
+    o.gaussians = 200;
+    o.steps = 4;
+    o.machine.threads = 2;
+    return o;
+}
+
+/// Steps as in train(), without progress and checkpoints.
+void train_to(Reconstruction& reconstruction, std::uint64_t steps) {
+    while (reconstruction.step_count() < steps) {
+        reconstruction.step(static_cast<double>(reconstruction.step_count()) / 8);
+        reconstruction.settle();
+    }
+}
+
+void check_equal(const AvatarData& a, const AvatarData& b) {
+    CHECK(a.gaussians.means == b.gaussians.means);
+    CHECK(a.gaussians.sh == b.gaussians.sh);
+    CHECK(a.gaussians.log_scales == b.gaussians.log_scales);
+    CHECK(a.gaussians.opacity_logits == b.gaussians.opacity_logits);
+    CHECK(a.rig.joints == b.rig.joints);
+    CHECK(a.ao == b.ao);
+    CHECK(a.mean_irradiance == b.mean_irradiance);
+    CHECK(a.light.has_value() == b.light.has_value());
+    if (a.light && b.light) CHECK(a.light->log_intensities == b.light->log_intensities);
+}
+
+void check_equal(Reconstruction& a, Reconstruction& b) {
+    CHECK(a.step_count() == b.step_count());
+    CHECK(a.last_loss() == b.last_loss());
+    CHECK(a.last_psnr() == b.last_psnr());
+    const std::vector<AvatarData> of_a = a.avatars(), of_b = b.avatars();
+    REQUIRE(of_a.size() == of_b.size());
+    for (std::size_t p = 0; p < of_a.size(); ++p) check_equal(of_a[p], of_b[p]);
+    const Photo& photo = a.setup.test_photos[1];
+    CHECK(a.compare(photo).render.data == b.compare(photo).render.data);
+    const TableCounts in_a = a.table_counts(), in_b = b.table_counts();
+    CHECK(in_a.lookups == in_b.lookups);
+    CHECK(in_a.entries == in_b.entries);
+    CHECK(in_a.touched == in_b.touched);
+    CHECK(in_a.ao_touched == in_b.ao_touched);
+}
+
+} // namespace
+
+TEST_CASE("a reconstruction is the same on another backend, and either continues the other's checkpoint") {
+    const Source source = source_of_people(2);
+    ReconstructOptions o = options_of_test("light", {"ao=pose", "ao.start=0.1", "refine.test_steps=2"});
+    o.refine = o.refine_cameras = true;
+    Machine machine(o.machine);
+    const auto setup = [&] { return make_setup(machine, source, configuration_of(o), o); };
+    const auto threads = make_reconstruction(machine, setup());
+    Guarded backend;
+    ReconstructionOn<Guarded> guarded(backend, setup());
+    train_to(*threads, 3);
+    train_to(guarded, 3);
+    check_equal(*threads, guarded);
+
+    const test::Temporary folder;
+    for (Reconstruction* from : {threads.get(), static_cast<Reconstruction*>(&guarded)}) {
+        ArchiveWriter file(folder / "checkpoint.gsh", "checkpoint", checkpoint_version);
+        from->save(file);
+        file.commit();
+        const ArchiveReader stored(folder / "checkpoint.gsh", "checkpoint", checkpoint_version);
+        Reconstruction& to = from == &guarded ? *threads : guarded;
+        to.load(stored);
+        train_to(*from, from->step_count() + 1);
+        train_to(to, from->step_count());
+        check_equal(*from, to);
+    }
+
+    for (Reconstruction* each : {threads.get(), static_cast<Reconstruction*>(&guarded)}) {
+        const Photo& photo = each->setup.test_photos[0];
+        const Image<float> before = each->compare(photo).render;
+        REQUIRE(each->refine_test_poses());
+        CHECK(each->compare(photo).render.data != before.data);
+        each->end_test_refinement();
+        CHECK(each->compare(photo).render.data == before.data);
+    }
+    for (std::size_t p = 0; p < 2; ++p) {
+        const Motion a = threads->refined_motion(p), b = guarded.refined_motion(p);
+        CHECK(a.pose == b.pose);
+        CHECK(a.transl == b.transl);
+    }
+}
+
+TEST_CASE("so is a static scene") {
+    const StaticSource source = static_source(test::studio().capture, 0);
+    ReconstructOptions o = options_of_test("static");
+    o.set = {"density.start=2", "density.interval=3", "density.gradient_threshold=1e-6"};
+    o.steps = 12;
+    o.gaussians = 2000;
+    Machine machine(o.machine);
+    StaticOptions options = static_options(o);
+    options.points = 300;
+    const auto threads = make_static_reconstruction(machine, source, options);
+    Guarded backend;
+    StaticReconstructionOn<Guarded> guarded(backend, static_setup(source, options));
+    threads->train(12);
+    guarded.train(12);
+    CHECK(threads->step_count() == 12);
+    CHECK(guarded.step_count() == 12);
+    CHECK(threads->size() != 300);
+    CHECK(threads->size() == guarded.size());
+    CHECK(threads->total_change().split == guarded.total_change().split);
+    CHECK(threads->cloud().means == guarded.cloud().means);
+    CHECK(threads->compare(source.test[0]).render.data == guarded.compare(source.test[0]).render.data);
+}
+
+TEST_CASE("so are pictures of avatars and of scenes") {
+    const Source source = source_of_people(2);
+    const ReconstructOptions o = options_of_test("light");
+    Machine machine(o.machine);
+    const auto reconstruction = make_reconstruction(machine, make_setup(machine, source, configuration_of(o), o));
+    const std::vector<AvatarData> avatars = reconstruction->avatars();
+    const test::Temporary folder;
+    std::vector<std::filesystem::path> files, poses;
+    for (std::size_t p = 0; p < 2; ++p) {
+        files.push_back(folder / ("avatar" + std::to_string(p) + ".gsh"));
+        poses.push_back(folder / ("poses" + std::to_string(p) + ".npz"));
+        save_avatar(files.back(), avatars[p]);
+        save_motion(poses.back(), source.people[p].motion);
+    }
+    const ShownPeople people(files, poses);
+    const Camera<double>& camera = source.capture.cameras[0].camera;
+    const vec3<float> background(0.2f, 0.4f, 0.6f);
+    Guarded backend;
+    const auto expected = make_renderer(machine, people);
+    PeopleRenderer<Guarded> found(backend, people);
+    for (const std::size_t frame : {1, 0})
+        CHECK(found.render(frame, camera, background).data == expected->render(frame, camera, background).data);
+    const GaussianCloud<float> scene = shaded_cloud(avatars[0]);
+    CHECK(CloudRenderer<Guarded>(backend, scene).render(0, camera, background).data ==
+          make_renderer(machine, scene)->render(0, camera, background).data);
+}
+
+TEST_CASE("a backend that is not there is refused in one line, and nothing is written") {
+    const test::SmallCapture& s = test::studio();
+    const test::Temporary folder;
+    const std::string out = folder / "out", none = folder / "none";
+    const auto refuse = [&](std::vector<std::string> words, std::vector<std::string> more, auto... said) {
+        words.insert(words.end(), more.begin(), more.end());
+        test::check_refused(test::run(words), words[0], {said...});
+        CHECK(!std::filesystem::exists(out));
+    };
+    const std::vector<std::vector<std::string>> programs{
+        s.reconstruct(out, {"--steps", "1"}),
+        {"gsh-reconstruct", "--config", "static", "--capture", s.path, "--out", out},
+        {"gsh-evaluate", "--capture", s.path, "--body", s.body_file, "--configs", "paper", "--out", out},
+        {"gsh-render", none + ".ply", "--camera", s.camera, "--out", out},
+        {"gsh-animate", none + ".gsh", "--poses", s.dance, "--out", out}};
+    for (const std::vector<std::string>& words : programs) {
+        refuse(words, {"--backend", "gpu"}, "--backend", "gpu", "threads", "cuda");
+        refuse(words, {"--backend", "cuda", "--device", "-1"}, "--device", "-1");
+        refuse(words, {"--device", "0"}, "--device needs --backend cuda");
+        refuse(words, {"--backend", "threads", "--device", "0"}, "--device needs --backend cuda");
+#if defined(GSH_PROGRAMS_WITH_CUDA)
+        refuse(words, {"--backend", "cuda", "--device", "4096"}, "gsh::cuda::Device");
+#else
+        refuse(words, {"--backend", "cuda"}, "--backend cuda", "built without CUDA", "GSH_PROGRAMS_CUDA");
+#endif
+    }
+    for (const char* backend : {"threads", "cuda"})
+        refuse({"gsh-check", s.path, "--body", s.body_file, "--out", out}, {"--backend", backend},
+               "gsh-check computes on the CPU alone");
+}
+
+} // namespace backends_of_programs
