@@ -3,7 +3,6 @@
 #pragma once
 
 #include <gsh/backend/cuda/kernel.cuh>
-#include <gsh/math/vec.hpp>
 
 #include <concepts>
 #include <cstddef>
@@ -18,9 +17,11 @@ template <std::floating_point T>
         value += __shfl_xor_sync(all_lanes, value, distance);
     return value;
 }
-template <std::floating_point T>
-[[nodiscard]] __device__ vec3<T> warp_sum(const vec3<T>& value) {
-    return {warp_sum(value.x), warp_sum(value.y), warp_sum(value.z)};
+/// The same for a vector, by its components x, y and z.
+template <class Vector>
+    requires requires(Vector v) { v.z; }
+[[nodiscard]] __device__ Vector warp_sum(const Vector& value) {
+    return Vector(warp_sum(value.x), warp_sum(value.y), warp_sum(value.z));
 }
 
 /// The sum of a value (a number or a vec3) of each thread of a block, on every thread. All threads take part. Lanes are
