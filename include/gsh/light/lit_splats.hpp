@@ -93,7 +93,9 @@ struct LitVertices {
     Span<const T> visibility; // [V, P + D]
     vec3<T> center;
 
-    [[nodiscard]] GSH_HD LitPoint::Input<T> operator[](std::size_t v) const { return {vertices[v], normals[v], center}; }
+    [[nodiscard]] GSH_HD LitPoint::Input<T> operator[](std::size_t v) const {
+        return {vertices[v], normals[v], center};
+    }
     /// V_k of a vertex.
     [[nodiscard]] GSH_HD auto visibility_of(std::size_t v) const {
         return [row = visibility.data() + v * light.size()](std::size_t k) { return row[k]; };

@@ -30,8 +30,8 @@ public:
 
     void set_color(const std::array<double, 3>& color) { color_ = {T(color[0]), T(color[1]), T(color[2])}; }
 
-    /// `plate` [height, width, 4], in the backend's memory, replaces the colour from now on. An empty plate restores the
-    /// colour.
+    /// `plate` [height, width, 4], in the backend's memory, replaces the colour from now on. An empty plate restores
+    /// the colour.
     /// Errors  ShapeError for a plate of another size.
     void set_plate(B& backend, Span<const std::uint8_t> plate, int height, int width) {
         height_ = height, width_ = width;

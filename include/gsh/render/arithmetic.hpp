@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Scalar arithmetic of the rasterizer with the same roundings in every pass and on every backend.
 ///
-/// A compiler may fuse a product and a sum, in one copy of a function and not in another. Forward and backward pass must
-/// agree on which splats a pixel blends, so wherever that is decided, these functions say what is fused. They have
-/// neither branches nor library calls, so that a CPU's loops over pixels are vectorised.
+/// A compiler may fuse a product and a sum, in one copy of a function and not in another. Forward and backward pass
+/// must agree on which splats a pixel blends, so wherever that is decided, these functions say what is fused. They
+/// have neither branches nor library calls, so that a CPU's loops over pixels are vectorised.
 #pragma once
 
 #include <gsh/core/config.hpp>

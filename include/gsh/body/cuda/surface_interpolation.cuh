@@ -16,8 +16,8 @@ namespace gsh::cuda {
 
 namespace detail {
 
-/// A body has about ten thousand vertices with some twenty to fifty samples each: one thread per vertex would leave most
-/// of a large GPU idle and wait for its samples one after the other.
+/// A body has about ten thousand vertices with some twenty to fifty samples each: one thread per vertex would leave
+/// most of a large GPU idle and wait for its samples one after the other.
 template <class T, class Vector>
 struct ScatterSurface {
     static constexpr unsigned block_size = 128, lanes = 8, numbers = sizeof(Vector) / sizeof(T);

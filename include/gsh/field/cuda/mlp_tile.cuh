@@ -2,8 +2,8 @@
 /// @file  A tile of rows of the MLP in shared memory: what is loaded into it, and the products on it.
 ///
 /// A tile is kept column after column, so that a thread reads four rows of a column with one instruction. Columns are
-/// four numbers longer than the tile has rows. Eight neighbouring columns then begin in different banks. Indexes have 32
-/// bits, to save registers; the overloads check the sizes.
+/// four numbers longer than the tile has rows. Eight neighbouring columns then begin in different banks. Indexes have
+/// 32 bits, to save registers; the overloads check the sizes.
 #pragma once
 
 #include <gsh/backend/cuda/kernel.cuh>

@@ -149,7 +149,8 @@ void shadow_draw(B& backend, Span<const ShadowFrame<T>> frames, const ShadowCast
         const std::size_t l = task / chunks, begin = task % chunks * grain, end = std::min(begin + grain, V);
         const ShadowFrame<T> frame = frames[l];
         ShadowVertex<T>* const placed = scratch.vertices.data() + l * V;
-        for (std::size_t v = begin; v < end; ++v) placed[v] = gsh::detail::place_shadow_vertex(frame, caster.vertices[v]);
+        for (std::size_t v = begin; v < end; ++v)
+            placed[v] = gsh::detail::place_shadow_vertex(frame, caster.vertices[v]);
     });
 
     // One band per light occupies a few threads; more threads share the rows of a map, at the price of reading the
