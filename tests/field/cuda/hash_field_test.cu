@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Hash grid and MLP together on the CUDA backend, with every kind of inputs, in steps that are repeated.
 #include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/step_graph.cuh>
 #include <gsh/backend/serial.hpp>
 #include <gsh/field/cpu/hash_grid.hpp>
 #include <gsh/field/cpu/mlp.hpp>

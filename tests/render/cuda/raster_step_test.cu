@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  The rasterizer on a GPU: what does not change its bits, what it refuses, and recorded steps.
 #include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/step_graph.cuh>
 #include <gsh/render/cuda/rasterizer.cuh>
 
 #include <doctest/doctest.h>
