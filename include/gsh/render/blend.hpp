@@ -14,8 +14,8 @@ namespace gsh::detail {
 template <std::floating_point T>
 inline constexpr T largest_cut = sizeof(T) == 4 ? T(120) : T(1000);
 
-/// Enlarges a cut slightly, so that rounding in the choice of tiles and of blocks of pixels never loses a pixel that the
-/// blend would draw.
+/// Enlarges a cut slightly, so that rounding in the choice of tiles and of blocks of pixels never loses a pixel that
+/// the blend would draw.
 template <std::floating_point T>
 [[nodiscard]] GSH_HD constexpr T generous(T cut) {
     return cut * T(1.0001) + T(1e-3);

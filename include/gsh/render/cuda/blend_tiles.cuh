@@ -17,8 +17,8 @@ namespace gsh::cuda::detail {
 /// One thread block per tile, long lists first. A batch of the list is staged in shared memory; then each half warp
 /// blends those splats that may touch its block of pixels.
 ///
-/// `used` tells the backward pass which splats came to which block, so that it neither finds the blocks again nor visits
-/// what is behind opaque ones.
+/// `used` tells the backward pass which splats came to which block, so that it neither finds the blocks again nor
+/// visits what is behind opaque ones.
 template <std::floating_point T, bool Depth>
 struct BlendTiles {
     static constexpr unsigned block_size = tile_pixels;
@@ -83,8 +83,8 @@ private:
         return i < length ? instances[begin + i] : TileInstance{0, 0};
     }
 
-    /// Returns, on lane g of each half warp, which of the splats 32 g, 32 g + 1, … came to the half's block before all of
-    /// its pixels had stopped.
+    /// Returns, on lane g of each half warp, which of the splats 32 g, 32 g + 1, … came to the half's block before all
+    /// of its pixels had stopped.
     __device__ std::uint32_t blend_batch(Shared& shared, const TilePixel& pixel, State& state) const {
         const auto touched = [&](unsigned j) -> std::uint32_t { return shared.touched[j]; };
         typename Lists::List list = shared.lists.make(

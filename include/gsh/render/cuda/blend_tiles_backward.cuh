@@ -99,9 +99,9 @@ struct BlendTilesBackward {
 private:
     /// State of the second sweep front to back at a pixel, and the pixel's gradients.
     ///
-    /// With the pixel's value F = sum w s + T_end s_end, where s is a splat's colour (and depth) dotted with the pixel's
-    /// gradient, dF/d alpha = T s - (share of F behind the splat) / (1 - alpha). `behind` starts at F and loses w s at
-    /// each splat.
+    /// With the pixel's value F = sum w s + T_end s_end, where s is a splat's colour (and depth) dotted with the
+    /// pixel's gradient, dF/d alpha = T s - (share of F behind the splat) / (1 - alpha). `behind` starts at F and loses
+    /// w s at each splat.
     struct State {
         T product, behind;
         T red = 0, green = 0, blue = 0, depth = 0, median = 0;

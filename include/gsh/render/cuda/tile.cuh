@@ -2,10 +2,10 @@
 /// @file  Common parts of both passes over a tile on a GPU: splats in tile coordinates, and lists of blocks of pixels.
 ///
 /// A thread block is a 16x16 tile with one thread per pixel. Half a warp is a block of 4x4 pixels and has its own list,
-/// so both halves blend different splats at the same time. On the body of bench/render/rasterizer_bench.cpp at 540x540, a
-/// warp of two blocks then blends 351,000 splats; with one list for both it would be 454,000, and with the tile's list
-/// 2.1 million. The two blocks are above each other: people are upright, so their lists are of similar length (side by
-/// side, a warp would blend 410,000).
+/// so both halves blend different splats at the same time. For the body of bench/render/rasterizer_bench.cpp at
+/// 540x540, the warps then blend 351,000 times; with one list for both blocks of a warp it would be 454,000 times, and
+/// with the tile's list 2.1 million times. The two blocks are above each other: people are upright, so their lists are
+/// of similar length (side by side, it would be 410,000 times).
 #pragma once
 
 #include <gsh/backend/cuda/device.cuh>
