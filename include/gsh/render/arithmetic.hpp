@@ -2,7 +2,7 @@
 /// @file  Scalar arithmetic of the rasterizer with the same roundings in every pass and on every backend.
 ///
 /// A compiler may fuse a product and a sum, in one copy of a function and not in another. Forward and backward pass
-/// must agree on which splats a pixel blends, so wherever that is decided, these functions say what is fused. They
+/// must agree on which splats a pixel blends, so wherever that is decided, these functions state what is fused. They
 /// have neither branches nor library calls, so that a CPU's loops over pixels are vectorised.
 #pragma once
 
@@ -63,10 +63,18 @@ template <std::floating_point T, std::same_as<T>... Rest>
     return multiply_add(x, horner(x, rest...), c0);
 }
 
-/// 2^-x for 0 <= x < 126 (float) or 1022 (double), to 2 units in the last place; unspecified for a larger x.
+/// 2^-x for 0 <= x < 126 (float) or 1022 (double), to 2 units in the last place; unspecified for a larger x. In float,
+/// a GPU has an instruction for it.
 template <std::floating_point T>
 [[nodiscard]] GSH_HD inline T exp2_minus(T x) {
     constexpr bool single = std::is_same_v<T, float>;
+#if defined(__CUDA_ARCH__)
+    if constexpr (single) {
+        float power;
+        asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(power) : "f"(-x));
+        return power;
+    }
+#endif
     using Bits = std::conditional_t<single, std::uint32_t, std::uint64_t>;
     constexpr int mantissa = single ? 23 : 52;
     constexpr T shift = single ? T(12582912) : T(6755399441055744); // 1.5 * 2^mantissa: adding it rounds to integer

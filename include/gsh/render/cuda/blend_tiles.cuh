@@ -22,6 +22,7 @@ namespace gsh::cuda::detail {
 template <std::floating_point T, bool Depth>
 struct BlendTiles {
     static constexpr unsigned block_size = tile_pixels;
+    static constexpr unsigned least_blocks = sizeof(T) == 8 ? 1 : Depth ? 3 : 4;
     static constexpr unsigned batch = 256;
     using Lists = BlockLists<batch, std::uint16_t>;
     struct Shared {
@@ -48,7 +49,7 @@ struct BlendTiles {
         state.product = state.transmittance = pixel.inside ? T(1) : T(0);
         if (threadIdx.x == 0) shared.splats[batch] = TileSplat<T>::none();
         std::uint32_t done = 0;
-        TileInstance instance = this_instance(begin, length, done);
+        TileInstance instance = instance_at(begin, length, done);
         while (done < length && __syncthreads_or(state.product >= limits.transmittance_min) != 0) {
             const std::uint32_t size = length - done < batch ? length - done : batch;
             std::uint32_t touched = 0;
@@ -59,7 +60,7 @@ struct BlendTiles {
             }
             shared.touched[threadIdx.x] = static_cast<std::uint16_t>(touched);
             __syncthreads();
-            instance = this_instance(begin, length, done + size); // of the next batch, while this one is blended
+            instance = instance_at(begin, length, done + size); // of the next batch, while this one is blended
             const std::uint32_t word = blend_batch(shared, pixel, state);
             const std::size_t group = RasterScratch<Device, T>::group_begin(pixel.tile, begin) + done / 32 + pixel.lane;
             if (pixel.lane < (size + 31) / 32) used[group * blocks_of_tile + pixel.block] = word;
@@ -76,8 +77,8 @@ private:
         T red = 0, green = 0, blue = 0, depth = 0, median = 0;
     };
 
-    [[nodiscard]] __device__ TileInstance this_instance(std::uint32_t begin, std::uint32_t length,
-                                                        std::uint32_t done) const {
+    [[nodiscard]] __device__ TileInstance instance_at(std::uint32_t begin, std::uint32_t length,
+                                                      std::uint32_t done) const {
         const std::uint32_t i = done + threadIdx.x;
         return i < length ? instances[begin + i] : TileInstance{0, 0};
     }

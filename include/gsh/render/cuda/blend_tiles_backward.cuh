@@ -19,15 +19,15 @@ namespace gsh::cuda::detail {
 
 /// Entries of a slot: sums over pixels, with G = dL/d ln(alpha) at a pixel.
 enum SlotEntry : unsigned {
-    slot_g, // sum G
-    slot_u,
-    slot_v, // sum G u, G v
-    slot_uu,
-    slot_uv,
-    slot_vv, // sum G u u, G u v, G v v
-    slot_red,
-    slot_green,
-    slot_blue,  // sum weight * dL/d color of the pixel
+    slot_g,     // sum G
+    slot_u,     // sum G u
+    slot_v,     // sum G v
+    slot_uu,    // sum G u u
+    slot_uv,    // sum G u v
+    slot_vv,    // sum G v v
+    slot_red,   // sum weight * dL/d color of the pixel
+    slot_green, // likewise
+    slot_blue,  // likewise
     slot_depth, // likewise for the depths, if there is such a gradient
     slot_entries
 };
@@ -39,10 +39,11 @@ enum SlotEntry : unsigned {
 /// 2. Pairs of a splat and a block of pixels are the threads. Each sums over its 16 pixels.
 /// 3. Splats are the threads. Each sums over its blocks and writes its slot.
 ///
-/// To sum ten numbers over lanes in step 1 instead would take as long as the blending. Each sum has a fixed order.
+/// Sums of ten numbers over lanes in step 1 would instead take as long as the blending. Each sum has a fixed order.
 template <std::floating_point T, bool Depth>
 struct BlendTilesBackward {
     static constexpr unsigned block_size = tile_pixels;
+    static constexpr unsigned least_blocks = sizeof(T) == 4 ? 3 : 1;
     static constexpr unsigned batch = 128;
     /// Pairs of a batch, as many as fit into 48 KiB. The stride is odd: 16 lanes write to 16 banks.
     static constexpr unsigned pairs = sizeof(T) == 4 ? 208 : 64, stride = pairs + 1;
@@ -50,10 +51,9 @@ struct BlendTilesBackward {
     static_assert(pairs >= blocks_of_tile);
     static constexpr unsigned depth_pixels = Depth ? tile_pixels : 1;
     struct Shared {
-        SharedArray<TileSplat<T>, batch + 1> splats; // the last one pads lists
-        SharedArray<T, block_lanes * stride> g,
-            weight;                                   // [pixel of the block, pair]; a weight is negative at the median
-        SharedArray<T, tile_pixels> red, green, blue; // [pixel of the block, block] gradient
+        SharedArray<TileSplat<T>, batch + 1> splats;    // the last one pads lists
+        SharedArray<T, block_lanes * stride> g, weight; // [pixel of the block, pair]; negative weight: the median
+        SharedArray<T, tile_pixels> red, green, blue;   // [pixel of the block, block] gradient
         SharedArray<T, depth_pixels> depth, median;
         SharedArray<std::uint16_t, batch> mask, begin; // blocks of a splat, and its first pair
         SharedArray<std::uint16_t, pairs> pair;        // splat and block
@@ -100,8 +100,8 @@ private:
     /// State of the second sweep front to back at a pixel, and the pixel's gradients.
     ///
     /// With the pixel's value F = sum w s + T_end s_end, where s is a splat's colour (and depth) dotted with the
-    /// pixel's gradient, dF/d alpha = T s - (share of F behind the splat) / (1 - alpha). `behind` starts at F and
-    /// loses w s at each splat.
+    /// pixel's gradient, dF/d alpha = T s - (share of F behind the splat) / (1 - alpha). `behind` starts at F and loses
+    /// w s at each splat.
     struct State {
         T product, behind;
         T red = 0, green = 0, blue = 0, depth = 0, median = 0;
@@ -182,7 +182,7 @@ private:
         return taken;
     }
 
-    /// The blocks in which entry i of the list had an effect.
+    /// The blocks to which entry i of the list came.
     [[nodiscard]] __device__ std::uint32_t blocks_of(const TilePixel& pixel, std::uint32_t begin,
                                                      std::uint32_t i) const {
         const std::size_t group = RasterScratch<Device, T>::group_begin(pixel.tile, begin) + i / 32;

@@ -94,8 +94,9 @@ struct CountTile {
     [[nodiscard]] __device__ CountTile of_lane(int) const { return *this; }
 };
 
-/// One thread per splat. What positions depend on is computed in FloatPair where T is float: in plain float, a needle's
-/// edge and a splat far from the image's corner would move by more than an alpha of 1e-4.
+/// One thread per splat. The projection is computed in FloatPair where T is float. In plain float, images of small
+/// splats would still agree with cpu::Serial to 3e-5 in an image 1920 pixels wide, but those of needles only to 1.4e-3.
+/// With pairs, both agree to 7e-6.
 template <std::floating_point T>
 struct ProjectSplats {
     static constexpr unsigned block_size = splats_of_block;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Last stage of the backward pass on a GPU: from sums over tiles to gradients of splats and camera.
+/// @file  Last stage of the rasterizer on a GPU: from sums over tiles to gradients of splats and camera.
 #pragma once
 
 #include <gsh/backend/cuda/device.cuh>

@@ -109,7 +109,7 @@ struct alignas(8) TileInstance {
     std::uint32_t splat, slot;
 };
 
-/// Sums over a tile's pixels of one splat (SlotEntry in project_backward.cuh), three stores of 16 bytes.
+/// Sums over a tile's pixels of one splat (SlotEntry in blend_tiles_backward.cuh), three stores of 16 bytes.
 template <std::floating_point T>
 struct alignas(16) Slot {
     T entries[12];
@@ -136,7 +136,7 @@ struct RasterScratch<cuda::Device, T> {
     Buffer<std::uint32_t> tile_order;     // [tiles] long lists first, empty tiles last
     Buffer<std::uint32_t> tile_used;      // [tiles] length of the part of the list that was read
     Buffer<cuda::TileInstance> instances; // [capacity] by tile, front to back
-    Buffer<std::uint32_t> used;           // [instances / 32, 16] by block: bit i is set where the splat had an effect
+    Buffer<std::uint32_t> used;           // [instances / 32, 16] by block: bit i is set where the splat came to it
     Buffer<T> pixels;                     // [tiles, channels, 256] red, green, blue, final transmittance, depth sums
     Buffer<std::uint32_t> refused;        // [1] not 0: this forward pass has no result
     std::size_t pixel_channels = 0;       // 4, or 5 with depth sums

@@ -2,9 +2,9 @@
 /// @file  Third stage of the rasterizer on a GPU: each tile's list is sorted front to back.
 ///
 /// One thread block sorts a list in shared memory. A list of a person has a thousand entries, so this takes one launch
-/// and reads and writes each entry once, where a radix sort of all splats by depth, followed by a stable distribution
-/// to tiles, takes at least six passes over global memory. Keys are unique, so no sort has to be stable, and the
-/// result depends on nothing but the keys.
+/// and reads and writes each entry once. A radix sort of all splats by depth, followed by a stable distribution to
+/// tiles, takes at least six passes over global memory. Keys are unique, so no sort has to be stable, and the result
+/// depends on nothing but the keys.
 ///
 /// A list that does not fit is sorted in segments. A second kernel then finds the place of each entry by searching the
 /// other segments. Its work grows with the square of a list's length, but slowly: 20,000 entries of one tile take eight
