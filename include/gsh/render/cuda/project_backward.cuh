@@ -18,21 +18,31 @@
 
 namespace gsh::cuda::detail {
 
+/// A camera's gradient in shared memory, which may not have a constructor.
+template <std::floating_point T>
+struct CameraNumbers {
+    vec3<T> dL_dR[3], dL_dt;
+    T intrinsics[4];
+};
+
 /// The sum of a camera's gradient over a thread block, on every thread. All threads take part.
 template <unsigned Block, class T, std::size_t Warps>
-[[nodiscard]] __device__ CameraGradient<T> block_sum_of(SharedArray<CameraGradient<T>, Warps>& shared,
+[[nodiscard]] __device__ CameraGradient<T> block_sum_of(SharedArray<CameraNumbers<T>, Warps>& shared,
                                                         const CameraGradient<T>& value) {
-    CameraGradient<T> of_warp;
+    CameraNumbers<T> of_warp;
     for (int c = 0; c < 3; ++c) of_warp.dL_dR[c] = warp_sum(value.dL_dR[c]);
     of_warp.dL_dt = warp_sum(value.dL_dt);
-    of_warp.dL_dfx = warp_sum(value.dL_dfx), of_warp.dL_dfy = warp_sum(value.dL_dfy);
-    of_warp.dL_dcx = warp_sum(value.dL_dcx), of_warp.dL_dcy = warp_sum(value.dL_dcy);
+    of_warp.intrinsics[0] = warp_sum(value.dL_dfx), of_warp.intrinsics[1] = warp_sum(value.dL_dfy);
+    of_warp.intrinsics[2] = warp_sum(value.dL_dcx), of_warp.intrinsics[3] = warp_sum(value.dL_dcy);
     if (threadIdx.x % warp_size == 0) shared[threadIdx.x / warp_size] = of_warp;
     __syncthreads();
-    CameraGradient<T> sum = shared[0];
-    for (std::size_t warp = 1; warp < Warps; ++warp) {
-        const CameraGradient<T> next = shared[warp];
-        sum += next;
+    CameraGradient<T> sum;
+    for (std::size_t warp = 0; warp < Warps; ++warp) {
+        const CameraNumbers<T> next = shared[warp];
+        for (int c = 0; c < 3; ++c) sum.dL_dR[c] += next.dL_dR[c];
+        sum.dL_dt += next.dL_dt;
+        sum.dL_dfx += next.intrinsics[0], sum.dL_dfy += next.intrinsics[1];
+        sum.dL_dcx += next.intrinsics[2], sum.dL_dcy += next.intrinsics[3];
     }
     return sum;
 }
@@ -44,7 +54,7 @@ struct ProjectSplatsBackward {
     static constexpr unsigned block_size = splats_of_block;
     static constexpr unsigned warps = block_size / warp_size;
     struct Shared {
-        SharedArray<CameraGradient<T>, WithCamera ? warps : 1> camera;
+        SharedArray<CameraNumbers<T>, WithCamera ? warps : 1> camera;
     };
 
     Span<const std::uint32_t> refused;
@@ -118,7 +128,7 @@ struct AddSharedGradients {
     static constexpr unsigned warps = block_size / warp_size;
     struct Shared {
         SharedArray<vec3<T>, warps> background;
-        SharedArray<CameraGradient<T>, warps> camera;
+        SharedArray<CameraNumbers<T>, warps> camera;
     };
 
     Span<const std::uint32_t> refused;
