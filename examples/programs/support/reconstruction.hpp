@@ -35,7 +35,6 @@ struct TableCounts {
 class Reconstruction {
 public:
     const ReconstructionSetup setup;
-    StageClock clock; ///< times the steps of this run, on backends with host memory
 
     explicit Reconstruction(ReconstructionSetup made) : setup(std::move(made)) {}
     Reconstruction(const Reconstruction&) = delete;
@@ -46,6 +45,11 @@ public:
     /// Trainer::settle: waits for the steps so far. It comes before the other calls below.
     virtual void settle() = 0;
     [[nodiscard]] virtual std::uint64_t step_count() const = 0;
+
+    /// Seconds in each stage of this run's steps, in the order of Stage, and the number of steps that were timed. A GPU
+    /// is asked when steps are settled, so there only the last step before is timed.
+    [[nodiscard]] virtual const std::array<double, stage_names.size()>& stage_seconds() const = 0;
+    [[nodiscard]] virtual std::uint64_t timed_steps() const = 0;
 
     /// The figures of the last step.
     [[nodiscard]] virtual double last_loss() const = 0;

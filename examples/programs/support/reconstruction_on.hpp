@@ -14,8 +14,10 @@
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/pose_fit.hpp>
 #include <gsh/train/refinement.hpp>
+#include <gsh/train/stage.hpp>
 #include <gsh/train/trainer.hpp>
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -34,20 +36,19 @@ public:
     /// `backend` must outlive this object.
     ReconstructionOn(B& backend, ReconstructionSetup made)
         : Reconstruction(std::move(made)), backend_(&backend), scene_(backend, cast()),
-          trainer_(backend, scene_, setup.photos, setup.seed, setup.configuration.train) {
+          trainer_(backend, scene_, setup.photos, setup.seed, setup.configuration.train), timer_(backend) {
         if (setup.light) light_people();
         if (setup.refinement) refine_people();
     }
 
-    void step(double progress) override {
-        // On a device, the host only queues the work of a stage, so its clock would not measure the stage.
-        if constexpr (B::host_memory)
-            trainer_.step(progress, clock);
-        else
-            trainer_.step(progress);
+    void step(double progress) override { trainer_.step(progress, timer_); }
+    void settle() override {
+        trainer_.settle();
+        timer_.sample();
     }
-    void settle() override { trainer_.settle(); }
     std::uint64_t step_count() const override { return trainer_.step_count(); }
+    const std::array<double, stage_names.size()>& stage_seconds() const override { return timer_.seconds(); }
+    std::uint64_t timed_steps() const override { return timer_.steps(); }
     double last_loss() const override { return trainer_.last_loss().loss; }
     double last_psnr() const override { return trainer_.last_psnr(); }
     Comparison<float> compare(const Photo& photo) override { return gsh::compare(trainer_, photo); }
@@ -138,6 +139,7 @@ private:
     std::deque<Person> people_; // a deque: their addresses do not change
     Scene scene_;
     Trainer<B, Scene> trainer_;
+    StageTimer<B> timer_;
 };
 
 template <Backend B>

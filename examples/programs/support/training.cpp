@@ -15,15 +15,15 @@ namespace gsh::examples {
 void train(Reconstruction& reconstruction, const ReconstructOptions& options, TrainingRecord& record,
            const std::string& title, std::uint64_t until) {
     using Clock = std::chrono::steady_clock;
-    const StageClock& clock = reconstruction.clock;
     const double seconds_before = record.seconds;
-    const std::uint64_t steps_before = reconstruction.step_count(), timed_before = record.timed_steps - clock.steps();
+    const std::uint64_t steps_before = reconstruction.step_count(),
+                        timed_before = record.timed_steps - reconstruction.timed_steps();
     auto stages_before = record.stage_seconds;
-    for (std::size_t s = 0; s < stages_before.size(); ++s) stages_before[s] -= clock.seconds()[s];
+    for (std::size_t s = 0; s < stages_before.size(); ++s) stages_before[s] -= reconstruction.stage_seconds()[s];
     const auto checkpoint = [&] {
-        record.timed_steps = timed_before + clock.steps();
+        record.timed_steps = timed_before + reconstruction.timed_steps();
         for (std::size_t s = 0; s < stages_before.size(); ++s)
-            record.stage_seconds[s] = stages_before[s] + clock.seconds()[s];
+            record.stage_seconds[s] = stages_before[s] + reconstruction.stage_seconds()[s];
         save_checkpoint(options, reconstruction, record);
     };
     auto last_checkpoint = Clock::now();

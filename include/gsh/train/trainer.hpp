@@ -114,6 +114,15 @@ public:
         scene_->set_progress(step_count_, progress_);
     }
 
+    /// On a backend that records its steps, the times of the last step's kernels, which are repeated for it
+    /// (RepeatedStep::time_kernels): for benches. Settles first.
+    [[nodiscard]] auto time_kernels(int repeats = 20)
+        requires requires(RepeatedStep<B>& steps) { steps.time_kernels(1); }
+    {
+        settle();
+        return repeated_.time_kernels(repeats);
+    }
+
     /// Loss of the last step. Waits for the backend.
     [[nodiscard]] PhotometricValues last_loss() const { return loss_.values(); }
     /// PSNR of the last step's render, which was made before its update, against the photograph. Waits for the backend.

@@ -208,6 +208,36 @@ TEST_CASE("A download, a large upload and a growing buffer are allowed in a step
     }
 }
 
+TEST_CASE("The kernels of the last step are timed one by one, with their names and stages") {
+    if (test::skip_without_device()) return;
+    Device device;
+    cuda::StepGraph graph(device);
+    Device::Buffer<float> a(10), b(10), sums(1);
+    const auto step = [&] {
+        device.mark("prepare");
+        device.fill(Span<float>(a), 1.0f);
+        device.mark("compute");
+        device.for_each(10, Line{a, b, 2.0f});
+        std::vector<float> seen(10);
+        device.download(Span<const float>(b), Span<float>(seen)); // cuts the graph
+        device.launch(1, BlockSums{b, sums});
+    };
+    for (int k = 0; k < 2; ++k) {
+        graph.run(step);
+        const std::vector<cuda::KernelTime> times = graph.time_kernels(3);
+        REQUIRE(times.size() == 3);
+        CHECK(times[0].kernel == "Fill<float>");
+        CHECK(times[0].stage == "prepare");
+        CHECK(times[1].kernel == "Line");
+        CHECK(times[1].stage == "compute");
+        CHECK(times[2].kernel == "BlockSums");
+        for (const cuda::KernelTime& time : times) CHECK(time.microseconds > 0);
+    }
+    CHECK(fetch(device, sums)[0] == 65.0f); // 2 · 1 + i, summed: the repeats have the arguments of the step
+    graph.run(step);
+    CHECK(fetch(device, sums)[0] == 65.0f);
+}
+
 TEST_CASE("An exception inside a step leaves the device usable") {
     if (test::skip_without_device()) return;
     Device device;

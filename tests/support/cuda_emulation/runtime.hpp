@@ -9,6 +9,7 @@
 #include "support/guarded_memory.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -55,11 +56,13 @@ enum cudaStreamCaptureStatus {
     cudaStreamCaptureStatusInvalidated
 };
 enum cudaDeviceAttr {
+    cudaDevAttrClockRate = 13, // kHz
     cudaDevAttrMultiProcessorCount = 16,
     cudaDevAttrComputeCapabilityMajor = 75,
     cudaDevAttrComputeCapabilityMinor = 76
 };
-inline constexpr unsigned cudaStreamNonBlocking = 1, cudaEventDefault = 0, cudaEventDisableTiming = 2;
+inline constexpr unsigned cudaStreamNonBlocking = 1, cudaEventDefault = 0, cudaEventRecordExternal = 1,
+                          cudaEventDisableTiming = 2;
 
 struct cudaPointerAttributes {
     cudaMemoryType type;
@@ -112,9 +115,12 @@ struct EmulatedStream {
 };
 
 struct EmulatedEvent {
+    using Clock = std::chrono::steady_clock;
+
     EmulatedStream* stream = nullptr;
     std::uint64_t position = 0; // the event has happened when the stream has finished so much
     bool recorded = false;
+    std::shared_ptr<Clock::time_point> time = std::make_shared<Clock::time_point>(); // when it happened
 };
 
 /// The machine: its devices, its memory, and what a test wants of it.
@@ -386,6 +392,7 @@ inline cudaError_t cudaDeviceGetAttribute(int* value, cudaDeviceAttr attribute, 
     const auto& machine = gsh::test::CudaEmulation::instance();
     *value = attribute == cudaDevAttrComputeCapabilityMajor   ? machine.capability_major
              : attribute == cudaDevAttrComputeCapabilityMinor ? machine.capability_minor
+             : attribute == cudaDevAttrClockRate              ? 1'000'000
                                                               : 4;
     return cudaSuccess;
 }
@@ -478,10 +485,20 @@ inline cudaError_t cudaEventDestroy(cudaEvent_t event) {
     delete event;
     return cudaSuccess;
 }
-inline cudaError_t cudaEventRecord(cudaEvent_t event, cudaStream_t stream) {
+inline cudaError_t cudaEventCreate(cudaEvent_t* event) {
+    return cudaEventCreateWithFlags(event, cudaEventDefault);
+}
+/// With cudaEventRecordExternal, the event becomes a node of the graph that is captured, and happens in each launch.
+inline cudaError_t cudaEventRecordWithFlags(cudaEvent_t event, cudaStream_t stream_or_default, unsigned flags) {
     auto& machine = gsh::test::CudaEmulation::instance();
-    *event = {&machine.stream(stream), machine.stream(stream).queued, true};
+    auto& stream = machine.stream(stream_or_default);
+    if ((stream.capture != nullptr) != (flags == cudaEventRecordExternal)) return cudaErrorInvalidValue;
+    machine.queue(stream, [time = event->time] { *time = gsh::test::EmulatedEvent::Clock::now(); });
+    event->stream = &stream, event->position = stream.queued, event->recorded = true;
     return cudaSuccess;
+}
+inline cudaError_t cudaEventRecord(cudaEvent_t event, cudaStream_t stream) {
+    return cudaEventRecordWithFlags(event, stream, cudaEventDefault);
 }
 inline cudaError_t cudaStreamWaitEvent(cudaStream_t stream, cudaEvent_t event, unsigned = 0) {
     auto& machine = gsh::test::CudaEmulation::instance();
@@ -500,8 +517,15 @@ inline cudaError_t cudaEventSynchronize(cudaEvent_t event) {
 inline cudaError_t cudaEventQuery(cudaEvent_t event) {
     return !event->recorded || event->stream->finished >= event->position ? cudaSuccess : cudaErrorNotReady;
 }
-inline cudaError_t cudaEventElapsedTime(float* milliseconds, cudaEvent_t, cudaEvent_t) {
-    *milliseconds = 0;
+inline cudaError_t cudaEventElapsedTime(float* milliseconds, cudaEvent_t from, cudaEvent_t to) {
+    if (!from->recorded || !to->recorded) return cudaErrorInvalidValue;
+    if (cudaEventQuery(from) != cudaSuccess || cudaEventQuery(to) != cudaSuccess) return cudaErrorNotReady;
+    *milliseconds = std::chrono::duration<float, std::milli>(*to->time - *from->time).count();
+    return cudaSuccess;
+}
+inline cudaError_t cudaLaunchHostFunc(cudaStream_t stream, void (*function)(void*), void* data) {
+    auto& machine = gsh::test::CudaEmulation::instance();
+    machine.queue(machine.stream(stream), [=] { function(data); });
     return cudaSuccess;
 }
 

@@ -2,6 +2,7 @@
 /// @file  Avatars are trained and shown on the CUDA backend as on cpu::Serial.
 #include <gsh/backend/serial.hpp>
 #include <gsh/cuda.cuh>
+#include <gsh/train/stage.hpp>
 
 #include "support/cuda_device.hpp"
 #include "support/cuda_outcomes.hpp"
@@ -9,6 +10,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <vector>
 
 namespace cuda_training { // joined builds: other tests have helpers of the same names
 
@@ -59,6 +61,31 @@ TEST_CASE("so does an avatar in a light, with its poses, and so is it shown") {
             size += static_cast<double>(expected.learned[i]) * static_cast<double>(expected.learned[i]);
     }
     CHECK(std::sqrt(difference / size) < 1e-4);
+}
+
+TEST_CASE("events time the stages of steps, and change no result") {
+    if (skip_without_device()) return;
+    const SmallScene scene;
+    SmallTraining<Device> timed(scene, [] { return Device(); }, 3, {}), plain(scene, [] { return Device(); }, 3, {});
+    StageTimer<Device> timer(timed.backend);
+    timer.sample();
+    CHECK(timer.steps() == 0);    // no step yet
+    for (int k = 0; k < 3; ++k) { // directly, captured, repeated
+        timed.trainer.step(0.5, timer);
+        timer.sample();
+        plain.trainer.step(0.5);
+    }
+    CHECK(timer.steps() == 3);
+    for (const double seconds : timer.seconds()) CHECK(seconds > 0);
+    CHECK(timed.parameters() == plain.parameters());
+    const std::vector<cuda::KernelTime> kernels = timed.trainer.time_kernels(1);
+    REQUIRE_FALSE(kernels.empty());
+    CHECK(kernels.back().stage == "update");
+    CHECK(kernels.back().kernel == "CountStep");
+    CHECK(timed.trainer.step_count() == 3);
+    timed.trainer.step(0.5);
+    timed.trainer.settle();
+    CHECK(timed.trainer.step_count() == 4); // the repeats were not counted as steps
 }
 
 } // namespace cuda_training

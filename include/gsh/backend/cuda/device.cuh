@@ -47,7 +47,7 @@ public:
     }
     /// The caller's stream, which must live longer than the device. Work is queued behind what is there already, and
     /// the caller's own later work on the stream comes after it. A capture that the caller has begun receives the
-    /// work, provided that no buffer has to grow and nothing is downloaded.
+    /// work, provided that no buffer has to grow and nothing is downloaded: do the same work once before.
     explicit Device(cudaStream_t stream) : stream_(stream) {
         int count = 0;
         check_driver(cudaGetDeviceCount(&count));
@@ -118,7 +118,7 @@ public:
         for_each(from.size(), detail::Copy<T>{from, to});
     }
 
-    /// Queues a copy; `from` may change as soon as the call returns.
+    /// Queues a copy; `from` may change as soon as the call returns. Inside a capture of the caller's, 8 KiB at most.
     template <class T>
     void upload(Span<const T> from, Span<std::type_identity_t<T>> to) {
         check_size("gsh::cuda::Device::upload", "destination", to.size(), from.size());
@@ -129,6 +129,17 @@ public:
             return;
         }
         const Cut cut(recorder_);
+        if (is_captured()) {
+            // A graph would keep the address, and read the memory in each of its launches.
+            if (from.size() * sizeof(T) > most_small_uploads * detail::SmallUpload::capacity)
+                throw DeviceError("gsh::cuda::Device::upload: " + std::to_string(from.size() * sizeof(T)) +
+                                  " bytes inside a capture of the caller's, expected at most " +
+                                  std::to_string(most_small_uploads * detail::SmallUpload::capacity) +
+                                  "; upload them before the capture begins");
+            upload_small(reinterpret_cast<const unsigned char*>(from.data()), from.size() * sizeof(T),
+                         reinterpret_cast<unsigned char*>(to.data()));
+            return;
+        }
         check(cudaMemcpyAsync(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice, stream_),
               "gsh::cuda::Device::upload");
     }
@@ -138,6 +149,10 @@ public:
         check_size("gsh::cuda::Device::download", "destination", to.size(), from.size());
         if (from.empty()) return;
         const Cut cut(recorder_);
+        if (is_captured())
+            throw DeviceError(
+                "gsh::cuda::Device::download: the host cannot wait for the device inside a capture of the "
+                "caller's; download after the graph has been launched");
         check(cudaMemcpyAsync(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyDeviceToHost, stream_),
               "gsh::cuda::Device::download");
         check(cudaStreamSynchronize(stream_), "gsh::cuda::Device::download");
@@ -158,9 +173,15 @@ public:
         check(cudaEventRecord(event, stream_), "gsh::cuda::Device::record");
     }
 
-    /// Whether a step is being recorded (StepGraph): then components do not wait for the device to learn whether their
-    /// input was accepted. What is wrong halts the device instead.
-    [[nodiscard]] bool deferring() const { return recorder_ != nullptr; }
+    /// Names the stage that later launches of a recorded step belong to, for StepGraph::time_kernels. The name is kept,
+    /// not copied.
+    void mark(std::string_view stage) {
+        if (recorder_ != nullptr) recorder_->mark(stage);
+    }
+
+    /// Whether a step is being recorded (StepGraph), or the caller captures the stream: then components do not wait for
+    /// the device to learn whether their input was accepted. What is wrong halts the device instead.
+    [[nodiscard]] bool deferring() const { return recorder_ != nullptr || is_captured(); }
 
     /// One word of device memory: 0 while all is well. A kernel that cannot do its work in a recorded step (more pairs
     /// than the buffers hold, a number that is not finite) sets it to another number, and kernels that change what is
@@ -225,6 +246,12 @@ private:
         const cudaError_t error = cudaPointerGetAttributes(&attributes, memory);
         if (error != cudaSuccess) (void)cudaGetLastError();
         return error == cudaSuccess && attributes.type == cudaMemoryTypeDevice && attributes.device == ordinal_;
+    }
+    /// Whether the caller captures the stream.
+    [[nodiscard]] bool is_captured() const {
+        cudaStreamCaptureStatus status;
+        check(cudaStreamIsCapturing(stream_, &status), where);
+        return recorder_ == nullptr && status != cudaStreamCaptureStatusNone;
     }
     void upload_small(const unsigned char* from, std::size_t bytes, unsigned char* to) {
         for (std::size_t first = 0; first < bytes; first += detail::SmallUpload::capacity) {

@@ -18,8 +18,15 @@
 
 #include <cuda_runtime.h>
 
+#include <cxxabi.h>
+
 #include <cstddef>
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <string_view>
 #include <type_traits>
+#include <typeinfo>
 
 namespace gsh::cuda {
 
@@ -104,6 +111,27 @@ struct SmallUpload {
         for (unsigned i = threadIdx.x; i < count; i += block_size) to[i] = bytes[i];
     }
 };
+
+/// The name of a kernel's type without namespaces, "BlendBackward<float>", for reports. ForEach has its body's name.
+template <class Kernel>
+[[nodiscard]] std::string kernel_name() {
+    int status = 0;
+    const std::unique_ptr<char, void (*)(void*)> readable(
+        abi::__cxa_demangle(typeid(Kernel).name(), nullptr, nullptr, &status), &std::free);
+    std::string name = status == 0 ? readable.get() : typeid(Kernel).name();
+    const auto replace = [&name](std::string_view from, std::string_view to) {
+        for (std::size_t at = 0; (at = name.find(from, at)) != std::string::npos; at += to.size())
+            name.replace(at, from.size(), to);
+    };
+    for (const std::string_view space : {"gsh::", "cuda::", "detail::", "(anonymous namespace)::"}) replace(space, "");
+    replace("glm::vec<3, float, (glm::qualifier)0>", "vec3<float>");
+    replace("glm::vec<3, double, (glm::qualifier)0>", "vec3<double>");
+    replace(" >", ">");
+    constexpr std::string_view wrapper = "ForEach<";
+    if (name.starts_with(wrapper) && name.ends_with('>'))
+        name = name.substr(wrapper.size(), name.size() - wrapper.size() - 1);
+    return name;
+}
 
 } // namespace detail
 

@@ -8,6 +8,8 @@
 
 #include <cuda_runtime.h>
 
+#include <algorithm>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -18,7 +20,16 @@
 #include <utility>
 #include <vector>
 
-namespace gsh::cuda::detail {
+namespace gsh::cuda {
+
+/// The time of one kernel of a recorded step.
+struct KernelTime {
+    std::string kernel;      ///< its type, "BlendBackward<float>"
+    std::string stage;       ///< Device::mark, if it was called
+    double microseconds = 0; ///< on the device, with about 1 µs for the event that ends it
+};
+
+namespace detail {
 
 /// Launches a kernel on a stream.
 template <class Kernel>
@@ -58,6 +69,7 @@ public:
     void begin() {
         FreedMemory::instance().hold();
         recording_ = true;
+        stage_ = {};
         segment_ = 0;
         begin_segment();
     }
@@ -106,7 +118,8 @@ public:
         const std::size_t first = segment.arguments.size();
         segment.arguments.resize(first + (sizeof kernel + 15) / 16 * 16);
         std::memcpy(segment.arguments.data() + first, &kernel, sizeof kernel);
-        segment.nodes.push_back({function, blocks, first, last_node(), &launch_copy<Kernel>, {}, {}});
+        segment.nodes.push_back(
+            {function, blocks, first, last_node(), &launch_copy<Kernel>, &kernel_name<Kernel>, stage_, {}, {}});
     }
 
     /// Work of another library on the stream, which is the same as before if `key` is.
@@ -123,20 +136,106 @@ public:
             capture_again();
         }
         work(stream_);
-        segments_[segment_].nodes.push_back({nullptr, 0, 0, nullptr, nullptr, std::string(key), work});
+        segments_[segment_].nodes.push_back({nullptr, 0, 0, nullptr, nullptr, nullptr, stage_, std::string(key), work});
     }
+
+    /// Later launches belong to this stage. A literal, since it is kept.
+    void mark(std::string_view stage) { stage_ = stage; }
 
     /// Launches what has been recorded so far; then other work may use the stream directly, until `resume`.
     void cut() { cut_segment(); }
     void resume() { begin_segment(); }
 
+    /// Runs the kernels of the last step `repeats` times more, each after the one before it as in the graph, and
+    /// returns the median time of each. What a cut did in between is left out.
+    [[nodiscard]] std::vector<KernelTime> time_kernels(int repeats) {
+        std::vector<KernelTime> times;
+        for (const Segment& segment : segments_)
+            for (const Node& node : segment.nodes)
+                times.push_back({node.function != nullptr ? node.name() : node.key, std::string(node.stage), 0});
+        const TimingEvents events(times.size() + 1);
+        std::vector<std::vector<float>> runs(times.size());
+        for (int run = 0; run < repeats; ++run) {
+            StreamGate gate(stream_); // the host is slower than short kernels: the device begins when all are queued
+            std::size_t at = 0;
+            check(cudaEventRecord(events[at], stream_), "gsh::cuda::Recorder");
+            for (const Segment& segment : segments_)
+                for (const Node& node : segment.nodes) {
+                    if (node.function != nullptr)
+                        node.launch(stream_, node.blocks, segment.arguments.data() + node.first);
+                    else
+                        node.work(stream_);
+                    check(cudaEventRecord(events[++at], stream_), "gsh::cuda::Recorder");
+                    if (at == most_queued) gate.open(); // a full queue would block the host
+                }
+            gate.open();
+            check(cudaStreamSynchronize(stream_), "gsh::cuda::Recorder");
+            for (std::size_t i = 0; i < times.size(); ++i) {
+                float ms = 0;
+                check(cudaEventElapsedTime(&ms, events[i], events[i + 1]), "gsh::cuda::Recorder");
+                runs[i].push_back(1000 * ms);
+            }
+        }
+        for (std::size_t i = 0; i < times.size(); ++i) {
+            std::vector<float>& of = runs[i];
+            if (of.empty()) continue;
+            const auto middle = of.begin() + static_cast<std::ptrdiff_t>(of.size() / 2);
+            std::nth_element(of.begin(), middle, of.end());
+            times[i].microseconds = static_cast<double>(*middle);
+        }
+        return times;
+    }
+
 private:
+    static constexpr std::size_t most_queued = 200;
+
+    /// Events that keep the time.
+    class TimingEvents {
+    public:
+        explicit TimingEvents(std::size_t count) : events_(count, nullptr) {
+            for (cudaEvent_t& event : events_) check(cudaEventCreate(&event), "gsh::cuda::Recorder");
+        }
+        TimingEvents(const TimingEvents&) = delete;
+        ~TimingEvents() {
+            for (cudaEvent_t event : events_)
+                if (event != nullptr) (void)cudaEventDestroy(event);
+        }
+        cudaEvent_t operator[](std::size_t i) const { return events_[i]; }
+
+    private:
+        std::vector<cudaEvent_t> events_;
+    };
+    /// Holds a stream until it is opened. Its destructor opens it and waits.
+    class StreamGate {
+    public:
+        explicit StreamGate(cudaStream_t stream) : stream_(stream) {
+            check(cudaLaunchHostFunc(stream, &wait, &is_open_), "gsh::cuda::Recorder");
+        }
+        StreamGate(const StreamGate&) = delete;
+        ~StreamGate() {
+            open();
+            (void)cudaStreamSynchronize(stream_);
+        }
+        void open() {
+            is_open_.store(true);
+            is_open_.notify_one();
+        }
+
+    private:
+        static void wait(void* is_open) { static_cast<std::atomic<bool>*>(is_open)->wait(false); }
+
+        cudaStream_t stream_;
+        std::atomic<bool> is_open_{false};
+    };
+
     struct Node {
         const void* function; // null: work of another library
         unsigned blocks;
         std::size_t first; // its arguments begin here
         cudaGraphNode_t node;
         void (*launch)(cudaStream_t, unsigned, const unsigned char*);
+        std::string (*name)();
+        std::string_view stage;
         std::string key;
         std::function<void(cudaStream_t)> work;
     };
@@ -248,7 +347,10 @@ private:
     std::size_t segment_ = 0;       // the current one
     std::size_t next_ = 0;          // the node of it that the next launch is compared with
     bool recording_ = false, capturing_ = false;
+    std::string_view stage_;
     Counts counts_;
 };
 
-} // namespace gsh::cuda::detail
+} // namespace detail
+
+} // namespace gsh::cuda

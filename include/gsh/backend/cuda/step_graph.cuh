@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <vector>
 
 namespace gsh {
 
@@ -36,6 +37,10 @@ public:
         recorder_.end();
     }
     [[nodiscard]] const detail::Recorder::Counts& counts() const { return recorder_.counts(); }
+
+    /// Runs the kernels of the last step `repeats` times more, one after the other, and returns the median time of
+    /// each. A step that learns has then learned so much more from the same input.
+    [[nodiscard]] std::vector<KernelTime> time_kernels(int repeats = 20) { return recorder_.time_kernels(repeats); }
 
 private:
     struct Use {
@@ -86,11 +91,22 @@ public:
         };
         if (graph != nullptr) {
             graph->run(counted);
+            last_ = graph.get();
         } else {
             counted();
             graph = std::make_unique<cuda::StepGraph>(*device_);
         }
         ++queued_;
+    }
+    /// StepGraph::time_kernels of the last step, which must not have been the first of its kind. The repeated steps are
+    /// not counted.
+    [[nodiscard]] std::vector<cuda::KernelTime> time_kernels(int repeats = 20) {
+        check_value(last_ != nullptr, "gsh::RepeatedStep::time_kernels", "no step has been recorded yet");
+        const std::uint64_t lost = settle();
+        check_value(lost == 0, "gsh::RepeatedStep::time_kernels", "the last steps failed; settle first");
+        std::vector<cuda::KernelTime> times = last_->time_kernels(repeats);
+        restart();
+        return times;
     }
     [[nodiscard]] std::uint64_t settle() {
         std::uint32_t finished = 0;
@@ -111,6 +127,7 @@ private:
     cuda::Buffer<std::uint32_t> finished_; // [1] steps since the last settle that the device has finished
     std::uint64_t queued_ = 0;             // steps since then that were handed to it
     std::map<std::uint64_t, std::unique_ptr<cuda::StepGraph>> graphs_;
+    cuda::StepGraph* last_ = nullptr; // of the last recorded step
 };
 
 } // namespace gsh

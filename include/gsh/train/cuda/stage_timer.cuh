@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Measures the stages of training steps on a GPU, with events.
+#pragma once
+
+#include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/error.cuh>
+#include <gsh/train/stage.hpp>
+
+#include <cuda_runtime.h>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+namespace gsh {
+
+/// On a GPU, events between the stages are part of the step's graph (about 1 µs each). They keep the times of the last
+/// step:
+///
+///     StageTimer<cuda::Device> timer(device);
+///     for (...) {
+///         trainer.step(progress, timer);
+///         if (now and then) timer.sample();
+///     }
+template <>
+class StageTimer<cuda::Device> {
+public:
+    explicit StageTimer(cuda::Device& device) : device_(&device) {
+        for (cudaEvent_t& event : events_) cuda::check(cudaEventCreate(&event), where);
+    }
+    StageTimer(const StageTimer&) = delete;
+    StageTimer& operator=(const StageTimer&) = delete;
+    ~StageTimer() {
+        for (cudaEvent_t event : events_)
+            if (event != nullptr) (void)cudaEventDestroy(event);
+    }
+
+    void enter(Stage stage) {
+        const auto s = static_cast<std::size_t>(stage);
+        device_->mark(stage_names[s]);
+        device_->call("stage " + std::to_string(s), [event = events_[s]](cudaStream_t stream) {
+            cudaStreamCaptureStatus status;
+            cuda::check(cudaStreamIsCapturing(stream, &status), where);
+            const bool in_graph = status != cudaStreamCaptureStatusNone;
+            cuda::check(cudaEventRecordWithFlags(event, stream, in_graph ? cudaEventRecordExternal : cudaEventDefault),
+                        where);
+        });
+    }
+    /// Ends the step.
+    void leave() {
+        device_->record(events_.back());
+        finished_ = true;
+    }
+
+    /// Waits for the device and adds the times of the last step.
+    void sample() {
+        if (!finished_) return;
+        cuda::check(cudaEventSynchronize(events_.back()), where);
+        for (std::size_t s = 0; s < seconds_.size(); ++s) {
+            float ms = 0;
+            cuda::check(cudaEventElapsedTime(&ms, events_[s], events_[s + 1]), where);
+            seconds_[s] += static_cast<double>(ms) / 1000;
+        }
+        ++steps_;
+        finished_ = false;
+    }
+
+    /// Seconds in each stage over all sampled steps, in the order of Stage.
+    [[nodiscard]] const std::array<double, stage_names.size()>& seconds() const { return seconds_; }
+    /// The number of sampled steps.
+    [[nodiscard]] std::uint64_t steps() const { return steps_; }
+
+private:
+    static constexpr std::string_view where = "gsh::StageTimer";
+
+    cuda::Device* device_;
+    std::array<cudaEvent_t, stage_names.size() + 1> events_{}; // at the beginning of each stage, and at the end
+    std::array<double, stage_names.size()> seconds_{};
+    std::uint64_t steps_ = 0;
+    bool finished_ = false; // a step that no sample has seen
+};
+
+} // namespace gsh

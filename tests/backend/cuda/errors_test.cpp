@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  What a user is told when there is no GPU, or another one than expected, or when it fails: on the emulation.
+#include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/step_graph.cuh>
+#include <gsh/backend/memory.hpp>
+
+#include <doctest/doctest.h>
+
+#include <cstddef>
+#include <vector>
+
+namespace {
+
+using namespace gsh;
+using cuda::Device;
+using test::CudaEmulation;
+
+/// Sets the machine for the time of a test.
+struct Machine {
+    CudaEmulation& is = CudaEmulation::instance();
+    ~Machine() {
+        is.device_count = 1, is.device = 0, is.driver_is_missing = is.code_is_missing = false;
+        is.capability_major = 9, is.capability_minor = 0;
+        is.memory_limit = std::size_t(1) << 30;
+        is.next_error = cudaSuccess;
+    }
+};
+
+/// A stream of the caller's that is being captured.
+struct Capture {
+    cudaStream_t stream = nullptr;
+    Capture() { REQUIRE(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking) == cudaSuccess); }
+    void begin() const { REQUIRE(cudaStreamBeginCapture(stream, cudaStreamCaptureModeGlobal) == cudaSuccess); }
+    cudaGraphExec_t end() const {
+        cudaGraph_t graph = nullptr;
+        cudaGraphExec_t executable = nullptr;
+        REQUIRE(cudaStreamEndCapture(stream, &graph) == cudaSuccess);
+        REQUIRE(cudaGraphInstantiate(&executable, graph, 0) == cudaSuccess);
+        cudaGraphDestroy(graph);
+        return executable;
+    }
+    ~Capture() { cudaStreamDestroy(stream); }
+};
+
+} // namespace
+
+TEST_CASE("Without a driver or a GPU, the error says which of them is missing") {
+    Machine machine;
+    machine.is.driver_is_missing = true;
+    CHECK_FALSE(Device::available());
+    CHECK_THROWS_WITH_AS(
+        Device(),
+        "gsh::cuda::Device: cudaErrorInsufficientDriver: cudaErrorInsufficientDriver; the driver of the "
+        "GPU is missing or older than this program's CUDA",
+        DeviceError);
+    machine.is.driver_is_missing = false;
+    machine.is.device_count = 0;
+    CHECK_FALSE(Device::available());
+    CHECK_THROWS_WITH_AS(
+        Device(),
+        "gsh::cuda::Device: cudaErrorNoDevice: cudaErrorNoDevice; is there an NVIDIA GPU, and may this "
+        "process use it?",
+        DeviceError);
+}
+
+TEST_CASE("A GPU that is not there is refused by its number") {
+    Machine machine;
+    machine.is.device_count = 2;
+    CHECK_THROWS_WITH_AS(Device(2), "gsh::cuda::Device: there is no GPU 2, expected one of 0 to 1", DeviceError);
+    CHECK_THROWS_WITH_AS(Device(-1), "gsh::cuda::Device: there is no GPU -1, expected one of 0 to 1", DeviceError);
+    CHECK(Device(1).ordinal() == 1);
+}
+
+TEST_CASE("A GPU for which the program has no code is named with its capability") {
+    Machine machine;
+    machine.is.code_is_missing = true;
+    machine.is.capability_major = 7, machine.is.capability_minor = 0;
+    CHECK_THROWS_WITH_AS(Device(), doctest::Contains("GPU 0 has compute capability 7.0; compile with nvcc -arch=sm_70"),
+                         DeviceError);
+}
+
+TEST_CASE("Too little device memory is told with what is needed, what is free, and what to lower") {
+    Machine machine;
+    machine.is.memory_limit = std::size_t(64) << 20;
+    const Device device;
+    CHECK_THROWS_WITH_AS(Device::Buffer<float>(std::size_t(25) << 20),
+                         "gsh::cuda::Buffer::resize: 100 MiB of device memory are needed, 63 MiB of 64 are free; "
+                         "lower the number of Gaussians, the size of the images or that of the tables",
+                         DeviceError);
+}
+
+TEST_CASE("Memory of the host or of another GPU is refused where the GPU's own is due") {
+    Machine machine;
+    machine.is.device_count = 2;
+    Device first(0);
+    const Device::Buffer<float> here(10);
+    Device second(1);
+    const Device::Buffer<float> there(10);
+    const std::vector<float> host(10);
+    CHECK_NOTHROW(check_memory(first, "f", "x", Span<const float>(here)));
+    CHECK_THROWS_AS(check_memory(first, "f", "x", Span<const float>(there)), MemoryError);
+    CHECK_THROWS_AS(check_memory(second, "f", "x", Span<const float>(here)), MemoryError);
+    CHECK_THROWS_AS(check_memory(second, "f", "x", Span<const float>(host)), MemoryError);
+    CHECK_FALSE(first.owns(here.data(), 44)); // one element beyond the end
+}
+
+TEST_CASE("A stream decides which GPU is used") {
+    Machine machine;
+    machine.is.device_count = 2;
+    REQUIRE(cudaSetDevice(1) == cudaSuccess);
+    const Capture second;
+    REQUIRE(cudaSetDevice(0) == cudaSuccess);
+    const Device device(second.stream);
+    CHECK(device.ordinal() == 1);
+    const Device::Buffer<float> buffer(10); // on the GPU of the device made last
+    CHECK(device.owns(buffer.data(), 40));
+}
+
+TEST_CASE("Inside the caller's capture a buffer cannot grow, and the host neither waits nor lends its memory") {
+    const Machine machine;
+    const Capture capture;
+    Device device(capture.stream);
+    Device::Buffer<int> numbers(10), large(10000);
+    std::vector<int> host(10, 1), many(10000, 1);
+    capture.begin();
+    CHECK(device.deferring());
+    CHECK_THROWS_WITH_AS(
+        Device::Buffer<int>(1000),
+        doctest::Contains("a buffer must grow while a stream is captured; run the same work once before "
+                          "the capture"),
+        DeviceError);
+    CHECK_THROWS_WITH_AS(device.download(Span<const int>(numbers), Span<int>(host)),
+                         "gsh::cuda::Device::download: the host cannot wait for the device inside a capture of the "
+                         "caller's; download after the graph has been launched",
+                         DeviceError);
+    CHECK_THROWS_WITH_AS(
+        device.upload(Span<const int>(many), Span<int>(large)),
+        "gsh::cuda::Device::upload: 40000 bytes inside a capture of the caller's, expected at most 8192; "
+        "upload them before the capture begins",
+        DeviceError);
+    device.upload(Span<const int>(host), Span<int>(numbers));
+    host.assign(10, 7); // the graph has its own copy
+    const cudaGraphExec_t graph = capture.end();
+    CHECK_FALSE(device.deferring());
+    REQUIRE(cudaGraphLaunch(graph, capture.stream) == cudaSuccess);
+    device.download(Span<const int>(numbers), Span<int>(host));
+    CHECK(host == std::vector<int>(10, 1));
+    cudaGraphExecDestroy(graph);
+}
+
+TEST_CASE("A kernel that fails is found at the next wait, and every call after it names the same error") {
+    Machine machine;
+    std::vector<int> host(10); // lives longer than the copies that wait in the queue
+    Device device;
+    Device::Buffer<int> numbers(10);
+    device.fill(Span<int>(numbers), 1);
+    machine.is.next_error = cudaErrorLaunchFailure;
+    for (int call = 0; call < 2; ++call)
+        CHECK_THROWS_WITH_AS(device.download(Span<const int>(numbers), Span<int>(host)),
+                             "gsh::cuda::Device::download: cudaErrorLaunchFailure: cudaErrorLaunchFailure",
+                             DeviceError);
+    CHECK_THROWS_WITH_AS(device.synchronize(),
+                         "gsh::cuda::Device::synchronize: cudaErrorLaunchFailure: cudaErrorLaunchFailure", DeviceError);
+}
