@@ -42,24 +42,33 @@ struct MlpBackward {
     }
 
     __device__ void operator()(Shared& shared) const {
-        const std::size_t tiles = (inputs.rows() + Tile::rows - 1) / Tile::rows; // ranges differ by one at most
-        const unsigned end = static_cast<unsigned>(tiles * (blockIdx.x + 1) / gridDim.x);
-        bool first = true;
-        for (unsigned tile = static_cast<unsigned>(tiles * blockIdx.x / gridDim.x); tile < end; ++tile) {
+        for (unsigned tile = first_tile(blockIdx.x); tile < first_tile(blockIdx.x + 1); ++tile) {
+            const bool first = tile == first_tile(blockIdx.x);
             for (unsigned layer = shape.layers; layer-- > 0;) {
                 add_weights(shared, tile, layer, first);
-                const unsigned columns = layer ? shape.width : dL_dfeatures.columns;
-                for (unsigned group = 0; group * mlp_columns < columns; ++group)
-                    run_layer(shared, tile, layer, group, mlp_count(columns, group));
+                for (unsigned group = 0; group * mlp_columns < columns(layer); ++group)
+                    run_layer(shared, tile, layer, group);
             }
-            first = false;
         }
     }
 
 private:
+    /// The tiles of a block come before the next block's; their numbers differ by one at most.
+    [[nodiscard]] __device__ unsigned first_tile(unsigned block) const {
+        const std::size_t tiles = (inputs.rows() + Tile::rows - 1) / Tile::rows;
+        return static_cast<unsigned>(tiles * block / gridDim.x);
+    }
+    /// The number of a layer's inputs whose gradient is wanted.
+    [[nodiscard]] __device__ unsigned columns(unsigned layer) const {
+        return layer ? shape.width : dL_dfeatures.columns;
+    }
     [[nodiscard]] __device__ static unsigned first_row(unsigned tile) { return tile * Tile::rows; }
     [[nodiscard]] __device__ unsigned hidden_offset(unsigned tile, unsigned layer, unsigned column) const {
         return ((tile * (shape.layers - 1) + layer) * shape.width + column) * (Tile::rows / 4);
+    }
+    /// A row of a layer's weights, from the column group on, in fours.
+    [[nodiscard]] __device__ unsigned weights_offset(unsigned layer, unsigned group, unsigned row) const {
+        return shape.backward_offset(layer) / 4 + (row * mlp_groups(shape.in(layer)) + group) * (mlp_columns / 4);
     }
     /// The gradient of a layer's outputs.
     [[nodiscard]] __device__ unsigned wide_offset(unsigned layer, unsigned column) const {
@@ -95,8 +104,9 @@ private:
         }
     }
 
-    __device__ void add_piece(Shared& shared, unsigned tile, unsigned layer, unsigned out, unsigned in,
-                              bool first) const {
+    // Not inlined: registers would not suffice for the state of both products.
+    [[gnu::noinline]] __device__ void add_piece(Shared& shared, unsigned tile, unsigned layer, unsigned out,
+                                                unsigned in, bool first) const {
         const unsigned count = mlp_count(shape.in(layer), in), share = mlp_share(count),
                        output_share = mlp_share(mlp_count(shape.out(layer), out));
         T piece[4][8] = {};
@@ -140,27 +150,25 @@ private:
     }
 
     /// dL/dx = dL/dy W for 64 columns of x, or the rest; through the ReLU that made x.
-    __device__ void run_layer(Shared& shared, unsigned tile, unsigned layer, unsigned group, unsigned count) const {
-        const unsigned share = mlp_share(count);
-        const unsigned length = mlp_groups(shape.in(layer)) * (mlp_columns / 4);
+    __device__ void run_layer(Shared& shared, unsigned tile, unsigned layer, unsigned group) const {
+        const unsigned share = mlp_share(mlp_count(columns(layer), group));
         T dL_dx[Tile::thread_rows][8] = {};
         const bool held = group == 0 && shape.out(layer) <= mlp_columns; // from add_weights
-        unsigned weights = shape.backward_offset(layer) / 4 + group * (mlp_columns / 4);
         for (unsigned out = 0; out < mlp_groups(shape.out(layer)); ++out) {
             const unsigned inner = mlp_count(shape.out(layer), out);
             if (!held) load_gradient(shared, tile, layer, out);
             for (unsigned k = 0; k < inner; k += Tile::depth) {
                 const unsigned depth = inner - k < Tile::depth ? inner - k : Tile::depth;
                 __syncthreads();
-                load_weights<T>(shared.side, packed, weights, length, depth);
+                load_weights<T>(shared.side, packed, weights_offset(layer, group, out * mlp_columns + k),
+                                mlp_groups(shape.in(layer)) * (mlp_columns / 4), depth);
                 __syncthreads();
                 multiply<T>(shared, k, depth, share, dL_dx);
-                weights += depth * length;
             }
         }
         const bool stays = layer == 0 || shape.width <= mlp_columns, saved = layer != 0 && !wide.empty();
         if (stays) __syncthreads(); // the tile is still read
-        const unsigned first_column = group * mlp_columns;
+        const unsigned first_column = group * mlp_columns, count = mlp_count(columns(layer), group);
         for (unsigned j = 0; j < 8; ++j) {
             if (j >= share) break;
             const unsigned c = Tile::column(j, share);
