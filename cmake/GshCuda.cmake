@@ -14,11 +14,11 @@ elseif(GSH_PROGRAMS_CUDA AND GSH_BUILD_EXAMPLES)
   message(FATAL_ERROR "GSH_PROGRAMS_CUDA needs nvcc in PATH, GSH_CUDA other than OFF, and no sanitizer")
 endif()
 
-# The beginning of a command that compiles device code with warnings as errors. nvcc may print a warning and still
-# succeed, so any output of nvcc counts as a failure.
+# The middle of a command that compiles device code with warnings as errors. In front of it come nvcc.sh and the name of
+# a report, which scripts/kernel-registers reads.
+set(gsh_nvcc_report ${PROJECT_SOURCE_DIR}/cmake/nvcc.sh)
 set(gsh_eigen_includes $<TARGET_PROPERTY:Eigen3::Eigen,INTERFACE_INCLUDE_DIRECTORIES>)
 set(gsh_nvcc_command
-    sh -c "said=$(\"$@\" 2>&1) && test -z \"$said\" || (echo \"$said\" && false)" sh
     ${GSH_NVCC} -std=c++20 -O3 -arch=${GSH_CUDA_ARCHITECTURE} --Werror all-warnings -Xcompiler -Wall,-Wextra,-Werror
     -I${PROJECT_SOURCE_DIR}/include "-isystem=$<JOIN:${gsh_eigen_includes},$<SEMICOLON>-isystem=>")
 
@@ -33,7 +33,8 @@ function(gsh_add_device_code target)
     set(object ${CMAKE_CURRENT_BINARY_DIR}/${source}.o)
     add_custom_command(
       OUTPUT ${object}
-      COMMAND ${gsh_nvcc_command} -Xcompiler ${host_options} $<$<CONFIG:Release>:-DNDEBUG>
+      COMMAND ${gsh_nvcc_report} ${object}.kernels ${gsh_nvcc_command} -Xcompiler ${host_options}
+              $<$<CONFIG:Release>:-DNDEBUG>
               -I${CMAKE_CURRENT_SOURCE_DIR} -MD -MF ${object}.d -MT ${object}
               -c ${CMAKE_CURRENT_SOURCE_DIR}/${source} -o ${object}
       DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${source}

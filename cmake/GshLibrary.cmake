@@ -62,6 +62,8 @@ if(libzip_FOUND AND stb_FOUND AND nlohmann_json_FOUND)
 endif()
 if(CUDAToolkit_FOUND)
   gsh_add_component(cuda CUDA::cudart)
+  # CMake 3.25 does not know that nvcc has C++20, so the feature cuda_std_20 would be an error.
+  target_compile_options(gsh_cuda INTERFACE $<$<COMPILE_LANG_AND_ID:CUDA,NVIDIA>:-std=c++20>)
   # `cmake --preset dev` compiles each header of a file set alone, with the C++ compiler; .cuh headers need nvcc.
   set_target_properties(gsh_cuda PROPERTIES VERIFY_INTERFACE_HEADER_SETS OFF)
 endif()

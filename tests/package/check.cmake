@@ -1,5 +1,7 @@
-# cmake -D way=find_package|add_subdirectory -D source_dir=… -D build_dir=… -D generator=… -D compiler=… -P check.cmake
-# Builds and runs the project beside this file, and checks that none of our own build settings reached it.
+# cmake -D way=find_package|add_subdirectory|cuda -D source_dir=… -D build_dir=… -D generator=… -D compiler=…
+#       [-D nvcc=…] -P check.cmake
+# Builds and runs the project beside this file (for cuda, the one in cuda/), and checks that none of our own build
+# settings reached it.
 set(work ${build_dir}/package/${way})
 file(REMOVE_RECURSE ${work})
 file(MAKE_DIRECTORY ${work})
@@ -12,14 +14,22 @@ function(run)
   endif()
 endfunction()
 
-if(way STREQUAL "find_package")
+set(project ${CMAKE_CURRENT_LIST_DIR})
+if(way STREQUAL "cuda")
+  set(project ${CMAKE_CURRENT_LIST_DIR}/cuda)
+endif()
+if(NOT way STREQUAL "add_subdirectory")
   run(${CMAKE_COMMAND} --install ${build_dir} --prefix ${work}/prefix)
   set(how -D CMAKE_PREFIX_PATH=${work}/prefix)
 else()
   set(how -D GSH_SUBDIRECTORY=${source_dir})
 endif()
 
-run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR} -B ${work}/build -G ${generator} -D CMAKE_CXX_COMPILER=${compiler} ${how})
+if(way STREQUAL "cuda")
+  list(APPEND how -D CMAKE_CUDA_COMPILER=${nvcc} -D CMAKE_CUDA_HOST_COMPILER=${compiler}
+       -D CMAKE_CUDA_ARCHITECTURES=90) # CMake's default is one that nvcc 13 has no more
+endif()
+run(${CMAKE_COMMAND} -S ${project} -B ${work}/build -G ${generator} -D CMAKE_CXX_COMPILER=${compiler} ${how})
 
 file(READ ${work}/build/compile_commands.json commands)
 foreach(flag IN ITEMS -Wall -Wextra -Wpedantic -Wshadow -Werror -march -ffp-contract -fsanitize -O)

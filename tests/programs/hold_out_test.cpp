@@ -214,16 +214,6 @@ TEST_CASE("spans that are none are refused in a line") {
     CHECK(!fs::exists(out));
 }
 
-TEST_CASE("the built-in actor's motion can be held out, too") {
-    const test::Temporary folder;
-    const fs::path out = folder / "out";
-    check_done(run({"gsh-reconstruct", "--synthetic", "--out", out.string(), "--gaussians", "500", "--steps", "1",
-                    "--hold-out-motion", "0.25", "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"}));
-    CHECK(json_of(out / "metrics.json").at("held_out_frames") == std::vector<int>{9, 10, 11});
-    CHECK(json_of(out / "metrics.json").at("seen_motion").at("images") == 9);
-    CHECK(json_of(out / "metrics.json").at("new_motion").at("images") == 3);
-}
-
 TEST_CASE("an evaluation has a table of seen and new motion, and belongs to one span") {
     const FourFrames& s = four_frames();
     const test::Temporary folder;

@@ -120,10 +120,13 @@ TEST_CASE("who asks for nothing gets the default configuration") {
 TEST_CASE("without a file of anybody's, the built-in actor is filmed, reconstructed and judged") {
     const OutFolder out;
     check_done(run({"gsh-reconstruct", "--synthetic", "--out", out.path.string(), "--gaussians", "6000", "--steps", "60",
-                    "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"}));
+                    "--hold-out-motion", "0.25", "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"}));
     const auto metrics = json_of(out.path / "metrics.json");
     CHECK(metrics.at("images").size() == 12);
     CHECK(metrics.at("psnr") > 25.0); // it is 19 after three steps
+    CHECK(metrics.at("held_out_frames") == std::vector<int>{9, 10, 11});
+    CHECK(metrics.at("seen_motion").at("images") == 9);
+    CHECK(metrics.at("new_motion").at("images") == 3);
     CHECK(metrics.at("protocol").get<std::string>().find("the built-in actor") != std::string::npos);
     CHECK(load_avatar(out.path / "avatar.gsh").gaussians.size() == 6000);
 }

@@ -17,9 +17,9 @@
 #include <limits>
 #include <vector>
 
+namespace gsh::blend_shapes_on_device {
 namespace {
 
-using namespace gsh;
 using cuda::Device;
 
 /// A mesh's directions, and inputs of both passes.
@@ -162,3 +162,5 @@ TEST_CASE("a repeated pass of BlendShapes allocates nothing and does not wait") 
     CHECK(machine.waits == waits);
 }
 #endif
+
+} // namespace gsh::blend_shapes_on_device

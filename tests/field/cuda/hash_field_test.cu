@@ -20,9 +20,9 @@
 #include <cstdint>
 #include <vector>
 
+namespace gsh::hash_field_on_device {
 namespace {
 
-using namespace gsh;
 using cuda::Device;
 
 using Field = HashField<4, 4>;
@@ -158,3 +158,5 @@ TEST_CASE("steps of HashField are repeated as one graph") {
     CHECK(graph.counts().captures == 1);
     CHECK(graph.counts().launches == 3);
 }
+
+} // namespace gsh::hash_field_on_device

@@ -17,9 +17,9 @@
 #include <cstdint>
 #include <vector>
 
+namespace gsh::hash_grid_on_device {
 namespace {
 
-using namespace gsh;
 using cuda::Device;
 
 using Grid = HashGrid<5, 4>;
@@ -331,3 +331,5 @@ TEST_CASE("a pass of HashGrid does not wait and allocates nothing") {
 }
 
 #endif
+
+} // namespace gsh::hash_grid_on_device

@@ -17,9 +17,9 @@
 #include <type_traits>
 #include <vector>
 
+namespace gsh::mlp_on_device {
 namespace {
 
-using namespace gsh;
 using cuda::Device;
 
 struct Shape {
@@ -257,3 +257,5 @@ TEST_CASE("a repeated pass of Mlp does not wait and allocates nothing") {
 }
 
 #endif
+
+} // namespace gsh::mlp_on_device

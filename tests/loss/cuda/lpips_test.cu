@@ -18,9 +18,9 @@
 #include <utility>
 #include <vector>
 
+namespace gsh::lpips_on_device {
 namespace {
 
-using namespace gsh;
 using cuda::Device;
 
 /// All kinds of steps, with channels that fill packs of 16 bytes and such that do not, fewer and more than a tile has.
@@ -140,3 +140,5 @@ TEST_CASE("LPIPS has the same bits in any order of blocks and threads") {
     machine.order = test::Order::forward, machine.fill = 0xA5;
 }
 #endif
+
+} // namespace gsh::lpips_on_device

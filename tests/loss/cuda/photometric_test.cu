@@ -19,9 +19,9 @@
 #include <utility>
 #include <vector>
 
+namespace gsh::photometric_on_device {
 namespace {
 
-using namespace gsh;
 using cuda::Device;
 
 struct Size {
@@ -223,3 +223,5 @@ TEST_CASE("a repeated step allocates nothing and does not wait") {
     CHECK(machine.waits == waits);
 }
 #endif
+
+} // namespace gsh::photometric_on_device

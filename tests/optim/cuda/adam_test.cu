@@ -15,9 +15,9 @@
 #include <cstdint>
 #include <vector>
 
+namespace gsh::adam_on_device {
 namespace {
 
-using namespace gsh;
 using cuda::Device;
 
 constexpr std::size_t sizes[] = {0, 1, 3, 4, 5, 31, 32, 33, 1023, 1024, 1025, 3001};
@@ -190,3 +190,5 @@ TEST_CASE("Adam gives the same bits in any order of blocks and threads") {
     machine.order = test::Order::forward, machine.fill = 0xA5;
 }
 #endif
+
+} // namespace gsh::adam_on_device
