@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Measures kernels and steps on a GPU with events, and prints a JSON line for each case.
+#pragma once
+
+#include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/error.cuh>
+#include <gsh/backend/cuda/step_graph.cuh>
+#include <gsh/core/span.hpp>
+
+#include <cuda_runtime.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstddef>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace gsh::bench {
+
+/// What a case cannot avoid: bytes of global memory, multiplications and additions. The larger of both times is the
+/// case's floor. Launches come on top, but are the implementation's choice.
+struct Work {
+    double bytes = 0, flops = 0;
+};
+
+struct Arguments {
+    std::string filter;             ///< cases whose name contains it
+    std::string only;               ///< the one case of this name; empty: all
+    bool list = false;              ///< prints the names only; needs no GPU
+    bool kernels = false;           ///< also a line for each kernel of a case
+    int runs = 200;                 ///< that are timed
+    std::size_t gaussians = 170000; ///< of a person
+    int size = 540;                 ///< of images, in pixels
+    std::string ply, cameras;       ///< a load from files, for bench_device_raster
+};
+
+/// The cases of a program.
+class Bench {
+public:
+    Bench(int argc, char** argv) {
+        const auto number = [](const char* text) {
+            char* end = nullptr;
+            const long value = std::strtol(text, &end, 10);
+            if (end == text || *end != '\0' || value <= 0) usage();
+            return value;
+        };
+        for (int i = 1; i < argc; ++i) {
+            const std::string option = argv[i];
+            const auto next = [&] { return i + 1 < argc ? argv[++i] : (usage(), ""); };
+            if (option == "--list")
+                arguments_.list = true;
+            else if (option == "--kernels")
+                arguments_.kernels = true;
+            else if (option == "--case")
+                arguments_.only = next();
+            else if (option == "--filter")
+                arguments_.filter = next();
+            else if (option == "--runs")
+                arguments_.runs = static_cast<int>(number(next()));
+            else if (option == "--gaussians")
+                arguments_.gaussians = static_cast<std::size_t>(number(next()));
+            else if (option == "--size")
+                arguments_.size = static_cast<int>(number(next()));
+            else if (option == "--ply")
+                arguments_.ply = next();
+            else if (option == "--cameras")
+                arguments_.cameras = next();
+            else
+                usage();
+        }
+    }
+
+    [[nodiscard]] const Arguments& arguments() const { return arguments_; }
+    [[nodiscard]] cuda::Device& device() {
+        if (!device_) device_.emplace();
+        return *device_;
+    }
+
+    /// Whether a case is to be measured. With --list its name is printed instead.
+    [[nodiscard]] bool wants(const std::string& name) const {
+        if (name.find(arguments_.filter) == std::string::npos) return false;
+        if (!arguments_.only.empty() && name != arguments_.only) return false;
+        if (arguments_.list) std::printf("%s\n", name.c_str());
+        return !arguments_.list;
+    }
+
+    /// Measures run(k), k = 0, 1, …, as one graph each. `run` should use other inputs for other k, so that they are not
+    /// in the cache from the run before.
+    template <class Run>
+    void measure(const std::string& name, const Work& work, const Run& run) {
+        cuda::StepGraph graph(device());
+        run(0); // directly: buffers grow
+        measure_runs(
+            name, work, [&](int k) { graph.run([&] { run(k); }); },
+            [&](int repeats) { return graph.time_kernels(repeats); });
+    }
+
+    /// Measures runs that queue their graph themselves. time_kernels returns the times of a run's kernels.
+    template <class Run, class TimeKernels>
+    void measure_runs(const std::string& name, const Work& work, const Run& run, const TimeKernels& time_kernels) {
+        const int warm_up = std::min(20, arguments_.runs);
+        for (int k = 0; k < warm_up; ++k) run(k);
+        device().synchronize();
+
+        // The host's time alone: the device is idle, so no queue is full.
+        std::vector<double> host;
+        for (int k = 0; k < std::min(50, arguments_.runs); ++k) {
+            const auto start = std::chrono::steady_clock::now();
+            run(warm_up + k);
+            host.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
+            device().synchronize();
+        }
+
+        // Runs follow each other without a wait, as in training.
+        std::vector<cudaEvent_t> events(static_cast<std::size_t>(arguments_.runs) + 1);
+        for (cudaEvent_t& event : events) cuda::check(cudaEventCreate(&event), "bench");
+        device().record(events[0]);
+        for (int k = 0; k < arguments_.runs; ++k) {
+            run(k);
+            device().record(events[static_cast<std::size_t>(k) + 1]);
+        }
+        device().synchronize();
+        std::vector<double> times;
+        for (std::size_t k = 0; k + 1 < events.size(); ++k) {
+            float ms = 0;
+            cuda::check(cudaEventElapsedTime(&ms, events[k], events[k + 1]), "bench");
+            times.push_back(1000.0 * static_cast<double>(ms));
+        }
+        for (cudaEvent_t event : events) (void)cudaEventDestroy(event);
+
+        const std::vector<cuda::KernelTime> kernels = time_kernels(std::min(20, arguments_.runs));
+        const double median = quantile(times, 0.5), floor = floor_of(work);
+        std::printf("{\"case\": \"%s\", \"us\": %.2f, \"p10\": %.2f, \"p90\": %.2f, \"runs\": %d, \"host_us\": %.2f, "
+                    "\"launches\": %zu, \"floor_us\": %.2f, \"floor_percent\": %.1f, \"gpu\": \"%s\"}\n",
+                    name.c_str(), median, quantile(times, 0.1), quantile(times, 0.9), arguments_.runs,
+                    quantile(host, 0.5), kernels.size(), floor, median > 0 ? 100 * floor / median : 0,
+                    device().gpu().c_str());
+        if (arguments_.kernels)
+            for (const cuda::KernelTime& kernel : kernels)
+                std::printf("{\"case\": \"%s\", \"stage\": \"%s\", \"kernel\": \"%s\", \"us\": %.2f}\n", name.c_str(),
+                            kernel.stage.c_str(), kernel.kernel.c_str(), kernel.microseconds);
+        std::fflush(stdout);
+    }
+
+private:
+    [[noreturn]] static void usage() {
+        std::fputs(
+            "options: [--list] [--case NAME] [--filter TEXT] [--kernels] [--runs N] [--gaussians N] [--size PIXELS] "
+            "[--ply FILE --cameras FILE]\n",
+            stderr);
+        std::exit(2);
+    }
+    static double quantile(std::vector<double> values, double share) {
+        if (values.empty()) return 0;
+        std::sort(values.begin(), values.end());
+        return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+    }
+
+    /// µs at this GPU's copy rate, which is measured once, and at its peak rate of multiply-adds.
+    double floor_of(const Work& work) {
+        if (copy_rate_ == 0) measure_rates();
+        return std::max(work.bytes / copy_rate_, work.flops / flop_rate_);
+    }
+    void measure_rates() {
+        const std::size_t count = std::min<std::size_t>(arguments_.gaussians * 400, std::size_t(1) << 26);
+        cuda::Buffer<float> from(count), to(count);
+        device().fill(Span<float>(from), 1.0f);
+        cudaEvent_t events[2];
+        for (cudaEvent_t& event : events) cuda::check(cudaEventCreate(&event), "bench");
+        std::vector<double> times;
+        for (int k = 0; k < std::min(20, arguments_.runs); ++k) {
+            device().record(events[0]);
+            cuda::check(cudaMemcpyAsync(to.data(), from.data(), count * sizeof(float), cudaMemcpyDeviceToDevice,
+                                        device().stream()),
+                        "bench");
+            device().record(events[1]);
+            device().synchronize();
+            float ms = 0;
+            cuda::check(cudaEventElapsedTime(&ms, events[0], events[1]), "bench");
+            times.push_back(1000.0 * static_cast<double>(ms));
+        }
+        for (cudaEvent_t event : events) (void)cudaEventDestroy(event);
+        copy_rate_ = 2 * sizeof(float) * static_cast<double>(count) / std::max(quantile(times, 0.5), 1e-3);
+        int processors = 0, kilohertz = 0;
+        const int ordinal = device().ordinal();
+        cuda::check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, ordinal), "bench");
+        cuda::check(cudaDeviceGetAttribute(&kilohertz, cudaDevAttrClockRate, ordinal), "bench");
+        constexpr double operations = 2 * 128; // of a multiprocessor in a cycle
+        flop_rate_ = operations * processors * kilohertz * 1e-3;
+        std::printf("{\"gpu\": \"%s\", \"copy_tb_s\": %.2f, \"fp32_tflop_s\": %.1f}\n", device().gpu().c_str(),
+                    copy_rate_ * 1e-6, flop_rate_ * 1e-6);
+    }
+
+    Arguments arguments_;
+    std::optional<cuda::Device> device_;
+    double copy_rate_ = 0, flop_rate_ = 0; // per microsecond
+};
+
+/// Runs a program's cases. Errors go to standard error, with exit code 2.
+template <class Cases>
+int run_cases(int argc, char** argv, const Cases& cases) {
+    try {
+        Bench bench(argc, argv);
+        cases(bench);
+        return 0;
+    } catch (const std::exception& error) {
+        std::fprintf(stderr, "%s: %s\n", argv[0], error.what());
+        return 2;
+    }
+}
+
+/// Copies host data to the device.
+template <class T>
+[[nodiscard]] cuda::Buffer<T> uploaded(cuda::Device& device, const std::vector<T>& values) {
+    cuda::Buffer<T> buffer(values.size());
+    device.upload(Span<const T>(values), Span<T>(buffer));
+    return buffer;
+}
+
+} // namespace gsh::bench

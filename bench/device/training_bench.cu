@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Bench of whole training steps on a GPU, of the actor in several configurations.
+#include "load.hpp"
+#include "measure.cuh"
+
+#include <gsh/cuda.cuh>
+#include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/train/avatar_scene.hpp>
+#include <gsh/train/trainer.hpp>
+
+#include <memory>
+#include <string>
+#include <utility>
+
+namespace gsh::bench {
+namespace {
+
+using cuda::Device;
+using Model = ConfiguredAvatar<Device>;
+using Scene = AvatarScene<Device, Model>;
+
+/// A field's tables and networks are most of a step's work, so floors of whole steps are left to the parts.
+void measure_steps(Bench& bench, const std::string& name, const Configuration& configuration) {
+    if (!bench.wants(name)) return;
+    const TrainingLoad load = make_training_load(configuration, bench.arguments().gaussians, bench.arguments().size);
+    Device& device = bench.device();
+    Model model = make_avatar<Device>(device, load.setup.rig, load.setup.samples, load.setup.motion.frame_count(), 1,
+                                      configuration.avatar, load.setup.priors);
+    Scene scene(device, {{&model, &load.setup.motion}});
+    if (load.light) model.set_light(load.setup.rig, std::make_shared<LearnedLight<Device>>(device, *load.light), true);
+    Trainer<Device, Scene> trainer(device, scene, load.photos, 1, configuration.train);
+    trainer.step(0.5); // directly: buffers grow
+    trainer.settle();
+    bench.measure_runs(
+        name, {}, [&](int) { trainer.step(0.5); }, [&](int repeats) { return trainer.time_kernels(repeats); });
+}
+
+void cases(Bench& bench) {
+    for (const char* name : {"light", "paper", "no-ao"})
+        measure_steps(bench, std::string("step/") + name, named_configuration(name));
+    Configuration stored = named_configuration("no-ao"); // no field
+    stored.avatar.hash_sh = stored.avatar.hash_displacement = false;
+    measure_steps(bench, "step/stored", stored);
+}
+
+} // namespace
+} // namespace gsh::bench
+
+int main(int argc, char** argv) {
+    return gsh::bench::run_cases(argc, argv, gsh::bench::cases);
+}
