@@ -15,11 +15,11 @@ elseif(GSH_PROGRAMS_CUDA AND GSH_BUILD_EXAMPLES)
 endif()
 
 # The middle of a command that compiles device code with warnings as errors. In front of it come nvcc.sh and the name of
-# a report, which scripts/kernel-registers reads.
+# a report, which scripts/kernel-registers reads. -O is for host code; device code is always optimised.
 set(gsh_nvcc_report ${PROJECT_SOURCE_DIR}/cmake/nvcc.sh)
 set(gsh_eigen_includes $<TARGET_PROPERTY:Eigen3::Eigen,INTERFACE_INCLUDE_DIRECTORIES>)
 set(gsh_nvcc_command
-    ${GSH_NVCC} -std=c++20 -O3 -arch=${GSH_CUDA_ARCHITECTURE} --Werror all-warnings -Xcompiler -Wall,-Wextra,-Werror
+    ${GSH_NVCC} -std=c++20 -arch=${GSH_CUDA_ARCHITECTURE} --Werror all-warnings -Xcompiler -Wall,-Wextra,-Werror
     -I${PROJECT_SOURCE_DIR}/include "-isystem=$<JOIN:${gsh_eigen_includes},$<SEMICOLON>-isystem=>")
 
 # gsh_add_device_code(target sources...): compiles .cu files with nvcc into objects of a target. Host code in them is
@@ -33,7 +33,7 @@ function(gsh_add_device_code target)
     set(object ${CMAKE_CURRENT_BINARY_DIR}/${source}.o)
     add_custom_command(
       OUTPUT ${object}
-      COMMAND ${gsh_nvcc_report} ${object}.kernels ${gsh_nvcc_command} -Xcompiler ${host_options}
+      COMMAND ${gsh_nvcc_report} ${object}.kernels ${gsh_nvcc_command} -O3 -Xcompiler ${host_options}
               $<$<CONFIG:Release>:-DNDEBUG>
               -I${CMAKE_CURRENT_SOURCE_DIR} -MD -MF ${object}.d -MT ${object}
               -c ${CMAKE_CURRENT_SOURCE_DIR}/${source} -o ${object}

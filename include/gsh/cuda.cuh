@@ -48,4 +48,5 @@
 #include <gsh/avatar/cuda/occlusion_field.cuh>
 #include <gsh/avatar/cuda/pose_of_neurons.cuh>
 #include <gsh/avatar/cuda/skinned_gaussian.cuh>
+#include <gsh/pipeline/cuda/density_descent.cuh>
 #include <gsh/train/cuda/stage_timer.cuh>

@@ -212,15 +212,13 @@ public:
                                    prune_large ? metres(params_.large) : unlimited,
                                    prune_large && params_.large_on_screen > 0 ? T(params_.large_on_screen) : unlimited,
                                    logit(T(params_.min_opacity)), fates_, gradients_});
-        std::vector<Fate> fates(count);
-        std::vector<T> gradients(count);
-        backend_->download(Span<const Fate>(fates_), Span<Fate>(fates));
-        backend_->download(Span<const T>(gradients_), Span<T>(gradients));
-        const detail::Descent descent = detail::plan_descent(
-            std::move(fates), gradients, static_cast<std::size_t>(params_.split_count), params_.max_gaussians);
-        if (descent.change.changed()) descend(descent, gaussians, m, v, seed);
+        using detail::plan_descent; // a backend's own overload has precedence
+        const DensityChange change =
+            plan_descent(*backend_, Span<const Fate>(fates_), Span<const T>(gradients_),
+                         static_cast<std::size_t>(params_.split_count), params_.max_gaussians, descent_);
+        if (change.changed()) descend(gaussians, m, v, seed);
         restart(gaussians.size());
-        return descent.change;
+        return change;
     }
 
     /// Limits opacities to reset_opacity and clears their moments. The opacity of Gaussians that the images need grows
@@ -248,22 +246,19 @@ private:
         check_size(where, "v.sh", v.sh.size(), gaussians.sh.size(), "moments have the degree of the Gaussians");
     }
 
-    void descend(const detail::Descent& descent, Gaussians<B, T>& gaussians, Gaussians<B, T>& m, Gaussians<B, T>& v,
-                 std::uint64_t seed) {
-        const std::size_t count = descent.parents.size();
-        parents_.resize(count);
-        kin_.resize(count);
-        backend_->upload(Span<const std::uint32_t>(descent.parents), Span<std::uint32_t>(parents_));
-        backend_->upload(Span<const detail::Kin>(descent.kin), Span<detail::Kin>(kin_));
+    void descend(Gaussians<B, T>& gaussians, Gaussians<B, T>& m, Gaussians<B, T>& v, std::uint64_t seed) {
+        const std::size_t count = descent_.parents.size();
+        const Span<const std::uint32_t> parents(descent_.parents);
+        const Span<const detail::Kin> kin(descent_.kin);
         const auto replace = [&](Gaussians<B, T>& old, auto body) {
             next_.resize(count, old.sh_degree);
             body.from = std::as_const(old).view(), body.to = next_.view();
             backend_->for_each(count, body);
             std::swap(old, next_);
         };
-        replace(gaussians, detail::DescendGaussian<T>{{}, parents_, kin_, seed, T(std::log(params_.split_factor)), {}});
-        replace(m, detail::DescendMoments<T>{{}, parents_, kin_, {}});
-        replace(v, detail::DescendMoments<T>{{}, parents_, kin_, {}});
+        replace(gaussians, detail::DescendGaussian<T>{{}, parents, kin, seed, T(std::log(params_.split_factor)), {}});
+        replace(m, detail::DescendMoments<T>{{}, parents, kin, {}});
+        replace(v, detail::DescendMoments<T>{{}, parents, kin, {}});
     }
 
     B* backend_;
@@ -276,8 +271,7 @@ private:
 
     Buffer<Fate> fates_;
     Buffer<T> gradients_;
-    Buffer<std::uint32_t> parents_;
-    Buffer<detail::Kin> kin_;
+    detail::DescentBuffers<B> descent_;
     Gaussians<B, T> next_;
 };
 

@@ -2,6 +2,7 @@
 /// @file  The Gaussians after a change of density control: which there are, and how they follow from their parents.
 #pragma once
 
+#include <gsh/backend/backend.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/core/span.hpp>
@@ -16,6 +17,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -84,6 +86,35 @@ template <class T>
         }
     }
     return descent;
+}
+
+/// The same in a backend's memory: the parent of each Gaussian after a change, and how it relates to it.
+template <Backend B>
+struct DescentBuffers {
+    typename B::template Buffer<std::uint32_t> parents;
+    typename B::template Buffer<Kin> kin;
+};
+
+/// Plans a change on the host, from fates and gradients in a backend's memory.
+template <Backend B, class T>
+DensityChange plan_descent_on_host(B& backend, Span<const Fate> fates, Span<const T> gradients,
+                                   std::size_t split_count, std::size_t most, DescentBuffers<B>& to) {
+    std::vector<Fate> host_fates(fates.size());
+    std::vector<T> host_gradients(gradients.size());
+    backend.download(fates, Span<Fate>(host_fates));
+    backend.download(gradients, Span<T>(host_gradients));
+    const Descent descent = plan_descent(std::move(host_fates), host_gradients, split_count, most);
+    to.parents.resize(descent.parents.size());
+    to.kin.resize(descent.kin.size());
+    backend.upload(Span<const std::uint32_t>(descent.parents), Span<std::uint32_t>(to.parents));
+    backend.upload(Span<const Kin>(descent.kin), Span<Kin>(to.kin));
+    return descent.change;
+}
+/// A backend may have an overload of its own.
+template <Backend B, class T>
+DensityChange plan_descent(B& backend, Span<const Fate> fates, Span<const T> gradients, std::size_t split_count,
+                           std::size_t most, DescentBuffers<B>& to) {
+    return plan_descent_on_host(backend, fates, gradients, split_count, most, to);
 }
 
 /// Standard normal (Box and Muller, 1958) from two draws of the stream.
