@@ -25,43 +25,48 @@ using Field = HashField<16, 4>;
 /// The avatar's fields: the grid and the network apart, forward and backward. Two sets of parameters take turns.
 void field_cases(Bench& bench) {
     const std::size_t n = bench.arguments().gaussians;
-    for (const int outputs : {30, 1}) { // colour and displacement; shadows
-        const std::string name = "field/" + std::to_string(outputs) + " outputs";
-        const bool forward = bench.wants(name + "/forward"), backward = bench.wants(name + "/forward+backward");
-        if (!forward && !backward) continue;
-        Device& device = bench.device();
-        const Field field({.growth = 1.6, .table_size = 1u << 17}, {.outputs = outputs});
-        Field::Query<Device, float> query;
-        std::vector<float> region(n);
-        for (std::size_t i = 0; i < n; ++i) region[i] = i % 100 < 45 ? 1.0f : i % 100 < 65 ? 0.5f : 0.0f;
-        const auto tau = uploaded(device, region);
-        const auto points = uploaded(device, body_points(n));
-        field.prepare(device, points, query, {12, false, tau});
-        const std::size_t parameters = field.table_parameter_count(query);
-        const auto weights = uploaded(device, field.mlp().initial_weights<float>(2));
-        const cuda::Buffer<float> tables[] = {uploaded(device, field.grid().initial_table<float>(1)),
-                                              uploaded(device, field.grid().initial_table<float>(2))};
-        cuda::Buffer<float> results(n * static_cast<std::size_t>(outputs)), dL_dtable(parameters),
-            dL_dweights(weights.size());
-        Field::Cache<Device, float> cache;
-        device.fill(Span<float>(results), 0.1f);
-        const auto run_forward = [&](int k) {
-            field.forward(device, tables[k % 2], weights, query, results, cache, {});
-        };
+    for (const bool mixed : {false, true})
+        for (const int outputs : {30, 1}) { // colour and displacement; shadows
+            const std::string name =
+                std::string(mixed ? "mixed/" : "") + "field/" + std::to_string(outputs) + " outputs";
+            const bool forward = bench.wants(name + "/forward"), backward = bench.wants(name + "/forward+backward");
+            if (!forward && !backward) continue;
+            Device& device = bench.device();
+            device.set_precision(mixed ? cuda::Precision::mixed : cuda::Precision::fp32);
+            const Field field({.growth = 1.6, .table_size = 1u << 17}, {.outputs = outputs});
+            Field::Query<Device, float> query;
+            std::vector<float> region(n);
+            for (std::size_t i = 0; i < n; ++i) region[i] = i % 100 < 45 ? 1.0f : i % 100 < 65 ? 0.5f : 0.0f;
+            const auto tau = uploaded(device, region);
+            const auto points = uploaded(device, body_points(n));
+            field.prepare(device, points, query, {12, false, tau});
+            const std::size_t parameters = field.table_parameter_count(query);
+            const auto weights = uploaded(device, field.mlp().initial_weights<float>(2));
+            const cuda::Buffer<float> tables[] = {uploaded(device, field.grid().initial_table<float>(1)),
+                                                  uploaded(device, field.grid().initial_table<float>(2))};
+            cuda::Buffer<float> results(n * static_cast<std::size_t>(outputs)), dL_dtable(parameters),
+                dL_dweights(weights.size());
+            Field::Cache<Device, float> cache;
+            device.fill(Span<float>(results), 0.1f);
+            const auto run_forward = [&](int k) {
+                field.forward(device, tables[k % 2], weights, query, results, cache, {});
+            };
 
-        // Each entry that a point reads once, each point's weights of its corners, the outputs.
-        const double entries = static_cast<double>(query.touched.size()) * 4 * sizeof(float);
-        const double lookups = static_cast<double>(query.lookups());
-        const double products = 2.0 * static_cast<double>(n * field.mlp().parameter_count());
-        const double out = static_cast<double>(results.size()) * sizeof(float);
-        if (forward)
-            bench.measure(name + "/forward", {entries + out + 12.0 * static_cast<double>(n), products}, run_forward);
-        if (backward)
-            bench.measure(name + "/forward+backward", {3 * entries + 2 * out + 4 * lookups, 3 * products}, [&](int k) {
-                run_forward(k);
-                field.backward(device, weights, query, results, cache, dL_dtable, dL_dweights, {});
-            });
-    }
+            // Each entry that a point reads once, each point's weights of its corners, the outputs.
+            const double entries = static_cast<double>(query.touched.size()) * 4 * sizeof(float);
+            const double lookups = static_cast<double>(query.lookups());
+            const double products = 2.0 * static_cast<double>(n * field.mlp().parameter_count());
+            const double out = static_cast<double>(results.size()) * sizeof(float);
+            if (forward)
+                bench.measure(name + "/forward", {entries + out + 12.0 * static_cast<double>(n), products},
+                              run_forward);
+            if (backward)
+                bench.measure(name + "/forward+backward", {3 * entries + 2 * out + 4 * lookups, 3 * products},
+                              [&](int k) {
+                                  run_forward(k);
+                                  field.backward(device, weights, query, results, cache, dL_dtable, dL_dweights, {});
+                              });
+        }
 }
 
 void loss_cases(Bench& bench) {

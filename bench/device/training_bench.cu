@@ -20,10 +20,12 @@ using Model = ConfiguredAvatar<Device>;
 using Scene = AvatarScene<Device, Model>;
 
 /// A field's tables and networks are most of a step's work, so floors of whole steps are left to the parts.
-void measure_steps(Bench& bench, const std::string& name, const Configuration& configuration) {
+void measure_steps(Bench& bench, const std::string& name, const Configuration& configuration,
+                   cuda::Precision precision = cuda::Precision::fp32) {
     if (!bench.wants(name)) return;
     const TrainingLoad load = make_training_load(configuration, bench.arguments().gaussians, bench.arguments().size);
     Device& device = bench.device();
+    device.set_precision(precision);
     Model model = make_avatar<Device>(device, load.setup.rig, load.setup.samples, load.setup.motion.frame_count(), 1,
                                       configuration.avatar, load.setup.priors);
     Scene scene(device, {{&model, &load.setup.motion}});
@@ -36,8 +38,10 @@ void measure_steps(Bench& bench, const std::string& name, const Configuration& c
 }
 
 void cases(Bench& bench) {
-    for (const char* name : {"light", "paper", "no-ao"})
-        measure_steps(bench, std::string("step/") + name, named_configuration(name));
+    for (const std::string name : {"light", "paper", "no-ao"}) {
+        measure_steps(bench, "step/" + name, named_configuration(name));
+        measure_steps(bench, "mixed/step/" + name, named_configuration(name), cuda::Precision::mixed);
+    }
     Configuration stored = named_configuration("no-ao"); // no field
     stored.avatar.hash_sh = stored.avatar.hash_displacement = false;
     measure_steps(bench, "step/stored", stored);

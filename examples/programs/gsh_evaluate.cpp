@@ -48,6 +48,7 @@ void add_options(CLI::App& app, EvaluateOptions& o) {
         ->check(CLI::Range(1, 100'000'000));
     app.add_option("--seed", common.seed, "seed of all random choices (default 0)")->check(not_negative());
     add_backend(app, common.machine);
+    add_precision(app, common.machine);
     app.add_flag("--refine", common.refine,
                  "refine the poses during training; test poses are fitted to the test images, as the protocol states");
     app.add_flag("--refine-cameras", common.refine_cameras, "with --refine: refine all cameras but the first, too");

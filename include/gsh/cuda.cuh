@@ -6,6 +6,7 @@
 #include <gsh/backend/cuda/error.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/lane_sums.cuh>
+#include <gsh/backend/cuda/matrix.cuh>
 #include <gsh/backend/cuda/memory.cuh>
 #include <gsh/backend/cuda/pack.cuh>
 #include <gsh/backend/cuda/recorder.cuh>
@@ -23,6 +24,7 @@
 #include <gsh/field/cuda/mlp.cuh>
 #include <gsh/field/cuda/mlp_backward.cuh>
 #include <gsh/field/cuda/mlp_forward.cuh>
+#include <gsh/field/cuda/mlp_mixed.cuh>
 #include <gsh/field/cuda/mlp_shape.cuh>
 #include <gsh/field/cuda/mlp_tile.cuh>
 #include <gsh/field/cuda/row.cuh>

@@ -206,6 +206,10 @@ TEST_CASE("a backend that is not there is refused in one line, and nothing is wr
         refuse(words, {"--backend", "gpu"}, "--backend", "gpu", "threads", "cuda");
         refuse(words, {"--backend", "cuda", "--device", "-1"}, "--device", "-1");
         refuse(words, {"--device", "0"}, "--device needs --backend cuda");
+        if (words[0] == "gsh-reconstruct" || words[0] == "gsh-evaluate") {
+            refuse(words, {"--precision", "mixed"}, "--precision mixed needs --backend cuda");
+            refuse(words, {"--precision", "half"}, "--precision", "half");
+        }
         refuse(words, {"--backend", "threads", "--device", "0"}, "--device needs --backend cuda");
 #if defined(GSH_PROGRAMS_WITH_CUDA)
         refuse(words, {"--backend", "cuda", "--device", "4096"}, "gsh::cuda::Device");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The options that choose where a program trains and renders: --backend, --device, --threads.
+/// @file  The options that choose where a program trains and renders: --backend, --device, --precision, --threads.
 #pragma once
 
 #include <cstddef>
@@ -11,6 +11,7 @@ namespace gsh::examples {
 struct BackendOption {
     std::string backend = "threads"; ///< or "cuda"
     std::optional<int> device;       ///< number of the GPU, for cuda only; without one, GPU 0
+    std::string precision = "fp32";  ///< of fields in training, or "mixed", for cuda only
     std::size_t threads = 0;         ///< 0: all threads of the machine
 };
 
@@ -18,6 +19,7 @@ struct BackendOption {
 struct ComputedOn {
     std::string backend = "threads";
     std::string device = {}; ///< the name of the GPU; empty for threads
+    std::string precision = "fp32";
     std::size_t threads = 0; ///< of the host
 
     /// "4 threads", or the name of the GPU.

@@ -31,7 +31,7 @@ MotionFigures motion_of(const Json& json) {
 /// The inverse of add_machine. Files of older versions have no `backend`, and `threads` is in their cost.
 ComputedOn computed_on(const Json& json) {
     const Json& threads = json.contains("threads") ? json.at("threads") : json.at("cost").at("threads");
-    return {json.value("backend", "threads"), json.value("device", ""), threads};
+    return {json.value("backend", "threads"), json.value("device", ""), json.value("precision", "fp32"), threads};
 }
 
 RunCost cost_of(const Json& json) {

@@ -83,7 +83,7 @@ void resume(const Run& run, Reconstruction& reconstruction, TrainingRecord& reco
     write_progress(run, {});
 }
 
-RunCost cost_of_run(Reconstruction& reconstruction, const TrainingRecord& record, const Machine& machine) {
+RunCost cost_of_run(Reconstruction& reconstruction, const TrainingRecord& record) {
     const TableCounts tables = reconstruction.table_counts();
     RunCost cost{.gaussians = reconstruction.setup.gaussian_count(),
                  .memory = resident_bytes(),
@@ -93,7 +93,7 @@ RunCost cost_of_run(Reconstruction& reconstruction, const TrainingRecord& record
                  .ao_entries = tables.ao_entries,
                  .ao_touched = tables.ao_touched};
     cost.ms_per_step = 1e3 * record.seconds / static_cast<double>(std::max<std::uint64_t>(1, record.steps));
-    for (std::size_t s = 0; s < stage_names.size() && !machine.has_gpu(); ++s) // a GPU's stages are not timed
+    for (std::size_t s = 0; s < stage_names.size(); ++s)
         cost.ms_per_stage.emplace_back(stage_names[s],
                                        1e3 * record.stage_seconds[s] /
                                            static_cast<double>(std::max<std::uint64_t>(1, record.timed_steps)));
@@ -198,7 +198,7 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
         if (timed || record.steps < goal) train(reconstruction, run.options, record, title, goal);
         if (interrupted) return false;
         const bool last = goal == goals.back();
-        if (last) result.cost = cost_of_run(reconstruction, record, machine_);
+        if (last) result.cost = cost_of_run(reconstruction, record);
         if (run.options.refine && !reconstruction.refine_test_poses()) return false;
         Mark mark{.steps = record.steps, .seconds = record.seconds, .after = after(run, record.steps)};
         mark.protocol = protocol_of(run.options, source_, setup, judge_) + " " +

@@ -22,9 +22,9 @@ struct ReconstructionSetup;
 struct ShownPeople;
 struct StaticSetup;
 
-/// Opens GPU `number`, counted from 0 as in CUDA_VISIBLE_DEVICES.
+/// Opens GPU `number`, counted from 0 as in CUDA_VISIBLE_DEVICES; `mixed`: fields train in mixed precision.
 /// Errors  DeviceError: a program without CUDA, no driver, no such GPU, no code for its architecture.
-std::shared_ptr<cuda::Device> open_gpu(int number);
+std::shared_ptr<cuda::Device> open_gpu(int number, bool mixed);
 
 /// The name of a GPU.
 std::string name_of(const cuda::Device& gpu);

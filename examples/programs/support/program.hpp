@@ -77,6 +77,14 @@ inline void add_backend(CLI::App& app, BackendOption& option) {
     add_threads(app, option.threads);
 }
 
+/// The option --precision of programs that train.
+inline void add_precision(CLI::App& app, BackendOption& option) {
+    app.add_option("--precision", option.precision,
+                   "with --backend cuda: arithmetic of the fields' networks, fp32 (the default) or mixed (products of "
+                   "bf16 on tensor cores)")
+        ->check(CLI::IsMember({"fp32", "mixed"}));
+}
+
 /// The option --background r g b.
 inline void add_background(CLI::App& app, std::array<double, 3>& background, const std::string& by_default) {
     app.add_option("--background", background, "red,green,blue in [0, 1] (default " + by_default + ")")

@@ -251,16 +251,12 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
         json["ms_per_stage"][std::string(name)] = ms;
         report.stages.push_back({std::string(name), fixed(ms, 2)});
     };
-    if (machine.has_gpu()) { // its stages are not timed
-        stage("all", record.seconds, record.steps);
-    } else {
-        double total = 0;
-        for (std::size_t s = 0; s < stage_names.size(); ++s) {
-            stage(stage_names[s], record.stage_seconds[s], record.timed_steps);
-            total += record.stage_seconds[s];
-        }
-        stage("all", total, record.timed_steps);
+    double total = 0;
+    for (std::size_t s = 0; s < stage_names.size(); ++s) {
+        stage(stage_names[s], record.stage_seconds[s], record.timed_steps);
+        total += record.stage_seconds[s];
     }
+    stage("all", total, record.timed_steps);
     json["images"] = Json::array();
     for (std::size_t i = 0; i < scores.size(); ++i) {
         json["images"].push_back(score_json(scores[i]));

@@ -19,7 +19,7 @@ namespace {
 
 } // namespace
 
-std::shared_ptr<cuda::Device> open_gpu(int) {
+std::shared_ptr<cuda::Device> open_gpu(int, bool) {
     refuse_cuda();
 }
 std::string name_of(const cuda::Device&) {

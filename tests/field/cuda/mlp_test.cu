@@ -11,6 +11,7 @@
 #include "support/cuda_device.hpp"
 #include "support/gradient.hpp"
 
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -72,6 +73,7 @@ struct Options {
     int backwards = 1;
     bool features = true, shared = true;
     unsigned most_blocks = 0; ///< of the device; 0: as many as usual
+    cuda::Precision precision = cuda::Precision::fp32;
 };
 
 template <class T>
@@ -114,6 +116,7 @@ Results<T> run_serial(const Problem<T>& p, const Options& options = {}) {
 template <class T>
 Results<T> run_device(const Problem<T>& p, const Options& options = {}) {
     Device device;
+    device.set_precision(options.precision);
     const auto weights = to_device(device, p.weights), features = to_device(device, p.features),
                points = to_device(device, p.points), shared = to_device(device, p.shared),
                dL_doutputs = to_device(device, p.dL_doutputs);
@@ -257,5 +260,140 @@ TEST_CASE("a repeated pass of Mlp does not wait and allocates nothing") {
 }
 
 #endif
+
+namespace {
+
+/// A number as bf16: the upper half of a float, rounded to the nearest.
+float as_bf16(double value) {
+    const auto bits = std::bit_cast<std::uint32_t>(static_cast<float>(value));
+    return std::bit_cast<float>((bits + 0x7FFFu + (bits >> 16 & 1u)) & 0xFFFF0000u);
+}
+
+/// What mixed precision computes, with sums in double: operands of every product are rounded to bf16. All gradients
+/// hold ones before, and are added to.
+Results<float> run_rounded(const Problem<float>& p) {
+    const auto in = p.mlp.inputs() - p.shared.size(), out = p.mlp.outputs(),
+               F = static_cast<std::size_t>(p.shape.features);
+    constexpr std::size_t width = 64, layers = 3;
+    const auto weight = [&](std::size_t layer, std::size_t o, std::size_t i) {
+        return p.weights[p.mlp.layer_offset(layer) + o * p.mlp.layer_inputs(layer) + i];
+    };
+    Results<float> r{std::vector<float>(p.dL_doutputs.size()), std::vector<float>(p.weights.size(), 1.0f),
+                     std::vector<float>(p.features.size(), 1.0f), std::vector<float>(p.shared.size(), 1.0f)};
+    std::vector<double> dL_dweights(p.weights.size()), dL_dbias(width);
+    const auto features = features_view(p.shape, p.rows, Span<const float>(p.features));
+    const auto dL_dfeatures = features_view(p.shape, p.rows, Span<float>(r.dL_dfeatures));
+    const std::size_t sizes[] = {in, width, width, out};
+    for (std::size_t row = 0; row < p.rows; ++row) {
+        std::vector<double> x[layers + 1]; // rounded, but for the outputs
+        for (std::size_t c = 0; c < in; ++c)
+            x[0].push_back(
+                as_bf16(c < F ? features(row, c) : p.points[row * static_cast<std::size_t>(p.shape.points) + c - F]));
+        for (std::size_t l = 0; l < layers; ++l)
+            for (std::size_t o = 0; o < sizes[l + 1]; ++o) {
+                double sum = 0;
+                for (std::size_t i = 0; i < sizes[l]; ++i) sum += double(as_bf16(weight(l, o, i))) * x[l][i];
+                for (std::size_t s = 0; l == 0 && s < p.shared.size(); ++s)
+                    sum += double(weight(0, o, in + s)) * double(p.shared[s]);
+                x[l + 1].push_back(l + 1 == layers ? sum : as_bf16(std::max(sum, 0.0)));
+            }
+        std::vector<double> gradient;
+        for (std::size_t o = 0; o < out; ++o) {
+            r.outputs[row * out + o] = static_cast<float>(x[layers][o]);
+            gradient.push_back(as_bf16(p.dL_doutputs[row * out + o]));
+        }
+        for (std::size_t l = layers; l-- > 0;) {
+            std::vector<double> next(sizes[l]);
+            for (std::size_t o = 0; o < sizes[l + 1]; ++o) {
+                if (l == 0) dL_dbias[o] += gradient[o];
+                for (std::size_t i = 0; i < sizes[l]; ++i) {
+                    dL_dweights[p.mlp.layer_offset(l) + o * p.mlp.layer_inputs(l) + i] += gradient[o] * x[l][i];
+                    next[i] += double(as_bf16(weight(l, o, i))) * gradient[o];
+                }
+            }
+            for (std::size_t i = 0; l != 0 && i < sizes[l]; ++i) next[i] = x[l][i] > 0 ? double(as_bf16(next[i])) : 0;
+            gradient = next;
+        }
+        for (std::size_t c = 0; c < F; ++c) dL_dfeatures(row, c) += static_cast<float>(gradient[c]);
+    }
+    for (std::size_t o = 0; o < width; ++o)
+        for (std::size_t s = 0; s < p.shared.size(); ++s) {
+            dL_dweights[o * p.mlp.layer_inputs(0) + in + s] += dL_dbias[o] * double(p.shared[s]);
+            r.dL_dshared[s] += static_cast<float>(dL_dbias[o] * double(weight(0, o, in + s)));
+        }
+    for (std::size_t w = 0; w < p.weights.size(); ++w) r.dL_dweights[w] += static_cast<float>(dL_dweights[w]);
+    return r;
+}
+
+/// Features and points; 80 inputs; the head of shadows; few and many outputs.
+constexpr Shape mixed_shapes[] = {{64, 4, 0, 0, 30, 64, 2},
+                                  {64, 4, 10, 6, 30, 64, 2},
+                                  {64, 4, 16, 0, 64, 64, 2},
+                                  {8, 8, 3, 2, 1, 64, 2},
+                                  {20, 4, 0, 12, 17, 64, 2}};
+
+} // namespace
+
+TEST_CASE("mixed precision rounds the operands of products to bf16, and nothing else") {
+    if (test::skip_without_device()) return;
+    for (const Shape& shape : mixed_shapes)
+        for (const std::size_t rows : {1u, 15u, 16u, 17u, 63u, 64u, 65u, 150u}) {
+            CAPTURE(shape.features);
+            CAPTURE(shape.outputs);
+            CAPTURE(rows);
+            const Problem<float> p(shape, rows);
+            const Results<float> found = run_device(p, {.precision = cuda::Precision::mixed}),
+                                 expected = run_rounded(p);
+            // A sum in another order may be rounded to the neighbouring number.
+            check_close(found.outputs, expected.outputs, 1e-3);
+            check_close(found.dL_dweights, expected.dL_dweights, 1e-3);
+            check_close(found.dL_dfeatures, expected.dL_dfeatures, 1e-3);
+            check_close(found.dL_dshared, expected.dL_dshared, 1e-3);
+        }
+}
+
+TEST_CASE("mixed precision is near float, and float where the network is not the paper's") {
+    if (test::skip_without_device()) return;
+    for (const Shape& shape : mixed_shapes) {
+        const Problem<float> p(shape, 150);
+        const Results<float> found = run_device(p, {.precision = cuda::Precision::mixed}), expected = run_serial(p);
+        check_close(found.outputs, expected.outputs, 0.01);
+        // Of random numbers, many activations are so near 0 that rounding changes which pass.
+        check_close(found.dL_dweights, expected.dL_dweights, 0.1);
+        check_close(found.dL_dfeatures, expected.dL_dfeatures, 0.1);
+        check_close(found.dL_dshared, expected.dL_dshared, 0.1);
+    }
+    for (const Shape& shape :
+         {Shape{16, 4, 0, 0, 5, 32, 2}, Shape{64, 4, 0, 0, 5, 64, 1}, Shape{64, 4, 20, 0, 5, 64, 2}}) {
+        const Problem<float> p(shape, 70);
+        const Results<float> found = run_device(p, {.precision = cuda::Precision::mixed}), expected = run_device(p);
+        CHECK(found.outputs == expected.outputs);
+        CHECK(found.dL_dweights == expected.dL_dweights);
+    }
+}
+
+TEST_CASE("mixed precision gives the same bits in any order of blocks and threads, and adds or assigns") {
+    if (test::skip_without_device()) return;
+    const Problem<float> p(mixed_shapes[1], 300);
+    const Options mixed{.most_blocks = 3, .precision = cuda::Precision::mixed};
+    const Results<float> first = run_device(p, mixed);
+#if defined(GSH_CUDA_EMULATION)
+    auto& machine = test::CudaEmulation::instance();
+    for (const test::Order order : {test::Order::reverse, test::Order::random}) {
+        machine.order = order, machine.fill = 0x5A;
+        const Results<float> again = run_device(p, mixed);
+        CHECK(again.outputs == first.outputs);
+        CHECK(again.dL_dweights == first.dL_dweights);
+        CHECK(again.dL_dfeatures == first.dL_dfeatures);
+        CHECK(again.dL_dshared == first.dL_dshared);
+    }
+    machine.order = test::Order::forward, machine.fill = 0xA5;
+#endif
+    const Results<float> assigned = run_device(p, {.mode = Write::assign, .precision = cuda::Precision::mixed});
+    for (std::size_t i = 0; i < first.dL_dfeatures.size(); ++i)
+        REQUIRE(assigned.dL_dfeatures[i] == doctest::Approx(first.dL_dfeatures[i] - 1).epsilon(1e-5));
+    const Results<float> none = run_device(Problem<float>(mixed_shapes[1], 0), {.precision = cuda::Precision::mixed});
+    CHECK(none.dL_dweights == std::vector<float>(p.weights.size(), 1.0f));
+}
 
 } // namespace gsh::mlp_on_device

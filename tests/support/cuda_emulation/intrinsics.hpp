@@ -19,6 +19,12 @@ inline void __syncthreads(const std::source_location& where = std::source_locati
 inline void __syncwarp(unsigned mask = ~0u, const std::source_location& where = std::source_location::current()) {
     gsh::test::Block::current()->wait_for_warp("__syncwarp", where, mask);
 }
+inline float __uint_as_float(std::uint32_t bits) {
+    return std::bit_cast<float>(bits);
+}
+inline std::uint32_t __float_as_uint(float value) {
+    return std::bit_cast<std::uint32_t>(value);
+}
 inline void __threadfence() {}
 inline void __threadfence_block() {}
 

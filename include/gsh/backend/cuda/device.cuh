@@ -24,6 +24,10 @@
 
 namespace gsh::cuda {
 
+/// The arithmetic of fields: `mixed` has operands of products in bf16 with sums in float, on tensor cores (from compute
+/// capability 8.0 on; slow before). Whatever is learned, its moments and all sums stay in float.
+enum class Precision { fp32, mixed };
+
 /// Runs everything on one stream of one GPU, in order.
 ///
 /// Calls return when the work is queued. download and synchronize wait for it and report its errors. A device belongs
@@ -83,6 +87,10 @@ public:
     [[nodiscard]] bool owns(const void* memory, std::size_t bytes) const {
         return bytes == 0 || (is_here(memory) && is_here(static_cast<const unsigned char*>(memory) + bytes - 1));
     }
+
+    [[nodiscard]] Precision precision() const { return precision_; }
+    /// Holds for later work. Forward and backward of one step must have the same.
+    void set_precision(Precision precision) { precision_ = precision; }
 
     /// Queues blocks of a kernel (backend/cuda/kernel.cuh).
     template <class Kernel>
@@ -266,6 +274,7 @@ private:
     int ordinal_ = 0;
     cudaStream_t stream_ = nullptr;
     bool owns_stream_ = false;
+    Precision precision_ = Precision::fp32;
     Buffer<std::uint32_t> halted_;
     detail::Recorder* recorder_ = nullptr;
 };

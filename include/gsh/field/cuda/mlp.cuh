@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The MLP on a GPU, in the arithmetic of its numbers: no tensor cores.
+/// @file  The MLP on a GPU, in the arithmetic of its numbers; the paper's network also in mixed precision.
 ///
 /// A pass is two launches: weights in the layout of the products, then all layers of a tile of rows in one kernel
 /// (mlp_forward.cuh); or all layers in reverse (mlp_backward.cuh), then the sum of the blocks' gradients. Shared inputs
@@ -13,6 +13,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/field/cuda/mlp_backward.cuh>
 #include <gsh/field/cuda/mlp_forward.cuh>
+#include <gsh/field/cuda/mlp_mixed.cuh>
 #include <gsh/field/cuda/mlp_shape.cuh>
 #include <gsh/field/cuda/mlp_tile.cuh>
 #include <gsh/field/cuda/row.cuh>
@@ -22,6 +23,7 @@
 #include <algorithm>
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <string_view>
 
 namespace gsh {
@@ -32,7 +34,8 @@ struct MlpScratch<cuda::Device, T> {
     cuda::Device::Buffer<T> forward_weights, backward_weights; ///< in the layouts of the products
     cuda::Device::Buffer<T> bias;                              ///< what the shared inputs add to the first layer
     cuda::Device::Buffer<T> sums, dL_dbias;                    ///< of each block; of all
-    cuda::Device::Buffer<T> wide; ///< gradients of layers with more than 64 columns, of each block
+    cuda::Device::Buffer<T> wide;               ///< gradients of layers with more than 64 columns, of each block
+    cuda::Device::Buffer<std::uint32_t> packed; ///< mixed precision: the weights in bf16, for both passes
 };
 
 namespace cuda {
@@ -201,6 +204,47 @@ template <class T>
     return {inputs.features, inputs.points, shape.inputs - inputs.features.columns};
 }
 
+/// Whether a network is computed in mixed precision.
+template <class T>
+[[nodiscard]] bool is_mixed(const Device& device, const MlpShape& shape) {
+    return std::same_as<T, float> && device.precision() == Precision::mixed && MixedShape::fits(shape);
+}
+
+inline void mixed_forward(Device& device, const MlpShape& network, Span<const float> weights,
+                          const MlpInputs<float>& inputs, Span<float> outputs, MlpScratch<Device, float>& scratch) {
+    const MixedShape shape(network);
+    scratch.packed.resize(shape.words());
+    scratch.bias.resize(shape.shared ? MixedShape::width : 0);
+    const unsigned bias_blocks = static_cast<unsigned>(scratch.bias.size()) / MixedPack::numbers_per_block;
+    device.launch(bias_blocks + chunk_count(shape.words(), MixedPack::block_size),
+                  MixedPack{shape, bias_blocks, weights, inputs.shared, scratch.packed, scratch.bias});
+    device.launch(chunk_count(inputs.features.rows, MixedForward::block_rows),
+                  MixedForward{{shape, mlp_row_inputs(network, inputs), scratch.packed, scratch.bias}, outputs});
+}
+
+inline void mixed_backward(Device& device, const MlpShape& network, Span<const float> weights,
+                           const MlpInputs<float>& inputs, Span<const float> dL_doutputs,
+                           MlpScratch<Device, float>& scratch, Span<float> dL_dweights, FeatureView<float> dL_dfeatures,
+                           Write features_mode, Span<float> dL_dshared, unsigned most_blocks) {
+    const MixedShape shape(network);
+    const unsigned tiles = static_cast<unsigned>(chunk_count(inputs.features.rows, MixedBackward::tile_rows));
+    const unsigned blocks = std::min(tiles, most_blocks);
+    scratch.sums.resize(std::size_t(blocks) * shape.sums_size());
+    scratch.dL_dbias.resize(shape.shared ? MixedShape::width : 0);
+    device.launch(blocks, MixedBackward{{shape, mlp_row_inputs(network, inputs), scratch.packed, scratch.bias},
+                                        features_mode,
+                                        dL_doutputs,
+                                        dL_dfeatures,
+                                        scratch.sums});
+    if (blocks != 0)
+        device.launch(chunk_count(shape.sums_size(), MixedJoin::numbers),
+                      MixedJoin{shape, blocks, scratch.sums, dL_dweights, scratch.dL_dbias});
+    else
+        device.fill(Span<float>(scratch.dL_dbias), 0.0f);
+    device.launch(chunk_count(network.shared, MlpShareGradient<float>::numbers),
+                  MlpShareGradient<float>{network, weights, inputs.shared, scratch.dL_dbias, dL_dweights, dL_dshared});
+}
+
 /// As mlp_backward, with a given number of blocks that sum gradients.
 template <class Network, class T>
 void mlp_backward_in_blocks(Device& device, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
@@ -210,6 +254,10 @@ void mlp_backward_in_blocks(Device& device, const Network& network, Span<const T
     using Kernel = MlpBackward<T>;
     constexpr std::size_t tile_rows = MlpTile<T>::rows;
     const MlpShape shape = mlp_shape("Mlp::backward", network, inputs);
+    if constexpr (std::same_as<T, float>)
+        if (is_mixed<T>(device, shape))
+            return mixed_backward(device, shape, weights, inputs, dL_doutputs, scratch, dL_dweights, dL_dfeatures,
+                                  features_mode, dL_dshared, most_blocks);
     const unsigned tiles = static_cast<unsigned>(chunk_count(inputs.features.rows, tile_rows));
     const unsigned blocks = std::min(tiles, most_blocks);
     const bool wide = Kernel::uses_wide(shape, dL_dfeatures.columns);
@@ -234,6 +282,9 @@ void mlp_forward(Device& device, const Network& network, Span<const T> weights, 
                  Span<T> outputs, MlpScratch<Device, T>& scratch) {
     using detail::MlpPack;
     const detail::MlpShape shape = detail::mlp_shape("Mlp::forward", network, inputs);
+    if constexpr (std::same_as<T, float>)
+        if (detail::is_mixed<T>(device, shape))
+            return detail::mixed_forward(device, shape, weights, inputs, outputs, scratch);
     constexpr std::size_t tile_rows = detail::MlpTile<T>::rows;
     const std::size_t tiles = chunk_count(inputs.features.rows, tile_rows);
     const unsigned last = shape.layers - 1;

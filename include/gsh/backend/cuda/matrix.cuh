@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Products of small matrices by a warp: bf16 operands, sums in float, on tensor cores from sm_80 on.
+///
+/// A number of bf16 is the upper half of a float. A word holds two of them. In what follows, lane = 4 g + t.
+#pragma once
+
+#include <gsh/backend/cuda/kernel.cuh>
+
+#include <cstdint>
+
+#if !defined(GSH_CUDA_EMULATION) && defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
+#define GSH_TENSOR_CORES
+#endif
+
+namespace gsh::cuda {
+
+/// The left operand, 16 x 16: words (row g, columns 2t and 2t + 1), (row g + 8, the same), (row g, columns 2t + 8 and
+/// 2t + 9), (row g + 8, the same).
+struct MatrixA {
+    std::uint32_t words[4];
+};
+/// The right operand, 16 x 8: words (rows 2t and 2t + 1, column g), (rows 2t + 8 and 2t + 9, column g).
+struct MatrixB {
+    std::uint32_t words[2];
+};
+/// The result, 16 x 8: (row g, column 2t), (row g, column 2t + 1), (row g + 8, column 2t), (row g + 8, column 2t + 1).
+/// Two results side by side, packed, have the layout of a MatrixA.
+struct MatrixC {
+    float values[4];
+};
+
+[[nodiscard]] __device__ inline float low_half(std::uint32_t word) {
+    return __uint_as_float(word << 16);
+}
+[[nodiscard]] __device__ inline float high_half(std::uint32_t word) {
+    return __uint_as_float(word & 0xFFFF0000u);
+}
+/// Two numbers as bf16, rounded to the nearest, ties to even.
+[[nodiscard]] __device__ inline std::uint32_t pack_bf16(float low, float high) {
+#if defined(GSH_TENSOR_CORES)
+    std::uint32_t word;
+    asm("cvt.rn.bf16x2.f32 %0, %1, %2;" : "=r"(word) : "f"(high), "f"(low));
+    return word;
+#else
+    const auto rounded = [](float value) {
+        const std::uint32_t bits = __float_as_uint(value);
+        if ((bits & 0x7FFFFFFFu) > 0x7F800000u) return std::uint32_t(0x7FFF); // not a number
+        return (bits + 0x7FFFu + (bits >> 16 & 1u)) >> 16;
+    };
+    return rounded(low) | rounded(high) << 16;
+#endif
+}
+
+/// c += a b. All lanes take part.
+__device__ inline void multiply_add(MatrixC& c, const MatrixA& a, const MatrixB& b) {
+#if defined(GSH_TENSOR_CORES)
+    asm("mma.sync.aligned.m16n8k16.row.col.f32.bf16.bf16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, "
+        "{%0, %1, %2, %3};"
+        : "+f"(c.values[0]), "+f"(c.values[1]), "+f"(c.values[2]), "+f"(c.values[3])
+        : "r"(a.words[0]), "r"(a.words[1]), "r"(a.words[2]), "r"(a.words[3]), "r"(b.words[0]), "r"(b.words[1]));
+#else
+    const unsigned g = threadIdx.x % warp_size / 4, t = threadIdx.x % 4;
+    for (unsigned k = 0; k < 8; ++k) { // pairs of inner numbers
+        std::uint32_t rows[2], columns[2];
+        for (unsigned i = 0; i < 2; ++i) {
+            rows[i] = __shfl_sync(all_lanes, a.words[i + k / 4 * 2], static_cast<int>(4 * g + k % 4));
+            columns[i] = __shfl_sync(all_lanes, b.words[k / 4], static_cast<int>(4 * (2 * t + i) + k % 4));
+        }
+        for (unsigned i = 0; i < 4; ++i)
+            c.values[i] +=
+                low_half(rows[i / 2]) * low_half(columns[i % 2]) + high_half(rows[i / 2]) * high_half(columns[i % 2]);
+    }
+#endif
+}
+
+/// The transpose of an 8 x 8 matrix of which a lane has the word (row g, columns 2t and 2t + 1). All lanes take part.
+[[nodiscard]] __device__ inline std::uint32_t transposed(std::uint32_t word) {
+#if defined(GSH_TENSOR_CORES)
+    std::uint32_t result;
+    asm("movmatrix.sync.aligned.m8n8.trans.b16 %0, %1;" : "=r"(result) : "r"(word));
+    return result;
+#else
+    const unsigned g = threadIdx.x % warp_size / 4, t = threadIdx.x % 4;
+    const std::uint32_t first = __shfl_sync(all_lanes, word, static_cast<int>(4 * (2 * t) + g / 2)),
+                        second = __shfl_sync(all_lanes, word, static_cast<int>(4 * (2 * t + 1) + g / 2));
+    return g % 2 == 0 ? (first & 0xFFFFu) | second << 16 : first >> 16 | (second & 0xFFFF0000u);
+#endif
+}
+
+} // namespace gsh::cuda
+
+#undef GSH_TENSOR_CORES

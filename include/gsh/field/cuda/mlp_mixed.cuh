@@ -1,0 +1,388 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The paper's network in mixed precision: operands in bf16 on tensor cores, sums and masters in float.
+///
+/// A warp takes 16 rows through all layers without shared memory: the result of a layer has the layout of the next
+/// one's operand. Nothing but the outputs is stored; backward computes the activations again. Its gradients of the
+/// weights stay in registers over all rows of a block: each warp has a quarter of the outputs, and receives rows of the
+/// other warps through shared memory.
+#pragma once
+
+#include <gsh/backend/cuda/kernel.cuh>
+#include <gsh/backend/cuda/matrix.cuh>
+#include <gsh/core/span.hpp>
+#include <gsh/field/cuda/mlp_shape.cuh>
+#include <gsh/field/cuda/mlp_tile.cuh>
+#include <gsh/field/features.hpp>
+
+#include <cstdint>
+
+namespace gsh::cuda::detail {
+
+/// Offsets of a network of two hidden layers of 64, in fragments: what the 32 lanes hold of a right operand, two words
+/// each. The number of inner tiles of 16 comes first, then that of column tiles of 8.
+struct MixedShape {
+    static constexpr unsigned width = 64, most_inputs = 80, most_outputs = 64;
+    static constexpr unsigned layers = 3, fragment = 2 * warp_size; // words
+    unsigned inputs = 0, outputs = 0, shared = 0;
+
+    [[nodiscard]] static bool fits(const MlpShape& shape) {
+        return shape.layers == layers && shape.width == width && shape.inputs <= most_inputs &&
+               shape.outputs <= most_outputs;
+    }
+    explicit MixedShape(const MlpShape& shape) : inputs(shape.inputs), outputs(shape.outputs), shared(shape.shared) {}
+
+    [[nodiscard]] GSH_HD unsigned in(unsigned layer) const { return layer ? width : inputs; }
+    [[nodiscard]] GSH_HD unsigned out(unsigned layer) const { return layer + 1 < layers ? width : outputs; }
+    [[nodiscard]] GSH_HD unsigned in_tiles(unsigned layer) const { return (in(layer) + 15) / 16; }
+    [[nodiscard]] GSH_HD unsigned out_tiles(unsigned layer) const { return (out(layer) + 15) / 16; }
+
+    /// y = x Wᵀ: inner tiles over the inputs.
+    [[nodiscard]] GSH_HD unsigned forward_offset(unsigned layer) const {
+        unsigned offset = 0;
+        for (unsigned l = 0; l < layer; ++l) offset += in_tiles(l) * 2 * out_tiles(l);
+        return offset;
+    }
+    /// dL/dx = dL/dy W: inner tiles over the outputs. The number of fragments is the same.
+    [[nodiscard]] GSH_HD unsigned backward_offset(unsigned layer) const {
+        return forward_offset(layers) + forward_offset(layer);
+    }
+    [[nodiscard]] GSH_HD unsigned words() const { return 2 * forward_offset(layers) * fragment; }
+
+    /// Where a layer's weights begin among the caller's.
+    [[nodiscard]] GSH_HD unsigned weights_stride(unsigned layer) const { return in(layer) + (layer ? 0 : shared); }
+    [[nodiscard]] GSH_HD unsigned weights_offset(unsigned layer) const {
+        return layer ? weights_stride(0) * width + (layer - 1) * width * width : 0;
+    }
+
+    /// Sums of a block: of each layer [out_tiles][2 in_tiles][32 lanes][4], then the bias [64].
+    [[nodiscard]] GSH_HD unsigned sums_offset(unsigned layer) const { return forward_offset(layer) * 4 * warp_size; }
+    [[nodiscard]] GSH_HD unsigned sums_size() const { return sums_offset(layers) + width; }
+};
+
+/// Packs the weights for both passes, a thread per word; and the first layer's bias, a warp per number.
+struct MixedPack {
+    static constexpr unsigned block_size = 256, numbers_per_block = block_size / warp_size;
+    MixedShape shape;
+    unsigned bias_blocks;
+    Span<const float> weights, shared;
+    Span<std::uint32_t> packed;
+    Span<float> bias;
+
+    __device__ void operator()() const {
+        if (blockIdx.x < bias_blocks)
+            sum_shared();
+        else
+            pack((blockIdx.x - bias_blocks) * block_size + threadIdx.x);
+    }
+
+private:
+    __device__ void sum_shared() const {
+        const unsigned o = blockIdx.x * numbers_per_block + threadIdx.x / warp_size, lane = threadIdx.x % warp_size;
+        float sum = 0;
+        for (unsigned c = lane; c < shape.shared; c += warp_size)
+            sum += weights[o * shape.weights_stride(0) + shape.inputs + c] * shared[c];
+        for (int distance = warp_size / 2; distance > 0; distance /= 2)
+            sum += __shfl_xor_sync(all_lanes, sum, distance);
+        if (lane == 0) bias[o] = sum;
+    }
+    __device__ void pack(unsigned word) const {
+        if (word >= packed.size()) return;
+        const unsigned half = shape.words() / 2, at = word % half;
+        const bool backward = word >= half;
+        const unsigned fragment = at / MixedShape::fragment, lane = at / 2 % warp_size, upper = at % 2;
+        unsigned layer = 0;
+        while (layer + 1 < MixedShape::layers && fragment >= shape.forward_offset(layer + 1)) ++layer;
+        const unsigned columns = 2 * (backward ? shape.in_tiles(layer) : shape.out_tiles(layer));
+        const unsigned tile = fragment - shape.forward_offset(layer);
+        const unsigned inner = tile / columns * 16 + 8 * upper + 2 * (lane % 4), column = tile % columns * 8 + lane / 4;
+        const auto weight = [&](unsigned k) {
+            const unsigned o = backward ? k : column, i = backward ? column : k;
+            const bool inside = o < shape.out(layer) && i < shape.in(layer);
+            return inside ? weights[shape.weights_offset(layer) + o * shape.weights_stride(layer) + i] : 0.0f;
+        };
+        packed[word] = pack_bf16(weight(inner), weight(inner + 1));
+    }
+};
+
+/// What both passes do with the 16 rows of a warp.
+struct MixedRows {
+    static constexpr unsigned rows = 16, most_in_tiles = MixedShape::most_inputs / 16;
+
+    MixedShape shape;
+    MlpRowInputs<float> inputs;
+    Span<const std::uint32_t> packed;
+    Span<const float> bias;
+
+    [[nodiscard]] __device__ static unsigned group() { return threadIdx.x % warp_size / 4; }
+    [[nodiscard]] __device__ static unsigned pair() { return 2 * (threadIdx.x % 4); }
+
+    [[nodiscard]] __device__ MatrixB weights(unsigned fragment) const {
+        const unsigned at = fragment * MixedShape::fragment + 2 * (threadIdx.x % warp_size);
+        return {{packed[at], packed[at + 1]}};
+    }
+
+    [[nodiscard]] __device__ float input(unsigned row, unsigned column) const {
+        return row < inputs.rows() && column < shape.inputs ? inputs(row, column) : 0.0f;
+    }
+    __device__ void load_inputs(unsigned first_row, MatrixA (&x)[most_in_tiles]) const {
+        for (unsigned k = 0; k < most_in_tiles; ++k) {
+            for (unsigned w = 0; w < 4; ++w) {
+                const unsigned row = first_row + group() + w % 2 * 8, column = 16 * k + w / 2 * 8 + pair();
+                x[k].words[w] = pack_bf16(input(row, column), input(row, column + 1)); // zeros beyond the inputs
+            }
+        }
+    }
+
+    /// A hidden layer: 64 numbers of each row after ReLU, as the next layer's operand.
+    template <unsigned Tiles>
+    __device__ void hidden(unsigned layer, const MatrixA (&x)[Tiles], MatrixA (&y)[4]) const {
+        for (unsigned tile = 0; tile < 4; ++tile) {
+            MatrixC sums[2];
+            for (unsigned n = 0; n < 2; ++n)
+                for (unsigned i = 0; i < 4; ++i)
+                    sums[n].values[i] = layer == 0 && !bias.empty() ? bias[16 * tile + 8 * n + pair() + i % 2] : 0.0f;
+            for (unsigned k = 0; k < Tiles; ++k)
+                for (unsigned n = 0; n < 2; ++n)
+                    if (k < shape.in_tiles(layer))
+                        multiply_add(sums[n], x[k], weights(shape.forward_offset(layer) + k * 8 + 2 * tile + n));
+            for (unsigned n = 0; n < 2; ++n)
+                for (unsigned i = 0; i < 2; ++i)
+                    y[tile].words[2 * n + i] =
+                        pack_bf16(positive(sums[n].values[2 * i]), positive(sums[n].values[2 * i + 1]));
+        }
+    }
+
+private:
+    [[nodiscard]] __device__ static float positive(float x) { return x > 0.0f ? x : 0.0f; }
+};
+
+/// Each warp takes 16 rows.
+struct MixedForward {
+    static constexpr unsigned block_size = 128, block_rows = block_size / warp_size * MixedRows::rows;
+    MixedRows network;
+    Span<float> outputs;
+
+    __device__ void operator()() const {
+        const unsigned first_row = (blockIdx.x * (block_size / warp_size) + threadIdx.x / warp_size) * MixedRows::rows;
+        MatrixA x[MixedRows::most_in_tiles], first[4], second[4];
+        network.load_inputs(first_row, x);
+        network.hidden(0, x, first);
+        network.hidden(1, first, second);
+        const MixedShape& shape = network.shape;
+        const unsigned columns = 2 * shape.out_tiles(2);
+        for (unsigned n = 0; n < columns; ++n) {
+            MatrixC sums{};
+            for (unsigned k = 0; k < 4; ++k)
+                multiply_add(sums, second[k], network.weights(shape.forward_offset(2) + k * columns + n));
+            for (unsigned i = 0; i < 4; ++i) {
+                const unsigned row = first_row + MixedRows::group() + i / 2 * 8,
+                               column = 8 * n + MixedRows::pair() + i % 2;
+                if (row < network.inputs.rows() && column < shape.outputs)
+                    outputs[row * shape.outputs + column] = sums.values[i];
+            }
+        }
+    }
+};
+
+/// A block takes a fixed range of tiles of 64 rows, 16 for each warp.
+struct MixedBackward {
+    static constexpr unsigned block_size = 128, warps = block_size / warp_size, tile_rows = warps * MixedRows::rows;
+    static constexpr unsigned stride = tile_rows / 2 + 4; ///< words between columns: eight columns in different banks
+    static constexpr unsigned bias_parts = MixedShape::width / 4;
+    struct Shared {
+        SharedArray<std::uint32_t, MixedShape::width * stride> gradients;    ///< [column][rows, two in a word]
+        SharedArray<std::uint32_t, MixedShape::most_inputs * stride> inputs; ///< likewise
+        SharedArray<float, bias_parts * block_size> bias;                    ///< each thread's sums
+    };
+
+    MixedRows network;
+    Write mode; ///< of dL_dfeatures
+    Span<const float> dL_doutputs;
+    MlpColumns<float> dL_dfeatures; ///< no columns: not wanted
+    Span<float> sums;               ///< [blocks][MixedShape::sums_size()]
+
+    __device__ void operator()(Shared& shared) const {
+        const MixedShape& shape = network.shape;
+        MatrixC first[2 * MixedRows::most_in_tiles] = {}, second[8] = {}, third[8] = {}; // this warp's 16 outputs
+        for (unsigned n = 0; n < bias_parts; ++n) shared.bias[n * block_size + threadIdx.x] = 0;
+        for (unsigned tile = first_tile(blockIdx.x); tile < first_tile(blockIdx.x + 1); ++tile) {
+            const unsigned row = tile * tile_rows + threadIdx.x / warp_size * MixedRows::rows;
+            MatrixA h1[4], h2[4], gradient[4];
+            compute_hidden(row, h1, h2);
+            load_gradient(row, gradient);
+
+            add_weights<4>(shared, gradient, h2, shape.out_tiles(2), 4, third);
+            through<4>(2, gradient, h2);
+            add_weights<4>(shared, gradient, h1, 4, 4, second);
+            through<4>(1, gradient, h1);
+            if (!network.bias.empty()) add_bias(shared, gradient);
+            MatrixA x[MixedRows::most_in_tiles]; // read again: meanwhile, registers are scarce
+            network.load_inputs(row, x);
+            add_weights<MixedRows::most_in_tiles>(shared, gradient, x, 4, shape.in_tiles(0), first);
+            if (dL_dfeatures.columns != 0) write_features(row, gradient);
+        }
+        store(0, first), store(1, second), store(2, third);
+        if (!network.bias.empty()) store_bias(shared);
+    }
+
+private:
+    [[nodiscard]] __device__ unsigned first_tile(unsigned block) const {
+        const std::size_t tiles = (network.inputs.rows() + tile_rows - 1) / tile_rows;
+        return static_cast<unsigned>(tiles * block / gridDim.x);
+    }
+    __device__ void compute_hidden(unsigned row, MatrixA (&h1)[4], MatrixA (&h2)[4]) const {
+        MatrixA x[MixedRows::most_in_tiles];
+        network.load_inputs(row, x);
+        network.hidden(0, x, h1);
+        network.hidden(1, h1, h2);
+    }
+    [[nodiscard]] __device__ float output_gradient(unsigned row, unsigned column) const {
+        const bool inside = row < network.inputs.rows() && column < network.shape.outputs;
+        return inside ? dL_doutputs[row * network.shape.outputs + column] : 0.0f;
+    }
+    __device__ void load_gradient(unsigned first_row, MatrixA (&gradient)[4]) const {
+        for (unsigned k = 0; k < 4; ++k)
+            for (unsigned w = 0; w < 4; ++w) {
+                const unsigned row = first_row + MixedRows::group() + w % 2 * 8,
+                               column = 16 * k + w / 2 * 8 + MixedRows::pair();
+                gradient[k].words[w] = pack_bf16(output_gradient(row, column), output_gradient(row, column + 1));
+            }
+    }
+
+    /// Writes 16 rows of 16 columns, column after column.
+    template <std::size_t N>
+    __device__ static void spread(SharedArray<std::uint32_t, N>& to, unsigned tile, const MatrixA& from) {
+        const unsigned row = threadIdx.x / warp_size * (MixedRows::rows / 2) + threadIdx.x % 4; // in words
+        for (unsigned w = 0; w < 4; ++w)
+            to[(16 * tile + w / 2 * 8 + MixedRows::group()) * stride + row + w % 2 * 4] = transposed(from.words[w]);
+    }
+
+    /// dL/dW += dL/dyᵀ x over the block's 64 rows, for 16 outputs a warp.
+    template <unsigned Tiles>
+    __device__ void add_weights(Shared& shared, const MatrixA (&gradient)[4], const MatrixA (&x)[Tiles],
+                                unsigned out_tiles, unsigned in_tiles, MatrixC (&to)[2 * Tiles]) const {
+        __syncthreads(); // the arrays are still read
+        for (unsigned k = 0; k < 4; ++k) spread(shared.gradients, k, gradient[k]);
+        for (unsigned k = 0; k < Tiles; ++k)
+            if (k < in_tiles) spread(shared.inputs, k, x[k]);
+        __syncthreads();
+        const unsigned warp = threadIdx.x / warp_size;
+        if (warp >= out_tiles) return; // no barrier follows before all warps are back
+        const unsigned t = threadIdx.x % 4, g = MixedRows::group();
+        for (unsigned k = 0; k < tile_rows / 16; ++k) {
+            MatrixA a;
+            for (unsigned w = 0; w < 4; ++w)
+                a.words[w] = shared.gradients[(16 * warp + w % 2 * 8 + g) * stride + 8 * k + w / 2 * 4 + t];
+            for (unsigned n = 0; n < 2 * Tiles; ++n) {
+                if (n >= 2 * in_tiles) continue; // not break: the loop must have a constant length
+                MatrixB b;
+                for (unsigned w = 0; w < 2; ++w) b.words[w] = shared.inputs[(8 * n + g) * stride + 8 * k + w * 4 + t];
+                multiply_add(to[n], a, b);
+            }
+        }
+    }
+
+    /// The gradient of a layer's inputs, through the ReLU that made them, in the place of that of its outputs.
+    template <unsigned Tiles>
+    __device__ void through(unsigned layer, MatrixA (&gradient)[4], const MatrixA (&x)[Tiles]) const {
+        const unsigned inner = network.shape.out_tiles(layer), offset = network.shape.backward_offset(layer);
+        MatrixA result[4];
+        for (unsigned tile = 0; tile < 4; ++tile)
+            for (unsigned n = 0; n < 2; ++n) {
+                MatrixC sum{};
+                for (unsigned k = 0; k < 4; ++k)
+                    if (k < inner) multiply_add(sum, gradient[k], network.weights(offset + k * 8 + 2 * tile + n));
+                for (unsigned i = 0; i < 2; ++i) {
+                    const std::uint32_t value = x[tile].words[2 * n + i];
+                    result[tile].words[2 * n + i] = pack_bf16((value & 0xFFFFu) != 0 ? sum.values[2 * i] : 0.0f,
+                                                              value >> 16 != 0 ? sum.values[2 * i + 1] : 0.0f);
+                }
+            }
+        for (unsigned tile = 0; tile < 4; ++tile) gradient[tile] = result[tile];
+    }
+
+    /// Each thread sums its own rows of its 16 columns, in shared memory to save registers.
+    __device__ static void add_bias(Shared& shared, const MatrixA (&gradient)[4]) {
+        for (unsigned n = 0; n < bias_parts / 2; ++n) {
+            const std::uint32_t upper = gradient[n / 2].words[n % 2 * 2], lower = gradient[n / 2].words[n % 2 * 2 + 1];
+            const unsigned at = 2 * n * block_size + threadIdx.x;
+            shared.bias[at] = shared.bias[at] + (low_half(upper) + low_half(lower));
+            shared.bias[at + block_size] = shared.bias[at + block_size] + (high_half(upper) + high_half(lower));
+        }
+    }
+
+    __device__ void write_features(unsigned first_row, const MatrixA (&gradient)[4]) const {
+        const unsigned columns = 2 * network.shape.in_tiles(0), offset = network.shape.backward_offset(0);
+        for (unsigned n = 0; n < columns; ++n) {
+            MatrixC sum{};
+            for (unsigned k = 0; k < 4; ++k) multiply_add(sum, gradient[k], network.weights(offset + k * columns + n));
+            for (unsigned i = 0; i < 4; ++i) {
+                const unsigned row = first_row + MixedRows::group() + i / 2 * 8,
+                               column = 8 * n + MixedRows::pair() + i % 2;
+                if (row >= network.inputs.rows() || column >= dL_dfeatures.columns) continue;
+                float& to = dL_dfeatures.values[dL_dfeatures.index(row, column)];
+                to = mode == Write::add ? to + sum.values[i] : sum.values[i];
+            }
+        }
+    }
+
+    template <std::size_t N>
+    __device__ void store(unsigned layer, const MatrixC (&from)[N]) const {
+        const unsigned warp = threadIdx.x / warp_size, columns = 2 * network.shape.in_tiles(layer);
+        if (warp >= network.shape.out_tiles(layer)) return;
+        const unsigned begin = blockIdx.x * network.shape.sums_size() + network.shape.sums_offset(layer);
+        for (unsigned n = 0; n < N; ++n) {
+            if (n >= columns) continue;
+            for (unsigned i = 0; i < 4; ++i) // neighbouring lanes write neighbouring numbers
+                sums[begin + ((warp * columns + n) * 4 + i) * warp_size + threadIdx.x % warp_size] = from[n].values[i];
+        }
+    }
+    /// A thread sums one column over the eight threads of each warp that have rows of it.
+    __device__ void store_bias(Shared& shared) const {
+        __syncthreads();
+        if (threadIdx.x >= MixedShape::width) return;
+        const unsigned column = threadIdx.x, part = column / 8 * 2 + column % 2, t = column % 8 / 2;
+        float sum = 0;
+        for (unsigned warp = 0; warp < warps; ++warp)
+            for (unsigned g = 0; g < 8; ++g) sum += shared.bias[part * block_size + warp * warp_size + 4 * g + t];
+        sums[blockIdx.x * network.shape.sums_size() + network.shape.sums_offset(MixedShape::layers) + column] = sum;
+    }
+};
+
+/// Adds the blocks' sums to the gradient of the weights: 32 numbers a block, each by 8 threads.
+struct MixedJoin {
+    static constexpr unsigned numbers = 32, parts = 8, block_size = numbers * parts;
+    struct Shared {
+        SharedArray<float, block_size> sums;
+    };
+    MixedShape shape;
+    unsigned blocks;
+    Span<const float> sums;
+    Span<float> dL_dweights, dL_dbias;
+
+    __device__ void operator()(Shared& shared) const {
+        const unsigned at = blockIdx.x * numbers + threadIdx.x % numbers, part = threadIdx.x / numbers;
+        float sum = 0;
+        if (at < shape.sums_size())
+            for (unsigned b = blocks * part / parts; b < blocks * (part + 1) / parts; ++b)
+                sum += sums[b * shape.sums_size() + at];
+        shared.sums[threadIdx.x] = sum;
+        __syncthreads();
+        if (part != 0 || at >= shape.sums_size()) return;
+        for (unsigned p = 1; p < parts; ++p) sum += shared.sums[p * numbers + threadIdx.x];
+        if (at >= shape.sums_offset(MixedShape::layers)) {
+            if (!dL_dbias.empty()) dL_dbias[at - shape.sums_offset(MixedShape::layers)] = sum;
+            return;
+        }
+        unsigned layer = 0;
+        while (layer + 1 < MixedShape::layers && at >= shape.sums_offset(layer + 1)) ++layer;
+        const unsigned in_layer = at - shape.sums_offset(layer), columns = 2 * shape.in_tiles(layer);
+        const unsigned lane = in_layer % warp_size, i = in_layer / warp_size % 4,
+                       n = in_layer / (4 * warp_size) % columns, tile = in_layer / (4 * warp_size) / columns;
+        const unsigned o = 16 * tile + lane / 4 + i / 2 * 8, input = 8 * n + 2 * (lane % 4) + i % 2;
+        if (o < shape.out(layer) && input < shape.in(layer))
+            dL_dweights[shape.weights_offset(layer) + o * shape.weights_stride(layer) + input] += sum;
+    }
+};
+
+} // namespace gsh::cuda::detail
