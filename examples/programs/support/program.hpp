@@ -70,7 +70,7 @@ inline void add_threads(CLI::App& app, std::size_t& threads) {
 /// The options --backend, --device and --threads.
 inline void add_backend(CLI::App& app, BackendOption& option) {
     app.add_option("--backend", option.backend,
-                   "where to train and to render: threads (the CPU, the default) or cuda (an NVIDIA GPU)")
+                   "where to compute: threads (the CPU, the default) or cuda (an NVIDIA GPU)")
         ->check(CLI::IsMember({"threads", "cuda"}));
     app.add_option("--device", option.device, "with --backend cuda: number of the GPU (default 0)")
         ->check(not_negative());
