@@ -26,6 +26,7 @@
 #include <gsh/field/cuda/mlp_forward.cuh>
 #include <gsh/field/cuda/mlp_mixed.cuh>
 #include <gsh/field/cuda/mlp_shape.cuh>
+#include <gsh/field/cuda/mlp_sums.cuh>
 #include <gsh/field/cuda/mlp_tile.cuh>
 #include <gsh/field/cuda/row.cuh>
 #include <gsh/optim/cuda/adam.cuh>

@@ -131,23 +131,18 @@ public:
     void upload(Span<const T> from, Span<std::type_identity_t<T>> to) {
         check_size("gsh::cuda::Device::upload", "destination", to.size(), from.size());
         if (from.empty()) return;
-        if (recorder_ != nullptr && from.size() * sizeof(T) <= most_small_uploads * detail::SmallUpload::capacity) {
-            upload_small(reinterpret_cast<const unsigned char*>(from.data()), from.size() * sizeof(T),
+        constexpr std::size_t most = most_small_uploads * detail::SmallUpload::capacity;
+        const std::size_t bytes = from.size() * sizeof(T);
+        if (bytes <= most && deferring()) {
+            upload_small(reinterpret_cast<const unsigned char*>(from.data()), bytes,
                          reinterpret_cast<unsigned char*>(to.data()));
             return;
         }
+        if (is_captured()) // a graph would keep the address, and read the memory in each of its launches
+            throw DeviceError("gsh::cuda::Device::upload: " + std::to_string(bytes) +
+                              " bytes inside a capture of the caller's, expected at most " + std::to_string(most) +
+                              "; upload them before the capture begins");
         const Cut cut(recorder_);
-        if (is_captured()) {
-            // A graph would keep the address, and read the memory in each of its launches.
-            if (from.size() * sizeof(T) > most_small_uploads * detail::SmallUpload::capacity)
-                throw DeviceError("gsh::cuda::Device::upload: " + std::to_string(from.size() * sizeof(T)) +
-                                  " bytes inside a capture of the caller's, expected at most " +
-                                  std::to_string(most_small_uploads * detail::SmallUpload::capacity) +
-                                  "; upload them before the capture begins");
-            upload_small(reinterpret_cast<const unsigned char*>(from.data()), from.size() * sizeof(T),
-                         reinterpret_cast<unsigned char*>(to.data()));
-            return;
-        }
         check(cudaMemcpyAsync(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice, stream_),
               "gsh::cuda::Device::upload");
     }
@@ -256,11 +251,7 @@ private:
         return error == cudaSuccess && attributes.type == cudaMemoryTypeDevice && attributes.device == ordinal_;
     }
     /// Whether the caller captures the stream.
-    [[nodiscard]] bool is_captured() const {
-        cudaStreamCaptureStatus status;
-        check(cudaStreamIsCapturing(stream_, &status), where);
-        return recorder_ == nullptr && status != cudaStreamCaptureStatusNone;
-    }
+    [[nodiscard]] bool is_captured() const { return recorder_ == nullptr && detail::is_capturing(stream_); }
     void upload_small(const unsigned char* from, std::size_t bytes, unsigned char* to) {
         for (std::size_t first = 0; first < bytes; first += detail::SmallUpload::capacity) {
             detail::SmallUpload kernel{};

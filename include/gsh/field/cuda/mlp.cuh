@@ -15,6 +15,7 @@
 #include <gsh/field/cuda/mlp_forward.cuh>
 #include <gsh/field/cuda/mlp_mixed.cuh>
 #include <gsh/field/cuda/mlp_shape.cuh>
+#include <gsh/field/cuda/mlp_sums.cuh>
 #include <gsh/field/cuda/mlp_tile.cuh>
 #include <gsh/field/cuda/row.cuh>
 #include <gsh/field/features.hpp>
@@ -64,13 +65,8 @@ struct MlpPack {
 private:
     __device__ void sum_shared() const {
         const unsigned o = blockIdx.x * outputs_per_block + threadIdx.x / warp_size, lane = threadIdx.x % warp_size;
-        T sum = 0;
-        if (o < shape.out(0))
-            for (unsigned c = lane; c < shape.shared; c += warp_size)
-                sum += weights[o * shape.weights_stride(0) + shape.inputs + c] * shared[c];
-        for (int distance = warp_size / 2; distance > 0; distance /= 2)
-            sum += __shfl_xor_sync(all_lanes, sum, distance);
-        if (lane == 0) bias[o] = sum; // zeros beyond the outputs
+        const T sum = mlp_bias(shape, weights, shared, o);
+        if (lane == 0) bias[o] = sum;
     }
     __device__ void copy(unsigned e) const {
         const unsigned forward_size = static_cast<unsigned>(forward.size());
@@ -93,21 +89,19 @@ private:
     }
 };
 
-/// Adds the blocks' sums to the gradient of the weights: 32 numbers a block, each by 8 threads, which take consecutive
-/// parts of the blocks.
+/// Adds the blocks' sums to the gradient of the weights.
 template <class T>
 struct MlpJoin {
-    static constexpr unsigned numbers = 32, parts = 8, block_size = numbers * parts;
-    struct Shared {
-        SharedArray<T, block_size> sums;
-    };
+    using Sum = MlpSumOfBlocks<T>;
+    using Shared = typename Sum::Shared;
+    static constexpr unsigned numbers = Sum::numbers, block_size = Sum::block_size;
     MlpShape shape;
     unsigned blocks;
     Span<const T> sums;
     Span<T> dL_dweights, dL_dbias;
 
     __device__ void operator()(Shared& shared) const {
-        const unsigned at = blockIdx.x * numbers + threadIdx.x % numbers, part = threadIdx.x / numbers;
+        const unsigned at = Sum::number();
         const bool is_bias = at >= bias_begin();
         T* to = nullptr; // for padding
         if (is_bias) {
@@ -123,15 +117,8 @@ struct MlpJoin {
             if (o < shape.out(share.layer) && i < shape.in(share.layer))
                 to = &dL_dweights[shape.weights_offset(share.layer) + o * shape.weights_stride(share.layer) + i];
         }
-        T sum = 0;
-        if (to != nullptr)
-            for (unsigned b = blocks * part / parts; b < blocks * (part + 1) / parts; ++b)
-                sum += sums[b * shape.sums_size() + at];
-        shared.sums[threadIdx.x] = sum;
-        __syncthreads();
-        if (part != 0 || to == nullptr) return;
-        for (unsigned p = 1; p < parts; ++p) sum += shared.sums[p * numbers + threadIdx.x];
-        *to = is_bias ? sum : *to + sum;
+        const T sum = Sum::sum(shared, sums, shape.sums_size(), blocks, to != nullptr);
+        if (to != nullptr && Sum::receives()) *to = is_bias ? sum : *to + sum;
     }
 
 private:
@@ -217,7 +204,7 @@ inline void mixed_forward(Device& device, const MlpShape& network, Span<const fl
     scratch.bias.resize(shape.shared ? MixedShape::width : 0);
     const unsigned bias_blocks = static_cast<unsigned>(scratch.bias.size()) / MixedPack::numbers_per_block;
     device.launch(bias_blocks + chunk_count(shape.words(), MixedPack::block_size),
-                  MixedPack{shape, bias_blocks, weights, inputs.shared, scratch.packed, scratch.bias});
+                  MixedPack{network, shape, bias_blocks, weights, inputs.shared, scratch.packed, scratch.bias});
     device.launch(chunk_count(inputs.features.rows, MixedForward::block_rows),
                   MixedForward{{shape, mlp_row_inputs(network, inputs), scratch.packed, scratch.bias}, outputs});
 }
@@ -238,7 +225,7 @@ inline void mixed_backward(Device& device, const MlpShape& network, Span<const f
                                         scratch.sums});
     if (blocks != 0)
         device.launch(chunk_count(shape.sums_size(), MixedJoin::numbers),
-                      MixedJoin{shape, blocks, scratch.sums, dL_dweights, scratch.dL_dbias});
+                      MixedJoin{network, shape, blocks, scratch.sums, dL_dweights, scratch.dL_dbias});
     else
         device.fill(Span<float>(scratch.dL_dbias), 0.0f);
     device.launch(chunk_count(network.shared, MlpShareGradient<float>::numbers),

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <gsh/backend/cuda/kernel.cuh>
+#include <gsh/backend/cuda/reduce.cuh>
 #include <gsh/core/span.hpp>
 #include <gsh/field/cuda/mlp_shape.cuh>
+#include <gsh/field/cuda/mlp_sums.cuh>
 #include <gsh/field/cuda/mlp_tile.cuh>
 #include <gsh/field/cuda/row.cuh>
 #include <gsh/field/features.hpp>
@@ -53,10 +55,8 @@ struct MlpBackward {
     }
 
 private:
-    /// The tiles of a block come before the next block's; their numbers differ by one at most.
     [[nodiscard]] __device__ unsigned first_tile(unsigned block) const {
-        const std::size_t tiles = (inputs.rows() + Tile::rows - 1) / Tile::rows;
-        return static_cast<unsigned>(tiles * block / gridDim.x);
+        return mlp_first_tile(inputs.rows(), Tile::rows, block);
     }
     /// The number of a layer's inputs whose gradient is wanted.
     [[nodiscard]] __device__ unsigned columns(unsigned layer) const {
@@ -143,8 +143,7 @@ private:
             T sum = 0;
             for (unsigned r = threadIdx.x % warp_size; r < Tile::rows; r += warp_size)
                 sum += shared.tile[c * Tile::stride + r];
-            for (int distance = warp_size / 2; distance > 0; distance /= 2)
-                sum += __shfl_xor_sync(all_lanes, sum, distance);
+            sum = warp_sum(sum);
             if (threadIdx.x % warp_size == 0) sums[begin + c] = first ? sum : sums[begin + c] + sum;
         }
     }

@@ -11,6 +11,7 @@
 #include <gsh/backend/cuda/matrix.cuh>
 #include <gsh/core/span.hpp>
 #include <gsh/field/cuda/mlp_shape.cuh>
+#include <gsh/field/cuda/mlp_sums.cuh>
 #include <gsh/field/cuda/mlp_tile.cuh>
 #include <gsh/field/features.hpp>
 
@@ -48,12 +49,6 @@ struct MixedShape {
     }
     [[nodiscard]] GSH_HD unsigned words() const { return 2 * forward_offset(layers) * fragment; }
 
-    /// Where a layer's weights begin among the caller's.
-    [[nodiscard]] GSH_HD unsigned weights_stride(unsigned layer) const { return in(layer) + (layer ? 0 : shared); }
-    [[nodiscard]] GSH_HD unsigned weights_offset(unsigned layer) const {
-        return layer ? weights_stride(0) * width + (layer - 1) * width * width : 0;
-    }
-
     /// Sums of a block: of each layer [out_tiles][2 in_tiles][32 lanes][4], then the bias [64].
     [[nodiscard]] GSH_HD unsigned sums_offset(unsigned layer) const { return forward_offset(layer) * 4 * warp_size; }
     [[nodiscard]] GSH_HD unsigned sums_size() const { return sums_offset(layers) + width; }
@@ -62,6 +57,7 @@ struct MixedShape {
 /// Packs the weights for both passes, a thread per word; and the first layer's bias, a warp per number.
 struct MixedPack {
     static constexpr unsigned block_size = 256, numbers_per_block = block_size / warp_size;
+    MlpShape network;
     MixedShape shape;
     unsigned bias_blocks;
     Span<const float> weights, shared;
@@ -78,11 +74,7 @@ struct MixedPack {
 private:
     __device__ void sum_shared() const {
         const unsigned o = blockIdx.x * numbers_per_block + threadIdx.x / warp_size, lane = threadIdx.x % warp_size;
-        float sum = 0;
-        for (unsigned c = lane; c < shape.shared; c += warp_size)
-            sum += weights[o * shape.weights_stride(0) + shape.inputs + c] * shared[c];
-        for (int distance = warp_size / 2; distance > 0; distance /= 2)
-            sum += __shfl_xor_sync(all_lanes, sum, distance);
+        const float sum = mlp_bias(network, weights, shared, o);
         if (lane == 0) bias[o] = sum;
     }
     __device__ void pack(unsigned word) const {
@@ -98,7 +90,7 @@ private:
         const auto weight = [&](unsigned k) {
             const unsigned o = backward ? k : column, i = backward ? column : k;
             const bool inside = o < shape.out(layer) && i < shape.in(layer);
-            return inside ? weights[shape.weights_offset(layer) + o * shape.weights_stride(layer) + i] : 0.0f;
+            return inside ? weights[network.weights_offset(layer) + o * network.weights_stride(layer) + i] : 0.0f;
         };
         packed[word] = pack_bf16(weight(inner), weight(inner + 1));
     }
@@ -227,8 +219,7 @@ struct MixedBackward {
 
 private:
     [[nodiscard]] __device__ unsigned first_tile(unsigned block) const {
-        const std::size_t tiles = (network.inputs.rows() + tile_rows - 1) / tile_rows;
-        return static_cast<unsigned>(tiles * block / gridDim.x);
+        return mlp_first_tile(network.inputs.rows(), tile_rows, block);
     }
     __device__ void compute_hidden(unsigned row, MatrixA (&h1)[4], MatrixA (&h2)[4]) const {
         MatrixA x[MixedRows::most_in_tiles];
@@ -349,27 +340,23 @@ private:
     }
 };
 
-/// Adds the blocks' sums to the gradient of the weights: 32 numbers a block, each by 8 threads.
+/// Adds the blocks' sums to the gradient of the weights.
 struct MixedJoin {
-    static constexpr unsigned numbers = 32, parts = 8, block_size = numbers * parts;
-    struct Shared {
-        SharedArray<float, block_size> sums;
-    };
+    using Sum = MlpSumOfBlocks<float>;
+    using Shared = Sum::Shared;
+    static constexpr unsigned numbers = Sum::numbers, block_size = Sum::block_size;
+
+    MlpShape network;
     MixedShape shape;
     unsigned blocks;
     Span<const float> sums;
     Span<float> dL_dweights, dL_dbias;
 
     __device__ void operator()(Shared& shared) const {
-        const unsigned at = blockIdx.x * numbers + threadIdx.x % numbers, part = threadIdx.x / numbers;
-        float sum = 0;
-        if (at < shape.sums_size())
-            for (unsigned b = blocks * part / parts; b < blocks * (part + 1) / parts; ++b)
-                sum += sums[b * shape.sums_size() + at];
-        shared.sums[threadIdx.x] = sum;
-        __syncthreads();
-        if (part != 0 || at >= shape.sums_size()) return;
-        for (unsigned p = 1; p < parts; ++p) sum += shared.sums[p * numbers + threadIdx.x];
+        const unsigned at = Sum::number();
+        const bool wanted = at < shape.sums_size();
+        const float sum = Sum::sum(shared, sums, shape.sums_size(), blocks, wanted);
+        if (!wanted || !Sum::receives()) return;
         if (at >= shape.sums_offset(MixedShape::layers)) {
             if (!dL_dbias.empty()) dL_dbias[at - shape.sums_offset(MixedShape::layers)] = sum;
             return;
@@ -381,7 +368,7 @@ struct MixedJoin {
                        n = in_layer / (4 * warp_size) % columns, tile = in_layer / (4 * warp_size) / columns;
         const unsigned o = 16 * tile + lane / 4 + i / 2 * 8, input = 8 * n + 2 * (lane % 4) + i % 2;
         if (o < shape.out(layer) && input < shape.in(layer))
-            dL_dweights[shape.weights_offset(layer) + o * shape.weights_stride(layer) + input] += sum;
+            dL_dweights[network.weights_offset(layer) + o * network.weights_stride(layer) + input] += sum;
     }
 };
 

@@ -2,6 +2,7 @@
 /// @file  Plans a change of density control on a GPU: which Gaussians there are afterwards.
 #pragma once
 
+#include <gsh/backend/backend.hpp>
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/memory.cuh>
@@ -22,8 +23,10 @@ using gsh::detail::Kin;
 /// What is common to the passes: a block counts the children of 2,048 Gaussians, a thread of eight in a row.
 struct DescentTile {
     static constexpr unsigned threads = 256, items = 8, size = threads * items;
+    struct Shared {
+        SharedArray<std::uint32_t, threads / warp_size> warps;
+    };
 
-    [[nodiscard]] static std::size_t blocks(std::size_t count) { return (count + size - 1) / size; }
     [[nodiscard]] __device__ static std::size_t first() {
         return std::size_t(blockIdx.x) * size + std::size_t(threadIdx.x) * items;
     }
@@ -35,9 +38,7 @@ struct DescentTile {
 /// The number of children of each block, and the numbers of clones, splits and pruned.
 struct CountDescent {
     static constexpr unsigned block_size = DescentTile::threads;
-    struct Shared {
-        SharedArray<std::uint32_t, block_size / warp_size> warps;
-    };
+    using Shared = DescentTile::Shared;
     Span<const Fate> fates;
     std::uint32_t split_count;
     Span<std::uint32_t> block_counts;
@@ -86,9 +87,7 @@ struct ScanDescent {
 /// Writes the children of each Gaussian.
 struct FillDescent {
     static constexpr unsigned block_size = DescentTile::threads;
-    struct Shared {
-        SharedArray<std::uint32_t, block_size / warp_size> warps;
-    };
+    using Shared = DescentTile::Shared;
     Span<const Fate> fates;
     std::uint32_t split_count;
     Span<const std::uint32_t> block_begin;
@@ -122,7 +121,7 @@ DensityChange plan_descent(Device& device, Span<const Fate> fates, Span<const T>
     if (fates.empty()) return {};
     if (fates.size() > std::numeric_limits<std::uint32_t>::max() / (split_count + 2)) // a count would not fit
         return gsh::detail::plan_descent_on_host(device, fates, gradients, split_count, most, to);
-    const std::size_t blocks = detail::DescentTile::blocks(fates.size());
+    const std::size_t blocks = chunk_count(fates.size(), detail::DescentTile::size);
     const auto parts = static_cast<std::uint32_t>(split_count);
     Buffer<std::uint32_t> block_counts(blocks), block_begin(blocks + 1), changes(4);
     device.fill(Span<std::uint32_t>(changes), 0u);

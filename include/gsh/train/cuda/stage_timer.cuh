@@ -11,7 +11,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <string>
+#include <string_view>
 
 namespace gsh {
 
@@ -39,10 +39,8 @@ public:
     void enter(Stage stage) {
         const auto s = static_cast<std::size_t>(stage);
         device_->mark(stage_names[s]);
-        device_->call("stage " + std::to_string(s), [event = events_[s]](cudaStream_t stream) {
-            cudaStreamCaptureStatus status;
-            cuda::check(cudaStreamIsCapturing(stream, &status), where);
-            const bool in_graph = status != cudaStreamCaptureStatusNone;
+        device_->call(stage_names[s], [event = events_[s]](cudaStream_t stream) {
+            const bool in_graph = cuda::detail::is_capturing(stream);
             cuda::check(cudaEventRecordWithFlags(event, stream, in_graph ? cudaEventRecordExternal : cudaEventDefault),
                         where);
         });
