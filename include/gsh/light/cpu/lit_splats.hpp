@@ -26,7 +26,6 @@ namespace cpu::inline GSH_ISA {
 namespace detail {
 
 using gsh::detail::LitColorBackward;
-using gsh::detail::LitColorForward;
 using gsh::detail::LitColors;
 using gsh::detail::LitVertexBackward;
 using gsh::detail::LitVertexForward;
@@ -88,14 +87,6 @@ struct LitBlock {
 
     // Gaussians -----------------------------------------------------------------------------------------------------
 
-    void forward(const LitColorForward<T>& element) {
-        if (!fill()) return;
-        vec3<W> base;
-        gather(base, [&](std::size_t i) -> auto& { return element.splats.base[i]; });
-        const vec3<W> color = LitColor::forward(base, shading_of(element.splats), element.splats.clamping);
-        for (std::size_t lane = 0; lane < count; ++lane) get_lane<T>(color, lane, element.colors[index[lane]]);
-        count = 0;
-    }
     void backward(const LitColorBackward<T>& element) {
         if (!fill()) return;
         vec3<W> base, dL_dcolor, dL_dbase(W(T(0)));
@@ -184,9 +175,32 @@ void lit_vertices_shade(B& backend, const gsh::detail::LitVertexForward<T>& elem
     detail::for_lit_blocks<T>(backend, element.shading.size(), element, [](std::size_t) { return false; });
 }
 
+/// The numbers of a chunk are transposed in the first-level cache. To load a register right after its lanes are stored
+/// would wait for the stores.
 template <CpuBackend B, class T>
 void lit_splats_color(B& backend, const gsh::detail::LitColorForward<T>& element) {
-    detail::for_lit_blocks<T>(backend, element.colors.size(), element, [](std::size_t) { return false; });
+    using W = Wide<T>;
+    constexpr std::size_t grain = 256;
+    static_assert(grain % W::width == 0);
+    backend.for_chunks(element.colors.size(), grain, [&](std::size_t, std::size_t begin, std::size_t end) {
+        const auto mine = element;
+        const std::size_t count = end - begin;
+        alignas(64) T color[3][grain]{}, irradiance[grain]{}, specular[grain]{};
+        for (std::size_t i = 0; i < count; ++i) {
+            const vec3<T>& base = mine.splats.base[begin + i];
+            const LitShading<T> shading = mine.splats.shading_of(begin + i);
+            for (int k = 0; k < 3; ++k) color[k][i] = base[k];
+            irradiance[i] = shading.x, specular[i] = shading.y;
+        }
+        for (std::size_t i = 0; i < count; i += W::width) {
+            const vec3<W> base(W::load(color[0] + i), W::load(color[1] + i), W::load(color[2] + i));
+            const LitShading<W> shading(W::load(irradiance + i), W::load(specular + i));
+            const vec3<W> lit = LitColor::forward(base, shading, mine.splats.clamping);
+            for (int k = 0; k < 3; ++k) lit[k].store(color[k] + i);
+        }
+        for (std::size_t i = 0; i < count; ++i)
+            mine.colors[begin + i] = vec3<T>(color[0][i], color[1][i], color[2][i]);
+    });
 }
 
 /// A Gaussian whose colour has no gradient is left out of the blocks.
