@@ -136,7 +136,7 @@ struct LaneTraits<Wide<S>> {
 inline namespace GSH_ISA {
 
 // For AVX-512, square root and multiply_add are intrinsics. GCC would make two halves of a loop over the lanes, and the
-// load of a register right after the stores of its halves waits for them: a posed frame took 15% longer.
+// load of a register right after the stores of its halves waits for them: a lit frame took 4% longer.
 
 template <std::floating_point S>
 [[nodiscard]] GSH_INLINE Wide<S> sqrt(Wide<S> x) {

@@ -150,8 +150,8 @@ template <class T>
     return sum;
 }
 
-/// Runs blocks of [0, count): work(block) for full ones and for the rest. The result of a lane depends on its own
-/// element alone, so the grouping into blocks does not change any result.
+/// Runs an element over those of [0, count) that are not skipped, a block at a time. The result of a lane depends on
+/// its own index alone, so the grouping into blocks does not change any result.
 template <class T, CpuBackend B, class Element, class Skip>
 void for_lit_blocks(B& backend, std::size_t count, const Element& element, const Skip& skip) {
     constexpr std::size_t grain = 1024;
