@@ -27,9 +27,10 @@ struct FilmedTurn {
     Capture capture;
     CanonicalSetup setup;
 
-    explicit FilmedTurn(const StudioLight& light = {}) {
+    /// The actor turns by `turn` radians from frame to frame.
+    explicit FilmedTurn(const StudioLight& light = {}, double turn = 0.7) {
         for (std::size_t t = 0; t < motion.frame_count(); ++t)
-            motion.pose[t * motion.joint_count] = {0, 0.7 * static_cast<double>(t) - 2.4, 0};
+            motion.pose[t * motion.joint_count] = {0, turn * (static_cast<double>(t) - 3.5), 0};
         StudioParams params;
         params.train_cameras = 3, params.test_cameras = 0, params.image_size = 200, params.samples = 4;
         params.light = light;
@@ -75,6 +76,25 @@ TEST_CASE("the strongest light that is found stands where the lamp stood, and ex
     elsewhere.position = {-2.4f, 1.9f, 1.2f};
     FilmedTurn scene(elsewhere);
     check(scene, elsewhere.position, scene.estimate());
+}
+
+TEST_CASE("no light is found on the side from which none comes") {
+    // The actor does not turn around, so an albedo that is too dark could explain a light from behind.
+    FilmedTurn scene(hard_light(), 0.1);
+    const LightEstimate found = scene.estimate();
+    const vec3<double> middle = scene.motion.transl[0] + scene.setup.rig.joints[0];
+    const vec3<double> to_lamp = normalize(vec3<double>(hard_light().position) - middle);
+    const auto irradiance = [&](const vec3<double>& normal) {
+        double sum = 0;
+        for (std::size_t k = 0; k < found.light.size(); ++k) {
+            const std::size_t P = found.light.points.size();
+            const vec3<double> l = k < P ? found.light.points[k] - middle : found.light.directions[k - P];
+            sum += std::exp(found.light.log_intensities[k]) * std::max(0.0, dot(normal, normalize(l))) / dot(l, l);
+        }
+        return sum;
+    };
+    // Of the studio: sky and floor, seen from a surface that faces away from the lamp, against the lamp.
+    CHECK(irradiance(to_lamp * -1.0) < 0.2 * irradiance(to_lamp));
 }
 
 TEST_CASE("shadows explain more than the surface's direction alone") {

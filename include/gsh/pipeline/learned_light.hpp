@@ -18,8 +18,8 @@ namespace gsh {
 
 /// Learning rates of a light; see LightView for the numbers.
 struct LightRates {
-    double points = 2e-3;          ///< metres
-    double log_intensities = 2e-3;
+    double points = 1e-2;          ///< metres
+    double log_intensities = 1e-2;
     double gloss = 5e-3;
 };
 

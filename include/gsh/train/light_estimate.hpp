@@ -37,7 +37,7 @@ struct LightEstimateParams {
     std::size_t photos_per_frame = 4;        ///< at most
     std::size_t vertices = 3000;             ///< at most, of each person
     bool shadows = true;                     ///< LightData::shadows of the result
-    int rounds = 12;                         ///< of light and albedo in turns
+    int rounds = 12;                         ///< at most, of Gauss-Newton steps
     std::uint64_t seed = 0;
 };
 
@@ -51,65 +51,129 @@ struct LightEstimate {
 
 namespace detail {
 
-/// Albedos and intensities in turns, each by weighted least squares. Returns the intensities; the mean irradiance of
-/// all colours is 1. psnr receives the fit's. T is the type of the sums; a template, so that Eigen's products are
-/// compiled only where a light is estimated.
-template <std::floating_point T>
-[[nodiscard]] Eigen::VectorX<T> fit_intensities(const LightSamples& samples, const Eigen::MatrixXf& G, int rounds,
-                                                T& psnr) {
-    const Eigen::Index lights = G.rows();
-    Eigen::VectorX<T> x = Eigen::VectorX<T>::Ones(lights);
-    std::vector<vec3<double>> albedo(samples.vertices), numerator(samples.vertices);
-    std::vector<double> denominator(samples.vertices);
-    Eigen::VectorXf E;
-    for (int round = 0;; ++round) {
-        E = G.transpose() * x.template cast<float>();
+/// The sums over the colours of each row that least squares need.
+struct ColorSums {
+    std::vector<double> weights;         // [rows] Σ w
+    std::vector<vec3<double>> weighted;  // [rows] Σ w c
+    double squares = 0;                  // Σ w |c|²
+
+    explicit ColorSums(const LightSamples& samples)
+        : weights(samples.positions.size()), weighted(samples.positions.size(), vec3<double>(0)) {
+        for (const auto& [row, linear, weight] : samples.colors) {
+            const vec3<double> c(linear);
+            const double w = weight;
+            weights[row] += w, weighted[row] += c * w, squares += w * dot(c, c);
+        }
+    }
+};
+
+/// The albedos that explain the colours best under given irradiances, which are scaled to a mean of 1.
+struct AlbedoFit {
+    Eigen::VectorXf E;                // [rows] irradiances
+    std::vector<vec3<double>> albedo; // [vertices]
+    std::vector<double> weights;      // [vertices] Σ w E²
+    double error = 0;                 // Σ w |c - albedo E|²
+
+    /// Scales x to a mean irradiance of 1.
+    template <std::floating_point T>
+    AlbedoFit(const LightSamples& samples, const ColorSums& sums, const Eigen::MatrixXf& G, Eigen::VectorX<T>& x)
+        : E(G.transpose() * x.template cast<float>()), albedo(samples.vertices, vec3<double>(0)),
+          weights(samples.vertices, 1e-12), error(sums.squares) {
         double mean = 0;
         for (const auto& color : samples.colors) mean += E[color.row];
         mean /= static_cast<double>(samples.colors.size());
         check_value(mean > 0, "estimate_light", "no light reaches any vertex that a photograph shows");
-        x /= mean, E /= static_cast<float>(mean);
-        std::fill(numerator.begin(), numerator.end(), vec3<double>(0));
-        std::fill(denominator.begin(), denominator.end(), 1e-12);
-        for (const auto& color : samples.colors) {
-            const double e = E[color.row], w = color.weight;
-            numerator[color.vertex] += vec3<double>(color.linear) * (w * e);
-            denominator[color.vertex] += w * e * e;
+        x /= static_cast<T>(mean), E /= static_cast<float>(mean);
+        for (std::size_t r = 0; r < sums.weights.size(); ++r) {
+            const double e = E[static_cast<Eigen::Index>(r)];
+            albedo[samples.vertex_of[r]] += sums.weighted[r] * e;
+            weights[samples.vertex_of[r]] += sums.weights[r] * e * e;
         }
-        for (std::size_t v = 0; v < samples.vertices; ++v) albedo[v] = numerator[v] * (1 / denominator[v]);
-        if (round == rounds) break;
+        for (std::size_t v = 0; v < samples.vertices; ++v) {
+            error -= dot(albedo[v], albedo[v]) / weights[v];
+            albedo[v] *= 1 / weights[v];
+        }
+    }
 
-        const auto rows = static_cast<std::size_t>(G.cols());
-        Eigen::VectorXf alpha = Eigen::VectorXf::Zero(G.cols()), beta = alpha;
-        for (const auto& color : samples.colors) {
-            const vec3<double>& a = albedo[color.vertex];
-            alpha[color.row] += static_cast<float>(color.weight * dot(a, a));
-            beta[color.row] += static_cast<float>(color.weight * dot(a, vec3<double>(color.linear)));
+    [[nodiscard]] double psnr(const LightSamples& samples) const {
+        double squared = 0;
+        for (const auto& color : samples.colors)
+            for (int c = 0; c < 3; ++c) {
+                const double predicted = albedo[samples.vertex_of[color.row]][c] * static_cast<double>(E[color.row]);
+                const double off = linear_to_srgb(std::clamp(predicted, 0.0, 1.0)) -
+                                   linear_to_srgb(static_cast<double>(color.linear[c]));
+                squared += off * off;
+            }
+        return -10 * std::log10(std::max(squared / (3 * static_cast<double>(samples.colors.size())), 1e-12));
+    }
+};
+
+/// The intensities that explain the colours best, by weighted least squares over albedos and intensities that are not
+/// negative. The albedos are eliminated, and the rest is solved by Gauss-Newton steps: fitting the two in turns takes
+/// hundreds of rounds where light and albedo could stand for each other, and ends with too much light from sides where
+/// there is none. The mean irradiance of all colours is 1. psnr receives the fit's. T is the type of the sums; a
+/// template, so that Eigen's products are compiled only where a light is estimated.
+///
+/// Source  Golub, Pereyra, "The Differentiation of Pseudo-Inverses and Nonlinear Least Squares Problems Whose Variables
+///         Separate", SIAM J. Numer. Anal. 10(2), 1973; Kaufman's approximation of the derivative.
+template <std::floating_point T>
+[[nodiscard]] Eigen::VectorX<T> fit_intensities(const LightSamples& samples, const Eigen::MatrixXf& G, int rounds,
+                                                T& psnr) {
+    const Eigen::Index lights = G.rows(), rows = G.cols();
+    const ColorSums sums(samples);
+    Eigen::VectorXf mean = Eigen::VectorXf::Zero(rows); // of all colours
+    for (const auto& color : samples.colors) mean[color.row] += 1 / static_cast<float>(samples.colors.size());
+    const Eigen::VectorX<T> unit = (G * mean).template cast<T>(); // unit · x = 1
+
+    Eigen::VectorX<T> x = Eigen::VectorX<T>::Ones(lights);
+    AlbedoFit fit(samples, sums, G, x);
+    for (int round = 0; round < rounds; ++round) {
+        // The derivative of albedo E by x, less what a change of the albedo makes up for: of row r of vertex v,
+        // |albedo| (G_r - E_r Σ w E G / Σ w E²), the sums over the rows of v.
+        Eigen::MatrixXf of_vertex = Eigen::MatrixXf::Zero(lights, static_cast<Eigen::Index>(samples.vertices));
+        Eigen::VectorXf alpha(rows), beta(rows);
+        for (Eigen::Index r = 0; r < rows; ++r) {
+            const auto row = static_cast<std::size_t>(r);
+            const std::uint32_t v = samples.vertex_of[row];
+            const vec3<double>& a = fit.albedo[v];
+            const double w = sums.weights[row], e = fit.E[r];
+            of_vertex.col(v) += G.col(r) * static_cast<float>(w * e / fit.weights[v]);
+            alpha[r] = static_cast<float>(std::sqrt(w * dot(a, a)));
+            beta[r] = static_cast<float>(dot(a, a) * w * e - dot(a, sums.weighted[row]));
         }
         Eigen::MatrixX<T> A = Eigen::MatrixX<T>::Zero(lights, lights);
-        constexpr std::size_t block = 4096; // sums of blocks in float, then in double
-        for (std::size_t first = 0; first < rows; first += block) {
-            const auto begin = static_cast<Eigen::Index>(first);
-            const auto count = static_cast<Eigen::Index>(std::min(block, rows - first));
-            const Eigen::MatrixXf scaled =
-                G.middleCols(begin, count) * alpha.segment(begin, count).cwiseSqrt().asDiagonal();
+        constexpr Eigen::Index block = 4096; // sums of blocks in float, then in double
+        Eigen::MatrixXf scaled;
+        for (Eigen::Index first = 0; first < rows; first += block) {
+            scaled = G.middleCols(first, std::min(block, rows - first));
+            for (Eigen::Index k = 0; k < scaled.cols(); ++k) {
+                const Eigen::Index r = first + k;
+                scaled.col(k) -= of_vertex.col(samples.vertex_of[static_cast<std::size_t>(r)]) * fit.E[r];
+                scaled.col(k) *= alpha[r];
+            }
             A += (scaled * scaled.transpose()).template cast<T>();
         }
-        A.diagonal().array() += 1e-6 * A.diagonal().mean() + 1e-12;
-        Eigen::VectorX<T> gradient = A * x - (G * beta).template cast<T>();
+        // A common factor of all intensities changes nothing. The step keeps the mean irradiance, which is 1.
+        const T size = A.diagonal().mean();
+        A += unit * unit.transpose() * (size / unit.squaredNorm());
+        A.diagonal().array() += T(1e-6) * size + T(1e-12);
+        Eigen::VectorX<T> gradient = (G * beta).template cast<T>(), next = x;
         descend_nonnegative<T>({A.data(), static_cast<std::size_t>(A.size())},
                                {gradient.data(), static_cast<std::size_t>(gradient.size())},
-                               {x.data(), static_cast<std::size_t>(x.size())});
-        if (!(x.maxCoeff() > 0)) x.setOnes();
-    }
-    double squared = 0;
-    for (const auto& color : samples.colors)
-        for (int c = 0; c < 3; ++c) {
-            const double predicted = std::clamp(albedo[color.vertex][c] * static_cast<double>(E[color.row]), 0.0, 1.0);
-            const double error = linear_to_srgb(predicted) - linear_to_srgb(static_cast<double>(color.linear[c]));
-            squared += error * error;
+                               {next.data(), static_cast<std::size_t>(next.size())});
+        // A step that is too long is halved.
+        const double before = fit.error;
+        for (T step = 1; step > T(0.05); step /= 2) {
+            Eigen::VectorX<T> trial = x + (next - x) * step;
+            if (!(trial.maxCoeff() > 0)) continue;
+            AlbedoFit after(samples, sums, G, trial);
+            if (!(after.error < fit.error)) continue;
+            x = std::move(trial), fit = std::move(after);
+            break;
         }
-    psnr = -10 * std::log10(std::max(squared / (3 * static_cast<double>(samples.colors.size())), 1e-12));
+        if (!(fit.error < before * (1 - 1e-5))) break;
+    }
+    psnr = fit.psnr(samples);
     return x;
 }
 
@@ -167,7 +231,7 @@ inline std::vector<vec3<double>> strongest_places(const std::vector<vec3<double>
 /// Units   the mean irradiance of the colours is 1, so that albedos are about the colours in the photographs.
 /// Errors  ValueError if no vertex is seen in any photograph, for a body without triangles, a photograph of a frame
 ///         that a motion does not have, and settings out of range.
-/// Source  our own; the inverse problem is that of "inverse rendering" with known geometry, solved in turns.
+/// Source  our own; the inverse problem is that of "inverse rendering" with known geometry.
 template <Backend B>
 [[nodiscard]] LightEstimate estimate_light(B& backend, Span<const LitPerson> people, Span<const Photo> photos,
                                            const LightEstimateParams& params = {}) {

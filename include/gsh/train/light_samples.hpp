@@ -40,12 +40,13 @@ namespace detail {
 /// Colours of mesh vertices in photographs, and the irradiance that each light of unit intensity gives them.
 struct LightSamples {
     struct Color {
-        std::uint32_t vertex, row; ///< of the albedo; of the irradiances
+        std::uint32_t row; ///< of the irradiances
         vec3<float> linear;
         float weight; ///< squared slope of the sRGB curve, so that errors count as they do on a display
     };
     std::vector<Color> colors;
-    std::vector<vec3<float>> positions, normals; // [rows]
+    std::vector<vec3<float>> positions, normals; // [rows], a row is a vertex in a frame
+    std::vector<std::uint32_t> vertex_of;        // [rows]
     std::vector<float> visibility;               // [rows, lights]
     std::size_t vertices = 0;
 
@@ -223,6 +224,7 @@ template <Backend B>
                     row = static_cast<std::uint32_t>(samples.positions.size());
                     samples.positions.push_back(people.positions()[s]);
                     samples.normals.push_back(people.normals()[s]);
+                    samples.vertex_of.push_back(static_cast<std::uint32_t>(s));
                     samples.visibility.insert(samples.visibility.end(),
                                               lit.begin() + static_cast<std::ptrdiff_t>(s * K),
                                               lit.begin() + static_cast<std::ptrdiff_t>((s + 1) * K));
@@ -230,8 +232,7 @@ template <Backend B>
                 double slope = 0;
                 linear_to_srgb_backward(std::max(0.01, static_cast<double>(linear.x + linear.y + linear.z) / 3), 1.0,
                                         slope);
-                samples.colors.push_back(
-                    {static_cast<std::uint32_t>(s), row, linear, static_cast<float>(slope * slope)});
+                samples.colors.push_back({row, linear, static_cast<float>(slope * slope)});
             }
         }
     }
