@@ -48,6 +48,7 @@
 #include <gsh/body/region_mask.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>
+#include <gsh/body/surface_element.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/body/vertex_samples.hpp>
