@@ -3,7 +3,8 @@ set(GSH_CUDA AUTO CACHE STRING "Compile device code with nvcc: AUTO (if nvcc is 
 set_property(CACHE GSH_CUDA PROPERTY STRINGS AUTO ON OFF)
 option(GSH_PROGRAMS_CUDA "Build the programs with --backend cuda" OFF)
 find_program(GSH_NVCC nvcc HINTS ENV CUDA_HOME PATHS /usr/local/cuda PATH_SUFFIXES bin)
-set(GSH_CUDA_ARCHITECTURE sm_90 CACHE STRING "Architecture of device code, as for nvcc -arch")
+set(GSH_CUDA_ARCHITECTURES sm_90 CACHE STRING
+    "Architectures of device code: one, as for nvcc -arch, or a list such as sm_80;sm_90;compute_90 (PTX)")
 
 set(gsh_with_cuda OFF)
 if(GSH_CUDA AND GSH_NVCC AND NOT GSH_SANITIZE)
@@ -14,12 +15,25 @@ elseif(GSH_PROGRAMS_CUDA AND GSH_BUILD_EXAMPLES)
   message(FATAL_ERROR "GSH_PROGRAMS_CUDA needs nvcc in PATH, GSH_CUDA other than OFF, and no sanitizer")
 endif()
 
+list(LENGTH GSH_CUDA_ARCHITECTURES count)
+if(count EQUAL 1)
+  set(gsh_nvcc_architectures -arch=${GSH_CUDA_ARCHITECTURES})
+else()
+  set(gsh_nvcc_architectures)
+  foreach(architecture IN LISTS GSH_CUDA_ARCHITECTURES)
+    if(NOT architecture MATCHES "^(sm|compute)_([0-9]+[af]?)$")
+      message(FATAL_ERROR "GSH_CUDA_ARCHITECTURES has \"${architecture}\" in a list, expected sm_N or compute_N")
+    endif()
+    list(APPEND gsh_nvcc_architectures -gencode=arch=compute_${CMAKE_MATCH_2},code=${architecture})
+  endforeach()
+endif()
+
 # The middle of a command that compiles device code with warnings as errors. In front of it come nvcc.sh and the name of
 # a report, which scripts/kernel-registers reads. -O is for host code; device code is always optimised.
 set(gsh_nvcc_report ${PROJECT_SOURCE_DIR}/cmake/nvcc.sh)
 set(gsh_eigen_includes $<TARGET_PROPERTY:Eigen3::Eigen,INTERFACE_INCLUDE_DIRECTORIES>)
 set(gsh_nvcc_command
-    ${GSH_NVCC} -std=c++20 -arch=${GSH_CUDA_ARCHITECTURE} --Werror all-warnings -Xcompiler -Wall,-Wextra,-Werror
+    ${GSH_NVCC} -std=c++20 ${gsh_nvcc_architectures} --Werror all-warnings -Xcompiler -Wall,-Wextra,-Werror
     -I${PROJECT_SOURCE_DIR}/include "-isystem=$<JOIN:${gsh_eigen_includes},$<SEMICOLON>-isystem=>")
 
 # gsh_add_device_code(target sources...): compiles .cu files with nvcc into objects of a target. Host code in them is

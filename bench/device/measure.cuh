@@ -5,6 +5,7 @@
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/error.cuh>
 #include <gsh/backend/cuda/step_graph.cuh>
+#include <gsh/backend/cuda/timing_events.cuh>
 #include <gsh/core/span.hpp>
 
 #include <cuda_runtime.h>
@@ -117,8 +118,7 @@ public:
         }
 
         // Runs follow each other without a wait, as in training.
-        std::vector<cudaEvent_t> events(static_cast<std::size_t>(arguments_.runs) + 1);
-        for (cudaEvent_t& event : events) cuda::check(cudaEventCreate(&event), "bench");
+        const cuda::TimingEvents events(static_cast<std::size_t>(arguments_.runs) + 1);
         device().record(events[0]);
         for (int k = 0; k < arguments_.runs; ++k) {
             run(k);
@@ -126,12 +126,7 @@ public:
         }
         device().synchronize();
         std::vector<double> times;
-        for (std::size_t k = 0; k + 1 < events.size(); ++k) {
-            float ms = 0;
-            cuda::check(cudaEventElapsedTime(&ms, events[k], events[k + 1]), "bench");
-            times.push_back(1000.0 * static_cast<double>(ms));
-        }
-        for (cudaEvent_t event : events) (void)cudaEventDestroy(event);
+        for (std::size_t k = 0; k + 1 < events.size(); ++k) times.push_back(events.microseconds(k, k + 1));
 
         const std::vector<cuda::KernelTime> kernels = time_kernels(std::min(20, arguments_.runs));
         const double median = quantile(times, 0.5), floor = floor_of(work);
@@ -170,8 +165,7 @@ private:
         const std::size_t count = std::min<std::size_t>(arguments_.gaussians * 400, std::size_t(1) << 26);
         cuda::Buffer<float> from(count), to(count);
         device().fill(Span<float>(from), 1.0f);
-        cudaEvent_t events[2];
-        for (cudaEvent_t& event : events) cuda::check(cudaEventCreate(&event), "bench");
+        const cuda::TimingEvents events(2);
         std::vector<double> times;
         for (int k = 0; k < std::min(20, arguments_.runs); ++k) {
             device().record(events[0]);
@@ -180,11 +174,8 @@ private:
                         "bench");
             device().record(events[1]);
             device().synchronize();
-            float ms = 0;
-            cuda::check(cudaEventElapsedTime(&ms, events[0], events[1]), "bench");
-            times.push_back(1000.0 * static_cast<double>(ms));
+            times.push_back(events.microseconds(0, 1));
         }
-        for (cudaEvent_t event : events) (void)cudaEventDestroy(event);
         copy_rate_ = 2 * sizeof(float) * static_cast<double>(count) / std::max(quantile(times, 0.5), 1e-3);
         int processors = 0, kilohertz = 0;
         const int ordinal = device().ordinal();

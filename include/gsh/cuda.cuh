@@ -14,6 +14,7 @@
 #include <gsh/backend/cuda/scan.cuh>
 #include <gsh/backend/cuda/step_graph.cuh>
 #include <gsh/backend/cuda/sum.cuh>
+#include <gsh/backend/cuda/timing_events.cuh>
 #include <gsh/backend/cuda/unroll.cuh>
 #include <gsh/body/cuda/blend_shapes.cuh>
 #include <gsh/body/cuda/bone_transforms.cuh>

@@ -5,6 +5,7 @@
 #include <gsh/backend/cuda/error.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/memory.cuh>
+#include <gsh/backend/cuda/timing_events.cuh>
 
 #include <cuda_runtime.h>
 
@@ -154,7 +155,7 @@ public:
             for (const Node& node : segment.nodes)
                 times.push_back({node.function != nullptr ? node.name() : node.key, std::string(node.stage), 0});
         const TimingEvents events(times.size() + 1);
-        std::vector<std::vector<float>> runs(times.size());
+        std::vector<std::vector<double>> runs(times.size());
         for (int run = 0; run < repeats; ++run) {
             StreamGate gate(stream_); // the host is slower than short kernels: the device begins when all are queued
             std::size_t at = 0;
@@ -170,18 +171,14 @@ public:
                 }
             gate.open();
             check(cudaStreamSynchronize(stream_), "gsh::cuda::Recorder");
-            for (std::size_t i = 0; i < times.size(); ++i) {
-                float ms = 0;
-                check(cudaEventElapsedTime(&ms, events[i], events[i + 1]), "gsh::cuda::Recorder");
-                runs[i].push_back(1000 * ms);
-            }
+            for (std::size_t i = 0; i < times.size(); ++i) runs[i].push_back(events.microseconds(i, i + 1));
         }
         for (std::size_t i = 0; i < times.size(); ++i) {
-            std::vector<float>& of = runs[i];
+            std::vector<double>& of = runs[i];
             if (of.empty()) continue;
             const auto middle = of.begin() + static_cast<std::ptrdiff_t>(of.size() / 2);
             std::nth_element(of.begin(), middle, of.end());
-            times[i].microseconds = static_cast<double>(*middle);
+            times[i].microseconds = *middle;
         }
         return times;
     }
@@ -189,22 +186,6 @@ public:
 private:
     static constexpr std::size_t most_queued = 200;
 
-    /// Events that keep the time.
-    class TimingEvents {
-    public:
-        explicit TimingEvents(std::size_t count) : events_(count, nullptr) {
-            for (cudaEvent_t& event : events_) check(cudaEventCreate(&event), "gsh::cuda::Recorder");
-        }
-        TimingEvents(const TimingEvents&) = delete;
-        ~TimingEvents() {
-            for (cudaEvent_t event : events_)
-                if (event != nullptr) (void)cudaEventDestroy(event);
-        }
-        cudaEvent_t operator[](std::size_t i) const { return events_[i]; }
-
-    private:
-        std::vector<cudaEvent_t> events_;
-    };
     /// Holds a stream until it is opened. Its destructor opens it and waits.
     class StreamGate {
     public:

@@ -4,6 +4,7 @@
 
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/error.cuh>
+#include <gsh/backend/cuda/timing_events.cuh>
 #include <gsh/train/stage.hpp>
 
 #include <cuda_runtime.h>
@@ -26,15 +27,7 @@ namespace gsh {
 template <>
 class StageTimer<cuda::Device> {
 public:
-    explicit StageTimer(cuda::Device& device) : device_(&device) {
-        for (cudaEvent_t& event : events_) cuda::check(cudaEventCreate(&event), where);
-    }
-    StageTimer(const StageTimer&) = delete;
-    StageTimer& operator=(const StageTimer&) = delete;
-    ~StageTimer() {
-        for (cudaEvent_t event : events_)
-            if (event != nullptr) (void)cudaEventDestroy(event);
-    }
+    explicit StageTimer(cuda::Device& device) : device_(&device) {}
 
     void enter(Stage stage) {
         const auto s = static_cast<std::size_t>(stage);
@@ -55,11 +48,7 @@ public:
     void sample() {
         if (!finished_) return;
         cuda::check(cudaEventSynchronize(events_.back()), where);
-        for (std::size_t s = 0; s < seconds_.size(); ++s) {
-            float ms = 0;
-            cuda::check(cudaEventElapsedTime(&ms, events_[s], events_[s + 1]), where);
-            seconds_[s] += static_cast<double>(ms) / 1000;
-        }
+        for (std::size_t s = 0; s < seconds_.size(); ++s) seconds_[s] += 1e-6 * events_.microseconds(s, s + 1);
         ++steps_;
         finished_ = false;
     }
@@ -73,7 +62,7 @@ private:
     static constexpr std::string_view where = "gsh::StageTimer";
 
     cuda::Device* device_;
-    std::array<cudaEvent_t, stage_names.size() + 1> events_{}; // at the beginning of each stage, and at the end
+    cuda::TimingEvents events_{stage_names.size() + 1}; // at the beginning of each stage, and at the end
     std::array<double, stage_names.size()> seconds_{};
     std::uint64_t steps_ = 0;
     bool finished_ = false; // a step that no sample has seen
