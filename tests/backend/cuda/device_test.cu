@@ -11,6 +11,8 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
+#include <new>
 #include <numeric>
 #include <vector>
 
@@ -32,6 +34,14 @@ struct Line {
     Span<float> to;
     float factor;
     GSH_HD void operator()(std::size_t i) const { to[i] = factor * from[i] + static_cast<float>(i); }
+};
+
+/// to[i] = factor or 2 factor. Three bytes after `twice` are padding.
+struct Padded {
+    Span<float> to;
+    bool twice;
+    float factor;
+    GSH_HD void operator()(std::size_t i) const { to[i] = twice ? 2 * factor : factor; }
 };
 
 /// Sums of blocks of 64 numbers, through shared memory.
@@ -156,6 +166,23 @@ TEST_CASE("A repeated step is one graph, whose arguments follow the step") {
     CHECK(graph.counts().captures == 1);
     CHECK(graph.counts().launches == 5);
     CHECK(graph.counts().updates == 8); // of two launches in four steps; the copy has the same arguments
+}
+
+TEST_CASE("Padding between the arguments of a kernel is not an argument") {
+    if (test::skip_without_device()) return;
+    Device device;
+    Device::Buffer<float> a(100);
+    cuda::StepGraph graph(device);
+    for (int step = 0; step < 4; ++step)
+        graph.run([&] {
+            alignas(Padded) unsigned char bytes[sizeof(Padded)];
+            std::memset(bytes, 16 * step, sizeof bytes);
+            device.for_each(100, *new (bytes) Padded{a, true, 0.5f});
+        });
+    CHECK(fetch(device, a) == std::vector<float>(100, 1.0f));
+#if defined(__has_builtin) && __has_builtin(__builtin_clear_padding)
+    CHECK(graph.counts().updates == 0);
+#endif
 }
 
 TEST_CASE("A step that changes is captured anew, from the first difference on") {

@@ -42,6 +42,17 @@ void launch_on(cudaStream_t stream, unsigned blocks, const Kernel& kernel) {
     check(cudaLaunchKernelEx(&config, &run_kernel<Kernel>, kernel), "gsh::cuda::Device::launch");
 }
 
+/// Zeroes the bytes between the members of a kernel, which any copy may have filled with anything. A compiler that has
+/// no means for it leaves them: the recorder then replaces arguments that are the same.
+template <class Kernel>
+void clear_padding([[maybe_unused]] Kernel& kernel) {
+#if defined(__has_builtin)
+#if __has_builtin(__builtin_clear_padding)
+    __builtin_clear_padding(&kernel);
+#endif
+#endif
+}
+
 /// Records the kernels of a step while its host code runs, and repeats them as one CUDA graph.
 ///
 /// Host code runs in every step, as it would without a recorder, and decides what the step does: camera, photograph,
@@ -96,8 +107,9 @@ public:
     }
 
     template <class Kernel>
-    void launch(unsigned blocks, const Kernel& kernel) {
+    void launch(unsigned blocks, Kernel kernel) {
         static_assert(std::is_trivially_copyable_v<Kernel>);
+        clear_padding(kernel); // for the comparison of bytes
         const void* const function = reinterpret_cast<const void*>(&run_kernel<Kernel>);
         if (!capturing_) {
             Segment& segment = segments_[segment_];
