@@ -10,6 +10,9 @@ set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
 set(gsh_warnings -Wall -Wextra -Wpedantic -Wshadow)
 if(GSH_WERROR)
   list(APPEND gsh_warnings -Werror)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 19)
+    list(APPEND gsh_warnings -Wno-error=invalid-feature-combination) # of its own -march=native on AVX10 processors
+  endif()
 endif()
 set(gsh_joined_warnings) # for translation units of several joined files
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU") # GCC warns after inlining, and a large unit does not inline throwing checks

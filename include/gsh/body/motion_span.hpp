@@ -34,8 +34,9 @@ struct MotionSpan {
     const std::string of_all = " of " + std::to_string(count) + " frames";
     std::vector<std::size_t> order(count);
     std::iota(order.begin(), order.end(), std::size_t(0));
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return timestamps[a] < timestamps[b]; });
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+        return timestamps[a] != timestamps[b] ? timestamps[a] < timestamps[b] : a < b;
+    });
     auto begin = order.begin(), end = order.end();
     if (span.share != 0) {
         check_value(span.share > 0 && span.share < 1, span.name,
