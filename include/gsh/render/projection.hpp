@@ -62,8 +62,9 @@ struct ProjectionFrame {
         const T left = -camera.cx - margin * width, right = width - camera.cx + margin * width;
         const T top = -camera.cy - margin * height, bottom = height - camera.cy + margin * height;
         const T px = camera.fx * x, py = camera.fy * y;
-        x_inside = (px >= left) & (px <= right);
-        y_inside = (py >= top) & (py <= bottom);
+        const MaskOf<T> from_left = px >= left, to_right = px <= right, from_top = py >= top, to_bottom = py <= bottom;
+        x_inside = from_left & to_right;
+        y_inside = from_top & to_bottom;
         jx = min(max(px, left), right);
         jy = min(max(py, top), bottom);
 
