@@ -116,9 +116,8 @@ private:
         return cast;
     }
     void light_people() {
-        const LearningRates& rates = setup.configuration.avatar.rates;
-        const auto light = std::make_shared<LearnedLight<B>>(
-            *backend_, *setup.light, LightRates{rates.light_points, rates.light_intensities, rates.light_gloss});
+        const auto light =
+            std::make_shared<LearnedLight<B>>(*backend_, *setup.light, setup.configuration.avatar.rates.light);
         for (std::size_t p = 0; p < people_.size(); ++p) people_[p].model.set_light(setup.people[p].rig, light, p == 0);
     }
     void refine_people() {

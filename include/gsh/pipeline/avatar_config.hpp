@@ -5,6 +5,7 @@
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
+#include <gsh/pipeline/learned_light.hpp>
 
 #include <cstdint>
 
@@ -34,10 +35,8 @@ struct LearningRates {
     double stored_displacements = 1.6e-4; ///< of stored δx, metres; as 3DGS moves means
     double stored_sh = 2.5e-3; ///< of stored constant colours; the bands above have a 20th of it
     double ao = 5e-3;          ///< of table and network of the shadow
-    double light_points = 1e-2;      ///< metres
-    double light_intensities = 1e-2; ///< of their logarithms
-    double light_gloss = 5e-3;       ///< of logarithms of strength and sharpness
-    double light_normals = 0;        ///< of offsets of the mesh's unit normals, say 5e-3; 0: its own normals
+    LightRates light = {};
+    double light_normals = 0;  ///< of offsets of the mesh's unit normals, say 5e-3; 0: its own normals
 };
 
 /// Rates of the direct baseline, as in its code: slow fields, fixed rotations.

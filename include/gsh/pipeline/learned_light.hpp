@@ -18,9 +18,9 @@ namespace gsh {
 
 /// Learning rates of a light; see LightView for the numbers.
 struct LightRates {
-    double points = 1e-2;          ///< metres
+    double points = 1e-2; ///< metres
     double log_intensities = 1e-2;
-    double gloss = 5e-3;
+    double gloss = 5e-3; ///< of logarithms of strength and sharpness
 };
 
 /// A light in the memory of a backend, with gradients. Directions do not learn. The intensity of the first light is the

@@ -171,9 +171,9 @@ void for_each_setting(C& c, const F& f) {
     f("rate.stored_displacements", c.avatar.rates.stored_displacements, R::at_least(0));
     f("rate.stored_sh", c.avatar.rates.stored_sh, R::at_least(0));
     f("rate.ao", c.avatar.rates.ao, R::at_least(0));
-    f("rate.light_points", c.avatar.rates.light_points, R::at_least(0));
-    f("rate.light_intensities", c.avatar.rates.light_intensities, R::at_least(0));
-    f("rate.light_gloss", c.avatar.rates.light_gloss, R::at_least(0));
+    f("rate.light_points", c.avatar.rates.light.points, R::at_least(0));
+    f("rate.light_intensities", c.avatar.rates.light.log_intensities, R::at_least(0));
+    f("rate.light_gloss", c.avatar.rates.light.gloss, R::at_least(0));
     f("rate.light_normals", c.avatar.rates.light_normals, R::at_least(0));
     f("rate.decay_start", c.train.decay_start, share);
     f("rate.final", c.train.final_rate, R::above(0).up_to(1));

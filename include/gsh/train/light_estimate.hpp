@@ -55,14 +55,17 @@ namespace detail {
 struct ColorSums {
     std::vector<double> weights;         // [rows] Σ w
     std::vector<vec3<double>> weighted;  // [rows] Σ w c
+    Eigen::VectorXf share;               // [rows] the row's colours / all colours
     double squares = 0;                  // Σ w |c|²
 
     explicit ColorSums(const LightSamples& samples)
-        : weights(samples.positions.size()), weighted(samples.positions.size(), vec3<double>(0)) {
+        : weights(samples.positions.size()), weighted(samples.positions.size(), vec3<double>(0)),
+          share(Eigen::VectorXf::Zero(static_cast<Eigen::Index>(samples.positions.size()))) {
         for (const auto& [row, linear, weight] : samples.colors) {
             const vec3<double> c(linear);
             const double w = weight;
             weights[row] += w, weighted[row] += c * w, squares += w * dot(c, c);
+            share[row] += 1 / static_cast<float>(samples.colors.size());
         }
     }
 };
@@ -79,11 +82,9 @@ struct AlbedoFit {
     AlbedoFit(const LightSamples& samples, const ColorSums& sums, const Eigen::MatrixXf& G, Eigen::VectorX<T>& x)
         : E(G.transpose() * x.template cast<float>()), albedo(samples.vertices, vec3<double>(0)),
           weights(samples.vertices, 1e-12), error(sums.squares) {
-        double mean = 0;
-        for (const auto& color : samples.colors) mean += E[color.row];
-        mean /= static_cast<double>(samples.colors.size());
+        const float mean = sums.share.dot(E);
         check_value(mean > 0, "estimate_light", "no light reaches any vertex that a photograph shows");
-        x /= static_cast<T>(mean), E /= static_cast<float>(mean);
+        x /= static_cast<T>(mean), E /= mean;
         for (std::size_t r = 0; r < sums.weights.size(); ++r) {
             const double e = E[static_cast<Eigen::Index>(r)];
             albedo[samples.vertex_of[r]] += sums.weighted[r] * e;
@@ -121,9 +122,7 @@ template <std::floating_point T>
                                                 T& psnr) {
     const Eigen::Index lights = G.rows(), rows = G.cols();
     const ColorSums sums(samples);
-    Eigen::VectorXf mean = Eigen::VectorXf::Zero(rows); // of all colours
-    for (const auto& color : samples.colors) mean[color.row] += 1 / static_cast<float>(samples.colors.size());
-    const Eigen::VectorX<T> unit = (G * mean).template cast<T>(); // unit · x = 1
+    const Eigen::VectorX<T> unit = (G * sums.share).template cast<T>(); // unit · x = 1
 
     Eigen::VectorX<T> x = Eigen::VectorX<T>::Ones(lights);
     AlbedoFit fit(samples, sums, G, x);
