@@ -52,7 +52,7 @@ int reconstruct(const ReconstructOptions& options) {
     const auto reconstruction =
         make_reconstruction(machine, make_setup(machine, source, configuration, options));
     const ReconstructionSetup& setup = reconstruction->setup;
-    TrainingRecord record(machine);
+    TrainingRecord record;
     if (options.resume) load_checkpoint(options, *reconstruction, record);
     OutputFolder out(options.out);
     for (const std::string& warning : source.warnings) warn(warning);

@@ -162,6 +162,7 @@
 #include <gsh/train/stage.hpp>
 #include <gsh/train/static_configuration.hpp>
 #include <gsh/train/static_start.hpp>
+#include <gsh/train/step_history.hpp>
 #include <gsh/train/train_config.hpp>
 #include <gsh/train/trainer.hpp>
 

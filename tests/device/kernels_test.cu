@@ -24,6 +24,7 @@
 #include <gsh/pipeline/static_model.hpp>
 #include <gsh/render/tiles.hpp>
 #include <gsh/train/refinement.hpp>
+#include <gsh/train/step_history.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -156,7 +157,7 @@ using Bodies = Types<
     gsh::detail::CompositeRgba8<T, gsh::detail::ImageBackground<T>>,
     gsh::detail::Difference<T>, gsh::detail::Accumulate<T>, gsh::detail::Accumulate<vec3<T>>,
     gsh::detail::ObserveSplats<T>, gsh::detail::DecideFates<T>, gsh::detail::DescendGaussian<T>,
-    gsh::detail::DescendMoments<T>, gsh::detail::LimitFromAbove<T>,
+    gsh::detail::DescendMoments<T>, gsh::detail::LimitFromAbove<T>, gsh::detail::StoreStepValue,
     gsh::detail::AoFromLogit<T>, gsh::detail::AoFromLogitBackward<T>, gsh::detail::PoseOfNeurons<T>,
     gsh::detail::PoseOfNeuronsBackward<T>, gsh::detail::DisplacedMeans<T>, gsh::detail::DisplacementGradient<T>,
     gsh::detail::ScaleConstant<T>, gsh::detail::WidenSh<T>, TilesTouched<T>,

@@ -2,6 +2,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/loss/cpu/photometric.hpp>
+#include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
 
 #include "support/gradient.hpp"
@@ -103,6 +104,19 @@ TEST_CASE("SSIM agrees with the textbook's formula window by window") {
         CHECK(std::abs(values.loss - slow_ssim_loss(a, b)) < 1e-12);
         CHECK(values.ssim == doctest::Approx(1 - values.loss).epsilon(1e-14));
     }
+}
+
+TEST_CASE("the loss brings the mean squared error, also where tiles without a difference are skipped") {
+    cpu::Serial backend;
+    for (const Size size : sizes) {
+        const auto a = random_image(size, 1), b = random_image(size, 2);
+        for (const double weight : {0.0, 0.2})
+            CHECK(run<double>(backend, {.ssim_weight = weight}, a, b).values.mse ==
+                  doctest::Approx(mean_squared_error(a.view(), b.view())).epsilon(1e-13));
+    }
+    const auto [a, b] = person_on_white<double>(75, 150, 12);
+    CHECK(run<double>(backend, {}, a, b).values.mse ==
+          doctest::Approx(mean_squared_error(a.view(), b.view())).epsilon(1e-13));
 }
 
 TEST_CASE("PhotometricLoss::backward is the gradient of forward") {

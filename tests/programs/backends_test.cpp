@@ -80,8 +80,12 @@ void check_equal(const AvatarData& a, const AvatarData& b) {
 
 void check_equal(Reconstruction& a, Reconstruction& b) {
     CHECK(a.step_count() == b.step_count());
-    CHECK(a.last_loss() == b.last_loss());
-    CHECK(a.last_psnr() == b.last_psnr());
+    const std::vector<StepValues> values_of_a = a.history(), values_of_b = b.history();
+    REQUIRE(!values_of_a.empty());
+    REQUIRE(!values_of_b.empty());
+    CHECK(values_of_a.back().step == values_of_b.back().step);
+    CHECK(values_of_a.back().loss == values_of_b.back().loss);
+    CHECK(values_of_a.back().psnr == values_of_b.back().psnr);
     const std::vector<AvatarData> of_a = a.avatars(), of_b = b.avatars();
     REQUIRE(of_a.size() == of_b.size());
     for (std::size_t p = 0; p < of_a.size(); ++p) check_equal(of_a[p], of_b[p]);

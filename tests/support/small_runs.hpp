@@ -39,8 +39,10 @@ void take_steps(TrainerType& trainer, int count, double from) {
 
 template <class TrainerType>
 void observe(TrainerType& trainer, const Photo& photo, Outcome& outcome) {
-    outcome.losses.push_back(trainer.last_loss().loss);
-    outcome.losses.push_back(trainer.last_psnr());
+    for (const StepValues& values : trainer.history()) {
+        outcome.losses.push_back(values.loss);
+        outcome.losses.push_back(values.psnr);
+    }
     trainer.render(photo, outcome.pictures.emplace_back());
 }
 

@@ -115,6 +115,31 @@ TEST_CASE("training learns") {
     CHECK(training.trainer.last_psnr() > 15);
 }
 
+TEST_CASE("the history has loss and PSNR of each step since it was read") {
+    const SmallScene scene;
+    SmallTraining<cpu::Serial> training(scene);
+    std::vector<double> losses;
+    for (int step = 0; step < 5; ++step) {
+        training.steps(1);
+        losses.push_back(training.trainer.last_loss().loss);
+    }
+    const std::vector<StepValues> history = training.trainer.history();
+    REQUIRE(history.size() == 5);
+    for (std::size_t k = 0; k < 5; ++k) {
+        CHECK(history[k].step == k + 1);
+        CHECK(history[k].loss == losses[k]);
+    }
+    CHECK(history[4].psnr == training.trainer.last_psnr());
+    CHECK(training.trainer.history().empty());
+    training.steps(2);
+    CHECK(training.trainer.history().size() == 2);
+    training.trainer.resume(20, 0.5); // the steps until there belong to another run
+    training.steps(1);
+    const std::vector<StepValues> resumed = training.trainer.history();
+    REQUIRE(resumed.size() == 1);
+    CHECK(resumed[0].step == 21);
+}
+
 TEST_CASE("the same seed gives the same avatar bit for bit, whatever the thread count") {
     const SmallScene scene;
     SmallTraining<cpu::Serial> serial(scene);

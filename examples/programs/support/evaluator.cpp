@@ -185,7 +185,7 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
     Reconstruction& reconstruction = *made;
     const ReconstructionSetup& setup = reconstruction.setup;
     folder.add(run);
-    TrainingRecord record(machine_);
+    TrainingRecord record;
     RunResult result{
         .name = run.name, .config = run.config, .settings = run.settings, .computed_on = machine_.computed_on()};
     resume(run, reconstruction, record, result.marks);

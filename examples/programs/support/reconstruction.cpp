@@ -17,11 +17,10 @@ std::unique_ptr<Reconstruction> make_reconstruction(Machine& machine, Reconstruc
     return std::make_unique<ReconstructionOn<cpu::Threads>>(machine.host(), std::move(setup));
 }
 
-TrainingRecord::TrainingRecord(const Machine& machine) : interval(machine.has_gpu() ? 50 : 10) {}
-
-void TrainingRecord::add_sample(double loss_value, double psnr_value) {
-    loss.emplace_back(static_cast<double>(steps), loss_value);
-    psnr.emplace_back(static_cast<double>(steps), psnr_value);
+void TrainingRecord::add(const StepValues& values) {
+    if (values.step != 1 && values.step % interval != 0) return;
+    loss.emplace_back(static_cast<double>(values.step), values.loss);
+    psnr.emplace_back(static_cast<double>(values.step), values.psnr);
     constexpr std::size_t most = 600;
     if (loss.size() < most) return;
     interval *= 2;

@@ -9,6 +9,7 @@
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/stage.hpp>
+#include <gsh/train/step_history.hpp>
 
 #include <array>
 #include <cstddef>
@@ -51,9 +52,10 @@ public:
     [[nodiscard]] virtual const std::array<double, stage_names.size()>& stage_seconds() const = 0;
     [[nodiscard]] virtual std::uint64_t timed_steps() const = 0;
 
-    /// The figures of the last step.
-    [[nodiscard]] virtual double last_loss() const = 0;
-    [[nodiscard]] virtual double last_psnr() const = 0;
+    /// Trainer::history: settles, and returns the figures of the steps since the last call.
+    [[nodiscard]] virtual std::vector<StepValues> history() = 0;
+    /// False if a step is over when step() returns.
+    [[nodiscard]] virtual bool queues_steps() const = 0;
 
     /// gsh::compare: a photograph and its render.
     [[nodiscard]] virtual Comparison<float> compare(const Photo& photo) = 0;
@@ -89,14 +91,9 @@ struct TrainingRecord {
     std::array<double, stage_names.size()> stage_seconds{}; ///< in the order of Stage
     std::uint64_t timed_steps = 0;                          ///< number of steps in stage_seconds
 
-    TrainingRecord() = default;
-    /// The record of a training that begins on a machine. A sample waits for a GPU, so there it is taken less often.
-    explicit TrainingRecord(const Machine& machine);
-
-    [[nodiscard]] bool wants_sample() const { return steps == 1 || steps % interval == 0; }
-    /// Adds a sample. When a curve becomes long, every second sample but the first is removed, so that it has at most a
-    /// few hundred points.
-    void add_sample(double loss_value, double psnr_value);
+    /// Adds the figures of a step if a sample is due: at the first step and at multiples of the interval. When a curve
+    /// becomes long, every second sample but the first is removed, so that it has at most a few hundred points.
+    void add(const StepValues& values);
 };
 
 } // namespace gsh::examples

@@ -49,8 +49,11 @@ public:
     std::uint64_t step_count() const override { return trainer_.step_count(); }
     const std::array<double, stage_names.size()>& stage_seconds() const override { return timer_.seconds(); }
     std::uint64_t timed_steps() const override { return timer_.steps(); }
-    double last_loss() const override { return trainer_.last_loss().loss; }
-    double last_psnr() const override { return trainer_.last_psnr(); }
+    std::vector<StepValues> history() override {
+        settle();
+        return trainer_.history();
+    }
+    bool queues_steps() const override { return !B::host_memory; }
     Comparison<float> compare(const Photo& photo) override { return gsh::compare(trainer_, photo); }
 
     std::vector<AvatarData> avatars() override {

@@ -53,20 +53,23 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
     const auto goes_on = [&] {
         return fraction() < 1 && (until == 0 || reconstruction.step_count() < until) && !interrupted;
     };
+    const auto settle = [&] {
+        for (const StepValues& values : reconstruction.history()) record.add(values);
+        note();
+    };
+    const std::uint64_t most_queued = reconstruction.queues_steps() ? most_queued_steps : 1;
     std::uint64_t queued = 0; // steps since the last settle
     while (goes_on()) {
         reconstruction.step(fraction());
         note();
         const bool checkpoint_is_due = since(last_checkpoint) > options.checkpoint_interval;
-        if (++queued >= most_queued_steps || record.wants_sample() || checkpoint_is_due || !goes_on()) {
+        if (++queued >= most_queued || checkpoint_is_due || !goes_on()) {
             const std::uint64_t last = record.steps;
-            reconstruction.settle(); // waiting for steps is training, too
-            note();
+            settle(); // waiting for steps is training, too
             queued = 0;
             if (record.steps < last) continue; // back at a step that failed
         }
         const auto pause = Clock::now();
-        if (record.wants_sample()) record.add_sample(reconstruction.last_loss(), reconstruction.last_psnr());
         progress.show(fraction(), status());
         if (checkpoint_is_due) {
             checkpoint();
@@ -74,8 +77,7 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
         }
         paused += since(pause);
     }
-    reconstruction.settle(); // after an interrupt
-    note();
+    settle(); // after an interrupt
     checkpoint();
 }
 

@@ -19,6 +19,7 @@ struct PhotometricValues {
     double loss = 0; ///< (1-λ) l1 + λ (1 - ssim)
     double l1 = 0;   ///< mean |render - truth|
     double ssim = 0; ///< mean over pixels and channels; NaN where ssim_weight is 0: not computed
+    double mse = 0;  ///< mean (render - truth)², which is not a part of the loss; see psnr_of_mse
 };
 
 /// Private storage of a backend, for instance partial derivatives of the SSIM term and sums of each tile. Each backend
@@ -34,7 +35,7 @@ template <Backend B, std::floating_point T = float>
 struct PhotometricCache {
     int channels = 0, height = 0, width = 0;
     bool with_ssim = false;
-    typename B::template Buffer<double> values; ///< [3] loss, l1, ssim
+    typename B::template Buffer<double> values; ///< [4] loss, l1, ssim, mse
     PhotometricScratch<B, T> scratch;           ///< the backend's own
 };
 

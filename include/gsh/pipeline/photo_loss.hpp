@@ -95,10 +95,9 @@ public:
     /// Its photometric part. Waits for the backend.
     [[nodiscard]] PhotometricValues values() const { return photometric_.values(photometric_cache_); }
     /// PSNR of the render against the photograph. Waits for the backend.
-    [[nodiscard]] double psnr() const {
-        const Image<T> seen = download(render_, 3), wanted = download(truth_, 3);
-        return gsh::psnr(seen.view(), wanted.view());
-    }
+    [[nodiscard]] double psnr() const { return psnr_of_mse(values().mse); }
+    /// The numbers of values() in the backend's memory, [4]: loss, L1, SSIM, mean squared error. Does not wait.
+    [[nodiscard]] Span<const double> values_on_backend() const { return photometric_cache_.values; }
 
     /// Adjoint of render() and compare(). Takes the arguments of render again. Adds to dL_dsplats, and to dL_dcamera
     /// [1] if that is given.

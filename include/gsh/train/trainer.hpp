@@ -16,6 +16,7 @@
 #include <gsh/pipeline/photo_pixels.hpp>
 #include <gsh/pipeline/splat_scene.hpp>
 #include <gsh/train/stage.hpp>
+#include <gsh/train/step_history.hpp>
 #include <gsh/train/train_config.hpp>
 
 #include <array>
@@ -48,7 +49,7 @@ public:
           pixels_(backend, photos_),
           loss_(backend,
                 {.filter = config.filter, .ssim_weight = config.ssim_weight, .background = config.background}),
-          repeated_(backend) {
+          repeated_(backend), history_(backend) {
         check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
         for (const Photo& photo : photos_) check_photo("Trainer", photo, scene.frame_count());
         for (const LearnedArray<T>& array : scene.learned())
@@ -71,6 +72,7 @@ public:
     void resume(std::uint64_t steps, double progress) {
         step_count_ = steps;
         progress_ = progress;
+        history_.skip(steps);
         scene_->set_progress(steps, progress);
     }
 
@@ -123,6 +125,12 @@ public:
         return repeated_.time_kernels(repeats);
     }
 
+    /// Settles. Returns loss and PSNR of the steps since the last call, in order, of the last StepHistory::capacity at
+    /// most. A program that calls it every hundred steps waits for a device only then.
+    [[nodiscard]] std::vector<StepValues> history() {
+        settle();
+        return history_.read(step_count_);
+    }
     /// Loss of the last step. Waits for the backend.
     [[nodiscard]] PhotometricValues last_loss() const { return loss_.values(); }
     /// PSNR of the last step's render, which was made before its update, against the photograph. Waits for the backend.
@@ -163,6 +171,7 @@ private:
         loss_.render(camera, splats());
         observer.enter(Stage::loss);
         loss_.compare();
+        history_.add(step_count_ + 1, loss_.values_on_backend());
 
         observer.enter(Stage::render_backward);
         const CameraGradientView<T> dL_dcamera = scene_->camera_gradient(photo);
@@ -212,6 +221,7 @@ private:
     PhotoPixels<B> pixels_;
     PhotoLoss<B, T> loss_;
     RepeatedStep<B> repeated_;
+    StepHistory<B> history_;
     Adam adam_;
     Splats<B, T> splats_, dL_dsplats_;
 

@@ -21,7 +21,8 @@ struct PhotometricScratch<B, T> {
     typename B::template Buffer<T> partials;          ///< [tiles, 3, tile rows, tile columns] of the SSIM term;
                                                       ///< unspecified in tiles that are not active
     typename B::template Buffer<std::uint8_t> active; ///< [tiles] 1 where some window of the tile contains a difference
-    typename B::template Buffer<double> sums;         ///< [tiles, 2] sums of |render - truth| and of 1 - SSIM
+    typename B::template Buffer<double> sums;         ///< [tiles, 3] sums of |render - truth|, of 1 - SSIM and of
+                                                      ///< (render - truth)²
 };
 
 namespace cpu::inline GSH_ISA {
@@ -97,23 +98,29 @@ struct PhotometricForwardTile {
     alignas(64) T in[moments][Tiles::halo_columns + 6];           // one row, padded to whole registers
     alignas(64) T along[moments][Tiles::halo_rows][Tiles::columns]; // filtered along rows
     alignas(64) T across[moments][Tiles::columns];                  // and down columns, one row
-    alignas(64) T l1[Tiles::columns], dssim[Tiles::columns];        // sums down each column
+    alignas(64) T l1[Tiles::columns], dssim[Tiles::columns], squares[Tiles::columns]; // sums down each column
     alignas(64) T loss[Tiles::columns];
 
     void run(const SsimWindow<T>& window, const ImageView<const T>& a, const ImageView<const T>& b,
              const Tiles::Tile& tile, bool with_ssim, T* partials, double* sums) {
         std::fill(l1, l1 + Tiles::columns, T(0));
         std::fill(dssim, dssim + Tiles::columns, T(0));
+        std::fill(squares, squares + Tiles::columns, T(0));
         for (int y = 0; y < tile.height; ++y) {
             const T* __restrict p = a.row(tile.channel, tile.y + y) + tile.x;
             const T* __restrict q = b.row(tile.channel, tile.y + y) + tile.x;
-            for (int x = 0; x < tile.width; ++x) l1[x] += std::fabs(p[x] - q[x]);
+            for (int x = 0; x < tile.width; ++x) {
+                const T d = p[x] - q[x];
+                l1[x] += std::fabs(d), squares[x] += d * d;
+            }
         }
         if (with_ssim) {
             filter_rows(window, a, b, tile);
             for (int y = 0; y < Tiles::rows; ++y) finish_row(window, tile, y, partials);
         }
-        for (int x = 0; x < tile.width; ++x) sums[0] += double(l1[x]), sums[1] += double(dssim[x]);
+        for (int x = 0; x < tile.width; ++x) {
+            sums[0] += double(l1[x]), sums[1] += double(dssim[x]), sums[2] += double(squares[x]);
+        }
     }
 
 private:
@@ -231,14 +238,14 @@ void photometric_forward(B& backend, const ImageView<const T>& render, const Ima
     const bool with_ssim = cache.with_ssim;
     PhotometricScratch<B, T>& scratch = cache.scratch;
     scratch.active.resize(tiles.count());
-    scratch.sums.resize(2 * tiles.count());
+    scratch.sums.resize(3 * tiles.count());
     scratch.partials.resize(with_ssim ? 3 * Tiles::area * tiles.count() : 0);
 
     const SsimWindow<T> window;
     backend.for_chunks(tiles.count(), 1, [&](std::size_t index, std::size_t, std::size_t) {
         const Tiles::Tile tile = tiles[index];
-        double* sums = scratch.sums.data() + 2 * index;
-        sums[0] = sums[1] = 0;
+        double* sums = scratch.sums.data() + 3 * index;
+        sums[0] = sums[1] = sums[2] = 0;
         scratch.active[index] = !params.skip_equal || detail::windows_differ(render, truth, tile);
         if (!scratch.active[index]) return; // 1 - SSIM is 0 in each window; the partials are 0 or multiplied by 0
         detail::PhotometricForwardTile<T> work;
@@ -246,13 +253,15 @@ void photometric_forward(B& backend, const ImageView<const T>& render, const Ima
                  with_ssim ? scratch.partials.data() + 3 * Tiles::area * index : nullptr, sums);
     });
 
-    double l1 = 0, dssim = 0;
-    for (std::size_t i = 0; i < tiles.count(); ++i) l1 += scratch.sums[2 * i], dssim += scratch.sums[2 * i + 1];
+    double l1 = 0, dssim = 0, squares = 0;
+    for (std::size_t i = 0; i < tiles.count(); ++i)
+        l1 += scratch.sums[3 * i], dssim += scratch.sums[3 * i + 1], squares += scratch.sums[3 * i + 2];
     const double count = double(std::max<std::size_t>(render.size(), 1)), weight = double(params.ssim_weight);
     l1 /= count, dssim /= count;
     cache.values[0] = (1 - weight) * l1 + weight * dssim;
     cache.values[1] = l1;
     cache.values[2] = with_ssim ? 1 - dssim : std::numeric_limits<double>::quiet_NaN();
+    cache.values[3] = squares / count;
 }
 
 template <CpuBackend B, class T>

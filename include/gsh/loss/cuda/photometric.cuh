@@ -24,7 +24,8 @@ struct PhotometricScratch<cuda::Device, T> {
     cuda::Device::Buffer<T> partials;          ///< [3, channels, height, width] of the SSIM term; unspecified in tiles
                                                ///< that are not active
     cuda::Device::Buffer<std::uint8_t> active; ///< [tiles] 1 where some window of the tile contains a difference
-    cuda::Device::Buffer<T> sums;              ///< [2, tiles] sums of |render - truth| and of 1 - SSIM
+    cuda::Device::Buffer<T> sums;              ///< [3, tiles] sums of |render - truth|, of 1 - SSIM and of
+                                               ///< (render - truth)²
 };
 
 namespace cuda {
@@ -41,7 +42,7 @@ struct PhotometricForward {
     struct Shared {
         SharedArray<T, Tiles::in_size> s, d;
         SharedArray<T, moments * Tiles::along_size> along; // filtered along rows
-        SharedArray<T, block_size / warp_size> l1, dssim;
+        SharedArray<T, block_size / warp_size> l1, dssim, squares;
     };
 
     ImageView<const T> render, truth;
@@ -55,13 +56,13 @@ struct PhotometricForward {
     __device__ void operator()(Shared& shared) const {
         const PhotometricTile<T> tile(tiles);
         const bool is_active = __syncthreads_or(load(tile, shared)) || !skip_equal;
-        T l1(0), dssim(0);
+        T l1(0), dssim(0), squares(0);
         // Otherwise 1 - SSIM is 0 in each window, and the partials are 0 or multiplied by 0.
         if (is_active) {
             for (int r = 0; r < Tiles::rows_of_thread; ++r) {
                 const T d = shared.d[std::size_t((tile.first_row + r + Tiles::radius) * Tiles::in_stride + tile.column +
                                                  Tiles::radius)];
-                l1 += gsh::abs(d); // 0 outside the image
+                l1 += gsh::abs(d), squares += d * d; // 0 outside the image
             }
             if (with_ssim) {
                 filter_row<moments>(window, shared.along, [&](std::size_t place, T(&values)[moments]) {
@@ -73,10 +74,11 @@ struct PhotometricForward {
             }
             l1 = block_sum<block_size>(shared.l1, l1);
             dssim = block_sum<block_size>(shared.dssim, dssim);
+            squares = block_sum<block_size>(shared.squares, squares);
         }
         if (threadIdx.x != 0) return;
         active[blockIdx.x] = is_active;
-        sums[blockIdx.x] = l1, sums[gridDim.x + blockIdx.x] = dssim;
+        sums[blockIdx.x] = l1, sums[gridDim.x + blockIdx.x] = dssim, sums[2 * gridDim.x + blockIdx.x] = squares;
     }
 
 private:
@@ -120,25 +122,27 @@ template <class T>
 struct PhotometricJoin {
     static constexpr unsigned block_size = 256;
     struct Shared {
-        SharedArray<double, block_size / warp_size> l1, dssim;
+        SharedArray<double, block_size / warp_size> l1, dssim, squares;
     };
-    Span<const T> sums; // [2, tiles]
+    Span<const T> sums; // [3, tiles]
     double count, ssim_weight;
     double no_ssim; // the value of SSIM if it is not computed
     bool with_ssim;
     Span<double> values;
 
     __device__ void operator()(Shared& shared) const {
-        const std::size_t tiles = sums.size() / 2;
-        double l1 = 0, dssim = 0;
+        const std::size_t tiles = sums.size() / 3;
+        double l1 = 0, dssim = 0, squares = 0;
         for (std::size_t i = threadIdx.x; i < tiles; i += block_size)
-            l1 += double(sums[i]), dssim += double(sums[tiles + i]);
+            l1 += double(sums[i]), dssim += double(sums[tiles + i]), squares += double(sums[2 * tiles + i]);
         l1 = block_sum<block_size>(shared.l1, l1) / count;
         dssim = block_sum<block_size>(shared.dssim, dssim) / count;
+        squares = block_sum<block_size>(shared.squares, squares) / count;
         if (threadIdx.x != 0) return;
         values[0] = (1 - ssim_weight) * l1 + ssim_weight * dssim;
         values[1] = l1;
         values[2] = with_ssim ? 1 - dssim : no_ssim;
+        values[3] = squares;
     }
 };
 
@@ -234,7 +238,7 @@ void photometric_forward(Device& device, const ImageView<const T>& render, const
     const detail::PhotometricTiles<T> tiles(render.channels, render.height, render.width);
     PhotometricScratch<Device, T>& scratch = cache.scratch;
     scratch.active.resize(tiles.count());
-    scratch.sums.resize(2 * tiles.count());
+    scratch.sums.resize(3 * tiles.count());
     scratch.partials.resize(cache.with_ssim ? 3 * render.size() : 0);
     device.launch(tiles.count(), detail::PhotometricForward<T>{render,
                                                                truth,
