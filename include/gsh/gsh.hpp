@@ -23,6 +23,7 @@
 #include <gsh/math/vec.hpp>
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/fetch_ahead.hpp>
 #include <gsh/backend/host_buffer.hpp>
 #include <gsh/backend/memory.hpp>
 #include <gsh/backend/serial.hpp>

@@ -137,7 +137,7 @@ template <class T>
 void photometric_forward(Device& device, const ImageView<const T>&, const ImageView<const T>&,
                          const PhotometricParams<T>&, PhotometricCache<Device, T>& cache) {
     device.calls.push_back("photometric_forward");
-    cache.values = {1, 2, 3};
+    cache.values = {1, 2, 3, 4};
 }
 template <class T>
 void photometric_backward(Device& device, const ImageView<const T>&, const ImageView<const T>&, T,

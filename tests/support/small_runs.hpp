@@ -55,8 +55,9 @@ inline void append(std::vector<float>& to, const GaussianCloud<float>& cloud) {
 }
 
 template <class B>
-Outcome train_avatar(const SmallScene& scene, const AvatarConfig& config, int steps = 5) {
-    SmallTraining<B> training(scene, [] { return B(); }, 3, config);
+Outcome train_avatar(const SmallScene& scene, const AvatarConfig& config, int steps = 5,
+                     const TrainConfig& train_config = {}) {
+    SmallTraining<B> training(scene, [] { return B(); }, 3, config, train_config);
     Outcome outcome;
     take_steps(training.trainer, steps, 0.1); // the shadow joins at 0.1
     observe(training.trainer, scene.photos[1], outcome);

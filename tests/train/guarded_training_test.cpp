@@ -9,6 +9,7 @@
 #include "support/small_runs.hpp"
 
 #include <cstddef>
+#include <cstdint>
 
 namespace guarded_training { // joined builds: other tests have helpers of the same names
 
@@ -34,6 +35,15 @@ TEST_CASE("an avatar trains without the host touching the backend's memory") {
     for (const AmbientOcclusion ao : {AmbientOcclusion::time, AmbientOcclusion::pose}) {
         CAPTURE(static_cast<int>(ao));
         check_equal(train_avatar<Guarded>(scene, {.ao = ao}), train_avatar<cpu::Serial>(scene, {.ao = ao}));
+    }
+}
+
+TEST_CASE("so it does with photographs that are brought for their step") {
+    const SmallScene scene;
+    for (const std::uint64_t budget : {std::uint64_t(1), std::uint64_t(2 * scene.photos[0].rgba.size())}) {
+        CAPTURE(budget);
+        check_equal(train_avatar<Guarded>(scene, {.ao = AmbientOcclusion::none}, 6, {.photo_memory = budget}),
+                    train_avatar<cpu::Serial>(scene, {.ao = AmbientOcclusion::none}, 6));
     }
 }
 

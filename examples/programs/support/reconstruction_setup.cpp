@@ -22,32 +22,35 @@ namespace gsh::examples {
 
 namespace {
 
-/// Bytes of photographs in the memory that --max-memory limits. The host has the images of the whole capture, a GPU
-/// those of training and their plates.
-std::size_t bytes_of_photos(const Machine& machine, const Source& source, const std::vector<Photo>& training) {
+/// Bytes in the memory that --max-memory limits, which training needs beside the avatars. The host has the images of the
+/// whole capture. A GPU has the plates and three photographs at least (FetchAhead).
+std::size_t bytes_of_images(const Machine& machine, const Source& source, const std::vector<Photo>& training) {
     std::size_t bytes = 0;
     if (!machine.has_gpu()) {
         for (const auto& image : source.capture.images) bytes += image.data.size();
         return bytes;
     }
+    std::size_t largest = 0;
     std::set<const std::uint8_t*> known; // photographs share plates
-    for (const Photo& photo : training)
-        for (const auto& pixels : {photo.rgba, photo.plate})
-            if (known.insert(pixels.data()).second) bytes += pixels.size();
-    return bytes;
+    for (const Photo& photo : training) {
+        if (known.insert(photo.plate.data()).second) bytes += photo.plate.size();
+        largest = std::max(largest, photo.rgba.size());
+    }
+    return bytes + 3 * largest;
 }
 
-/// The number of Gaussians of each person: as requested, or as many as fit into --max-memory.
+/// The number of Gaussians of each person: as requested, or as many as fit into --max-memory. What they leave of a GPU's
+/// memory is for photographs (TrainConfig::photo_memory).
 /// Errors  ValueError if less than a tenth of the requested number fits.
 std::size_t gaussians_within_memory(const Machine& machine, const Source& source, const std::vector<Photo>& training,
-                                    const Configuration& configuration, const ReconstructOptions& o) {
+                                    const ReconstructOptions& o, Configuration& configuration) {
     if (o.max_memory == 0) return o.gaussians;
     std::size_t pixels = 0;
     for (const auto& camera : source.capture.cameras)
         pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) *
                                       static_cast<std::size_t>(camera.camera.height));
     const MemoryModel memory = training_memory<cpu::Threads>(
-        configuration.avatar, pixels, bytes_of_photos(machine, source, training), source.people.size(),
+        configuration.avatar, pixels, bytes_of_images(machine, source, training), source.people.size(),
         {.joint_count = source.body().joint_count(), .vertex_count = source.body().vertex_count()});
     const std::size_t count = std::min(o.gaussians, memory.gaussians_within(o.max_memory));
     if (count < o.gaussians / 10)
@@ -58,6 +61,8 @@ std::size_t gaussians_within_memory(const Machine& machine, const Source& source
     if (count < o.gaussians)
         warn(std::to_string(count) + " instead of " + std::to_string(o.gaussians) + " Gaussians, to stay within " +
              std::to_string(o.max_memory) + " bytes");
+    if (machine.has_gpu())
+        configuration.train.photo_memory = std::max<std::uint64_t>(o.max_memory - memory.bytes(count), 1);
     return count;
 }
 
@@ -115,7 +120,7 @@ ReconstructionSetup make_setup(Machine& machine, const Source& source, const Con
     setup.photos = photos_of(source.capture, false);
     check_value(!setup.photos.empty(), source.capture.name, "has no photographs to train on");
     setup.held_out_frames = source.capture.held_out_frames;
-    const std::size_t count = gaussians_within_memory(machine, source, setup.photos, configuration, o);
+    const std::size_t count = gaussians_within_memory(machine, source, setup.photos, o, setup.configuration);
     for (std::size_t p = 0; p < source.people.size(); ++p) {
         const CapturePerson& from = source.people[p];
         const std::uint64_t seed = p == 0 ? o.seed : random_bits(o.seed, p);

@@ -3,18 +3,24 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/fetch_ahead.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/pipeline/photo.hpp>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <map>
+#include <memory>
+#include <utility>
 #include <vector>
 
 namespace gsh {
 
-/// Pixels and plates of photographs as bytes. On a backend with host memory they are the caller's own; elsewhere each
-/// is uploaded once. Photographs that share a plate share its copy.
+/// Pixels and plates of photographs as bytes. On a backend with host memory they are the caller's own. Elsewhere they
+/// are uploaded once: plates, which photographs share, and as many photographs as a budget allows. The others are
+/// brought one by one, ahead of their step (FetchAhead).
 template <Backend B>
 class PhotoPixels {
 public:
@@ -23,33 +29,61 @@ public:
         Bytes rgba;  ///< [height, width, 4]
         Bytes plate; ///< likewise, or empty
     };
+    static constexpr std::uint64_t no_limit = std::numeric_limits<std::uint64_t>::max();
 
     PhotoPixels() = default;
-    PhotoPixels(B& backend, const std::vector<Photo>& photos) {
+    /// `budget`: bytes of the backend's memory for photographs without their plates.
+    PhotoPixels(B& backend, const std::vector<Photo>& photos, std::uint64_t budget = no_limit) {
         views_.reserve(photos.size());
-        std::map<const std::uint8_t*, Bytes> known;
-        const auto place = [&]([[maybe_unused]] Bytes bytes) {
-            if constexpr (B::host_memory) {
-                return bytes;
-            } else {
-                if (bytes.empty()) return Bytes{};
-                const auto [entry, is_new] = known.try_emplace(bytes.data());
-                if (is_new) {
-                    copies_.emplace_back(bytes.size());
-                    backend.upload(bytes, Span<std::uint8_t>(copies_.back()));
-                    entry->second = copies_.back();
-                }
-                return entry->second;
+        if constexpr (B::host_memory) {
+            for (const Photo& photo : photos) views_.push_back({photo.rgba, photo.plate});
+        } else {
+            std::map<const std::uint8_t*, Bytes> plates;
+            std::vector<Bytes> others;
+            for (const Photo& photo : photos) {
+                const auto [plate, is_new] = plates.try_emplace(photo.plate.data());
+                if (is_new) plate->second = upload(backend, photo.plate);
+                const bool stays = photo.rgba.size() <= budget;
+                if (stays) budget -= photo.rgba.size();
+                places_.push_back(stays ? resident : others.size());
+                if (!stays) others.push_back(photo.rgba);
+                views_.push_back({stays ? upload(backend, photo.rgba) : Bytes{}, plate->second});
             }
-        };
-        for (const Photo& photo : photos) views_.push_back({place(photo.rgba), place(photo.plate)});
+            if (!others.empty()) others_ = std::make_unique<FetchAhead<B>>(backend, std::move(others));
+        }
+    }
+
+    /// Makes operator[] valid for a photograph until the next call. Not inside a repeated step (RepeatedStep).
+    void prepare(std::size_t photo) {
+        if (is_fetched(photo)) views_[photo].rgba = others_->get(places_[photo]);
+    }
+    /// Announces the photograph of the next call of prepare, after the work on the present one has been queued.
+    void fetch(std::size_t photo) {
+        if (is_fetched(photo)) others_->fetch(places_[photo]);
     }
 
     [[nodiscard]] const View& operator[](std::size_t photo) const { return views_[photo]; }
+    /// How many photographs stay in the backend's memory.
+    [[nodiscard]] std::size_t resident_count() const {
+        if (others_ == nullptr) return views_.size();
+        return static_cast<std::size_t>(std::count(places_.begin(), places_.end(), resident));
+    }
 
 private:
+    static constexpr std::size_t resident = ~std::size_t(0);
+
+    [[nodiscard]] bool is_fetched(std::size_t photo) const { return others_ != nullptr && places_[photo] != resident; }
+    [[nodiscard]] Bytes upload(B& backend, Bytes bytes) {
+        if (bytes.empty()) return {};
+        copies_.emplace_back(bytes.size());
+        backend.upload(bytes, Span<std::uint8_t>(copies_.back()));
+        return copies_.back();
+    }
+
     std::vector<View> views_;
     std::vector<typename B::template Buffer<std::uint8_t>> copies_;
+    std::vector<std::size_t> places_;       // of each photograph in others_, or `resident`
+    std::unique_ptr<FetchAhead<B>> others_; // null if all stay
 };
 
 } // namespace gsh

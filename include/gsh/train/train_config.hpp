@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 
 namespace gsh {
 
@@ -21,6 +22,10 @@ struct TrainConfig {
     bool random_background = true;
     /// About the blur of the photographs: 0.14 px², less the pixel's own box.
     PixelFilter filter{.dilation = 0.1, .compensate_opacity = true};
+
+    /// Bytes of a device's memory for photographs; the others are brought ahead of their step. 0: half of what is free
+    /// when training starts. No setting of the avatar: it does not change any number.
+    std::uint64_t photo_memory = 0;
 
     /// Factor on every rate when the share `progress` of the run is over. It is 1 until decay_start, then falls
     /// geometrically to final_rate.

@@ -46,7 +46,7 @@ public:
     ///         of range. ShapeError: images of another size than their cameras.
     Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config = {})
         : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(checked(config)),
-          pixels_(backend, photos_),
+          pixels_(backend, photos_, photo_budget(backend, config_)),
           loss_(backend,
                 {.filter = config.filter, .ssim_weight = config.ssim_weight, .background = config.background}),
           repeated_(backend), history_(backend) {
@@ -95,9 +95,11 @@ public:
         progress_ = progress;
         scene_->set_progress(step_count_, progress);
         const Camera<double>& camera = photos_[index].camera;
+        pixels_.prepare(index);
         repeated_.run(std::uint64_t(camera.height) << 32 | std::uint64_t(camera.width),
                       [&] { compute_step(index, progress, observer); });
         ++step_count_;
+        pixels_.fetch(photo_of_step(step_count_));
         observer.leave();
     }
 
@@ -189,6 +191,11 @@ private:
         scene_->after_step(loss_.raster_cache());
     }
 
+    [[nodiscard]] static std::uint64_t photo_budget([[maybe_unused]] const B& backend, const TrainConfig& config) {
+        if (config.photo_memory != 0) return config.photo_memory;
+        if constexpr (requires { backend.free_memory(); }) return backend.free_memory() / 2;
+        else return PhotoPixels<B>::no_limit;
+    }
     [[nodiscard]] static const TrainConfig& checked(const TrainConfig& config) {
         const auto expect = [](bool good, const char* what) { check_value(good, "TrainConfig", what); };
         expect(config.decay_start >= 0 && config.decay_start <= 1, "decay_start must lie in [0, 1]");

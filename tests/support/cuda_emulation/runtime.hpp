@@ -112,6 +112,7 @@ struct EmulatedStream {
     std::uint64_t queued = 0, finished = 0; // pieces of work so far
     std::unique_ptr<EmulatedGraph> capture;
     bool strict = false; // the mode of the capture
+    bool eager = false;  // see CudaEmulation::eager_streams
 };
 
 struct EmulatedEvent {
@@ -141,6 +142,7 @@ public:
     unsigned char fill = 0xA5;            // bytes of new memory: results must not depend on it
     cudaError_t next_error = cudaSuccess; // of the next wait: the device has failed
     std::uint64_t seed = 1;               // of Order::random
+    bool eager_streams = false;           // all streams but the oldest do their work as soon as it is queued
 
     // What a test may ask.
     std::uint64_t launches = 0, graph_launches = 0, waits = 0, allocations = 0;
@@ -201,6 +203,7 @@ public:
 
     EmulatedStream& stream(EmulatedStream* stream) { return stream ? *stream : default_stream; }
     void add(EmulatedStream* stream) { streams_.push_back(stream); }
+    [[nodiscard]] bool has_streams() const { return !streams_.empty(); }
     void remove(EmulatedStream* stream) { std::erase(streams_, stream); }
 
     void queue(EmulatedStream& stream, std::unique_ptr<EmulatedWork> work) {
@@ -210,6 +213,7 @@ public:
         }
         stream.queue.push_back(std::move(work));
         ++stream.queued;
+        if (stream.eager) finish(stream);
     }
     void queue(EmulatedStream& stream, std::function<void()> work) {
         queue(stream, std::make_unique<FunctionWork>(std::move(work)));
@@ -436,6 +440,7 @@ inline cudaError_t cudaStreamCreateWithFlags(cudaStream_t* stream, unsigned) {
     auto& machine = gsh::test::CudaEmulation::instance();
     *stream = new gsh::test::EmulatedStream;
     (*stream)->device = machine.device;
+    (*stream)->eager = machine.eager_streams && machine.has_streams();
     machine.add(*stream);
     return cudaSuccess;
 }

@@ -10,6 +10,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace cuda_training { // joined builds: other tests have helpers of the same names
@@ -30,6 +31,22 @@ TEST_CASE("an avatar trains on the device as on the CPU, with the same bits each
     check_same(found, train_avatar<Device>(scene, {.ao = AmbientOcclusion::time}, 50));
     machine.order = Order::forward, machine.fill = 0xA5;
 #endif
+}
+
+TEST_CASE("photographs beyond the budget are brought ahead of their steps, which stay the same") {
+    if (skip_without_device()) return;
+    const SmallScene scene;
+    const AvatarConfig config{.ao = AmbientOcclusion::time};
+    const Outcome expected = train_avatar<Device>(scene, config, 10);
+    for (const std::uint64_t budget : {std::uint64_t(1), std::uint64_t(2 * scene.photos[0].rgba.size())}) {
+        CAPTURE(budget);
+        check_same(train_avatar<Device>(scene, config, 10, {.photo_memory = budget}), expected);
+#if defined(GSH_CUDA_EMULATION)
+        CudaEmulation::instance().eager_streams = true; // copies run as early as their events allow
+        check_same(train_avatar<Device>(scene, config, 10, {.photo_memory = budget}), expected);
+        CudaEmulation::instance().eager_streams = false;
+#endif
+    }
 }
 
 TEST_CASE("so do shadows over the pose, stored attributes, separate heads and other deformations") {

@@ -88,6 +88,13 @@ public:
         return bytes == 0 || (is_here(memory) && is_here(static_cast<const unsigned char*>(memory) + bytes - 1));
     }
 
+    /// Bytes of the GPU's memory that no process has taken.
+    [[nodiscard]] std::uint64_t free_memory() const {
+        std::size_t free = 0, total = 0;
+        check(cudaMemGetInfo(&free, &total), where);
+        return free;
+    }
+
     [[nodiscard]] Precision precision() const { return precision_; }
     /// Holds for later work. Forward and backward of one step must have the same.
     void set_precision(Precision precision) { precision_ = precision; }

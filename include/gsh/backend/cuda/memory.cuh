@@ -8,6 +8,8 @@
 #include <cuda_runtime.h>
 
 #include <cstddef>
+#include <cstdint>
+#include <cstring>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -111,6 +113,31 @@ private:
 
     T* data_ = nullptr;
     std::size_t size_ = 0, capacity_ = 0;
+};
+
+/// A copy of an array of bytes in page-locked host memory, from which a copy to the device runs beside other work.
+///
+/// Errors  DeviceError: the system gives no page-locked memory of that size.
+class PinnedCopy {
+public:
+    explicit PinnedCopy(Span<const std::uint8_t> from) : size_(from.size()) {
+        if (size_ == 0) return;
+        check(cudaMallocHost(&data_, size_), "gsh::cuda::PinnedCopy",
+              std::to_string(size_ >> 20) + " MiB of page-locked host memory are needed");
+        std::memcpy(data_, from.data(), size_);
+    }
+    PinnedCopy(PinnedCopy&& other) noexcept
+        : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
+    PinnedCopy& operator=(PinnedCopy&&) = delete;
+    ~PinnedCopy() {
+        if (data_ != nullptr) (void)cudaFreeHost(data_);
+    }
+    [[nodiscard]] const std::uint8_t* data() const { return data_; }
+    [[nodiscard]] std::size_t size() const { return size_; }
+
+private:
+    std::uint8_t* data_ = nullptr;
+    std::size_t size_ = 0;
 };
 
 } // namespace gsh::cuda
