@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/config.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/lane.hpp>
 #include <gsh/core/prefetch.hpp>
@@ -30,6 +31,7 @@
 #include <gsh/backend/sum.hpp>
 
 #include <gsh/camera/camera_increment.hpp>
+#include <gsh/camera/camera_input.hpp>
 #include <gsh/camera/distortion.hpp>
 #include <gsh/camera/pinhole.hpp>
 

@@ -95,14 +95,14 @@ namespace other {
 using namespace gsh;
 
 template <class T>
-void composite_forward(Device& device, const Camera<T>&, const SplatView<const T>&, const Background<T>&,
+void composite_forward(Device& device, const Deferred<Camera<T>>&, const SplatView<const T>&, const Background<T>&,
                        const RasterParams<T>&, const RenderTarget<T>&, RasterCache<Device, T>& cache) {
     device.calls.push_back("composite_forward");
     cache.status.assign(1, RasterStatus{});
     ++cache.scratch.sorted;
 }
 template <class T>
-void composite_backward(Device& device, const Camera<T>&, const SplatView<const T>&, const Background<T>&,
+void composite_backward(Device& device, const Deferred<Camera<T>>&, const SplatView<const T>&, const Background<T>&,
                         const RasterParams<T>&, const RenderGradient<T>&, RasterCache<Device, T>&, const SplatView<T>&,
                         Span<CameraGradient<T>>, const BackgroundGradient<T>&) {
     device.calls.push_back("composite_backward");

@@ -27,7 +27,7 @@ public:
 
     [[nodiscard]] std::size_t size() const { return count; }
     [[nodiscard]] std::size_t frame_count() const { return 1; }
-    void forward(std::size_t, const vec3<float>&, const SplatView<float>& splats) {
+    void forward(std::size_t, const Deferred<vec3<float>>&, const SplatView<float>& splats) {
         for (std::size_t i = 0; i < count; ++i) {
             const auto row = static_cast<float>(i / 4), column = static_cast<float>(i % 4);
             splats.means[i] = {0.3f * column - 0.45f, 0.3f * row - 0.45f, 0};
@@ -36,7 +36,8 @@ public:
         }
         backend_->copy(view_as<const vec3<float>>(Span<const float>(colors_.values())), splats.colors);
     }
-    void backward(std::size_t, const vec3<float>&, const SplatView<const float>& dL_dsplats, Span<vec3<float>>) {
+    void backward(std::size_t, const Deferred<vec3<float>>&, const SplatView<const float>& dL_dsplats,
+                  Span<vec3<float>>) {
         const Span<vec3<float>> gradient = view_as<vec3<float>>(colors_.gradient());
         for (std::size_t i = 0; i < count; ++i) gradient[i] += dL_dsplats.colors[i];
     }
@@ -100,8 +101,8 @@ TEST_CASE("a plain scene has the photograph's camera, which does not learn") {
     cpu::Serial backend;
     Lights<cpu::Serial> lights(backend);
     const Photo photo = pictures.photos()[0];
-    CHECK(lights.camera(photo).t == vec3<float>(photo.camera.t));
-    CHECK(lights.camera(photo).fx == static_cast<float>(photo.camera.fx));
+    CHECK(lights.camera(photo).camera.known.t == vec3<float>(photo.camera.t));
+    CHECK(lights.camera(photo).camera.known.fx == static_cast<float>(photo.camera.fx));
     const CameraGradientView<float> gradient = lights.camera_gradient(photo);
     CHECK(gradient.camera.empty());
     CHECK(gradient.center.empty());

@@ -8,10 +8,10 @@
 
 namespace gsh::cpu {
 
-extern template void composite_forward(Threads&, const Camera<float>&, const SplatView<const float>&,
-                                       const Background<float>&, const RasterParams<float>&,
-                                       const RenderTarget<float>&, RasterCache<Threads, float>&);
-extern template void composite_backward(Threads&, const Camera<float>&, const SplatView<const float>&,
+extern template void composite_forward(Threads&, const Deferred<Camera<float>>&, const SplatView<const float>&,
+                                       const Background<float>&, const RasterParams<float>&, const RenderTarget<float>&,
+                                       RasterCache<Threads, float>&);
+extern template void composite_backward(Threads&, const Deferred<Camera<float>>&, const SplatView<const float>&,
                                         const Background<float>&, const RasterParams<float>&,
                                         const RenderGradient<float>&, RasterCache<Threads, float>&,
                                         const SplatView<float>&, Span<CameraGradient<float>>,

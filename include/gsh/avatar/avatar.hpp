@@ -9,6 +9,7 @@
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
@@ -179,7 +180,7 @@ public:
 
     /// Splats of a pose as seen from `center` (Camera::center()); splats must have size() elements. With a light,
     /// `others` cast shadows beside the avatar itself.
-    void pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<T>& splats, Cache& cache,
+    void pose(const RigPose<B, T>& pose, const Deferred<vec3<T>>& center, const SplatView<T>& splats, Cache& cache,
               Span<const ShadowCaster<T>> others = {}) const {
         poser_.bones(pose, joints_, cache.poser);
         backend_->copy(Span<const vec3<T>>(gaussians_.means), Span<vec3<T>>(cache.poser.means));
@@ -195,8 +196,9 @@ public:
 
     /// Adjoint of pose with respect to the pose alone: adds to the non-empty members of dL_dpose, and to dL_dcenter [1]
     /// if it is given. The other arguments are those of the forward pass that filled the cache.
-    void backward_to_pose(const RigPose<B, T>& pose, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
-                          Cache& cache, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter = {}) {
+    void backward_to_pose(const RigPose<B, T>& pose, const Deferred<vec3<T>>& center,
+                          const SplatView<const T>& dL_dsplats, Cache& cache, const RigPoseGradient<T>& dL_dpose,
+                          Span<vec3<T>> dL_dcenter = {}) {
         const bool ao_follows = occlusion_field_ && !dL_dpose.pose.empty();
         cache.dL_dao.resize(ao_follows ? size() : 0);
         backend_->fill(Span<T>(cache.dL_dao), T(0));

@@ -6,6 +6,7 @@
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/shade.hpp>
@@ -104,8 +105,8 @@ public:
 
     /// Splats as seen from `center`, in a light if there is one.
     template <int Degree>
-    void forward(SkinnedView<const T> gaussians, const vec3<T>& center, const SplatView<T>& splats, Cache& cache,
-                 const PoserLight<T>& light = {}) const {
+    void forward(SkinnedView<const T> gaussians, const Deferred<vec3<T>>& center, const SplatView<T>& splats,
+                 Cache& cache, const PoserLight<T>& light = {}) const {
         rig_.add_offsets(cache.rig, cache.means);
         SplatView<T> skinned = splats;
         if (light.light.size()) {
@@ -122,7 +123,7 @@ public:
     /// empty, and to the non-empty parts of dL_dpose, dL_dcenter and dL_dlight. Overwrites cache.dL_dmeans with the
     /// gradient of the canonical means. The light is that of forward.
     template <int Degree>
-    void backward(const RigPose<B, T>& pose, SkinnedView<const T> gaussians, const vec3<T>& center,
+    void backward(const RigPose<B, T>& pose, SkinnedView<const T> gaussians, const Deferred<vec3<T>>& center,
                   SplatView<const T> dL_dsplats, Cache& cache, SkinnedView<T> dL_dgaussians,
                   Span<vec3<T>> dL_djoints, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter,
                   const PoserLight<T>& light = {}, const PoserLightGradient<T>& dL_dlight = {}) {

@@ -7,6 +7,7 @@
 #include <gsh/backend/memory.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/core/config.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/lane.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/covariance.hpp>
@@ -151,7 +152,7 @@ struct SkinnedInput {
 
     SkinnedView<const T> gaussians;
     Span<const Bone> bones;
-    vec3<T> center;
+    Deferred<vec3<T>> center;
     std::size_t sh_stride;
 
     [[nodiscard]] GSH_HD typename SkinnedGaussian<Degree, D>::template Input<T> operator[](std::size_t i) const {
@@ -161,7 +162,7 @@ struct SkinnedInput {
     [[nodiscard]] GSH_HD typename SkinnedGaussian<Degree, D>::template Input<T> with_sh(std::size_t i,
                                                                                         const vec3<T>* sh) const {
         return {gaussians.means[i], gaussians.quats[i], gaussians.log_scales[i], gaussians.opacity_logits[i],
-                sh, gaussians.ao.empty() ? T(1) : gaussians.ao[i], blend(gaussians.weights, i, bones), center};
+                sh, gaussians.ao.empty() ? T(1) : gaussians.ao[i], blend(gaussians.weights, i, bones), center()};
     }
 };
 

@@ -6,6 +6,7 @@
 #include <gsh/avatar/skinned_element.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/skinning.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/shade.hpp>
@@ -140,7 +141,7 @@ public:
     [[nodiscard]] const Params& params() const { return params_; }
 
     /// Overwrites the splats. Only dual quaternions use the cache: eight numbers per bone.
-    void forward(const SkinnedView<const T>& gaussians, Span<const Affine<T>> bones, const vec3<T>& center,
+    void forward(const SkinnedView<const T>& gaussians, Span<const Affine<T>> bones, const Deferred<vec3<T>>& center,
                  const SplatView<T>& splats, Cache& cache) const {
         constexpr auto where = "SkinnedSplats::forward";
         const std::size_t count = gaussians.size();
@@ -159,7 +160,7 @@ public:
     /// Adjoint of forward: adds to the non-empty attributes of dL_dgaussians and, where given, to dL_dbones [J] and to
     /// dL_dcenter, one vector in the backend's memory. With dual quaternions, the gradient of the nine numbers of a
     /// bone's rotation is its component along turns (dual_quat_from_rigid_backward).
-    void backward(const SkinnedView<const T>& gaussians, Span<const Affine<T>> bones, const vec3<T>& center,
+    void backward(const SkinnedView<const T>& gaussians, Span<const Affine<T>> bones, const Deferred<vec3<T>>& center,
                   const SplatView<const T>& dL_dsplats, Cache& cache, const SkinnedView<T>& dL_dgaussians,
                   Span<Affine<T>> dL_dbones = {}, Span<vec3<T>> dL_dcenter = {}) const {
         constexpr auto where = "SkinnedSplats::backward";

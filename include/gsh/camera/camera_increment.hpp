@@ -60,6 +60,20 @@ GSH_HD void moved_camera_backward(const Camera<T>& camera, const vec3<T>& pivot,
 
 namespace detail {
 
+/// One camera, moved by its increment.
+template <class T>
+struct MovedCamera {
+    Camera<T> initial;
+    vec3<T> pivot;
+    Span<const CameraIncrement<T>> increment;
+    Span<Camera<T>> moved;  // [1]
+    Span<vec3<T>> center;   // [1]
+    GSH_HD void operator()(std::size_t) const {
+        moved[0] = moved_camera(initial, pivot, increment[0]);
+        center[0] = moved[0].center();
+    }
+};
+
 /// One camera: gradients of the camera and of its centre become the gradient of its increment.
 template <class T>
 struct MovedCameraBackward {

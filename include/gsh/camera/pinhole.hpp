@@ -28,7 +28,7 @@ struct Camera {
     [[nodiscard]] GSH_HD vec3<T> center() const { return -transposed_times(R, t); }
 
     template <class U>
-    [[nodiscard]] Camera<U> cast() const {
+    [[nodiscard]] GSH_HD Camera<U> cast() const {
         return {mat3<U>(R), vec3<U>(t), U(fx), U(fy), U(cx), U(cy), width, height};
     }
 };

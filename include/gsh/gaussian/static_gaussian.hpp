@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/sum.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
@@ -44,7 +45,7 @@ namespace detail {
 template <int Degree, class T>
 struct StaticSplatForward {
     GaussiansView<const T> gaussians;
-    vec3<T> center;
+    Deferred<vec3<T>> center;
     ColorClamp clamping;
     SplatView<T> splats;
 
@@ -54,14 +55,14 @@ struct StaticSplatForward {
         splats.means[i] = mean;
         splats.covariances[i] = covariance(gaussians.quats[i], gaussians.log_scales[i]);
         splats.opacities[i] = sigmoid(gaussians.opacity_logits[i]);
-        splats.colors[i] = shade<Degree>(sh, view_direction(mean, center), T(1), clamping);
+        splats.colors[i] = shade<Degree>(sh, view_direction(mean, center()), T(1), clamping);
     }
 };
 
 template <int Degree, class T>
 struct StaticSplatBackward {
     GaussiansView<const T> gaussians;
-    vec3<T> center;
+    Deferred<vec3<T>> center;
     ColorClamp clamping;
     SplatView<const T> dL_dsplats;
     GaussiansView<T> dL_dgaussians;
@@ -70,13 +71,13 @@ struct StaticSplatBackward {
     GSH_HD void operator()(std::size_t i) const {
         constexpr std::size_t basis_count = static_cast<std::size_t>(sh_basis_count(Degree));
         const vec3<T>* sh = gaussians.sh.data() + i * basis_count;
-        const vec3<T> mean = gaussians.means[i], dir = view_direction(mean, center);
+        const vec3<T> mean = gaussians.means[i], dir = view_direction(mean, center());
 
         vec3<T> dL_dsh[basis_count], dL_ddir(T(0)), dL_doffset(T(0));
         for (vec3<T>& value : dL_dsh) value = vec3<T>(T(0));
         T dL_dao = T(0);
         shade_backward<Degree>(sh, dir, T(1), clamping, dL_dsplats.colors[i], dL_dsh, dL_ddir, dL_dao);
-        view_direction_backward(mean, center, dL_ddir, dL_doffset);
+        view_direction_backward(mean, center(), dL_ddir, dL_doffset);
         if (!dL_dgaussians.sh.empty())
             for (std::size_t k = 0; k < basis_count; ++k) dL_dgaussians.sh[i * basis_count + k] += dL_dsh[k];
         if (!dL_dgaussians.means.empty()) dL_dgaussians.means[i] += dL_dsplats.means[i] + dL_doffset;
@@ -139,7 +140,7 @@ public:
     [[nodiscard]] const Params& params() const { return params_; }
 
     /// Overwrites the splats. backward computes everything anew, so the cache stays as it is.
-    void forward(const GaussiansView<const T>& gaussians, const vec3<T>& center, const SplatView<T>& splats,
+    void forward(const GaussiansView<const T>& gaussians, const Deferred<vec3<T>>& center, const SplatView<T>& splats,
                  Cache& /*cache*/) const {
         constexpr auto where = "StaticSplats::forward";
         detail::check_degree(where, gaussians.sh_degree, Degree);
@@ -153,8 +154,9 @@ public:
 
     /// Adjoint of forward: adds to the attributes of dL_dgaussians that are not empty. If dL_dcenter is given, it is
     /// one vector in the backend's memory and is added to as well.
-    void backward(const GaussiansView<const T>& gaussians, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
-                  Cache& cache, const GaussiansView<T>& dL_dgaussians, Span<vec3<T>> dL_dcenter = {}) const {
+    void backward(const GaussiansView<const T>& gaussians, const Deferred<vec3<T>>& center,
+                  const SplatView<const T>& dL_dsplats, Cache& cache, const GaussiansView<T>& dL_dgaussians,
+                  Span<vec3<T>> dL_dcenter = {}) const {
         constexpr auto where = "StaticSplats::backward";
         const std::size_t count = gaussians.size();
         detail::check_degree(where, gaussians.sh_degree, Degree);

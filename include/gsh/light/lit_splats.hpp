@@ -6,6 +6,7 @@
 #include <gsh/backend/memory.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/core/config.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/shade.hpp>
@@ -34,7 +35,7 @@ struct LitSplatsInput {
     Span<const vec3<T>> normals = {};
     Span<const T> visibility = {};
     Span<const vec3<T>> base = {};
-    vec3<T> center = vec3<T>(T(0));
+    Deferred<vec3<T>> center = {};
 };
 
 /// Gradients with respect to a LitSplatsInput. Each may be empty; it is then not computed. Visibility has none.
@@ -91,10 +92,10 @@ struct LitVertices {
     LitLight<T> light;
     Span<const vec3<T>> vertices, normals;
     Span<const T> visibility; // [V, P + D]
-    vec3<T> center;
+    Deferred<vec3<T>> center;
 
     [[nodiscard]] GSH_HD LitPoint::Input<T> operator[](std::size_t v) const {
-        return {vertices[v], normals[v], center};
+        return {vertices[v], normals[v], center()};
     }
     /// V_k of a vertex.
     [[nodiscard]] GSH_HD auto visibility_of(std::size_t v) const {

@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/posed_surface.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/shade.hpp>
@@ -97,7 +98,7 @@ public:
     ///
     /// Shapes  cache.base, colors [N]; `others` casts shadows on this body.
     void forward(const LitSurface<T>& posed, const LightView<const T>& light, Span<const ShadowCaster<T>> others,
-                 const vec3<T>& center, Span<vec3<T>> colors, Cache& cache) const {
+                 const Deferred<vec3<T>>& center, Span<vec3<T>> colors, Cache& cache) const {
         surface_.forward(posed.bones, posed.offsets, cache.surface);
         cache.offset_normals.resize(posed.normal_offsets.size());
         if (!posed.normal_offsets.empty())
@@ -117,7 +118,7 @@ public:
     [[nodiscard]] Span<const LitShading<T>> shading(Cache& cache) const { return lit_.interpolate(cache.lit); }
 
     /// Adjoint of forward, but for visibility, which counts as constant. Writes cache.dL_dbase and adds to dL_din.
-    void backward(const LitSurface<T>& posed, const LightView<const T>& light, const vec3<T>& center,
+    void backward(const LitSurface<T>& posed, const LightView<const T>& light, const Deferred<vec3<T>>& center,
                   Span<const vec3<T>> dL_dcolors, Cache& cache, const Gradient& dL_din) const {
         const bool surface_moves = !dL_din.bones.empty() || !dL_din.offsets.empty();
         const bool normals_count = surface_moves || !dL_din.normal_offsets.empty();
@@ -146,8 +147,8 @@ private:
                     "the body has no triangles; light needs a mesh, so use shadows over time or pose, or none");
         return PosedSurface<B, T>(backend, body, betas);
     }
-    [[nodiscard]] typename LitSplats<B, T>::Input input(const LightView<const T>& light, const vec3<T>& center,
-                                                        const Cache& cache) const {
+    [[nodiscard]] typename LitSplats<B, T>::Input input(const LightView<const T>& light,
+                                                        const Deferred<vec3<T>>& center, const Cache& cache) const {
         const Span<const vec3<T>> normals = cache.offset_normals.size() ? Span<const vec3<T>>(cache.offset_normals)
                                                                         : Span<const vec3<T>>(cache.surface.normals);
         return {light, cache.surface.vertices, normals, cache.visibility, cache.base, center};

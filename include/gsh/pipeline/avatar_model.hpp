@@ -9,6 +9,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/config.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/shade.hpp>
@@ -179,7 +180,7 @@ public:
 
     /// Writes splats of `pose`, the pose at `frame`, seen from `center`, the camera's centre in the world. With a
     /// light, `others` cast shadows beside the body itself.
-    void pose(const RigPose<B, T>& pose, std::size_t frame, const vec3<T>& center, const SplatView<T>& splats,
+    void pose(const RigPose<B, T>& pose, std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<T>& splats,
               Span<const ShadowCaster<T>> others = {}) {
         poser_.bones(pose, joints(), cache_.poser);
         write_means(cache_.poser.means);
@@ -190,7 +191,7 @@ public:
 
     /// Adjoint of update_canonical and pose. Adds to the gradients of learned(), and to the gradients of the pose and
     /// of the camera's centre [1] that are not empty.
-    void backward(const RigPose<B, T>& pose, std::size_t frame, const vec3<T>& center,
+    void backward(const RigPose<B, T>& pose, std::size_t frame, const Deferred<vec3<T>>& center,
                   const SplatView<const T>& dL_dsplats, RigPoseGradient<T> dL_dpose = {},
                   Span<vec3<T>> dL_dcenter = {}) {
         const Span<T> dL_dao = zeros(cache_.dL_dao, cache_.ao.size());
@@ -210,7 +211,7 @@ public:
     }
 
     /// Adjoint of pose() with respect to the pose alone. Nothing is added to the gradients of learned().
-    void backward_to_pose(const RigPose<B, T>& pose, std::size_t frame, const vec3<T>& center,
+    void backward_to_pose(const RigPose<B, T>& pose, std::size_t frame, const Deferred<vec3<T>>& center,
                           const SplatView<const T>& dL_dsplats, const RigPoseGradient<T>& dL_dpose,
                           Span<vec3<T>> dL_dcenter = {}) {
         const bool shadow_moves = shadow_.follows_pose() && !cache_.ao.empty() && !dL_dpose.pose.empty();

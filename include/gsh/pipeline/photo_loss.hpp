@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -71,7 +72,7 @@ public:
     void set_photo(const Photo& photo) { set_photo(photo, params_.background); }
 
     /// Renders the splats. `camera` is the photograph's camera, as it was calibrated or as refinement has moved it.
-    void render(const Camera<T>& camera, const SplatView<const T>& splats) {
+    void render(const Deferred<Camera<T>>& camera, const SplatView<const T>& splats) {
         rasterizer_.forward(camera, splats, backdrop_.background(),
                             {.color = view(render_, 3), .alpha = with_mask() ? in(alpha_, 1) : ImageView<T>{}},
                             raster_cache_);
@@ -101,7 +102,7 @@ public:
 
     /// Adjoint of render() and compare(). Takes the arguments of render again. Adds to dL_dsplats, and to dL_dcamera
     /// [1] if that is given.
-    void backward(const Camera<T>& camera, const SplatView<const T>& splats, const SplatView<T>& dL_dsplats,
+    void backward(const Deferred<Camera<T>>& camera, const SplatView<const T>& splats, const SplatView<T>& dL_dsplats,
                   Span<CameraGradient<T>> dL_dcamera = {}) {
         const ImageView<T> dL_drender = in(dL_drender_, 3);
         backend_->fill(dL_drender.data, T(0));

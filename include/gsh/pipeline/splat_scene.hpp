@@ -3,7 +3,9 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/camera/camera_input.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/math/vec.hpp>
@@ -42,13 +44,14 @@ struct CameraGradientView {
 /// forward may be called several times after one prepare. Every frame is below frame_count().
 template <class S, class B, class T>
 concept SplatScene = requires(S& scene, const Photo& photo, std::size_t frame, std::uint64_t step, double progress,
-                              const vec3<T>& center, const SplatView<T>& splats, const SplatView<const T>& dL_dsplats,
-                              Span<vec3<T>> dL_dcenter, const RasterCache<B, T>& raster_cache) {
+                              const Deferred<vec3<T>>& center, const SplatView<T>& splats,
+                              const SplatView<const T>& dL_dsplats, Span<vec3<T>> dL_dcenter,
+                              const RasterCache<B, T>& raster_cache) {
     { scene.size() } -> std::convertible_to<std::size_t>;
     { scene.frame_count() } -> std::convertible_to<std::size_t>;
     scene.set_progress(step, progress);
     scene.prepare(frame);
-    { scene.camera(photo) } -> std::same_as<Camera<T>>;
+    { scene.camera(photo) } -> std::convertible_to<CameraInput<T>>;
     scene.forward(frame, center, splats);
     { scene.camera_gradient(photo) } -> std::same_as<CameraGradientView<T>>;
     scene.backward(frame, center, dL_dsplats, dL_dcenter);
@@ -64,7 +67,7 @@ template <Backend B, std::floating_point T>
 struct PlainScene {
     void set_progress(std::uint64_t /*step*/, double /*progress*/) {}
     void prepare(std::size_t /*frame*/) {}
-    [[nodiscard]] Camera<T> camera(const Photo& photo) const { return photo.camera.template cast<T>(); }
+    [[nodiscard]] CameraInput<T> camera(const Photo& photo) const { return photo.camera.template cast<T>(); }
     [[nodiscard]] CameraGradientView<T> camera_gradient(const Photo&) const { return {}; }
     void camera_backward(const Photo&) const {}
     void after_step(const RasterCache<B, T>&) const {}

@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/config.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/core/span.hpp>
@@ -148,13 +149,13 @@ public:
 
     void set_progress(std::uint64_t step, double /*progress*/) { step_ = static_cast<std::int64_t>(step); }
 
-    void forward(std::size_t /*frame*/, const vec3<T>& center, const SplatView<T>& splats) {
+    void forward(std::size_t /*frame*/, const Deferred<vec3<T>>& center, const SplatView<T>& splats) {
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
             to_splats<decltype(degree)::value>().forward(std::as_const(gaussians_).view(), center, splats,
                                                          splats_cache_);
         });
     }
-    void backward(std::size_t /*frame*/, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
+    void backward(std::size_t /*frame*/, const Deferred<vec3<T>>& center, const SplatView<const T>& dL_dsplats,
                   Span<vec3<T>> /*dL_dcenter*/) {
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
             to_splats<decltype(degree)::value>().backward(std::as_const(gaussians_).view(), center, dL_dsplats,

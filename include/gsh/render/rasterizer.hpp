@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/memory.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/image.hpp>
@@ -75,10 +76,11 @@ public:
 
     [[nodiscard]] const Params& params() const { return params_; }
 
-    /// Overwrites the target and the cache.
-    void forward(const Camera<T>& camera, const SplatView<const T>& splats, const Background<T>& background,
+    /// Overwrites the target and the cache. A camera that was computed on the backend has the size of input.known.
+    void forward(const Deferred<Camera<T>>& input, const SplatView<const T>& splats, const Background<T>& background,
                  const RenderTarget<T>& target, Cache& cache) const {
         constexpr const char* where = "Rasterizer::forward";
+        const Camera<T>& camera = input.known;
         check_camera(where, camera);
         check_splats(where, splats);
         check_image(where, "color", target.color, 3, camera.height, camera.width);
@@ -93,7 +95,7 @@ public:
         check_memory(*backend_, where, "median_depth", target.median_depth);
         check_memory(*backend_, where, "background", background.image);
         cache.splat_count = 0, cache.width = cache.height = 0; // backward refuses the cache until forward has succeeded
-        composite_forward(*backend_, camera, splats, background, params_, target, cache); // the backend's own overload
+        composite_forward(*backend_, input, splats, background, params_, target, cache); // the backend's own overload
         if (!defers()) check_status(where, cache);
         cache.splat_count = splats.size(), cache.width = camera.width, cache.height = camera.height;
     }
@@ -105,10 +107,11 @@ public:
 
     /// Adds to the non-empty spans of dL_dsplats, and to dL_dcamera and dL_dbackground if given. The other arguments
     /// are those of the forward pass that filled the cache.
-    void backward(const Camera<T>& camera, const SplatView<const T>& splats, const Background<T>& background,
+    void backward(const Deferred<Camera<T>>& input, const SplatView<const T>& splats, const Background<T>& background,
                   const RenderGradient<T>& dL_dtarget, Cache& cache, const SplatView<T>& dL_dsplats,
                   Span<CameraGradient<T>> dL_dcamera = {}, const BackgroundGradient<T>& dL_dbackground = {}) const {
         constexpr const char* where = "Rasterizer::backward";
+        const Camera<T>& camera = input.known;
         check_splats(where, splats);
         check_size(where, "means", splats.size(), cache.splat_count, "pass what forward was given");
         check_value(camera.width == cache.width && camera.height == cache.height, where,
@@ -135,7 +138,7 @@ public:
         check_memory(*backend_, where, "dL_dcamera", dL_dcamera);
         check_memory(*backend_, where, "dL_dbackground.color", dL_dbackground.color);
         check_memory(*backend_, where, "dL_dbackground.image", dL_dbackground.image);
-        composite_backward(*backend_, camera, splats, background, params_, dL_dtarget, cache, dL_dsplats, dL_dcamera,
+        composite_backward(*backend_, input, splats, background, params_, dL_dtarget, cache, dL_dsplats, dL_dcamera,
                            dL_dbackground);
     }
 

@@ -5,7 +5,9 @@
 #include <gsh/avatar/rig.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/motion.hpp>
+#include <gsh/camera/camera_input.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -118,7 +120,7 @@ public:
     void prepare(std::size_t frame) {
         for (Person& person : people_) person.model->update_canonical(frame);
     }
-    void forward(std::size_t frame, const vec3<T>& center, const SplatView<T>& splats) {
+    void forward(std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<T>& splats) {
         const auto casts = [&](std::size_t p) {
             const auto& light = people_[p].model->light();
             return light && light->shadows();
@@ -136,7 +138,7 @@ public:
             people_[p].model->pose(pose(frame, p), frame, center, part(p, splats), others);
         }
     }
-    void backward(std::size_t frame, const vec3<T>& center, const SplatView<const T>& dL_dsplats,
+    void backward(std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<const T>& dL_dsplats,
                   Span<vec3<T>> dL_dcenter) {
         for (std::size_t p = 0; p < people_.size(); ++p) {
             Person& person = people_[p];
@@ -149,7 +151,7 @@ public:
         }
     }
     /// Adjoint of the last forward with respect to one person's pose alone: adds to the person's refinement.
-    void backward_to_pose(std::size_t person, std::size_t frame, const vec3<T>& center,
+    void backward_to_pose(std::size_t person, std::size_t frame, const Deferred<vec3<T>>& center,
                           const SplatView<const T>& dL_dsplats) {
         Person& of = at(person);
         const RigPoseGradient<T> dL_dpose = of.refinement->pose_gradient();
@@ -157,9 +159,9 @@ public:
         of.refinement->accumulate(frame, dL_dpose);
     }
     /// Only cameras of training photographs are refined. A test view keeps its own, see Trainer::render.
-    [[nodiscard]] Camera<T> camera(const Photo& photo) const {
+    [[nodiscard]] CameraInput<T> camera(const Photo& photo) const {
         const auto* cameras = camera_refinement();
-        return cameras ? cameras->template camera<T>(photo.camera_index) : photo.camera.template cast<T>();
+        return cameras ? cameras->camera_input(photo.camera_index) : photo.camera.template cast<T>();
     }
     [[nodiscard]] CameraGradientView<T> camera_gradient(const Photo& photo) {
         const auto* cameras = camera_refinement();

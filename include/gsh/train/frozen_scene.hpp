@@ -5,6 +5,7 @@
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -53,11 +54,12 @@ public:
         : FrozenSceneBase<B, T>(motion), avatar_(&avatar) {}
 
     [[nodiscard]] std::size_t size() const { return avatar_->size(); }
-    void forward(std::size_t frame, const vec3<T>& center, const SplatView<T>& splats) {
+    void forward(std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<T>& splats) {
         this->motion().pose(frame, pose_);
         avatar_->pose(pose_, center, splats, cache_);
     }
-    void backward(std::size_t frame, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Span<vec3<T>>) {
+    void backward(std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<const T>& dL_dsplats,
+                  Span<vec3<T>>) {
         const RigPoseGradient<T> dL_dpose = this->motion().pose_gradient();
         avatar_->backward_to_pose(pose_, center, dL_dsplats, cache_, dL_dpose);
         this->motion().accumulate(frame, dL_dpose);
@@ -80,10 +82,11 @@ public:
 
     [[nodiscard]] std::size_t size() const { return scene_->size(); }
     void prepare(std::size_t frame) { scene_->prepare(frame); }
-    void forward(std::size_t frame, const vec3<T>& center, const SplatView<T>& splats) {
+    void forward(std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<T>& splats) {
         scene_->forward(frame, center, splats);
     }
-    void backward(std::size_t frame, const vec3<T>& center, const SplatView<const T>& dL_dsplats, Span<vec3<T>>) {
+    void backward(std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<const T>& dL_dsplats,
+                  Span<vec3<T>>) {
         scene_->backward_to_pose(person_, frame, center, dL_dsplats);
     }
 

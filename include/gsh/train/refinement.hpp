@@ -6,6 +6,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/camera/camera_increment.hpp>
+#include <gsh/camera/camera_input.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
@@ -117,6 +118,18 @@ public:
                                            U(host[6]),
                                            {U(host[7]), U(host[8])}};
         return moved_camera(cameras_[camera].template cast<U>(), vec3<U>(pivot_), increment);
+    }
+
+    /// The same for work on the backend, computed there: nobody waits for it. It holds until the next call or step.
+    [[nodiscard]] CameraInput<T> camera_input(std::size_t camera) const {
+        check_camera_index("camera_input", camera);
+        const Camera<T> initial = cameras_[camera].template cast<T>();
+        moved_camera_.resize(1), moved_center_.resize(1);
+        backend_->for_each(
+            1, detail::MovedCamera<T>{initial, vec3<T>(pivot_),
+                                      view_as<const CameraIncrement<T>>(tables_.camera_increments(camera)),
+                                      moved_camera_, moved_center_});
+        return {{initial, moved_camera_}, {vec3<T>(T(0)), moved_center_}};
     }
 
     /// Zeros to which a model's backward adds; empty for what does not learn. Pass the result to accumulate.
@@ -342,6 +355,8 @@ private:
     Buffer<T> joint_rates_;   // [J], or empty
     Buffer<vec3<T>> dL_dpose_, dL_dtransl_; // one frame's
     Buffer<T> dL_dcoefficients_, scratch_;
+    mutable Buffer<Camera<T>> moved_camera_;  // [1]
+    mutable Buffer<vec3<T>> moved_center_;    // [1]
     std::vector<std::size_t> frames_touched_, cameras_touched_;
     std::uint64_t steps_ = 0;
     double progress_ = 0;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/camera/camera_input.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
@@ -166,11 +167,11 @@ private:
         observer.enter(Stage::field_forward);
         scene_->prepare(photo.frame);
         observer.enter(Stage::pose);
-        const Camera<T> camera = scene_->camera(photo);
+        const CameraInput<T> camera = scene_->camera(photo);
         splats_.resize(scene_->size());
-        scene_->forward(photo.frame, camera.center(), splats_.view());
+        scene_->forward(photo.frame, camera.center, splats_.view());
         observer.enter(Stage::render);
-        loss_.render(camera, splats());
+        loss_.render(camera.camera, splats());
         observer.enter(Stage::loss);
         loss_.compare();
         history_.add(step_count_ + 1, loss_.values_on_backend());
@@ -179,9 +180,9 @@ private:
         const CameraGradientView<T> dL_dcamera = scene_->camera_gradient(photo);
         dL_dsplats_.resize(scene_->size());
         fill_zero(*backend_, dL_dsplats_.view());
-        loss_.backward(camera, splats(), dL_dsplats_.view(), dL_dcamera.camera);
+        loss_.backward(camera.camera, splats(), dL_dsplats_.view(), dL_dcamera.camera);
         observer.enter(Stage::model_backward);
-        scene_->backward(photo.frame, camera.center(), std::as_const(dL_dsplats_).view(), dL_dcamera.center);
+        scene_->backward(photo.frame, camera.center, std::as_const(dL_dsplats_).view(), dL_dcamera.center);
         scene_->camera_backward(photo);
 
         observer.enter(Stage::update);

@@ -33,6 +33,28 @@ TEST_CASE("poses, shape and cameras are refined on the device as on the CPU") {
     check_near(train_refined<Device>(scene), train_refined<cpu::Serial>(scene));
 }
 
+#if defined(GSH_CUDA_EMULATION)
+TEST_CASE("a step is one graph that waits for nothing, also in a light, with refined poses and cameras") {
+    const SmallScene scene;
+    SmallTraining<Device> training(
+        scene, [] { return Device(); }, 3, {.ao = AmbientOcclusion::pose},
+        {.photo_memory = scene.photos[0].rgba.size()}); // the other photographs are brought
+    training.model.set_light(training.rig, std::make_shared<LearnedLight<Device>>(training.backend,
+                                                                                  even_light(2, 3, {0, 0.8, 0}, 3)));
+    MotionRefinement<Device> refinement(training.backend, training.rig, scene.motion, scene.cameras, everything());
+    training.people.refine(refinement);
+    const std::size_t epoch = scene.photos.size();
+    training.steps(static_cast<int>(3 * epoch), 0.5); // buffers have their sizes, and each photograph has its graph
+    training.trainer.settle();
+    auto& machine = CudaEmulation::instance();
+    const auto waits = machine.waits, allocations = machine.allocations, graphs = machine.graph_launches;
+    training.steps(static_cast<int>(2 * epoch), 0.5);
+    CHECK(machine.waits == waits);
+    CHECK(machine.allocations == allocations);
+    CHECK(machine.graph_launches == graphs + 2 * epoch);
+}
+#endif
+
 TEST_CASE("a pose is fitted on the device as on the CPU") {
     if (skip_without_device()) return;
     const PosedScene scene;

@@ -153,7 +153,8 @@ private:
         const auto& from = input.gaussians;
         in_.sh = sh_;
         in_.ao = W(T(1));
-        in_.center = vec3<W>(W(input.center.x), W(input.center.y), W(input.center.z));
+        const vec3<T> center = input.center();
+        in_.center = vec3<W>(W(center.x), W(center.y), W(center.z));
         for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>) {
             const std::size_t* i = index + lane;
             put_lanes<T>(in_.mean, lane, [&](std::size_t j) -> auto& { return from.means[i[j]]; });

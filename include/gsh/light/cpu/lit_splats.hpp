@@ -106,7 +106,8 @@ struct LitBlock {
 private:
     LitPoint::Input<W> input(const LitVertices<T>& surface) const {
         LitPoint::Input<W> in;
-        in.center = vec3<W>(W(surface.center.x), W(surface.center.y), W(surface.center.z));
+        const vec3<T> center = surface.center();
+        in.center = vec3<W>(W(center.x), W(center.y), W(center.z));
         gather(in.position, [&](std::size_t v) -> auto& { return surface.vertices[v]; });
         gather(in.normal, [&](std::size_t v) -> auto& { return surface.normals[v]; });
         return in;

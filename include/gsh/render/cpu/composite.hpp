@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/render/cpu/bin.hpp>
 #include <gsh/render/cpu/tile.hpp>
@@ -160,10 +161,10 @@ void blend_tiles(B& backend, const Background<T>& background, const RasterParams
 
 /// Rasterizes; see Rasterizer::forward. If cache.status reports an error, the target is left unchanged.
 template <CpuBackend B, std::floating_point T>
-void composite_forward(B& backend, const Camera<T>& camera, const SplatView<const T>& splats,
+void composite_forward(B& backend, const Deferred<Camera<T>>& camera, const SplatView<const T>& splats,
                        const Background<T>& background, const RasterParams<T>& params, const RenderTarget<T>& target,
                        RasterCache<B, T>& cache) {
-    if (!project_splats(backend, camera, splats, params, cache)) return;
+    if (!project_splats(backend, camera(), splats, params, cache)) return;
     bin_splats(backend, sort_by_depth(backend, cache), cache);
     blend_tiles(backend, background, params, target, cache);
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/render/cpu/project_backward.hpp>
 #include <gsh/render/cpu/tile.hpp>
@@ -231,13 +232,13 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
 
 /// Adjoint of composite_forward; see Rasterizer::backward.
 template <CpuBackend B, std::floating_point T>
-void composite_backward(B& backend, const Camera<T>& camera, const SplatView<const T>& splats,
+void composite_backward(B& backend, const Deferred<Camera<T>>& camera, const SplatView<const T>& splats,
                         const Background<T>& background, const RasterParams<T>& params,
                         const RenderGradient<T>& dL_dtarget, RasterCache<B, T>& cache,
                         const SplatView<T>& dL_dsplats, Span<CameraGradient<T>> dL_dcamera,
                         const BackgroundGradient<T>& dL_dbackground) {
     blend_tiles_backward(backend, background, params, dL_dtarget, cache, dL_dbackground);
-    project_splats_backward(backend, camera, splats, params, cache, dL_dsplats, dL_dcamera);
+    project_splats_backward(backend, camera(), splats, params, cache, dL_dsplats, dL_dcamera);
 }
 
 } // namespace gsh::cpu

@@ -4,6 +4,7 @@
 
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/render/cuda/bin.cuh>
 #include <gsh/render/cuda/blend_tiles.cuh>
@@ -24,10 +25,10 @@ namespace detail {
 
 /// First stage: projects, counts, and finds where lists and slots begin.
 template <std::floating_point T>
-void project_splats(Device& device, const Camera<T>& camera, const SplatView<const T>& splats,
+void project_splats(Device& device, const Deferred<Camera<T>>& camera, const SplatView<const T>& splats,
                     const RasterParams<T>& params, RasterCache<Device, T>& cache) {
     RasterScratch<Device, T>& scratch = cache.scratch;
-    scratch.grid = {camera.width, camera.height};
+    scratch.grid = {camera.known.width, camera.known.height};
     const std::size_t n = splats.size(), tiles = scratch.grid.size();
     const std::size_t blocks = (n + splats_of_block - 1) / splats_of_block;
     cache.status.resize(1);
@@ -50,7 +51,7 @@ void project_splats(Device& device, const Camera<T>& camera, const SplatView<con
     device.launch(blocks,
                   ProjectSplats<T>{splats, params, params.alpha_min, scratch.grid, scratch.splats, scratch.covers,
                                    scratch.slot_begin, cache.visible, counters.subspan(0, tiles), scratch.block_counts,
-                                   camera.template cast<Wider<T>>()});
+                                   camera});
     const bool deferring = device.deferring();
     device.launch(2, ScanCounts{scratch.block_counts, scratch.block_begin, cache.status, scratch.refused,
                                 deferring ? device.halted() : Span<std::uint32_t>{}, params.max_pairs,
@@ -95,7 +96,7 @@ void blend_tiles(Device& device, const Background<T>& background, const RasterPa
 /// Outside of a recorded step the host waits for the number of pairs and enlarges the buffers. Within one they stay as
 /// they are, and too many pairs halt the device, as a Gaussian that is not finite does.
 template <std::floating_point T>
-void composite_forward(Device& device, const Camera<T>& camera, const SplatView<const T>& splats,
+void composite_forward(Device& device, const Deferred<Camera<T>>& camera, const SplatView<const T>& splats,
                        const Background<T>& background, const RasterParams<T>& params, const RenderTarget<T>& target,
                        RasterCache<Device, T>& cache) {
     detail::project_splats(device, camera, splats, params, cache);

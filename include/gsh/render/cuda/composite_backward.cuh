@@ -4,6 +4,7 @@
 
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/render/cuda/blend_tiles_backward.cuh>
 #include <gsh/render/cuda/project_backward.cuh>
@@ -35,7 +36,7 @@ void blend_tiles_backward(Device& device, const Background<T>& background, const
 
 /// Second stage: sums the slots of each splat, and carries the gradient through the projection.
 template <bool WithCamera, std::floating_point T>
-void project_splats_backward(Device& device, const Camera<T>& camera, const SplatView<const T>& splats,
+void project_splats_backward(Device& device, const Deferred<Camera<T>>& camera, const SplatView<const T>& splats,
                              const RasterParams<T>& params, RasterCache<Device, T>& cache,
                              const SplatView<T>& dL_dsplats) {
     RasterScratch<Device, T>& scratch = cache.scratch;
@@ -53,7 +54,7 @@ void project_splats_backward(Device& device, const Camera<T>& camera, const Spla
 
 /// Adjoint of composite_forward; see Rasterizer::backward. Adds nothing if the forward pass was refused.
 template <std::floating_point T>
-void composite_backward(Device& device, const Camera<T>& camera, const SplatView<const T>& splats,
+void composite_backward(Device& device, const Deferred<Camera<T>>& camera, const SplatView<const T>& splats,
                         const Background<T>& background, const RasterParams<T>& params,
                         const RenderGradient<T>& dL_dtarget, RasterCache<Device, T>& cache,
                         const SplatView<T>& dL_dsplats, Span<CameraGradient<T>> dL_dcamera,

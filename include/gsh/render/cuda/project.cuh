@@ -5,6 +5,7 @@
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/scan.cuh>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/render/blend.hpp>
 #include <gsh/render/cover.hpp>
@@ -118,7 +119,7 @@ struct ProjectSplats {
     Span<std::uint8_t> visible;
     Span<std::uint32_t> tile_counts;
     Span<BlockCount> block_counts;
-    Camera<Wider<T>> camera;
+    Deferred<Camera<T>> camera;
 
     __device__ void operator()(Shared& shared) const {
         const std::size_t i = std::size_t(blockIdx.x) * block_size + threadIdx.x;
@@ -176,7 +177,8 @@ private:
         if (nonfinite) return;
 
         const sym3<W> covariance{W(s.xx), W(s.xy), W(s.xz), W(s.yy), W(s.yz), W(s.zz)};
-        const Projection<W> p = project(camera, vec3<W>(W(mean.x), W(mean.y), W(mean.z)), covariance, params);
+        const vec3<W> wide_mean(W(mean.x), W(mean.y), W(mean.z));
+        const Projection<W> p = project(camera().template cast<W>(), wide_mean, covariance, params);
         if (params.compensate_opacity) opacity = rounded(W(opacity) * p.opacity_factor);
         const T det = rounded(determinant(p.covariance));
         const T xx = rounded(p.covariance.xx), yy = rounded(p.covariance.yy);

@@ -5,6 +5,7 @@
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/reduce.cuh>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/deferred.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/render/cuda/blend_tiles_backward.cuh>
@@ -67,7 +68,7 @@ struct ProjectSplatsBackward {
     SplatView<T> dL_dsplats;
     Span<T> gradient_norms, radii;
     Span<CameraGradient<T>> block_camera;
-    Camera<T> camera;
+    Deferred<Camera<T>> camera;
 
     __device__ void operator()(Shared& shared) const {
         if (refused[0] != 0) return;
@@ -113,7 +114,7 @@ private:
 
         vec3<T> dL_dmean(T(0));
         sym3<T> dL_dcovariance{};
-        project_backward(camera, splats.means[i], splats.covariances[i], params, dL, dL_dmean, dL_dcovariance,
+        project_backward(camera(), splats.means[i], splats.covariances[i], params, dL, dL_dmean, dL_dcovariance,
                          dL_dcamera);
         if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += dL_dmean;
         if (!dL_dsplats.covariances.empty()) dL_dsplats.covariances[i] += dL_dcovariance;
