@@ -14,6 +14,15 @@
 
 namespace gsh {
 
+namespace detail {
+
+inline void check_fetched(std::size_t array, std::size_t count) {
+    check_value(array < count, "FetchAhead",
+                "there is no array " + std::to_string(array) + ", expected one of " + std::to_string(count));
+}
+
+} // namespace detail
+
 /// Host arrays of bytes that are read one after the other, in an order that is known a little ahead. get returns one in
 /// the backend's memory. fetch announces the next one. A device specialises this class: its copies then run beside the
 /// work in between. This version copies in get.
@@ -30,21 +39,15 @@ public:
 
     /// The array, for work that is queued before the next call of get. Not inside a repeated step (RepeatedStep).
     [[nodiscard]] Bytes get(std::size_t array) {
-        check_index(array);
+        detail::check_fetched(array, arrays_.size());
         copy_.resize(arrays_[array].size());
         backend_->upload(arrays_[array], Span<std::uint8_t>(copy_));
         return copy_;
     }
     /// Announces the array that get will be asked for next. The work on the present one has been queued.
-    void fetch(std::size_t array) { check_index(array); }
+    void fetch(std::size_t array) { detail::check_fetched(array, arrays_.size()); }
 
 private:
-    void check_index(std::size_t array) const {
-        check_value(array < arrays_.size(), "FetchAhead",
-                    "there is no array " + std::to_string(array) + ", expected one of " +
-                        std::to_string(arrays_.size()));
-    }
-
     B* backend_;
     std::vector<Bytes> arrays_;
     typename B::template Buffer<std::uint8_t> copy_;

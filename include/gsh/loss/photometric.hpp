@@ -52,7 +52,7 @@ public:
         check_memory(*backend_, "PhotometricLoss::forward", "truth", truth);
         cache.channels = render.channels, cache.height = render.height, cache.width = render.width;
         cache.with_ssim = params_.ssim_weight != T(0);
-        cache.values.resize(4);
+        cache.values.resize(PhotometricValues::count);
         photometric_forward(*backend_, render, truth, params_, cache); // the backend's own overload
     }
 
@@ -73,10 +73,11 @@ public:
 
     /// Copies the values of the last forward to the host; waits for the backend.
     [[nodiscard]] PhotometricValues values(const Cache& cache) const {
-        check_size("PhotometricLoss::values", "cache.values", cache.values.size(), 4, "call forward first");
-        std::array<double, 4> host{};
+        check_size("PhotometricLoss::values", "cache.values", cache.values.size(), PhotometricValues::count,
+                   "call forward first");
+        std::array<double, PhotometricValues::count> host{};
         backend_->download(Span<const double>(cache.values), Span<double>(host));
-        return {host[0], host[1], host[2], host[3]};
+        return PhotometricValues::from(host.data());
     }
 
     [[nodiscard]] const Params& params() const { return params_; }

@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 
 #include <concepts>
+#include <cstddef>
 
 namespace gsh {
 
@@ -20,6 +21,12 @@ struct PhotometricValues {
     double l1 = 0;   ///< mean |render - truth|
     double ssim = 0; ///< mean over pixels and channels; NaN where ssim_weight is 0: not computed
     double mse = 0;  ///< mean (render - truth)², which is not a part of the loss; see psnr_of_mse
+
+    static constexpr std::size_t count = 4;
+    /// From `count` numbers, in the order of the members: as backends store them.
+    [[nodiscard]] static PhotometricValues from(const double* numbers) {
+        return {numbers[0], numbers[1], numbers[2], numbers[3]};
+    }
 };
 
 /// Private storage of a backend, for instance partial derivatives of the SSIM term and sums of each tile. Each backend
@@ -35,7 +42,7 @@ template <Backend B, std::floating_point T = float>
 struct PhotometricCache {
     int channels = 0, height = 0, width = 0;
     bool with_ssim = false;
-    typename B::template Buffer<double> values; ///< [4] loss, l1, ssim, mse
+    typename B::template Buffer<double> values; ///< [PhotometricValues::count] loss, l1, ssim, mse
     PhotometricScratch<B, T> scratch;           ///< the backend's own
 };
 

@@ -7,7 +7,6 @@
 #include <gsh/core/span.hpp>
 #include <gsh/pipeline/photo.hpp>
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -63,11 +62,6 @@ public:
     }
 
     [[nodiscard]] const View& operator[](std::size_t photo) const { return views_[photo]; }
-    /// How many photographs stay in the backend's memory.
-    [[nodiscard]] std::size_t resident_count() const {
-        if (others_ == nullptr) return views_.size();
-        return static_cast<std::size_t>(std::count(places_.begin(), places_.end(), resident));
-    }
 
 private:
     static constexpr std::size_t resident = ~std::size_t(0);

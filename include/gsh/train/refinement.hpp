@@ -120,7 +120,7 @@ public:
         return moved_camera(cameras_[camera].template cast<U>(), vec3<U>(pivot_), increment);
     }
 
-    /// The same for work on the backend, computed there: nobody waits for it. It holds until the next call or step.
+    /// The same for work on the backend. It is computed there, without a wait, and holds until the next call or step.
     [[nodiscard]] CameraInput<T> camera_input(std::size_t camera) const {
         check_camera_index("camera_input", camera);
         const Camera<T> initial = cameras_[camera].template cast<T>();

@@ -6,6 +6,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/loss/metrics.hpp>
+#include <gsh/loss/photometric_cache.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -60,8 +61,10 @@ public:
             host.resize(count * columns);
             backend_->download(Span<const double>(rows_).subspan(row(step) * columns, count * columns),
                                Span<double>(host));
-            for (std::size_t k = 0; k < count; ++k, ++step)
-                result.push_back({step, host[k * columns], psnr_of_mse(host[k * columns + 3])});
+            for (std::size_t k = 0; k < count; ++k, ++step) {
+                const auto values = PhotometricValues::from(host.data() + k * columns);
+                result.push_back({step, values.loss, psnr_of_mse(values.mse)});
+            }
         }
         return result;
     }
@@ -70,7 +73,7 @@ public:
     void skip(std::uint64_t last) { read_ = last; }
 
 private:
-    static constexpr std::size_t columns = 4;
+    static constexpr std::size_t columns = PhotometricValues::count;
     [[nodiscard]] static std::size_t row(std::uint64_t step) { return static_cast<std::size_t>(step % capacity); }
 
     B* backend_;

@@ -204,7 +204,11 @@ public:
     EmulatedStream& stream(EmulatedStream* stream) { return stream ? *stream : default_stream; }
     void add(EmulatedStream* stream) { streams_.push_back(stream); }
     [[nodiscard]] bool has_streams() const { return !streams_.empty(); }
-    void remove(EmulatedStream* stream) { std::erase(streams_, stream); }
+    /// The stream's work is done. Queued work of other streams and events still name it, so it is kept.
+    void remove(EmulatedStream* stream) {
+        std::erase(streams_, stream);
+        removed_.emplace_back(stream);
+    }
 
     void queue(EmulatedStream& stream, std::unique_ptr<EmulatedWork> work) {
         if (stream.capture) {
@@ -315,6 +319,7 @@ private:
     Allocations device_memory_, pinned_;
     std::map<int, std::size_t> used_;
     std::vector<EmulatedStream*> streams_;
+    std::vector<std::unique_ptr<EmulatedStream>> removed_;
     int strict_captures_ = 0;
 };
 
@@ -448,7 +453,6 @@ inline cudaError_t cudaStreamDestroy(cudaStream_t stream) {
     auto& machine = gsh::test::CudaEmulation::instance();
     machine.finish(*stream);
     machine.remove(stream);
-    delete stream;
     return cudaSuccess;
 }
 inline cudaError_t cudaStreamGetDevice(cudaStream_t stream, int* device) {

@@ -6,7 +6,6 @@
 #include <gsh/backend/cuda/error.cuh>
 #include <gsh/backend/cuda/memory.cuh>
 #include <gsh/backend/fetch_ahead.hpp>
-#include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 
 #include <cuda_runtime.h>
@@ -15,7 +14,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <string>
 #include <string_view>
 #include <vector>
 
@@ -40,7 +38,7 @@ public:
     }
 
     [[nodiscard]] Bytes get(std::size_t array) {
-        check_index(array);
+        detail::check_fetched(array, arrays_.size());
         if (reading_ != nullptr) device_->record(reading_->read.handle); // all work on it has been queued
         Slot* slot = find(array);
         if (slot == nullptr) slot = &fill(array);
@@ -50,7 +48,7 @@ public:
         return {slot->bytes.data(), arrays_[array].size()};
     }
     void fetch(std::size_t array) {
-        check_index(array);
+        detail::check_fetched(array, arrays_.size());
         if (find(array) == nullptr) (void)fill(array);
     }
 
@@ -85,11 +83,6 @@ private:
         std::uint64_t last_use = 0;
     };
 
-    void check_index(std::size_t array) const {
-        check_value(array < arrays_.size(), "FetchAhead",
-                    "there is no array " + std::to_string(array) + ", expected one of " +
-                        std::to_string(arrays_.size()));
-    }
     [[nodiscard]] Slot* find(std::size_t array) {
         const auto found =
             std::find_if(slots_.begin(), slots_.end(), [array](const Slot& slot) { return slot.array == array; });
