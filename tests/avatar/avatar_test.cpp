@@ -2,6 +2,7 @@
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/cpu.hpp>
+#include <gsh/light/light.hpp>
 
 #include "support/bodies.hpp"
 
@@ -38,12 +39,13 @@ AvatarData shaded_avatar(int degree = 2) {
     return avatar;
 }
 
-std::vector<vec3<float>> colors_of(const AvatarData& data, const vec3<float>& center = {1, 1, 3}) {
+std::vector<vec3<float>> colors_of(const AvatarData& data, const vec3<float>& center = {1, 1, 3}, bool shadows = true) {
     cpu::Serial backend;
     Motion motion = rest_motion(data.rig);
     test::Rng rng(2);
     motion.pose = rng.vecs(4, -0.7, 0.7);
-    const Avatar<cpu::Serial> avatar(backend, data);
+    Avatar<cpu::Serial> avatar(backend, data);
+    if (!shadows) avatar.set_shadows(false);
     RigPose<cpu::Serial, float> pose;
     avatar.rig().upload_pose(motion, 0, pose);
     Splats<cpu::Serial, float> splats;
@@ -79,6 +81,17 @@ TEST_CASE("ambient occlusion is a factor on the colours of an avatar, in every p
         for (int c = 0; c < 3; ++c) CHECK(dark[i][c] == doctest::Approx(bright[i][c] * avatar.ao[i]).epsilon(1e-6));
     lit.ao.assign(lit.gaussians.size(), 1.0f);
     CHECK(colors_of(lit) == bright);
+}
+
+TEST_CASE("an avatar can be shown without its shadows") {
+    AvatarData avatar = shaded_avatar(), plain = avatar;
+    plain.ao.clear();
+    CHECK(colors_of(avatar, {1, 1, 3}, false) == colors_of(plain));
+    plain.light = even_light(2, 6, {0, 0.8, 0}, 2);
+    AvatarData unshadowed = plain;
+    unshadowed.light->shadows = false;
+    CHECK(colors_of(plain, {1, 1, 3}, false) == colors_of(unshadowed));
+    CHECK(colors_of(plain) != colors_of(unshadowed));
 }
 
 TEST_CASE("a shaded cloud shows what ambient occlusion shows, where colours lie within 0 and 1") {

@@ -168,6 +168,12 @@ public:
         light_.upload(*backend_, light);
     }
 
+    /// Shows the avatar with or without its shadows: those that a light casts, and ambient occlusion.
+    void set_shadows(bool shadows) {
+        shadows_ = shadows;
+        poser_.set_shadows(shadows);
+    }
+
     [[nodiscard]] std::size_t size() const { return gaussians_.size(); }
     [[nodiscard]] const Rig<B, T>& rig() const { return poser_.rig(); }
 
@@ -184,7 +190,7 @@ public:
               Span<const ShadowCaster<T>> others = {}) const {
         poser_.bones(pose, joints_, cache.poser);
         backend_->copy(Span<const vec3<T>>(gaussians_.means), Span<vec3<T>>(cache.poser.means));
-        if (occlusion_field_) {
+        if (occlusion_field_ && shadows_) {
             cache.ao.resize(size());
             occlusion_field_->forward(rig().skeleton(), cache.poser.rig.rotations, cache.ao, cache.occlusion_field);
         }
@@ -199,7 +205,7 @@ public:
     void backward_to_pose(const RigPose<B, T>& pose, const Deferred<vec3<T>>& center,
                           const SplatView<const T>& dL_dsplats, Cache& cache, const RigPoseGradient<T>& dL_dpose,
                           Span<vec3<T>> dL_dcenter = {}) {
-        const bool ao_follows = occlusion_field_ && !dL_dpose.pose.empty();
+        const bool ao_follows = occlusion_field_ && shadows_ && !dL_dpose.pose.empty();
         cache.dL_dao.resize(ao_follows ? size() : 0);
         backend_->fill(Span<T>(cache.dL_dao), T(0));
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
@@ -221,7 +227,7 @@ private:
                 .log_scales = gaussians_.log_scales,
                 .opacity_logits = gaussians_.opacity_logits,
                 .sh = gaussians_.sh,
-                .ao = occlusion_field_ ? Span<const T>(cache.ao) : Span<const T>(ao_)};
+                .ao = !shadows_ ? Span<const T>() : occlusion_field_ ? Span<const T>(cache.ao) : Span<const T>(ao_)};
     }
 
     [[nodiscard]] PoserLight<T> in_light(Span<const ShadowCaster<T>> others = {}) const {
@@ -232,6 +238,7 @@ private:
     Poser<B, T> poser_;
     Gaussians<B, T> gaussians_;
     Buffer<vec3<T>> joints_;
+    bool shadows_ = true;
     Buffer<T> ao_; // [N] or empty
     LightBuffers<B, T> light_;       // empty without a light
     Buffer<vec3<T>> normal_offsets_; // [V] or empty

@@ -81,6 +81,11 @@ public:
         surface_light_.emplace(*backend_, rig.body, rig.betas, rig.triangles, rig.barycentric, params);
     }
 
+    /// From now on, the light casts shadows or does not. Without prepare_light, nothing changes.
+    void set_shadows(bool shadows) {
+        if (surface_light_) surface_light_->set_shadows(shadows);
+    }
+
     /// Whether prepare_light was called.
     [[nodiscard]] bool has_light() const { return surface_light_.has_value(); }
 

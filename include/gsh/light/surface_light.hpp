@@ -88,6 +88,9 @@ public:
           caster_(backend, shaped_vertices(body, betas), body.faces, params.caster_spacing),
           maps_(backend, params.maps), lit_(backend, body.vertex_count(), triangles, barycentric, params.clamping) {}
 
+    /// From now on, shadows are computed or not.
+    void set_shadows(bool shadows) { shadows_ = shadows; }
+
     /// The coarse mesh in a pose, which casts shadows. It is valid until the next call with this cache.
     ShadowCaster<T> caster(const LitSurface<T>& posed, Cache& cache) const {
         surface_.forward(posed.bones, posed.offsets, cache.surface);
