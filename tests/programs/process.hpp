@@ -80,12 +80,13 @@ public:
     }
 
     [[nodiscard]] std::string err() const { return read_file(said_ / "err"); }
+    [[nodiscard]] std::string out() const { return read_file(said_ / "out"); }
 
     [[nodiscard]] Outcome wait() {
         int status = 0;
         REQUIRE(::waitpid(id_, &status, 0) == id_);
         id_ = 0;
-        return {WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status), read_file(said_ / "out"), err()};
+        return {WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status), out(), err()};
     }
 
 private:

@@ -1,0 +1,21 @@
+# gsh_viewer: the page of gsh-view (examples/web/, compiled in as text) and its server (examples/programs/view/).
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(httplib REQUIRED IMPORTED_TARGET GLOBAL cpp-httplib)
+pkg_check_modules(turbojpeg REQUIRED IMPORTED_TARGET GLOBAL libturbojpeg)
+
+set(web ${PROJECT_SOURCE_DIR}/examples/web)
+file(GLOB web_names RELATIVE ${web} CONFIGURE_DEPENDS ${web}/*.html ${web}/*.css ${web}/*.js)
+set(web_files ${web_names})
+list(TRANSFORM web_files PREPEND ${web}/)
+list(JOIN web_names "," web_names)
+set(web_source ${CMAKE_CURRENT_BINARY_DIR}/web_files.cpp)
+add_custom_command(
+  OUTPUT ${web_source}
+  COMMAND ${CMAKE_COMMAND} -D folder=${web} -D names=${web_names} -D output=${web_source}
+          -P ${PROJECT_SOURCE_DIR}/cmake/EmbedFiles.cmake
+  DEPENDS ${web_files} ${PROJECT_SOURCE_DIR}/cmake/EmbedFiles.cmake
+  VERBATIM)
+
+file(GLOB viewer_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/examples/programs/view/*.cpp)
+add_library(gsh_viewer STATIC ${viewer_sources} ${web_source})
+target_link_libraries(gsh_viewer PUBLIC gsh_programs PkgConfig::httplib PRIVATE PkgConfig::turbojpeg)

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The packages of gsh-view: a scene for the page's client engine, and a motion.
+#pragma once
+
+#include "view/package.hpp"
+
+#include <string>
+
+namespace gsh {
+struct Motion;
+}
+
+namespace gsh::examples {
+
+struct ViewMotion;
+struct ViewScene;
+
+/// How much a package of a scene keeps.
+enum class Packing {
+    exact,   ///< all numbers as floats: for a page on the same machine
+    compact, ///< 8 and 16 bits: for files
+};
+
+/// Everything that the client engine needs to pose, light and draw a scene: a block of bytes (Package).
+///
+/// Arrays of person p are named "P/…": means, quats (w x y z), log_scales, opacities (after the sigmoid), sh, ao,
+/// triangles, barycentric, skin_joints, skin_weights of the Gaussians; rest, shape, expression and pose directions,
+/// vertex_joints and vertex_weights of the body's vertices; with a light also faces, caster_vertices, caster_triangles,
+/// normal_offsets. The header has filter, clamping, deformation, degree and light.
+[[nodiscard]] std::string package_scene(const ViewScene& scene, Packing packing = Packing::exact);
+
+/// A motion for the page: pose [T, 3 J], transl [T, 3], expression [T, E], seconds [T] from 0 on; betas in the header.
+[[nodiscard]] std::string package_motion(const ViewMotion& motion, const std::vector<std::string>& warnings = {});
+
+} // namespace gsh::examples

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes and reads .npz files: zip archives of NumPy arrays.
+"use strict";
+
+gsh.npz = (() => {
+  const crcTable = Uint32Array.from({ length: 256 }, (_, n) => {
+    for (let k = 0; k < 8; ++k) n = n & 1 ? 0xedb88320 ^ (n >>> 1) : n >>> 1;
+    return n >>> 0;
+  });
+  function crc32(bytes) {
+    let crc = 0xffffffff;
+    for (const b of bytes) crc = crcTable[(crc ^ b) & 255] ^ (crc >>> 8);
+    return (crc ^ 0xffffffff) >>> 0;
+  }
+
+  /** The bytes of an .npy file of doubles, or of bytes for a Uint8Array. */
+  function npy(data, shape) {
+    const type = data instanceof Uint8Array ? "|u1" : "<f8";
+    const numbers = type === "|u1" ? data : Float64Array.from(data);
+    const tuple = shape.length === 1 ? `(${shape[0]},)` : `(${shape.join(", ")})`;
+    let text = `{'descr': '${type}', 'fortran_order': False, 'shape': ${tuple}, }`;
+    text += " ".repeat(63 - ((10 + text.length) % 64)) + "\n";
+    const bytes = new Uint8Array(10 + text.length + numbers.byteLength);
+    bytes.set([0x93, 0x4e, 0x55, 0x4d, 0x50, 0x59, 1, 0, text.length & 255, text.length >> 8]);
+    bytes.set(new TextEncoder().encode(text), 10);
+    bytes.set(new Uint8Array(numbers.buffer, numbers.byteOffset, numbers.byteLength), 10 + text.length);
+    return bytes;
+  }
+
+  /** The bytes of an archive. arrays: {name: {data, shape}}. */
+  function write(arrays) {
+    const parts = [], directory = [];
+    let offset = 0;
+    for (const [name, { data, shape }] of Object.entries(arrays)) {
+      const file = npy(data, shape), path = new TextEncoder().encode(name + ".npy"), crc = crc32(file);
+      const header = (size, central) => {
+        const view = new DataView(new ArrayBuffer(size));
+        view.setUint32(0, central ? 0x02014b50 : 0x04034b50, true);
+        const at = central ? 6 : 4; // the version that is needed; the rest is the same in both headers
+        if (central) view.setUint16(4, 20, true);
+        view.setUint16(at, 20, true);
+        view.setUint16(at + 8, 0x21, true); // 1 January 1980
+        view.setUint32(at + 10, crc, true);
+        view.setUint32(at + 14, file.length, true), view.setUint32(at + 18, file.length, true);
+        view.setUint16(at + 22, path.length, true);
+        if (central) view.setUint32(42, offset, true);
+        return new Uint8Array(view.buffer);
+      };
+      const local = header(30, false);
+      directory.push(header(46, true), path);
+      parts.push(local, path, file);
+      offset += local.length + path.length + file.length;
+    }
+    const size = directory.reduce((sum, part) => sum + part.length, 0), end = new DataView(new ArrayBuffer(22));
+    end.setUint32(0, 0x06054b50, true);
+    end.setUint16(8, directory.length / 2, true), end.setUint16(10, directory.length / 2, true);
+    end.setUint32(12, size, true), end.setUint32(16, offset, true);
+    return new Blob([...parts, ...directory, new Uint8Array(end.buffer)], { type: "application/octet-stream" });
+  }
+
+  async function inflate(bytes) {
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+    return new Uint8Array(await new Response(stream).arrayBuffer());
+  }
+
+  function parseNpy(bytes, name) {
+    const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+    if (view.getUint32(0) !== 0x934e554d) throw new Error(`${name}: is not an .npy array`);
+    const long = bytes[6] > 1, length = long ? view.getUint32(8, true) : view.getUint16(8, true);
+    const begin = (long ? 12 : 10) + length;
+    const header = new TextDecoder("latin1").decode(bytes.subarray(long ? 12 : 10, begin));
+    const type = /'descr':\s*'([^']*)'/.exec(header), shapeText = /'shape':\s*\(([^)]*)\)/.exec(header);
+    if (!type || !shapeText || /'fortran_order':\s*True/.test(header))
+      throw new Error(`${name}: has an unknown header`);
+    const kinds = { "<f8": Float64Array, "<f4": Float32Array, "<i4": Int32Array, "<u4": Uint32Array,
+                    "|u1": Uint8Array, "|b1": Uint8Array, "<i8": BigInt64Array };
+    const Kind = kinds[type[1]];
+    if (!Kind) return null; // text, for instance
+    const shape = shapeText[1].split(",").map((s) => s.trim()).filter((s) => s).map(Number);
+    const count = shape.reduce((a, b) => a * b, 1);
+    if (!(count * Kind.BYTES_PER_ELEMENT <= bytes.length - begin)) throw new Error(`${name}: is truncated`);
+    const data = new Kind(bytes.slice(begin, begin + count * Kind.BYTES_PER_ELEMENT).buffer);
+    return { data: Float64Array.from(data, Number), shape };
+  }
+
+  /** Reads the arrays of numbers of an archive: {name: {data, shape}}. */
+  async function read(buffer) {
+    const bytes = new Uint8Array(buffer), view = new DataView(buffer);
+    let end = bytes.length - 22;
+    while (end >= 0 && view.getUint32(end, true) !== 0x06054b50) --end;
+    if (end < 0) throw new Error("the file is not an .npz archive");
+    const arrays = {};
+    let at = view.getUint32(end + 16, true);
+    for (let n = view.getUint16(end + 10, true); n > 0; --n) {
+      const method = view.getUint16(at + 10, true), size = view.getUint32(at + 20, true);
+      const lengths = [28, 30, 32].map((o) => view.getUint16(at + o, true)), local = view.getUint32(at + 42, true);
+      const name = new TextDecoder().decode(bytes.subarray(at + 46, at + 46 + lengths[0]));
+      const begin = local + 30 + view.getUint16(local + 26, true) + view.getUint16(local + 28, true);
+      const stored = bytes.subarray(begin, begin + size);
+      const array = parseNpy(method === 8 ? await inflate(stored) : stored, name);
+      if (array) arrays[name.replace(/\.npy$/, "")] = array;
+      at += 46 + lengths[0] + lengths[1] + lengths[2];
+    }
+    return arrays;
+  }
+
+  return { write, read };
+})();

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the page takes its scene and motions from: gsh-view's server, or blocks of data in the page itself.
+"use strict";
+
+gsh.source = (() => {
+  /** A motion of a package: frames with pose, transl and expression, and the time of each. */
+  function motionOf(buffer) {
+    const pack = gsh.package.read(buffer), pose = pack.array("pose"), transl = pack.array("transl").data;
+    const expression = pack.has("expression") ? pack.array("expression") : null, seconds = pack.array("seconds").data;
+    const row = ({ data, columns }, f) => Array.from(data.subarray(f * columns, (f + 1) * columns));
+    const { name, betas, warnings } = pack.header;
+    return { name, betas, warnings, frames: pose.rows, seconds,
+      frame: (f) => ({ pose: row(pose, f), transl: row({ data: transl, columns: 3 }, f),
+                       expression: expression && row(expression, f) }) };
+  }
+
+  class Server {
+    constructor() {
+      this.key = new URLSearchParams(location.search).get("key") || "";
+      this.canDraw = true;
+    }
+    async ask(path, options = {}) {
+      let response;
+      try {
+        response = await fetch(`${path}${path.includes("?") ? "&" : "?"}key=${encodeURIComponent(this.key)}`, options);
+      } catch {
+        throw new Error("gsh-view does not answer; start it again and open the address that it prints");
+      }
+      if (!response.ok) throw new Error((await response.text()).trim() || `the server answered ${response.status}`);
+      return response;
+    }
+    async scene() { return (await this.ask("scene")).json(); }
+    async gaussians() { return (await this.ask("gaussians")).arrayBuffer(); }
+    async motion(person, index) {
+      return motionOf(await (await this.ask(`motion?person=${person}&motion=${index}`)).arrayBuffer());
+    }
+    async draw(request) {
+      return (await this.ask("draw", { method: "POST", body: JSON.stringify(request) })).blob();
+    }
+    /** Reads a dropped file: the server knows all layouts. */
+    async read(file, person) {
+      if (file.size > 64 << 20) throw new Error(`${file.name}: is larger than 64 MiB, the most that is read`);
+      const path = `motion?person=${person}&name=${encodeURIComponent(file.name)}`;
+      return motionOf(await (await this.ask(path, { method: "POST", body: file })).arrayBuffer());
+    }
+  }
+
+  class Carried {
+    constructor() { this.canDraw = false; }
+    block(id) {
+      const element = document.querySelector(`script[data-carried="${id}"]`);
+      if (!element) throw new Error(`the page has no data called ${id}`);
+      return gsh.package.fromBase64(element.textContent);
+    }
+    async scene() { return JSON.parse(new TextDecoder().decode(this.block("scene"))); }
+    async gaussians() { return this.block("gaussians"); }
+    async motion(person, index) { return motionOf(this.block(`motion-${person}-${index}`)); }
+    async draw() { throw new Error("this page has no server that draws"); }
+    /** Reads a dropped file in gsh's own layout (.npz). */
+    async read(file, person, scene) {
+      return gsh.poseFile.read(await file.arrayBuffer(), file.name, scene.people[person]);
+    }
+  }
+
+  /** The source of this page. */
+  const open = () => document.querySelector('script[data-carried="scene"]') ? new Carried() : new Server();
+
+  return { open };
+})();

@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The server of gsh-view: what it answers, what it refuses, and the program around it.
+#include "programs/process.hpp"
+#include "programs/view_answers.hpp"
+#include "programs/view_scenes.hpp"
+
+#include "view/view_page.hpp"
+#include "view/view_request.hpp"
+#include "view/view_scene.hpp"
+#include "view/view_server.hpp"
+
+#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/image/image_file.hpp>
+#include <gsh/loss/metrics.hpp>
+
+#include <httplib.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+using namespace gsh::examples;
+using test::ViewJson, test::request_for, test::decoded, test::difference, test::header_of;
+
+namespace {
+
+/// A server of the actor on a thread of its own.
+class RunningServer {
+public:
+    explicit RunningServer(ViewServerOptions options = {})
+        : scene(test::view_scene({test::view_files().actor}, {test::view_files().stride, test::view_files().reach})),
+          server(backend_, scene, options), thread_([this] { server.run(stop_); }) {}
+    ~RunningServer() {
+        stop_ = true;
+        thread_.join();
+    }
+    RunningServer(const RunningServer&) = delete;
+    RunningServer& operator=(const RunningServer&) = delete;
+
+    [[nodiscard]] httplib::Client client() const {
+        httplib::Client client("127.0.0.1", server.port());
+        client.set_read_timeout(60);
+        return client;
+    }
+    [[nodiscard]] std::string path(const std::string& of) const {
+        return of + (of.find('?') == std::string::npos ? '?' : '&') + "key=" + server.key();
+    }
+
+private:
+    cpu::Threads backend_{2};
+    std::atomic<bool> stop_{false};
+
+public:
+    ViewScene scene;
+    ViewServer server;
+
+private:
+    std::thread thread_;
+};
+RunningServer& running_server() {
+    static RunningServer instance;
+    return instance;
+}
+
+/// Checks that an answer is a refusal: the status, and one line with the words.
+void check_refusal(const httplib::Result& answer, int status, const std::vector<std::string>& words) {
+    REQUIRE(answer);
+    INFO(answer->body.substr(0, 500));
+    CHECK(answer->status == status);
+    CHECK(answer->body.ends_with("\n"));
+    CHECK(std::count(answer->body.begin(), answer->body.end(), '\n') == 1);
+    for (const std::string& word : words) {
+        INFO("looking for '" << word << "'");
+        CHECK(answer->body.find(word) != std::string::npos);
+    }
+}
+
+} // namespace
+
+TEST_CASE("gsh-view: the server draws what gsh-animate renders") {
+    RunningServer& s = running_server();
+    auto client = s.client();
+    ViewJson json = request_for(s.scene.sizes());
+    const ViewRequest request = parse_view_request(json.dump(), s.scene.sizes());
+    const Image<float> picture = test::rendered(s.scene, request);
+    const PixelImage truth = quantise(picture.view());
+    const auto png = client.Post(s.path("/draw"), json.dump(), "application/json");
+    REQUIRE(png);
+    CHECK(png->status == 200);
+    CHECK(png->get_header_value("Content-Type") == "image/png");
+    CHECK(difference(decoded(png->body), truth) == 0);
+    json["format"] = "jpeg";
+    const auto jpeg = client.Post(s.path("/draw"), json.dump(), "application/json");
+    REQUIRE(jpeg);
+    CHECK(psnr_of_mse(difference(decoded(jpeg->body), truth)) > 30);
+    for (const auto& [field, value] : {std::pair<const char*, ViewJson>{"shadows", false},
+                                       {"light_turn", 1.5},
+                                       {"show", "ellipsoids"}}) { // each changes the picture, and not for good
+        ViewJson other = json;
+        other["format"] = "png", other[field] = value;
+        const auto changed = client.Post(s.path("/draw"), other.dump(), "application/json");
+        REQUIRE(changed);
+        INFO(field);
+        CHECK(psnr_of_mse(difference(decoded(changed->body), truth)) < 45);
+    }
+    json["format"] = "png";
+    CHECK(client.Post(s.path("/draw"), json.dump(), "application/json")->body == png->body);
+}
+
+TEST_CASE("gsh-view: the server sends the page, the scene and its motions") {
+    RunningServer& s = running_server();
+    auto client = s.client();
+    const auto page = client.Get(s.path("/"));
+    REQUIRE(page);
+    CHECK(page->status == 200);
+    CHECK(page->body == make_page());
+    CHECK(page->get_header_value("Content-Security-Policy").starts_with("default-src 'none'"));
+    const auto scene = client.Get(s.path("/scene"));
+    REQUIRE(scene);
+    const ViewJson described = ViewJson::parse(scene->body);
+    CHECK(described["people"][0]["parents"].size() == 55);
+    CHECK(described["people"][0]["motions"][1]["name"] == "reach.npz");
+    const auto motion = client.Get(s.path("/motion?person=0&motion=1"));
+    REQUIRE(motion);
+    CHECK(header_of(motion->body).first["arrays"]["pose"]["shape"] == ViewJson{3, 165});
+    const auto gaussians = client.Get(s.path("/gaussians"));
+    REQUIRE(gaussians);
+    CHECK(header_of(gaussians->body).first["people"][0]["degree"] == 2);
+    check_refusal(client.Get(s.path("/motion?person=0&motion=2")), 404, {"motion"});
+    check_refusal(client.Get(s.path("/motion?person=1&motion=0")), 404, {"motion"});
+    check_refusal(client.Get(s.path("/motion?person=x&motion=0")), 400, {"person", "'x'"});
+    check_refusal(client.Get(s.path("/../../etc/passwd")), 404, {"nothing"});
+    check_refusal(client.Post(s.path("/report"), "", "text/plain"), 404, {"nothing"});
+}
+
+TEST_CASE("gsh-view: the server reads a motion that is sent, and names no path of its own") {
+    RunningServer& s = running_server();
+    auto client = s.client();
+    const std::string bytes = read_file(test::view_files().reach);
+    const auto sent = client.Post(s.path("/motion?person=0&name=..%2F..%2Fmy%20reach.npz"), bytes, "");
+    REQUIRE(sent);
+    CHECK(sent->status == 200);
+    const ViewJson header = header_of(sent->body).first;
+    CHECK(header["name"] == "my reach.npz");
+    CHECK(header["arrays"]["pose"]["shape"] == ViewJson{3, 165});
+    check_refusal(client.Post(s.path("/motion?person=0&name=a.npz"), bytes.substr(0, 300), ""), 400, {"a.npz"});
+    check_refusal(client.Post(s.path("/motion?person=0&name=a.npz"), "", ""), 400, {"a.npz"});
+    check_refusal(client.Post(s.path("/motion?person=7&name=a.npz"), bytes, ""), 400, {"person 7"});
+    const auto garbage = client.Post(s.path("/motion?person=0&name=%0Aa%22.bvh"), "HIERARCHY\nROOT", "");
+    check_refusal(garbage, 400, {".bvh"});
+    CHECK(garbage->body.find(std::filesystem::temp_directory_path().string()) == std::string::npos);
+    const auto other = client.Post(s.path("/motion?person=0&name=tube.npz"), read_file(test::view_files().left), "");
+    check_refusal(other, 400, {"tube.npz"}); // of a body with other joints
+}
+
+TEST_CASE("gsh-view: the server refuses whoever has no key, and pages of other sites") {
+    RunningServer& s = running_server();
+    auto client = s.client();
+    for (const char* path : {"/", "/scene", "/gaussians", "/motion?person=0&motion=0", "/elsewhere"}) {
+        check_refusal(client.Get(path), 403, {"key"});
+        check_refusal(client.Get(std::string(path) + (std::strchr(path, '?') ? "&" : "?") + "key=0123"), 403, {"key"});
+    }
+    check_refusal(client.Post("/draw", request_for(s.scene.sizes()).dump(), "application/json"), 403, {"key"});
+    std::string near_key = s.server.key();
+    near_key.back() = near_key.back() == '0' ? '1' : '0';
+    check_refusal(client.Get("/?key=" + near_key), 403, {"key"});
+    const auto with = [&](const char* header, const std::string& value) {
+        return client.Get(s.path("/scene"), httplib::Headers{{header, value}});
+    };
+    std::string port = std::to_string(s.server.port());
+    port.insert(port.begin(), ':');
+    check_refusal(with("Host", "example.com" + port), 403, {"Host"});
+    check_refusal(with("Host", "127.0.0.1.example.com"), 403, {"Host"});
+    check_refusal(with("Host", "192.168.1.5" + port), 403, {"Host"});
+    check_refusal(with("Origin", "http://example.com"), 403, {"Origin"});
+    check_refusal(with("Origin", "null"), 403, {"Origin"});
+    CHECK(with("Host", "localhost:9999")->status == 200); // as through ssh -L 9999:…
+    CHECK(with("Origin", "http://127.0.0.1" + port)->status == 200);
+    CHECK(s.server.key().size() == 32);
+    CHECK(s.server.url() == "http://127.0.0.1" + port + "/?key=" + s.server.key());
+}
+
+TEST_CASE("gsh-view: the server refuses bodies that are too large or not JSON, and goes on") {
+    RunningServer& s = running_server();
+    auto client = s.client();
+    const auto draw = [&](const std::string& body) { return client.Post(s.path("/draw"), body, "application/json"); };
+    std::string body = request_for(s.scene.sizes()).dump();
+    body.resize(ViewServer::largest_body, ' ');
+    CHECK(draw(body)->status == 200);
+    check_refusal(draw(body + ' '), 413, {"1 MiB"});
+    const std::string long_motion(ViewServer::largest_motion + 1, 'x');
+    check_refusal(client.Post(s.path("/motion?person=0&name=a.npz"), long_motion, ""), 413, {"64 MiB"});
+    check_refusal(client.Post(s.path("/draw"), std::string(ViewServer::largest_motion + 5000, 'x'), ""), 413, {"MiB"});
+    check_refusal(draw("{"), 400, {"request", "JSON"});
+    check_refusal(draw(std::string(1000, '\n') + "\x01\n"), 400, {"request"});
+    ViewJson json = request_for(s.scene.sizes());
+    json["camera"]["t"][0] = "near";
+    check_refusal(draw(json.dump()), 400, {"camera.t[0]", "'near'"});
+    std::string infinite = request_for(s.scene.sizes()).dump();
+    infinite.replace(infinite.find("\"light_turn\":0"), 14, "\"light_turn\":1e999");
+    check_refusal(draw(infinite), 400, {"request"});
+    check_refusal(client.Put(s.path("/draw"), body, "application/json"), 404, {"nothing"});
+    CHECK(draw(request_for(s.scene.sizes()).dump())->status == 200);
+}
+
+TEST_CASE("gsh-view: an address that cannot be bound is an error") {
+    RunningServer& s = running_server();
+    cpu::Threads backend(1);
+    const ViewScene scene = test::view_scene({test::view_files().cloud});
+    const auto bind = [&](const ViewServerOptions& options) { const ViewServer other(backend, scene, options); };
+    test::check_throws<IoError>([&] { bind({.port = s.server.port()}); }, {"127.0.0.1", "port"});
+    test::check_throws<IoError>([&] { bind({.host = "203.0.113.7"}); }, {"203.0.113.7"});
+}
+
+TEST_CASE("gsh-view: the program prints the address, serves, and ends with 130 at Ctrl-C") {
+    const auto& files = test::view_files();
+    test::Process program({"gsh-view", files.polar, files.dual, "--poses", files.left, "--poses", files.right});
+    std::string line;
+    REQUIRE(program.wait_until([&] {
+        line = program.out();
+        return line.ends_with("\n");
+    }));
+    CHECK(line.starts_with("http://127.0.0.1:"));
+    const std::string port = line.substr(17, line.find('/', 17) - 17), path = line.substr(line.find("/?key="));
+    httplib::Client client("127.0.0.1", std::stoi(port));
+    const auto page = client.Get(path.substr(0, path.size() - 1));
+    REQUIRE(page);
+    CHECK(page->status == 200);
+    const auto begin = std::chrono::steady_clock::now();
+    program.send(SIGINT);
+    const test::Outcome outcome = program.wait();
+    CHECK(outcome.code == 130);
+    CHECK(outcome.err.empty());
+    CHECK(std::chrono::steady_clock::now() - begin < std::chrono::seconds(10));
+
+    using test::check_refused, test::run;
+    check_refused(run({"gsh-view", (files.folder / "none.gsh").string()}), "gsh-view", {"none.gsh"});
+    check_refused(run({"gsh-view", files.polar, files.dual, "--poses", files.left}), "gsh-view", {"--poses", "1", "2"});
+    check_refused(run({"gsh-view", files.polar, "--poses", files.stride}), "gsh-view", {"joints"});
+    check_refused(run({"gsh-view", files.polar, "--port", "70000"}), "gsh-view", {"--port"});
+    check_refused(run({"gsh-view", files.polar, "--host", "203.0.113.7"}), "gsh-view", {"203.0.113.7"});
+}
+
+TEST_CASE("gsh-view: --host warns, and then addresses count as its own") {
+    const auto& files = test::view_files();
+    test::Process program({"gsh-view", files.cloud, "--host", "0.0.0.0"});
+    REQUIRE(program.wait_until([&] { return program.out().ends_with("\n"); }));
+    CHECK(program.err().find("warning: --host 0.0.0.0") != std::string::npos);
+    const std::string line = program.out();
+    httplib::Client client("127.0.0.1", std::stoi(line.substr(17)));
+    const std::string path = line.substr(line.find("/?key="), 38);
+    CHECK(client.Get(path, httplib::Headers{{"Host", "192.168.1.5:80"}})->status == 200);
+    check_refusal(client.Get(path, httplib::Headers{{"Host", "example.com"}}), 403, {"Host"});
+    program.send(SIGTERM);
+    CHECK(program.wait().code == 130);
+}
