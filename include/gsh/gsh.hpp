@@ -38,9 +38,12 @@
 #include <gsh/body/blend_shapes.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/coarse_mesh.hpp>
+#include <gsh/body/foot_slide.hpp>
 #include <gsh/body/geodesic.hpp>
 #include <gsh/body/joint_error.hpp>
+#include <gsh/body/joint_map.hpp>
 #include <gsh/body/joint_merge.hpp>
+#include <gsh/body/joint_names.hpp>
 #include <gsh/body/mesh.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/body/motion_span.hpp>
@@ -49,6 +52,10 @@
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/posed_surface.hpp>
 #include <gsh/body/region_mask.hpp>
+#include <gsh/body/resampled_motion.hpp>
+#include <gsh/body/retarget.hpp>
+#include <gsh/body/rig_motion.hpp>
+#include <gsh/body/rig_pose.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_element.hpp>

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Joint names of many programs are found, by name and by place in the tree.
+
+#include "io/temporary.hpp"
+#include "support/sample_rig.hpp"
+
+#include <doctest/doctest.h>
+
+#include <gsh/body/joint_map.hpp>
+
+#include <string>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+
+/// A rig of joints "name parent"; a parent is the number of an earlier joint.
+RigMotion rig_of(const std::vector<std::pair<std::string, int>>& joints) {
+    RigMotion rig;
+    for (const auto& [name, parent] : joints) rig.names.push_back(name), rig.parents.push_back(parent);
+    return rig;
+}
+
+/// The name of the rig's joint that is matched to a joint of SMPL-X, or "".
+std::string matched(const RigMotion& rig, std::string_view joint, const JointMap& map = {}) {
+    const int j = map.match(rig, "a rig")[static_cast<std::size_t>(smplx_joint(joint))];
+    return j < 0 ? "" : rig.names[static_cast<std::size_t>(j)];
+}
+
+} // namespace
+
+TEST_CASE("every joint of a sample rig is found, in all conventions") {
+    for (const auto names : {test::Names::smplx, test::Names::mixamo, test::Names::vrm, test::Names::cmu,
+                             test::Names::bvh, test::Names::mhr, test::Names::unreal}) {
+        const auto sample = test::sample_rig({.names = names, .twist = true, .fingers = true});
+        RigMotion rig;
+        rig.names = sample.names, rig.parents = sample.parents;
+        for (std::size_t j = 0; j < sample.names.size(); ++j) {
+            CAPTURE(sample.names[j]);
+            if (!sample.parts[j].empty()) CHECK(matched(rig, sample.parts[j]) == sample.names[j]);
+        }
+        std::size_t count = 0;
+        for (const int joint : JointMap{}.match(rig, "a rig")) count += joint >= 0;
+        std::size_t parts = 0;
+        for (const auto& part : sample.parts) parts += !part.empty();
+        CHECK(count == parts); // twist bones are nothing
+    }
+}
+
+TEST_CASE("spines of one to five bones: the first, the middle and the last") {
+    const auto spine = [](int bones) {
+        std::vector<std::pair<std::string, int>> joints = {{"Hips", -1}};
+        for (int b = 0; b < bones; ++b) joints.emplace_back(std::string(1, 'S').append(std::to_string(b)), b);
+        joints.insert(joints.end(), {{"LeftArm", bones}, {"RightArm", bones}});
+        const RigMotion rig = rig_of(joints);
+        return matched(rig, "spine1") + " " + matched(rig, "spine2") + " " + matched(rig, "spine3");
+    };
+    CHECK(spine(0) == "  ");
+    CHECK(spine(1) == "S0  ");
+    CHECK(spine(2) == "S0 S1 ");
+    CHECK(spine(3) == "S0 S1 S2");
+    CHECK(spine(4) == "S0 S1 S3"); // as MHR's four
+    CHECK(spine(5) == "S0 S2 S4"); // as Unreal's five
+}
+
+TEST_CASE("shoulder, foot, hand and hip mean what the other names leave") {
+    const RigMotion mixamo =
+        rig_of({{"Hips", -1}, {"LeftShoulder", 0}, {"LeftArm", 1}, {"LeftHand", 2}, {"LeftFoot", 0}});
+    CHECK(matched(mixamo, "left_collar") == "LeftShoulder");
+    CHECK(matched(mixamo, "left_shoulder") == "LeftArm");
+    CHECK(matched(mixamo, "left_wrist") == "LeftHand");
+    CHECK(matched(mixamo, "left_ankle") == "LeftFoot");
+    CHECK(matched(mixamo, "left_foot").empty());
+    const RigMotion smpl = rig_of({{"Pelvis", -1},
+                                   {"L_Collar", 0},
+                                   {"L_Shoulder", 1},
+                                   {"L_Wrist", 2},
+                                   {"L_Hand", 3},
+                                   {"L_Ankle", 0},
+                                   {"L_Foot", 5},
+                                   {"L_Hip", 0}});
+    CHECK(matched(smpl, "left_collar") == "L_Collar");
+    CHECK(matched(smpl, "left_shoulder") == "L_Shoulder");
+    CHECK(matched(smpl, "left_wrist") == "L_Wrist");
+    CHECK(matched(smpl, "left_foot") == "L_Foot");
+    CHECK(matched(smpl, "left_hip") == "L_Hip");
+    CHECK(matched(rig_of({{"hip", -1}, {"pelvis", 0}}), "pelvis") == "hip");
+    CHECK(matched(rig_of({{"root", -1}, {"pelvis", 0}}), "pelvis") == "pelvis");
+    CHECK(
+        matched(rig_of({{"hips", -1}, {"leftThumbProximal", 0}, {"leftThumbIntermediate", 1}, {"leftThumbDistal", 2}}),
+                "left_thumb1") == "leftThumbProximal"); // VRM 0.x
+    CHECK(matched(rig_of({{"hips", -1}, {"leftThumbMetacarpal", 0}, {"leftThumbProximal", 1}, {"leftThumbDistal", 2}}),
+                  "left_thumb2") == "leftThumbProximal"); // VRM 1.0
+}
+
+TEST_CASE("prefixes and ways to write a side") {
+    for (const char* name : {"LeftForeArm", "mixamorig:LeftForeArm", "mixamorig1:LeftForeArm", "mixamorigLeftForeArm",
+                             "mixamorig_LeftForeArm", "character:rig:LeftForeArm", "left_forearm", "forearm.L",
+                             "forearm_l", "Bip01 L Forearm", "DEF-forearm.L", "LFOREARM", "lForeArm"}) {
+        CAPTURE(name);
+        if (std::string(name) == "LFOREARM") continue; // one word: no side can be seen
+        CHECK(joint_words(name).side == 'l');
+        CHECK(joint_words(name).part == "forearm");
+    }
+    CHECK(joint_words("J_Bip_R_LowerArm").side == 'r');
+    CHECK(joint_words("J_Bip_R_LowerArm").part == "lowerarm");
+    CHECK(joint_words("index_01_l").part == "index1");
+    CHECK(joint_words("LHipJoint").part == "hipjoint");
+    CHECK(joint_words("LowerBack").side == 0);
+    CHECK(joint_words("Root").part == "root");
+    CHECK(joint_words("").part.empty());
+    CHECK(joint_words("L").side == 0); // a joint that is called so has no other word
+    CHECK(joint_words(":").part.empty());
+}
+
+TEST_CASE("a joint map takes precedence, leaves joints out, and must fit the rig") {
+    const RigMotion rig = rig_of({{"Hips", -1}, {"Wing", 0}, {"LeftArm", 0}});
+    JointMap map;
+    map.named = {{"Wing", "left_shoulder"}};
+    CHECK(matched(rig, "left_shoulder", map) == "Wing");
+    map.named = {{"LeftArm", ""}};
+    CHECK(matched(rig, "left_shoulder", map).empty());
+    map.named = {{"Tail", "spine1"}};
+    test::check_throws<ValueError>([&] { (void)map.match(rig, "a.bvh"); }, {"a.bvh", "'Tail'", "Hips, Wing, LeftArm"});
+    map.named = {{"Wing", "left_wing"}};
+    test::check_throws<ValueError>([&] { (void)map.match(rig, "a.bvh"); }, {"'left_wing'", "joint of SMPL-X"});
+    map.named = {{"Wing", "left_shoulder"}, {"LeftArm", "left_shoulder"}};
+    test::check_throws<ValueError>([&] { (void)map.match(rig, "a.bvh"); }, {"'left_shoulder' twice"});
+    const RigMotion two = rig_of({{"a:Hips", -1}, {"b:Hips", -1}});
+    test::check_throws<ValueError>([&] { (void)JointMap{}.match(two, "two.glb"); },
+                                   {"two.glb", "'a:Hips'", "'b:Hips'", "pelvis"});
+    map.named = {{"b:Hips", ""}};
+    CHECK(matched(two, "pelvis", map) == "a:Hips");
+}
+
+TEST_CASE("long lists of names are cut") {
+    CHECK(list_of_names({}) == "");
+    CHECK(list_of_names({"a", "b"}) == "a, b");
+    CHECK(list_of_names({"a", "b", "c"}, 1) == "a and 2 more");
+}
