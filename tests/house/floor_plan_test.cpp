@@ -68,7 +68,7 @@ const std::set<std::string>& opt_in_folders() {
 const std::map<std::string, std::set<std::string>, std::less<>> opt_in_libraries = {
     {"zip.h", {"io"}},      {"zlib.h", {"io"}},     {"stb/", {"io"}},        {"stb_", {"io"}},
     {"nlohmann/", {"io"}},  {"CLI/", {}},           {"embree", {"synthetic"}}, {"xsimd/", {"simd"}},
-    {"benchmark/", {}},     {"doctest/", {}},
+    {"benchmark/", {}},     {"doctest/", {}},       {"tiny_gltf.h", {"io"}},
 };
 
 struct Include {

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/motion/any_motion.hpp>
 
+#include "io/bvh_files.hpp"
+#include "io/gltf_files.hpp"
 #include "io/npz_files.hpp"
 #include "io/sample_files.hpp"
 #include "io/small_body.hpp"
+#include "support/skeleton_body.hpp"
 
 #include <cstdint>
 #include <string>
@@ -11,6 +14,7 @@
 #include <vector>
 
 using namespace gsh;
+namespace fs = std::filesystem;
 
 TEST_CASE("motions are known by their members or their folder") {
     const test::Temporary folder;
@@ -60,6 +64,43 @@ TEST_CASE("motions are known by their members or their folder") {
     std::filesystem::create_directories(folder / "empty");
     test::check_throws<IoError>([&] { (void)load_any_motion(folder / "empty", body); }, {"empty", "no motion"});
     test::check_throws<IoError>([&] { (void)load_any_motion(folder / "none.npz", body); }, {"none.npz"});
+}
+
+TEST_CASE("motions of other rigs are known by their first bytes or their ending, and are retargeted") {
+    const test::Temporary folder;
+    const BodyModel& body = test::skeleton_body();
+    const auto sample = test::sample_rig({.rest = test::Rest::A, .units = 100});
+    write_file(folder / "walk.bvh", test::bvh_text(sample));
+    fs::copy_file(folder / "walk.bvh", folder / "walk.txt");
+    const auto files = test::gltf_of(test::sample_rig());
+    write_file(folder / "walk.vrma", files.glb());
+    write_file(folder / "walk.gltf", files.gltf());
+    CHECK(recognise_motion(folder / "walk.bvh") == MotionLayout::bvh);
+    CHECK(recognise_motion(folder / "walk.txt") == MotionLayout::bvh);
+    CHECK(recognise_motion(folder / "walk.vrma") == MotionLayout::gltf);
+    CHECK(recognise_motion(folder / "walk.gltf") == MotionLayout::gltf);
+
+    MotionFileOptions options;
+    options.betas = {2.0};
+    std::vector<std::string> warnings;
+    const Motion motion = load_any_motion(folder / "walk.bvh", body, options, &warnings);
+    CHECK(motion.betas == options.betas);
+    CHECK(warnings.size() == 2); // the unit, and joints without a source
+    const Motion mean = load_any_motion(folder / "walk.bvh", body);
+    CHECK(motion.transl[1].y > mean.transl[1].y); // taller, so higher
+    options.joint_map.named = {{"mixamorig:Head", ""}};
+    CHECK(load_any_motion(folder / "walk.bvh", body, options).pose_at(1)[15] == vec3<double>(0));
+    CHECK(mean.pose_at(1)[15] != vec3<double>(0));
+    options.animation = "run";
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "walk.gltf", body, options); },
+                                {"no animation 'run'"});
+
+    write_file(folder / "walk.fbx", "Kaydara FBX Binary  ");
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "walk.fbx", body); }, {"FBX", "GLB"});
+    write_file(folder / "text.bvh", "not a motion");
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "text.bvh", body); }, {"HIERARCHY"});
+    write_file(folder / "text.glb", "not a motion");
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "text.glb", body); }, {"not glTF"});
 }
 
 TEST_CASE("a pose that is split, or a word on hands, counts for more than what AMASS also has") {

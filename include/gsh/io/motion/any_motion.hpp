@@ -5,21 +5,30 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/body/moved_motion.hpp>
+#include <gsh/body/retarget.hpp>
+#include <gsh/body/rig_motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/npz.hpp>
+#include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/amass_file.hpp>
+#include <gsh/io/motion/bvh_file.hpp>
 #include <gsh/io/motion/easymocap_file.hpp>
 #include <gsh/io/motion/gala_rig.hpp>
+#include <gsh/io/motion/gltf_motion.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/people_snapshot_poses.hpp>
+#include <gsh/io/motion/sam3d_motion.hpp>
 #include <gsh/io/motion/smplifyx_file.hpp>
 #include <gsh/io/motion/smplx_json_file.hpp>
 
 #include <cstddef>
+#include <cstdio>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -34,6 +43,9 @@ enum class MotionLayout {
     smplx_json, ///< folder of NUMBER.json, objects: io/motion/smplx_json_file.hpp
     easymocap,  ///< folder of NUMBER.json, lists: io/motion/easymocap_file.hpp
     gala,       ///< folder of a GalaBasketball scene: io/motion/gala_rig.hpp
+    bvh,        ///< text that begins with HIERARCHY: io/motion/bvh_file.hpp
+    gltf,       ///< glTF, GLB, VRM and VRMA: io/motion/gltf_motion.hpp
+    sam3d,      ///< .npz with pred_global_rots: io/motion/sam3d_motion.hpp
 };
 
 /// Detects the layout of a file or a folder; no value if it is not supported.
@@ -43,15 +55,44 @@ enum class MotionLayout {
 
 /// Loads a motion in any layout from a file or a folder. For a folder with poses.npz (a capture), that file is read.
 ///
-/// Frame   that of the file, or options.world.
-/// Errors  IoError for an unknown layout; those of the layout's own function.
+/// Motions of other rigs (BVH, glTF, SAM 3D Body) are retargeted (body/retarget.hpp), with options.joint_map and
+/// options.betas.
+///
+/// Frame   that of the file, or options.world. BVH and glTF are y up; SAM 3D Body is stored in the camera's axes.
+/// Errors  IoError for an unknown layout; those of the layout's own function, and of retarget.
 [[nodiscard]] inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel& body,
                                             const MotionFileOptions& options = {},
                                             std::vector<std::string>* warnings = nullptr);
 
 // -------------------------------------------------------------------------------------------------------------
 
+/// Loads the motion of another rig, not retargeted. No value for all other layouts.
+[[nodiscard]] inline std::optional<RigMotion> load_rig_motion(const std::filesystem::path& path, MotionLayout layout,
+                                                              const MotionFileOptions& options = {},
+                                                              std::vector<std::string>* warnings = nullptr);
+
 namespace detail {
+
+/// Recognises texts and containers other than .npz by their first bytes, or by the ending of the name.
+inline std::optional<MotionLayout> recognise_rig_file(const std::filesystem::path& path) {
+    char bytes[64] = {};
+    std::size_t count = 0;
+    const auto close = [](std::FILE* stream) { std::fclose(stream); };
+    if (const std::unique_ptr<std::FILE, decltype(close)> file(std::fopen(path.c_str(), "rbe"), close); file)
+        count = std::fread(bytes, 1, sizeof bytes, file.get());
+    std::string_view head(bytes, count);
+    if (head.starts_with("Kaydara FBX") || is_word(path.extension().string(), ".fbx"))
+        throw IoError(path.string() +
+                      ": is an FBX file, which is not read; convert it to GLB, for instance with Blender");
+    if (head.starts_with("\xef\xbb\xbf")) head.remove_prefix(3);
+    head = trimmed(head);
+    const auto ends = [&](std::string_view ending) { return is_word(path.extension().string(), ending); };
+    if (is_word(head.substr(0, 9), "HIERARCHY") || ends(".bvh")) return MotionLayout::bvh;
+    if (head.starts_with("glTF") || head.starts_with("{") || ends(".glb") || ends(".gltf") || ends(".vrm") ||
+        ends(".vrma"))
+        return MotionLayout::gltf;
+    return std::nullopt;
+}
 
 /// The file that holds the motion: poses.npz in a folder if it exists, else the path itself.
 inline std::filesystem::path motion_file_of(const std::filesystem::path& path) {
@@ -75,14 +116,30 @@ inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path&
         const auto file = detail::motion_file_of(path);
         return file == path ? std::nullopt : recognise_motion(file);
     }
+    if (const auto layout = detail::recognise_rig_file(path)) return layout;
     const NpzReader file(path);
     const auto has = [&](const char* key) { return file.has_array(key); };
+    if (file.has("pred_global_rots")) return MotionLayout::sam3d;
     if (has("thetas")) return MotionLayout::snapshot;
     if (has("global_orient") && (has("camera_translation") || has("camera_transform") || has("camera_rotation")))
         return MotionLayout::smplifyx;
     if (has("global_orient")) return MotionLayout::gsh; // the pose is split, regardless of other members
     if (has("root_orient") || (has("poses") && has("trans"))) return MotionLayout::amass;
     return MotionLayout::gsh;
+}
+
+inline std::optional<RigMotion> load_rig_motion(const std::filesystem::path& path, MotionLayout layout,
+                                                const MotionFileOptions& options, std::vector<std::string>* warnings) {
+    switch (layout) {
+    case MotionLayout::bvh:
+        return load_bvh(path, options.joint_map, warnings);
+    case MotionLayout::gltf:
+        return load_gltf_motion(path, options.joint_map, warnings, options.animation);
+    case MotionLayout::sam3d:
+        return load_sam3d_motion(path, options.joint_map, warnings, options.fps);
+    default:
+        return std::nullopt;
+    }
 }
 
 inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel& body,
@@ -92,6 +149,13 @@ inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel
         throw IoError(path.string() + ": holds no motion; expected poses.npz, files NUMBER.json (ExAvatar, LHM, "
                                       "EasyMocap), or a GalaBasketball scene");
     const auto file = detail::motion_file_of(path);
+    if (const auto rig = load_rig_motion(file, *layout, options, warnings)) {
+        Motion motion = retarget(*rig, body, options.joint_map, {options.betas, path.string(), warnings});
+        if (*layout == MotionLayout::sam3d && options.world == MotionFileOptions::World::as_stored)
+            for (std::size_t t = 0; t < motion.frame_count(); ++t)
+                move_frame(body, motion, t, {half_turn_about_x(), vec3<double>(0)});
+        return motion;
+    }
     switch (*layout) {
     case MotionLayout::amass:
         return load_amass_motion(file, body, options, warnings);
@@ -118,7 +182,7 @@ inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel
         if (options.world == MotionFileOptions::World::upright) stand_upright(body, motion);
         return std::move(motion);
     }
-    case MotionLayout::gsh:
+    default:
         break;
     }
     return load_motion(file, body, options, warnings);

@@ -7,6 +7,7 @@
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/npz.hpp>
+#include <gsh/io/motion/motion_options.hpp>
 #include <gsh/io/motion/motion_table.hpp>
 
 #include <algorithm>
@@ -21,26 +22,6 @@
 #include <vector>
 
 namespace gsh {
-
-struct MotionFileOptions {
-    /// Whether the model's mean hand is added to the file's hand poses.
-    enum class Hands {
-        automatic, ///< by the file's flat_hand (or flat_hand_mean); default: added to split files, not to whole ones
-        add_mean,
-        flat, ///< the file's numbers are the complete hand pose
-    };
-    Hands hands = Hands::automatic;
-    double fps = 0; ///< for files without timestamps and frame rate; 0: one frame per second
-
-    /// The up direction. Poses that belong to cameras must remain as stored. Motions from elsewhere often have z up
-    /// (AMASS) or lie in a camera's frame, y down.
-    enum class World {
-        as_stored,
-        upright, ///< the coordinate axis that the body stands along becomes +y
-    };
-    World world = World::as_stored;
-    int person = 0; ///< the motion to read if there are several people: an id, or an index in the list
-};
 
 /// Reads a motion for a body.
 ///

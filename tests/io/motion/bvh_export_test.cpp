@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Motions written as BVH come back as they were.
+
+#include "io/temporary.hpp"
+#include "support/gradient.hpp"
+#include "support/sample_rig.hpp"
+#include "support/skeleton_body.hpp"
+
+#include <doctest/doctest.h>
+
+#include <gsh/body/retarget.hpp>
+#include <gsh/io/motion/bvh_export.hpp>
+#include <gsh/io/motion/bvh_file.hpp>
+#include <gsh/synthetic/actor_motion.hpp>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+
+/// Random turns of all joints, up to half a turn.
+Motion wild_motion(std::size_t frames) {
+    test::Rng rng(11);
+    Motion motion;
+    motion.joint_count = 55, motion.betas = {0.4};
+    motion.pose = rng.vecs(55 * frames, -1.8, 1.8);
+    motion.pose[5] = {1.5707963267948966, 0, 0}; // where two of the three axes coincide
+    for (std::size_t t = 0; t < frames; ++t) {
+        motion.transl.push_back(rng.vec(-2, 2));
+        motion.timestamps.push_back(static_cast<double>(t) / 24);
+    }
+    return motion;
+}
+
+} // namespace
+
+TEST_CASE("a body's motion comes back within 1e-4 rad") {
+    const test::Temporary folder;
+    const Motion motion = wild_motion(6);
+    std::vector<std::string> warnings;
+    save_bvh(folder / "a.bvh", rig_of_motion(test::skeleton_body(), motion), &warnings);
+    CHECK(warnings.empty());
+    CHECK(folder.file_count() == 1);
+    const RigMotion rig = load_bvh(folder / "a.bvh");
+    const Motion back = retarget(rig, test::skeleton_body(), {}, {motion.betas, "a", nullptr});
+    double angle = 0, place = 0;
+    for (std::size_t i = 0; i < motion.pose.size(); ++i)
+        angle = std::max(angle, length(axis_angle_from_rotation(transpose(rotation_from_axis_angle(motion.pose[i])) *
+                                                                rotation_from_axis_angle(back.pose[i]))));
+    for (std::size_t t = 0; t < 6; ++t) {
+        place = std::max(place, length(motion.transl[t] - back.transl[t]));
+        CHECK(back.timestamps[t] == doctest::Approx(motion.timestamps[t]));
+    }
+    CHECK(angle < 1e-6);
+    CHECK(place < 1e-6);
+    const std::string text = read_file(folder / "a.bvh");
+    CHECK(text.starts_with("HIERARCHY\nROOT pelvis\n{\n\tOFFSET 0.0000000 0.0000000 0.0000000\n"));
+    CHECK(text.find("-nan") == std::string::npos);
+}
+
+TEST_CASE("angles give back every rotation, and continue those of the frame before") {
+    test::Rng rng(2);
+    const auto check = [&](const mat3<double>& R, const vec3<double>& before) {
+        const vec3<double> a = zxy_angles(R, before);
+        const mat3<double> D = test::turn_about(2, a.x) * test::turn_about(0, a.y) * test::turn_about(1, a.z) - R;
+        for (int c = 0; c < 3; ++c) CHECK(length(D[c]) < 1e-9);
+        return a;
+    };
+    for (int n = 0; n < 200; ++n) {
+        const vec3<double> angles = rng.vec(-9, 9);
+        const auto R = test::turn_about(2, angles.x) * test::turn_about(0, angles.y) * test::turn_about(1, angles.z);
+        (void)check(R, vec3<double>(0));
+        CHECK(length(check(R, angles + rng.vec(-0.1, 0.1)) - angles) < 1e-6);
+    }
+    for (const double b : {1.5707963267948966, -1.5707963267948966, 1.5707963})
+        (void)check(test::turn_about(2, 0.3) * test::turn_about(0, b) * test::turn_about(1, 0.9), vec3<double>(0));
+}
+
+TEST_CASE("what BVH cannot hold is warned of or refused; nothing is half-written") {
+    const test::Temporary folder;
+    Motion motion = wild_motion(3);
+    motion.timestamps = {0, 0.1, 0.5};
+    std::vector<std::string> warnings;
+    save_bvh(folder / "a.bvh", rig_of_motion(test::skeleton_body(), motion), &warnings);
+    REQUIRE(warnings.size() == 1);
+    CHECK(warnings[0].find("times between frames differ") != std::string::npos);
+    CHECK(load_bvh(folder / "a.bvh").timestamps[1] == doctest::Approx(0.25));
+    RigMotion two = rig_of_motion(test::skeleton_body(), motion);
+    two.parents[2] = -1;
+    test::check_throws<ValueError>([&] { save_bvh(folder / "b.bvh", two); }, {"right_hip", "second root"});
+    test::check_throws<IoError>([&] { save_bvh(folder / "none/b.bvh", rig_of_motion(test::skeleton_body(), motion)); },
+                                {"none/b.bvh"});
+    CHECK(folder.file_count() == 1);
+}

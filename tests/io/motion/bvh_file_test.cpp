@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  BVH files: channel orders, units, axes and names of other programs; every kind of damage is refused.
+
+#include "io/bvh_files.hpp"
+#include "io/damage.hpp"
+#include "io/temporary.hpp"
+#include "support/retarget_check.hpp"
+#include "support/sample_rig.hpp"
+#include "support/skeleton_body.hpp"
+
+#include <doctest/doctest.h>
+
+#include <gsh/body/retarget.hpp>
+#include <gsh/io/motion/bvh_file.hpp>
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+
+/// The text with all occurrences of `from` replaced.
+std::string replaced(const std::string& text, const std::string& from, const std::string& to) {
+    std::string result;
+    for (std::size_t i = 0; i < text.size();) {
+        const bool found = text.compare(i, from.size(), from) == 0;
+        for (const char c : found ? to : text.substr(i, 1)) result.push_back(c);
+        i += found ? from.size() : 1;
+    }
+    return result;
+}
+
+/// A hand-written file of two joints; texts of it are replaced.
+std::string small_file(const std::vector<std::pair<std::string, std::string>>& changes = {}) {
+    std::string text = "HIERARCHY\nROOT Hip: the first\n{\n  OFFSET 1 2 3\n"
+                       "  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n"
+                       "  JOINT Knee\n  {\n    OFFSET 0 -1 0\n    CHANNELS 3 Yrotation Xrotation Zrotation\n"
+                       "    End Site\n    {\n      OFFSET 0 -2 0\n    }\n  }\n}\n"
+                       "MOTION\nFrames: 2\nFrame Time: 0.04\n0 0 0 0 0 0 0 0 0\n4 5 6 90 0 0 0 90 0\n";
+    for (const auto& [from, to] : changes) {
+        const auto at = text.find(from);
+        REQUIRE(at != std::string::npos);
+        text.replace(at, from.size(), to);
+    }
+    return text;
+}
+
+} // namespace
+
+TEST_CASE("a small file is read as written by hand") {
+    const test::Temporary folder;
+    write_file(folder / "a.bvh", small_file());
+    std::vector<std::string> warnings;
+    const RigMotion rig = load_bvh(folder / "a.bvh", {}, &warnings);
+    CHECK(rig.names == std::vector<std::string>{"Hip: the first", "Knee", "Knee_end"});
+    CHECK(rig.parents == std::vector<int>{-1, 0, 1});
+    CHECK(rig.rest_joints[2] == vec3<double>(1, -1, 3));
+    CHECK(rig.timestamps == std::vector<double>{0, 0.04});
+    CHECK(rig.joint(1, 0) == vec3<double>(4, 5, 6));                // the position takes the place of the OFFSET
+    CHECK(length(rig.joint(1, 1) - vec3<double>(5, 5, 6)) < 1e-12); // -y turned by 90 degrees about z
+    CHECK(length(rig.joint(1, 2) - vec3<double>(5, 5, 4)) < 1e-12); // then about the turned x, which is y
+    CHECK(warnings.empty());                                        // no legs, so no guess of a unit
+
+    // Other programs' habits: line ends, case, a byte order mark, tabs, braces on the line of the name
+    std::string other =
+        "\xef\xbb\xbf" + small_file({{"Knee\n  {", "Knee {"}, {"Xposition", "xposition"}, {"ROOT", "Root"}});
+    other = replaced(replaced(other, "\n", "\r\n"), "  ", "\t");
+    write_file(folder / "b.bvh", other);
+    CHECK(load_bvh(folder / "b.bvh").joints == rig.joints);
+}
+
+TEST_CASE("all six orders of rotations, units and axes: the body follows the source") {
+    const test::Temporary folder;
+    const auto check = [&](const test::SampleOptions& o, const std::string& order, const std::string& unit) {
+        CAPTURE(order);
+        CAPTURE(unit);
+        const auto sample = test::sample_rig(o);
+        write_file(folder / "a.bvh", test::bvh_text(sample, order));
+        std::vector<std::string> warnings;
+        const RigMotion rig = load_bvh(folder / "a.bvh", {}, &warnings);
+        std::string all;
+        for (const auto& warning : warnings) all += warning + "\n";
+        CHECK(all.find("taken as " + unit) != std::string::npos);
+        CHECK((all.find("turned to y up") != std::string::npos) == o.z_up);
+        const Motion motion = retarget(rig, test::skeleton_body());
+        auto metres = sample;
+        for (auto* points : {&metres.rest, &metres.root})
+            for (auto& x : *points) x = x * (1 / o.units);
+        auto in_metres = o;
+        in_metres.units = 1;
+        const auto errors = test::compare(metres, order, in_metres, motion, test::skeleton_body(),
+                                          joint_names_of(test::skeleton_body()));
+        CHECK(errors.limbs < 1e-4);
+        CHECK(errors.trunk < 1e-4);
+        CHECK(errors.hips < 1e-8);
+        CHECK(errors.ankles < 0.02);
+        CHECK(errors.left > 0.99);
+    };
+    for (const char* order : {"XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"})
+        check({.names = test::Names::cmu, .rest = test::Rest::A, .units = 100}, order, "centimetres");
+    check({.units = 1 / 0.0254}, "ZXY", "inches");
+    check({.names = test::Names::cmu, .rest = test::Rest::down, .units = 0.45 / 0.0254}, "ZYX", "units of CMU");
+    check({.units = 1}, "ZXY", "metres");
+    check({.units = 1000}, "ZXY", "millimetres");
+    check({.units = 5}, "ZXY", "multiples of 0.19"); // no unit that is known
+    check({.names = test::Names::bvh, .units = 100, .z_up = true}, "ZXY", "centimetres");
+    check({.names = test::Names::bvh, .rest = test::Rest::down, .units = 1 / 0.0254, .z_up = true}, "XYZ", "inches");
+}
+
+TEST_CASE("who lies on the ground is not taken for standing along z") {
+    const test::Temporary folder;
+    auto sample = test::sample_rig({.units = 100, .frames = 3});
+    for (auto& angles : sample.angles) angles[0] = {1.5707963267948966, 0, 0}; // face down, the head towards +z
+    write_file(folder / "a.bvh", test::bvh_text(sample));
+    const RigMotion rig = load_bvh(folder / "a.bvh");
+    const auto ankle = std::find(rig.names.begin(), rig.names.end(), "mixamorig:LeftFoot") - rig.names.begin();
+    CHECK(rig.joint(0, static_cast<int>(ankle)).z < rig.joint(0, 0).z - 0.5);
+}
+
+TEST_CASE("damaged files are refused with the line and what was found") {
+    const test::Temporary folder;
+    const auto refuse = [&](const std::string& text, std::initializer_list<std::string_view> words) {
+        write_file(folder / "bad.bvh", text);
+        test::check_throws<Error>([&] { (void)load_bvh(folder / "bad.bvh"); }, {"bad.bvh"});
+        test::check_throws<Error>([&] { (void)load_bvh(folder / "bad.bvh"); }, words);
+    };
+    refuse("", {"ends too early", "HIERARCHY"});
+    refuse("something else\n", {":1:", "HIERARCHY"});
+    refuse(small_file({{"CHANNELS 6", "CHANNELS 5"}}), {":5:", "6 channels", "'5'"});
+    refuse(small_file({{"Yrotation\n  JOINT", "Wrotation\n  JOINT"}}), {":5:", "Wrotation"});
+    refuse(small_file({{"Yrotation\n  JOINT", "Xrotation\n  JOINT"}}), {":5:", "Xrotation", "twice"});
+    refuse(small_file({{"90 0 0 0 90 0", "90 0 0 0 90"}}), {":20:", "8 numbers", "expected 9"});
+    refuse(small_file({{"90 0 0 0 90 0", "90 0 0 0 90 0 1"}}), {":20:", "10 numbers", "expected 9"});
+    refuse(small_file({{"Frames: 2", "Frames: 3"}}), {"states 3 frames", "2 lines"});
+    refuse(small_file({{"Frames: 2", "Frames: 1"}}), {"states 1 frames", "2 lines"});
+    refuse(small_file({{"Frames: 2", "Frames: 1e18"}}), {"states 1e+18 frames"});
+    refuse(small_file({{"Frames: 2", "Frames: 0"}}), {"0 frames", "at least one"});
+    refuse(small_file({{"Frames: 2", "Frames: -2"}}), {"-2 frames"});
+    refuse(small_file({{"Frames: 2", "Frames: two"}}), {":17:", "'two'"});
+    refuse(small_file({{"0.04", "0"}}), {"frame time of 0"});
+    refuse(small_file({{"4 5 6", "4 nan 6"}}), {":20:", "'nan'", "finite"});
+    refuse(small_file({{"4 5 6", "4 1e999 6"}}), {":20:", "'1e999'"});
+    refuse(small_file({{"4 5 6", "4 5,0 6"}}), {":20:", "'5,0'"});
+    refuse(small_file({{"JOINT Knee", "JOINT Hip: the first"}}), {":6:", "a second time"});
+    refuse(small_file({{"JOINT Knee", "JOINT"}}), {":6:", "without a name"});
+    refuse(small_file({{"OFFSET 0 -1 0", "OFFSET 0 -1"}}), {":8:", "2 numbers", "expected 3"});
+    refuse(small_file({{"  }\n}\nMOTION", "  }\nMOTION"}}), {"brace"});
+    refuse(small_file({{"MOTION\n", "ROOT Second\n{\nOFFSET 0 0 0\n}\nMOTION\n"}}), {"second ROOT", "Hip: the first"});
+    refuse(small_file({{"MOTION\n", ""}}), {"Frames: 2"});
+    refuse(small_file().substr(0, 200), {"MOTION"});
+    refuse(small_file({{"CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n", "CHANNELS 0\n"},
+                       {"CHANNELS 3 Yrotation Xrotation Zrotation\n", "\n"}}),
+           {"without any channels"});
+    std::string deep = "HIERARCHY\nROOT j\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n";
+    for (int level = 0; level < 300; ++level) deep += "JOINT j" + std::to_string(level) + "\n{\nOFFSET 0 0 0\n";
+    refuse(deep, {"deeper than 256 levels"});
+    std::string wide = "HIERARCHY\nROOT j\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n"; // little text, much memory
+    for (int joint = 0; joint < 4000; ++joint) wide += "JOINT j" + std::to_string(joint) + "\n{\n}\n";
+    wide += "}\nMOTION\nFrames: 8000\nFrame Time: 1\n";
+    for (int frame = 0; frame < 8000; ++frame) wide += "0\n";
+    refuse(wide, {"8000 frames of 4001 joints", "at most"});
+    test::check_throws<IoError>([&] { (void)load_bvh(folder / "none.bvh"); }, {"none.bvh", "No such file"});
+}
+
+TEST_CASE("a file that is cut or changed anywhere is read or refused, never anything else") {
+    const test::Temporary folder;
+    const std::string text = small_file();
+    const std::size_t refused =
+        test::read_damaged(text, folder / "fuzz.bvh", 1, 2000, [](const auto& path) { (void)load_bvh(path); });
+    CHECK(refused > text.size() * 9 / 10);
+    const auto sample = test::sample_rig({.units = 100, .frames = 2});
+    test::read_damaged(test::bvh_text(sample), folder / "rig.bvh", 61, 600, [](const auto& path) {
+        RetargetOptions options;
+        options.where = path.string();
+        (void)retarget(load_bvh(path), test::skeleton_body(), {}, options);
+    });
+}

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Motions written as GLB come back as they were, and the file is plain glTF.
+
+#include "io/gltf_files.hpp"
+#include "io/temporary.hpp"
+#include "support/skeleton_body.hpp"
+
+#include <doctest/doctest.h>
+
+#include <gsh/body/retarget.hpp>
+#include <gsh/io/motion/gltf_export.hpp>
+#include <gsh/io/motion/gltf_motion.hpp>
+#include <gsh/synthetic/actor_motion.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+#include <string>
+
+using namespace gsh;
+
+namespace {
+
+Motion motion_of_body() {
+    Motion motion = actor_motion(ActorMotion::stride, 6);
+    motion.expression_count = 0, motion.expression.clear();
+    motion.betas = {0.5};
+    return motion;
+}
+
+} // namespace
+
+TEST_CASE("a body's motion comes back within 1e-4 rad, whatever the axes of its joints") {
+    const test::Temporary folder;
+    const Motion motion = motion_of_body();
+    for (const bool turned : {false, true}) {
+        RigMotion rig = rig_of_motion(test::skeleton_body(), motion);
+        test::Rng rng(4);
+        for (std::size_t j = 0; turned && j < 55; ++j) {
+            const mat3<double> axes = rotation_from_axis_angle(rng.vec(-2, 2));
+            rig.rest_rotations[j] = rig.rest_rotations[j] * axes;
+            for (std::size_t t = 0; t < 6; ++t) rig.rotations[t * 55 + j] = rig.rotations[t * 55 + j] * axes;
+        }
+        save_gltf_motion(folder / "a.glb", rig, "stride");
+        CHECK(folder.file_count() == 1);
+        const Motion back =
+            retarget(load_gltf_motion(folder / "a.glb"), test::skeleton_body(), {}, {motion.betas, "a", nullptr});
+        REQUIRE(back.frame_count() == 6);
+        double angle = 0, place = 0;
+        for (std::size_t i = 0; i < motion.pose.size(); ++i)
+            angle =
+                std::max(angle, length(axis_angle_from_rotation(transpose(rotation_from_axis_angle(motion.pose[i])) *
+                                                                rotation_from_axis_angle(back.pose[i]))));
+        for (std::size_t t = 0; t < 6; ++t) {
+            place = std::max(place, length(motion.transl[t] - back.transl[t]));
+            CHECK(back.timestamps[t] == doctest::Approx(motion.timestamps[t]));
+        }
+        CHECK(angle < 1e-5);
+        CHECK(place < 1e-6);
+    }
+}
+
+TEST_CASE("the file is plain glTF: chunks, nodes, a skin, bounds of the times") {
+    const test::Temporary folder;
+    save_gltf_motion(folder / "a.glb", rig_of_motion(test::skeleton_body(), motion_of_body()), "stride");
+    const std::string bytes = read_file(folder / "a.glb");
+    const auto number = [&](std::size_t at) {
+        std::uint32_t value = 0;
+        std::memcpy(&value, bytes.data() + at, 4);
+        return value;
+    };
+    CHECK(bytes.substr(0, 4) == "glTF");
+    CHECK(number(8) == bytes.size());
+    CHECK(number(12) % 4 == 0);
+    const auto json = nlohmann::json::parse(bytes.substr(20, number(12)));
+    CHECK(json["asset"]["generator"] == "gsh");
+    CHECK(json["nodes"].size() == 55);
+    CHECK(json["nodes"][0]["name"] == "pelvis");
+    CHECK(json["skins"][0]["joints"].size() == 55);
+    CHECK(json["animations"][0]["name"] == "stride");
+    CHECK(json["animations"][0]["channels"].size() == 56);
+    const auto& times = json["accessors"][json["animations"][0]["samplers"][0]["input"].get<std::size_t>()];
+    CHECK(times["min"][0] == 0.0);
+    CHECK(times["max"][0].get<double>() == doctest::Approx(0.5));
+    CHECK(!json["buffers"][0].contains("uri"));
+    const std::size_t bin = 20 + number(12);
+    CHECK(number(bin + 4) == 0x004E4942);
+    CHECK(json["buffers"][0]["byteLength"].get<std::size_t>() <= number(bin));
+}
+
+TEST_CASE("times that do not ascend are refused; nothing is written") {
+    const test::Temporary folder;
+    RigMotion rig = rig_of_motion(test::skeleton_body(), motion_of_body());
+    rig.timestamps[3] = rig.timestamps[2];
+    test::check_throws<ValueError>([&] { save_gltf_motion(folder / "a.glb", rig); }, {"a.glb", "frames 2 and 3"});
+    CHECK(folder.file_count() == 0);
+}
