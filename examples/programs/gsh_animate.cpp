@@ -39,6 +39,7 @@ struct AnimateOptions {
     std::string camera_name;
     int size = 540;
     bool upright = false, as_stored = false; ///< at most one of them is set
+    RigOption rig;
     LightOption light;
     std::array<double, 3> background{1, 1, 1};
     BackendOption machine;
@@ -86,7 +87,7 @@ int animate(const AnimateOptions& options) {
     Machine machine(options.machine);
     // Estimated poses match the given camera as they are. With the framing camera, bodies are turned upright.
     const bool upright = options.upright || (options.camera.empty() && !options.as_stored);
-    const ShownPeople people(options.avatars, options.poses, options.light, upright);
+    const ShownPeople people(options.avatars, options.poses, options.light, upright, options.rig);
     const std::size_t frames = people.frame_count();
     for (std::size_t p = 0; p < people.motions.size(); ++p)
         if (people.motions[p].frame_count() > frames)
@@ -122,7 +123,7 @@ int main(int argc, char** argv) {
     app.add_option("avatars", options.avatars, "AVATAR.gsh, one or several in one scene")->required();
     app.add_option(
            "--poses", options.poses,
-           "one motion per avatar, in the same order: --poses A --poses B; any layout that gsh reads (.npz, folder)")
+           "one motion per avatar, in the same order: --poses A --poses B; any layout that gsh reads (.npz, .bvh, .glb, folder)")
         ->required()
         ->allow_extra_args(false);
     app.add_option("--camera", options.camera, "CAMERA.json; without it, a camera is placed to show the whole motion");
@@ -135,6 +136,7 @@ int main(int argc, char** argv) {
     app.add_flag("--as-stored", options.as_stored, "keep the world of each motion as it is (default with --camera)")
         ->excludes(upright);
     app.add_option("--out", options.out, "folder for the frames")->required();
+    add_rig(app, options.rig);
     add_light(app, options.light);
     add_background(app, options.background, "white");
     add_backend(app, options.machine);

@@ -33,6 +33,7 @@ struct RenderOptions {
     std::filesystem::path camera, out, npy;
     std::string camera_name;
     std::size_t frame = 0;
+    RigOption rig;
     LightOption light;
     std::array<double, 3> background{0, 0, 0};
     BackendOption machine;
@@ -60,7 +61,7 @@ bool is_empty(const Image<float>& picture, const vec3<float>& background) {
 /// Loads the avatars and their motions.
 /// Errors  ValueError if a motion does not have the frame that is requested; else those of the files.
 ShownPeople people_of(const RenderOptions& options) {
-    ShownPeople people(options.scenes, options.poses, options.light);
+    ShownPeople people(options.scenes, options.poses, options.light, false, options.rig);
     for (std::size_t p = 0; p < people.motions.size(); ++p)
         check_value(options.frame < people.motions[p].frame_count(), "--frame " + std::to_string(options.frame),
                     options.poses.empty() ? "needs --poses"
@@ -107,7 +108,7 @@ int main(int argc, char** argv) {
         ->required();
     app.add_option(
            "--poses", options.poses,
-           "one motion per avatar, in the same order, in any layout that gsh reads (.npz, folder); without it, the "
+           "one motion per avatar, in the same order, in any layout that gsh reads (.npz, .bvh, .glb, folder); without it, the "
            "canonical pose")
         ->allow_extra_args(false);
     app.add_option("--frame", options.frame, "frame of the motions (default 0)")->check(not_negative());
@@ -115,6 +116,7 @@ int main(int argc, char** argv) {
     app.add_option("--camera-name", options.camera_name, "name of the entry, if the file has several cameras");
     app.add_option("--out", options.out, "IMAGE.png")->required();
     app.add_option("--npy", options.npy, "IMAGE.npy: the same picture as floats (height, width, 3), not rounded");
+    add_rig(app, options.rig);
     add_light(app, options.light);
     add_background(app, options.background, "black");
     add_backend(app, options.machine);

@@ -188,6 +188,34 @@ TEST_CASE("motions of AMASS and ExAvatar are animated standing, as the same moti
                   "gsh-animate", {"seen", "holds no motion"});
 }
 
+TEST_CASE("BVH and GLB are animated as the same motion in our own file, on the avatar's own shape") {
+    const TrainedOnce& s = trained_once();
+    const test::Temporary folder;
+    Motion dance = s.dance; // bones have no expressions
+    std::fill(dance.expression.begin(), dance.expression.end(), 0.0);
+    dance.betas.assign(static_cast<std::size_t>(studio().body.shape_count), 0.0);
+    std::copy(studio().capture.motion.betas.begin(), studio().capture.motion.betas.end(), dance.betas.begin());
+    save_motion(folder / "dance.npz", dance);
+    const fs::path ours = animated(folder, "ours", folder / "dance.npz");
+    for (const char* file : {"dance.bvh", "dance.glb"}) {
+        check_done(run({"gsh-motion", (folder / "dance.npz").string(), "--body", studio().body_file.string(), "--out",
+                        (folder / file).string()}));
+        const auto outcome = run({"gsh-animate", s.avatar.string(), "--poses", (folder / file).string(), "--size", "96",
+                                  "--out", (folder / "frames").string()});
+        INFO(outcome.err);
+        CHECK(outcome.code == 0); // with a warning that the unit of BVH is a guess
+        CHECK(largest_difference(ours, folder / "frames") <= 2);
+    }
+    CHECK(run({"gsh-render", s.avatar.string(), "--poses", (folder / "dance.bvh").string(), "--frame", "1", "--camera",
+               studio().camera.string(), "--out", (folder / "render.png").string()})
+              .code == 0);
+    test::truncate_file(folder / "dance.glb", 100);
+    check_refused(run({"gsh-animate", s.avatar.string(), "--poses", (folder / "dance.glb").string(), "--out",
+                       (folder / "none").string()}),
+                  "gsh-animate", {"dance.glb", "bytes, but holds"});
+    CHECK(!fs::exists(folder / "none"));
+}
+
 TEST_CASE("a reconstruction takes a folder of JSON for poses, and comes to the same avatar") {
     const TrainedOnce& s = trained_once();
     const test::Temporary folder;

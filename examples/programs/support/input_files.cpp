@@ -13,6 +13,7 @@
 #include <gsh/io/model/configuration_file.hpp>
 #include <gsh/io/model/lpips_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
+#include <gsh/io/motion/joint_map_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 
 #include <nlohmann/json.hpp>
@@ -58,9 +59,11 @@ std::string file_checksum(const std::filesystem::path& path) {
     return text_of(crc.value());
 }
 Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
-                      bool upright) {
+                      bool upright, const std::vector<double>& betas, const RigOption& rig) {
     MotionFileOptions options;
     if (upright) options.world = MotionFileOptions::World::upright;
+    options.betas = betas, options.animation = rig.animation;
+    if (!rig.joint_map.empty()) options.joint_map = read_joint_map(rig.joint_map);
     return load_any_motion(path, body, options, &warnings);
 }
 AvatarData avatar_of_file(const std::filesystem::path& path) { return load_avatar(path); }

@@ -2,6 +2,8 @@
 /// @file  The library's readers of input files, compiled once together with the JSON and archive code that they use.
 #pragma once
 
+#include "support/rig_option.hpp"
+
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/span.hpp>
 
@@ -51,9 +53,10 @@ std::vector<EstimatedPriors> priors_of_file(const std::filesystem::path& path, c
 std::string priors_checksum(const std::filesystem::path& path);
 /// CRC-32 of a file as text, to detect changes.
 std::string file_checksum(const std::filesystem::path& path);
-/// load_any_motion; with `upright` the world is rotated so that the body stands along +y.
+/// load_any_motion; with `upright` the world is rotated so that the body stands along +y. Motions without a shape take
+/// `betas`; `rig` is for those of other rigs.
 Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
-                      bool upright = false);
+                      bool upright = false, const std::vector<double>& betas = {}, const RigOption& rig = {});
 /// load_avatar.
 AvatarData avatar_of_file(const std::filesystem::path& path);
 /// read_cameras.

@@ -14,7 +14,7 @@ namespace gsh::examples {
 
 ShownPeople::ShownPeople(const std::vector<std::filesystem::path>& avatars,
                          const std::vector<std::filesystem::path>& poses, const LightOption& light,
-                         bool upright) {
+                         bool upright, const RigOption& rig_option) {
     check_value(poses.empty() || poses.size() == avatars.size(), "--poses",
                 "has " + std::to_string(poses.size()) + " motions for " + std::to_string(avatars.size()) +
                     " avatars; give one for each, in the same order");
@@ -23,7 +23,8 @@ ShownPeople::ShownPeople(const std::vector<std::filesystem::path>& avatars,
         check_value(avatars[p].extension() == ".gsh", avatars[p].string(), "is not an avatar (.gsh)");
         data.push_back(avatar_of_file(avatars[p]));
         const RigData& rig = data[p].rig;
-        motions.push_back(poses.empty() ? rest_motion(rig) : motion_of_file(poses[p], rig.body, warnings, upright));
+        motions.push_back(poses.empty() ? rest_motion(rig)
+                                        : motion_of_file(poses[p], rig.body, warnings, upright, rig.betas, rig_option));
     }
     relight(data, avatars, motions, light);
     for (const std::string& warning : warnings) warn(warning);

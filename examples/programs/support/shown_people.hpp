@@ -3,6 +3,7 @@
 #pragma once
 
 #include "support/light_option.hpp"
+#include "support/rig_option.hpp"
 
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/body/motion.hpp>
@@ -19,10 +20,11 @@ struct ShownPeople {
     std::vector<Motion> motions;
 
     /// Takes one file or folder of poses per avatar, in the same order. Without poses, all are in the canonical pose.
-    /// `upright` rotates the world of each motion so that the body stands along +y.
+    /// `upright` rotates the world of each motion so that the body stands along +y. Motions of other rigs take the
+    /// avatar's shape.
     /// Errors  ValueError if the numbers of avatars and motions differ; those of relight; else those of the files.
     ShownPeople(const std::vector<std::filesystem::path>& avatars, const std::vector<std::filesystem::path>& poses,
-                const LightOption& light = {}, bool upright = false);
+                const LightOption& light = {}, bool upright = false, const RigOption& rig = {});
 
     /// The length of the shortest motion.
     [[nodiscard]] std::size_t frame_count() const;
