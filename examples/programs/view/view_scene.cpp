@@ -233,7 +233,7 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
         people.motions[p] = scene.motions[p][0].motion;
     }
     for (std::size_t m = first_ones; m < poses.size(); ++m) {
-        Motion motion = motion_of_file(poses[m], people.data[0].rig.body, warnings, true);
+        Motion motion = motion_of_file(poses[m], people.data[0].rig.body, warnings, true, people.data[0].rig.betas);
         place_like(people.data[0].rig, people.motions[0], motion);
         scene.motions[0].push_back({poses[m].filename().string(), std::move(motion)});
     }
@@ -249,7 +249,7 @@ ViewMotion read_sent_motion(const ViewScene& scene, std::size_t person, const st
     const std::string shown = shown_name(name);
     const SentFile file(shown, bytes);
     try {
-        ViewMotion result{shown, motion_of_file(file.path(), rig.body, warnings, true)};
+        ViewMotion result{shown, motion_of_file(file.path(), rig.body, warnings, true, rig.betas)};
         validate(result.motion, rig.body, shown);
         place_like(rig, scene.people->motions[person], result.motion);
         for (std::string& warning : warnings) warning = file.renamed(warning, shown);
