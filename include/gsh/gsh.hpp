@@ -20,6 +20,7 @@
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/rotation_increment.hpp>
 #include <gsh/math/sh.hpp>
+#include <gsh/math/sh_rotation.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
 

@@ -24,6 +24,7 @@
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/rotation_increment.hpp>
 #include <gsh/math/sh.hpp>
+#include <gsh/math/sh_rotation.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/optim/adam.hpp>
@@ -253,6 +254,23 @@ struct SHElement {
         const vec3<T> dir = normalize(in.vector()), dL_dcolor = in.vector();
         SHEval<Degree>::backward(sh, dir, dL_dcolor, dL_dsh, dL_ddir);
         out.put(SHEval<Degree>::forward(sh, dir)), out.put(dL_dsh), out.put(dL_ddir);
+    }
+};
+
+template <int Degree>
+struct SHRotationElement {
+    static constexpr const char* name = "math/sh_rotation";
+    template <Lane T>
+    GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
+        constexpr int count = sh_basis_count(Degree);
+        vec3<T> sh[count], rotated[count], dL_drotated[count], dL_dsh[count];
+        in.vectors(sh), in.vectors(dL_drotated);
+        for (vec3<T>& value : dL_dsh) value = vec3<T>(T(0));
+        const mat3<T> R = rotation_from_axis_angle(in.vector());
+        mat3<T> dL_dR(T(0));
+        ShRotation<Degree>::forward(sh, R, rotated);
+        ShRotation<Degree>::backward(sh, R, dL_drotated, dL_dsh, dL_dR);
+        out.put(rotated), out.put(dL_dsh), out.put(dL_dR);
     }
 };
 
@@ -576,7 +594,8 @@ struct SsimElement {
 using Elements =
     std::tuple<VectorElement, ScalarElement, RotationElement, RotationIncrementElement, CameraIncrementElement,
                AffineElement, SymmetricElement, SHElement<0>,
-               SHElement<1>, SHElement<2>, SHElement<3>, SHElement<4>, CovarianceElement, ShadeElement, PinholeElement,
+               SHElement<1>, SHElement<2>, SHElement<3>, SHElement<4>, SHRotationElement<2>,
+               SHRotationElement<4>, CovarianceElement, ShadeElement, PinholeElement,
                DistortionElement, SkeletonElement, ProjectionElement, WhitenElement, ColorElement, HashGridElement,
                PolarElement, DualQuatElement, SkinnedGaussianElement<LinearBlend>, SkinnedGaussianElement<PolarBlend>,
                SkinnedGaussianElement<DualQuaternionBlend>, LitElement, AdamElement, FrequencyElement,
