@@ -16,6 +16,7 @@
 #include <gsh/math/linalg.hpp>
 #include <gsh/math/nonnegative.hpp>
 #include <gsh/math/polar.hpp>
+#include <gsh/math/principal_axes.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/rotation_increment.hpp>
@@ -66,6 +67,7 @@
 
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
+#include <gsh/gaussian/sh_fit.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
@@ -128,6 +130,7 @@
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_element.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/still_frames.hpp>
 
 #include <gsh/pipeline/appearance.hpp>
 #include <gsh/pipeline/avatar_config.hpp>

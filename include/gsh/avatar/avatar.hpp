@@ -184,6 +184,10 @@ public:
         return poser_.caster(cache.poser);
     }
 
+    /// Irradiance and gloss of each Gaussian in the last pose(), [N], in the backend's memory.
+    /// Errors  ValueError without a light.
+    [[nodiscard]] Span<const LitShading<T>> shading(Cache& cache) const { return poser_.shading(cache.poser); }
+
     /// Splats of a pose as seen from `center` (Camera::center()); splats must have size() elements. With a light,
     /// `others` cast shadows beside the avatar itself.
     void pose(const RigPose<B, T>& pose, const Deferred<vec3<T>>& center, const SplatView<T>& splats, Cache& cache,
