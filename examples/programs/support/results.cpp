@@ -202,7 +202,8 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
 
     for (std::size_t p = 0; p < people; ++p) {
         save_avatar(out.file(result_name(setup, "avatar", p) + ".gsh"), avatars[p]);
-        write_gaussian_ply(out.file(result_name(setup, "avatar", p) + ".ply"), shaded_cloud(avatars[p]));
+        write_gaussian_ply(out.file(result_name(setup, "avatar", p) + ".ply"), shaded_cloud(avatars[p]),
+                           {.up = UpAxis::minus_y, .filter = avatars[p].filter});
         if (o.refine)
             save_motion(out.file(result_name(setup, "poses_refined", p) + ".npz"),
                         reconstruction.refined_motion(p));

@@ -165,7 +165,7 @@ StaticResult reconstruct_static(Machine& machine, const StaticSource& source, co
 
 void write_static_result(OutputFolder& out, const StaticSource& source, const StaticOptions& options,
                          const StaticResult& result) {
-    write_gaussian_ply(out.file("scene.ply"), result.scene);
+    write_gaussian_ply(out.file("scene.ply"), result.scene, {.filter = options.config.filter});
     for (std::size_t i = 0; i < result.scores.size(); ++i)
         write_png(out.file("test/" + result.scores[i].name + ".png"), result.pictures[i]);
     Json json;

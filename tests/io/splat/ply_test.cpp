@@ -78,7 +78,7 @@ TEST_CASE("clouds of every degree come back, padded or not") {
     for (const std::size_t count : {0, 1, 5, 5000})
         for (int degree = 0; degree <= (count == 5 ? 4 : 1); ++degree) {
             const auto cloud = make_cloud(count, degree);
-            write_gaussian_ply(folder / "a.ply", cloud, 0);
+            write_gaussian_ply(folder / "a.ply", cloud, {.pad_to_degree = 0});
             check_equal(read_gaussian_ply(folder / "a.ply"), cloud);
         }
     const auto cloud = make_cloud(7, 2);
@@ -93,11 +93,12 @@ TEST_CASE("clouds of every degree come back, padded or not") {
 TEST_CASE("the file has the reference code's layout") {
     const test::Temporary folder;
     const auto cloud = make_cloud(2, 1);
-    write_gaussian_ply(folder / "a.ply", cloud, 3);
+    write_gaussian_ply(folder / "a.ply", cloud);
     const std::string bytes = read_file(folder / "a.ply");
     const std::size_t begin = bytes.find("end_header\n") + 11;
     CHECK(bytes.starts_with(
-        "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"));
+        "ply\nformat binary_little_endian 1.0\ncomment written by gsh "));
+    CHECK(bytes.find("\nelement vertex 2\nproperty float x\nproperty float y\n") != std::string::npos);
     CHECK(bytes.size() == begin + 2 * 62 * 4);
     float second[62];
     std::memcpy(second, bytes.data() + begin + 62 * 4, sizeof second);
@@ -231,7 +232,68 @@ TEST_CASE("numbers that are no Gaussian") {
     write_file(path, header(list, "1") + row(list));
     test::check_throws<ValueError>([&] { (void)read_gaussian_ply(path); }, {path.string(), "rot_0", "vertex 0"});
     auto cloud = make_cloud(3, 1);
-    CHECK_THROWS_AS(write_gaussian_ply(path, cloud, 5), ValueError);
+    CHECK_THROWS_AS(write_gaussian_ply(path, cloud, {.pad_to_degree = 5}), ValueError);
     cloud.sh.pop_back();
     CHECK_THROWS_AS(write_gaussian_ply(path, cloud), ShapeError);
+}
+
+TEST_CASE("the header states vertical and filter, and the reader heeds them") {
+    const test::Temporary folder;
+    const auto path = folder / "a.ply";
+    const auto cloud = make_cloud(9, 3);
+    write_gaussian_ply(path, cloud, {.up = UpAxis::minus_y, .filter = PixelFilter{0.1, true}});
+    const std::string text = read_file(path);
+    for (const char* line : {"comment gsh.up -y\n", "comment gsh.filter dilation 0.1 compensated\n",
+                             "comment antialiased 1\n"})
+        CHECK(text.find(line) != std::string::npos);
+    const StillSplats splats = read_ply_splats(path);
+    check_equal(splats.cloud, cloud);
+    CHECK(splats.notes.up == UpAxis::minus_y);
+    REQUIRE(splats.notes.filter.has_value());
+    CHECK(splats.notes.filter->dilation == 0.1);
+    CHECK(splats.notes.filter->compensate_opacity);
+
+    // Whoever does not know the comment sees the cloud turned by half a turn about z.
+    std::string without = text;
+    without.replace(without.find("gsh.up"), 6, "xxx.up");
+    write_file(path, without);
+    const StillSplats turned = read_ply_splats(path);
+    CHECK(!turned.notes.up.has_value());
+    for (std::size_t i = 0; i < 9; ++i) {
+        const vec3<float>& mean = cloud.means[i];
+        CHECK(turned.cloud.means[i] == vec3<float>(-mean.x, -mean.y, mean.z));
+        const vec3<double> dir = normalize(vec3<double>(0.3, -0.5, 0.8));
+        const auto color = [&](const GaussianCloud<float>& c, const vec3<double>& d) {
+            std::vector<vec3<double>> sh;
+            for (std::size_t k = 0; k < 16; ++k) sh.push_back(vec3<double>(c.sh[16 * i + k]));
+            return SHEval<3>::forward(sh.data(), d);
+        };
+        CHECK(length(color(turned.cloud, {-dir.x, -dir.y, dir.z}) - color(cloud, dir)) < 1e-6);
+    }
+
+    write_gaussian_ply(path, cloud, {.up = UpAxis::y});
+    CHECK(read_ply_splats(path).notes.up == UpAxis::y);
+    CHECK(!read_ply_splats(path).notes.filter.has_value());
+    check_equal(read_ply_splats(path).cloud, cloud);
+    write_gaussian_ply(path, cloud);
+    CHECK(!read_ply_splats(path).notes.up.has_value());
+}
+
+TEST_CASE("comments of other programs name a filter, too") {
+    const test::Temporary folder;
+    const auto path = folder / "a.ply";
+    const auto filter_of = [&](const std::string& comment) {
+        std::string text = header(columns(), "1");
+        text.replace(text.find("made by hand"), 12, comment);
+        write_file(path, text + row(columns()));
+        return read_ply_splats(path).notes.filter;
+    };
+    CHECK(filter_of("antialiased 1")->compensate_opacity);
+    CHECK(filter_of("antialiased 1")->dilation == 0.3);
+    CHECK(!filter_of("antialiased 0")->compensate_opacity);
+    CHECK(filter_of("SplatRenderMode: mip")->dilation == 0.1);
+    CHECK(!filter_of("SplatRenderMode: default")->compensate_opacity);
+    for (const char* comment : {"gsh.filter dilation -1 plain", "gsh.filter dilation nan plain", "gsh.filter dilation",
+                                "gsh.filter dilation 0.3 sharp", "something else"})
+        CHECK(!filter_of(comment).has_value());
 }

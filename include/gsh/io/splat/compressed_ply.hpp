@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Reads and writes compressed PLY files: 16 bytes a Gaussian in chunks of 256, and a byte for each SH number.
+#pragma once
+
+#include <gsh/core/error.hpp>
+#include <gsh/gaussian/gaussians.hpp>
+#include <gsh/gaussian/shade.hpp>
+#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/splat/ply.hpp>
+#include <gsh/io/splat/ply_file.hpp>
+#include <gsh/io/splat/spz_points.hpp>
+#include <gsh/io/splat/still_splats.hpp>
+#include <gsh/math/activation.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace gsh {
+
+/// Reads a compressed PLY file. Comments of the header are heeded as by read_ply_splats.
+///
+/// Errors  those of PlyFile; IoError if a table or a property is missing, or if chunks are too few.
+/// Source  PlayCanvas' program splat-transform, its compressed-chunk.ts.
+[[nodiscard]] inline StillSplats read_compressed_ply(const std::filesystem::path& path);
+
+/// Writes a compressed PLY file, atomically, in the order of the cloud. A chunk of 256 neighbours in the order spans a
+/// box of positions, log-scales and colours, within which they have 8 to 11 bits; so neighbours in the order should be
+/// neighbours in space (morton_order).
+///
+/// Errors  ValueError for an empty cloud or SH above degree 3. Coefficients beyond -4 to 4 end there.
+inline void write_compressed_ply(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
+                                 std::optional<UpAxis> up = {}, std::optional<PixelFilter> filter = {});
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+inline constexpr std::size_t ply_chunk_size = 256;
+inline constexpr std::array<const char*, 18> ply_chunk_properties = {
+    "min_x",       "min_y",       "min_z",       "max_x",       "max_y",       "max_z",
+    "min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z",
+    "min_r",       "min_g",       "min_b",       "max_r",       "max_g",       "max_b"};
+
+/// The box of a chunk in one of its three spaces: positions, log-scales, colours.
+struct ChunkBox {
+    vec3<float> low = vec3<float>(std::numeric_limits<float>::infinity()), high = -low;
+
+    void add(const vec3<float>& v) { low = glm::min(low, v), high = glm::max(high, v); }
+    /// Where v lies between the ends of the box, 0 to 1.
+    [[nodiscard]] vec3<double> place(const vec3<float>& v) const {
+        vec3<double> result(0);
+        for (int axis = 0; axis < 3; ++axis)
+            if (high[axis] > low[axis])
+                result[axis] = (double(v[axis]) - low[axis]) / (double(high[axis]) - low[axis]);
+        return result;
+    }
+    [[nodiscard]] vec3<float> at(const vec3<double>& place) const {
+        return vec3<float>(vec3<double>(low) + (vec3<double>(high) - vec3<double>(low)) * place);
+    }
+};
+
+inline std::uint32_t unit_bits(double value, int bits) {
+    const double steps = (1u << bits) - 1;
+    return static_cast<std::uint32_t>(std::clamp(std::floor(value * steps + 0.5), 0.0, steps));
+}
+inline double unit_of_bits(std::uint32_t packed, int shift, int bits) {
+    const std::uint32_t mask = (1u << bits) - 1;
+    return (packed >> shift & mask) / static_cast<double>(mask);
+}
+inline std::uint32_t packed_place(const vec3<double>& p) {
+    return unit_bits(p.x, 11) << 21 | unit_bits(p.y, 10) << 11 | unit_bits(p.z, 11);
+}
+inline vec3<double> place_of_packed(std::uint32_t packed) {
+    return {unit_of_bits(packed, 21, 11), unit_of_bits(packed, 11, 10), unit_of_bits(packed, 0, 11)};
+}
+
+/// 2 bits name the largest of w x y z, then come the others, each with 10 bits from -√½ to √½.
+inline std::uint32_t packed_rotation(const quat<float>& given) {
+    const quat<double> q = normalize(quat<double>{given.w, given.x, given.y, given.z});
+    const double parts[4] = {q.w, q.x, q.y, q.z};
+    std::uint32_t largest = 0;
+    for (std::uint32_t k = 1; k < 4; ++k)
+        if (std::abs(parts[k]) > std::abs(parts[largest])) largest = k;
+    std::uint32_t packed = largest;
+    for (std::uint32_t k = 0; k < 4; ++k)
+        if (k != largest)
+            packed = packed << 10 | unit_bits((parts[largest] < 0 ? -parts[k] : parts[k]) * std::sqrt(0.5) + 0.5, 10);
+    return packed;
+}
+inline quat<float> quat_of_packed(std::uint32_t packed) {
+    const std::uint32_t largest = packed >> 30;
+    double parts[4], squares = 0;
+    int shift = 20;
+    for (std::uint32_t k = 0; k < 4; ++k) {
+        if (k == largest) continue;
+        parts[k] = (unit_of_bits(packed, shift, 10) - 0.5) * std::sqrt(2.0);
+        squares += parts[k] * parts[k];
+        shift -= 10;
+    }
+    parts[largest] = std::sqrt(std::max(0.0, 1 - squares));
+    return {float(parts[0]), float(parts[1]), float(parts[2]), float(parts[3])};
+}
+
+} // namespace detail
+
+inline StillSplats read_compressed_ply(const std::filesystem::path& path) {
+    PlyFile file(path);
+    const std::size_t count = file.vertices().count;
+    const auto element = [&](const char* name, std::size_t least) -> const PlyElement& {
+        const PlyElement* found = file.find(name);
+        if (!found || found->count < least)
+            throw IoError(path.string() + ": has " + std::to_string(found ? found->count : 0) + " " + name +
+                          " elements, expected " + std::to_string(least) + " for a compressed PLY file");
+        return *found;
+    };
+    const auto properties = [&](const PlyElement& table, const auto& names) {
+        std::vector<PlyProperty> wanted;
+        for (const auto& name : names) {
+            const PlyProperty* found = table.find(name);
+            if (!found) throw IoError(path.string() + ": property " + std::string(name) + " is missing");
+            wanted.push_back(*found);
+        }
+        return wanted;
+    };
+    const PlyElement& chunk_table = element("chunk", (count + detail::ply_chunk_size - 1) / detail::ply_chunk_size);
+    std::vector<std::string> names(detail::ply_chunk_properties.begin(), detail::ply_chunk_properties.end());
+    if (!chunk_table.find("min_r")) names.resize(12); // files of early versions; their colours span 0 to 1
+    std::vector<std::array<detail::ChunkBox, 3>> chunks;
+    file.read_rows(chunk_table, properties(chunk_table, names), [&](std::size_t, const std::vector<float>& v) {
+        auto& boxes = chunks.emplace_back();
+        boxes[2] = {vec3<float>(0), vec3<float>(1)};
+        for (std::size_t k = 0; k < v.size() / 6; ++k)
+            boxes[k] = {{v[6 * k], v[6 * k + 1], v[6 * k + 2]}, {v[6 * k + 3], v[6 * k + 4], v[6 * k + 5]}};
+    });
+
+    int degree = 0;
+    const PlyElement* bands = file.find("sh");
+    if (bands && bands->count > 0) {
+        while (degree <= 3 && detail::sh_rest_count(degree) != bands->properties.size()) ++degree;
+        if (degree > 3)
+            throw ShapeError(path.string() + ": has " + std::to_string(bands->properties.size()) +
+                             " f_rest properties, expected 9, 24 or 45");
+        (void)element("sh", count);
+    }
+    const auto basis = static_cast<std::size_t>(sh_basis_count(degree));
+    const std::vector<PlyProperty> packed = properties(
+        file.vertices(), std::array{"packed_position", "packed_rotation", "packed_scale", "packed_color"});
+    StillSplats splats{GaussianCloud<float>(count, degree), detail::notes_of_comments(file.comments())};
+    GaussianCloud<float>& cloud = splats.cloud;
+    file.read_rows<std::uint32_t>(file.vertices(), packed, [&](std::size_t i, const std::vector<std::uint32_t>& v) {
+        const auto& [positions, scales, colors] = chunks[i / detail::ply_chunk_size];
+        cloud.means[i] = positions.at(detail::place_of_packed(v[0]));
+        cloud.quats[i] = detail::quat_of_packed(v[1]);
+        cloud.log_scales[i] = scales.at(detail::place_of_packed(v[2]));
+        const vec3<double> place(detail::unit_of_bits(v[3], 24, 8), detail::unit_of_bits(v[3], 16, 8),
+                                 detail::unit_of_bits(v[3], 8, 8));
+        cloud.sh[i * basis] = sh_of_color(colors.at(place));
+        cloud.opacity_logits[i] = detail::logit_of_byte(static_cast<std::uint8_t>(v[3] & 255u));
+    });
+    if (degree > 0) {
+        std::vector<std::string> rest;
+        for (std::size_t k = 0; k < detail::sh_rest_count(degree); ++k) rest.push_back("f_rest_" + std::to_string(k));
+        file.read_rows(*bands, properties(*bands, rest), [&](std::size_t i, const std::vector<float>& v) {
+            if (i >= count) return;
+            for (std::size_t k = 1; k < basis; ++k)
+                for (std::size_t channel = 0; channel < 3; ++channel) // the middle of the step
+                    cloud.sh[i * basis + k][static_cast<int>(channel)] =
+                        ((v[channel * (basis - 1) + k - 1] + 0.5f) / 256 - 0.5f) * 8;
+        });
+    }
+    turn_from_stored(cloud, splats.notes.up);
+    return splats;
+}
+
+inline void write_compressed_ply(const std::filesystem::path& path, const GaussianCloud<float>& given,
+                                 std::optional<UpAxis> up, std::optional<PixelFilter> filter) {
+    check_gaussians("write_compressed_ply", "cloud", given.view(), given.size());
+    check_value(given.size() > 0, "write_compressed_ply", "there must be a Gaussian");
+    check_value(given.sh_degree <= 3, "write_compressed_ply",
+                "the format holds SH up to degree 3; use with_bands_up_to");
+    const GaussianCloud<float> cloud = as_stored(given, up);
+    const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
+    const std::size_t rest = detail::sh_rest_count(cloud.sh_degree);
+    std::string header = "ply\nformat binary_little_endian 1.0\n" + detail::ply_comments({.up = up, .filter = filter}) +
+                         "element chunk " +
+                         std::to_string((cloud.size() + detail::ply_chunk_size - 1) / detail::ply_chunk_size) + "\n";
+    for (const char* name : detail::ply_chunk_properties) header += std::string("property float ") + name + "\n";
+    header += "element vertex " + std::to_string(cloud.size()) + "\n";
+    for (const char* name : {"position", "rotation", "scale", "color"})
+        header += std::string("property uint packed_") + name + "\n";
+    if (rest) header += "element sh " + std::to_string(cloud.size()) + "\n";
+    for (std::size_t k = 0; k < rest; ++k) header += "property uchar f_rest_" + std::to_string(k) + "\n";
+
+    const auto log_scale = [&](std::size_t i) { return glm::clamp(cloud.log_scales[i], -20.0f, 20.0f); };
+    const auto color = [&](std::size_t i) {
+        return detail::unclamped_color<0>(&cloud.sh[i * basis], vec3<float>(0, 0, 1));
+    };
+    std::vector<float> boxes;
+    std::vector<std::uint32_t> rows;
+    for (std::size_t begin = 0; begin < cloud.size(); begin += detail::ply_chunk_size) {
+        const std::size_t end = std::min(begin + detail::ply_chunk_size, cloud.size());
+        std::array<detail::ChunkBox, 3> box; // positions, log-scales, colours
+        for (std::size_t i = begin; i < end; ++i)
+            box[0].add(cloud.means[i]), box[1].add(log_scale(i)), box[2].add(color(i));
+        for (const auto& [low, high] : box) boxes.insert(boxes.end(), {low.x, low.y, low.z, high.x, high.y, high.z});
+        for (std::size_t i = begin; i < end; ++i) {
+            const vec3<double> place = box[2].place(color(i));
+            rows.insert(rows.end(),
+                        {detail::packed_place(box[0].place(cloud.means[i])), detail::packed_rotation(cloud.quats[i]),
+                         detail::packed_place(box[1].place(log_scale(i))),
+                         detail::unit_bits(place.x, 8) << 24 | detail::unit_bits(place.y, 8) << 16 |
+                             detail::unit_bits(place.z, 8) << 8 |
+                             detail::unit_bits(sigmoid(double(cloud.opacity_logits[i])), 8)});
+        }
+    }
+    AtomicFile file(path);
+    file.write(header + "end_header\n");
+    file.write(boxes.data(), boxes.size() * sizeof(float));
+    file.write(rows.data(), rows.size() * sizeof(std::uint32_t));
+    std::vector<std::uint8_t> bytes(rest);
+    for (std::size_t i = 0; i < cloud.size() && rest; ++i) {
+        for (std::size_t k = 1; k < basis; ++k)
+            for (std::size_t channel = 0; channel < 3; ++channel) {
+                const double value = cloud.sh[i * basis + k][static_cast<int>(channel)];
+                bytes[channel * (basis - 1) + k - 1] =
+                    static_cast<std::uint8_t>(std::clamp(std::floor((value / 8 + 0.5) * 256), 0.0, 255.0));
+            }
+        file.write(bytes.data(), bytes.size());
+    }
+    file.commit();
+}
+
+} // namespace gsh

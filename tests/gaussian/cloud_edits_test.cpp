@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/gaussian/cloud_edits.hpp>
+#include <gsh/gaussian/covariance.hpp>
+#include <gsh/math/rotation.hpp>
+#include <gsh/math/sh_rotation.hpp>
+
+#include "support/gradient.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+
+GaussianCloud<double> random_cloud(std::size_t count, int degree, std::uint64_t seed = 1) {
+    test::Rng rng(seed);
+    GaussianCloud<double> cloud(count, degree);
+    cloud.means = rng.vecs(count);
+    cloud.log_scales = rng.vecs(count, -4, -2);
+    for (auto& q : cloud.quats) q = rng.quat();
+    cloud.opacity_logits = rng.numbers(count, -3, 3);
+    cloud.sh = rng.vecs(cloud.sh.size());
+    return cloud;
+}
+
+} // namespace
+
+TEST_CASE("reordering moves all attributes of a Gaussian together") {
+    const auto cloud = random_cloud(5, 1);
+    const std::vector<std::uint32_t> order{4, 0, 4};
+    const auto moved = reordered<double>(cloud, order);
+    REQUIRE(moved.size() == 3);
+    for (std::size_t i = 0; i < 3; ++i) {
+        CHECK(moved.means[i] == cloud.means[order[i]]);
+        CHECK(moved.quats[i].y == cloud.quats[order[i]].y);
+        CHECK(moved.log_scales[i] == cloud.log_scales[order[i]]);
+        CHECK(moved.opacity_logits[i] == cloud.opacity_logits[order[i]]);
+        for (std::size_t k = 0; k < 4; ++k) CHECK(moved.sh[4 * i + k] == cloud.sh[4 * order[i] + k]);
+    }
+    CHECK(reordered<double>(cloud, Span<const std::uint32_t>()).size() == 0);
+    const std::vector<std::uint32_t> beyond{5};
+    CHECK_THROWS_AS((void)reordered<double>(cloud, beyond), ValueError);
+}
+
+TEST_CASE("the most important Gaussians are the large opaque ones, kept in order") {
+    auto cloud = random_cloud(200, 0);
+    const auto order = importance_order(cloud);
+    for (std::size_t i = 1; i < order.size(); ++i)
+        CHECK(importance(cloud, order[i - 1]) >= importance(cloud, order[i]));
+    const auto kept = largest_gaussians(cloud, 20);
+    REQUIRE(kept.size() == 20);
+    CHECK(std::is_sorted(kept.begin(), kept.end()));
+    double least = 1e9, most_of_others = 0;
+    for (std::uint32_t i = 0; i < 200; ++i) {
+        const bool in = std::binary_search(kept.begin(), kept.end(), i);
+        (in ? least : most_of_others) = in ? std::min(least, importance(cloud, i))
+                                           : std::max(most_of_others, importance(cloud, i));
+    }
+    CHECK(least >= most_of_others);
+    CHECK(largest_gaussians(cloud, 1000).size() == 200);
+}
+
+TEST_CASE("Morton order is a permutation whose neighbours are near") {
+    const auto cloud = random_cloud(3000, 0);
+    const auto order = morton_order(cloud);
+    std::vector<std::uint32_t> sorted = order;
+    std::sort(sorted.begin(), sorted.end());
+    for (std::uint32_t i = 0; i < 3000; ++i) CHECK(sorted[i] == i);
+    const auto way = [&](const auto& index) {
+        double sum = 0;
+        for (std::size_t i = 1; i < 3000; ++i) sum += length(cloud.means[index(i)] - cloud.means[index(i - 1)]);
+        return sum;
+    };
+    CHECK(way([&](std::size_t i) { return order[i]; }) < 0.2 * way([](std::size_t i) { return i; }));
+    auto point = random_cloud(3, 0); // no extent
+    point.means.assign(3, vec3<double>(1));
+    CHECK(morton_order(point) == std::vector<std::uint32_t>{0, 1, 2});
+    CHECK(morton_order(random_cloud(0, 0)).empty());
+}
+
+TEST_CASE("fewer bands are the first ones") {
+    const auto cloud = random_cloud(4, 3), cut = with_bands_up_to(cloud, 1);
+    CHECK(cut.sh_degree == 1);
+    REQUIRE(cut.sh.size() == 16);
+    for (std::size_t i = 0; i < 4; ++i)
+        for (std::size_t k = 0; k < 4; ++k) CHECK(cut.sh[4 * i + k] == cloud.sh[16 * i + k]);
+    CHECK(with_bands_up_to(cloud, 4).sh == cloud.sh);
+}
+
+TEST_CASE("half a turn about z is a rotation of everything, and twice it is nothing") {
+    const auto cloud = random_cloud(20, 4);
+    auto turned = cloud;
+    turn_about_z(turned);
+    const mat3<double> R({-1, 0, 0}, {0, -1, 0}, {0, 0, 1});
+    for (std::size_t i = 0; i < 20; ++i) {
+        CHECK(turned.means[i] == R * cloud.means[i]);
+        const mat3<double> before = rotation_from_quat(cloud.quats[i]), after = rotation_from_quat(turned.quats[i]);
+        for (int c = 0; c < 3; ++c) CHECK(length(after[c] - R * before[c]) < 1e-14);
+        std::vector<vec3<double>> sh(25);
+        ShRotation<4>::forward(cloud.sh.data() + 25 * i, R, sh.data());
+        for (std::size_t k = 0; k < 25; ++k) CHECK(length(turned.sh[25 * i + k] - sh[k]) < 1e-13);
+    }
+    turn_about_z(turned);
+    CHECK(turned.means == cloud.means);
+    CHECK(turned.sh == cloud.sh);
+    for (std::size_t i = 0; i < 20; ++i) CHECK(turned.quats[i].w == -cloud.quats[i].w); // the same rotation
+}

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/io/splat/compressed_ply.hpp>
+
+#include "io/splat_clouds.hpp"
+#include "io/temporary.hpp"
+
+#include <cstring>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+
+using namespace gsh;
+
+namespace {
+
+// A chunk spans up to 2 m and 4 units of log-scale; one axis has 10 bits, the others 11.
+constexpr test::SplatTolerance tolerance{
+    .mean = 1.01e-3, .log_scale = 2.01e-3, .rotation = 6e-3, .opacity = 2e-3, .dc = 0.0135, .rest = 0.0157};
+
+} // namespace
+
+TEST_CASE("clouds of degrees 0 to 3 come back within the steps of the format") {
+    const test::Temporary folder;
+    for (const std::size_t count : {1, 255, 256, 257, 1000})
+        for (int degree = 0; degree <= (count == 257 ? 3 : 1); ++degree) {
+            const auto cloud = test::splat_cloud(count, degree);
+            write_compressed_ply(folder / "a.compressed.ply", cloud);
+            test::check_near(read_compressed_ply(folder / "a.compressed.ply").cloud, cloud, tolerance);
+        }
+}
+
+TEST_CASE("the file has the layout of splat-transform") {
+    const test::Temporary folder;
+    auto cloud = test::splat_cloud(300, 1);
+    cloud.means[0] = {-5, 7, 9}; // the extremes of the first chunk
+    cloud.quats[0] = {0, 0, -1, 0};
+    cloud.opacity_logits[0] = 20;
+    for (std::size_t k = 0; k < 4; ++k) cloud.sh[k] = vec3<float>(k ? 0.0f : 3.0f);
+    cloud.sh[3] = {0.5f, -4, 0};
+    write_compressed_ply(folder / "a.ply", cloud);
+    const std::string bytes = read_file(folder / "a.ply");
+    for (const char* line : {"element chunk 2\nproperty float min_x\n", "property float max_b\nelement vertex 300\n",
+                             "property uint packed_color\nelement sh 300\nproperty uchar f_rest_0\n"})
+        CHECK(bytes.find(line) != std::string::npos);
+    const std::size_t begin = bytes.find("end_header\n") + 11;
+    CHECK(bytes.size() == begin + 2 * 72 + 300 * 16 + 300 * 9);
+    float low_x = 0;
+    std::memcpy(&low_x, bytes.data() + begin, 4);
+    CHECK(low_x == -5);
+    std::uint32_t row[4];
+    std::memcpy(row, bytes.data() + begin + 2 * 72, sizeof row);
+    CHECK(row[0] == (0u << 21 | 1023u << 11 | 2047u)); // at the box's corner
+    CHECK(row[1] == (2u << 30 | 512u << 20 | 512u << 10 | 512u)); // y is the largest, the others are zero
+    CHECK(row[3] == 0xFFFFFFFFu);
+    const auto* sh = reinterpret_cast<const unsigned char*>(bytes.data()) + begin + 2 * 72 + 300 * 16;
+    CHECK(sh[0] == 128);
+    CHECK(sh[2] == 144);     // red of the third coefficient: (0.5 / 8 + 0.5) 256
+    CHECK(sh[3 + 2] == 0);   // green
+    CHECK(sh[6 + 2] == 128); // blue
+}
+
+TEST_CASE("vertical and filter are stated and heeded") {
+    const test::Temporary folder;
+    const auto cloud = test::splat_cloud(300, 2);
+    write_compressed_ply(folder / "a.ply", cloud, UpAxis::minus_y, PixelFilter{0.1, true});
+    const StillSplats splats = read_compressed_ply(folder / "a.ply");
+    CHECK(splats.notes.up == UpAxis::minus_y);
+    REQUIRE(splats.notes.filter.has_value());
+    CHECK(splats.notes.filter->dilation == 0.1);
+    test::check_near(splats.cloud, cloud, tolerance);
+    CHECK_THROWS_AS(write_compressed_ply(folder / "a.ply", test::splat_cloud(2, 4)), ValueError);
+    CHECK_THROWS_AS(write_compressed_ply(folder / "a.ply", test::splat_cloud(0, 0)), ValueError);
+}
+
+TEST_CASE("damaged files are refused before memory is allocated") {
+    const test::Temporary folder;
+    const auto path = folder / "a.ply";
+    write_compressed_ply(path, test::splat_cloud(300, 1));
+    const std::string good = read_file(path);
+    const auto expect = [&](std::string_view from, std::string_view to, std::initializer_list<std::string_view> words) {
+        std::string bad = good;
+        const std::size_t at = bad.find(from);
+        REQUIRE(at != std::string::npos);
+        bad.replace(at, from.size(), to);
+        write_file(path, bad);
+        test::check_throws<Error>([&] { (void)read_compressed_ply(path); }, {path.string()});
+        test::check_throws<Error>([&] { (void)read_compressed_ply(path); }, words);
+    };
+    expect("element chunk 2", "element chunk 1", {"1 chunk", "expected 2"});
+    expect("element chunk 2", "element chunk 2000000000", {"2000000000 chunk"});
+    expect("element vertex 300", "element vertex 90000000000000", {"vertices"});
+    expect("element sh 300", "element sh 10", {"10 sh", "expected 300"});
+    expect("property uchar f_rest_8\n", "", {"8 f_rest"});
+    expect("property uint packed_scale", "property uint packed_scalf", {"packed_scale", "missing"});
+    expect("property float max_b", "property float max_c", {"max_b", "missing"});
+    for (const std::size_t missing : {std::size_t(1), std::size_t(3000), good.size() - 100}) {
+        write_file(path, good.substr(0, good.size() - missing));
+        test::check_throws<IoError>([&] { (void)read_compressed_ply(path); }, {path.string()});
+    }
+}

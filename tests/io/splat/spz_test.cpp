@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/io/splat/spz.hpp>
+
+#include "io/splat_clouds.hpp"
+#include "io/temporary.hpp"
+
+#include <array>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+
+using namespace gsh;
+
+namespace {
+
+// 2^-13 m; 1/32 of log-scale; half a step of 9 bits, several times in a product; half a byte; half a bucket of 16/128, after rounding to 1/128.
+constexpr test::SplatTolerance spz_tolerance{
+    .mean = 1.23e-4, .log_scale = 0.0313, .rotation = 6e-3, .opacity = 2e-3, .dc = 0.0132, .rest = 0.0665};
+
+std::string inflated(const std::string& bytes, std::size_t size) {
+    std::string out(size, '\0');
+    GzipReader(bytes, "test").read(out.data(), size);
+    return out;
+}
+
+template <class Number>
+void append(std::string& bytes, Number number) {
+    bytes.append(reinterpret_cast<const char*>(&number), sizeof number);
+}
+
+/// The header of a gzip file.
+std::string spz_header(std::uint32_t version, std::uint32_t count, int degree, int flags = 0) {
+    std::string bytes;
+    append(bytes, std::uint32_t(0x5053474e)), append(bytes, version), append(bytes, count);
+    for (const int byte : {degree, 12, flags, 0}) append(bytes, static_cast<std::uint8_t>(byte));
+    return bytes;
+}
+
+} // namespace
+
+TEST_CASE("clouds of degrees 0 to 3 come back within the steps of the format, in both versions") {
+    const test::Temporary folder;
+    for (const int version : {3, 4})
+        for (const std::size_t count : {1, 500})
+            for (int degree = 0; degree <= 3; ++degree) {
+                const auto cloud = test::splat_cloud(count, degree);
+                write_spz(folder / "a.spz", cloud, {.version = version});
+                const StillSplats splats = read_spz(folder / "a.spz");
+                test::check_near(splats.cloud, cloud, spz_tolerance);
+                CHECK(splats.notes.up == UpAxis::y);
+                CHECK(!splats.notes.filter.has_value());
+            }
+}
+
+TEST_CASE("the bytes of version 3 are those of the format") {
+    const test::Temporary folder;
+    GaussianCloud<float> cloud(1, 1);
+    cloud.means[0] = {1, -0.5f, 0.25f};
+    cloud.log_scales[0] = {-10, -4, 5.9375f};
+    cloud.opacity_logits[0] = 0;
+    cloud.quats[0] = {-0.5f, 0.5f, 0.5f, 0.5f}; // any may be the largest; x comes first
+    cloud.sh = {{0, 1, -1}, {0.5f, -1, 1}, {0, 0, 0}, {3, -3, 0.06f}};
+    CHECK(spz_clipped_count(cloud) == 2);
+    write_spz(folder / "a.spz", cloud, {.filter = {0.1, true}});
+    const std::string bytes = inflated(read_file(folder / "a.spz"), 16 + 9 + 1 + 3 + 3 + 4 + 9);
+    const auto* b = reinterpret_cast<const std::uint8_t*>(bytes.data());
+    CHECK(std::string_view(bytes).starts_with("NGSP"));
+    const std::array<int, 8> header{1, 0, 0, 0, 1, 12, 1, 0}; // count, degree, bits, flags
+    for (std::size_t i = 0; i < 8; ++i) CHECK(b[8 + i] == header[i]);
+    const std::array<int, 9> position{0x00, 0x10, 0x00, 0x00, 0xF8, 0xFF, 0x00, 0x04, 0x00};
+    for (std::size_t i = 0; i < 9; ++i) CHECK(b[16 + i] == position[i]);
+    CHECK(b[25] == 128); // opacity 1/2
+    CHECK(b[26] == 128); // 127.5 rounded
+    CHECK(b[27] == 166); // 165.75
+    CHECK(b[28] == 89);  // 89.25
+    CHECK(b[29] == 0);
+    CHECK(b[30] == 96);
+    CHECK(b[31] == 255);
+    std::uint32_t rotation = 0;
+    std::memcpy(&rotation, b + 32, 4);
+    const std::uint32_t half = 361; // 511 / 2 * sqrt(2), rounded
+    CHECK(rotation == (0u << 30 | half << 20 | half << 10 | (512 | half))); // x largest; y, z, then -w
+    const std::array<int, 9> sh{192, 0, 255, 128, 128, 128, 255, 0, 136};
+    for (std::size_t i = 0; i < 9; ++i) CHECK(b[36 + i] == sh[i]);
+    const StillSplats splats = read_spz(folder / "a.spz");
+    REQUIRE(splats.notes.filter.has_value());
+    CHECK(splats.notes.filter->compensate_opacity);
+}
+
+TEST_CASE("version 4 has a table of frames and ends with the last of them") {
+    const test::Temporary folder;
+    write_spz(folder / "a.spz", test::splat_cloud(100, 0), {.version = 4});
+    const std::string bytes = read_file(folder / "a.spz");
+    CHECK(bytes.starts_with("NGSP"));
+    CHECK(bytes[15] == 5); // no stream for SH
+    std::uint64_t end = 32 + 5 * 16, sizes[2];
+    for (std::size_t k = 0; k < 5; ++k) {
+        std::memcpy(sizes, bytes.data() + 32 + 16 * k, 16);
+        CHECK(sizes[1] == 100 * std::array{9, 1, 3, 3, 4}[k]);
+        CHECK(bytes.substr(end, 4) == "\x28\xB5\x2F\xFD"); // Zstandard's magic number
+        end += sizes[0];
+    }
+    CHECK(end == bytes.size());
+}
+
+TEST_CASE("versions 1 and 2 are read") {
+    const test::Temporary folder;
+    for (const std::uint32_t version : {1u, 2u}) {
+        std::string bytes = spz_header(version, 1, 0);
+        if (version == 1) for (const int half : {0x3C00, 0xB800, 0x0001}) append(bytes, static_cast<std::uint16_t>(half));
+        else for (const int byte : {0x00, 0x10, 0x00, 0x00, 0xF8, 0xFF, 0x00, 0x00, 0x00}) append(bytes, static_cast<std::uint8_t>(byte));
+        for (const int byte : {255, 0, 128, 255, 96, 96, 96, 255, 128, 0}) append(bytes, static_cast<std::uint8_t>(byte));
+        write_file(folder / "a.spz", gzip(bytes));
+        const auto cloud = read_spz(folder / "a.spz").cloud;
+        REQUIRE(cloud.size() == 1);
+        CHECK(cloud.means[0].x == 1);
+        CHECK(cloud.means[0].y == -0.5f);
+        CHECK(cloud.means[0].z == (version == 1 ? std::ldexp(1.0f, -24) : 0));
+        CHECK(cloud.opacity_logits[0] > 6);
+        CHECK(cloud.log_scales[0].x == -4);
+        CHECK(cloud.quats[0].x == 1);
+        CHECK(cloud.quats[0].z == -1);
+        CHECK(cloud.quats[0].w == 0);
+    }
+    std::string bytes = spz_header(1, 1, 0);
+    for (int k = 0; k < 3; ++k) append(bytes, std::uint16_t(0x7C00)); // infinity
+    bytes.append(10, '\x40');
+    write_file(folder / "a.spz", gzip(bytes));
+    test::check_throws<ValueError>([&] { (void)read_spz(folder / "a.spz"); }, {"position 0", "finite"});
+}
+
+TEST_CASE("extensions of version 4 are skipped") {
+    const test::Temporary folder;
+    const auto cloud = test::splat_cloud(20, 1);
+    write_spz(folder / "a.spz", cloud, {.version = 4});
+    std::string bytes = read_file(folder / "a.spz");
+    const std::string extension("\x09\x00\x00\x00\x04\x00\x00\x00zzzz", 12);
+    bytes.insert(32, extension);
+    bytes[16] = 44;
+    write_file(folder / "a.spz", bytes);
+    test::check_near(read_spz(folder / "a.spz").cloud, cloud, spz_tolerance);
+}
+
+TEST_CASE("damaged SPZ files are refused before memory is allocated") {
+    const test::Temporary folder;
+    const auto path = folder / "a.spz";
+    const auto expect = [&](const std::string& bytes, std::initializer_list<std::string_view> words) {
+        write_file(path, bytes);
+        test::check_throws<IoError>([&] { (void)read_spz(path); }, {path.string()});
+        test::check_throws<IoError>([&] { (void)read_spz(path); }, words);
+    };
+    expect("", {"truncated"});
+    expect("solid cube, and so on, with enough bytes", {"not an SPZ"});
+    expect(gzip("short"), {"truncated"});
+    expect(gzip(std::string(64, 'x')), {"not an SPZ"});
+    expect(gzip(spz_header(9, 1, 0)), {"version 9"});
+    expect(gzip(spz_header(4, 1, 0)), {"version 4 within gzip"});
+    expect(gzip(spz_header(3, 4000000000u, 0)), {"4000000000"});
+    expect(gzip(spz_header(3, 0, 0)), {"claims 0"});
+    expect(gzip(spz_header(3, 1, 5)), {"degree 5"});
+    expect(gzip(spz_header(3, 100, 0)), {"truncated"});
+
+    write_spz(path, test::splat_cloud(300, 2));
+    std::string good = read_file(path);
+    expect(good.substr(0, good.size() / 2), {"truncated"});
+    std::string damaged = good;
+    for (std::size_t i = 1000; i < 1100; ++i) damaged[i] = '\xFF';
+    expect(damaged, {"damaged"});
+
+    write_spz(path, test::splat_cloud(300, 2), {.version = 4});
+    good = read_file(path);
+    const auto with = [&](std::size_t at, std::uint64_t value, std::size_t size) {
+        std::string bytes = good;
+        std::memcpy(bytes.data() + at, &value, size);
+        return bytes;
+    };
+    expect(good.substr(0, 31), {"truncated", "32"});
+    expect(good.substr(0, good.size() - 1), {"truncated in stream 5"});
+    expect(good + "x", {"1 bytes after"});
+    expect(with(4, 3, 4), {"version 3 outside"});
+    expect(with(8, 4000000000u, 4), {"4000000000"});
+    expect(with(8, 301, 4), {"stream 0", "expected 2709"});
+    expect(with(15, 5, 1), {"5 streams", "expected 6"});
+    expect(with(16, 8, 4), {"table"});
+    expect(with(16, 0xFFFFFFFFu, 4), {"table"});
+    expect(with(32, ~0ull, 8), {"truncated in stream 0"});
+    expect(with(40, ~0ull, 8), {"stream 0 claims"});
+    expect(with(128 + 8, 0, 8), {"stream 0", "damaged"});
+    CHECK_THROWS_AS(write_spz(path, test::splat_cloud(2, 4)), ValueError);
+    CHECK_THROWS_AS(write_spz(path, test::splat_cloud(2, 1), {.version = 2}), ValueError);
+    CHECK_THROWS_AS(write_spz(path, test::splat_cloud(0, 1)), ValueError);
+}
