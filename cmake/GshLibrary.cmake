@@ -1,7 +1,7 @@
 # The targets that a program links. gsh::gsh is the core: all folders but those below, with Eigen, GLM and oneTBB. The
 # others are opt-in components. Each is a target with the dependencies of its folder:
 #   gsh::simd       simd/         xsimd
-#   gsh::io         io/           libzip, stb, nlohmann-json, tinygltf
+#   gsh::io         io/           libzip, zlib, zstd, stb, nlohmann-json, tinygltf
 #   gsh::check      check/        those of gsh::io
 #   gsh::synthetic  synthetic/    Embree, and those of gsh::io
 #   gsh::cuda       *.cuh         CUDA's runtime; sources that include a .cuh are compiled by nvcc
@@ -45,6 +45,8 @@ else()
 endif()
 find_package(xsimd ${gsh_need} MODULE)
 find_package(libzip ${gsh_need} MODULE)
+find_package(ZLIB ${gsh_need} MODULE)
+find_package(zstd ${gsh_need} MODULE)
 find_package(stb ${gsh_need} MODULE)
 find_package(nlohmann_json ${gsh_need})
 find_package(tinygltf ${gsh_need} MODULE)
@@ -54,8 +56,8 @@ find_package(CUDAToolkit QUIET) # optional everywhere
 if(xsimd_FOUND)
   gsh_add_component(simd xsimd::headers)
 endif()
-if(libzip_FOUND AND stb_FOUND AND nlohmann_json_FOUND AND tinygltf_FOUND)
-  gsh_add_component(io libzip::zip stb::stb nlohmann_json::nlohmann_json tinygltf::tinygltf)
+if(libzip_FOUND AND ZLIB_FOUND AND zstd_FOUND AND stb_FOUND AND nlohmann_json_FOUND AND tinygltf_FOUND)
+  gsh_add_component(io libzip::zip ZLIB::ZLIB zstd::zstd stb::stb nlohmann_json::nlohmann_json tinygltf::tinygltf)
   gsh_add_component(check gsh_io)
   if(embree_FOUND)
     gsh_add_component(synthetic gsh_io embree)

@@ -65,8 +65,10 @@
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/body/vertex_samples.hpp>
 
+#include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
+#include <gsh/gaussian/moved_cloud.hpp>
 #include <gsh/gaussian/sh_fit.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>

@@ -9,16 +9,12 @@
 #include <gsh/body/skinning.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
+#include <gsh/gaussian/moved_cloud.hpp>
 #include <gsh/gaussian/sh_fit.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/math/polar.hpp>
-#include <gsh/math/principal_axes.hpp>
-#include <gsh/math/quat.hpp>
-#include <gsh/math/rotation.hpp>
-#include <gsh/math/sh_rotation.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -106,22 +102,13 @@ private:
                 const Bone bone = blend(skin, i, bones);
                 const typename D::template Transform<float> transform(bone);
                 const mat3<double> A(transform.turn());
-                const quat<float>& q = from.quats[i];
-                const auto axes = principal_axes(
-                    A * covariance_factor(quat<double>{q.w, q.x, q.y, q.z}, vec3<double>(from.log_scales[i])));
-                const quat<double> turned = quat_from_rotation(axes.R);
                 cloud.means[i] = splats_.means[i];
-                cloud.quats[i] = {float(turned.w), float(turned.x), float(turned.y), float(turned.z)};
-                for (int k = 0; k < 3; ++k) // a flat Gaussian of a singular blend is a micrometre thick
-                    cloud.log_scales[i][k] = static_cast<float>(std::log(std::max(axes.lengths[k], 1e-6)));
+                cloud.quats[i] = from.quats[i], cloud.log_scales[i] = from.log_scales[i];
+                move_shape(A, cloud.quats[i], cloud.log_scales[i]);
                 cloud.opacity_logits[i] = from.opacity_logits[i];
-                const mat3<double> R = polar_rotation(A);
+                std::copy_n(from.sh.data() + i * stride, basis, cloud.sh.data() + i * basis);
                 with_sh_degree(degree_, [&](auto degree) {
-                    constexpr int count = sh_basis_count(decltype(degree)::value);
-                    vec3<double> sh[count], rotated[count];
-                    for (int k = 0; k < count; ++k) sh[k] = vec3<double>(from.sh[i * stride + std::size_t(k)]);
-                    ShRotation<decltype(degree)::value>::forward(sh, R, rotated);
-                    for (int k = 0; k < count; ++k) cloud.sh[i * basis + std::size_t(k)] = vec3<float>(rotated[k]);
+                    turn_sh<decltype(degree)::value>(polar_rotation(A), cloud.sh.data() + i * basis);
                 });
             }
         });

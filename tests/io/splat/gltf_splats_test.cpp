@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/io/splat/gltf_splats.hpp>
+
+#include "io/splat_clouds.hpp"
+#include "io/temporary.hpp"
+
+#include <cstring>
+#include <functional>
+#include <initializer_list>
+#include <numbers>
+#include <string>
+#include <string_view>
+
+using namespace gsh;
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+constexpr test::SplatTolerance glb_tolerance{
+    .mean = 0, .log_scale = 2e-6, .rotation = 2e-6, .opacity = 2e-6, .dc = 0, .rest = 0};
+
+/// The JSON of a GLB file, edited, and the file written anew.
+void edit_glb(const std::filesystem::path& path, const std::function<void(Json&)>& edit) {
+    std::string bytes = read_file(path);
+    std::uint32_t size = 0;
+    std::memcpy(&size, bytes.data() + 12, 4);
+    Json json = Json::parse(bytes.substr(20, size));
+    edit(json);
+    std::string text = json.dump();
+    text.resize((text.size() + 3) / 4 * 4, ' ');
+    bytes = bytes.substr(0, 20) + text + bytes.substr(20 + size);
+    size = static_cast<std::uint32_t>(text.size());
+    std::memcpy(bytes.data() + 12, &size, 4);
+    size = static_cast<std::uint32_t>(bytes.size());
+    std::memcpy(bytes.data() + 8, &size, 4);
+    write_file(path, bytes);
+}
+
+} // namespace
+
+TEST_CASE("clouds of degrees 0 to 3 come back from .glb") {
+    const test::Temporary folder;
+    for (int degree = 0; degree <= 3; ++degree) {
+        const auto cloud = test::splat_cloud(50, degree);
+        write_gltf_splats(folder / "a.glb", cloud, PixelFilter{0.1, true});
+        const StillSplats splats = read_gltf_splats(folder / "a.glb");
+        test::check_near(splats.cloud, cloud, glb_tolerance);
+        CHECK(splats.notes.up == UpAxis::y);
+        REQUIRE(splats.notes.filter.has_value());
+        CHECK(splats.notes.filter->dilation == 0.1);
+        CHECK(splats.notes.filter->compensate_opacity);
+    }
+    write_gltf_splats(folder / "a.glb", test::splat_cloud(1, 0));
+    CHECK(!read_gltf_splats(folder / "a.glb").notes.filter.has_value());
+    CHECK_THROWS_AS(write_gltf_splats(folder / "a.glb", test::splat_cloud(2, 4)), ValueError);
+    CHECK_THROWS_AS(write_gltf_splats(folder / "a.glb", test::splat_cloud(0, 1)), ValueError);
+}
+
+TEST_CASE("the document is what the extension asks for") {
+    const test::Temporary folder;
+    write_gltf_splats(folder / "a.glb", test::splat_cloud(7, 1));
+    const std::string bytes = read_file(folder / "a.glb");
+    CHECK(bytes.starts_with("glTF"));
+    CHECK(bytes.size() % 4 == 0);
+    const GlbReader file(folder / "a.glb");
+    const auto& primitive = file.at("meshes", 0)["primitives"][0];
+    CHECK(primitive["mode"] == 0);
+    CHECK(primitive["extensions"]["KHR_gaussian_splatting"]["kernel"] == "ellipse");
+    CHECK(file.json()["extensionsUsed"][0] == "KHR_gaussian_splatting");
+    CHECK(file.json()["asset"]["generator"] == file_author());
+    const auto& position = file.at("accessors", primitive["attributes"]["POSITION"]);
+    CHECK(position["min"].size() == 3);
+    CHECK(position["max"].size() == 3);
+    CHECK(primitive["attributes"].size() == 4 + 4 + 1);
+    for (const auto& view : file.list("bufferViews")) CHECK(view["byteOffset"].get<int>() % 4 == 0);
+}
+
+TEST_CASE("a node moves its Gaussians, and an animation moves the node") {
+    const test::Temporary folder;
+    const auto cloud = test::splat_cloud(30, 2);
+    write_gltf_splats(folder / "a.glb", cloud);
+    const double half = std::sqrt(0.5);
+    const Affine<double> expected(mat3<double>({0, 2, 0}, {-2, 0, 0}, {0, 0, 2}), {1, 2, 3}); // a quarter about z, twice
+    edit_glb(folder / "a.glb", [&](Json& json) {
+        json["nodes"] = Json::parse(R"([{"children": [1], "translation": [1, 2, 3]}, {"children": [2], "scale": [2, 2, 2]},
+                                        {"mesh": 0}])");
+        json["nodes"][2]["rotation"] = {0, 0, half, half};
+    });
+    auto moved = cloud;
+    move_cloud(moved, expected);
+    test::check_near(read_gltf_splats(folder / "a.glb").cloud, moved,
+                     {.mean = 1e-5, .log_scale = 1e-5, .rotation = 1e-4, .opacity = 1e-5, .dc = 1e-5, .rest = 1e-5});
+
+    // The animation turns about z by half a turn in two seconds; at one second it is at a quarter.
+    GlbWriter writer;
+    begin_gltf_splats(writer, {});
+    const GltfSplatArrays arrays(writer, cloud);
+    writer.json["scenes"] = Json::parse(R"([{"nodes": [0]}])");
+    writer.json["nodes"] = Json::parse(R"([{"mesh": 0}])");
+    writer.json["meshes"] = Json::array();
+    writer.json["meshes"].push_back({{"primitives", Json::array({arrays.primitive(0, 30)})}});
+    const std::vector<float> times{0, 2}, turns{0, 0, 0, 1, 0, 0, 1, 0}, places{0, 0, 0, 2, 4, 6};
+    const int input = writer.add(times, {.bounds = true}), rotation = writer.add(turns, {.width = 4}),
+              translation = writer.add(places, {.width = 3});
+    Json animation;
+    animation["samplers"] = {{{"input", input}, {"output", rotation}}, {{"input", input}, {"output", translation}}};
+    animation["channels"] = {{{"sampler", 0}, {"target", {{"node", 0}, {"path", "rotation"}}}},
+                             {{"sampler", 1}, {"target", {{"node", 0}, {"path", "translation"}}}}};
+    writer.json["animations"] = Json::array({animation});
+    writer.write(folder / "b.glb");
+    moved = cloud;
+    move_cloud(moved, Affine<double>(mat3<double>({0, 1, 0}, {-1, 0, 0}, {0, 0, 1}), {1, 2, 3}));
+    const test::SplatTolerance near{
+        .mean = 1e-5, .log_scale = 1e-5, .rotation = 1e-4, .opacity = 1e-5, .dc = 1e-5, .rest = 1e-5};
+    test::check_near(read_gltf_splats(folder / "b.glb", 1).cloud, moved, near);
+    test::check_near(read_gltf_splats(folder / "b.glb").cloud, cloud, glb_tolerance);
+    test::check_near(read_gltf_splats(folder / "b.glb", -3).cloud, cloud, near);
+    moved = cloud;
+    move_cloud(moved, Affine<double>(mat3<double>({-1, 0, 0}, {0, -1, 0}, {0, 0, 1}), {2, 4, 6}));
+    test::check_near(read_gltf_splats(folder / "b.glb", 9).cloud, moved, near);
+
+    const auto refuse = [&](const std::function<void(Json&)>& edit, std::initializer_list<std::string_view> words) {
+        std::filesystem::copy_file(folder / "b.glb", folder / "c.glb",
+                                   std::filesystem::copy_options::overwrite_existing);
+        edit_glb(folder / "c.glb", edit);
+        test::check_throws<IoError>([&] { (void)read_gltf_splats(folder / "c.glb", 1); }, words);
+    };
+    refuse([](Json& j) { j["animations"][0]["channels"][0]["sampler"] = 2; }, {"c.glb", "channel"});
+    refuse([](Json& j) { j["animations"][0]["channels"][0]["target"]["node"] = 1; }, {"nodes[1] does not exist"});
+    refuse([](Json& j) { j["animations"][0]["samplers"][0]["interpolation"] = "CUBICSPLINE"; }, {"CUBICSPLINE"});
+    refuse([](Json& j) { j["animations"][0]["samplers"][0]["output"] = j["animations"][0]["samplers"][1]["output"]; },
+           {"VEC3", "expected VEC4"});
+    refuse([](Json& j) { j["animations"][0].erase("channels"); }, {"channels"});
+}
+
+TEST_CASE("damaged .glb files are refused") {
+    const test::Temporary folder;
+    const auto path = folder / "a.glb";
+    write_gltf_splats(path, test::splat_cloud(40, 1));
+    const std::string good = read_file(path);
+    const auto expect = [&](const std::function<void(Json&)>& edit, std::initializer_list<std::string_view> words) {
+        write_file(path, good);
+        edit_glb(path, edit);
+        test::check_throws<Error>([&] { (void)read_gltf_splats(path); }, {path.string()});
+        test::check_throws<Error>([&] { (void)read_gltf_splats(path); }, words);
+    };
+    expect([](Json& j) { j["nodes"][0]["children"] = {0}; }, {"two parents"});
+    expect([](Json& j) { j["nodes"][0]["mesh"] = 1; }, {"meshes[1] does not exist"});
+    expect([](Json& j) { j["nodes"][0]["rotation"] = {0, 0, 0, 0}; }, {"rotation is 0"});
+    expect([](Json& j) { j["nodes"][0]["scale"] = "large"; }, {"scale", "3 numbers"});
+    expect([](Json& j) { j["scene"] = -1; }, {"scenes[-1]"});
+    expect([](Json& j) { j["nodes"] = 7; }, {"nodes is not a list"});
+    expect([](Json& j) { j["nodes"][0].erase("mesh"); }, {"no Gaussians"});
+    expect([](Json& j) { j["meshes"][0]["primitives"][0].erase("extensions"); }, {"no Gaussians"});
+    expect([](Json& j) { j["meshes"][0]["primitives"][0]["attributes"].erase("KHR_gaussian_splatting:SCALE"); },
+           {"no KHR_gaussian_splatting:SCALE"});
+    expect([](Json& j) { j["accessors"][0]["count"] = 41; }, {"accessors[0]"});
+    expect([](Json& j) { j["accessors"][0]["count"] = 4000000000u; }, {"elements"});
+    expect([](Json& j) { j["accessors"][0]["count"] = -1; }, {"count is -1"});
+    expect([](Json& j) { j["accessors"][0]["componentType"] = 5124; }, {"5124"});
+    expect([](Json& j) { j["accessors"][0]["sparse"] = Json::object(); }, {"sparse"});
+    expect([](Json& j) { j["accessors"][0]["byteOffset"] = 4; }, {"ends before"});
+    expect([](Json& j) { j["accessors"][1]["type"] = "VEC3"; }, {"VEC3", "expected VEC4"});
+    expect([](Json& j) { j["accessors"][2]["bufferView"] = 99; }, {"bufferViews[99]"});
+    expect([](Json& j) { j["bufferViews"][0]["byteLength"] = 1000000000; }, {"bufferViews[0] ends beyond"});
+    expect([](Json& j) { j["bufferViews"][0]["byteStride"] = 3; }, {"byteStride of 3"});
+    expect([](Json& j) { j["buffers"][0]["uri"] = "other.bin"; }, {"outside of the file"});
+    for (const std::size_t size : {std::size_t(0), std::size_t(19), std::size_t(200), good.size() - 4}) {
+        write_file(path, good.substr(0, size));
+        test::check_throws<IoError>([&] { (void)read_gltf_splats(path); }, {path.string()});
+    }
+    std::string bytes = good;
+    bytes[4] = 1;
+    write_file(path, bytes);
+    test::check_throws<IoError>([&] { (void)read_gltf_splats(path); }, {"version 1"});
+    bytes = good;
+    bytes[30] = '\x01';
+    write_file(path, bytes);
+    test::check_throws<IoError>([&] { (void)read_gltf_splats(path); }, {"damaged JSON"});
+}
