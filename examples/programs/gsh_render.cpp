@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  gsh-render: renders one picture of a 3DGS scene (.ply), or of avatars (.gsh) in one frame of their motions.
+/// @file  gsh-render: renders one picture of a 3DGS scene, or of avatars (.gsh) in one frame of their motions.
 
 #include "support/input_files.hpp"
 #include "support/light_command.hpp"
@@ -14,12 +14,14 @@
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/image/image_file.hpp>
-#include <gsh/io/splat/ply.hpp>
+#include <gsh/io/splat/still_splats.hpp>
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,11 +31,12 @@ using namespace gsh::examples;
 namespace {
 
 struct RenderOptions {
-    std::vector<std::filesystem::path> scenes, poses; ///< one .ply, or avatars with one motion each
+    std::vector<std::filesystem::path> scenes, poses; ///< one scene, or avatars with one motion each
     std::filesystem::path camera, out, npy;
     std::string camera_name;
     std::size_t frame = 0;
     RigOption rig;
+    std::optional<double> time; ///< seconds, of an animated .glb
     LightOption light;
     std::array<double, 3> background{0, 0, 0};
     BackendOption machine;
@@ -79,16 +82,22 @@ int render(const RenderOptions& options) {
                     "is not an avatar (.gsh); only avatars can be drawn together");
     check_value(avatars || (options.poses.empty() && options.frame == 0), options.scenes[0].string(),
                 "--poses and --frame need avatars (.gsh)");
+    check_value(!avatars || !options.time, options.scenes[0].string(), "--time is for an animated scene (.glb)");
     check_value(avatars || options.light.is_default(), options.scenes[0].string(),
                 "--light, --light-turn and --exposure need avatars (.gsh)");
     const auto kind = options.out.extension();
     check_value(kind.empty() || kind == ".png", "--out " + options.out.string(), "is a PNG file; name it .png");
     const Camera<double> camera = camera_of_file(options.camera, options.camera_name).camera;
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
-    const auto show = [&](const auto& scene) {
-        return make_renderer(machine, scene)->render(options.frame, camera, background);
+    const auto show_people = [&](const ShownPeople& people) {
+        return make_renderer(machine, people)->render(options.frame, camera, background);
     };
-    const Image<float> picture = avatars ? show(people_of(options)) : show(read_gaussian_ply(options.scenes[0]));
+    const auto show_scene = [&](const StillSplats& scene) {
+        return make_renderer(machine, scene.cloud, scene.notes.filter.value_or(PixelFilter{}))
+            ->render(0, camera, background);
+    };
+    const Image<float> picture = avatars ? show_people(people_of(options))
+                                         : show_scene(splats_of_file(options.scenes[0], options.time));
     if (is_empty(picture, background))
         warn(options.camera.string() + ": sees nothing of the scene; the camera looks along +z, and x_cam = R x + t");
     AtomicFile png(options.out); // both files are written or none
@@ -104,7 +113,7 @@ int main(int argc, char** argv) {
     RenderOptions options;
     CLI::App app("Renders a 3DGS scene or avatars.", "gsh-render");
     app.add_option("scene", options.scenes,
-                   "SCENE.ply (standard 3DGS), or one or several AVATAR.gsh")
+                   "a scene (.ply, .compressed.ply, .spz, .splat, .glb), or one or several AVATAR.gsh")
         ->required();
     app.add_option(
            "--poses", options.poses,
@@ -112,6 +121,8 @@ int main(int argc, char** argv) {
            "canonical pose")
         ->allow_extra_args(false);
     app.add_option("--frame", options.frame, "frame of the motions (default 0)")->check(not_negative());
+    app.add_option("--time", options.time, "seconds of the animation of a scene (.glb); without it, the scene at rest")
+        ->check(numbers([](double value) { return std::isfinite(value); }, "a number"));
     app.add_option("--camera", options.camera, "CAMERA.json: width, height, K, R, t")->required();
     app.add_option("--camera-name", options.camera_name, "name of the entry, if the file has several cameras");
     app.add_option("--out", options.out, "IMAGE.png")->required();

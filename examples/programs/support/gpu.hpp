@@ -6,6 +6,7 @@
 #include <string>
 
 namespace gsh {
+struct PixelFilter;
 namespace cuda {
 class Device;
 }
@@ -34,6 +35,7 @@ std::string name_of(const cuda::Device& gpu);
 std::unique_ptr<Reconstruction> reconstruction_on(cuda::Device& gpu, ReconstructionSetup setup);
 std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device& gpu, StaticSetup setup);
 std::unique_ptr<Renderer> renderer_on(cuda::Device& gpu, const ShownPeople& people);
-std::unique_ptr<Renderer> renderer_on(cuda::Device& gpu, const GaussianCloud<float>& scene);
+std::unique_ptr<Renderer> renderer_on(cuda::Device& gpu, const GaussianCloud<float>& scene,
+                                      const PixelFilter& filter);
 
 } // namespace gsh::examples

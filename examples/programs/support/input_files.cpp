@@ -15,6 +15,7 @@
 #include <gsh/io/motion/any_motion.hpp>
 #include <gsh/io/motion/joint_map_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/splat/any_splats.hpp>
 
 #include <nlohmann/json.hpp>
 
@@ -67,6 +68,11 @@ Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, 
     return load_any_motion(path, body, options, &warnings);
 }
 AvatarData avatar_of_file(const std::filesystem::path& path) { return load_avatar(path); }
+StillSplats splats_of_file(const std::filesystem::path& path, std::optional<double> time) {
+    if (!time) return load_any_splats(path);
+    check_value(recognise_splats(path) == SplatFormat::glb, path.string(), "--time is for an animated scene (.glb)");
+    return read_gltf_splats(path, time);
+}
 CameraList cameras_of_file(const std::filesystem::path& path) { return read_cameras(path); }
 NamedCamera camera_of_file(const std::filesystem::path& path, const std::string& name) {
     return read_camera(path, name);

@@ -11,6 +11,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,6 +30,7 @@ struct NamedCamera;
 struct PeopleCapture;
 struct RegionLists;
 struct StaticConfig;
+struct StillSplats;
 } // namespace gsh
 
 namespace gsh::examples {
@@ -59,6 +61,8 @@ Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, 
                       bool upright = false, const std::vector<double>& betas = {}, const RigOption& rig = {});
 /// load_avatar.
 AvatarData avatar_of_file(const std::filesystem::path& path);
+/// load_any_splats; with a time, an animated .glb at that time.
+StillSplats splats_of_file(const std::filesystem::path& path, std::optional<double> time = {});
 /// read_cameras.
 CameraList cameras_of_file(const std::filesystem::path& path);
 /// read_camera.

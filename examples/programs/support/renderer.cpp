@@ -14,9 +14,10 @@ std::unique_ptr<Renderer> make_renderer(Machine& machine, const ShownPeople& peo
     if (machine.has_gpu()) return renderer_on(*machine.gpu(), people);
     return std::make_unique<PeopleRenderer<cpu::Threads>>(machine.host(), people);
 }
-std::unique_ptr<Renderer> make_renderer(Machine& machine, const GaussianCloud<float>& scene) {
-    if (machine.has_gpu()) return renderer_on(*machine.gpu(), scene);
-    return std::make_unique<CloudRenderer<cpu::Threads>>(machine.host(), scene);
+std::unique_ptr<Renderer> make_renderer(Machine& machine, const GaussianCloud<float>& scene,
+                                        const PixelFilter& filter) {
+    if (machine.has_gpu()) return renderer_on(*machine.gpu(), scene, filter);
+    return std::make_unique<CloudRenderer<cpu::Threads>>(machine.host(), scene, filter);
 }
 
 } // namespace gsh::examples

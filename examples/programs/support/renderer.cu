@@ -9,8 +9,9 @@ namespace gsh::examples {
 std::unique_ptr<Renderer> renderer_on(cuda::Device& gpu, const ShownPeople& people) {
     return std::make_unique<PeopleRenderer<cuda::Device>>(gpu, people);
 }
-std::unique_ptr<Renderer> renderer_on(cuda::Device& gpu, const GaussianCloud<float>& scene) {
-    return std::make_unique<CloudRenderer<cuda::Device>>(gpu, scene);
+std::unique_ptr<Renderer> renderer_on(cuda::Device& gpu, const GaussianCloud<float>& scene,
+                                      const PixelFilter& filter) {
+    return std::make_unique<CloudRenderer<cuda::Device>>(gpu, scene, filter);
 }
 
 } // namespace gsh::examples

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/gaussian/splats.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -35,7 +36,8 @@ public:
 /// and the machine must outlive the result.
 std::unique_ptr<Renderer> make_renderer(Machine& machine, const ShownPeople& people);
 
-/// Renders a static 3DGS scene with the usual pixel filter. The machine must outlive the result.
-std::unique_ptr<Renderer> make_renderer(Machine& machine, const GaussianCloud<float>& scene);
+/// Renders a static 3DGS scene, with the usual pixel filter or another one. The machine must outlive the result.
+std::unique_ptr<Renderer> make_renderer(Machine& machine, const GaussianCloud<float>& scene,
+                                        const PixelFilter& filter = {});
 
 } // namespace gsh::examples

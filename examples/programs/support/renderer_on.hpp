@@ -88,7 +88,8 @@ private:
 template <Backend B>
 class CloudRenderer final : public Renderer {
 public:
-    CloudRenderer(B& backend, const GaussianCloud<float>& scene) : backend_(&backend), painter_(backend, {}) {
+    CloudRenderer(B& backend, const GaussianCloud<float>& scene, const PixelFilter& filter = {})
+        : backend_(&backend), painter_(backend, filter) {
         upload(backend, scene, gaussians_);
         splats_.resize(scene.size());
     }

@@ -34,7 +34,7 @@ std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device&, St
 std::unique_ptr<Renderer> renderer_on(cuda::Device&, const ShownPeople&) {
     refuse_cuda();
 }
-std::unique_ptr<Renderer> renderer_on(cuda::Device&, const GaussianCloud<float>&) {
+std::unique_ptr<Renderer> renderer_on(cuda::Device&, const GaussianCloud<float>&, const PixelFilter&) {
     refuse_cuda();
 }
 

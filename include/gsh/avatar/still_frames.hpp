@@ -78,6 +78,13 @@ public:
         return cloud;
     }
 
+    /// The means alone, which cost a single posing.
+    [[nodiscard]] std::vector<vec3<float>> means(const Motion& motion, std::size_t index) {
+        avatar_.rig().upload_pose(motion, index, pose_);
+        see({0, 0, 0});
+        return {splats_.means.begin(), splats_.means.end()};
+    }
+
 private:
     static constexpr std::size_t grain = 1 << 10;
 

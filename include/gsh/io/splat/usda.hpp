@@ -156,7 +156,7 @@ inline void UsdaSplats::commit() {
     file_.write("        float[] opacities = " + opacities_ +
                 "\n        uniform int radiance:sphericalHarmonicsDegree = " + std::to_string(sh_degree_) +
                 "\n        uniform token projectionModeHint = \"perspective\"\n"
-                "        uniform token sortingModeHint = \"cameraDistance\"\n    }\n}\n");
+                "        uniform token sortingModeHint = \"zDepth\"\n    }\n}\n");
     file_.commit();
 }
 

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  gsh-export: writes avatars and scenes in formats that other programs show, still or moving.
+
+#include "support/export_avatar.hpp"
+#include "support/export_options.hpp"
+#include "support/input_files.hpp"
+#include "support/light_command.hpp"
+#include "support/messages.hpp"
+#include "support/program.hpp"
+#include "support/still_writer.hpp"
+
+#include <gsh/gaussian/cloud_edits.hpp>
+#include <gsh/io/splat/still_splats.hpp>
+
+#include <cstdio>
+#include <filesystem>
+#include <string>
+
+using namespace gsh;
+using namespace gsh::examples;
+
+namespace {
+
+/// A scene is written as it is, in the frame of the format.
+ExportResult export_scene(const ExportOptions& options, const FormatTraits& traits) {
+    StillSplats splats = splats_of_file(options.input);
+    GaussianCloud<float>& cloud = splats.cloud;
+    if (!splats.notes.up && is_y_down(options.input)) turn_about_z(cloud); // by custom
+    if (options.sh_degree) cloud = with_bands_up_to(std::move(cloud), *options.sh_degree);
+    if (options.largest) cloud = reordered(cloud, Span<const std::uint32_t>(largest_gaussians(cloud, *options.largest)));
+    if (const auto order = order_for(traits.format, cloud); !order.empty())
+        cloud = reordered(cloud, Span<const std::uint32_t>(order));
+    StillWriter writer(options, traits, splats.notes.filter);
+    writer.write(options.to, cloud);
+    return {.path = options.to, .gaussians = cloud.size(), .files = 1, .losses = writer.losses()};
+}
+
+int run_export(const ExportOptions& options) {
+    const FormatTraits traits = check_options(options);
+    std::error_code ignored;
+    check_value(!std::filesystem::equivalent(options.input, options.to, ignored), "--to " + options.to.string(),
+                "is the input itself");
+    const ExportResult result = options.input.extension() == ".gsh" ? export_avatar(options, traits)
+                                                                     : export_scene(options, traits);
+    if (result.files == 0) return exit_interrupted;
+    if (!result.losses.empty()) warn(result.path.string() + ": " + result.losses);
+    std::printf("%s: %zu Gaussians, %s%.1f MB\n", result.path.c_str(), result.gaussians,
+                result.files > 1 ? (std::to_string(result.files) + " files, ").c_str() : "",
+                static_cast<double>(bytes_of(result.path)) / 1e6);
+    return exit_done;
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+    ExportOptions options;
+    CLI::App app("Writes avatars and scenes in formats that other programs show.", "gsh-export");
+    app.add_option("input", options.input, "AVATAR.gsh, or a scene (.ply, .compressed.ply, .spz, .splat, .glb)")
+        ->required();
+    app.add_option("--to", options.to,
+                   "the file to write; its ending chooses the format: " + known_endings())
+        ->required();
+    app.add_option("--poses", options.poses,
+                   "a motion in any layout that gsh reads (.npz, folder); without it, the canonical pose");
+    app.add_option("--frame", options.frame, "frame of the motion, for a still file (default 0)")
+        ->check(not_negative());
+    app.add_option("--frames", options.frames,
+                   "frames A:B of the motion, both included, or every S-th of them, A:B:S: a moving .glb or .usda, or a "
+                   "folder of numbered files named as the file without its ending");
+    app.add_option("--sh", options.sh_degree, "degree of SH that is kept at most (default: all that the format holds)")
+        ->check(CLI::Range(0, 3));
+    app.add_option("--up", options.up,
+                   "the vertical of .ply, .compressed.ply and .splat: -y (default), as most programs expect, or y")
+        ->check(CLI::IsMember({"y", "-y"}));
+    app.add_option("--largest", options.largest, "keep the N Gaussians with the largest size times opacity")
+        ->check(above_zero());
+    app.add_option("--spz", options.spz_version, "version of .spz: 3 (default) or 4")->check(CLI::IsMember({3, 4}));
+    app.add_option("--clusters", options.clusters, "number of rigid pieces of a moving .glb (default 512)")
+        ->check(CLI::Range(1, 65536));
+    app.add_flag("--mesh", options.mesh, "write a .glb with a skinned, coloured mesh instead of Gaussians");
+    app.add_flag("--as-stored", options.as_stored,
+                 "keep the world of the motion; otherwise it is rotated so that the body stands along +y");
+    add_light(app, options.light);
+    add_threads(app, options.threads);
+    return run_program(app, argc, argv, [&] { return run_export(options); });
+}

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Writes moving Gaussians as glTF (.glb): a node for each rigid piece, and an animation that moves the nodes.
+#pragma once
+
+#include <gsh/avatar/moving_pieces.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/gaussian/splats.hpp>
+#include <gsh/io/file/glb.hpp>
+#include <gsh/io/splat/gltf_primitive.hpp>
+#include <gsh/math/quat.hpp>
+#include <gsh/math/rotation.hpp>
+
+#include <cmath>
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// Rotations of consecutive keys as x y z w, each with the sign that is nearer to the one before, so that readers turn
+/// the short way whether they compare signs or not.
+[[nodiscard]] inline std::vector<float> rotation_keys(Span<const mat3<double>> rotations) {
+    std::vector<float> keys;
+    quat<double> last;
+    for (const mat3<double>& R : rotations) {
+        quat<double> q = quat_from_rotation(R);
+        if (dot(q, last) < 0) q = {-q.w, -q.x, -q.y, -q.z};
+        last = q;
+        keys.insert(keys.end(), {float(q.x), float(q.y), float(q.z), float(q.w)});
+    }
+    return keys;
+}
+
+/// Writes pieces on animated nodes, atomically. At rest the nodes are where the first frame has them.
+///
+/// times [T] are in seconds and ascend.
+/// Errors  ShapeError unless there is a time for each frame; ValueError for times that do not ascend, no piece, or SH
+///         above degree 3.
+inline void write_gltf_pieces(const std::filesystem::path& path, const MovingPieces& pieces, Span<const double> times,
+                              std::optional<PixelFilter> filter = {}) {
+    constexpr auto where = "write_gltf_pieces";
+    check_value(pieces.begins.size() > 1 && !times.empty(), where, "there must be a piece and a frame");
+    check_size(where, "times", times.size(), pieces.poses.size(), "one for each frame");
+    for (std::size_t t = 1; t < times.size(); ++t)
+        check_value(times[t] > times[t - 1], where, "times must ascend");
+    GlbWriter file;
+    begin_gltf_splats(file, {.filter = filter});
+    const GltfSplatArrays arrays(file, pieces.cloud);
+    const std::size_t K = pieces.begins.size() - 1;
+    using Json = nlohmann::ordered_json;
+    Json children = Json::array(), nodes = Json::array(), meshes = Json::array(), channels = Json::array(),
+         samplers = Json::array();
+    nodes.push_back({{"name", "avatar"}});
+    const std::vector<float> seconds(times.begin(), times.end());
+    const int input = file.add(seconds, {.bounds = true});
+    std::vector<float> turns, places; // of all pieces, so that they share two views
+    for (std::size_t k = 0; k < K; ++k) {
+        std::vector<mat3<double>> rotations;
+        for (const auto& pose : pieces.poses) {
+            rotations.push_back(pose[k].linear);
+            const vec3<double>& t = pose[k].translation;
+            places.insert(places.end(), {float(t.x), float(t.y), float(t.z)});
+        }
+        const std::vector<float> keys = rotation_keys(rotations);
+        turns.insert(turns.end(), keys.begin(), keys.end());
+    }
+    const int turn_view = file.add_view(turns.data(), turns.size() * sizeof(float)),
+              place_view = file.add_view(places.data(), places.size() * sizeof(float));
+    const std::size_t T = times.size();
+    for (std::size_t k = 0; k < K; ++k) {
+        const float *q = turns.data() + 4 * T * k, *t = places.data() + 3 * T * k;
+        children.push_back(k + 1);
+        nodes.push_back({{"mesh", k}, {"rotation", {q[0], q[1], q[2], q[3]}}, {"translation", {t[0], t[1], t[2]}}});
+        Json primitives = Json::array();
+        primitives.push_back(arrays.primitive(pieces.begins[k], pieces.begins[k + 1] - pieces.begins[k]));
+        meshes.push_back({{"primitives", std::move(primitives)}});
+        if (T == 1) continue;
+        const int turn = file.add_accessor(turn_view, 16 * T * k, Span<const float>(q, 4 * T), {.width = 4}),
+                  place = file.add_accessor(place_view, 12 * T * k, Span<const float>(t, 3 * T), {.width = 3});
+        for (const auto& [output, target] : {std::pair(turn, "rotation"), std::pair(place, "translation")}) {
+            channels.push_back({{"sampler", samplers.size()}, {"target", {{"node", k + 1}, {"path", target}}}});
+            samplers.push_back({{"input", input}, {"output", output}});
+        }
+    }
+    nodes[0]["children"] = std::move(children);
+    file.json["scenes"] = Json::array({{{"nodes", {0}}}});
+    file.json["nodes"] = std::move(nodes);
+    file.json["meshes"] = std::move(meshes);
+    if (T > 1) {
+        file.json["animations"] = Json::array();
+        file.json["animations"].push_back(
+            {{"name", "motion"}, {"channels", std::move(channels)}, {"samplers", std::move(samplers)}});
+    }
+    file.write(path);
+}
+
+} // namespace gsh

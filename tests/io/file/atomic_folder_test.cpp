@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/io/file/atomic_folder.hpp>
+
+#include "io/temporary.hpp"
+
+#include <string>
+
+using namespace gsh;
+namespace fs = std::filesystem;
+
+namespace {
+bool is_frame(const std::string& name) { return name.starts_with("frame_"); }
+} // namespace
+
+TEST_CASE("a folder appears with all of its files, and replaces an older one") {
+    const test::Temporary place;
+    for (int run = 0; run < 2; ++run) {
+        AtomicFolder folder((place / "walk/").string(), is_frame);
+        for (int i = run; i < 3; ++i) write_file(folder.file("frame_" + std::to_string(i)), std::to_string(run));
+        CHECK(fs::exists(place / "walk") == (run == 1));
+        folder.commit();
+        CHECK(read_file(place / "walk/frame_2") == std::to_string(run));
+    }
+    CHECK(!fs::exists(place / "walk/frame_0")); // of the first run
+    CHECK(!fs::exists(place / "walk.partial"));
+    CHECK(!fs::exists(place / "walk.old"));
+}
+
+TEST_CASE("without a commit nothing changes") {
+    const test::Temporary place;
+    fs::create_directory(place / "walk");
+    write_file(place / "walk/frame_0", "old");
+    {
+        const AtomicFolder folder(place / "walk", is_frame);
+        write_file(folder.file("frame_0"), "new");
+    }
+    CHECK(read_file(place / "walk/frame_0") == "old");
+    CHECK(!fs::exists(place / "walk.partial"));
+    { const AtomicFolder folder(place / "new", is_frame); }
+    CHECK(!fs::exists(place / "new"));
+    CHECK(!fs::exists(place / "new.partial"));
+}
+
+TEST_CASE("other files are not replaced") {
+    const test::Temporary place;
+    fs::create_directory(place / "walk");
+    write_file(place / "walk/notes.txt", "mine");
+    test::check_throws<IoError>([&] { const AtomicFolder folder(place / "walk", is_frame); }, {"walk", "notes.txt"});
+    CHECK(!fs::exists(place / "walk.partial"));
+    write_file(place / "file", "");
+    test::check_throws<IoError>([&] { const AtomicFolder folder(place / "file", is_frame); }, {"file is in the way"});
+    test::check_throws<IoError>([&] { const AtomicFolder folder(place / "file/sub", is_frame); }, {"cannot be created"});
+}
