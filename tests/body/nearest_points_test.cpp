@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -56,6 +58,23 @@ TEST_CASE("a place's nearest point is found inside the grid and far outside of i
         }
     }
     CHECK(NearestPoints({}).squared_distance({0, 0, 0}) == INFINITY);
+}
+
+TEST_CASE("the nearest points of a place are found, nearest first") {
+    test::Rng rng(12);
+    const auto points = rng.vecs(400);
+    const NearestPoints grid(points);
+    for (int trial = 0; trial < 20; ++trial) {
+        const vec3<double> place = rng.vec(-1.5, 1.5);
+        std::vector<std::pair<double, std::size_t>> all;
+        for (std::size_t i = 0; i < points.size(); ++i)
+            all.push_back({dot(points[i] - place, points[i] - place), i});
+        std::sort(all.begin(), all.end());
+        const auto found = grid.nearest(place, 7);
+        REQUIRE(found.size() == 7);
+        for (std::size_t k = 0; k < 7; ++k) CHECK(found[k].second == all[k].second);
+    }
+    CHECK(grid.nearest({0, 0, 0}, 1000).size() == 400);
 }
 
 } // namespace

@@ -13,12 +13,14 @@
 #include <gsh/avatar/still_frames.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/io/file/atomic_folder.hpp>
+#include <gsh/io/model/gltf_mesh.hpp>
 #include <gsh/io/splat/any_splats.hpp>
 #include <gsh/io/splat/gltf_pieces.hpp>
 #include <gsh/io/splat/usda.hpp>
 
 #include <algorithm>
 #include <cstdio>
+#include <functional>
 #include <system_error>
 #include <utility>
 
@@ -113,6 +115,16 @@ ExportResult write_pieces(Exported& exported, const ExportOptions& o) {
     return {o.to, still.size(), 1};
 }
 
+ExportResult write_mesh(Exported& exported, const ExportOptions& o) {
+    // Without --frames the mesh is at rest, unless a frame is named.
+    const bool moves = o.is_moving() || o.frame;
+    const std::vector<double> times = exported.times();
+    const Span<const std::size_t> frames(exported.frames);
+    write_gltf_mesh(o.to, exported.avatar(), exported.motion(), frames.subspan(0, moves ? frames.size() : 0),
+                    Span<const double>(times).subspan(0, moves ? times.size() : 0));
+    return {o.to, exported.avatar().gaussians.size(), 1};
+}
+
 ExportResult write_usda(Exported& exported, const ExportOptions& o) {
     const std::vector<double> times = exported.times();
     const double rate = times.size() > 1 ? static_cast<double>(times.size() - 1) / times.back() : 30;
@@ -135,6 +147,7 @@ ExportResult write_usda(Exported& exported, const ExportOptions& o) {
 ExportResult export_avatar(const ExportOptions& o, const FormatTraits& traits) {
     Exported exported(o, traits);
     watch_interrupts();
+    if (o.mesh) return write_mesh(exported, o);
     if (!o.is_moving()) return write_still(exported, o, traits);
     if (traits.is_sequence) return write_sequence(exported, o, traits);
     return traits.format == ExportFormat::usda ? write_usda(exported, o) : write_pieces(exported, o);

@@ -57,6 +57,22 @@ public:
         return nearest.empty() ? 0 : sum / static_cast<double>(nearest.size());
     }
 
+    /// The `count` points nearest to any (finite) position, or all if there are fewer, as (squared distance, index),
+    /// nearest first.
+    [[nodiscard]] std::vector<std::pair<double, std::size_t>> nearest(const vec3<double>& place,
+                                                                      std::size_t count) const {
+        std::vector<std::pair<double, std::size_t>> found;
+        visit_around(
+            place, [&](double unseen) { return found.size() == count && found.back().first <= unseen; },
+            [&](std::size_t point, double squared) {
+                const std::pair candidate(squared, point);
+                if (found.size() == count && !(candidate < found.back())) return;
+                if (found.size() == count) found.pop_back();
+                found.insert(std::upper_bound(found.begin(), found.end(), candidate), candidate);
+            });
+        return found;
+    }
+
     /// Squared distance from any (finite) position to the nearest point; infinite if there are no points.
     [[nodiscard]] double squared_distance(const vec3<double>& place) const {
         double nearest = std::numeric_limits<double>::infinity();

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Writes an avatar as a skinned mesh in glTF (.glb): joints, colours, expressions, and a motion.
+#pragma once
+
+#include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/colored_mesh.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/image/color.hpp>
+#include <gsh/io/file/glb.hpp>
+#include <gsh/io/splat/gltf_pieces.hpp>
+#include <gsh/io/splat/still_splats.hpp>
+#include <gsh/math/rotation.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+namespace detail {
+
+/// A displacement per vertex as an accessor. Where most are zero, as of an expression, it is sparse.
+inline int add_displacements(GlbWriter& file, const std::vector<vec3<float>>& displacements) {
+    std::vector<std::uint32_t> indices;
+    std::vector<float> moved, all;
+    vec3<float> low(0), high(0);
+    for (std::size_t v = 0; v < displacements.size(); ++v) {
+        const vec3<float>& d = displacements[v];
+        all.insert(all.end(), {d.x, d.y, d.z});
+        low = glm::min(low, d), high = glm::max(high, d);
+        if (d == vec3<float>(0)) continue;
+        indices.push_back(static_cast<std::uint32_t>(v));
+        moved.insert(moved.end(), {d.x, d.y, d.z});
+    }
+    if (2 * indices.size() > displacements.size()) return file.add(all, {.width = 3, .bounds = true});
+    nlohmann::ordered_json accessor{{"componentType", 5126},
+                                    {"count", displacements.size()},
+                                    {"type", "VEC3"},
+                                    {"min", {low.x, low.y, low.z}},
+                                    {"max", {high.x, high.y, high.z}}};
+    if (!indices.empty())
+        accessor["sparse"] = {
+            {"count", indices.size()},
+            {"indices",
+             {{"bufferView", file.add_view(indices.data(), indices.size() * sizeof(std::uint32_t))},
+              {"componentType", 5125}}},
+            {"values", {{"bufferView", file.add_view(moved.data(), moved.size() * sizeof(float))}}}};
+    file.json["accessors"].push_back(std::move(accessor));
+    return static_cast<int>(file.json["accessors"].size()) - 1;
+}
+
+} // namespace detail
+
+/// Writes the mesh of an avatar, atomically. Bones are named as the body's joints. With frames, an animation turns the
+/// bones, moves the root and sets the expressions.
+///
+/// The material is unlit (KHR_materials_unlit), because the colours contain the light of the capture; programs without
+/// that extension shade it once more.
+///
+/// times has one entry, in ascending seconds, for each of `frames`; both may be empty.
+/// Errors  those of colored_mesh; ShapeError unless times fits the frames and the motion fits the body.
+inline void write_gltf_mesh(const std::filesystem::path& path, const AvatarData& avatar, const Motion& motion,
+                            Span<const std::size_t> frames, Span<const double> times) {
+    constexpr auto where = "write_gltf_mesh";
+    check_size(where, "times", times.size(), frames.size(), "one for each frame");
+    check_size(where, "the motion's joints", motion.joint_count, avatar.rig.joint_count());
+    using Json = nlohmann::ordered_json;
+    const ColoredMesh mesh = colored_mesh(avatar, motion.betas);
+    const std::size_t V = mesh.vertices.size(), J = mesh.rest_joints.size(), E = mesh.expressions.size();
+    GlbWriter file;
+    file.json["asset"] = {{"version", "2.0"}, {"generator", file_author()}};
+    file.json["extensionsUsed"] = {"KHR_materials_unlit"};
+    file.json["scene"] = 0;
+
+    std::vector<float> positions, normals, colors, weights;
+    std::vector<std::uint16_t> joints;
+    std::vector<std::uint32_t> indices;
+    for (std::size_t v = 0; v < V; ++v) {
+        const vec3<float> p(mesh.vertices[v]);
+        // glTF demands unit normals; a vertex without triangles has any.
+        const vec3<float> n = length(mesh.normals[v]) > 0 ? vec3<float>(mesh.normals[v]) : vec3<float>(0, 1, 0);
+        positions.insert(positions.end(), {p.x, p.y, p.z});
+        normals.insert(normals.end(), {n.x, n.y, n.z});
+        for (int c = 0; c < 3; ++c) colors.push_back(srgb_to_linear(mesh.colors[v][c]));
+        joints.insert(joints.end(), mesh.joints[v].begin(), mesh.joints[v].end());
+        weights.insert(weights.end(), mesh.weights[v].begin(), mesh.weights[v].end());
+    }
+    for (const auto& face : mesh.faces)
+        for (const int v : face) indices.push_back(static_cast<std::uint32_t>(v));
+    constexpr int vertices = 34962, elements = 34963;
+    Json primitive{{"attributes",
+                    {{"POSITION", file.add(positions, {.width = 3, .bounds = true, .target = vertices})},
+                     {"NORMAL", file.add(normals, {.width = 3, .target = vertices})},
+                     {"COLOR_0", file.add(colors, {.width = 3, .target = vertices})},
+                     {"JOINTS_0", file.add(joints, {.width = 4, .target = vertices})},
+                     {"WEIGHTS_0", file.add(weights, {.width = 4, .target = vertices})}}},
+                   {"indices", file.add(indices, {.target = elements})},
+                   {"material", 0}};
+    Json names = Json::array();
+    for (std::size_t e = 0; e < E; ++e) {
+        primitive["targets"].push_back({{"POSITION", detail::add_displacements(file, mesh.expressions[e])}});
+        names.push_back("expression_" + std::to_string(e));
+    }
+    file.json["materials"] = Json::array();
+    file.json["materials"].push_back({{"name", "avatar"},
+                                      {"pbrMetallicRoughness", {{"metallicFactor", 0.0}, {"roughnessFactor", 1.0}}},
+                                      {"extensions", {{"KHR_materials_unlit", Json::object()}}}});
+    Json body{{"name", "body"}, {"primitives", Json::array({primitive})}};
+    if (E) body["weights"] = std::vector<float>(E, 0.0f), body["extras"] = {{"targetNames", names}};
+    file.json["meshes"] = Json::array({body});
+
+    // Node j is joint j; the last node holds the mesh. It is beside the bones, whose transforms do not apply to it.
+    Json nodes = Json::array(), skin_joints = Json::array();
+    std::vector<float> inverse;
+    for (std::size_t j = 0; j < J; ++j) {
+        const int parent = avatar.rig.body.parents[j];
+        const vec3<double> from = parent < 0 ? vec3<double>(0) : mesh.rest_joints[static_cast<std::size_t>(parent)];
+        const vec3<double> step = mesh.rest_joints[j] - from, &at = mesh.rest_joints[j];
+        const auto& known = avatar.rig.body.joint_names;
+        nodes.push_back({{"name", known.empty() ? "joint_" + std::to_string(j) : known[j]},
+                         {"translation", {step.x, step.y, step.z}}});
+        if (parent >= 0) nodes[static_cast<std::size_t>(parent)]["children"].push_back(j);
+        skin_joints.push_back(j);
+        inverse.insert(inverse.end(), {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, float(-at.x), float(-at.y), float(-at.z), 1});
+    }
+    nodes.push_back({{"name", "avatar"}, {"mesh", 0}, {"skin", 0}});
+    file.json["nodes"] = std::move(nodes);
+    file.json["scenes"] = Json::array();
+    file.json["scenes"].push_back({{"nodes", {0, J}}});
+    file.json["skins"] = Json::array();
+    file.json["skins"].push_back(
+        {{"inverseBindMatrices", file.add(inverse, {.width = 16})}, {"joints", skin_joints}, {"skeleton", 0}});
+
+    if (!frames.empty()) {
+        Json channels = Json::array(), samplers = Json::array();
+        const std::vector<float> seconds(times.begin(), times.end());
+        const int input = file.add(seconds, {.bounds = true});
+        const auto animate = [&](std::size_t node, const char* target, int output) {
+            channels.push_back({{"sampler", samplers.size()}, {"target", {{"node", node}, {"path", target}}}});
+            samplers.push_back({{"input", input}, {"output", output}});
+        };
+        for (std::size_t j = 0; j < J; ++j) {
+            std::vector<mat3<double>> turns;
+            for (const std::size_t f : frames) turns.push_back(rotation_from_axis_angle(motion.pose_at(f)[j]));
+            animate(j, "rotation", file.add(rotation_keys(turns), {.width = 4}));
+        }
+        std::vector<float> places, shares;
+        for (const std::size_t f : frames) {
+            const vec3<double> place = mesh.rest_joints[0] + motion.transl[f];
+            places.insert(places.end(), {float(place.x), float(place.y), float(place.z)});
+            for (std::size_t e = 0; e < E; ++e)
+                shares.push_back(e < motion.expression_count ? float(motion.expression_at(f)[e]) : 0.0f);
+        }
+        animate(0, "translation", file.add(places, {.width = 3}));
+        if (E && motion.expression_count) animate(J, "weights", file.add(shares, {}));
+        file.json["animations"] = Json::array();
+        file.json["animations"].push_back(
+            {{"name", "motion"}, {"channels", std::move(channels)}, {"samplers", std::move(samplers)}});
+    }
+    file.write(path);
+}
+
+} // namespace gsh

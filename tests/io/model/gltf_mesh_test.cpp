@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/body/surface_samples.hpp>
+#include <gsh/io/file/gltf_nodes.hpp>
+#include <gsh/io/model/gltf_mesh.hpp>
+
+#include "io/temporary.hpp"
+#include "support/bodies.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+
+/// A tube whose Gaussians lie 2 cm outside of it, red on the left (x > 0) and blue on the right.
+AvatarData tube_avatar(double density = 12) {
+    BodyModel body = test::tube(4, 8, 8);
+    body.posedirs.clear();                                            // a mesh file has none
+    for (std::size_t v = 0; v < 40; ++v) body.exprdirs[2 * v] = vec3<double>(0); // the first expression is sparse
+    for (std::size_t v = 60; v < body.vertex_count(); ++v) body.exprdirs[2 * v] = vec3<double>(0);
+    const std::vector<double> betas{0.3, -0.1};
+    const auto samples =
+        sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), density), 3);
+    AvatarData avatar{make_rig(body, betas, samples), GaussianCloud<float>(samples.size(), 1)};
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+        const vec3<double>& p = samples.positions[i];
+        const vec3<double> out = normalize(vec3<double>(p.x, 0, p.z));
+        avatar.gaussians.means[i] = vec3<float>(p + out * 0.02);
+        avatar.gaussians.opacity_logits[i] = 3;
+        avatar.gaussians.sh[4 * i] = sh_of_color(p.x > 0 ? vec3<float>(1, 0, 0) : vec3<float>(0, 0, 1));
+    }
+    return avatar;
+}
+
+Motion moving(const AvatarData& avatar) {
+    test::Rng rng(4);
+    Motion motion = rest_motion(avatar.rig);
+    motion.pose = rng.vecs(8, -0.5, 0.5);
+    motion.transl = {{0.1, 0.2, 0.3}, {0, 0.5, 0}};
+    motion.timestamps = {0, 0.5};
+    motion.expression_count = 2;
+    motion.expression = {0.5, 1, -1, 2};
+    motion.betas = {0.6, 0.2};
+    return motion;
+}
+
+} // namespace
+
+TEST_CASE("the mesh lies where the Gaussians are and has their colours") {
+    const AvatarData avatar = tube_avatar();
+    const ColoredMesh mesh = colored_mesh(avatar);
+    REQUIRE(mesh.vertices.size() >= avatar.rig.body.vertex_count());
+    std::size_t checked = 0;
+    for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
+        const vec3<double>& p = mesh.vertices[v];
+        if (p.y < 0.3 || p.y > 1.3) continue; // off the caps
+        ++checked;
+        const double radius = std::hypot(p.x, p.z);
+        CHECK(radius > 0.185); // the tube has 0.2 at its corners and 0.185 in the middle of its sides
+        CHECK(radius < 0.235);
+        if (std::abs(p.x) < 0.1) continue;
+        CHECK(mesh.colors[v].x == doctest::Approx(p.x > 0 ? 1 : 0).epsilon(0.02));
+        CHECK(mesh.colors[v].z == doctest::Approx(p.x > 0 ? 0 : 1).epsilon(0.02));
+        CHECK(dot(mesh.normals[v], normalize(vec3<double>(p.x, 0, p.z))) > 0.8);
+        float sum = 0;
+        for (const float weight : mesh.weights[v]) sum += weight;
+        CHECK(sum == doctest::Approx(1));
+    }
+    CHECK(checked > 50);
+    // More Gaussians than vertices: triangles are divided.
+    CHECK(colored_mesh(tube_avatar(60), {}, {.most_levels = 1}).faces.size() == 4 * avatar.rig.body.faces.size());
+    CHECK(colored_mesh(tube_avatar(60), {}, {.most_levels = 0}).faces.size() == avatar.rig.body.faces.size());
+    AvatarData bare = avatar;
+    bare.rig.body.faces.clear();
+    CHECK_THROWS_AS((void)colored_mesh(bare), ValueError);
+}
+
+TEST_CASE("bones, skin, expressions and shape of the file pose the mesh as gsh poses the body") {
+    const test::Temporary folder;
+    const AvatarData avatar = tube_avatar(2);
+    const Motion motion = moving(avatar);
+    const std::vector<std::size_t> frames{0, 1};
+    write_gltf_mesh(folder / "a.glb", avatar, motion, frames, motion.timestamps);
+    const GlbReader file(folder / "a.glb");
+    const auto& primitive = file.at("meshes", 0)["primitives"][0];
+    const auto& attributes = primitive["attributes"];
+    const std::size_t V = file.count(attributes["POSITION"]), J = avatar.rig.joint_count();
+    REQUIRE(V == avatar.rig.body.vertex_count());
+    const auto positions = file.floats(attributes["POSITION"], 3), joints = file.floats(attributes["JOINTS_0"], 4),
+               weights = file.floats(attributes["WEIGHTS_0"], 4),
+               inverse = file.floats(file.at("skins", 0)["inverseBindMatrices"], 16);
+    REQUIRE(primitive["targets"].size() == 2);
+    const auto& first = file.at("accessors", primitive["targets"][0]["POSITION"]);
+    CHECK(first.contains("sparse"));
+    CHECK(first["sparse"]["count"] == 20);
+    const auto second = file.floats(primitive["targets"][1]["POSITION"], 3);
+    CHECK(file.json()["extensionsUsed"][0] == "KHR_materials_unlit");
+
+    const ColoredMesh mesh = colored_mesh(avatar, motion.betas);
+    const auto plain = shaped_vertices(avatar.rig.body, motion.betas);
+    for (std::size_t f = 0; f < 2; ++f) {
+        const auto maps = gltf_world_maps(file, motion.timestamps[f]);
+        // The body, displaced like the mesh, by gsh's own skinning.
+        BodyModel displaced = avatar.rig.body;
+        for (std::size_t v = 0; v < V; ++v) displaced.v_template[v] += mesh.vertices[v] - plain[v];
+        const auto expected = pose_body(displaced, motion.pose_at(f), motion.transl[f], motion.betas,
+                                        motion.expression_at(f), mesh.rest_joints)
+                                  .vertices;
+        double largest = 0;
+        for (std::size_t v = 0; v < V; ++v) {
+            vec3<double> rest(positions[3 * v], positions[3 * v + 1], positions[3 * v + 2]), posed(0);
+            rest += vec3<double>(mesh.expressions[0][v]) * motion.expression_at(f)[0];
+            rest += vec3<double>(second[3 * v], second[3 * v + 1], second[3 * v + 2]) * motion.expression_at(f)[1];
+            for (std::size_t k = 0; k < 4; ++k) {
+                const auto j = static_cast<std::size_t>(joints[4 * v + k]);
+                REQUIRE(j < J);
+                const vec3<double> bound = rest + vec3<double>(inverse[16 * j + 12], inverse[16 * j + 13],
+                                                               inverse[16 * j + 14]);
+                posed += (*maps[j])(bound) * double(weights[4 * v + k]);
+            }
+            largest = std::max(largest, length(posed - expected[v]));
+        }
+        CHECK(largest < 1e-5);
+    }
+    // Without frames it rests.
+    write_gltf_mesh(folder / "b.glb", avatar, rest_motion(avatar.rig), {}, {});
+    CHECK(GlbReader(folder / "b.glb").list("animations").empty());
+    CHECK_THROWS_AS(write_gltf_mesh(folder / "c.glb", avatar, motion, frames, {}), ShapeError);
+}
