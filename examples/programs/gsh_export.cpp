@@ -27,7 +27,8 @@ ExportResult export_scene(const ExportOptions& options, const FormatTraits& trai
     GaussianCloud<float>& cloud = splats.cloud;
     if (!splats.notes.up && is_y_down(options.input)) turn_about_z(cloud); // by custom
     if (options.sh_degree) cloud = with_bands_up_to(std::move(cloud), *options.sh_degree);
-    if (options.largest) cloud = reordered(cloud, Span<const std::uint32_t>(largest_gaussians(cloud, *options.largest)));
+    if (options.largest)
+        cloud = reordered(cloud, Span<const std::uint32_t>(largest_gaussians(cloud, *options.largest)));
     if (const auto order = order_for(traits.format, cloud); !order.empty())
         cloud = reordered(cloud, Span<const std::uint32_t>(order));
     StillWriter writer(options, traits, splats.notes.filter);
@@ -40,8 +41,8 @@ int run_export(const ExportOptions& options) {
     std::error_code ignored;
     check_value(!std::filesystem::equivalent(options.input, options.to, ignored), "--to " + options.to.string(),
                 "is the input itself");
-    const ExportResult result = options.input.extension() == ".gsh" ? export_avatar(options, traits)
-                                                                     : export_scene(options, traits);
+    const ExportResult result =
+        options.input.extension() == ".gsh" ? export_avatar(options, traits) : export_scene(options, traits);
     if (result.files == 0) return exit_interrupted;
     if (!result.losses.empty()) warn(result.path.string() + ": " + result.losses);
     std::printf("%s: %zu Gaussians, %s%.1f MB\n", result.path.c_str(), result.gaussians,
@@ -57,16 +58,16 @@ int main(int argc, char** argv) {
     CLI::App app("Writes avatars and scenes in formats that other programs show.", "gsh-export");
     app.add_option("input", options.input, "AVATAR.gsh, or a scene (.ply, .compressed.ply, .spz, .splat, .glb)")
         ->required();
-    app.add_option("--to", options.to,
-                   "the file to write; its ending chooses the format: " + known_endings())
+    app.add_option("--to", options.to, "the file to write; its ending chooses the format: " + known_endings())
         ->required();
     app.add_option("--poses", options.poses,
                    "a motion in any layout that gsh reads (.npz, folder); without it, the canonical pose");
     app.add_option("--frame", options.frame, "frame of the motion, for a still file (default 0)")
         ->check(not_negative());
-    app.add_option("--frames", options.frames,
-                   "frames A:B of the motion, both included, or every S-th of them, A:B:S: a moving .glb or .usda, or a "
-                   "folder of numbered files named as the file without its ending");
+    app.add_option(
+        "--frames", options.frames,
+        "frames A:B of the motion, both included, or every S-th of them, A:B:S: a moving .glb or .usda, or a "
+        "folder of numbered files named as the file without its ending");
     app.add_option("--sh", options.sh_degree, "degree of SH that is kept at most (default: all that the format holds)")
         ->check(CLI::Range(0, 3));
     app.add_option("--up", options.up,

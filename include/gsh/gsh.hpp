@@ -69,6 +69,7 @@
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/moved_cloud.hpp>
+#include <gsh/gaussian/rigid_pieces.hpp>
 #include <gsh/gaussian/sh_fit.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -125,8 +126,11 @@
 #include <gsh/loss/ssim.hpp>
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/avatar_part.hpp>
+#include <gsh/avatar/colored_mesh.hpp>
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/light_place.hpp>
+#include <gsh/avatar/moving_pieces.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/poser.hpp>
 #include <gsh/avatar/rig.hpp>

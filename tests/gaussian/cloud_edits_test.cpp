@@ -59,8 +59,8 @@ TEST_CASE("the most important Gaussians are the large opaque ones, kept in order
     double least = 1e9, most_of_others = 0;
     for (std::uint32_t i = 0; i < 200; ++i) {
         const bool in = std::binary_search(kept.begin(), kept.end(), i);
-        (in ? least : most_of_others) = in ? std::min(least, importance(cloud, i))
-                                           : std::max(most_of_others, importance(cloud, i));
+        (in ? least : most_of_others) =
+            in ? std::min(least, importance(cloud, i)) : std::max(most_of_others, importance(cloud, i));
     }
     CHECK(least >= most_of_others);
     CHECK(largest_gaussians(cloud, 1000).size() == 200);

@@ -36,8 +36,8 @@ TEST_CASE("axes and lengths give back M Mᵀ, for any M") {
     test::Rng rng(1);
     for (int trial = 0; trial < 200; ++trial) {
         mat3<double> M(rng.vec(), rng.vec(), rng.vec());
-        if (trial % 3 == 1) M[2] = M[0] * 0.5 - M[1];               // flat
-        if (trial % 3 == 2) M[2] = -M[2], M[1] = M[1] * 1e-6;       // mirrored or not, and thin
+        if (trial % 3 == 1) M[2] = M[0] * 0.5 - M[1];         // flat
+        if (trial % 3 == 2) M[2] = -M[2], M[1] = M[1] * 1e-6; // mirrored or not, and thin
         if (trial == 0) M = mat3<double>(0.0);
         if (trial == 3) M = mat3<double>(rng.vec(), vec3<double>(0), vec3<double>(0)); // a line
         if (trial == 6) M = mat3<double>(0.0), M[2].y = 2;

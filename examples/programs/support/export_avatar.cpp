@@ -13,6 +13,7 @@
 #include <gsh/avatar/still_frames.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/io/file/atomic_folder.hpp>
+#include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/model/gltf_mesh.hpp>
 #include <gsh/io/splat/any_splats.hpp>
 #include <gsh/io/splat/gltf_pieces.hpp>
@@ -75,7 +76,9 @@ std::string frame_name(std::size_t number, const FormatTraits& traits) {
 }
 
 /// Numbered files of an earlier sequence, in any format.
-bool is_frame_file(const std::string& name) { return name.starts_with("frame_") && format_of(name).has_value(); }
+bool is_frame_file(const std::string& name) {
+    return name.starts_with("frame_") && format_of(name).has_value();
+}
 
 ExportResult write_sequence(Exported& exported, const ExportOptions& o, const FormatTraits& traits) {
     AtomicFolder folder(without_ending(o.to, traits), is_frame_file);
@@ -125,6 +128,14 @@ ExportResult write_mesh(Exported& exported, const ExportOptions& o) {
     return {o.to, exported.avatar().gaussians.size(), 1};
 }
 
+ExportResult write_compact(const Exported& exported, const ExportOptions& o) {
+    AvatarData avatar = avatar_of_file(o.input); // with the light as trained, not as moved to a motion
+    if (o.largest) avatar = exported.avatar(), avatar.light = avatar_of_file(o.input).light;
+    avatar.gaussians = with_bands_up_to(std::move(avatar.gaussians), o.sh_degree.value_or(4));
+    save_avatar(o.to, avatar, ArrayStorage::compact);
+    return {o.to, avatar.gaussians.size(), 1};
+}
+
 ExportResult write_usda(Exported& exported, const ExportOptions& o) {
     const std::vector<double> times = exported.times();
     const double rate = times.size() > 1 ? static_cast<double>(times.size() - 1) / times.back() : 30;
@@ -147,6 +158,7 @@ ExportResult write_usda(Exported& exported, const ExportOptions& o) {
 ExportResult export_avatar(const ExportOptions& o, const FormatTraits& traits) {
     Exported exported(o, traits);
     watch_interrupts();
+    if (traits.format == ExportFormat::gsh) return write_compact(exported, o);
     if (o.mesh) return write_mesh(exported, o);
     if (!o.is_moving()) return write_still(exported, o, traits);
     if (traits.is_sequence) return write_sequence(exported, o, traits);
@@ -159,7 +171,9 @@ std::vector<std::uint32_t> order_for(ExportFormat format, const GaussianCloud<fl
     return {};
 }
 
-bool is_y_down(const std::filesystem::path& scene) { return is_y_down_by_custom(recognise_splats(scene)); }
+bool is_y_down(const std::filesystem::path& scene) {
+    return is_y_down_by_custom(recognise_splats(scene));
+}
 
 std::uintmax_t bytes_of(const std::filesystem::path& path) {
     std::error_code ignored;

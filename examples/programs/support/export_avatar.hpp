@@ -21,7 +21,7 @@ namespace gsh::examples {
 struct ExportResult {
     std::filesystem::path path;
     std::size_t gaussians = 0;
-    std::size_t files = 0;  ///< 0 after an interrupt, which leaves nothing
+    std::size_t files = 0;   ///< 0 after an interrupt, which leaves nothing
     std::string losses = {}; ///< one line, or empty
 };
 

@@ -26,8 +26,8 @@ std::vector<std::size_t> frames_of(const std::string& text, std::size_t count) {
     const std::size_t step = numbers.size() == 3 ? numbers[2] : 1;
     check_value(step > 0, option, "has a step of 0, expected 1 or more");
     check_value(numbers[0] <= numbers[1], option, "ends before it begins");
-    check_value(numbers[1] < count, option, "is beyond the motion, which has " + std::to_string(count) +
-                                                " frames, from 0");
+    check_value(numbers[1] < count, option,
+                "is beyond the motion, which has " + std::to_string(count) + " frames, from 0");
     std::vector<std::size_t> frames;
     for (std::size_t f = numbers[0]; f <= numbers[1]; f += step) frames.push_back(f);
     return frames;
@@ -45,7 +45,8 @@ FormatTraits check_options(const ExportOptions& o) {
     needs(o.is_moving(), !o.poses.empty(), "--frames", "needs --poses");
     needs(o.is_moving(), !o.frame, "--frames", "excludes --frame");
     needs(!o.light.is_default(), avatar, "--light", "needs an avatar (.gsh), as --light-turn and --exposure do");
-    needs(o.up.has_value(), traits->y_down, "--up", "is for .ply, .compressed.ply and .splat; the other formats have y up");
+    needs(o.up.has_value(), traits->y_down, "--up",
+          "is for .ply, .compressed.ply and .splat; the other formats have y up");
     needs(o.spz_version.has_value(), traits->format == ExportFormat::spz, "--spz", "is for files .spz");
     needs(o.clusters.has_value(), glb && o.is_moving(), "--clusters", "is for files .glb with --frames");
     needs(o.clusters.has_value(), !o.mesh, "--clusters", "excludes --mesh");

@@ -16,7 +16,7 @@ namespace gsh::examples {
 struct ExportOptions {
     std::filesystem::path input, to, poses;
     std::optional<std::size_t> frame;
-    std::string frames;                 ///< A:B or A:B:S; empty for a still file
+    std::string frames; ///< A:B or A:B:S; empty for a still file
     std::optional<int> sh_degree;
     std::optional<std::string> up;      ///< "y" or "-y"
     std::optional<std::size_t> largest; ///< number of Gaussians to keep

@@ -21,10 +21,14 @@ void StillWriter::write(const std::filesystem::path& path, const GaussianCloud<f
     lost_degree_ = std::max(lost_degree_, cloud.sh_degree > traits_.sh_degree ? cloud.sh_degree : 0);
     const GaussianCloud<float> kept = with_bands_up_to(cloud, traits_.sh_degree);
     switch (traits_.format) {
-    case ExportFormat::ply: return write_gaussian_ply(path, kept, {.pad_to_degree = 0, .up = up, .filter = filter_});
-    case ExportFormat::compressed_ply: return write_compressed_ply(path, kept, up, filter_);
-    case ExportFormat::splat: return write_splat(path, kept, up);
-    case ExportFormat::glb: return write_gltf_splats(path, kept, filter_);
+    case ExportFormat::ply:
+        return write_gaussian_ply(path, kept, {.pad_to_degree = 0, .up = up, .filter = filter_});
+    case ExportFormat::compressed_ply:
+        return write_compressed_ply(path, kept, up, filter_);
+    case ExportFormat::splat:
+        return write_splat(path, kept, up);
+    case ExportFormat::glb:
+        return write_gltf_splats(path, kept, filter_);
     case ExportFormat::spz:
         clipped_ += spz_clipped_count(kept);
         coefficients_ += 3 * (kept.sh.size() - kept.size());
@@ -34,7 +38,8 @@ void StillWriter::write(const std::filesystem::path& path, const GaussianCloud<f
         file.add(kept);
         return file.commit();
     }
-    case ExportFormat::gsh: break;
+    case ExportFormat::gsh:
+        break;
     }
     throw ValueError("StillWriter: an avatar is no still file");
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  An avatar as a skinned, coloured mesh: the body displaced to its Gaussians, with their colours at the vertices.
+/// @file  An avatar as a skinned, coloured mesh: the body displaced to its Gaussians, with their colours.
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
@@ -31,20 +31,20 @@ namespace gsh {
 /// Frame   canonical. A vertex moves by the linear blend of its joints, as in Affine blending of a skeleton.
 /// Units   colours display-referred sRGB in [0, 1].
 struct ColoredMesh {
-    std::vector<vec3<double>> vertices, normals; // [V]
-    std::vector<vec3<float>> colors;             // [V]
-    std::vector<std::array<std::uint16_t, 4>> joints; // [V]
-    std::vector<std::array<float, 4>> weights;   // [V]
+    std::vector<vec3<double>> vertices, normals;       // [V]
+    std::vector<vec3<float>> colors;                   // [V]
+    std::vector<std::array<std::uint16_t, 4>> joints;  // [V]
+    std::vector<std::array<float, 4>> weights;         // [V]
     std::vector<std::vector<vec3<float>>> expressions; // [E] of displacements [V]
-    std::vector<std::array<int, 3>> faces;       // counter-clockwise from outside
-    std::vector<vec3<double>> rest_joints;       // [J]
+    std::vector<std::array<int, 3>> faces;             // counter-clockwise from outside
+    std::vector<vec3<double>> rest_joints;             // [J]
 };
 
 /// How a mesh follows the Gaussians.
 struct ColoredMeshParams {
-    int most_levels = 2;    ///< of subdivision: a triangle becomes four while Gaussians outnumber vertices two to one
-    std::size_t near = 12;  ///< Gaussians that a vertex takes place and colour from
-    int smoothing = 2;      ///< rounds in which a displacement becomes the mean of itself and its neighbours
+    int most_levels = 2;   ///< of subdivision: a triangle becomes four while Gaussians outnumber vertices two to one
+    std::size_t near = 12; ///< Gaussians that a vertex takes place and colour from
+    int smoothing = 2;     ///< rounds in which a displacement becomes the mean of itself and its neighbours
     double most_offset = 0.08; ///< metres by which a vertex follows its Gaussians at most
 };
 
@@ -108,10 +108,10 @@ inline void smooth(std::vector<vec3<double>>& values, Span<const std::array<int,
 
 /// Makes the mesh of an avatar for a shape `betas` (of the avatar itself if empty).
 ///
-/// A vertex moves by the mean offset of the Gaussians around it from the places where they are attached, and takes their
-/// mean colour as seen from outside, along its normal; opaque and near ones count more. Colours include the mean ambient
-/// occlusion and the mean light of training (shaded_cloud). Corrections of the body that depend on the pose are left
-/// out, and joints stay where they are under expressions, because formats of meshes have neither.
+/// A vertex moves by the mean offset of the Gaussians around it from the places where they are attached, and takes
+/// their mean colour as seen from outside, along its normal; opaque and near ones count more. Colours include the mean
+/// ambient occlusion and the mean light of training (shaded_cloud). Corrections of the body that depend on the pose are
+/// left out, and joints stay where they are under expressions, because formats of meshes have neither.
 ///
 /// Errors  ValueError for a body without triangles or an avatar without Gaussians; ShapeError for more betas than the
 ///         avatar has.
@@ -201,8 +201,8 @@ inline void smooth(std::vector<vec3<double>>& values, Span<const std::array<int,
             vec3<double> sum(0);
             double total = 1e-9;
             for (const auto& [weight, i] : shares[v]) {
-                const vec3<float> color = detail::unclamped_color<decltype(degree)::value>(
-                    &cloud.sh[i * basis], -vec3<float>(outward[v]));
+                const vec3<float> color =
+                    detail::unclamped_color<decltype(degree)::value>(&cloud.sh[i * basis], -vec3<float>(outward[v]));
                 sum += vec3<double>(glm::clamp(color, 0.0f, 1.0f)) * weight, total += weight;
             }
             result.colors.push_back(vec3<float>(sum * (1 / total)));

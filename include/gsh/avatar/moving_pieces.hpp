@@ -38,22 +38,22 @@ struct MovingPieces {
 
 /// How a motion becomes rigid pieces.
 struct MovingPiecesParams {
-    std::size_t pieces = 512;       ///< K at most
+    std::size_t pieces = 512;         ///< K at most
     std::size_t division_frames = 12; ///< frames by which the Gaussians are divided, evenly spread
-    std::size_t color_frames = 32;  ///< frames over which shapes and colours are averaged, evenly spread
+    std::size_t color_frames = 32;    ///< frames over which shapes and colours are averaged, evenly spread
 };
 
-/// Divides the Gaussians of an avatar into pieces that move nearly rigidly in the given frames of a motion (RigidPieces).
-/// Place, shape and colour of a Gaussian in its piece are means over the frames, turned back by the motion of the piece;
-/// so the light of the motion is its mean.
+/// Divides the Gaussians of an avatar into pieces that move nearly rigidly in the given frames of a motion
+/// (RigidPieces). Place, shape and colour of a Gaussian in its piece are means over the frames, turned back by the
+/// motion of the piece; so the light of the motion is its mean.
 ///
 /// `proceed` is called before each frame with the share that is done; if it returns false, the result is empty.
 ///
 /// Errors  ValueError without frames; those of StillFrames.
 template <CpuBackend B>
-[[nodiscard]] MovingPieces moving_pieces(B& backend, StillFrames<B>& still, const Motion& motion,
-                                         Span<const std::size_t> frames, const MovingPiecesParams& params = {},
-                                         const std::function<bool(double)>& proceed = [](double) { return true; }) {
+[[nodiscard]] MovingPieces moving_pieces(
+    B& backend, StillFrames<B>& still, const Motion& motion, Span<const std::size_t> frames,
+    const MovingPiecesParams& params = {}, const std::function<bool(double)>& proceed = [](double) { return true; }) {
     check_value(!frames.empty(), "moving_pieces", "there must be a frame");
     const auto spread = [&](std::size_t most) {
         std::vector<std::size_t> some;

@@ -29,10 +29,10 @@ namespace gsh {
 
 /// How the colours of an avatar become those of still Gaussians.
 struct StillFrameParams {
-    int sh_degree = 3;         ///< of the result at most; never more than the avatar's
-    std::size_t views = 48;    ///< directions from which a lit avatar's colours are taken
-    double view_distance = 3;  ///< metres from those cameras to the middle of the body
-    double ridge = 3e-3;       ///< weight of the unlit bands where the views leave the fit open
+    int sh_degree = 3;           ///< of the result at most; never more than the avatar's
+    std::size_t views = 48;      ///< directions from which a lit avatar's colours are taken
+    double view_distance = 3;    ///< metres from those cameras to the middle of the body
+    double ridge = 3e-3;         ///< weight of the unlit bands where the views leave the fit open
     double hidden_weight = 0.02; ///< weight of a view from behind the surface, which rarely shows the Gaussian
 };
 
@@ -43,9 +43,9 @@ struct StillFrameParams {
 /// of A F, so that the covariance is that of Avatar::pose. The SH coefficients turn by the rotation nearest to A. That
 /// is exact where A is a rotation. Where A also shears, the direction in which a colour is read differs a little.
 ///
-/// Without a light, ambient occlusion is merged as in shaded_cloud. With a light, the colours of the avatar are computed
-/// for cameras all around the body, with shading, shadows and gloss of this pose. Each Gaussian's coefficients are
-/// fitted to them (ShFit).
+/// Without a light, ambient occlusion is merged as in shaded_cloud. With a light, the colours of the avatar are
+/// computed for cameras all around the body, with shading, shadows and gloss of this pose. Each Gaussian's coefficients
+/// are fitted to them (ShFit).
 ///
 /// Frame   the world of the motion.
 /// Errors  those of Avatar and of Rig::upload_pose.
@@ -72,8 +72,10 @@ public:
         GaussianCloud<float> cloud(size(), degree_);
         detail::with_deformation(data_->deformation, [&](auto policy) { shape<decltype(policy)>(cloud); });
         with_sh_degree(degree_, [&](auto degree) {
-            if (data_->light) fit_colors<decltype(degree)::value>(cloud);
-            else if (!ao().empty()) darken<decltype(degree)::value>(cloud);
+            if (data_->light)
+                fit_colors<decltype(degree)::value>(cloud);
+            else if (!ao().empty())
+                darken<decltype(degree)::value>(cloud);
         });
         return cloud;
     }

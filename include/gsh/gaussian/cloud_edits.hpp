@@ -53,12 +53,13 @@ template <class T>
     for (std::size_t i = 0; i < values.size(); ++i) values[i] = importance(cloud, i);
     std::vector<std::uint32_t> order(cloud.size());
     std::iota(order.begin(), order.end(), 0u);
-    std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return values[a] > values[b]; });
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return values[a] > values[b]; });
     return order;
 }
 
-/// Indices in Morton order of the means, with 10 bits for each axis of their box: neighbours in the order are neighbours
-/// in space.
+/// Indices in Morton order of the means, with 10 bits for each axis of their box: neighbours in the order are
+/// neighbours in space.
 ///
 /// Source  Morton, "A Computer Oriented Geodetic Data Base and a New Technique in File Sequencing", 1966.
 template <class T>

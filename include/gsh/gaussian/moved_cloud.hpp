@@ -22,9 +22,9 @@ namespace gsh {
 /// lengths, of which none is below a micrometre.
 template <std::floating_point T>
 void move_shape(const mat3<double>& A, quat<T>& q, vec3<T>& log_scale) {
-    const auto axes = principal_axes(
-        A * covariance_factor(quat<double>{double(q.w), double(q.x), double(q.y), double(q.z)},
-                              vec3<double>(log_scale)));
+    const auto axes =
+        principal_axes(A * covariance_factor(quat<double>{double(q.w), double(q.x), double(q.y), double(q.z)},
+                                             vec3<double>(log_scale)));
     const quat<double> turned = quat_from_rotation(axes.R);
     q = {T(turned.w), T(turned.x), T(turned.y), T(turned.z)};
     for (int k = 0; k < 3; ++k) log_scale[k] = static_cast<T>(std::log(std::max(axes.lengths[k], 1e-6)));

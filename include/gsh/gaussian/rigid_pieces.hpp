@@ -27,8 +27,8 @@ struct RigidPieces {
 
 /// How points are divided.
 struct RigidPiecesParams {
-    int rounds = 8;     ///< of k-means over the points' ways
-    int exchanges = 3;  ///< rounds in which a point changes to a neighbouring piece whose motion fits it better
+    int rounds = 8;    ///< of k-means over the points' ways
+    int exchanges = 3; ///< rounds in which a point changes to a neighbouring piece whose motion fits it better
 };
 
 /// The rigid motions from `rest` that are nearest to where the points of each piece are in `moved`, in the sum of the
@@ -146,8 +146,8 @@ inline void drop_empty_pieces(RigidPieces& pieces) {
 
 } // namespace detail
 
-/// Divides N points into at most `count` pieces, so that points of a piece stay near each other and move together: first
-/// by k-means over the points' positions in all frames, then by exchanges between neighbouring pieces.
+/// Divides N points into at most `count` pieces, so that points of a piece stay near each other and move together:
+/// first by k-means over the points' positions in all frames, then by exchanges between neighbouring pieces.
 ///
 /// `order` lists the points so that neighbours are near in space; the first pieces are spread evenly over it.
 ///
@@ -158,7 +158,8 @@ template <HostExecutor E>
                                        Span<const std::uint32_t> order, std::size_t count,
                                        const RigidPiecesParams& params = {}) {
     constexpr auto where = "rigid_pieces";
-    check_value(!frames.empty() && !frames[0].empty() && count > 0, where, "there must be a frame, a point and a piece");
+    check_value(!frames.empty() && !frames[0].empty() && count > 0, where,
+                "there must be a frame, a point and a piece");
     const std::size_t N = frames[0].size();
     for (const auto& frame : frames) check_size(where, "a frame", frame.size(), N, "as many points as in the first");
     check_size(where, "order", order.size(), N);
@@ -186,8 +187,8 @@ template <HostExecutor E>
                     if (!used[k]) continue;
                     double error = 0;
                     for (std::size_t t = 0; t < frames.size(); ++t) {
-                        const vec3<double> difference = motions[t][number[k]](vec3<double>(frames[0][i])) -
-                                                        vec3<double>(frames[t][i]);
+                        const vec3<double> difference =
+                            motions[t][number[k]](vec3<double>(frames[0][i])) - vec3<double>(frames[t][i]);
                         error += dot(difference, difference);
                     }
                     if (error < least) least = error, pieces.piece[i] = k;

@@ -9,7 +9,9 @@ using namespace gsh;
 namespace fs = std::filesystem;
 
 namespace {
-bool is_frame(const std::string& name) { return name.starts_with("frame_"); }
+bool is_frame(const std::string& name) {
+    return name.starts_with("frame_");
+}
 } // namespace
 
 TEST_CASE("a folder appears with all of its files, and replaces an older one") {
@@ -36,7 +38,9 @@ TEST_CASE("without a commit nothing changes") {
     }
     CHECK(read_file(place / "walk/frame_0") == "old");
     CHECK(!fs::exists(place / "walk.partial"));
-    { const AtomicFolder folder(place / "new", is_frame); }
+    {
+        const AtomicFolder folder(place / "new", is_frame);
+    }
     CHECK(!fs::exists(place / "new"));
     CHECK(!fs::exists(place / "new.partial"));
 }
@@ -49,5 +53,6 @@ TEST_CASE("other files are not replaced") {
     CHECK(!fs::exists(place / "walk.partial"));
     write_file(place / "file", "");
     test::check_throws<IoError>([&] { const AtomicFolder folder(place / "file", is_frame); }, {"file is in the way"});
-    test::check_throws<IoError>([&] { const AtomicFolder folder(place / "file/sub", is_frame); }, {"cannot be created"});
+    test::check_throws<IoError>([&] { const AtomicFolder folder(place / "file/sub", is_frame); },
+                                {"cannot be created"});
 }

@@ -376,3 +376,73 @@ TEST_CASE("what cannot be an avatar is refused by name") {
     std::filesystem::remove(path);
     CHECK_THROWS_AS((void)load_avatar(path), IoError);
 }
+
+TEST_CASE("a compact avatar is smaller, and every number is within its step") {
+    const auto exact = temporary("exact.gsh"), compact = temporary("compact.gsh");
+    AvatarData avatar = small_avatar();
+    test::Rng rng(3);
+    for (std::size_t i = 0; i < avatar.gaussians.size(); ++i) {
+        avatar.ao.push_back(static_cast<float>(rng.uniform(0, 1)));
+        avatar.mean_irradiance.push_back(static_cast<float>(rng.uniform(0.5, 2)));
+        const quat<double> q = rng.quat();
+        avatar.gaussians.quats[i] = {float(q.w), float(q.x), float(q.y), float(q.z)};
+    }
+    save_avatar(exact, avatar);
+    save_avatar(compact, avatar, ArrayStorage::compact);
+    const AvatarData found = load_avatar(compact), same = load_avatar(exact);
+    CHECK(same.gaussians.sh == avatar.gaussians.sh);
+    CHECK(same.rig.body.weights == avatar.rig.body.weights);
+    CHECK(same.rig.skin.weights == avatar.rig.skin.weights);
+    CHECK(std::filesystem::file_size(compact) < std::filesystem::file_size(exact) / 2);
+    const std::size_t N = avatar.gaussians.size();
+    REQUIRE(found.gaussians.size() == N);
+    CHECK(found.gaussians.sh_degree == 2);
+    CHECK(found.rig.triangles == avatar.rig.triangles);
+    CHECK(found.rig.joints == avatar.rig.joints);
+    CHECK(found.rig.betas == avatar.rig.betas);
+    for (std::size_t i = 0; i < N; ++i) {
+        CHECK(length(found.gaussians.means[i] - avatar.gaussians.means[i]) < 1e-4f);
+        CHECK(length(found.gaussians.log_scales[i] - avatar.gaussians.log_scales[i]) < 0.01f);
+        CHECK(std::abs(found.gaussians.opacity_logits[i] - avatar.gaussians.opacity_logits[i]) < 0.01f);
+        const mat3<float> a = rotation_matrix(normalize(found.gaussians.quats[i])),
+                          b = rotation_matrix(normalize(avatar.gaussians.quats[i]));
+        for (int c = 0; c < 3; ++c) CHECK(length(a[c] - b[c]) < 2e-4f);
+        CHECK(std::abs(found.ao[i] - avatar.ao[i]) < 0.005f);
+        CHECK(std::abs(found.mean_irradiance[i] - avatar.mean_irradiance[i]) < 0.01f);
+        CHECK(length(found.rig.barycentric[i] - avatar.rig.barycentric[i]) < 1e-4);
+        double sum = 0;
+        for (std::size_t k = 0; k < found.rig.skin.influences; ++k) {
+            const std::size_t at = i * found.rig.skin.influences + k;
+            CHECK(std::abs(found.rig.skin.weights[at] - avatar.rig.skin.weights[at]) < 1e-3);
+            sum += found.rig.skin.weights[at];
+        }
+        CHECK(sum == doctest::Approx(1).epsilon(1e-12));
+    }
+    for (std::size_t k = 0; k < avatar.gaussians.sh.size(); ++k)
+        CHECK(length(found.gaussians.sh[k] - avatar.gaussians.sh[k]) < 0.015f);
+    for (std::size_t v = 0; v < avatar.rig.body.vertex_count(); ++v)
+        CHECK(length(found.rig.body.v_template[v] - avatar.rig.body.v_template[v]) < 1e-4);
+    std::filesystem::remove(exact), std::filesystem::remove(compact);
+}
+
+TEST_CASE("avatars of version 4, whose arrays are dense, are read") {
+    const auto path = temporary("version4.gsh");
+    const AvatarData avatar = small_avatar();
+    {
+        ArchiveWriter file(path, "avatar", 4);
+        add_body_model(file, avatar.rig.body, "body/");
+        file.add("betas", avatar.rig.betas);
+        file.add_rows<double>("joints", avatar.rig.joints);
+        detail::add_exact_points(file, avatar);
+        file.add("sh_degree", std::int32_t(2));
+        file.add("clamp_above", std::int32_t(0));
+        file.add("dilation", 0.3);
+        file.add("compensate_opacity", std::int32_t(0));
+        file.add("deformation", std::int32_t(0));
+        file.commit();
+    }
+    const AvatarData found = load_avatar(path);
+    CHECK(found.gaussians.sh == avatar.gaussians.sh);
+    CHECK(found.rig.body.weights == avatar.rig.body.weights);
+    std::filesystem::remove(path);
+}

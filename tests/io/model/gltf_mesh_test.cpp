@@ -19,7 +19,7 @@ namespace {
 /// A tube whose Gaussians lie 2 cm outside of it, red on the left (x > 0) and blue on the right.
 AvatarData tube_avatar(double density = 12) {
     BodyModel body = test::tube(4, 8, 8);
-    body.posedirs.clear();                                            // a mesh file has none
+    body.posedirs.clear();                                                       // a mesh file has none
     for (std::size_t v = 0; v < 40; ++v) body.exprdirs[2 * v] = vec3<double>(0); // the first expression is sparse
     for (std::size_t v = 60; v < body.vertex_count(); ++v) body.exprdirs[2 * v] = vec3<double>(0);
     const std::vector<double> betas{0.3, -0.1};
@@ -118,8 +118,8 @@ TEST_CASE("bones, skin, expressions and shape of the file pose the mesh as gsh p
             for (std::size_t k = 0; k < 4; ++k) {
                 const auto j = static_cast<std::size_t>(joints[4 * v + k]);
                 REQUIRE(j < J);
-                const vec3<double> bound = rest + vec3<double>(inverse[16 * j + 12], inverse[16 * j + 13],
-                                                               inverse[16 * j + 14]);
+                const vec3<double> bound =
+                    rest + vec3<double>(inverse[16 * j + 12], inverse[16 * j + 13], inverse[16 * j + 14]);
                 posed += (*maps[j])(bound) * double(weights[4 * v + k]);
             }
             largest = std::max(largest, length(posed - expected[v]));

@@ -49,7 +49,7 @@ TEST_CASE("the file has the layout of splat-transform") {
     CHECK(low_x == -5);
     std::uint32_t row[4];
     std::memcpy(row, bytes.data() + begin + 2 * 72, sizeof row);
-    CHECK(row[0] == (0u << 21 | 1023u << 11 | 2047u)); // at the box's corner
+    CHECK(row[0] == (0u << 21 | 1023u << 11 | 2047u));            // at the box's corner
     CHECK(row[1] == (2u << 30 | 512u << 20 | 512u << 10 | 512u)); // y is the largest, the others are zero
     CHECK(row[3] == 0xFFFFFFFFu);
     const auto* sh = reinterpret_cast<const unsigned char*>(bytes.data()) + begin + 2 * 72 + 300 * 16;

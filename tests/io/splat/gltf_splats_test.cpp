@@ -80,9 +80,11 @@ TEST_CASE("a node moves its Gaussians, and an animation moves the node") {
     const auto cloud = test::splat_cloud(30, 2);
     write_gltf_splats(folder / "a.glb", cloud);
     const double half = std::sqrt(0.5);
-    const Affine<double> expected(mat3<double>({0, 2, 0}, {-2, 0, 0}, {0, 0, 2}), {1, 2, 3}); // a quarter about z, twice
+    const Affine<double> expected(mat3<double>({0, 2, 0}, {-2, 0, 0}, {0, 0, 2}),
+                                  {1, 2, 3}); // a quarter about z, twice
     edit_glb(folder / "a.glb", [&](Json& json) {
-        json["nodes"] = Json::parse(R"([{"children": [1], "translation": [1, 2, 3]}, {"children": [2], "scale": [2, 2, 2]},
+        json["nodes"] =
+            Json::parse(R"([{"children": [1], "translation": [1, 2, 3]}, {"children": [2], "scale": [2, 2, 2]},
                                         {"mesh": 0}])");
         json["nodes"][2]["rotation"] = {0, 0, half, half};
     });

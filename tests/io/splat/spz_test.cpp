@@ -16,7 +16,8 @@ using namespace gsh;
 
 namespace {
 
-// 2^-13 m; 1/32 of log-scale; half a step of 9 bits, several times in a product; half a byte; half a bucket of 16/128, after rounding to 1/128.
+// 2^-13 m; 1/32 of log-scale; half a step of 9 bits, several times in a product; half a byte; half a bucket of 16/128,
+// after rounding to 1/128.
 constexpr test::SplatTolerance spz_tolerance{
     .mean = 1.23e-4, .log_scale = 0.0313, .rotation = 6e-3, .opacity = 2e-3, .dc = 0.0132, .rest = 0.0665};
 
@@ -81,7 +82,7 @@ TEST_CASE("the bytes of version 3 are those of the format") {
     CHECK(b[31] == 255);
     std::uint32_t rotation = 0;
     std::memcpy(&rotation, b + 32, 4);
-    const std::uint32_t half = 361; // 511 / 2 * sqrt(2), rounded
+    const std::uint32_t half = 361;                                         // 511 / 2 * sqrt(2), rounded
     CHECK(rotation == (0u << 30 | half << 20 | half << 10 | (512 | half))); // x largest; y, z, then -w
     const std::array<int, 9> sh{192, 0, 255, 128, 128, 128, 255, 0, 136};
     for (std::size_t i = 0; i < 9; ++i) CHECK(b[36 + i] == sh[i]);
@@ -110,9 +111,13 @@ TEST_CASE("versions 1 and 2 are read") {
     const test::Temporary folder;
     for (const std::uint32_t version : {1u, 2u}) {
         std::string bytes = spz_header(version, 1, 0);
-        if (version == 1) for (const int half : {0x3C00, 0xB800, 0x0001}) append(bytes, static_cast<std::uint16_t>(half));
-        else for (const int byte : {0x00, 0x10, 0x00, 0x00, 0xF8, 0xFF, 0x00, 0x00, 0x00}) append(bytes, static_cast<std::uint8_t>(byte));
-        for (const int byte : {255, 0, 128, 255, 96, 96, 96, 255, 128, 0}) append(bytes, static_cast<std::uint8_t>(byte));
+        if (version == 1)
+            for (const int half : {0x3C00, 0xB800, 0x0001}) append(bytes, static_cast<std::uint16_t>(half));
+        else
+            for (const int byte : {0x00, 0x10, 0x00, 0x00, 0xF8, 0xFF, 0x00, 0x00, 0x00})
+                append(bytes, static_cast<std::uint8_t>(byte));
+        for (const int byte : {255, 0, 128, 255, 96, 96, 96, 255, 128, 0})
+            append(bytes, static_cast<std::uint8_t>(byte));
         write_file(folder / "a.spz", gzip(bytes));
         const auto cloud = read_spz(folder / "a.spz").cloud;
         REQUIRE(cloud.size() == 1);

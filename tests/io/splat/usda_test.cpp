@@ -63,8 +63,9 @@ TEST_CASE("a moving layer has a sample for each frame") {
     CHECK_THROWS_AS(file.add(test::splat_cloud(2, 0)), ShapeError);
     file.commit();
     const std::string text = read_file(folder / "a.usda");
-    for (const char* line : {"endTimeCode = 2\n", "timeCodesPerSecond = 29.97\n", "point3f[] positions.timeSamples = {\n",
-                             "            2: [(2, 2.5, -3), (0, 0, 0.125)],\n"})
+    for (const char* line :
+         {"endTimeCode = 2\n", "timeCodesPerSecond = 29.97\n", "point3f[] positions.timeSamples = {\n",
+          "            2: [(2, 2.5, -3), (0, 0, 0.125)],\n"})
         CHECK(text.find(line) != std::string::npos);
     CHECK(occurrences(text, ".timeSamples") == 5);
     CHECK(occurrences(text, "            1: [") == 5);

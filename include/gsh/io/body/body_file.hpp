@@ -4,9 +4,11 @@
 
 #include <gsh/body/body_model.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/compact_arrays.hpp>
 #include <gsh/io/file/npz.hpp>
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -31,9 +33,10 @@ namespace gsh {
 /// Writes the same layout in double precision, atomically; reading it back gives the same model.
 inline void save_body_model(const std::filesystem::path& path, const BodyModel& model);
 
-/// The same as part of an archive, with a prefix before each key.
+/// The same as part of an archive, with a prefix before each key. Large arrays may be stored in other forms than dense.
 [[nodiscard]] inline BodyModel read_body_model(const NpzReader& file, const std::string& prefix = {});
-inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::string& prefix = {});
+inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::string& prefix = {},
+                           ArrayStorage storage = ArrayStorage::dense);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -114,30 +117,31 @@ inline BodyModel load_body_model(const std::filesystem::path& path) { return rea
 inline BodyModel read_body_model(const NpzReader& file, const std::string& prefix) {
     using detail::any_length;
     BodyModel model;
-    model.v_template = detail::rows_of_three(file.read<double>(prefix + "v_template", {any_length, 3}));
+    model.v_template = detail::rows_of_three(read_numbers<double>(file, prefix + "v_template", {any_length, 3}));
     model.parents = detail::parents_of(file, prefix + "kintree_table");
     const std::size_t V = model.vertex_count(), J = model.joint_count();
     const auto vertices = static_cast<std::int64_t>(V), joints = static_cast<std::int64_t>(J);
     model.faces = detail::triangles_of(file.read<int>(prefix + "f", {any_length, 3}));
-    model.weights = file.read<double>(prefix + "weights", {vertices, joints}).data;
+    model.weights = read_numbers<double>(file, prefix + "weights", {vertices, joints}).data;
 
-    const auto regressor = file.read<double>(prefix + "J_regressor", {joints, vertices});
+    const auto regressor = read_numbers<double>(file, prefix + "J_regressor", {joints, vertices});
     model.J_regressor.resize(J);
     for (std::size_t j = 0; j < J; ++j)
         for (std::size_t v = 0; v < V; ++v)
             if (const double weight = regressor[j * V + v]; weight != 0)
                 model.J_regressor[j].push_back({static_cast<int>(v), weight});
 
-    const auto shapedirs = file.read<double>(prefix + "shapedirs", {vertices, 3, any_length});
+    const auto shapedirs = read_numbers<double>(file, prefix + "shapedirs", {vertices, 3, any_length});
     const std::size_t C = shapedirs.dim(2), S = detail::count_shape_directions(file, prefix, C, J);
     model.shapedirs = detail::directions_of(shapedirs, 0, S);
     model.exprdirs = detail::directions_of(shapedirs, S, C - S);
     model.shape_count = static_cast<int>(S);
     model.expression_count = static_cast<int>(C - S);
     if (const auto features = static_cast<std::int64_t>(model.pose_feature_count());
-        file.has_array(prefix + "posedirs"))
-        model.posedirs = detail::directions_of(file.read<double>(prefix + "posedirs", {vertices, 3, features}), 0,
-                                               model.pose_feature_count());
+        has_numbers(file, prefix + "posedirs"))
+        model.posedirs =
+            detail::directions_of(read_numbers<double>(file, prefix + "posedirs", {vertices, 3, features}), 0,
+                                  model.pose_feature_count());
 
     if (file.has_array(prefix + "vt") && file.has_array(prefix + "ft")) {
         const auto vt = file.read<double>(prefix + "vt", {any_length, 2});
@@ -172,12 +176,17 @@ inline void save_body_model(const std::filesystem::path& path, const BodyModel& 
     file.commit();
 }
 
-inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::string& prefix) {
+inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::string& prefix,
+                           ArrayStorage storage) {
     validate(model, "add_body_model");
     const std::size_t V = model.vertex_count(), J = model.joint_count();
     const auto S = static_cast<std::size_t>(model.shape_count), E = static_cast<std::size_t>(model.expression_count);
     const auto add_vectors = [&](const char* key, const std::vector<vec3<double>>& rows, const Shape& shape) {
         file.add<double>(prefix + key, {rows.empty() ? nullptr : &rows[0].x, 3 * rows.size()}, shape);
+    };
+    const auto add_large = [&](const char* key, const std::vector<double>& numbers, const Shape& shape) {
+        if (storage == ArrayStorage::dense) file.add(prefix + key, numbers, shape);
+        else add_sparse(file, prefix + key, numbers, shape);
     };
     const auto add_triangles = [&](const char* key, const std::vector<std::array<int, 3>>& triangles) {
         file.add<int>(prefix + key, {triangles.empty() ? nullptr : triangles[0].data(), 3 * triangles.size()},
@@ -189,9 +198,15 @@ inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::s
             for (std::size_t axis = 0; axis < 3; ++axis)
                 for (std::size_t k = 0; k < count; ++k)
                     rows[(3 * v + axis) * count + k] = direction(v, k)[static_cast<int>(axis)];
-        file.add(prefix + key, rows, {V, 3, count});
+        if (storage != ArrayStorage::compact) return add_large(key, rows, {V, 3, count});
+        // Corrections by the pose are many and small.
+        if (key == std::string("posedirs")) add_quantised<std::int8_t, double>(file, prefix + key, rows, count, true);
+        else add_quantised<std::int16_t, double>(file, prefix + key, rows, count, true);
     };
-    add_vectors("v_template", model.v_template, {V, 3});
+    if (storage == ArrayStorage::compact)
+        add_quantised<std::int16_t, double>(file, prefix + "v_template",
+                                            {V ? &model.v_template[0].x : nullptr, 3 * V}, 3);
+    else add_vectors("v_template", model.v_template, {V, 3});
     add_triangles("f", model.faces);
     add_directions("shapedirs", S + E, [&](std::size_t v, std::size_t k) {
         return k < S ? model.shapedirs[v * S + k] : model.exprdirs[v * E + k - S];
@@ -205,8 +220,11 @@ inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::s
     for (std::size_t j = 0; j < J; ++j)
         for (const auto& [vertex, weight] : model.J_regressor[j])
             regressor[j * V + static_cast<std::size_t>(vertex)] += weight;
-    file.add(prefix + "J_regressor", regressor, {J, V});
-    file.add(prefix + "weights", model.weights, {V, J});
+    add_large("J_regressor", regressor, {J, V});
+    std::vector<double> weights = model.weights;
+    if (storage == ArrayStorage::compact)
+        for (double& weight : weights) weight = std::round(weight * 65536) / 65536; // short numbers deflate well
+    add_large("weights", weights, {V, J});
     std::vector<std::int64_t> table(2 * J);
     for (std::size_t j = 0; j < J; ++j) table[j] = model.parents[j], table[J + j] = static_cast<std::int64_t>(j);
     file.add(prefix + "kintree_table", table, {2, J});

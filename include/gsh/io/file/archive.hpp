@@ -20,7 +20,8 @@ namespace gsh {
 /// gsh_format holds "KIND VERSION". The file appears on commit.
 class ArchiveWriter : public NpzWriter {
 public:
-    ArchiveWriter(std::filesystem::path path, std::string_view kind, int version) : NpzWriter(std::move(path)) {
+    ArchiveWriter(std::filesystem::path path, std::string_view kind, int version, Packing packing = Packing::stored)
+        : NpzWriter(std::move(path), packing) {
         add_text("gsh_format", std::string(kind) + " " + std::to_string(version));
     }
 
@@ -43,7 +44,8 @@ public:
 ///         NpzReader.
 class ArchiveReader {
 public:
-    ArchiveReader(std::filesystem::path path, std::string_view kind, int version);
+    /// `oldest` is the first version that is read, or 0 for `version` alone.
+    ArchiveReader(std::filesystem::path path, std::string_view kind, int version, int oldest = 0);
 
     [[nodiscard]] bool has(std::string_view key) const { return file_.has(key); }
     /// The archive as a plain .npz, for functions that read parts of it.
@@ -92,11 +94,12 @@ inline std::string archive_format(const NpzReader& file) {
 }
 } // namespace detail
 
-inline ArchiveReader::ArchiveReader(std::filesystem::path path, std::string_view kind, int version)
+inline ArchiveReader::ArchiveReader(std::filesystem::path path, std::string_view kind, int version, int oldest)
     : file_(std::move(path)) {
     const std::string name = file_.path().string(), format = detail::archive_format(file_);
     const std::string expected = std::string(kind) + " " + std::to_string(version);
-    if (format == expected) return;
+    for (int older = oldest ? oldest : version; older <= version; ++older)
+        if (format == std::string(kind) + " " + std::to_string(older)) return;
     if (format.empty()) throw IoError(name + ": is not a gsh file: gsh_format is missing, expected '" + expected + "'");
     const std::string found = format.substr(0, format.find(' '));
     if (found != kind)

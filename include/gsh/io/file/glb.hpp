@@ -110,11 +110,16 @@ private:
 
     template <class T>
     static constexpr int component_type() {
-        if constexpr (std::is_same_v<T, std::int8_t>) return 5120;
-        else if constexpr (std::is_same_v<T, std::uint8_t>) return 5121;
-        else if constexpr (std::is_same_v<T, std::int16_t>) return 5122;
-        else if constexpr (std::is_same_v<T, std::uint16_t>) return 5123;
-        else if constexpr (std::is_same_v<T, std::uint32_t>) return 5125;
+        if constexpr (std::is_same_v<T, std::int8_t>)
+            return 5120;
+        else if constexpr (std::is_same_v<T, std::uint8_t>)
+            return 5121;
+        else if constexpr (std::is_same_v<T, std::int16_t>)
+            return 5122;
+        else if constexpr (std::is_same_v<T, std::uint16_t>)
+            return 5123;
+        else if constexpr (std::is_same_v<T, std::uint32_t>)
+            return 5125;
         else {
             static_assert(std::is_same_v<T, float>);
             return 5126;
@@ -225,8 +230,8 @@ inline std::vector<float> GlbReader::floats(const nlohmann::json& index, std::si
     if (whole(view, "buffer", view_name) != 0 || at("buffers", 0).contains("uri"))
         fail(view_name + " is outside of the file; only the binary chunk is read");
     const std::size_t view_begin = whole(view, "byteOffset", view_name, 0),
-                      view_size = whole(view, "byteLength", view_name),
-                      begin = whole(accessor, "byteOffset", where, 0), tight = width * bytes_each,
+                      view_size = whole(view, "byteLength", view_name), begin = whole(accessor, "byteOffset", where, 0),
+                      tight = width * bytes_each,
                       stride = whole(view, "byteStride", view_name, static_cast<std::int64_t>(tight));
     if (view_begin > bytes_.size() || view_size > bytes_.size() - view_begin)
         fail(view_name + " ends beyond the binary chunk of " + std::to_string(bytes_.size()) + " bytes");
@@ -248,12 +253,23 @@ inline std::vector<float> GlbReader::floats(const nlohmann::json& index, std::si
             return static_cast<float>(number);
         };
         switch (kind) {
-        case 5120: numbers[i] = as(std::int8_t()); break;
-        case 5121: numbers[i] = as(std::uint8_t()); break;
-        case 5122: numbers[i] = as(std::int16_t()); break;
-        case 5123: numbers[i] = as(std::uint16_t()); break;
-        case 5125: numbers[i] = as(std::uint32_t()); break;
-        default: numbers[i] = as(float());
+        case 5120:
+            numbers[i] = as(std::int8_t());
+            break;
+        case 5121:
+            numbers[i] = as(std::uint8_t());
+            break;
+        case 5122:
+            numbers[i] = as(std::int16_t());
+            break;
+        case 5123:
+            numbers[i] = as(std::uint16_t());
+            break;
+        case 5125:
+            numbers[i] = as(std::uint32_t());
+            break;
+        default:
+            numbers[i] = as(float());
         }
         if (!std::isfinite(numbers[i]))
             throw ValueError(name_ + ": " + where + " holds " + std::to_string(numbers[i]) + " in element " +

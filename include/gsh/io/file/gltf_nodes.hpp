@@ -90,7 +90,8 @@ inline void animate_gltf(const GlbReader& file, const nlohmann::json& animation,
         if (kind != "\"LINEAR\"" && kind != "\"STEP\"")
             file.fail("animations[0] has the interpolation " + kind.substr(0, 20) + ", expected LINEAR or STEP");
         const std::size_t width = turns ? 4 : 3;
-        const auto times = file.floats(member(sampler, "input"), 1), values = file.floats(member(sampler, "output"), width);
+        const auto times = file.floats(member(sampler, "input"), 1),
+                   values = file.floats(member(sampler, "output"), width);
         if (times.empty() || values.size() != times.size() * width || !std::is_sorted(times.begin(), times.end()))
             file.fail("animations[0] has " + std::to_string(times.size()) + " times and " +
                       std::to_string(values.size() / width) + " values, expected as many, in ascending order");
@@ -107,9 +108,10 @@ inline void animate_gltf(const GlbReader& file, const nlohmann::json& animation,
             // The arc from one key to the next; near keys are mixed in a straight line.
             const double cosine = std::clamp(std::abs(dot(from, to)), 0.0, 1.0), angle = std::acos(cosine);
             const double p = angle > 1e-3 ? std::sin((1 - share) * angle) / std::sin(angle) : 1 - share;
-            const double q = (angle > 1e-3 ? std::sin(share * angle) / std::sin(angle) : share) *
-                             (dot(from, to) < 0 ? -1 : 1);
-            pose.rotation = {p * from.w + q * to.w, p * from.x + q * to.x, p * from.y + q * to.y, p * from.z + q * to.z};
+            const double q =
+                (angle > 1e-3 ? std::sin(share * angle) / std::sin(angle) : share) * (dot(from, to) < 0 ? -1 : 1);
+            pose.rotation = {p * from.w + q * to.w, p * from.x + q * to.x, p * from.y + q * to.y,
+                             p * from.z + q * to.z};
             if (!(dot(pose.rotation, pose.rotation) > 0)) file.fail("animations[0] has a rotation of length 0");
         } else {
             (path == "scale" ? pose.scale : pose.translation) = {mixed(0), mixed(1), mixed(2)};

@@ -6,6 +6,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/crc32.hpp>
+#include <gsh/io/file/gzip.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/utf.hpp>
 
@@ -90,12 +91,16 @@ private:
     NpyArray<T> read_checked(std::string_view key, const Span<const std::int64_t>* pattern, Numbers numbers) const;
 };
 
-/// Writes members one after the other, uncompressed: writing is fast, and equal arrays give equal bytes.
+/// Whether the members of an archive are stored as they are, or deflated.
+enum class Packing { stored, deflated };
+
+/// Writes members one after the other. Uncompressed, writing is fast. Equal arrays give equal bytes.
 ///
 /// The file appears on commit. It holds at most 4 GiB in total.
 class NpzWriter {
 public:
-    explicit NpzWriter(std::filesystem::path path) : file_(std::move(path)) {}
+    explicit NpzWriter(std::filesystem::path path, Packing packing = Packing::stored)
+        : file_(std::move(path)), packing_(packing) {}
 
     template <class T>
     void add(std::string_view key, Span<const T> data, const Shape& shape);
@@ -123,6 +128,7 @@ public:
 
 private:
     AtomicFile file_;
+    Packing packing_;
     std::string directory_; // central directory so far
     std::vector<std::string> names_;
 
@@ -322,15 +328,23 @@ inline void NpzWriter::add_member(std::string_view key, const std::string& heade
     crc.add(header.data(), header.size());
     crc.add(data, size);
 
-    constexpr std::uint16_t version = 20, utf8_flag = 1 << 11, stored = 0, no_time = 0,
-                            first_day = 1 << 5 | 1; // 1980-01-01
-    const auto bytes = static_cast<std::uint32_t>(total);
+    std::string packed;
+    if (packing_ == Packing::deflated)
+        packed = gsh::deflated(header + std::string(static_cast<const char*>(data), size));
+    constexpr std::uint16_t version = 20, utf8_flag = 1 << 11, no_time = 0, first_day = 1 << 5 | 1; // 1980-01-01
+    const std::uint16_t method = packing_ == Packing::deflated ? 8 : 0;
+    const auto bytes = static_cast<std::uint32_t>(total),
+               packed_bytes = packing_ == Packing::deflated ? static_cast<std::uint32_t>(packed.size()) : bytes;
     std::string common;
-    detail::append_bytes(common, version, utf8_flag, stored, no_time, first_day, crc.value(), bytes, bytes,
+    detail::append_bytes(common, version, utf8_flag, method, no_time, first_day, crc.value(), packed_bytes, bytes,
                          static_cast<std::uint16_t>(name.size()), std::uint16_t(0));
     file_.write(std::string("PK\x03\x04", 4) + common + name);
-    file_.write(header);
-    file_.write(data, size);
+    if (packing_ == Packing::deflated) {
+        file_.write(packed);
+    } else {
+        file_.write(header);
+        file_.write(data, size);
+    }
 
     directory_.append("PK\x01\x02", 4);
     detail::append_bytes(directory_, version);

@@ -46,12 +46,11 @@ inline int add_displacements(GlbWriter& file, const std::vector<vec3<float>>& di
                                     {"min", {low.x, low.y, low.z}},
                                     {"max", {high.x, high.y, high.z}}};
     if (!indices.empty())
-        accessor["sparse"] = {
-            {"count", indices.size()},
-            {"indices",
-             {{"bufferView", file.add_view(indices.data(), indices.size() * sizeof(std::uint32_t))},
-              {"componentType", 5125}}},
-            {"values", {{"bufferView", file.add_view(moved.data(), moved.size() * sizeof(float))}}}};
+        accessor["sparse"] = {{"count", indices.size()},
+                              {"indices",
+                               {{"bufferView", file.add_view(indices.data(), indices.size() * sizeof(std::uint32_t))},
+                                {"componentType", 5125}}},
+                              {"values", {{"bufferView", file.add_view(moved.data(), moved.size() * sizeof(float))}}}};
     file.json["accessors"].push_back(std::move(accessor));
     return static_cast<int>(file.json["accessors"].size()) - 1;
 }
@@ -128,7 +127,8 @@ inline void write_gltf_mesh(const std::filesystem::path& path, const AvatarData&
                          {"translation", {step.x, step.y, step.z}}});
         if (parent >= 0) nodes[static_cast<std::size_t>(parent)]["children"].push_back(j);
         skin_joints.push_back(j);
-        inverse.insert(inverse.end(), {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, float(-at.x), float(-at.y), float(-at.z), 1});
+        inverse.insert(inverse.end(),
+                       {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, float(-at.x), float(-at.y), float(-at.z), 1});
     }
     nodes.push_back({{"name", "avatar"}, {"mesh", 0}, {"skin", 0}});
     file.json["nodes"] = std::move(nodes);

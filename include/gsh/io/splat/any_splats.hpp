@@ -23,7 +23,8 @@ namespace gsh {
 /// Formats of still Gaussians that are read.
 enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
 
-/// The format of a file: from its first bytes, but for .splat, which has no header and is known by its name.
+/// The format of a file: from its first bytes. A .splat file, which has no header, and a damaged one are known by their
+/// names.
 ///
 /// Errors  IoError for a file that cannot be opened or whose format is not known.
 [[nodiscard]] inline SplatFormat recognise_splats(const std::filesystem::path& path) {
@@ -39,7 +40,12 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
         return PlyFile(path).vertices().find("packed_position") ? SplatFormat::compressed_ply : SplatFormat::ply;
     if (begin == "NGSP" || begin.starts_with("\x1f\x8b")) return SplatFormat::spz;
     if (begin == "glTF") return SplatFormat::glb;
-    if (path.extension() == ".splat") return SplatFormat::splat;
+    // The reader of a damaged file's format gives the reason.
+    const std::filesystem::path ending = path.extension();
+    if (ending == ".ply") return SplatFormat::ply;
+    if (ending == ".spz") return SplatFormat::spz;
+    if (ending == ".glb") return SplatFormat::glb;
+    if (ending == ".splat") return SplatFormat::splat;
     throw IoError(path.string() +
                   ": is in no known format of Gaussians; expected .ply, .compressed.ply, .spz, .splat or .glb");
 }
@@ -54,11 +60,16 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
 /// Errors  those of recognise_splats and of the format's reader.
 [[nodiscard]] inline StillSplats load_any_splats(const std::filesystem::path& path) {
     switch (recognise_splats(path)) {
-    case SplatFormat::ply: return read_ply_splats(path);
-    case SplatFormat::compressed_ply: return read_compressed_ply(path);
-    case SplatFormat::spz: return read_spz(path);
-    case SplatFormat::splat: return read_splat(path);
-    case SplatFormat::glb: break;
+    case SplatFormat::ply:
+        return read_ply_splats(path);
+    case SplatFormat::compressed_ply:
+        return read_compressed_ply(path);
+    case SplatFormat::spz:
+        return read_spz(path);
+    case SplatFormat::splat:
+        return read_splat(path);
+    case SplatFormat::glb:
+        break;
     }
     return read_gltf_splats(path);
 }

@@ -45,9 +45,8 @@ namespace detail {
 
 inline constexpr std::size_t ply_chunk_size = 256;
 inline constexpr std::array<const char*, 18> ply_chunk_properties = {
-    "min_x",       "min_y",       "min_z",       "max_x",       "max_y",       "max_z",
-    "min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z",
-    "min_r",       "min_g",       "min_b",       "max_r",       "max_g",       "max_b"};
+    "min_x",       "min_y",       "min_z",       "max_x", "max_y", "max_z", "min_scale_x", "min_scale_y", "min_scale_z",
+    "max_scale_x", "max_scale_y", "max_scale_z", "min_r", "min_g", "min_b", "max_r",       "max_g",       "max_b"};
 
 /// The box of a chunk in one of its three spaces: positions, log-scales, colours.
 struct ChunkBox {
@@ -58,8 +57,7 @@ struct ChunkBox {
     [[nodiscard]] vec3<double> place(const vec3<float>& v) const {
         vec3<double> result(0);
         for (int axis = 0; axis < 3; ++axis)
-            if (high[axis] > low[axis])
-                result[axis] = (double(v[axis]) - low[axis]) / (double(high[axis]) - low[axis]);
+            if (high[axis] > low[axis]) result[axis] = (double(v[axis]) - low[axis]) / (double(high[axis]) - low[axis]);
         return result;
     }
     [[nodiscard]] vec3<float> at(const vec3<double>& place) const {
@@ -151,8 +149,8 @@ inline StillSplats read_compressed_ply(const std::filesystem::path& path) {
         (void)element("sh", count);
     }
     const auto basis = static_cast<std::size_t>(sh_basis_count(degree));
-    const std::vector<PlyProperty> packed = properties(
-        file.vertices(), std::array{"packed_position", "packed_rotation", "packed_scale", "packed_color"});
+    const std::vector<PlyProperty> packed =
+        properties(file.vertices(), std::array{"packed_position", "packed_rotation", "packed_scale", "packed_color"});
     StillSplats splats{GaussianCloud<float>(count, degree), detail::notes_of_comments(file.comments())};
     GaussianCloud<float>& cloud = splats.cloud;
     file.read_rows<std::uint32_t>(file.vertices(), packed, [&](std::size_t i, const std::vector<std::uint32_t>& v) {

@@ -45,8 +45,7 @@ inline void write_gltf_pieces(const std::filesystem::path& path, const MovingPie
     constexpr auto where = "write_gltf_pieces";
     check_value(pieces.begins.size() > 1 && !times.empty(), where, "there must be a piece and a frame");
     check_size(where, "times", times.size(), pieces.poses.size(), "one for each frame");
-    for (std::size_t t = 1; t < times.size(); ++t)
-        check_value(times[t] > times[t - 1], where, "times must ascend");
+    for (std::size_t t = 1; t < times.size(); ++t) check_value(times[t] > times[t - 1], where, "times must ascend");
     GlbWriter file;
     begin_gltf_splats(file, {.filter = filter});
     const GltfSplatArrays arrays(file, pieces.cloud);

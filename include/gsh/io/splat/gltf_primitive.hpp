@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Gaussians as primitives of glTF with the extension KHR_gaussian_splatting: their attributes, written and read.
+/// @file  Gaussians as primitives of glTF (KHR_gaussian_splatting): attributes, written and read.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -72,14 +72,13 @@ public:
         nlohmann::ordered_json attributes;
         for (const Attribute& a : attributes_) {
             const auto width = static_cast<std::size_t>(a.width);
-            attributes[a.name] =
-                file_->add_accessor(a.view, first * width * sizeof(float),
-                                    Span<const float>(a.numbers).subspan(first * width, count * width),
-                                    {.width = a.width, .bounds = a.name == "POSITION"});
+            attributes[a.name] = file_->add_accessor(a.view, first * width * sizeof(float),
+                                                     Span<const float>(a.numbers).subspan(first * width, count * width),
+                                                     {.width = a.width, .bounds = a.name == "POSITION"});
         }
-        attributes["COLOR_0"] = file_->add_accessor(
-            color_view_, 4 * first, Span<const std::uint8_t>(colors_).subspan(4 * first, 4 * count),
-            {.width = 4, .normalized = true});
+        attributes["COLOR_0"] =
+            file_->add_accessor(color_view_, 4 * first, Span<const std::uint8_t>(colors_).subspan(4 * first, 4 * count),
+                                {.width = 4, .normalized = true});
         return {{"mode", 0},
                 {"attributes", std::move(attributes)},
                 {"extensions",
@@ -117,9 +116,9 @@ private:
 inline void begin_gltf_splats(GlbWriter& file, const SplatNotes& notes) {
     file.json["asset"] = {{"version", "2.0"}, {"generator", file_author()}};
     if (notes.filter)
-        file.json["asset"]["extras"] = {{"gsh.filter",
-                                         {{"dilation", notes.filter->dilation},
-                                          {"compensate_opacity", notes.filter->compensate_opacity}}}};
+        file.json["asset"]["extras"] = {
+            {"gsh.filter",
+             {{"dilation", notes.filter->dilation}, {"compensate_opacity", notes.filter->compensate_opacity}}}};
     file.json["extensionsUsed"] = {"KHR_gaussian_splatting"};
     file.json["scene"] = 0;
 }
@@ -169,7 +168,8 @@ inline void begin_gltf_splats(GlbWriter& file, const SplatNotes& notes) {
             check_value(scales[3 * i + k] >= 0, file.name(), "the scale" + at() + " is negative");
             cloud.log_scales[i][static_cast<int>(k)] = std::log(std::max(scales[3 * i + k], 1e-9f));
         }
-        check_value(opacities[i] >= 0 && opacities[i] <= 1, file.name(), "the opacity" + at() + " is not within 0 to 1");
+        check_value(opacities[i] >= 0 && opacities[i] <= 1, file.name(),
+                    "the opacity" + at() + " is not within 0 to 1");
         cloud.opacity_logits[i] = logit(std::clamp(opacities[i], 1e-6f, 1 - 1e-6f));
     }
     const auto basis = static_cast<std::size_t>(sh_basis_count(degree));

@@ -38,11 +38,11 @@ inline void write_gltf_splats(const std::filesystem::path& path, const GaussianC
     file.write(path);
 }
 
-/// Reads all Gaussians that the scene of a GLB file shows, in the world, in the order of its nodes. Other meshes are left
-/// out. With a time in seconds, nodes are where the first animation has them.
+/// Reads all Gaussians that the scene of a GLB file shows, in the world, in the order of its nodes. Other meshes are
+/// left out. With a time in seconds, nodes are where the first animation has them.
 ///
-/// Errors  those of GlbReader, gltf_world_maps and gaussians_of_primitive; IoError for a file without Gaussians, and for
-///         Gaussians in a compression that is another extension.
+/// Errors  those of GlbReader, gltf_world_maps and gaussians_of_primitive; IoError for a file without Gaussians, and
+///         for Gaussians in a compression that is another extension.
 [[nodiscard]] inline StillSplats read_gltf_splats(const std::filesystem::path& path, std::optional<double> time = {}) {
     const GlbReader file(path);
     const auto maps = gltf_world_maps(file, time);
@@ -80,8 +80,10 @@ inline void write_gltf_splats(const std::filesystem::path& path, const GaussianC
     for (Piece& piece : pieces) {
         const mat3<double>& L = piece.map.linear;
         const bool rests = L == mat3<double>(1.0);
-        if (rests) for (vec3<float>& mean : piece.cloud.means) mean += vec3<float>(piece.map.translation);
-        else move_cloud(piece.cloud, piece.map);
+        if (rests)
+            for (vec3<float>& mean : piece.cloud.means) mean += vec3<float>(piece.map.translation);
+        else
+            move_cloud(piece.cloud, piece.map);
         append(all.means, piece.cloud.means);
         append(all.quats, piece.cloud.quats);
         append(all.log_scales, piece.cloud.log_scales);

@@ -25,7 +25,7 @@ namespace gsh {
 /// How a PLY file is written.
 struct PlyOptions {
     int pad_to_degree = 3;                  ///< bands up to it are written as zeros; many viewers demand degree 3
-    std::optional<UpAxis> up = {};          ///< minus_y: turned as most viewers expect it; none: as it is, and not stated
+    std::optional<UpAxis> up = {};          ///< minus_y: turned, as most viewers expect; none: not stated
     std::optional<PixelFilter> filter = {}; ///< stated in the header
 };
 

@@ -39,7 +39,8 @@ struct PlyElement {
     std::uint64_t count = 0;
     std::size_t row_size = 0; ///< bytes; in ASCII files columns
     std::vector<PlyProperty> properties = {};
-    std::string unsupported = {}; ///< the complaint about a property that is not a plain number; such a table is not read
+    std::string unsupported =
+        {}; ///< the complaint about a property that is not a plain number; such a table is not read
 
     [[nodiscard]] const PlyProperty* find(std::string_view property) const {
         for (const auto& candidate : properties)
@@ -96,7 +97,8 @@ public:
                         ascii_ ? columns[wanted[k].offset] : number_at(&rows[i * element.row_size], wanted[k]);
                     if constexpr (std::is_integral_v<T>) { // of 32 bits at most, so a double holds it
                         if (!(value >= 0 && value <= std::numeric_limits<T>::max()))
-                            fail(wanted[k].name + " of row " + std::to_string(begin + i) + " is not an unsigned integer");
+                            fail(wanted[k].name + " of row " + std::to_string(begin + i) +
+                                 " is not an unsigned integer");
                     }
                     values[k] = static_cast<T>(value);
                     if (!std::isfinite(static_cast<double>(values[k])))

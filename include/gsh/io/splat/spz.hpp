@@ -62,8 +62,7 @@ inline void check_spz(const SpzHeader& header, const std::string& name, std::uin
     if (header.version < 1 || header.version > 4)
         fail("has SPZ version " + std::to_string(header.version) + ", expected 1 to 4");
     if (header.sh_degree > 4) fail("has SH of degree " + std::to_string(header.sh_degree) + ", expected 0 to 4");
-    if (header.fractional_bits > 24)
-        fail("has " + std::to_string(header.fractional_bits) + " fractional bits of 24");
+    if (header.fractional_bits > 24) fail("has " + std::to_string(header.fractional_bits) + " fractional bits of 24");
     if (header.count < 1 || header.count > file_size * 1024 / 9)
         fail("claims " + std::to_string(header.count) + " Gaussians in " + std::to_string(file_size) +
              " bytes; it is damaged or made to exhaust memory");
@@ -90,8 +89,7 @@ inline SpzStreams read_spz_zstd(std::string_view bytes, const std::string& name,
     if (bytes.size() < 32) fail("is truncated: " + std::to_string(bytes.size()) + " bytes, expected a header of 32");
     std::memcpy(&header, bytes.data(), sizeof header);
     check_spz(header, name, bytes.size());
-    if (header.version != 4)
-        fail("has SPZ version " + std::to_string(header.version) + " outside of gzip, expected 4");
+    if (header.version != 4) fail("has SPZ version " + std::to_string(header.version) + " outside of gzip, expected 4");
     std::uint32_t table = 0;
     std::memcpy(&table, bytes.data() + 16, 4);
     const auto widths = SpzStreams::widths(4, header.sh_degree);

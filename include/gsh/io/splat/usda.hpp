@@ -120,8 +120,7 @@ inline void UsdaSplats::add(const GaussianCloud<float>& cloud) {
     put(values[extent], low), put(values[extent], high);
     for (const vec3<float>& c : cloud.sh) put(values[coefficients], c);
     if (frames_ == 0) opacities_ = list(alphas, 1);
-    for (int a = 0; a < attribute_count; ++a)
-        store(static_cast<Attribute>(a), values[a], a == orientations ? 4 : 3);
+    for (int a = 0; a < attribute_count; ++a) store(static_cast<Attribute>(a), values[a], a == orientations ? 4 : 3);
     ++frames_;
 }
 

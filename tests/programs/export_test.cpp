@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+/// gsh-export as a user runs it: each format drawn again against the avatar, sequences, moving files, refused input.
+#include "programs/process.hpp"
+#include "programs/small_capture.hpp"
+#include "support/skip.hpp"
+
+#include <gsh/io/file/glb.hpp>
+#include <gsh/io/file/npy.hpp>
+#include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/splat/any_splats.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdlib>
+#include <filesystem>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+#include <vector>
+
+using namespace gsh;
+using test::check_done;
+using test::check_refused;
+using test::Outcome;
+using test::run;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// A lit avatar and its motion of three frames.
+struct ExportedActor {
+    test::Temporary folder;
+    fs::path avatar = folder / "out/avatar.gsh", scene = folder / "out/avatar.ply", dance = test::studio().dance;
+
+    ExportedActor() { check_done(run(test::studio().reconstruct(folder / "out", {"--steps", "20"}))); }
+
+    [[nodiscard]] Outcome make(const fs::path& input, const std::string& to, std::vector<std::string> more = {}) const {
+        std::vector<std::string> words{"gsh-export", input.string(), "--to", (folder / to).string()};
+        words.insert(words.end(), more.begin(), more.end());
+        return run(words);
+    }
+    [[nodiscard]] NpyArray<float> draw(const fs::path& what, std::vector<std::string> more = {}) const {
+        std::vector<std::string> words{"gsh-render",
+                                       what.string(),
+                                       "--camera",
+                                       test::studio().camera.string(),
+                                       "--background",
+                                       "1",
+                                       "1",
+                                       "1",
+                                       "--out",
+                                       (folder / "a.png").string(),
+                                       "--npy",
+                                       (folder / "a.npy").string()};
+        words.insert(words.end(), more.begin(), more.end());
+        check_done(run(words));
+        return read_npy<float>(folder / "a.npy");
+    }
+    /// Decibels between two pictures, with colours up to 1.
+    [[nodiscard]] static double psnr(const NpyArray<float>& a, const NpyArray<float>& b) {
+        REQUIRE(a.size() == b.size());
+        double sum = 0;
+        for (std::size_t i = 0; i < a.size(); ++i) {
+            const double d = std::min(a[i], 1.0f) - std::min(b[i], 1.0f);
+            sum += d * d;
+        }
+        return -10 * std::log10(sum / static_cast<double>(a.size()));
+    }
+};
+const ExportedActor& exported_actor() {
+    static const ExportedActor instance;
+    return instance;
+}
+
+/// Python with a module, or an empty text.
+std::string python_with(const std::string& module) {
+    return std::system(("python3 -c 'import " + module + "' >/dev/null 2>&1").c_str()) == 0 ? "python3" : "";
+}
+
+} // namespace
+
+TEST_CASE("each still format of a posed frame is drawn like the avatar itself") {
+    const ExportedActor& s = exported_actor();
+    const std::vector<std::string> posed{"--poses", s.dance.string(), "--frame", "1"};
+    const auto truth = s.draw(s.avatar, posed);
+    struct Case {
+        const char* file;
+        double least; // decibels
+        std::vector<std::string> more = {};
+    };
+    // SPZ names a filter only roughly, and .splat none; the pictures differ by that.
+    for (const Case& c : {Case{"a.ply", 45},
+                          {"b.ply", 45, {"--up", "y"}},
+                          {"a.glb", 45},
+                          {"a.compressed.ply", 38},
+                          {"a.spz", 30},
+                          {"b.spz", 30, {"--spz", "4"}},
+                          {"c.ply", 30, {"--sh", "0"}}}) {
+        INFO(c.file);
+        std::vector<std::string> words = posed;
+        words.insert(words.end(), c.more.begin(), c.more.end());
+        const Outcome outcome = s.make(s.avatar, c.file, words);
+        check_done(outcome);
+        CHECK(outcome.out.find("1500 Gaussians") != std::string::npos);
+        CHECK(s.psnr(s.draw(s.folder / c.file), truth) > c.least);
+    }
+    // What the pose changes is seen.
+    check_done(s.make(s.avatar, "rest.ply"));
+    CHECK(s.psnr(s.draw(s.folder / "rest.ply"), truth) < 30);
+    CHECK(s.psnr(s.draw(s.folder / "rest.ply"), s.draw(s.avatar)) > 45);
+    // A .splat file says what it loses, and is y down.
+    Outcome outcome = s.make(s.avatar, "a.splat", posed);
+    CHECK(outcome.code == 0);
+    CHECK(outcome.err.find("warning: ") == 0);
+    CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+    const StillSplats splat = load_any_splats(s.folder / "a.splat"), ply = load_any_splats(s.folder / "a.ply");
+    double height_splat = 0, height_ply = 0;
+    for (const auto& mean : splat.cloud.means) height_splat += mean.y;
+    for (const auto& mean : ply.cloud.means) height_ply += mean.y;
+    CHECK(height_splat == doctest::Approx(-height_ply).epsilon(1e-3));
+    // USD text is complete.
+    check_done(s.make(s.avatar, "a.usda", posed));
+    CHECK(read_file(s.folder / "a.usda").ends_with("    }\n}\n"));
+}
+
+TEST_CASE("the PLY that gsh-reconstruct writes is y down for others and upright for gsh") {
+    const ExportedActor& s = exported_actor();
+    const std::string bytes = read_file(s.scene);
+    CHECK(bytes.find("comment gsh.up -y\n") != std::string::npos);
+    CHECK(bytes.find("comment gsh.filter dilation 0.1 compensated\n") != std::string::npos);
+    CHECK(s.psnr(s.draw(s.scene), s.draw(s.avatar)) > 25); // the mean light is not that of the pose
+}
+
+TEST_CASE("scenes are converted, in the frame of their format") {
+    const ExportedActor& s = exported_actor();
+    const auto truth = s.draw(s.scene);
+    for (const char* to : {"s.glb", "s.spz", "s.compressed.ply", "s2.ply"}) {
+        INFO(to);
+        check_done(s.make(s.scene, to));
+        CHECK(s.psnr(s.draw(s.folder / to), truth) > 30);
+    }
+    check_done(s.make(s.folder / "s.glb", "s3.ply"));
+    CHECK(s.psnr(s.draw(s.folder / "s3.ply"), truth) > 60);
+    // A PLY that states nothing is y down by custom: a .glb of it stands upright, a PLY of it is as it was.
+    std::string bytes = read_file(s.scene);
+    bytes.replace(bytes.find("gsh.up"), 6, "xxx.up");
+    write_file(s.folder / "plain.ply", bytes);
+    check_done(s.make(s.folder / "plain.ply", "plain.glb"));
+    CHECK(load_any_splats(s.folder / "plain.glb").cloud.means[0].y ==
+          -load_any_splats(s.folder / "plain.ply").cloud.means[0].y);
+    check_done(s.make(s.scene, "few.ply", {"--largest", "100", "--sh", "1"}));
+    CHECK(load_any_splats(s.folder / "few.ply").cloud.size() == 100);
+    CHECK(load_any_splats(s.folder / "few.ply").cloud.sh_degree == 1);
+}
+
+TEST_CASE("frames become a folder of numbered files, whole or not at all") {
+    const ExportedActor& s = exported_actor();
+    for (const char* ending : {".ply", ".compressed.ply", ".spz", ".splat"}) {
+        INFO(ending);
+        const std::string name = std::string("walk") + ending;
+        const Outcome outcome = s.make(s.avatar, name, {"--poses", s.dance.string(), "--frames", "0:2:2"});
+        CHECK(outcome.code == 0);
+        CHECK(outcome.out.find("2 files") != std::string::npos);
+        CHECK(test::files_below(s.folder / "walk") == 2); // the files of the format before are replaced
+        for (const char* number : {"0000", "0001"})
+            CHECK(fs::exists(s.folder / ("walk/frame_" + std::string(number) + ending)));
+        CHECK(!fs::exists(s.folder / "walk.partial"));
+    }
+    // One order of Gaussians: each moves little from frame to frame.
+    check_done(s.make(s.avatar, "order.compressed.ply", {"--poses", s.dance.string(), "--frames", "0:1"}));
+    const auto first = load_any_splats(s.folder / "order/frame_0000.compressed.ply").cloud,
+               second = load_any_splats(s.folder / "order/frame_0001.compressed.ply").cloud;
+    double far = 0;
+    for (std::size_t i = 0; i < first.size(); ++i) far += length(first.means[i] - second.means[i]) > 0.8f;
+    CHECK(far < 0.01 * static_cast<double>(first.size()));
+
+    write_file(s.folder / "order/notes.txt", "mine");
+    check_refused(s.make(s.avatar, "order.ply", {"--poses", s.dance.string(), "--frames", "0:1"}), "gsh-export",
+                  {"order", "notes.txt"});
+    CHECK(test::files_below(s.folder / "order") == 3);
+    // On a full disk nothing remains.
+    CHECK(run({"gsh-export", s.avatar.string(), "--to", (s.folder / "full.ply").string(), "--poses", s.dance.string(),
+               "--frames", "0:2"},
+              200)
+              .code == 2);
+    CHECK(!fs::exists(s.folder / "full"));
+    CHECK(!fs::exists(s.folder / "full.partial"));
+}
+
+TEST_CASE("a moving .glb shows each frame at its time; a mesh has bones") {
+    const ExportedActor& s = exported_actor();
+    const Motion motion = load_motion(s.dance, test::studio().body);
+    check_done(s.make(s.avatar, "m.glb", {"--poses", s.dance.string(), "--frames", "0:2", "--clusters", "128"}));
+    for (std::size_t f = 0; f < 3; ++f)
+        CHECK(
+            s.psnr(s.draw(s.folder / "m.glb", {"--time", std::to_string(motion.timestamps[f] - motion.timestamps[0])}),
+                   s.draw(s.avatar, {"--poses", s.dance.string(), "--frame", std::to_string(f)})) > 28);
+    check_done(s.make(s.avatar, "mesh.glb", {"--mesh", "--poses", s.dance.string(), "--frames", "0:2"}));
+    const GlbReader file(s.folder / "mesh.glb");
+    CHECK(file.list("skins").size() == 1);
+    CHECK(file.list("animations").size() == 1);
+    CHECK(file.at("meshes", 0)["primitives"][0]["targets"].size() == 10);
+    check_done(s.make(s.avatar, "m.usda", {"--poses", s.dance.string(), "--frames", "0:2"}));
+    CHECK(read_file(s.folder / "m.usda").find("endTimeCode = 2") != std::string::npos);
+}
+
+TEST_CASE("a compact avatar is small and moves like the exact one") {
+    const ExportedActor& s = exported_actor();
+    check_done(s.make(s.avatar, "compact.gsh"));
+    CHECK(fs::file_size(s.folder / "compact.gsh") < fs::file_size(s.avatar) / 2);
+    const std::vector<std::string> posed{"--poses", s.dance.string(), "--frame", "2"};
+    CHECK(s.psnr(s.draw(s.folder / "compact.gsh", posed), s.draw(s.avatar, posed)) > 45);
+    check_done(s.make(s.folder / "compact.gsh", "again.ply", posed));
+}
+
+TEST_CASE("options that do not fit are refused with one line") {
+    const ExportedActor& s = exported_actor();
+    const std::size_t before = test::files_below(s.folder / "");
+    const auto refuse = [&](const fs::path& input, const std::string& to, std::vector<std::string> more,
+                            std::initializer_list<std::string_view> words) {
+        check_refused(s.make(input, to, std::move(more)), "gsh-export", words);
+    };
+    const std::string dance = s.dance.string();
+    refuse(s.avatar, "x.obj", {}, {"x.obj", "unknown ending", ".spz"});
+    refuse(s.folder / "none.gsh", "x.ply", {}, {"none.gsh", "No such file"});
+    refuse(s.folder / "none.ply", "x.glb", {}, {"none.ply", "No such file"});
+    refuse(s.avatar, "x.ply", {"--frame", "1"}, {"--frame", "--poses"});
+    refuse(s.avatar, "x.ply", {"--poses", dance, "--frame", "3"}, {"--frame 3", "3 frames"});
+    refuse(s.avatar, "x.ply", {"--poses", dance, "--frame", "0", "--frames", "0:1"}, {"--frames", "excludes"});
+    for (const char* frames : {"1", "a:b", "0:", "0:1:0", "2:1", "0:3", "0:1:1:1", "-1:2"})
+        refuse(s.avatar, "x.ply", {"--poses", dance, "--frames=" + std::string(frames)}, {"--frames"});
+    refuse(s.avatar, "x.spz", {"--up", "y"}, {"--up", "y up"});
+    refuse(s.avatar, "x.ply", {"--spz", "3"}, {"--spz", ".spz"});
+    refuse(s.avatar, "x.spz", {"--spz", "2"}, {"--spz"});
+    refuse(s.avatar, "x.ply", {"--sh", "4"}, {"--sh"});
+    refuse(s.avatar, "x.ply", {"--largest", "0"}, {"--largest"});
+    refuse(s.avatar, "x.glb", {"--clusters", "9"}, {"--clusters", "--frames"});
+    refuse(s.avatar, "x.ply", {"--mesh"}, {"--mesh", ".glb"});
+    refuse(s.avatar, "x.gsh", {"--poses", dance}, {"no pose"});
+    refuse(s.scene, "x.gsh", {}, {"avatar (.gsh)"});
+    refuse(s.scene, "x.glb", {"--poses", dance}, {"--poses", "avatar"});
+    refuse(s.scene, "x.glb", {"--mesh"}, {"--mesh", "avatar"});
+    refuse(s.scene, "out/avatar.ply", {}, {"input itself"});
+    refuse(s.avatar, "no/such/x.ply", {}, {"x.ply", "No such file"});
+    CHECK(test::files_below(s.folder / "") == before);
+}
+
+TEST_CASE("other libraries read the files, where they are installed") {
+    const ExportedActor& s = exported_actor();
+    const auto check = [&](const char* module, const std::string& program) {
+        const std::string python = python_with(module);
+        if (python.empty()) {
+            test::skip(std::string("there is no python3 with ") + module);
+            return;
+        }
+        write_file(s.folder / "check.py", program);
+        INFO(module);
+        CHECK(std::system((python + " " + (s.folder / "check.py").string()).c_str()) == 0);
+    };
+    const auto path = [&](const char* name) { return "'" + (s.folder / name).string() + "'"; };
+    check_done(s.make(s.avatar, "o.usda"));
+    check("pxr", "from pxr import Usd\np = Usd.Stage.Open(" + path("o.usda") +
+                     ").GetPrimAtPath('/Avatar/Splats')\nassert p.GetTypeName() == 'ParticleField3DGaussianSplat'\n"
+                     "assert len(p.GetAttribute('positions').Get()) == 1500\n");
+    check_done(s.make(s.avatar, "o.glb", {"--mesh"}));
+    check("pygltflib", "import pygltflib\ng = pygltflib.GLTF2().load(" + path("o.glb") +
+                           ")\nassert len(g.skins) == 1\nassert g.accessors[0].type == 'VEC3'\n");
+    check_done(s.make(s.avatar, "o.ply"));
+    check("gsply", "import gsply\nassert len(gsply.plyread(" + path("o.ply") + ").means) == 1500\n");
+}
