@@ -31,9 +31,12 @@ namespace {
 /// A lit avatar and its motion of three frames.
 struct ExportedActor {
     test::Temporary folder;
-    fs::path avatar = folder / "out/avatar.gsh", scene = folder / "out/avatar.ply", dance = test::studio().dance;
+    fs::path avatar = folder / "out/avatar.gsh", scene = folder / "scene.ply", dance = test::studio().dance;
 
-    ExportedActor() { check_done(run(test::studio().reconstruct(folder / "out", {"--steps", "20"}))); }
+    ExportedActor() {
+        check_done(run(test::studio().reconstruct(folder / "out", {"--steps", "20"})));
+        check_done(make(avatar, "scene.ply"));
+    }
 
     [[nodiscard]] Outcome make(const fs::path& input, const std::string& to, std::vector<std::string> more = {}) const {
         std::vector<std::string> words{"gsh-export", input.string(), "--to", (folder / to).string()};
@@ -126,10 +129,11 @@ TEST_CASE("each still format of a posed frame is drawn like the avatar itself") 
 
 TEST_CASE("the PLY that gsh-reconstruct writes is y down for others and upright for gsh") {
     const ExportedActor& s = exported_actor();
-    const std::string bytes = read_file(s.scene);
+    const fs::path scene = s.folder / "out/avatar.ply";
+    const std::string bytes = read_file(scene);
     CHECK(bytes.find("comment gsh.up -y\n") != std::string::npos);
     CHECK(bytes.find("comment gsh.filter dilation 0.1 compensated\n") != std::string::npos);
-    CHECK(s.psnr(s.draw(s.scene), s.draw(s.avatar)) > 25); // the mean light is not that of the pose
+    CHECK(s.psnr(s.draw(scene), s.draw(s.avatar)) > 25); // the mean light is not that of the pose
 }
 
 TEST_CASE("scenes are converted, in the frame of their format") {
@@ -241,7 +245,7 @@ TEST_CASE("options that do not fit are refused with one line") {
     refuse(s.scene, "x.gsh", {}, {"avatar (.gsh)"});
     refuse(s.scene, "x.glb", {"--poses", dance}, {"--poses", "avatar"});
     refuse(s.scene, "x.glb", {"--mesh"}, {"--mesh", "avatar"});
-    refuse(s.scene, "out/avatar.ply", {}, {"input itself"});
+    refuse(s.scene, "scene.ply", {}, {"input itself"});
     refuse(s.avatar, "no/such/x.ply", {}, {"x.ply", "No such file"});
     CHECK(test::files_below(s.folder / "") == before);
 }
