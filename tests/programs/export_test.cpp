@@ -100,7 +100,7 @@ TEST_CASE("each still format of a posed frame is drawn like the avatar itself") 
                           {"a.spz", 30},
                           {"b.spz", 30, {"--spz", "4"}},
                           {"c.ply", 30, {"--sh", "0"}}}) {
-        INFO(c.file);
+        INFO(std::string(c.file));
         std::vector<std::string> words = posed;
         words.insert(words.end(), c.more.begin(), c.more.end());
         const Outcome outcome = s.make(s.avatar, c.file, words);
@@ -140,7 +140,7 @@ TEST_CASE("scenes are converted, in the frame of their format") {
     const ExportedActor& s = exported_actor();
     const auto truth = s.draw(s.scene);
     for (const char* to : {"s.glb", "s.spz", "s.compressed.ply", "s2.ply"}) {
-        INFO(to);
+        INFO(std::string(to));
         check_done(s.make(s.scene, to));
         CHECK(s.psnr(s.draw(s.folder / to), truth) > 30);
     }
@@ -161,7 +161,7 @@ TEST_CASE("scenes are converted, in the frame of their format") {
 TEST_CASE("frames become a folder of numbered files, whole or not at all") {
     const ExportedActor& s = exported_actor();
     for (const char* ending : {".ply", ".compressed.ply", ".spz", ".splat"}) {
-        INFO(ending);
+        INFO(std::string(ending));
         const std::string name = std::string("walk") + ending;
         const Outcome outcome = s.make(s.avatar, name, {"--poses", s.dance.string(), "--frames", "0:2:2"});
         CHECK(outcome.code == 0);
@@ -259,13 +259,14 @@ TEST_CASE("other libraries read the files, where they are installed") {
             return;
         }
         write_file(s.folder / "check.py", program);
-        INFO(module);
+        INFO(std::string(module));
         CHECK(std::system((python + " " + (s.folder / "check.py").string()).c_str()) == 0);
     };
     const auto path = [&](const char* name) { return "'" + (s.folder / name).string() + "'"; };
     check_done(s.make(s.avatar, "o.usda"));
-    check("pxr", "from pxr import Usd\np = Usd.Stage.Open(" + path("o.usda") +
-                     ").GetPrimAtPath('/Avatar/Splats')\nassert p.GetTypeName() == 'ParticleField3DGaussianSplat'\n"
+    check("pxr", "from pxr import Usd\nstage = Usd.Stage.Open(" + path("o.usda") +
+                     ")\np = stage.GetPrimAtPath('/Avatar/Splats')\n"
+                     "assert p.GetTypeName() == 'ParticleField3DGaussianSplat'\n"
                      "assert len(p.GetAttribute('positions').Get()) == 1500\n");
     check_done(s.make(s.avatar, "o.glb", {"--mesh"}));
     check("pygltflib", "import pygltflib\ng = pygltflib.GLTF2().load(" + path("o.glb") +
