@@ -96,16 +96,16 @@ double color_error(const Splats<cpu::Threads>& a, const Splats<cpu::Threads>& b)
     return color_error(a, b, [](std::size_t) { return true; });
 }
 
-constexpr Deformation deformations[] = {Deformation::linear, Deformation::polar, Deformation::dual_quaternion};
-const vec3<float> eye(1, 1.5f, 3);
+constexpr Deformation still_deformations[] = {Deformation::linear, Deformation::polar, Deformation::dual_quaternion};
+const vec3<float> still_eye(1, 1.5f, 3);
 
 } // namespace
 
 TEST_CASE("a still frame has the means, covariances and opacities of the posed avatar, under every deformation") {
-    for (const Deformation deformation : deformations)
+    for (const Deformation deformation : still_deformations)
         for (std::size_t frame = 0; frame < 2; ++frame) {
             StillScene s(1, deformation);
-            const auto posed = s.posed(eye, frame), still = s.as_scene(s.still(frame), eye);
+            const auto posed = s.posed(still_eye, frame), still = s.as_scene(s.still(frame), still_eye);
             for (std::size_t i = 0; i < posed.means.size(); ++i) {
                 CHECK(still.means[i] == posed.means[i]);
                 CHECK(still.opacities[i] == doctest::Approx(posed.opacities[i]));
@@ -119,14 +119,14 @@ TEST_CASE("a still frame has the means, covariances and opacities of the posed a
 }
 
 TEST_CASE("colours turn with the bones, exactly where the deformation is rigid") {
-    for (const Deformation deformation : deformations) {
+    for (const Deformation deformation : still_deformations) {
         StillScene s(3, deformation);
-        const double error = color_error(s.posed(eye), s.as_scene(s.still(), eye));
+        const double error = color_error(s.posed(still_eye), s.as_scene(s.still(), still_eye));
         CHECK(error < (deformation == Deformation::linear ? 5e-3 : 1e-6));
         // Without the rotation of the coefficients the colours would be others.
         auto unturned = s.still();
         unturned.sh = s.avatar.gaussians.sh;
-        CHECK(color_error(s.posed(eye), s.as_scene(unturned, eye)) > 2e-2);
+        CHECK(color_error(s.posed(still_eye), s.as_scene(unturned, still_eye)) > 2e-2);
     }
 }
 
@@ -135,7 +135,7 @@ TEST_CASE("ambient occlusion is merged into the colours of a frame") {
     test::Rng rng(1);
     for (std::size_t i = 0; i < s.avatar.gaussians.size(); ++i)
         s.avatar.ao.push_back(static_cast<float>(rng.uniform(0, 1)));
-    CHECK(color_error(s.posed(eye), s.as_scene(s.still(), eye)) < 1e-6);
+    CHECK(color_error(s.posed(still_eye), s.as_scene(s.still(), still_eye)) < 1e-6);
 }
 
 TEST_CASE("light is merged into the colours of each frame, with its shadows and its gloss") {
@@ -153,14 +153,14 @@ TEST_CASE("light is merged into the colours of each frame, with its shadows and 
         });
     };
     const auto first = s.still(0), second = s.still(1);
-    for (const vec3<float>& center : {eye, vec3<float>(-2, 0, -2)}) {
+    for (const vec3<float>& center : {still_eye, vec3<float>(-2, 0, -2)}) {
         CHECK(visible_error(first, 0, center) < 0.01);
         CHECK(visible_error(second, 1, center) < 0.01);
     }
     auto other_light = second; // the light of another frame is seen to be wrong
     other_light.sh = first.sh;
-    CHECK(visible_error(other_light, 1, eye) > 0.02);
-    CHECK(visible_error(s.still(0, {.sh_degree = 0}), 0, eye) < 0.05);
+    CHECK(visible_error(other_light, 1, still_eye) > 0.02);
+    CHECK(visible_error(s.still(0, {.sh_degree = 0}), 0, still_eye) < 0.05);
 }
 
 TEST_CASE("a lower degree drops bands, and the results do not depend on the number of threads") {

@@ -18,7 +18,7 @@ using namespace gsh;
 
 namespace {
 
-GaussianCloud<double> random_cloud(std::size_t count, int degree, std::uint64_t seed = 1) {
+GaussianCloud<double> cloud_to_edit(std::size_t count, int degree, std::uint64_t seed = 1) {
     test::Rng rng(seed);
     GaussianCloud<double> cloud(count, degree);
     cloud.means = rng.vecs(count);
@@ -32,7 +32,7 @@ GaussianCloud<double> random_cloud(std::size_t count, int degree, std::uint64_t 
 } // namespace
 
 TEST_CASE("reordering moves all attributes of a Gaussian together") {
-    const auto cloud = random_cloud(5, 1);
+    const auto cloud = cloud_to_edit(5, 1);
     const std::vector<std::uint32_t> order{4, 0, 4};
     const auto moved = reordered<double>(cloud, order);
     REQUIRE(moved.size() == 3);
@@ -49,7 +49,7 @@ TEST_CASE("reordering moves all attributes of a Gaussian together") {
 }
 
 TEST_CASE("the most important Gaussians are the large opaque ones, kept in order") {
-    auto cloud = random_cloud(200, 0);
+    auto cloud = cloud_to_edit(200, 0);
     const auto order = importance_order(cloud);
     for (std::size_t i = 1; i < order.size(); ++i)
         CHECK(importance(cloud, order[i - 1]) >= importance(cloud, order[i]));
@@ -67,7 +67,7 @@ TEST_CASE("the most important Gaussians are the large opaque ones, kept in order
 }
 
 TEST_CASE("Morton order is a permutation whose neighbours are near") {
-    const auto cloud = random_cloud(3000, 0);
+    const auto cloud = cloud_to_edit(3000, 0);
     const auto order = morton_order(cloud);
     std::vector<std::uint32_t> sorted = order;
     std::sort(sorted.begin(), sorted.end());
@@ -78,14 +78,14 @@ TEST_CASE("Morton order is a permutation whose neighbours are near") {
         return sum;
     };
     CHECK(way([&](std::size_t i) { return order[i]; }) < 0.2 * way([](std::size_t i) { return i; }));
-    auto point = random_cloud(3, 0); // no extent
+    auto point = cloud_to_edit(3, 0); // no extent
     point.means.assign(3, vec3<double>(1));
     CHECK(morton_order(point) == std::vector<std::uint32_t>{0, 1, 2});
-    CHECK(morton_order(random_cloud(0, 0)).empty());
+    CHECK(morton_order(cloud_to_edit(0, 0)).empty());
 }
 
 TEST_CASE("fewer bands are the first ones") {
-    const auto cloud = random_cloud(4, 3), cut = with_bands_up_to(cloud, 1);
+    const auto cloud = cloud_to_edit(4, 3), cut = with_bands_up_to(cloud, 1);
     CHECK(cut.sh_degree == 1);
     REQUIRE(cut.sh.size() == 16);
     for (std::size_t i = 0; i < 4; ++i)
@@ -94,7 +94,7 @@ TEST_CASE("fewer bands are the first ones") {
 }
 
 TEST_CASE("half a turn about z is a rotation of everything, and twice it is nothing") {
-    const auto cloud = random_cloud(20, 4);
+    const auto cloud = cloud_to_edit(20, 4);
     auto turned = cloud;
     turn_about_z(turned);
     const mat3<double> R({-1, 0, 0}, {0, -1, 0}, {0, 0, 1});

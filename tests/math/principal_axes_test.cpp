@@ -13,7 +13,7 @@ using namespace gsh;
 
 namespace {
 
-mat3<double> scaled(const PrincipalAxes<double>& axes) {
+mat3<double> scaled_axes(const PrincipalAxes<double>& axes) {
     return mat3<double>(axes.R[0] * axes.lengths.x, axes.R[1] * axes.lengths.y, axes.R[2] * axes.lengths.z);
 }
 double largest_entry(const mat3<double>& m) {
@@ -23,7 +23,7 @@ double largest_entry(const mat3<double>& m) {
     return largest;
 }
 void check_axes(const mat3<double>& M, const PrincipalAxes<double>& axes) {
-    const mat3<double> A = scaled(axes), product = M * transpose(M);
+    const mat3<double> A = scaled_axes(axes), product = M * transpose(M);
     CHECK(largest_entry(A * transpose(A) - product) <= 1e-14 * std::max(largest_entry(product), 1e-300));
     CHECK(largest_entry(transpose(axes.R) * axes.R - mat3<double>(1.0)) < 1e-14);
     CHECK(determinant(axes.R) == doctest::Approx(1));

@@ -21,7 +21,7 @@ struct RotatedDegree {
 };
 
 template <int D>
-std::vector<vec3<double>> rotated(const std::vector<vec3<double>>& sh, const mat3<double>& R) {
+std::vector<vec3<double>> rotated_sh(const std::vector<vec3<double>>& sh, const mat3<double>& R) {
     std::vector<vec3<double>> result(sh.size());
     ShRotation<D>::forward(sh.data(), R, result.data());
     return result;
@@ -41,7 +41,7 @@ TEST_CASE_TEMPLATE("a turned function has at a turned direction the value that i
     for (int trial = 0; trial < 20; ++trial) {
         const auto sh = rng.vecs(ShRotation<D::value>::basis_count);
         const mat3<double> R = rotation_from_axis_angle(rng.vec(-3, 3));
-        const auto turned = rotated<D::value>(sh, R);
+        const auto turned = rotated_sh<D::value>(sh, R);
         for (int k = 0; k < 20; ++k) {
             const vec3<double> dir = normalize(rng.vec());
             const vec3<double> before = SHEval<D::value>::forward(sh.data(), dir),
@@ -55,10 +55,10 @@ TEST_CASE("rotations of SH compose, and the identity changes nothing") {
     test::Rng rng(4);
     const auto sh = rng.vecs(25);
     const mat3<double> A = rotation_from_axis_angle(rng.vec(-2, 2)), B = rotation_from_axis_angle(rng.vec(-2, 2));
-    CHECK(largest_difference(rotated<4>(sh, mat3<double>(1.0)), sh) < 1e-14);
-    CHECK(largest_difference(rotated<4>(rotated<4>(sh, B), A), rotated<4>(sh, A * B)) < 1e-13);
+    CHECK(largest_difference(rotated_sh<4>(sh, mat3<double>(1.0)), sh) < 1e-14);
+    CHECK(largest_difference(rotated_sh<4>(rotated_sh<4>(sh, B), A), rotated_sh<4>(sh, A * B)) < 1e-13);
     // A band does not depend on the degree of the others.
-    const auto two = rotated<2>({sh.begin(), sh.begin() + 9}, A), four = rotated<4>(sh, A);
+    const auto two = rotated_sh<2>({sh.begin(), sh.begin() + 9}, A), four = rotated_sh<4>(sh, A);
     CHECK(largest_difference(two, {four.begin(), four.begin() + 9}) < 1e-14);
 }
 
@@ -66,7 +66,7 @@ TEST_CASE("half turns about an axis change the signs that the frames of files ar
     test::Rng rng(5);
     const auto sh = rng.vecs(16);
     const auto signs_of = [&](const mat3<double>& R) {
-        const auto turned = rotated<3>(sh, R);
+        const auto turned = rotated_sh<3>(sh, R);
         std::array<int, 16> signs{};
         for (std::size_t k = 0; k < 16; ++k) {
             signs[k] = length(turned[k] - sh[k]) < 1e-14 ? 1 : length(turned[k] + sh[k]) < 1e-14 ? -1 : 0;
@@ -82,7 +82,7 @@ TEST_CASE("band 1 turns as the vector (-c1, -c-1, c0)") {
     test::Rng rng(6);
     const auto sh = rng.vecs(4);
     const mat3<double> R = rotation_from_axis_angle(rng.vec(-2, 2));
-    const auto turned = rotated<1>(sh, R);
+    const auto turned = rotated_sh<1>(sh, R);
     for (int channel = 0; channel < 3; ++channel) {
         const auto vector = [&](const std::vector<vec3<double>>& c) {
             return vec3<double>(-c[3][channel], -c[1][channel], c[2][channel]);
@@ -99,7 +99,7 @@ TEST_CASE_TEMPLATE("ShRotation::backward is the gradient of forward", D, Rotated
     const auto dL_drotated = rng.vecs(Rotation::basis_count);
     mat3<double> R = rotation_from_axis_angle(rng.vec(-2, 2)), dL_dR(0.0);
     const auto loss = [&] {
-        const auto turned = rotated<D::value>(sh, R);
+        const auto turned = rotated_sh<D::value>(sh, R);
         double sum = 0;
         for (std::size_t k = 0; k < turned.size(); ++k) sum += dot(turned[k], dL_drotated[k]);
         return sum;

@@ -36,7 +36,7 @@ AvatarData tube_avatar(double density = 12) {
     return avatar;
 }
 
-Motion moving(const AvatarData& avatar) {
+Motion mesh_motion(const AvatarData& avatar) {
     test::Rng rng(4);
     Motion motion = rest_motion(avatar.rig);
     motion.pose = rng.vecs(8, -0.5, 0.5);
@@ -82,7 +82,7 @@ TEST_CASE("the mesh lies where the Gaussians are and has their colours") {
 TEST_CASE("bones, skin, expressions and shape of the file pose the mesh as gsh poses the body") {
     const test::Temporary folder;
     const AvatarData avatar = tube_avatar(2);
-    const Motion motion = moving(avatar);
+    const Motion motion = mesh_motion(avatar);
     const std::vector<std::size_t> frames{0, 1};
     write_gltf_mesh(folder / "a.glb", avatar, motion, frames, motion.timestamps);
     const GlbReader file(folder / "a.glb");

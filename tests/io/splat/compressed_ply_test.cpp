@@ -14,7 +14,7 @@ using namespace gsh;
 namespace {
 
 // A chunk spans up to 2 m and 4 units of log-scale; one axis has 10 bits, the others 11.
-constexpr test::SplatTolerance tolerance{
+constexpr test::SplatTolerance compressed_ply_tolerance{
     .mean = 1.01e-3, .log_scale = 2.01e-3, .rotation = 6e-3, .opacity = 2e-3, .dc = 0.0135, .rest = 0.0157};
 
 } // namespace
@@ -25,7 +25,7 @@ TEST_CASE("clouds of degrees 0 to 3 come back within the steps of the format") {
         for (int degree = 0; degree <= (count == 257 ? 3 : 1); ++degree) {
             const auto cloud = test::splat_cloud(count, degree);
             write_compressed_ply(folder / "a.compressed.ply", cloud);
-            test::check_near(read_compressed_ply(folder / "a.compressed.ply").cloud, cloud, tolerance);
+            test::check_near(read_compressed_ply(folder / "a.compressed.ply").cloud, cloud, compressed_ply_tolerance);
         }
 }
 
@@ -67,7 +67,7 @@ TEST_CASE("vertical and filter are stated and heeded") {
     CHECK(splats.notes.up == UpAxis::minus_y);
     REQUIRE(splats.notes.filter.has_value());
     CHECK(splats.notes.filter->dilation == 0.1);
-    test::check_near(splats.cloud, cloud, tolerance);
+    test::check_near(splats.cloud, cloud, compressed_ply_tolerance);
     CHECK_THROWS_AS(write_compressed_ply(folder / "a.ply", test::splat_cloud(2, 4)), ValueError);
     CHECK_THROWS_AS(write_compressed_ply(folder / "a.ply", test::splat_cloud(0, 0)), ValueError);
 }

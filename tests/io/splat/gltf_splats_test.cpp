@@ -12,7 +12,7 @@
 #include <string_view>
 
 using namespace gsh;
-using Json = nlohmann::ordered_json;
+using GltfJson = nlohmann::ordered_json;
 
 namespace {
 
@@ -20,11 +20,11 @@ constexpr test::SplatTolerance glb_tolerance{
     .mean = 0, .log_scale = 2e-6, .rotation = 2e-6, .opacity = 2e-6, .dc = 0, .rest = 0};
 
 /// The JSON of a GLB file, edited, and the file written anew.
-void edit_glb(const std::filesystem::path& path, const std::function<void(Json&)>& edit) {
+void edit_glb(const std::filesystem::path& path, const std::function<void(GltfJson&)>& edit) {
     std::string bytes = read_file(path);
     std::uint32_t size = 0;
     std::memcpy(&size, bytes.data() + 12, 4);
-    Json json = Json::parse(bytes.substr(20, size));
+    GltfJson json = GltfJson::parse(bytes.substr(20, size));
     edit(json);
     std::string text = json.dump();
     text.resize((text.size() + 3) / 4 * 4, ' ');
@@ -82,9 +82,9 @@ TEST_CASE("a node moves its Gaussians, and an animation moves the node") {
     const double half = std::sqrt(0.5);
     const Affine<double> expected(mat3<double>({0, 2, 0}, {-2, 0, 0}, {0, 0, 2}),
                                   {1, 2, 3}); // a quarter about z, twice
-    edit_glb(folder / "a.glb", [&](Json& json) {
+    edit_glb(folder / "a.glb", [&](GltfJson& json) {
         json["nodes"] =
-            Json::parse(R"([{"children": [1], "translation": [1, 2, 3]}, {"children": [2], "scale": [2, 2, 2]},
+            GltfJson::parse(R"([{"children": [1], "translation": [1, 2, 3]}, {"children": [2], "scale": [2, 2, 2]},
                                         {"mesh": 0}])");
         json["nodes"][2]["rotation"] = {0, 0, half, half};
     });
@@ -97,18 +97,18 @@ TEST_CASE("a node moves its Gaussians, and an animation moves the node") {
     GlbWriter writer;
     begin_gltf_splats(writer, {});
     const GltfSplatArrays arrays(writer, cloud);
-    writer.json["scenes"] = Json::parse(R"([{"nodes": [0]}])");
-    writer.json["nodes"] = Json::parse(R"([{"mesh": 0}])");
-    writer.json["meshes"] = Json::array();
-    writer.json["meshes"].push_back({{"primitives", Json::array({arrays.primitive(0, 30)})}});
+    writer.json["scenes"] = GltfJson::parse(R"([{"nodes": [0]}])");
+    writer.json["nodes"] = GltfJson::parse(R"([{"mesh": 0}])");
+    writer.json["meshes"] = GltfJson::array();
+    writer.json["meshes"].push_back({{"primitives", GltfJson::array({arrays.primitive(0, 30)})}});
     const std::vector<float> times{0, 2}, turns{0, 0, 0, 1, 0, 0, 1, 0}, places{0, 0, 0, 2, 4, 6};
     const int input = writer.add(times, {.bounds = true}), rotation = writer.add(turns, {.width = 4}),
               translation = writer.add(places, {.width = 3});
-    Json animation;
+    GltfJson animation;
     animation["samplers"] = {{{"input", input}, {"output", rotation}}, {{"input", input}, {"output", translation}}};
     animation["channels"] = {{{"sampler", 0}, {"target", {{"node", 0}, {"path", "rotation"}}}},
                              {{"sampler", 1}, {"target", {{"node", 0}, {"path", "translation"}}}}};
-    writer.json["animations"] = Json::array({animation});
+    writer.json["animations"] = GltfJson::array({animation});
     writer.write(folder / "b.glb");
     moved = cloud;
     move_cloud(moved, Affine<double>(mat3<double>({0, 1, 0}, {-1, 0, 0}, {0, 0, 1}), {1, 2, 3}));
@@ -121,18 +121,19 @@ TEST_CASE("a node moves its Gaussians, and an animation moves the node") {
     move_cloud(moved, Affine<double>(mat3<double>({-1, 0, 0}, {0, -1, 0}, {0, 0, 1}), {2, 4, 6}));
     test::check_near(read_gltf_splats(folder / "b.glb", 9).cloud, moved, near);
 
-    const auto refuse = [&](const std::function<void(Json&)>& edit, std::initializer_list<std::string_view> words) {
+    const auto refuse = [&](const std::function<void(GltfJson&)>& edit, std::initializer_list<std::string_view> words) {
         std::filesystem::copy_file(folder / "b.glb", folder / "c.glb",
                                    std::filesystem::copy_options::overwrite_existing);
         edit_glb(folder / "c.glb", edit);
         test::check_throws<IoError>([&] { (void)read_gltf_splats(folder / "c.glb", 1); }, words);
     };
-    refuse([](Json& j) { j["animations"][0]["channels"][0]["sampler"] = 2; }, {"c.glb", "channel"});
-    refuse([](Json& j) { j["animations"][0]["channels"][0]["target"]["node"] = 1; }, {"nodes[1] does not exist"});
-    refuse([](Json& j) { j["animations"][0]["samplers"][0]["interpolation"] = "CUBICSPLINE"; }, {"CUBICSPLINE"});
-    refuse([](Json& j) { j["animations"][0]["samplers"][0]["output"] = j["animations"][0]["samplers"][1]["output"]; },
-           {"VEC3", "expected VEC4"});
-    refuse([](Json& j) { j["animations"][0].erase("channels"); }, {"channels"});
+    refuse([](GltfJson& j) { j["animations"][0]["channels"][0]["sampler"] = 2; }, {"c.glb", "channel"});
+    refuse([](GltfJson& j) { j["animations"][0]["channels"][0]["target"]["node"] = 1; }, {"nodes[1] does not exist"});
+    refuse([](GltfJson& j) { j["animations"][0]["samplers"][0]["interpolation"] = "CUBICSPLINE"; }, {"CUBICSPLINE"});
+    refuse(
+        [](GltfJson& j) { j["animations"][0]["samplers"][0]["output"] = j["animations"][0]["samplers"][1]["output"]; },
+        {"VEC3", "expected VEC4"});
+    refuse([](GltfJson& j) { j["animations"][0].erase("channels"); }, {"channels"});
 }
 
 TEST_CASE("damaged .glb files are refused") {
@@ -140,33 +141,33 @@ TEST_CASE("damaged .glb files are refused") {
     const auto path = folder / "a.glb";
     write_gltf_splats(path, test::splat_cloud(40, 1));
     const std::string good = read_file(path);
-    const auto expect = [&](const std::function<void(Json&)>& edit, std::initializer_list<std::string_view> words) {
+    const auto expect = [&](const std::function<void(GltfJson&)>& edit, std::initializer_list<std::string_view> words) {
         write_file(path, good);
         edit_glb(path, edit);
         test::check_throws<Error>([&] { (void)read_gltf_splats(path); }, {path.string()});
         test::check_throws<Error>([&] { (void)read_gltf_splats(path); }, words);
     };
-    expect([](Json& j) { j["nodes"][0]["children"] = {0}; }, {"two parents"});
-    expect([](Json& j) { j["nodes"][0]["mesh"] = 1; }, {"meshes[1] does not exist"});
-    expect([](Json& j) { j["nodes"][0]["rotation"] = {0, 0, 0, 0}; }, {"rotation is 0"});
-    expect([](Json& j) { j["nodes"][0]["scale"] = "large"; }, {"scale", "3 numbers"});
-    expect([](Json& j) { j["scene"] = -1; }, {"scenes[-1]"});
-    expect([](Json& j) { j["nodes"] = 7; }, {"nodes is not a list"});
-    expect([](Json& j) { j["nodes"][0].erase("mesh"); }, {"no Gaussians"});
-    expect([](Json& j) { j["meshes"][0]["primitives"][0].erase("extensions"); }, {"no Gaussians"});
-    expect([](Json& j) { j["meshes"][0]["primitives"][0]["attributes"].erase("KHR_gaussian_splatting:SCALE"); },
+    expect([](GltfJson& j) { j["nodes"][0]["children"] = {0}; }, {"two parents"});
+    expect([](GltfJson& j) { j["nodes"][0]["mesh"] = 1; }, {"meshes[1] does not exist"});
+    expect([](GltfJson& j) { j["nodes"][0]["rotation"] = {0, 0, 0, 0}; }, {"rotation is 0"});
+    expect([](GltfJson& j) { j["nodes"][0]["scale"] = "large"; }, {"scale", "3 numbers"});
+    expect([](GltfJson& j) { j["scene"] = -1; }, {"scenes[-1]"});
+    expect([](GltfJson& j) { j["nodes"] = 7; }, {"nodes is not a list"});
+    expect([](GltfJson& j) { j["nodes"][0].erase("mesh"); }, {"no Gaussians"});
+    expect([](GltfJson& j) { j["meshes"][0]["primitives"][0].erase("extensions"); }, {"no Gaussians"});
+    expect([](GltfJson& j) { j["meshes"][0]["primitives"][0]["attributes"].erase("KHR_gaussian_splatting:SCALE"); },
            {"no KHR_gaussian_splatting:SCALE"});
-    expect([](Json& j) { j["accessors"][0]["count"] = 41; }, {"accessors[0]"});
-    expect([](Json& j) { j["accessors"][0]["count"] = 4000000000u; }, {"elements"});
-    expect([](Json& j) { j["accessors"][0]["count"] = -1; }, {"count is -1"});
-    expect([](Json& j) { j["accessors"][0]["componentType"] = 5124; }, {"5124"});
-    expect([](Json& j) { j["accessors"][0]["sparse"] = Json::object(); }, {"sparse"});
-    expect([](Json& j) { j["accessors"][0]["byteOffset"] = 4; }, {"ends before"});
-    expect([](Json& j) { j["accessors"][1]["type"] = "VEC3"; }, {"VEC3", "expected VEC4"});
-    expect([](Json& j) { j["accessors"][2]["bufferView"] = 99; }, {"bufferViews[99]"});
-    expect([](Json& j) { j["bufferViews"][0]["byteLength"] = 1000000000; }, {"bufferViews[0] ends beyond"});
-    expect([](Json& j) { j["bufferViews"][0]["byteStride"] = 3; }, {"byteStride of 3"});
-    expect([](Json& j) { j["buffers"][0]["uri"] = "other.bin"; }, {"outside of the file"});
+    expect([](GltfJson& j) { j["accessors"][0]["count"] = 41; }, {"accessors[0]"});
+    expect([](GltfJson& j) { j["accessors"][0]["count"] = 4000000000u; }, {"elements"});
+    expect([](GltfJson& j) { j["accessors"][0]["count"] = -1; }, {"count is -1"});
+    expect([](GltfJson& j) { j["accessors"][0]["componentType"] = 5124; }, {"5124"});
+    expect([](GltfJson& j) { j["accessors"][0]["sparse"] = GltfJson::object(); }, {"sparse"});
+    expect([](GltfJson& j) { j["accessors"][0]["byteOffset"] = 4; }, {"ends before"});
+    expect([](GltfJson& j) { j["accessors"][1]["type"] = "VEC3"; }, {"VEC3", "expected VEC4"});
+    expect([](GltfJson& j) { j["accessors"][2]["bufferView"] = 99; }, {"bufferViews[99]"});
+    expect([](GltfJson& j) { j["bufferViews"][0]["byteLength"] = 1000000000; }, {"bufferViews[0] ends beyond"});
+    expect([](GltfJson& j) { j["bufferViews"][0]["byteStride"] = 3; }, {"byteStride of 3"});
+    expect([](GltfJson& j) { j["buffers"][0]["uri"] = "other.bin"; }, {"outside of the file"});
     for (const std::size_t size : {std::size_t(0), std::size_t(19), std::size_t(200), good.size() - 4}) {
         write_file(path, good.substr(0, size));
         test::check_throws<IoError>([&] { (void)read_gltf_splats(path); }, {path.string()});

@@ -28,15 +28,15 @@ std::string inflated(const std::string& bytes, std::size_t size) {
 }
 
 template <class Number>
-void append(std::string& bytes, Number number) {
+void append_spz(std::string& bytes, Number number) {
     bytes.append(reinterpret_cast<const char*>(&number), sizeof number);
 }
 
 /// The header of a gzip file.
 std::string spz_header(std::uint32_t version, std::uint32_t count, int degree, int flags = 0) {
     std::string bytes;
-    append(bytes, std::uint32_t(0x5053474e)), append(bytes, version), append(bytes, count);
-    for (const int byte : {degree, 12, flags, 0}) append(bytes, static_cast<std::uint8_t>(byte));
+    append_spz(bytes, std::uint32_t(0x5053474e)), append_spz(bytes, version), append_spz(bytes, count);
+    for (const int byte : {degree, 12, flags, 0}) append_spz(bytes, static_cast<std::uint8_t>(byte));
     return bytes;
 }
 
@@ -112,12 +112,12 @@ TEST_CASE("versions 1 and 2 are read") {
     for (const std::uint32_t version : {1u, 2u}) {
         std::string bytes = spz_header(version, 1, 0);
         if (version == 1)
-            for (const int half : {0x3C00, 0xB800, 0x0001}) append(bytes, static_cast<std::uint16_t>(half));
+            for (const int half : {0x3C00, 0xB800, 0x0001}) append_spz(bytes, static_cast<std::uint16_t>(half));
         else
             for (const int byte : {0x00, 0x10, 0x00, 0x00, 0xF8, 0xFF, 0x00, 0x00, 0x00})
-                append(bytes, static_cast<std::uint8_t>(byte));
+                append_spz(bytes, static_cast<std::uint8_t>(byte));
         for (const int byte : {255, 0, 128, 255, 96, 96, 96, 255, 128, 0})
-            append(bytes, static_cast<std::uint8_t>(byte));
+            append_spz(bytes, static_cast<std::uint8_t>(byte));
         write_file(folder / "a.spz", gzip(bytes));
         const auto cloud = read_spz(folder / "a.spz").cloud;
         REQUIRE(cloud.size() == 1);
@@ -131,7 +131,7 @@ TEST_CASE("versions 1 and 2 are read") {
         CHECK(cloud.quats[0].w == 0);
     }
     std::string bytes = spz_header(1, 1, 0);
-    for (int k = 0; k < 3; ++k) append(bytes, std::uint16_t(0x7C00)); // infinity
+    for (int k = 0; k < 3; ++k) append_spz(bytes, std::uint16_t(0x7C00)); // infinity
     bytes.append(10, '\x40');
     write_file(folder / "a.spz", gzip(bytes));
     test::check_throws<ValueError>([&] { (void)read_spz(folder / "a.spz"); }, {"position 0", "finite"});
