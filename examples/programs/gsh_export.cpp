@@ -8,6 +8,7 @@
 #include "support/messages.hpp"
 #include "support/program.hpp"
 #include "support/still_writer.hpp"
+#include "view/page_export.hpp"
 
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/io/splat/still_splats.hpp>
@@ -41,8 +42,9 @@ int run_export(const ExportOptions& options) {
     std::error_code ignored;
     check_value(!std::filesystem::equivalent(options.input, options.to, ignored), "--to " + options.to.string(),
                 "is the input itself");
-    const ExportResult result =
-        options.input.extension() == ".gsh" ? export_avatar(options, traits) : export_scene(options, traits);
+    const ExportResult result = traits.format == ExportFormat::html   ? export_page(options)
+                                : options.input.extension() == ".gsh" ? export_avatar(options, traits)
+                                                                      : export_scene(options, traits);
     if (result.files == 0) return exit_interrupted;
     if (!result.losses.empty()) warn(result.path.string() + ": " + result.losses);
     std::printf("%s: %zu Gaussians, %s%.1f MB\n", result.path.c_str(), result.gaussians,
@@ -61,13 +63,15 @@ int main(int argc, char** argv) {
     app.add_option("--to", options.to, "the file to write; its ending chooses the format: " + known_endings())
         ->required();
     app.add_option("--poses", options.poses,
-                   "a motion in any layout that gsh reads (.npz, folder); without it, the canonical pose");
+                   "a motion in any layout that gsh reads (.npz, .bvh, .glb, folder); without it, the canonical pose; "
+                   "for .html several, without any those of the built-in actor")
+        ->allow_extra_args(false);
     app.add_option("--frame", options.frame, "frame of the motion, for a still file (default 0)")
         ->check(not_negative());
     app.add_option(
         "--frames", options.frames,
         "frames A:B of the motion, both included, or every S-th of them, A:B:S: a moving .glb or .usda, or a "
-        "folder of numbered files named as the file without its ending");
+        "folder of numbered files named as the file without its ending; for .html the part that it plays");
     app.add_option("--sh", options.sh_degree, "degree of SH that is kept at most (default: all that the format holds)")
         ->check(CLI::Range(0, 3));
     app.add_option("--up", options.up,

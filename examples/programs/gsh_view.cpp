@@ -72,9 +72,12 @@ int view(ViewOptions& options) {
 int main(int argc, char** argv) {
     ViewOptions options;
     CLI::App app("Shows avatars in a browser.", "gsh-view");
-    app.add_option("scene", options.scenes, "one or several AVATAR.gsh, or one SCENE.ply (standard 3DGS)")->required();
-    app.add_option("--poses", options.poses,
-                   "a motion in any layout that gsh reads (.npz, folder); several for one avatar, or one for each")
+    app.add_option("scene", options.scenes,
+                   "one or several AVATAR.gsh, or one scene (.ply, .compressed.ply, .spz, .splat, .glb)")
+        ->required();
+    app.add_option(
+           "--poses", options.poses,
+           "a motion in any layout that gsh reads (.npz, .bvh, .glb, folder); several for one avatar, or one for each")
         ->allow_extra_args(false);
     app.add_option("--port", options.server.port, "port of the page (default: any free one)")
         ->check(CLI::Range(0, 65535));

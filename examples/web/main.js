@@ -306,6 +306,7 @@ gsh.view = (() => {
     page.resolution = scene.size;
     page.motions = people.map((p) => p.motions.map(({ name }) => ({ name })));
     camera = new gsh.OrbitCamera(scene);
+    camera.up = scene.y_down ? -1 : 1;
     camera.reset(stageAspect());
     await Promise.all(page.motions.map(async (list, p) => (list[0].loaded = await source.motion(p, 0))));
     const still = { frames: 1, seconds: [0], betas: [], frame: () => ({}) }; // of a scene without people

@@ -55,7 +55,7 @@ gsh.Panel = class {
     if (people.length) toggles.push(toggle("Skeleton", page.skeleton, set("skeleton")).row);
     if (people.length) toggles.push(toggle("Follow", page.follow, set("follow")).row);
     if (people.some((p) => p.shadows)) toggles.push(toggle("Shadows", page.shadows, set("shadows")).row);
-    if (!people.length) toggles.push(toggle("y points down", false, actions.turnUpsideDown).row);
+    if (!people.length) toggles.push(toggle("y points down", this.scene.y_down, actions.turnUpsideDown).row);
     const turn = { label: "Turn light", name: "light", least: -180, most: 180, step: 1, digits: 0, value: 0, unit: "°",
                    changed: (x) => set("lightTurn")(x * Math.PI / 180) };
     const light = people.some((p) => p.lit) ? [slider(turn).row] : [];

@@ -58,6 +58,8 @@ gsh.source = (() => {
     async draw() { throw new Error("this page has no server that draws"); }
     /** Reads a dropped file in gsh's own layout (.npz). */
     async read(file, person, scene) {
+      if (!/\.npz$/i.test(file.name))
+        throw new Error(`${file.name}: this page reads motions of gsh (.npz); gsh-motion converts others`);
       return gsh.poseFile.read(await file.arrayBuffer(), file.name, scene.people[person]);
     }
   }

@@ -37,7 +37,7 @@ namespace gsh::test {
 /// A browser with WebGL by software, until the destructor ends it and all of its processes.
 class Browser {
 public:
-    explicit Browser(const std::string& address) {
+    explicit Browser(const std::string& address, const std::vector<std::string>& more = {}) {
         std::vector<std::string> words{chromium().string(),
                                        "--headless=new",
                                        "--no-sandbox",
@@ -49,8 +49,9 @@ public:
                                        "--disable-sync",
                                        "--mute-audio",
                                        "--window-size=900,700",
-                                       "--user-data-dir=" + (profile_ / "profile").string(),
-                                       address};
+                                       "--user-data-dir=" + (profile_ / "profile").string()};
+        words.insert(words.end(), more.begin(), more.end());
+        words.push_back(address);
         std::vector<char*> arguments;
         for (std::string& word : words) arguments.push_back(word.data());
         arguments.push_back(nullptr);

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The page of gsh-view in headless Chromium: sliders, motions, dropped files, and the pictures of both engines.
-#include "programs/browser.hpp"
+#include "io/bvh_files.hpp"
+#include "programs/page_driver.hpp"
 #include "programs/view_scenes.hpp"
 #include "support/skip.hpp"
 
+#include "support/input_files.hpp"
 #include "view/view_package.hpp"
 #include "view/view_page.hpp"
 #include "view/view_painter.hpp"
@@ -15,7 +17,7 @@
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 
-#include <httplib.h>
+#include <nlohmann/json.hpp>
 
 #include <atomic>
 #include <chrono>
@@ -35,38 +37,6 @@ using namespace gsh;
 using namespace gsh::examples;
 
 namespace {
-
-/// What every script begins with: reports, and the gestures of a user.
-constexpr const char* gestures = R"js(
-const send = (name, content) =>
-  fetch("report" + location.search, { method: "POST", body: new Blob([name + "\n", content]) });
-const check = (what, good) => send("check", (good ? "good " : "bad ") + what);
-const view = gsh.view, find = (text) => document.querySelector(text);
-const drag = async (slider, value) => {
-  slider.value = value;
-  slider.dispatchEvent(new Event("input", { bubbles: true }));
-  await view.nextPicture();
-};
-const press = (label) => [...document.querySelectorAll("button")].find((b) => b.textContent === label).click();
-const choose = (select, value) => {
-  select.value = value;
-  select.dispatchEvent(new Event("change", { bubbles: true }));
-};
-const shoot = async (name) => {
-  await view.nextPicture();
-  await send("request " + name, JSON.stringify({ ...view.request(), format: "png" }));
-  await send("picture " + name, await view.picture());
-};
-const until = async (what) => {
-  for (let n = 0; n < 400; ++n) {
-    if (what()) return true;
-    await new Promise((done) => setTimeout(done, 25));
-  }
-  return false;
-};
-window.addEventListener("error", (event) => send("check", "bad script: " + event.message));
-window.addEventListener("unhandledrejection", (event) => send("check", "bad script: " + event.reason));
-)js";
 
 /// The actor: everything that the page does, then the pictures of both engines.
 constexpr const char* drive_actor = R"js(
@@ -110,6 +80,16 @@ constexpr const char* drive_actor = R"js(
   await check("and its shape", Math.abs(view.page.states[0].betas[0] + 1) < 1e-6);
   await view.openFile(new File(["nonsense"], "bad.npz"));
   await check("another file is refused in words", /bad\.npz/.test(find("#message").textContent));
+  const walk = new DataTransfer();
+  walk.items.add(new File([WALK], "walk.bvh"));
+  document.dispatchEvent(new DragEvent("drop", { dataTransfer: walk, bubbles: true, cancelable: true }));
+  await check("a dropped BVH becomes a motion", await until(() => view.player.leader.name === "walk.bvh"));
+  await check("the page says what was guessed", /centimetres/.test(find("#message").textContent));
+  view.pause();
+  await drag(scrub, 2);
+  await check("it changes the pose", view.page.states[0].pose.some((x, k) => Math.abs(x - pose.pose[k]) > 0.1));
+  await send("walked", JSON.stringify(view.page.states[0]));
+  await shoot("server-walk");
   const stage = find("#stage"), yaw = view.camera.yaw, at = (type, x, y) => stage.dispatchEvent(new PointerEvent(type,
     { pointerId: 1, clientX: x, clientY: y, buttons: 1, bubbles: true }));
   stage.setPointerCapture = () => {};
@@ -194,42 +174,12 @@ constexpr const char* drive_carried = R"js(
 })();
 )js";
 
-/// What the scripts reported.
-class Reports {
-public:
-    void take(const std::string& body) {
-        const std::lock_guard lock(mutex_);
-        const std::size_t line = body.find('\n');
-        const std::string name = body.substr(0, line), content = body.substr(line + 1);
-        if (name == "check")
-            checks_.push_back(content);
-        else
-            others_[name] = content;
-        if (name == "done") done_ = true;
-        arrived_.notify_all();
-    }
-    /// Waits for the end of the last script, or for a failure.
-    bool wait(std::chrono::seconds most) {
-        std::unique_lock lock(mutex_);
-        return arrived_.wait_for(lock, most, [&] { return done_; });
-    }
-    [[nodiscard]] const std::vector<std::string>& checks() const { return checks_; }
-    [[nodiscard]] const std::map<std::string, std::string>& others() const { return others_; }
-
-private:
-    std::mutex mutex_;
-    std::condition_variable arrived_;
-    bool done_ = false;
-    std::vector<std::string> checks_;
-    std::map<std::string, std::string> others_;
-};
-
 /// A server of a scene on a thread of its own.
 struct Served {
-    Served(cpu::Threads& backend, ViewScene shown, const std::string& script, Reports& reports)
-        : scene(std::move(shown)),
-          server(backend, scene,
-                 {.script = gestures + script, .report = [&reports](const std::string& body) { reports.take(body); }}),
+    Served(cpu::Threads& backend, ViewScene shown, const std::string& script, test::PageReports& reports)
+        : scene(std::move(shown)), server(backend, scene,
+                                          {.script = test::page_gestures + script,
+                                           .report = [&reports](const std::string& body) { reports.take(body); }}),
           thread([this] { server.run(stop); }) {}
     ~Served() {
         stop = true;
@@ -241,51 +191,9 @@ struct Served {
     std::thread thread;
 };
 
-/// A server of one page that knows nothing of gsh. It counts what else is asked for.
-struct PlainServer {
-    PlainServer(const std::string& page, Reports& reports) {
-        server.Get("/", [&page](const httplib::Request&, httplib::Response& response) {
-            response.set_content(page, "text/html; charset=utf-8");
-        });
-        server.Post("/report",
-                    [&reports](const httplib::Request& request, httplib::Response&) { reports.take(request.body); });
-        server.set_error_handler([this](const httplib::Request&, httplib::Response&) { ++foreign; });
-        server.set_keep_alive_timeout(1);
-        port = server.bind_to_any_port("127.0.0.1");
-        thread = std::thread([this] { server.listen_after_bind(); });
-    }
-    ~PlainServer() {
-        server.stop();
-        thread.join();
-    }
-    httplib::Server server;
-    int port = 0;
-    std::atomic<int> foreign{0};
-    std::thread thread;
-};
-
-std::string filled_in(std::string script, const std::string& word, const std::string& value) {
-    for (std::size_t at = 0; (at = script.find(word, at)) != std::string::npos; at += value.size())
-        script.replace(at, word.size(), value);
-    return script;
-}
-
-/// PSNR in dB of a picture that the page sent, against one of ours; 200 for equal ones.
-double psnr_of(const std::string& png, const Image<float>& truth) {
-    const test::Temporary folder;
-    write_file(folder / "picture.png", png, Sync::none);
-    const PixelImage a = read_image(folder / "picture.png"), b = quantise(truth.view());
-    REQUIRE(a.width == b.width);
-    REQUIRE(a.height == b.height);
-    double sum = 0;
-    for (int y = 0; y < a.height; ++y)
-        for (int x = 0; x < a.width; ++x)
-            for (int c = 0; c < 3; ++c) sum += std::pow((a.pixel(y, x)[c] - b.pixel(y, x)[c]) / 255.0, 2);
-    return sum == 0 ? 200 : -10 * std::log10(sum / (3.0 * a.width * a.height));
-}
-
 /// Compares all pictures whose names begin with `prefix` with gsh's own.
-int check_pictures(const Reports& reports, const std::string& prefix, const ViewScene& scene, cpu::Threads& backend) {
+int check_pictures(const test::PageReports& reports, const std::string& prefix, const ViewScene& scene,
+                   cpu::Threads& backend) {
     ViewPainter painter(backend, scene);
     int count = 0;
     for (const auto& [name, content] : reports.others()) {
@@ -298,7 +206,7 @@ int check_pictures(const Reports& reports, const std::string& prefix, const View
         const Image<float> truth = plain ? test::rendered(scene, request) : painter.draw(request);
         const auto picture = reports.others().find("picture " + which);
         REQUIRE(picture != reports.others().end());
-        const double psnr = psnr_of(picture->second, truth);
+        const double psnr = test::psnr_of(picture->second, truth);
         if (which.find("server") != std::string::npos)
             CHECK(psnr == 200); // the very picture
         else
@@ -317,15 +225,15 @@ TEST_CASE("gsh-view in a browser: both engines draw what gsh-animate renders, an
     }
     const auto& files = test::view_files();
     cpu::Threads backend(2);
-    Reports reports;
+    test::PageReports reports;
 
     // A page without a server of gsh: everything that it asks for is counted.
     const ViewScene carried_scene = test::view_scene({files.actor}, {files.stride});
     const std::string carried = make_page({{"scene", describe(carried_scene)},
                                            {"gaussians", package_scene(carried_scene, Packing::compact)},
                                            {"motion-0-0", package_motion(carried_scene.motions[0][0])}},
-                                          std::string(gestures) + drive_carried);
-    const PlainServer plain(carried, reports);
+                                          std::string(test::page_gestures) + drive_carried);
+    const test::PlainServer plain(carried, reports);
 
     {
         const auto quoted = [](const std::string& text) { return "\"" + text + "\""; };
@@ -333,14 +241,16 @@ TEST_CASE("gsh-view in a browser: both engines draw what gsh-animate renders, an
         std::vector<std::unique_ptr<Served>> servers; // each page leads to the next
         const auto serve = [&](ViewScene scene, const char* script, const std::string& name) {
             servers.push_back(std::make_unique<Served>(
-                backend, std::move(scene), filled_in(filled_in(script, "NEXT", quoted(next)), "NAME", quoted(name)),
-                reports));
+                backend, std::move(scene),
+                test::filled_in(test::filled_in(script, "NEXT", quoted(next)), "NAME", quoted(name)), reports));
             next = servers.back()->server.url();
         };
         serve(test::view_scene({files.cloud}), drive_other, "cloud");
         serve(test::view_scene({files.polar, files.dual}, {files.left, files.right}), drive_other, "tubes");
         next += "&engine=client";
-        serve(test::view_scene({files.actor}, {files.stride, files.reach}), drive_actor, "actor");
+        const std::string walk = test::bvh_text(test::sample_rig({.names = test::Names::cmu, .units = 100}), "ZYX");
+        const std::string drive = test::filled_in(drive_actor, "WALK", nlohmann::json(walk).dump());
+        serve(test::view_scene({files.actor}, {files.stride, files.reach}), drive.c_str(), "actor");
 
         const test::Browser browser(next);
         const bool finished = reports.wait(std::chrono::seconds(150));
@@ -352,9 +262,24 @@ TEST_CASE("gsh-view in a browser: both engines draw what gsh-animate renders, an
         CHECK(reports.checks().size() >= 20);
         CHECK(check_pictures(reports, "cloud", servers[0]->scene, backend) == 3);
         CHECK(check_pictures(reports, "tubes", servers[1]->scene, backend) == 3);
-        CHECK(check_pictures(reports, "server", servers[2]->scene, backend) == 7);
+        CHECK(check_pictures(reports, "server", servers[2]->scene, backend) == 8);
         CHECK(check_pictures(reports, "client", servers[2]->scene, backend) == 5);
         CHECK(check_pictures(reports, "carried", servers[2]->scene, backend) == 2);
+
+        // The dropped BVH is the motion that programs read from the file. The avatar keeps its shape.
+        const RigData& rig = servers[2]->scene.people->data[0].rig;
+        const test::Temporary there;
+        write_file(there / "walk.bvh", walk, Sync::none);
+        std::vector<std::string> guesses;
+        const Motion walked = motion_of_file(there / "walk.bvh", rig.body, guesses, true, rig.betas);
+        const auto state = nlohmann::json::parse(reports.others().at("walked"));
+        CHECK(state["betas"].get<std::vector<double>>() == rig.betas);
+        const auto angles = state["pose"].get<std::vector<double>>();
+        REQUIRE(angles.size() == 3 * rig.joint_count());
+        for (std::size_t j = 0; j < rig.joint_count(); ++j)
+            for (int axis = 0; axis < 3; ++axis)
+                CHECK(angles[3 * j + static_cast<std::size_t>(axis)] ==
+                      doctest::Approx(walked.pose_at(2)[j][axis]).epsilon(1e-6).scale(1));
 
         // The saved pose is a file of gsh's own.
         const auto saved = reports.others().find("npz");

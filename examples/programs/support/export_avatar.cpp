@@ -38,9 +38,7 @@ struct Exported {
     cpu::Threads backend;
 
     Exported(const ExportOptions& o, const FormatTraits& traits)
-        : people({o.input}, o.poses.empty() ? std::vector<std::filesystem::path>() : std::vector{o.poses}, o.light,
-                 !o.as_stored && !o.poses.empty()),
-          backend(o.threads) {
+        : people({o.input}, o.poses, o.light, !o.as_stored && !o.poses.empty()), backend(o.threads) {
         AvatarData& avatar = people.data[0];
         if (o.largest)
             avatar = avatar_part(avatar, Span<const std::uint32_t>(largest_gaussians(avatar.gaussians, *o.largest)));
@@ -48,7 +46,8 @@ struct Exported {
             avatar = avatar_part(avatar, Span<const std::uint32_t>(order));
         const std::size_t count = motion().frame_count(), frame = o.frame.value_or(0);
         check_value(frame < count, "--frame " + std::to_string(frame),
-                    "is beyond " + o.poses.string() + ", which has " + std::to_string(count) + " frames, from 0");
+                    "is beyond " + (o.poses.empty() ? "the pose" : o.poses[0].string()) + ", which has " +
+                        std::to_string(count) + " frames, from 0");
         frames = o.is_moving() ? frames_of(o.frames, count) : std::vector{frame};
     }
 

@@ -15,6 +15,7 @@ constexpr FormatTraits export_formats[] = {
     {.format = ExportFormat::splat, .ending = ".splat", .y_down = true, .is_sequence = true, .sh_degree = 0},
     {.format = ExportFormat::glb, .ending = ".glb"},
     {.format = ExportFormat::usda, .ending = ".usda"},
+    {.format = ExportFormat::html, .ending = ".html", .sh_degree = 4},
     {.format = ExportFormat::gsh, .ending = ".gsh", .sh_degree = 4},
 };
 

@@ -8,7 +8,7 @@
 
 namespace gsh::examples {
 
-enum class ExportFormat { ply, compressed_ply, spz, splat, glb, usda, gsh };
+enum class ExportFormat { ply, compressed_ply, spz, splat, glb, usda, html, gsh };
 
 /// What a format needs to be known for before it is written.
 struct FormatTraits {

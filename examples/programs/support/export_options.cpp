@@ -41,9 +41,14 @@ FormatTraits check_options(const ExportOptions& o) {
         check_value(!given || fits, option, what);
     };
     needs(!o.poses.empty(), avatar, "--poses", "needs an avatar (.gsh)");
+    const bool page = traits->format == ExportFormat::html;
+    needs(o.poses.size() > 1, page, "--poses", "holds several motions; only .html takes more than one");
     needs(o.frame.has_value(), !o.poses.empty(), "--frame", "needs --poses");
     needs(o.is_moving(), !o.poses.empty(), "--frames", "needs --poses");
     needs(o.is_moving(), !o.frame, "--frames", "excludes --frame");
+    needs(o.frame || o.is_moving(), o.poses.size() == 1, "--poses",
+          "holds several motions; --frame and --frames choose from one");
+    needs(page && o.as_stored, false, "--as-stored", "is not for .html, whose page shows bodies upright");
     needs(!o.light.is_default(), avatar, "--light", "needs an avatar (.gsh), as --light-turn and --exposure do");
     needs(o.up.has_value(), traits->y_down, "--up",
           "is for .ply, .compressed.ply and .splat; the other formats have y up");

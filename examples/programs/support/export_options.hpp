@@ -14,7 +14,8 @@
 namespace gsh::examples {
 
 struct ExportOptions {
-    std::filesystem::path input, to, poses;
+    std::filesystem::path input, to;
+    std::vector<std::filesystem::path> poses; ///< several for .html, otherwise one at most
     std::optional<std::size_t> frame;
     std::string frames; ///< A:B or A:B:S; empty for a still file
     std::optional<int> sh_degree;

@@ -38,10 +38,11 @@ void StillWriter::write(const std::filesystem::path& path, const GaussianCloud<f
         file.add(kept);
         return file.commit();
     }
+    case ExportFormat::html:
     case ExportFormat::gsh:
         break;
     }
-    throw ValueError("StillWriter: an avatar is no still file");
+    throw ValueError("StillWriter: pages and avatars are no still files");
 }
 
 std::string StillWriter::losses() const {

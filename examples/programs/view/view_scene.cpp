@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "view/view_scene.hpp"
 
+#include "support/export_avatar.hpp"
 #include "support/input_files.hpp"
 #include "support/light_option.hpp"
 
@@ -10,7 +11,7 @@
 #include <gsh/body/posed_body.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
-#include <gsh/io/splat/ply.hpp>
+#include <gsh/io/splat/still_splats.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 
@@ -208,7 +209,9 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
     if (files.size() == 1 && !is_avatar(files[0])) {
         check_value(poses.empty() && light.is_default(), files[0].string(),
                     "is a static scene; --poses, --light, --light-turn and --exposure need avatars (.gsh)");
-        scene.cloud = read_gaussian_ply(files[0]);
+        StillSplats splats = splats_of_file(files[0]);
+        scene.y_down = !splats.notes.up && is_y_down(files[0]);
+        scene.cloud = std::move(splats.cloud), scene.filter = splats.notes.filter.value_or(PixelFilter{});
         scene.box = box_of(scene.cloud);
         return scene;
     }
@@ -264,6 +267,7 @@ std::string describe(const ViewScene& scene) {
               {"people", Json::array()},
               {"gaussians", scene.cloud.size()},
               {"size", scene.size},
+              {"y_down", scene.y_down},
               {"centre", {scene.box.centre.x, scene.box.centre.y, scene.box.centre.z}},
               {"half", {scene.box.half.x, scene.box.half.y, scene.box.half.z}}};
     for (std::size_t p = 0; scene.people && p < scene.people->data.size(); ++p)

@@ -37,6 +37,7 @@ struct ViewScene {
     std::optional<ShownPeople> people;
     std::vector<std::vector<ViewMotion>> motions; ///< of each person
     GaussianCloud<float> cloud;                   ///< if there are no people
+    bool y_down = false;                          ///< by custom: the scene stands upright when y points down
     PixelFilter filter;
     ViewBox box;
     int size = 540; ///< pixels: the side of the page's picture at first

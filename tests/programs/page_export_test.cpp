@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+/// gsh-export to .html: the written file, opened in headless Chromium from the disk and without a network, draws what
+/// gsh-animate renders. With GSH_PAGE=AVATAR.gsh:MOTION.npz it measures that pair instead of a small avatar.
+#include "programs/page_driver.hpp"
+#include "programs/process.hpp"
+#include "programs/view_scenes.hpp"
+#include "support/skip.hpp"
+
+#include "support/input_files.hpp"
+#include "view/view_painter.hpp"
+#include "view/view_request.hpp"
+#include "view/view_scene.hpp"
+
+#include <gsh/io/splat/ply.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <cstdlib>
+#include <filesystem>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+#include <vector>
+
+using namespace gsh;
+using namespace gsh::examples;
+using test::check_done;
+using test::check_refused;
+using test::run;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// FRAMES are those of the first motion to compare.
+constexpr const char* drive_exported = R"js(
+(async () => {
+  await view.started;
+  await check("the page comes from the disk", location.protocol === "file:");
+  await check("it draws by itself", view.engine.name === "client");
+  await check("it has both motions", view.page.motions[0].map((m) => m.name).join() === "stride.npz,reach.npz" || MEASURES);
+  view.pause();
+  view.setSize([256, 256]);
+  for (const frame of FRAMES) {
+    await drag(find("#scrub"), frame);
+    await shoot("exported-" + frame);
+  }
+  await drag(find('input[data-name="pose-56"]'), 70);
+  await check("the slider turns the joint", Math.abs(view.page.states[0].pose[56] - 70 * Math.PI / 180) < 1e-9);
+  await shoot("exported-slider");
+  const light = find('input[data-name="light"]');
+  if (light) await drag(light, 80);
+  await shoot("exported-turned");
+  const loaded = performance.getEntriesByType("resource").map((entry) => entry.name);
+  await check("nothing else is loaded", loaded.every((name) => name === globalThis.reportTo || /^(blob|data):/.test(name)));
+  await view.openFile(new File(["HIERARCHY"], "walk.bvh"));
+  await check("a BVH is refused in words", /walk\.bvh.*gsh-motion/.test(find("#message").textContent));
+  await send("done", "");
+})();
+)js";
+
+/// The refused exports leave nothing.
+void refuse_page(const fs::path& input, const fs::path& to, std::vector<std::string> more,
+                 std::initializer_list<std::string_view> words) {
+    more.insert(more.begin(), {"gsh-export", input.string(), "--to", to.string()});
+    check_refused(run(more), "gsh-export", words);
+    CHECK(!fs::exists(to));
+}
+
+} // namespace
+
+TEST_CASE("gsh-export writes a page that draws what gsh-animate renders, without a server or a network") {
+    if (test::chromium().empty()) {
+        test::skip("chromium is not installed");
+        return;
+    }
+    const auto& files = test::view_files();
+    const char* const measured = std::getenv("GSH_PAGE");
+    const std::string pair = measured ? measured : "";
+    const fs::path avatar = measured ? fs::path(pair.substr(0, pair.find(':'))) : files.actor;
+    const fs::path motion = measured ? fs::path(pair.substr(pair.find(':') + 1)) : files.stride;
+    const test::Temporary folder;
+    std::vector<std::string> words{"gsh-export", avatar.string(), "--to", (folder / "page.html").string(),
+                                   "--poses",    motion.string()};
+    if (!measured) words.insert(words.end(), {"--poses", files.reach.string()});
+    const test::Outcome outcome = run(words);
+    check_done(outcome);
+    CHECK(outcome.out.find(" Gaussians, ") != std::string::npos);
+    if (measured) MESSAGE(outcome.out);
+
+    test::PageReports reports;
+    const std::string nothing = "no page";
+    const test::PlainServer listener(nothing, reports);
+    const ViewScene scene = test::view_scene({avatar}, {motion});
+    const std::size_t count = scene.motions[0][0].motion.frame_count();
+    const std::vector<std::size_t> frames{0, count / 3, count - 1};
+    std::string script = test::filled_in(drive_exported, "FRAMES", nlohmann::json(frames).dump());
+    script = "globalThis.reportTo = \"http://127.0.0.1:" + std::to_string(listener.port) + "/report\";\n" +
+             test::page_gestures + test::filled_in(script, "MEASURES", measured ? "true" : "false");
+    std::string page = read_file(folder / "page.html");
+    page.insert(page.rfind("</body>"), "<script>\n" + script + "</script>\n");
+    write_file(folder / "driven.html", page, Sync::none);
+
+    // Names of hosts are not resolved; only the test itself is reached, by its number.
+    const test::Browser browser(
+        "file://" + (folder / "driven.html").string(),
+        {"--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1", "--disable-features=LocalNetworkAccessChecks"});
+    if (!reports.wait(std::chrono::seconds(120)))
+        FAIL_CHECK("the script did not end; the browser says: " << browser.log());
+    for (const std::string& check : reports.checks()) {
+        INFO(check);
+        CHECK(check.starts_with("good "));
+    }
+    CHECK(reports.checks().size() == 6);
+    CHECK(listener.foreign == 0);
+
+    cpu::Threads backend(2);
+    ViewPainter painter(backend, scene);
+    std::size_t pictures = 0;
+    for (const auto& [name, content] : reports.others()) {
+        if (!name.starts_with("request ")) continue;
+        const std::string which = name.substr(8);
+        INFO(which);
+        const ViewRequest request = parse_view_request(content, scene.sizes());
+        const auto picture = reports.others().find("picture " + which);
+        REQUIRE(picture != reports.others().end());
+        const bool turned =
+            which == "exported-turned"; // gsh-animate turns the light of a file, the painter that of a page
+        const double psnr =
+            test::psnr_of(picture->second, turned ? painter.draw(request) : test::rendered(scene, request));
+        CHECK(psnr >= 38);
+        if (measured) MESSAGE(which << ": " << psnr << " dB");
+        ++pictures;
+    }
+    CHECK(pictures == frames.size() + 2);
+    // The frames are those of the motion.
+    for (const std::size_t f : frames) {
+        const auto request = nlohmann::json::parse(reports.others().at("request exported-" + std::to_string(f)));
+        const auto pose = request["people"][0]["pose"].get<std::vector<double>>();
+        const auto truth = scene.motions[0][0].motion.pose_at(f);
+        REQUIRE(pose.size() == 3 * truth.size());
+        double apart = 0;
+        for (std::size_t k = 0; k < pose.size(); ++k)
+            apart = std::max(apart, std::abs(pose[k] - truth[k / 3][static_cast<int>(k % 3)]));
+        CHECK(apart < 1e-6);
+    }
+}
+
+TEST_CASE("gsh-export makes pages of scenes and of parts, and refuses what a page cannot have") {
+    const auto& files = test::view_files();
+    const test::Temporary folder;
+    const auto make = [&](const fs::path& input, const char* to, std::vector<std::string> more) {
+        more.insert(more.begin(), {"gsh-export", input.string(), "--to", (folder / to).string()});
+        const test::Outcome outcome = run(more);
+        check_done(outcome);
+        return outcome.out;
+    };
+    CHECK(make(files.cloud, "cloud.html", {}).find(" Gaussians, ") != std::string::npos);
+    CHECK(make(files.actor, "few.html", {"--largest", "100", "--sh", "0"}).find("100 Gaussians, ") !=
+          std::string::npos);
+    CHECK(fs::file_size(folder / "few.html") < fs::file_size(folder / "cloud.html") * 8);
+    CHECK(read_file(folder / "few.html").find("data-carried=\"motion-0-3\"") != std::string::npos); // built in
+    make(files.actor, "one.html", {"--poses", files.stride.string(), "--frame", "2"});
+    make(files.actor, "part.html", {"--poses", files.stride.string(), "--frames", "0:2:2"});
+    const std::string one = read_file(folder / "one.html"), part = read_file(folder / "part.html");
+    CHECK(one.size() < part.size());
+    const fs::path to = folder / "x.html";
+    const std::string stride = files.stride.string();
+    refuse_page(files.actor, folder / "x.ply", {"--poses", stride, "--poses", stride}, {"--poses", "only .html"});
+    refuse_page(files.actor, to, {"--poses", stride, "--poses", stride, "--frame", "0"}, {"--poses", "--frame"});
+    refuse_page(files.actor, to, {"--poses", stride, "--frame", "4"}, {"--frame 4", "4 frames"});
+    refuse_page(files.actor, to, {"--poses", stride, "--frames", "0:4"}, {"--frames 0:4", "4 frames"});
+    refuse_page(files.actor, to, {"--poses", stride, "--as-stored"}, {"--as-stored", ".html"});
+    refuse_page(files.actor, to, {"--clusters", "9"}, {"--clusters", ".glb"});
+    refuse_page(files.cloud, to, {"--poses", stride}, {"--poses", "avatar"});
+    refuse_page(files.stride, to, {}, {"stride.npz", "no known format", ".spz"});
+}
+
+TEST_CASE("gsh-view takes scenes in every format that is read, and refuses others") {
+    const auto& files = test::view_files();
+    const test::Temporary folder;
+    const GaussianCloud<float> truth = test::view_scene({files.cloud}).cloud;
+    for (const char* name : {"s.ply", "s.compressed.ply", "s.spz", "s.splat", "s.glb"}) {
+        INFO(std::string(name));
+        CHECK(run({"gsh-export", files.cloud.string(), "--to", (folder / name).string()}).code == 0);
+        const ViewScene scene = test::view_scene({folder / name});
+        REQUIRE(scene.cloud.size() == truth.size());
+        CHECK(scene.y_down == (std::string_view(name) == "s.splat")); // the others state which way is up
+    }
+    CHECK(test::view_scene({files.cloud}).y_down); // a PLY that states nothing
+    write_gaussian_ply(folder / "stated.ply", truth, {.up = UpAxis::y, .filter = PixelFilter{.dilation = 0.1}});
+    const ViewScene stated = test::view_scene({folder / "stated.ply"});
+    CHECK(!stated.y_down);
+    CHECK(stated.filter.dilation == doctest::Approx(0.1));
+    write_file(folder / "bad.spz", "not a file of Gaussians");
+    check_refused(run({"gsh-view", (folder / "bad.spz").string()}), "gsh-view", {"bad.spz"});
+    check_refused(run({"gsh-view", files.stride.string()}), "gsh-view", {"stride.npz", "no known format", ".glb"});
+    check_refused(run({"gsh-view", (folder / "none.ply").string()}), "gsh-view", {"none.ply", "No such file"});
+}
