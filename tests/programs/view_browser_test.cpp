@@ -230,7 +230,7 @@ TEST_CASE("gsh-view in a browser: both engines draw what gsh-animate renders, an
     // A page without a server of gsh: everything that it asks for is counted.
     const ViewScene carried_scene = test::view_scene({files.actor}, {files.stride});
     const std::string carried = make_page({{"scene", describe(carried_scene)},
-                                           {"gaussians", package_scene(carried_scene, Packing::compact)},
+                                           {"gaussians", package_scene(carried_scene, ScenePacking::compact)},
                                            {"motion-0-0", package_motion(carried_scene.motions[0][0])}},
                                           std::string(test::page_gestures) + drive_carried);
     const test::PlainServer plain(carried, reports);

@@ -145,7 +145,7 @@ TEST_CASE("gsh-view: a package holds its numbers, exactly or in steps") {
 
 TEST_CASE("gsh-view: a compact package is much smaller than an exact one") {
     const ViewScene scene = test::view_scene({test::view_files().actor});
-    const std::size_t exact = package_scene(scene).size(), compact = package_scene(scene, Packing::compact).size();
+    const std::size_t exact = package_scene(scene).size(), compact = package_scene(scene, ScenePacking::compact).size();
     CHECK(3 * compact < exact);
 }
 

@@ -66,7 +66,7 @@ ExportResult export_page(const ExportOptions& o) {
     watch_interrupts();
     keep_gaussians(scene, o);
     if (o.frame || o.is_moving()) keep_frames(scene.motions[0][0].motion, o);
-    std::vector<PageData> data{{"scene", describe(scene)}, {"gaussians", package_scene(scene, Packing::compact)}};
+    std::vector<PageData> data{{"scene", describe(scene)}, {"gaussians", package_scene(scene, ScenePacking::compact)}};
     if (scene.people)
         for (std::size_t m = 0; m < scene.motions[0].size(); ++m)
             data.push_back({"motion-0-" + std::to_string(m), package_motion(scene.motions[0][m])});

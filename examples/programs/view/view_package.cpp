@@ -43,11 +43,11 @@ std::vector<std::uint32_t> flat(const std::vector<std::array<int, 3>>& triangles
 /// Adds arrays under a person's prefix.
 class Writer {
 public:
-    Writer(Package& package, std::string prefix, Packing packing)
+    Writer(Package& package, std::string prefix, ScenePacking packing)
         : package_(&package), prefix_(std::move(prefix)), packing_(packing) {}
 
     void add(const char* name, const std::vector<float>& numbers, std::size_t columns, Stored compact) const {
-        package_->add(prefix_ + name, numbers, columns, packing_ == Packing::exact ? Stored::exact : compact);
+        package_->add(prefix_ + name, numbers, columns, packing_ == ScenePacking::exact ? Stored::exact : compact);
     }
     void add(const char* name, const std::vector<std::uint32_t>& numbers, std::size_t columns) const {
         package_->add_indices(prefix_ + name, numbers, columns);
@@ -60,7 +60,7 @@ public:
 private:
     Package* package_;
     std::string prefix_;
-    Packing packing_;
+    ScenePacking packing_;
 };
 
 void add_cloud(const Writer& to, const GaussianCloud<float>& cloud) {
@@ -134,7 +134,7 @@ const char* name_of(Deformation deformation) {
 
 } // namespace
 
-std::string package_scene(const ViewScene& scene, Packing packing) {
+std::string package_scene(const ViewScene& scene, ScenePacking packing) {
     Package package;
     package.header = {{"dilation", scene.filter.dilation},
                       {"compensate", scene.filter.compensate_opacity},

@@ -16,7 +16,7 @@ struct ViewMotion;
 struct ViewScene;
 
 /// How much a package of a scene keeps.
-enum class Packing {
+enum class ScenePacking {
     exact,   ///< all numbers as floats: for a page on the same machine
     compact, ///< 8 and 16 bits: for files
 };
@@ -27,7 +27,7 @@ enum class Packing {
 /// triangles, barycentric, skin_joints, skin_weights of the Gaussians; rest, shape, expression and pose directions,
 /// vertex_joints and vertex_weights of the body's vertices; with a light also faces, caster_vertices, caster_triangles,
 /// normal_offsets. The header has filter, clamping, deformation, degree and light.
-[[nodiscard]] std::string package_scene(const ViewScene& scene, Packing packing = Packing::exact);
+[[nodiscard]] std::string package_scene(const ViewScene& scene, ScenePacking packing = ScenePacking::exact);
 
 /// A motion for the page: pose [T, 3 J], transl [T, 3], expression [T, E], seconds [T] from 0 on; betas in the header.
 [[nodiscard]] std::string package_motion(const ViewMotion& motion, const std::vector<std::string>& warnings = {});
