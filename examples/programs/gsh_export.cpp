@@ -47,8 +47,8 @@ int run_export(const ExportOptions& options) {
                                                                       : export_scene(options, traits);
     if (result.files == 0) return exit_interrupted;
     if (!result.losses.empty()) warn(result.path.string() + ": " + result.losses);
-    std::printf("%s: %zu Gaussians, %s%.1f MB\n", result.path.c_str(), result.gaussians,
-                result.files > 1 ? (std::to_string(result.files) + " files, ").c_str() : "",
+    std::printf("%s: %s%zu Gaussians, %s%.1f MB\n", result.path.c_str(), options.mesh ? "a mesh of " : "",
+                result.gaussians, result.files > 1 ? (std::to_string(result.files) + " files, ").c_str() : "",
                 static_cast<double>(bytes_of(result.path)) / 1e6);
     return exit_done;
 }
