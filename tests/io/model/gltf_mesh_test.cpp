@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/io/file/gltf_file.hpp>
 #include <gsh/io/file/gltf_nodes.hpp>
+#include <gsh/io/file/gltf_numbers.hpp>
 #include <gsh/io/model/gltf_mesh.hpp>
 
+#include "io/glb_json.hpp"
 #include "io/temporary.hpp"
 #include "support/bodies.hpp"
 
@@ -85,25 +88,30 @@ TEST_CASE("bones, skin, expressions and shape of the file pose the mesh as gsh p
     const Motion motion = mesh_motion(avatar);
     const std::vector<std::size_t> frames{0, 1};
     write_gltf_mesh(folder / "a.glb", avatar, motion, frames, motion.timestamps);
-    const GlbReader file(folder / "a.glb");
-    const auto& primitive = file.at("meshes", 0)["primitives"][0];
-    const auto& attributes = primitive["attributes"];
-    const std::size_t V = file.count(attributes["POSITION"]), J = avatar.rig.joint_count();
+    const detail::GltfFile file(folder / "a.glb", detail::GltfParts::meshes);
+    const detail::GltfNodes nodes(file);
+    detail::GltfNumbers numbers(file);
+    const auto& attributes = file.model().meshes.at(0).primitives.at(0).attributes;
+    const auto positions = numbers.read(attributes.at("POSITION"), 3, "positions"),
+               joints = numbers.read(attributes.at("JOINTS_0"), 4, "joints"),
+               weights = numbers.read(attributes.at("WEIGHTS_0"), 4, "weights"),
+               inverse = numbers.read(file.model().skins.at(0).inverseBindMatrices, 16, "inverse");
+    const std::size_t V = positions.size() / 3, J = avatar.rig.joint_count();
     REQUIRE(V == avatar.rig.body.vertex_count());
-    const auto positions = file.floats(attributes["POSITION"], 3), joints = file.floats(attributes["JOINTS_0"], 4),
-               weights = file.floats(attributes["WEIGHTS_0"], 4),
-               inverse = file.floats(file.at("skins", 0)["inverseBindMatrices"], 16);
-    REQUIRE(primitive["targets"].size() == 2);
-    const auto& first = file.at("accessors", primitive["targets"][0]["POSITION"]);
+    const auto json = test::json_of_glb(folder / "a.glb");
+    const auto& targets = json["meshes"][0]["primitives"][0]["targets"];
+    REQUIRE(targets.size() == 2);
+    const auto& first = json["accessors"][targets[0]["POSITION"].get<std::size_t>()];
     CHECK(first.contains("sparse"));
     CHECK(first["sparse"]["count"] == 20);
-    const auto second = file.floats(primitive["targets"][1]["POSITION"], 3);
-    CHECK(file.json()["extensionsUsed"][0] == "KHR_materials_unlit");
+    const auto second = numbers.read(targets[1]["POSITION"].get<int>(), 3, "second");
+    CHECK(json["extensionsUsed"][0] == "KHR_materials_unlit");
+    const auto channels = nodes.channels(file.model().animations.at(0), numbers, "motion");
 
     const ColoredMesh mesh = colored_mesh(avatar, motion.betas);
     const auto plain = shaped_vertices(avatar.rig.body, motion.betas);
     for (std::size_t f = 0; f < 2; ++f) {
-        const auto maps = gltf_world_maps(file, motion.timestamps[f]);
+        const auto maps = nodes.world_maps(channels, motion.timestamps[f]);
         // The body, displaced like the mesh, by gsh's own skinning.
         BodyModel displaced = avatar.rig.body;
         for (std::size_t v = 0; v < V; ++v) displaced.v_template[v] += mesh.vertices[v] - plain[v];
@@ -128,6 +136,6 @@ TEST_CASE("bones, skin, expressions and shape of the file pose the mesh as gsh p
     }
     // Without frames it rests.
     write_gltf_mesh(folder / "b.glb", avatar, rest_motion(avatar.rig), {}, {});
-    CHECK(GlbReader(folder / "b.glb").list("animations").empty());
+    CHECK(!test::json_of_glb(folder / "b.glb").contains("animations"));
     CHECK_THROWS_AS(write_gltf_mesh(folder / "c.glb", avatar, motion, frames, {}), ShapeError);
 }

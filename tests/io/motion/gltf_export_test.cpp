@@ -75,7 +75,7 @@ TEST_CASE("the file is plain glTF: chunks, nodes, a skin, bounds of the times") 
     CHECK(number(8) == bytes.size());
     CHECK(number(12) % 4 == 0);
     const auto json = nlohmann::json::parse(bytes.substr(20, number(12)));
-    CHECK(json["asset"]["generator"] == "gsh");
+    CHECK(json["asset"]["generator"] == file_author());
     CHECK(json["nodes"].size() == 55);
     CHECK(json["nodes"][0]["name"] == "pelvis");
     CHECK(json["skins"][0]["joints"].size() == 55);

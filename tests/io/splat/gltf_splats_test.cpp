@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/splat/gltf_splats.hpp>
 
+#include "io/damage.hpp"
+#include "io/glb_json.hpp"
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
 
-#include <cstring>
 #include <functional>
 #include <initializer_list>
 #include <numbers>
@@ -21,19 +22,9 @@ constexpr test::SplatTolerance glb_tolerance{
 
 /// The JSON of a GLB file, edited, and the file written anew.
 void edit_glb(const std::filesystem::path& path, const std::function<void(GltfJson&)>& edit) {
-    std::string bytes = read_file(path);
-    std::uint32_t size = 0;
-    std::memcpy(&size, bytes.data() + 12, 4);
-    GltfJson json = GltfJson::parse(bytes.substr(20, size));
+    GltfJson json = test::json_of_glb(path);
     edit(json);
-    std::string text = json.dump();
-    text.resize((text.size() + 3) / 4 * 4, ' ');
-    bytes = bytes.substr(0, 20) + text + bytes.substr(20 + size);
-    size = static_cast<std::uint32_t>(text.size());
-    std::memcpy(bytes.data() + 12, &size, 4);
-    size = static_cast<std::uint32_t>(bytes.size());
-    std::memcpy(bytes.data() + 8, &size, 4);
-    write_file(path, bytes);
+    test::replace_json_of_glb(path, json);
 }
 
 } // namespace
@@ -62,17 +53,17 @@ TEST_CASE("the document is what the extension asks for") {
     const std::string bytes = read_file(folder / "a.glb");
     CHECK(bytes.starts_with("glTF"));
     CHECK(bytes.size() % 4 == 0);
-    const GlbReader file(folder / "a.glb");
-    const auto& primitive = file.at("meshes", 0)["primitives"][0];
+    const GltfJson json = test::json_of_glb(folder / "a.glb");
+    const auto& primitive = json["meshes"][0]["primitives"][0];
     CHECK(primitive["mode"] == 0);
     CHECK(primitive["extensions"]["KHR_gaussian_splatting"]["kernel"] == "ellipse");
-    CHECK(file.json()["extensionsUsed"][0] == "KHR_gaussian_splatting");
-    CHECK(file.json()["asset"]["generator"] == file_author());
-    const auto& position = file.at("accessors", primitive["attributes"]["POSITION"]);
+    CHECK(json["extensionsUsed"][0] == "KHR_gaussian_splatting");
+    CHECK(json["asset"]["generator"] == file_author());
+    const auto& position = json["accessors"][primitive["attributes"]["POSITION"].get<std::size_t>()];
     CHECK(position["min"].size() == 3);
     CHECK(position["max"].size() == 3);
     CHECK(primitive["attributes"].size() == 4 + 4 + 1);
-    for (const auto& view : file.list("bufferViews")) CHECK(view["byteOffset"].get<int>() % 4 == 0);
+    for (const auto& view : json["bufferViews"]) CHECK(view["byteOffset"].get<int>() % 4 == 0);
 }
 
 TEST_CASE("a node moves its Gaussians, and an animation moves the node") {
@@ -104,11 +95,8 @@ TEST_CASE("a node moves its Gaussians, and an animation moves the node") {
     const std::vector<float> times{0, 2}, turns{0, 0, 0, 1, 0, 0, 1, 0}, places{0, 0, 0, 2, 4, 6};
     const int input = writer.add(times, {.bounds = true}), rotation = writer.add(turns, {.width = 4}),
               translation = writer.add(places, {.width = 3});
-    GltfJson animation;
-    animation["samplers"] = {{{"input", input}, {"output", rotation}}, {{"input", input}, {"output", translation}}};
-    animation["channels"] = {{{"sampler", 0}, {"target", {{"node", 0}, {"path", "rotation"}}}},
-                             {{"sampler", 1}, {"target", {{"node", 0}, {"path", "translation"}}}}};
-    writer.json["animations"] = GltfJson::array({animation});
+    writer.animate(0, "rotation", input, rotation);
+    writer.animate(0, "translation", input, translation);
     writer.write(folder / "b.glb");
     moved = cloud;
     move_cloud(moved, Affine<double>(mat3<double>({0, 1, 0}, {-1, 0, 0}, {0, 0, 1}), {1, 2, 3}));
@@ -127,13 +115,16 @@ TEST_CASE("a node moves its Gaussians, and an animation moves the node") {
         edit_glb(folder / "c.glb", edit);
         test::check_throws<IoError>([&] { (void)read_gltf_splats(folder / "c.glb", 1); }, words);
     };
-    refuse([](GltfJson& j) { j["animations"][0]["channels"][0]["sampler"] = 2; }, {"c.glb", "channel"});
-    refuse([](GltfJson& j) { j["animations"][0]["channels"][0]["target"]["node"] = 1; }, {"nodes[1] does not exist"});
-    refuse([](GltfJson& j) { j["animations"][0]["samplers"][0]["interpolation"] = "CUBICSPLINE"; }, {"CUBICSPLINE"});
+    refuse([](GltfJson& j) { j["animations"][0]["channels"][0]["sampler"] = 2; }, {"c.glb", "sampler is 2"});
+    refuse([](GltfJson& j) { j["animations"][0]["channels"][0]["target"]["node"] = 1; }, {"node is 1"});
+    refuse([](GltfJson& j) { j["animations"][0]["samplers"][0]["interpolation"] = "SPHERE"; }, {"SPHERE"});
+    refuse([](GltfJson& j) { j["animations"][0]["samplers"][0]["interpolation"] = "CUBICSPLINE"; },
+           {"2 times, but 8 numbers of output, expected 24"});
     refuse(
         [](GltfJson& j) { j["animations"][0]["samplers"][0]["output"] = j["animations"][0]["samplers"][1]["output"]; },
-        {"VEC3", "expected VEC4"});
-    refuse([](GltfJson& j) { j["animations"][0].erase("channels"); }, {"channels"});
+        {"does not have 4 numbers"});
+    refuse([](GltfJson& j) { j["animations"][0].erase("channels"); }, {"no channels"});
+    refuse([](GltfJson& j) { j["nodes"][0]["matrix"] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}; }, {"matrix"});
 }
 
 TEST_CASE("damaged .glb files are refused") {
@@ -147,27 +138,44 @@ TEST_CASE("damaged .glb files are refused") {
         test::check_throws<Error>([&] { (void)read_gltf_splats(path); }, {path.string()});
         test::check_throws<Error>([&] { (void)read_gltf_splats(path); }, words);
     };
-    expect([](GltfJson& j) { j["nodes"][0]["children"] = {0}; }, {"two parents"});
-    expect([](GltfJson& j) { j["nodes"][0]["mesh"] = 1; }, {"meshes[1] does not exist"});
+    expect([](GltfJson& j) { j["nodes"][0]["children"] = {0}; }, {"cycle"});
+    expect([](GltfJson& j) { j["nodes"][0]["mesh"] = 1; }, {"node 0: mesh is 1"});
     expect([](GltfJson& j) { j["nodes"][0]["rotation"] = {0, 0, 0, 0}; }, {"rotation is 0"});
-    expect([](GltfJson& j) { j["nodes"][0]["scale"] = "large"; }, {"scale", "3 numbers"});
-    expect([](GltfJson& j) { j["scene"] = -1; }, {"scenes[-1]"});
-    expect([](GltfJson& j) { j["nodes"] = 7; }, {"nodes is not a list"});
+    expect([](GltfJson& j) { j["nodes"][0]["scale"] = "large"; }, {"scale of a node is not a list of numbers"});
+    expect([](GltfJson& j) { j["scene"] = 5; }, {"scene is 5"});
+    expect([](GltfJson& j) { j["scenes"][0]["nodes"] = {3}; }, {"a node of scene 0 is 3"});
+    expect([](GltfJson& j) { j["meshes"] = 7; }, {"meshes is number"});
+    expect([](GltfJson& j) { j["meshes"][0]["primitives"] = {1}; }, {"primitives is number"});
+    expect([](GltfJson& j) { j["meshes"][0].erase("primitives"); }, {"no primitives"});
+    expect([](GltfJson& j) { j["meshes"][0]["primitives"][0].erase("attributes"); }, {"attributes"});
+    expect([](GltfJson& j) { j["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = "0"; }, {"attributes"});
+    expect(
+        [](GltfJson& j) {
+            j["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"]["extensions"] = {
+                {"KHR_spz", {{"bufferView", 0}}}};
+        },
+        {"compressed Gaussians"});
+    expect([](GltfJson& j) { j["nodes"] = 7; }, {"nodes is number"});
     expect([](GltfJson& j) { j["nodes"][0].erase("mesh"); }, {"no Gaussians"});
     expect([](GltfJson& j) { j["meshes"][0]["primitives"][0].erase("extensions"); }, {"no Gaussians"});
     expect([](GltfJson& j) { j["meshes"][0]["primitives"][0]["attributes"].erase("KHR_gaussian_splatting:SCALE"); },
            {"no KHR_gaussian_splatting:SCALE"});
-    expect([](GltfJson& j) { j["accessors"][0]["count"] = 41; }, {"accessors[0]"});
+    expect([](GltfJson& j) { j["accessors"][0]["count"] = 41; }, {"accessor 0", "41 elements"});
     expect([](GltfJson& j) { j["accessors"][0]["count"] = 4000000000u; }, {"elements"});
-    expect([](GltfJson& j) { j["accessors"][0]["count"] = -1; }, {"count is -1"});
-    expect([](GltfJson& j) { j["accessors"][0]["componentType"] = 5124; }, {"5124"});
-    expect([](GltfJson& j) { j["accessors"][0]["sparse"] = GltfJson::object(); }, {"sparse"});
-    expect([](GltfJson& j) { j["accessors"][0]["byteOffset"] = 4; }, {"ends before"});
-    expect([](GltfJson& j) { j["accessors"][1]["type"] = "VEC3"; }, {"VEC3", "expected VEC4"});
-    expect([](GltfJson& j) { j["accessors"][2]["bufferView"] = 99; }, {"bufferViews[99]"});
-    expect([](GltfJson& j) { j["bufferViews"][0]["byteLength"] = 1000000000; }, {"bufferViews[0] ends beyond"});
-    expect([](GltfJson& j) { j["bufferViews"][0]["byteStride"] = 3; }, {"byteStride of 3"});
-    expect([](GltfJson& j) { j["buffers"][0]["uri"] = "other.bin"; }, {"outside of the file"});
+    expect([](GltfJson& j) { j["accessors"][0]["count"] = -1; }, {"count"});
+    expect([](GltfJson& j) { j["accessors"][0]["componentType"] = 5124; }, {"neither of floats"});
+    expect(
+        [](GltfJson& j) {
+            j["accessors"][0]["sparse"] = GltfJson::parse(
+                R"({"count": 1, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}})");
+        },
+        {"is sparse"});
+    expect([](GltfJson& j) { j["accessors"][0]["byteOffset"] = 4; }, {"beyond its buffer"});
+    expect([](GltfJson& j) { j["accessors"][1]["type"] = "VEC3"; }, {"accessor 1 does not have 4 numbers"});
+    expect([](GltfJson& j) { j["accessors"][2]["bufferView"] = 99; }, {"bufferView is 99"});
+    expect([](GltfJson& j) { j["bufferViews"][0]["byteLength"] = 1000000000; }, {"accessor 0", "beyond its buffer"});
+    expect([](GltfJson& j) { j["bufferViews"][0]["byteStride"] = 3; }, {"byteStride"});
+    expect([](GltfJson& j) { j["buffers"][0]["uri"] = "other.bin"; }, {"other.bin", "cannot be read"});
     for (const std::size_t size : {std::size_t(0), std::size_t(19), std::size_t(200), good.size() - 4}) {
         write_file(path, good.substr(0, size));
         test::check_throws<IoError>([&] { (void)read_gltf_splats(path); }, {path.string()});
@@ -179,5 +187,12 @@ TEST_CASE("damaged .glb files are refused") {
     bytes = good;
     bytes[30] = '\x01';
     write_file(path, bytes);
-    test::check_throws<IoError>([&] { (void)read_gltf_splats(path); }, {"damaged JSON"});
+    test::check_throws<IoError>([&] { (void)read_gltf_splats(path); }, {"not glTF"});
+}
+
+TEST_CASE("a file of Gaussians that is cut or changed anywhere is read or refused, never anything else") {
+    const test::Temporary folder;
+    write_gltf_splats(folder / "good.glb", test::splat_cloud(3, 1), PixelFilter{0.1, true});
+    CHECK(test::read_damaged(read_file(folder / "good.glb"), folder / "fuzz.glb", 97, 2000,
+                             [](const auto& path) { (void)read_gltf_splats(path, 0.5); }) > 1000);
 }

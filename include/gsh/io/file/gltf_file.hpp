@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/gltf_json.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
 #include <nlohmann/json.hpp>
@@ -20,24 +21,32 @@
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 namespace gsh::detail {
 
-/// Nodes, skins, animations and their numbers. Meshes, materials and images are left out before tinygltf sees the file,
-/// so it opens no image. A buffer's URI must lead to a file in the folder of the glTF file, or below; its size must be
+/// What is read of a glTF file.
+enum class GltfParts {
+    nodes,  ///< nodes, skins, animations
+    meshes, ///< also the attributes of meshes, and their extension KHR_gaussian_splatting
+};
+
+/// The model of a file. Materials, images and all that is not asked for are left out before tinygltf sees the file, so
+/// it opens no image. A buffer's URI must lead to a file in the folder of the glTF file, or below; its size must be
 /// what the JSON states before it is read.
 ///
 /// Errors  IoError naming the file: a truncated or invalid container, JSON nested deeper than 256 levels, a required
 ///         compression, too many elements, a buffer that is short or outside of the folder.
 class GltfFile {
 public:
-    explicit GltfFile(const std::filesystem::path& path);
+    explicit GltfFile(const std::filesystem::path& path, GltfParts parts = GltfParts::nodes);
 
     [[nodiscard]] const tinygltf::Model& model() const { return model_; }
-    /// The object `extensions` of the whole file, {} if there is none.
+    /// The objects `extensions` of the whole file and `extras` of its asset; {} if there are none.
     [[nodiscard]] const nlohmann::json& extensions() const { return extensions_; }
+    [[nodiscard]] const nlohmann::json& asset_extras() const { return asset_extras_; }
     [[nodiscard]] const std::string& name() const { return name_; }
 
     /// Throws IoError unless 0 <= index < count: "FILE: WHAT is 7, expected an index below 3".
@@ -49,74 +58,67 @@ private:
     std::string name_;
     std::filesystem::path folder_;
     tinygltf::Model model_;
-    nlohmann::json extensions_;
+    nlohmann::json extensions_ = nlohmann::json::object(), asset_extras_ = nlohmann::json::object();
     std::map<std::string, std::size_t> allowed_; ///< files that buffers may be read from, with their sizes
 
-    static constexpr std::size_t json_limit = std::size_t(1) << 26, buffer_limit = std::size_t(1) << 30;
+    static constexpr std::size_t json_limit = std::size_t(1) << 26, glb_limit = 0xFFFFFFFF;
+    std::size_t buffer_limit_; ///< bytes of the file, and of all buffers together
 
-    void check_depth(std::string_view json) const;
-    nlohmann::json reduced_json(std::string_view text, std::size_t chunk_bytes);
+    nlohmann::json reduced_json(std::string_view text, std::size_t chunk_bytes, GltfParts parts);
     void check_counts(const nlohmann::json& json) const;
     void check_buffers(nlohmann::json& json, std::size_t chunk_bytes);
     std::size_t external_size(const std::string& uri, const std::string& what);
-    void parse(const std::string& json, std::string_view chunk, bool binary);
+    void parse(const std::string& bytes, bool binary);
 };
-
-/// A URI's text with %20 and other escapes resolved.
-[[nodiscard]] inline std::string decoded_uri(std::string_view uri) {
-    const auto digit = [](char c) {
-        return c >= '0' && c <= '9'   ? c - '0'
-               : c >= 'a' && c <= 'f' ? c - 'a' + 10
-               : c >= 'A' && c <= 'F' ? c - 'A' + 10
-                                      : -1;
-    };
-    std::string text;
-    for (std::size_t i = 0; i < uri.size(); ++i)
-        if (uri[i] == '%' && i + 2 < uri.size() && digit(uri[i + 1]) >= 0 && digit(uri[i + 2]) >= 0) {
-            text.push_back(static_cast<char>(16 * digit(uri[i + 1]) + digit(uri[i + 2])));
-            i += 2;
-        } else {
-            text.push_back(uri[i]);
-        }
-    return text;
-}
 
 // -------------------------------------------------------------------------------------------------------------
 
-inline GltfFile::GltfFile(const std::filesystem::path& path) : name_(path.string()) {
+inline GltfFile::GltfFile(const std::filesystem::path& path, GltfParts parts)
+    : name_(path.string()), buffer_limit_(parts == GltfParts::meshes ? glb_limit : std::size_t(1) << 30) {
     std::error_code error;
     folder_ = std::filesystem::weakly_canonical(path.has_parent_path() ? path.parent_path() : ".", error);
-    const std::string bytes = read_file(path);
-    std::string_view json = bytes, chunk;
-    const bool binary = json.starts_with("glTF");
-    if (binary) {
-        const auto number = [&](std::size_t at) {
-            std::uint32_t value = 0;
-            std::memcpy(&value, bytes.data() + at, 4); // little-endian, as every machine that gsh runs on
-            return static_cast<std::size_t>(value);
-        };
-        if (bytes.size() < 20) fail("ends within the header of a GLB file");
-        if (number(4) != 2) fail("is GLB version " + std::to_string(number(4)) + ", expected 2");
-        const std::size_t stated = number(8), json_size = number(12);
-        if (stated > bytes.size())
-            fail("states " + std::to_string(stated) + " bytes, but holds " + std::to_string(bytes.size()));
-        if (std::memcmp(bytes.data() + 16, "JSON", 4) != 0) fail("does not begin with a chunk of JSON");
-        if (json_size > bytes.size() - 20)
-            fail("states " + std::to_string(json_size) + " bytes of JSON, but holds " +
-                 std::to_string(bytes.size() - 20));
-        json = std::string_view(bytes).substr(20, json_size);
-        if (const std::size_t next = 20 + json_size; bytes.size() >= next + 8) {
-            const std::size_t size = number(next);
-            if (std::memcmp(bytes.data() + next + 4, "BIN\0", 4) == 0) {
-                if (size > bytes.size() - next - 8)
-                    fail("states " + std::to_string(size) + " bytes of binary data, but holds " +
-                         std::to_string(bytes.size() - next - 8));
-                chunk = std::string_view(bytes).substr(next + 8, size);
-            }
-        }
+    std::string bytes = read_file(path, buffer_limit_);
+    const bool binary = bytes.starts_with("glTF");
+    if (!binary) {
+        bytes = text_of(reduced_json(bytes, 0, parts));
+        parse(bytes, binary);
+        return;
     }
-    const nlohmann::json reduced = reduced_json(json, chunk.size());
-    parse(reduced.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace), chunk, binary);
+    const auto number = [&](std::size_t at) {
+        std::uint32_t value = 0;
+        std::memcpy(&value, bytes.data() + at, 4); // little-endian, as every machine that gsh runs on
+        return static_cast<std::size_t>(value);
+    };
+    if (bytes.size() < 20) fail("ends within the header of a GLB file");
+    if (number(4) != 2) fail("is GLB version " + std::to_string(number(4)) + ", expected 2");
+    const std::size_t stated = number(8), json_size = number(12), next = 20 + json_size;
+    if (stated > bytes.size())
+        fail("states " + std::to_string(stated) + " bytes, but holds " + std::to_string(bytes.size()));
+    if (std::memcmp(bytes.data() + 16, "JSON", 4) != 0) fail("does not begin with a chunk of JSON");
+    if (json_size > bytes.size() - 20)
+        fail("states " + std::to_string(json_size) + " bytes of JSON, but holds " + std::to_string(bytes.size() - 20));
+    std::size_t chunk = 0; // bytes of binary data
+    if (bytes.size() >= next + 8 && std::memcmp(bytes.data() + next + 4, "BIN\0", 4) == 0) {
+        chunk = number(next);
+        if (chunk > bytes.size() - next - 8)
+            fail("states " + std::to_string(chunk) + " bytes of binary data, but holds " +
+                 std::to_string(bytes.size() - next - 8));
+    }
+    std::string json = text_of(reduced_json(std::string_view(bytes).substr(20, json_size), chunk, parts));
+    json.resize((json.size() + 3) / 4 * 4, ' ');
+    // The container is put together anew, in place: it may be large.
+    const std::size_t padded = (chunk + 3) / 4 * 4;
+    bytes.resize(next + (chunk ? 8 + chunk : 0));
+    if (chunk) bytes.append(padded - chunk, '\0');
+    bytes.replace(20, json_size, json);
+    if (bytes.size() > glb_limit) fail("holds 4 GiB, more than is read");
+    const auto state = [&](std::size_t at, std::size_t value) {
+        const auto word = static_cast<std::uint32_t>(value);
+        std::memcpy(bytes.data() + at, &word, 4);
+    };
+    state(8, bytes.size()), state(12, json.size());
+    if (chunk) state(20 + json.size(), padded);
+    parse(bytes, binary);
 }
 
 inline void GltfFile::check_index(int index, std::size_t count, const std::string& what) const {
@@ -124,28 +126,12 @@ inline void GltfFile::check_index(int index, std::size_t count, const std::strin
         fail(what + " is " + std::to_string(index) + ", expected an index below " + std::to_string(count));
 }
 
-inline void GltfFile::check_depth(std::string_view json) const {
-    std::size_t depth = 0;
-    bool text = false;
-    for (std::size_t i = 0; i < json.size(); ++i) {
-        const char c = json[i];
-        if (text && c == '\\')
-            ++i;
-        else if (c == '"')
-            text = !text;
-        else if (!text && (c == '[' || c == '{')) {
-            if (++depth > 256) fail("is JSON that is nested deeper than 256 levels");
-        } else if (!text && (c == ']' || c == '}') && depth > 0)
-            --depth;
-    }
-}
-
-/// What tinygltf needs, without the rest. Sets extensions_ and allowed_.
-inline nlohmann::json GltfFile::reduced_json(std::string_view text, std::size_t chunk_bytes) {
+/// What tinygltf needs, without the rest. Sets extensions_, asset_extras_ and allowed_.
+inline nlohmann::json GltfFile::reduced_json(std::string_view text, std::size_t chunk_bytes, GltfParts parts) {
     if (text.size() > json_limit)
         fail("holds " + std::to_string(text.size()) + " bytes of JSON, more than the limit of " +
              std::to_string(json_limit) + "; store the numbers as GLB");
-    check_depth(text);
+    if (is_nested_deeply(text)) fail("is JSON that is nested deeper than 256 levels");
     nlohmann::json all, json;
     try {
         all = nlohmann::json::parse(text);
@@ -161,17 +147,13 @@ inline nlohmann::json GltfFile::reduced_json(std::string_view text, std::size_t 
         for (const auto& required : all["extensionsRequired"])
             if (required == "EXT_meshopt_compression" || required == "KHR_meshopt_compression")
                 fail("requires " + required.get<std::string>() + ", which is not read; export it without compression");
-    extensions_ =
-        all.contains("extensions") && all["extensions"].is_object() ? all["extensions"] : nlohmann::json::object();
+    if (const auto& extensions = all["extensions"]; extensions.is_object()) extensions_ = extensions;
     for (const char* key :
-         {"asset", "scene", "scenes", "nodes", "skins", "animations", "accessors", "bufferViews", "buffers"})
-        if (all.contains(key)) json[key] = std::move(all[key]);
-    const auto strip = [](const auto& self, nlohmann::json& value) -> void { // at most 256 levels
-        if (value.is_object()) value.erase("extras"), value.erase("extensions");
-        if (value.is_structured())
-            for (auto& child : value) self(self, child);
-    };
-    strip(strip, json);
+         {"asset", "scene", "scenes", "nodes", "skins", "animations", "accessors", "bufferViews", "buffers", "meshes"})
+        if (all.contains(key) && (key != std::string_view("meshes") || parts == GltfParts::meshes))
+            json[key] = std::move(all[key]);
+    if (const auto& extras = json["asset"]["extras"]; extras.is_object()) asset_extras_ = extras;
+    strip_gltf(json);
     if (json.contains("animations") && json["animations"].is_array()) // targets of extensions are not nodes
         for (auto& animation : json["animations"])
             if (animation.is_object() && animation.contains("channels") && animation["channels"].is_array())
@@ -180,6 +162,7 @@ inline nlohmann::json GltfFile::reduced_json(std::string_view text, std::size_t 
                            !c["target"].contains("node");
                 });
     check_counts(json);
+    if (json.contains("meshes")) strip_gltf_meshes(json["meshes"]);
     check_buffers(json, chunk_bytes);
     return json;
 }
@@ -200,17 +183,37 @@ inline void GltfFile::check_counts(const nlohmann::json& json) const {
                                     {"animations", 4096},
                                     {"accessors", 262144},
                                     {"bufferViews", 262144},
-                                    {"buffers", 4096}})
+                                    {"buffers", 4096},
+                                    {"meshes", 65536}})
         if (json.contains(key)) check(json[key], key, most);
-    std::size_t channels = 0;
-    if (json.contains("animations"))
-        for (const auto& animation : json["animations"])
-            for (const char* key : {"channels", "samplers"})
-                if (animation.contains(key)) {
-                    check(animation[key], std::string("animations: ") + key, 262144);
-                    channels += animation[key].size();
-                }
-    if (channels > 524288) fail("has " + std::to_string(channels) + " channels of animations, more than are read");
+    for (const auto& [list, keys, most] : {std::tuple<const char*, std::vector<const char*>, std::size_t>{
+                                               "animations", {"channels", "samplers"}, 524288},
+                                           {"meshes", {"primitives"}, 262144}}) {
+        std::size_t total = 0;
+        if (!json.contains(list)) continue;
+        for (const auto& element : json[list])
+            for (const char* key : keys) {
+                const std::string what = std::string(list) + ": " + key;
+                if (!element.contains(key)) fail("an element of " + std::string(list) + " has no " + key);
+                check(element[key], what, 262144);
+                if ((total += element[key].size()) > most)
+                    fail(what + " have more than " + std::to_string(most) + " elements in total");
+            }
+    }
+    // tinygltf leaves out what it cannot read of these, without an error.
+    const auto all = [](const nlohmann::json& values, const auto& test) {
+        return values.is_structured() && std::all_of(values.begin(), values.end(), test);
+    };
+    const nlohmann::json none = nlohmann::json::array();
+    for (const auto& node : json.contains("nodes") ? json["nodes"] : none)
+        for (const char* key : {"translation", "rotation", "scale", "matrix"})
+            if (node.contains(key) && !all(node[key], [](const nlohmann::json& v) { return v.is_number(); }))
+                fail(std::string("the ") + key + " of a node is not a list of numbers");
+    for (const auto& mesh : json.contains("meshes") ? json["meshes"] : none)
+        for (const auto& primitive : mesh["primitives"])
+            if (!primitive.contains("attributes") || !primitive["attributes"].is_object() ||
+                !all(primitive["attributes"], [](const nlohmann::json& v) { return v.is_number_integer(); }))
+                fail("the attributes of a primitive are not an object of indices");
 }
 
 inline void GltfFile::check_buffers(nlohmann::json& json, std::size_t chunk_bytes) {
@@ -240,8 +243,8 @@ inline void GltfFile::check_buffers(nlohmann::json& json, std::size_t chunk_byte
         if (found < size || (found > size && !place.starts_with("the GLB") && !place.starts_with("the data")))
             fail(what + " is short or of another size: its byteLength is " + std::to_string(size) + ", but " + place +
                  (found > size ? " more" : " " + std::to_string(found)));
-        if ((total += size) > buffer_limit)
-            fail("states buffers of more than " + std::to_string(buffer_limit) + " bytes in total");
+        if ((total += size) > buffer_limit_)
+            fail("states buffers of more than " + std::to_string(buffer_limit_) + " bytes in total");
         ++number;
     }
 }
@@ -258,12 +261,13 @@ inline std::size_t GltfFile::external_size(const std::string& uri, const std::st
     const auto size =
         std::filesystem::is_regular_file(target, error) ? std::filesystem::file_size(target, error) : std::uintmax_t(0);
     if (error || size == 0) fail(what + ": the file '" + shortened(relative) + "' cannot be read, or is empty");
-    if (size > buffer_limit) fail(what + ": the file '" + shortened(relative) + "' is larger than is read");
+    if (size > buffer_limit_) fail(what + ": the file '" + shortened(relative) + "' is larger than is read");
     allowed_.emplace((folder_ / relative).string(), static_cast<std::size_t>(size));
     return static_cast<std::size_t>(size);
 }
 
-inline void GltfFile::parse(const std::string& json, std::string_view chunk, bool binary) {
+/// `bytes` is a whole GLB file, or JSON.
+inline void GltfFile::parse(const std::string& bytes, bool binary) {
     tinygltf::TinyGLTF loader;
     tinygltf::FsCallbacks files{};
     files.user_data = &allowed_;
@@ -277,8 +281,8 @@ inline void GltfFile::parse(const std::string& json, std::string_view chunk, boo
         const auto found = list->find(file);
         if (found == list->end()) return false;
         try {
-            const std::string bytes = read_file(file, found->second);
-            out->assign(bytes.begin(), bytes.end());
+            const std::string content = read_file(file, found->second);
+            out->assign(content.begin(), content.end());
             return true;
         } catch (const Error& error) {
             *problem = error.what();
@@ -292,24 +296,11 @@ inline void GltfFile::parse(const std::string& json, std::string_view chunk, boo
     std::string problem, warning;
     bool good = false;
     try {
-        if (binary) {
-            std::string glb("glTF", 4), padded = json;
-            padded.resize((json.size() + 3) / 4 * 4, ' ');
-            const std::size_t body = (chunk.size() + 3) / 4 * 4;
-            const auto append = [&](std::size_t number) {
-                const auto value = static_cast<std::uint32_t>(number);
-                glb.append(reinterpret_cast<const char*>(&value), 4);
-            };
-            append(2), append(20 + padded.size() + (body ? 8 + body : 0));
-            append(padded.size()), glb.append("JSON").append(padded);
-            if (body) append(body), glb.append("BIN\0", 4).append(chunk), glb.append(body - chunk.size(), '\0');
-            good = loader.LoadBinaryFromMemory(&model_, &problem, &warning,
-                                               reinterpret_cast<const unsigned char*>(glb.data()),
-                                               static_cast<unsigned>(glb.size()), folder_.string());
-        } else {
-            good = loader.LoadASCIIFromString(&model_, &problem, &warning, json.data(),
-                                              static_cast<unsigned>(json.size()), folder_.string());
-        }
+        const auto size = static_cast<unsigned>(bytes.size());
+        good = binary ? loader.LoadBinaryFromMemory(&model_, &problem, &warning,
+                                                    reinterpret_cast<const unsigned char*>(bytes.data()), size,
+                                                    folder_.string())
+                      : loader.LoadASCIIFromString(&model_, &problem, &warning, bytes.data(), size, folder_.string());
     } catch (const std::bad_alloc&) {
         throw;
     } catch (const std::exception& error) {

@@ -1,157 +1,168 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The nodes of a glTF document: their transforms to the world, at rest or at a time of its first animation.
+/// @file  The node tree of a glTF file, checked: transforms at rest, animated, and to the world.
 #pragma once
 
-#include <gsh/io/file/glb.hpp>
+#include <gsh/io/file/gltf_channel.hpp>
+#include <gsh/io/file/gltf_file.hpp>
+#include <gsh/io/file/gltf_numbers.hpp>
 #include <gsh/math/affine.hpp>
-#include <gsh/math/quat.hpp>
-#include <gsh/math/rotation.hpp>
+#include <gsh/math/polar.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
-namespace gsh {
+namespace gsh::detail {
 
-/// For each node, the map from its frame to the world; none for nodes that the scene does not show.
-///
-/// With a time in seconds, nodes move as the first animation says: translation, rotation and scale, LINEAR or STEP.
-/// Before its first and after its last key a channel keeps the nearest value.
-///
-/// Errors  IoError, naming the file, for nodes that do not form trees, for numbers that are no transform, and for an
-///         animation that is damaged or has cubic splines.
-[[nodiscard]] inline std::vector<std::optional<Affine<double>>> gltf_world_maps(const GlbReader& file,
-                                                                                std::optional<double> time = {});
+/// Errors  IoError for children out of range, a node with two parents or on a cycle, more than 256 levels, a transform
+///         that is not finite.
+class GltfNodes {
+public:
+    using Channels = std::map<int, GltfNodeChannels>; ///< by node
 
-// -------------------------------------------------------------------------------------------------------------
+    /// The file must outlive this object.
+    explicit GltfNodes(const GltfFile& file) : file_(file) {
+        read_tree();
+        read_transforms();
+    }
+    [[nodiscard]] std::size_t size() const { return parents_.size(); }
+    [[nodiscard]] int parent(int node) const { return parents_[static_cast<std::size_t>(node)]; }
+    /// All nodes, parents first.
+    [[nodiscard]] const std::vector<int>& order() const { return order_; }
+    [[nodiscard]] const GltfTransform& transform(int node) const { return transforms_[static_cast<std::size_t>(node)]; }
+    /// With the animated properties at a time in seconds; before the first and after the last key, theirs.
+    [[nodiscard]] GltfTransform transform(int node, const Channels& channels, double time) const {
+        const auto found = channels.find(node);
+        return transform(node).moved(found == channels.end() ? nullptr : &found->second, time);
+    }
 
-namespace detail {
+    /// What an animation does to translation, rotation and scale of nodes. `where` begins messages.
+    /// Errors  those of GltfChannel; IoError for an index out of range, a node with a matrix, a property twice.
+    [[nodiscard]] Channels channels(const tinygltf::Animation& animation, GltfNumbers& numbers,
+                                    const std::string& where) const;
 
-/// The parts of a node's own transform.
-struct GltfPose {
-    vec3<double> translation = vec3<double>(0), scale = vec3<double>(1);
-    quat<double> rotation = {};
-    std::optional<Affine<double>> matrix = {}; // instead of the parts
+    /// For each node, the map from its frame to the world; none for nodes that the file's scene does not show.
+    [[nodiscard]] std::vector<std::optional<Affine<double>>> world_maps(const Channels& channels, double time) const;
 
-    [[nodiscard]] Affine<double> map() const {
-        if (matrix) return *matrix;
-        const mat3<double> R = rotation_matrix(normalize(rotation));
-        return {mat3<double>(R[0] * scale.x, R[1] * scale.y, R[2] * scale.z), translation};
+private:
+    const GltfFile& file_;
+    std::vector<int> parents_, order_;
+    std::vector<GltfTransform> transforms_;
+
+    void read_tree() {
+        const auto& nodes = file_.model().nodes;
+        parents_.assign(nodes.size(), -1);
+        for (std::size_t n = 0; n < nodes.size(); ++n)
+            for (const int child : nodes[n].children) {
+                const std::string what = "node " + std::to_string(n) + ": child";
+                file_.check_index(child, nodes.size(), what);
+                int& parent = parents_[static_cast<std::size_t>(child)];
+                if (parent >= 0)
+                    file_.fail("node " + std::to_string(child) + " is a child of nodes " + std::to_string(parent) +
+                               " and " + std::to_string(n) + ", expected one parent");
+                parent = static_cast<int>(n);
+            }
+        std::vector<std::size_t> depth(nodes.size(), 1);
+        for (std::size_t n = 0; n < nodes.size(); ++n)
+            if (parents_[n] < 0) order_.push_back(static_cast<int>(n));
+        for (std::size_t i = 0; i < order_.size(); ++i) // order_ grows
+            for (const int child : nodes[static_cast<std::size_t>(order_[i])].children) {
+                auto& own = depth[static_cast<std::size_t>(child)];
+                own = depth[static_cast<std::size_t>(order_[i])] + 1;
+                if (own > 256) file_.fail("nodes are nested deeper than 256 levels");
+                order_.push_back(child);
+            }
+        if (order_.size() != nodes.size())
+            file_.fail(std::to_string(nodes.size() - order_.size()) + " nodes lie on a cycle, expected a tree");
+    }
+
+    void read_transforms() {
+        for (std::size_t n = 0; n < size(); ++n) {
+            const tinygltf::Node& node = file_.model().nodes[n];
+            const auto read = [&](const std::vector<double>& values, std::size_t count, const char* what) {
+                if (!values.empty() && values.size() != count)
+                    file_.fail("node " + std::to_string(n) + ": " + what + " has " + std::to_string(values.size()) +
+                               " numbers, expected " + std::to_string(count));
+                for (const double value : values)
+                    if (!std::isfinite(value)) file_.fail("node " + std::to_string(n) + ": " + what + " is not finite");
+                return !values.empty();
+            };
+            GltfTransform own;
+            if (read(node.translation, 3, "translation"))
+                own.translation = {node.translation[0], node.translation[1], node.translation[2]};
+            if (read(node.scale, 3, "scale")) own.scale = {node.scale[0], node.scale[1], node.scale[2]};
+            if (read(node.rotation, 4, "rotation")) {
+                if (std::all_of(node.rotation.begin(), node.rotation.end(), [](double x) { return x == 0; }))
+                    file_.fail("node " + std::to_string(n) + ": rotation is 0, expected a quaternion of length 1");
+                own.rotation = GltfTransform::rotation_of(
+                    {node.rotation[0], node.rotation[1], node.rotation[2], node.rotation[3]});
+            }
+            if (read(node.matrix, 16, "matrix")) {
+                const auto& m = node.matrix; // by columns
+                own.linear = {{m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}};
+                own.translation = {m[12], m[13], m[14]};
+                own.rotation = polar_rotation(own.linear);
+                own.has_matrix = true;
+            }
+            transforms_.push_back(own);
+        }
     }
 };
 
-inline GltfPose pose_of_gltf(const GlbReader& file, const nlohmann::json& node, const std::string& where) {
-    const auto numbers = [&](const char* member, std::vector<double> otherwise) {
-        const auto found = node.find(member);
-        if (found == node.end()) return otherwise;
-        const auto bad = [](const nlohmann::json& n) { return !n.is_number() || !std::isfinite(n.get<double>()); };
-        if (!found->is_array() || found->size() != otherwise.size() || std::any_of(found->begin(), found->end(), bad))
-            file.fail(where + "." + member + " is not a list of " + std::to_string(otherwise.size()) + " numbers");
-        return found->get<std::vector<double>>();
-    };
-    GltfPose pose;
-    const auto t = numbers("translation", {0, 0, 0}), s = numbers("scale", {1, 1, 1}),
-               r = numbers("rotation", {0, 0, 0, 1});
-    pose.translation = {t[0], t[1], t[2]}, pose.scale = {s[0], s[1], s[2]}, pose.rotation = {r[3], r[0], r[1], r[2]};
-    if (!(dot(pose.rotation, pose.rotation) > 0)) file.fail(where + ".rotation is 0");
-    if (node.contains("matrix")) {
-        const auto m = numbers("matrix", std::vector<double>(16));
-        pose.matrix = Affine<double>(mat3<double>({m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}),
-                                     {m[12], m[13], m[14]});
+// -------------------------------------------------------------------------------------------------------------
+
+inline GltfNodes::Channels GltfNodes::channels(const tinygltf::Animation& animation, GltfNumbers& numbers,
+                                               const std::string& where) const {
+    Channels result;
+    for (std::size_t c = 0; c < animation.channels.size(); ++c) {
+        const auto& channel = animation.channels[c];
+        const std::string what = where + ", channel " + std::to_string(c);
+        const bool rotation = channel.target_path == "rotation";
+        if (channel.target_node == -1 ||
+            (!rotation && channel.target_path != "translation" && channel.target_path != "scale"))
+            continue; // weights of morph targets, or a target of an extension
+        file_.check_index(channel.target_node, size(), what + ": node");
+        file_.check_index(channel.sampler, animation.samplers.size(), what + ": sampler");
+        if (transform(channel.target_node).has_matrix)
+            file_.fail(what + " animates node " + std::to_string(channel.target_node) +
+                       ", which has a matrix; expected translation, rotation and scale");
+        const auto& sampler = animation.samplers[static_cast<std::size_t>(channel.sampler)];
+        GltfChannel read(file_, numbers, sampler, rotation ? 4 : 3, what);
+        GltfNodeChannels& own = result[channel.target_node];
+        GltfChannel& place = rotation ? own.rotation : channel.target_path == "scale" ? own.scale : own.translation;
+        if (!place.empty()) file_.fail(what + " animates the same property as a channel before it");
+        place = std::move(read);
     }
-    return pose;
+    return result;
 }
 
-/// Moves the poses of nodes to a time of an animation.
-inline void animate_gltf(const GlbReader& file, const nlohmann::json& animation, double time,
-                         std::vector<GltfPose>& poses) {
-    const auto member = [&](const nlohmann::json& object, const char* name) -> const nlohmann::json& {
-        if (!object.is_object() || !object.contains(name))
-            file.fail(std::string("animations[0] lacks the member ") + name);
-        return object[name];
-    };
-    const nlohmann::json &channels = member(animation, "channels"), &samplers = member(animation, "samplers");
-    if (!channels.is_array() || !samplers.is_array()) file.fail("animations[0] is damaged");
-    for (const nlohmann::json& channel : channels) {
-        const nlohmann::json &index = member(channel, "sampler"), &target = member(channel, "target");
-        if (!index.is_number_unsigned() || index >= samplers.size() || !target.is_object())
-            file.fail("animations[0] has a channel with no sampler or target");
-        if (!target.contains("node")) continue;
-        const nlohmann::json &sampler = samplers[index.get<std::size_t>()], &path = member(target, "path");
-        (void)file.at("nodes", target["node"]);
-        GltfPose& pose = poses[target["node"].get<std::size_t>()];
-        const bool turns = path == "rotation";
-        if (!turns && path != "translation" && path != "scale") continue; // weights of morph targets
-        const std::string kind = sampler.contains("interpolation") ? sampler["interpolation"].dump() : "\"LINEAR\"";
-        if (kind != "\"LINEAR\"" && kind != "\"STEP\"")
-            file.fail("animations[0] has the interpolation " + kind.substr(0, 20) + ", expected LINEAR or STEP");
-        const std::size_t width = turns ? 4 : 3;
-        const auto times = file.floats(member(sampler, "input"), 1),
-                   values = file.floats(member(sampler, "output"), width);
-        if (times.empty() || values.size() != times.size() * width || !std::is_sorted(times.begin(), times.end()))
-            file.fail("animations[0] has " + std::to_string(times.size()) + " times and " +
-                      std::to_string(values.size() / width) + " values, expected as many, in ascending order");
-        const auto after = static_cast<std::size_t>(
-            std::upper_bound(times.begin(), times.end(), static_cast<float>(time)) - times.begin());
-        const std::size_t b = std::min(after, times.size() - 1), a = after > 0 ? after - 1 : 0;
-        double share = b > a && times[b] > times[a] ? (time - times[a]) / (double(times[b]) - times[a]) : 0;
-        if (kind == "\"STEP\"") share = 0;
-        const auto value = [&](std::size_t key, std::size_t c) { return double(values[key * width + c]); };
-        const auto mixed = [&](std::size_t c) { return value(a, c) + (value(b, c) - value(a, c)) * share; };
-        if (turns) {
-            const quat<double> from{value(a, 3), value(a, 0), value(a, 1), value(a, 2)},
-                to{value(b, 3), value(b, 0), value(b, 1), value(b, 2)};
-            // The arc from one key to the next; near keys are mixed in a straight line.
-            const double cosine = std::clamp(std::abs(dot(from, to)), 0.0, 1.0), angle = std::acos(cosine);
-            const double p = angle > 1e-3 ? std::sin((1 - share) * angle) / std::sin(angle) : 1 - share;
-            const double q =
-                (angle > 1e-3 ? std::sin(share * angle) / std::sin(angle) : share) * (dot(from, to) < 0 ? -1 : 1);
-            pose.rotation = {p * from.w + q * to.w, p * from.x + q * to.x, p * from.y + q * to.y,
-                             p * from.z + q * to.z};
-            if (!(dot(pose.rotation, pose.rotation) > 0)) file.fail("animations[0] has a rotation of length 0");
-        } else {
-            (path == "scale" ? pose.scale : pose.translation) = {mixed(0), mixed(1), mixed(2)};
-        }
-        pose.matrix.reset();
+inline std::vector<std::optional<Affine<double>>> GltfNodes::world_maps(const Channels& channels, double time) const {
+    std::vector<std::optional<Affine<double>>> maps(size());
+    const tinygltf::Model& model = file_.model();
+    if (model.scenes.empty()) return maps;
+    const int shown = std::max(model.defaultScene, 0);
+    file_.check_index(shown, model.scenes.size(), "scene");
+    std::vector<bool> listed(size(), false);
+    for (const int node : model.scenes[static_cast<std::size_t>(shown)].nodes) {
+        file_.check_index(node, size(), "a node of scene " + std::to_string(shown));
+        listed[static_cast<std::size_t>(node)] = true;
     }
-}
-
-} // namespace detail
-
-inline std::vector<std::optional<Affine<double>>> gltf_world_maps(const GlbReader& file, std::optional<double> time) {
-    const nlohmann::json& nodes = file.list("nodes");
-    std::vector<detail::GltfPose> poses;
-    for (std::size_t n = 0; n < nodes.size(); ++n)
-        poses.push_back(detail::pose_of_gltf(file, file.at("nodes", n), "nodes[" + std::to_string(n) + "]"));
-    if (time && !file.list("animations").empty()) detail::animate_gltf(file, file.at("animations", 0), *time, poses);
-
-    std::vector<std::optional<Affine<double>>> maps(nodes.size());
-    std::vector<std::size_t> open;
-    const auto visit = [&](const nlohmann::json& list, const char* what, const Affine<double>& parent) {
-        if (!list.is_array()) file.fail(std::string(what) + " is not a list");
-        for (const nlohmann::json& index : list) {
-            (void)file.at("nodes", index);
-            const auto n = index.get<std::size_t>();
-            if (maps[n]) file.fail("nodes[" + std::to_string(n) + "] has two parents, or lies on a cycle");
-            maps[n] = parent * poses[n].map();
-            open.push_back(n);
-        }
-    };
-    const nlohmann::json shown = file.json().contains("scene") ? file.json()["scene"] : nlohmann::json(0);
-    if (file.list("scenes").empty()) return maps;
-    const nlohmann::json& scene = file.at("scenes", shown);
-    if (scene.contains("nodes")) visit(scene["nodes"], "scenes.nodes", Affine<double>());
-    while (!open.empty()) {
-        const std::size_t n = open.back();
-        open.pop_back();
-        const Affine<double> map = *maps[n];
-        if (nodes[n].contains("children")) visit(nodes[n]["children"], "nodes.children", map);
+    for (const int node : order_) {
+        const int above = parent(node);
+        const auto n = static_cast<std::size_t>(node);
+        const Affine<double> own = transform(node, channels, time).matrix();
+        if (above >= 0 && maps[static_cast<std::size_t>(above)])
+            maps[n] = *maps[static_cast<std::size_t>(above)] * own;
+        else if (listed[n])
+            maps[n] = own;
     }
     return maps;
 }
 
-} // namespace gsh
+} // namespace gsh::detail

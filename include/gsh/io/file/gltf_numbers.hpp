@@ -17,23 +17,25 @@ namespace gsh::detail {
 /// Several accessors may share the same bytes, so all that are read together are bounded.
 class GltfNumbers {
 public:
-    /// The file must outlive this object.
-    explicit GltfNumbers(const GltfFile& file) : file_(file) {}
+    /// The file must outlive this object. All calls of `read` together return at most `most` numbers.
+    explicit GltfNumbers(const GltfFile& file, std::size_t most = std::size_t(1) << 27)
+        : file_(file), most_(most), left_(most) {}
 
     /// The numbers of an accessor, `components` for each element; normalised integers as fractions. `what` begins
     /// messages.
     /// Errors  IoError for an index out of range, another type, sparse numbers, bytes beyond the buffer, NaN.
-    [[nodiscard]] std::vector<double> read(int accessor, int components, const std::string& what);
+    template <class T = double>
+    [[nodiscard]] std::vector<T> read(int accessor, int components, const std::string& what);
 
 private:
-    static constexpr std::size_t most = std::size_t(1) << 27; // 1 GiB as double
     const GltfFile& file_;
-    std::size_t left_ = most;
+    std::size_t most_, left_;
 };
 
 // -------------------------------------------------------------------------------------------------------------
 
-inline std::vector<double> GltfNumbers::read(int accessor, int components, const std::string& what) {
+template <class T>
+std::vector<T> GltfNumbers::read(int accessor, int components, const std::string& what) {
     const tinygltf::Model& model = file_.model();
     file_.check_index(accessor, model.accessors.size(), what + ": accessor");
     const tinygltf::Accessor& a = model.accessors[static_cast<std::size_t>(accessor)];
@@ -64,9 +66,9 @@ inline std::vector<double> GltfNumbers::read(int accessor, int components, const
         file_.fail(where + " states " + std::to_string(a.count) + " elements, which reach beyond its buffer of " +
                    std::to_string(bytes.size()) + " bytes");
     const std::size_t count = a.count * static_cast<std::size_t>(components);
-    if (count > left_) file_.fail(where + " brings the numbers that are used to more than " + std::to_string(most));
+    if (count > left_) file_.fail(where + " brings the numbers that are used to more than " + std::to_string(most_));
     left_ -= count;
-    std::vector<double> result;
+    std::vector<T> result;
     result.reserve(count);
     for (std::size_t i = 0; i < a.count; ++i)
         for (std::size_t k = 0; k < static_cast<std::size_t>(components); ++k) {
@@ -84,7 +86,7 @@ inline std::vector<double> GltfNumbers::read(int accessor, int components, const
                                   : a.componentType == TINYGLTF_COMPONENT_TYPE_SHORT ? value_of(std::int16_t(), 32767)
                                                                                      : value_of(std::uint16_t(), 65535);
             if (!std::isfinite(number)) file_.fail(where + " holds NaN or infinity at element " + std::to_string(i));
-            result.push_back(number);
+            result.push_back(static_cast<T>(number));
         }
     return result;
 }

@@ -8,9 +8,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/image/color.hpp>
-#include <gsh/io/file/glb.hpp>
-#include <gsh/io/splat/gltf_pieces.hpp>
-#include <gsh/io/splat/still_splats.hpp>
+#include <gsh/io/file/glb_writer.hpp>
 #include <gsh/math/rotation.hpp>
 
 #include <algorithm>
@@ -74,9 +72,7 @@ inline void write_gltf_mesh(const std::filesystem::path& path, const AvatarData&
     const ColoredMesh mesh = colored_mesh(avatar, motion.betas);
     const std::size_t V = mesh.vertices.size(), J = mesh.rest_joints.size(), E = mesh.expressions.size();
     GlbWriter file;
-    file.json["asset"] = {{"version", "2.0"}, {"generator", file_author()}};
     file.json["extensionsUsed"] = {"KHR_materials_unlit"};
-    file.json["scene"] = 0;
 
     std::vector<float> positions, normals, colors, weights;
     std::vector<std::uint16_t> joints;
@@ -139,17 +135,12 @@ inline void write_gltf_mesh(const std::filesystem::path& path, const AvatarData&
         {{"inverseBindMatrices", file.add(inverse, {.width = 16})}, {"joints", skin_joints}, {"skeleton", 0}});
 
     if (!frames.empty()) {
-        Json channels = Json::array(), samplers = Json::array();
         const std::vector<float> seconds(times.begin(), times.end());
         const int input = file.add(seconds, {.bounds = true});
-        const auto animate = [&](std::size_t node, const char* target, int output) {
-            channels.push_back({{"sampler", samplers.size()}, {"target", {{"node", node}, {"path", target}}}});
-            samplers.push_back({{"input", input}, {"output", output}});
-        };
         for (std::size_t j = 0; j < J; ++j) {
             std::vector<mat3<double>> turns;
             for (const std::size_t f : frames) turns.push_back(rotation_from_axis_angle(motion.pose_at(f)[j]));
-            animate(j, "rotation", file.add(rotation_keys(turns), {.width = 4}));
+            file.animate(j, "rotation", input, file.add(rotation_keys(turns), {.width = 4}));
         }
         std::vector<float> places, shares;
         for (const std::size_t f : frames) {
@@ -158,11 +149,8 @@ inline void write_gltf_mesh(const std::filesystem::path& path, const AvatarData&
             for (std::size_t e = 0; e < E; ++e)
                 shares.push_back(e < motion.expression_count ? float(motion.expression_at(f)[e]) : 0.0f);
         }
-        animate(0, "translation", file.add(places, {.width = 3}));
-        if (E && motion.expression_count) animate(J, "weights", file.add(shares, {}));
-        file.json["animations"] = Json::array();
-        file.json["animations"].push_back(
-            {{"name", "motion"}, {"channels", std::move(channels)}, {"samplers", std::move(samplers)}});
+        file.animate(0, "translation", input, file.add(places, {.width = 3}));
+        if (E && motion.expression_count) file.animate(J, "weights", input, file.add(shares, {}));
     }
     file.write(path);
 }

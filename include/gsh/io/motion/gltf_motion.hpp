@@ -6,11 +6,12 @@
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/gltf_channel.hpp>
 #include <gsh/io/file/gltf_file.hpp>
+#include <gsh/io/file/gltf_nodes.hpp>
 #include <gsh/io/file/gltf_numbers.hpp>
 #include <gsh/io/file/text_lines.hpp>
-#include <gsh/io/motion/gltf_channel.hpp>
-#include <gsh/io/motion/gltf_nodes.hpp>
+#include <gsh/io/motion/gltf_joints.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/polar.hpp>
 #include <gsh/math/rotation.hpp>
@@ -20,7 +21,6 @@
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
-#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -48,14 +48,15 @@ namespace detail {
 
 class GltfMotionReader {
 public:
-    explicit GltfMotionReader(const std::filesystem::path& path) : file_(path), nodes_(file_), numbers_(file_) {}
+    explicit GltfMotionReader(const std::filesystem::path& path)
+        : file_(path), nodes_(file_), joints_(file_, nodes_), numbers_(file_) {}
 
     RigMotion read(const JointMap& map, std::vector<std::string>* warnings, const std::string& wanted) {
         choose_animation(wanted, warnings);
-        nodes_.keep_joints([&](int node) { return channels_.contains(node); });
+        joints_.keep_joints([&](int node) { return channels_.contains(node); });
         const std::vector<double> times = frame_times();
-        check_rig_size(file_.name(), nodes_.joint_count(), times.size());
-        nodes_.describe(rig_);
+        check_rig_size(file_.name(), joints_.joint_count(), times.size());
+        joints_.describe(rig_);
         rig_.rest_joints.resize(rig_.joint_count()), rig_.rest_rotations.resize(rig_.joint_count());
         pose({}, 0, rig_.rest_joints.data(), rig_.rest_rotations.data());
         rig_.joints.resize(times.size() * rig_.joint_count());
@@ -64,16 +65,17 @@ public:
             pose(channels_, times[t], &rig_.joints[t * rig_.joint_count()], &rig_.rotations[t * rig_.joint_count()]);
         rig_.timestamps = times;
         validate(rig_, file_.name());
-        if (!nodes_.has_humanoid()) rest_of_skin(map);
+        if (!joints_.has_humanoid()) rest_of_skin(map);
         return std::move(rig_);
     }
 
 private:
-    using Channels = std::map<int, GltfNodeChannels>;
+    using Channels = GltfNodes::Channels;
     GltfFile file_;
     GltfNodes nodes_;
+    GltfJoints joints_;
     GltfNumbers numbers_;
-    Channels channels_; ///< by node
+    Channels channels_;
     RigMotion rig_;
 
     [[nodiscard]] static bool moves(const tinygltf::AnimationChannel& channel) {
@@ -97,30 +99,8 @@ private:
         if (wanted.empty() && all.size() > 1 && warnings)
             warnings->push_back(file_.name() + ": holds " + std::to_string(all.size()) + " animations (" +
                                 list_of_names(names) + "); '" + names[static_cast<std::size_t>(chosen)] + "' is read");
-        read_channels(all[static_cast<std::size_t>(chosen)],
-                      "animation '" + shortened(names[static_cast<std::size_t>(chosen)]) + "'");
-    }
-
-    void read_channels(const tinygltf::Animation& animation, const std::string& where) {
-        for (std::size_t c = 0; c < animation.channels.size(); ++c) {
-            const auto& channel = animation.channels[c];
-            const std::string what = where + ", channel " + std::to_string(c);
-            const bool rotation = channel.target_path == "rotation";
-            if (channel.target_node == -1 ||
-                (!rotation && channel.target_path != "translation" && channel.target_path != "scale"))
-                continue; // weights of morph targets, or a target of an extension
-            file_.check_index(channel.target_node, nodes_.size(), what + ": node");
-            file_.check_index(channel.sampler, animation.samplers.size(), what + ": sampler");
-            if (nodes_.has_matrix(channel.target_node))
-                file_.fail(what + " animates node " + std::to_string(channel.target_node) +
-                           ", which has a matrix; expected translation, rotation and scale");
-            const auto& sampler = animation.samplers[static_cast<std::size_t>(channel.sampler)];
-            GltfChannel read(file_, numbers_, sampler, rotation ? 4 : 3, what);
-            GltfNodeChannels& own = channels_[channel.target_node];
-            GltfChannel& place = rotation ? own.rotation : channel.target_path == "scale" ? own.scale : own.translation;
-            if (!place.empty()) file_.fail(what + " animates the same property as a channel before it");
-            place = std::move(read);
-        }
+        channels_ = nodes_.channels(all[static_cast<std::size_t>(chosen)], numbers_,
+                                    "animation '" + shortened(names[static_cast<std::size_t>(chosen)]) + "'");
     }
 
     /// The times of the key frames if they are evenly spaced, else 30 times a second from the first to the last.
@@ -151,12 +131,10 @@ private:
 
     /// World frames of all joints at a time; without channels, of the nodes' own transforms.
     void pose(const Channels& channels, double time, vec3<double>* joints, mat3<double>* rotations) const {
-        std::vector<Affine<double>> world(nodes_.joint_count());
-        for (std::size_t j = 0; j < nodes_.joint_count(); ++j) {
-            const auto found = channels.find(nodes_.node_of(j));
-            const GltfTransform own =
-                nodes_.transform(nodes_.node_of(j)).moved(found == channels.end() ? nullptr : &found->second, time);
-            const int parent = nodes_.parent_of(j);
+        std::vector<Affine<double>> world(joints_.joint_count());
+        for (std::size_t j = 0; j < joints_.joint_count(); ++j) {
+            const GltfTransform own = nodes_.transform(joints_.node_of(j), channels, time);
+            const int parent = joints_.parent_of(j);
             const mat3<double> above = parent < 0 ? mat3<double>(1.0) : rotations[parent];
             world[j] = parent < 0 ? own.matrix() : world[static_cast<std::size_t>(parent)] * own.matrix();
             joints[j] = world[j].translation;
@@ -164,7 +142,7 @@ private:
             const double volume = determinant(L), size = dot(L[0], L[0]) + dot(L[1], L[1]) + dot(L[2], L[2]);
             const double flat = 1e-9 * size * std::sqrt(size);
             if (volume < -flat)
-                file_.fail("the joint '" + nodes_.name_of(j) +
+                file_.fail("the joint '" + joints_.name_of(j) +
                            "' is mirrored by a negative scale, expected scales above 0");
             rotations[j] = volume > flat ? polar_rotation(L) : above * own.rotation; // a scale of 0 has no rotation
         }
@@ -173,7 +151,7 @@ private:
     /// Takes the pose in which the largest skin was bound as rest pose, if it holds all limbs. It is in the axes and
     /// the unit of the skin's mesh: lengths are scaled to those of the frames.
     void rest_of_skin(const JointMap& map) {
-        const tinygltf::Skin* skin = nodes_.largest_skin();
+        const tinygltf::Skin* skin = joints_.largest_skin();
         if (!skin || skin->inverseBindMatrices < 0) return;
         const std::vector<double> inverse = numbers_.read(skin->inverseBindMatrices, 16, "inverseBindMatrices");
         if (inverse.size() != 16 * skin->joints.size())
@@ -187,7 +165,7 @@ private:
             const Affine<double> joint_from_mesh({{m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}},
                                                  {m[12], m[13], m[14]});
             const double volume = determinant(joint_from_mesh.linear);
-            const std::size_t j = nodes_.joint_of(skin->joints[k]);
+            const std::size_t j = joints_.joint_of(skin->joints[k]);
             if (!(volume > 1e-30) || !std::isfinite(volume)) return; // not a bind pose
             const mat3<double> back = glm::inverse(joint_from_mesh.linear);
             bound[j] = {back, back * joint_from_mesh.translation * -1.0};
@@ -204,7 +182,7 @@ private:
         for (std::size_t j = 0; j < J; ++j) {
             const int parent = rig_.parents[j];
             if (!known[j]) {
-                const GltfTransform own = nodes_.transform(nodes_.node_of(j));
+                const GltfTransform own = nodes_.transform(joints_.node_of(j));
                 bound[j] = parent < 0 ? own.matrix() : bound[static_cast<std::size_t>(parent)] * own.matrix();
             }
             rest.rest_joints[j] = bound[j].translation;

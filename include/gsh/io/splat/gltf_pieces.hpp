@@ -6,12 +6,10 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
-#include <gsh/io/file/glb.hpp>
+#include <gsh/io/file/glb_writer.hpp>
 #include <gsh/io/splat/gltf_primitive.hpp>
-#include <gsh/math/quat.hpp>
-#include <gsh/math/rotation.hpp>
+#include <gsh/math/vec.hpp>
 
-#include <cmath>
 #include <cstddef>
 #include <filesystem>
 #include <optional>
@@ -20,20 +18,6 @@
 #include <vector>
 
 namespace gsh {
-
-/// Rotations of consecutive keys as x y z w, each with the sign that is nearer to the one before, so that readers turn
-/// the short way whether they compare signs or not.
-[[nodiscard]] inline std::vector<float> rotation_keys(Span<const mat3<double>> rotations) {
-    std::vector<float> keys;
-    quat<double> last;
-    for (const mat3<double>& R : rotations) {
-        quat<double> q = quat_from_rotation(R);
-        if (dot(q, last) < 0) q = {-q.w, -q.x, -q.y, -q.z};
-        last = q;
-        keys.insert(keys.end(), {float(q.x), float(q.y), float(q.z), float(q.w)});
-    }
-    return keys;
-}
 
 /// Writes pieces on animated nodes, atomically. At rest the nodes are where the first frame has them.
 ///
@@ -51,8 +35,7 @@ inline void write_gltf_pieces(const std::filesystem::path& path, const MovingPie
     const GltfSplatArrays arrays(file, pieces.cloud);
     const std::size_t K = pieces.begins.size() - 1;
     using Json = nlohmann::ordered_json;
-    Json children = Json::array(), nodes = Json::array(), meshes = Json::array(), channels = Json::array(),
-         samplers = Json::array();
+    Json children = Json::array(), nodes = Json::array(), meshes = Json::array();
     nodes.push_back({{"name", "avatar"}});
     const std::vector<float> seconds(times.begin(), times.end());
     const int input = file.add(seconds, {.bounds = true});
@@ -80,20 +63,13 @@ inline void write_gltf_pieces(const std::filesystem::path& path, const MovingPie
         if (T == 1) continue;
         const int turn = file.add_accessor(turn_view, 16 * T * k, Span<const float>(q, 4 * T), {.width = 4}),
                   place = file.add_accessor(place_view, 12 * T * k, Span<const float>(t, 3 * T), {.width = 3});
-        for (const auto& [output, target] : {std::pair(turn, "rotation"), std::pair(place, "translation")}) {
-            channels.push_back({{"sampler", samplers.size()}, {"target", {{"node", k + 1}, {"path", target}}}});
-            samplers.push_back({{"input", input}, {"output", output}});
-        }
+        file.animate(k + 1, "rotation", input, turn);
+        file.animate(k + 1, "translation", input, place);
     }
     nodes[0]["children"] = std::move(children);
     file.json["scenes"] = Json::array({{{"nodes", {0}}}});
     file.json["nodes"] = std::move(nodes);
     file.json["meshes"] = std::move(meshes);
-    if (T > 1) {
-        file.json["animations"] = Json::array();
-        file.json["animations"].push_back(
-            {{"name", "motion"}, {"channels", std::move(channels)}, {"samplers", std::move(samplers)}});
-    }
     file.write(path);
 }
 

@@ -6,7 +6,9 @@
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
-#include <gsh/io/file/glb.hpp>
+#include <gsh/io/file/glb_writer.hpp>
+#include <gsh/io/file/gltf_file.hpp>
+#include <gsh/io/file/gltf_numbers.hpp>
 #include <gsh/io/splat/still_splats.hpp>
 #include <gsh/math/activation.hpp>
 
@@ -112,50 +114,50 @@ private:
     }
 };
 
-/// The head of a document with Gaussians: author, filter, extension.
+/// States in a document that it has Gaussians, and their filter.
 inline void begin_gltf_splats(GlbWriter& file, const SplatNotes& notes) {
-    file.json["asset"] = {{"version", "2.0"}, {"generator", file_author()}};
     if (notes.filter)
         file.json["asset"]["extras"] = {
             {"gsh.filter",
              {{"dilation", notes.filter->dilation}, {"compensate_opacity", notes.filter->compensate_opacity}}}};
     file.json["extensionsUsed"] = {"KHR_gaussian_splatting"};
-    file.json["scene"] = 0;
 }
 
+namespace detail {
+
 /// What a document states about its Gaussians.
-[[nodiscard]] inline SplatNotes notes_of_gltf(const GlbReader& file) {
+[[nodiscard]] inline SplatNotes notes_of_gltf(const GltfFile& file) {
     SplatNotes notes{.up = UpAxis::y};
-    const nlohmann::json none;
-    const auto member = [&](const nlohmann::json& object, const char* name) -> const nlohmann::json& {
-        return object.is_object() && object.contains(name) ? object[name] : none;
-    };
-    const nlohmann::json& filter = member(member(member(file.json(), "asset"), "extras"), "gsh.filter");
-    const nlohmann::json &dilation = member(filter, "dilation"), &compensate = member(filter, "compensate_opacity");
+    const nlohmann::json filter = file.asset_extras().value("gsh.filter", nlohmann::json());
+    if (!filter.is_object()) return notes;
+    const nlohmann::json dilation = filter.value("dilation", nlohmann::json()),
+                         compensate = filter.value("compensate_opacity", nlohmann::json());
     if (dilation.is_number() && compensate.is_boolean() && dilation >= 0 && dilation < 1e6)
         notes.filter = PixelFilter{dilation.get<double>(), compensate.get<bool>()};
     return notes;
 }
 
-/// The Gaussians of a primitive, in the frame of its node.
+/// The Gaussians of a primitive, in the frame of its node. `where` begins messages.
 ///
-/// Errors  those of GlbReader; IoError for an attribute that is missing or of another length; ValueError for negative
+/// Errors  those of GltfNumbers; IoError for an attribute that is missing or of another length; ValueError for negative
 ///         scales, opacities beyond 0 to 1 and quaternions of length 0.
-[[nodiscard]] inline GaussianCloud<float> gaussians_of_primitive(const GlbReader& file,
-                                                                 const nlohmann::json& primitive) {
-    const auto found = primitive.find("attributes");
-    if (found == primitive.end() || !found->is_object()) file.fail("a primitive has no attributes");
-    const nlohmann::json& attributes = *found;
-    if (!attributes.contains("POSITION")) file.fail("a primitive has no POSITION");
-    const std::size_t count = file.count(attributes["POSITION"]);
-    const auto read = [&](const std::string& name, std::size_t width) {
-        if (!attributes.contains(name)) file.fail("a primitive has no " + name);
-        if (const std::size_t size = file.count(attributes[name]); size != count)
-            file.fail(name + " has " + std::to_string(size) + " elements, POSITION has " + std::to_string(count));
-        return file.floats(attributes[name], width);
+[[nodiscard]] inline GaussianCloud<float> gaussians_of_primitive(const GltfFile& file, GltfNumbers& numbers,
+                                                                 const tinygltf::Primitive& primitive,
+                                                                 const std::string& where) {
+    std::size_t count = 0;
+    const auto read = [&](const std::string& name, int width) {
+        const auto found = primitive.attributes.find(name);
+        if (found == primitive.attributes.end()) file.fail(where + " has no " + name);
+        std::vector<float> values = numbers.read<float>(found->second, width, where + ": " + name);
+        const std::size_t size = values.size() / static_cast<std::size_t>(width);
+        if (count == 0) count = size; // that of POSITION
+        if (size != count)
+            file.fail(where + ": " + name + " has " + std::to_string(size) + " elements, but POSITION " +
+                      std::to_string(count));
+        return values;
     };
     int degree = 0;
-    while (degree < 3 && attributes.contains(GltfSplatArrays::sh_name(degree + 1, 0))) ++degree;
+    while (degree < 3 && primitive.attributes.contains(GltfSplatArrays::sh_name(degree + 1, 0))) ++degree;
     const auto means = read("POSITION", 3), rotations = read("KHR_gaussian_splatting:ROTATION", 4),
                scales = read("KHR_gaussian_splatting:SCALE", 3), opacities = read("KHR_gaussian_splatting:OPACITY", 1);
     GaussianCloud<float> cloud(count, degree);
@@ -163,12 +165,13 @@ inline void begin_gltf_splats(GlbWriter& file, const SplatNotes& notes) {
         const auto at = [&] { return " of Gaussian " + std::to_string(i); };
         cloud.means[i] = {means[3 * i], means[3 * i + 1], means[3 * i + 2]};
         cloud.quats[i] = {rotations[4 * i + 3], rotations[4 * i], rotations[4 * i + 1], rotations[4 * i + 2]};
-        check_value(dot(cloud.quats[i], cloud.quats[i]) > 0, file.name(), "the rotation" + at() + " is 0");
+        check_value(dot(cloud.quats[i], cloud.quats[i]) > 0, file.name() + ": " + where,
+                    "the rotation" + at() + " is 0");
         for (std::size_t k = 0; k < 3; ++k) {
-            check_value(scales[3 * i + k] >= 0, file.name(), "the scale" + at() + " is negative");
+            check_value(scales[3 * i + k] >= 0, file.name() + ": " + where, "the scale" + at() + " is negative");
             cloud.log_scales[i][static_cast<int>(k)] = std::log(std::max(scales[3 * i + k], 1e-9f));
         }
-        check_value(opacities[i] >= 0 && opacities[i] <= 1, file.name(),
+        check_value(opacities[i] >= 0 && opacities[i] <= 1, file.name() + ": " + where,
                     "the opacity" + at() + " is not within 0 to 1");
         cloud.opacity_logits[i] = logit(std::clamp(opacities[i], 1e-6f, 1 - 1e-6f));
     }
@@ -182,5 +185,7 @@ inline void begin_gltf_splats(GlbWriter& file, const SplatNotes& notes) {
         }
     return cloud;
 }
+
+} // namespace detail
 
 } // namespace gsh

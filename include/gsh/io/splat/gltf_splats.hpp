@@ -6,8 +6,10 @@
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/moved_cloud.hpp>
 #include <gsh/gaussian/splats.hpp>
-#include <gsh/io/file/glb.hpp>
+#include <gsh/io/file/glb_writer.hpp>
+#include <gsh/io/file/gltf_file.hpp>
 #include <gsh/io/file/gltf_nodes.hpp>
+#include <gsh/io/file/gltf_numbers.hpp>
 #include <gsh/io/splat/gltf_primitive.hpp>
 #include <gsh/io/splat/still_splats.hpp>
 
@@ -38,14 +40,19 @@ inline void write_gltf_splats(const std::filesystem::path& path, const GaussianC
     file.write(path);
 }
 
-/// Reads all Gaussians that the scene of a GLB file shows, in the world, in the order of its nodes. Other meshes are
+/// Reads all Gaussians that the scene of a glTF file shows, in the world, in the order of its nodes. Other meshes are
 /// left out. With a time in seconds, nodes are where the first animation has them.
 ///
-/// Errors  those of GlbReader, gltf_world_maps and gaussians_of_primitive; IoError for a file without Gaussians, and
-///         for Gaussians in a compression that is another extension.
+/// Errors  IoError for a file that is damaged or shows no Gaussians, and for Gaussians in a compression that is another
+///         extension; ValueError for values that no Gaussian has.
 [[nodiscard]] inline StillSplats read_gltf_splats(const std::filesystem::path& path, std::optional<double> time = {}) {
-    const GlbReader file(path);
-    const auto maps = gltf_world_maps(file, time);
+    const detail::GltfFile file(path, detail::GltfParts::meshes);
+    const detail::GltfNodes nodes(file);
+    detail::GltfNumbers numbers(file, std::size_t(1) << 29); // 2 GiB; many nodes may show the same mesh
+    const tinygltf::Model& model = file.model();
+    detail::GltfNodes::Channels channels;
+    if (time && !model.animations.empty()) channels = nodes.channels(model.animations[0], numbers, "animation 0");
+    const auto maps = nodes.world_maps(channels, time.value_or(0));
     struct Piece {
         GaussianCloud<float> cloud;
         Affine<double> map;
@@ -54,26 +61,22 @@ inline void write_gltf_splats(const std::filesystem::path& path, const GaussianC
     std::size_t count = 0;
     int degree = 0;
     for (std::size_t n = 0; n < maps.size(); ++n) {
-        const nlohmann::json& node = file.at("nodes", n);
-        if (!maps[n] || !node.contains("mesh")) continue;
-        const nlohmann::json& mesh = file.at("meshes", node["mesh"]);
-        if (!mesh.contains("primitives") || !mesh["primitives"].is_array()) file.fail("a mesh has no primitives");
-        for (const nlohmann::json& primitive : mesh["primitives"]) {
-            if (!primitive.is_object() || !primitive.contains("extensions")) continue;
-            const nlohmann::json& extensions = primitive["extensions"];
-            if (!extensions.is_object() || !extensions.contains("KHR_gaussian_splatting")) continue;
-            if (const nlohmann::json& extension = extensions["KHR_gaussian_splatting"];
-                extension.is_object() && extension.contains("extensions"))
+        const int index = model.nodes[n].mesh;
+        if (!maps[n] || index == -1) continue;
+        file.check_index(index, model.meshes.size(), "node " + std::to_string(n) + ": mesh");
+        for (const auto& primitive : model.meshes[static_cast<std::size_t>(index)].primitives) {
+            const auto extension = primitive.extensions.find("KHR_gaussian_splatting");
+            if (extension == primitive.extensions.end()) continue;
+            if (extension->second.Has("extensions"))
                 file.fail("holds compressed Gaussians, which this version does not read");
-            pieces.push_back({gaussians_of_primitive(file, primitive), *maps[n]});
+            pieces.push_back(
+                {detail::gaussians_of_primitive(file, numbers, primitive, "mesh " + std::to_string(index)), *maps[n]});
             count += pieces.back().cloud.size();
             degree = std::max(degree, pieces.back().cloud.sh_degree);
-            // One mesh may be shown by many nodes.
-            if (count > (std::size_t(1) << 28)) file.fail("shows more than 268 million Gaussians");
         }
     }
     if (count == 0) file.fail("shows no Gaussians (KHR_gaussian_splatting)");
-    StillSplats splats{GaussianCloud<float>(0, degree), notes_of_gltf(file)};
+    StillSplats splats{GaussianCloud<float>(0, degree), detail::notes_of_gltf(file)};
     GaussianCloud<float>& all = splats.cloud;
     const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
     const auto basis = static_cast<std::size_t>(sh_basis_count(degree));

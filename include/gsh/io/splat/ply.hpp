@@ -6,6 +6,7 @@
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/file_author.hpp>
 #include <gsh/io/splat/ply_file.hpp>
 #include <gsh/io/splat/still_splats.hpp>
 

@@ -2,13 +2,11 @@
 /// @file  Still Gaussians of a file, with what the file states about them: the vertical and the pixel filter.
 #pragma once
 
-#include <gsh/core/config.hpp>
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
 
 #include <optional>
-#include <string>
 
 namespace gsh {
 
@@ -27,12 +25,6 @@ struct StillSplats {
     GaussianCloud<float> cloud;
     SplatNotes notes = {};
 };
-
-/// "gsh 0.1.0", the author of a file.
-[[nodiscard]] inline std::string file_author() {
-    return "gsh " + std::to_string(GSH_VERSION_MAJOR) + "." + std::to_string(GSH_VERSION_MINOR) + "." +
-           std::to_string(GSH_VERSION_PATCH);
-}
 
 /// The cloud, which has y up, as a file with this vertical stores it.
 [[nodiscard]] inline GaussianCloud<float> as_stored(GaussianCloud<float> cloud, std::optional<UpAxis> up) {

@@ -6,6 +6,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/file_author.hpp>
 #include <gsh/io/splat/still_splats.hpp>
 #include <gsh/math/activation.hpp>
 

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The JSON of a glTF file before tinygltf sees it: nesting, and removal of what nobody reads.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace gsh::detail {
+
+/// Whether brackets are open in each other at more than 256 levels.
+[[nodiscard]] inline bool is_nested_deeply(std::string_view json) {
+    std::size_t depth = 0;
+    bool text = false;
+    for (std::size_t i = 0; i < json.size(); ++i) {
+        const char c = json[i];
+        if (text && c == '\\')
+            ++i;
+        else if (c == '"')
+            text = !text;
+        else if (!text && (c == '[' || c == '{')) {
+            if (++depth > 256) return true;
+        } else if (!text && (c == ']' || c == '}') && depth > 0)
+            --depth;
+    }
+    return false;
+}
+
+/// Removes extras and extensions, at most 256 levels deep, but not that of Gaussians.
+inline void strip_gltf(nlohmann::json& value) {
+    nlohmann::json gaussians;
+    if (value.is_object()) {
+        if (const auto own = value.find("extensions"); own != value.end() && own->is_object())
+            gaussians = own->value("KHR_gaussian_splatting", nlohmann::json());
+        value.erase("extras"), value.erase("extensions");
+    }
+    if (value.is_structured())
+        for (auto& child : value) strip_gltf(child);
+    if (gaussians.is_object()) value["extensions"]["KHR_gaussian_splatting"] = std::move(gaussians);
+}
+
+/// Leaves the attributes of primitives and what `strip_gltf` left of their extensions.
+inline void strip_gltf_meshes(nlohmann::json& meshes) {
+    for (auto& mesh : meshes)
+        for (auto& primitive : mesh["primitives"]) {
+            nlohmann::json kept = nlohmann::json::object();
+            for (const char* key : {"attributes", "extensions"})
+                if (primitive.contains(key)) kept[key] = std::move(primitive[key]);
+            primitive = std::move(kept);
+        }
+}
+
+/// JSON as tinygltf receives it.
+[[nodiscard]] inline std::string text_of(const nlohmann::json& json) {
+    return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+/// A URI's text with %20 and other escapes resolved.
+[[nodiscard]] inline std::string decoded_uri(std::string_view uri) {
+    const auto digit = [](char c) {
+        return c >= '0' && c <= '9'   ? c - '0'
+               : c >= 'a' && c <= 'f' ? c - 'a' + 10
+               : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                                      : -1;
+    };
+    std::string text;
+    for (std::size_t i = 0; i < uri.size(); ++i)
+        if (uri[i] == '%' && i + 2 < uri.size() && digit(uri[i + 1]) >= 0 && digit(uri[i + 2]) >= 0) {
+            text.push_back(static_cast<char>(16 * digit(uri[i + 1]) + digit(uri[i + 2])));
+            i += 2;
+        } else {
+            text.push_back(uri[i]);
+        }
+    return text;
+}
+
+} // namespace gsh::detail
