@@ -176,6 +176,9 @@ TEST_CASE("damaged .glb files are refused") {
     expect([](GltfJson& j) { j["bufferViews"][0]["byteLength"] = 1000000000; }, {"accessor 0", "beyond its buffer"});
     expect([](GltfJson& j) { j["bufferViews"][0]["byteStride"] = 3; }, {"byteStride"});
     expect([](GltfJson& j) { j["buffers"][0]["uri"] = "other.bin"; }, {"other.bin", "cannot be read"});
+    // Views hold positions, rotations, scales, opacities. The attributes of another meaning have values that do not fit.
+    expect([](GltfJson& j) { j["bufferViews"][2]["byteOffset"] = 0; }, {"mesh 0: Gaussian", "a negative scale"});
+    expect([](GltfJson& j) { j["bufferViews"][3]["byteOffset"] = 0; }, {"mesh 0: Gaussian", "within 0 to 1"});
     for (const std::size_t size : {std::size_t(0), std::size_t(19), std::size_t(200), good.size() - 4}) {
         write_file(path, good.substr(0, size));
         test::check_throws<IoError>([&] { (void)read_gltf_splats(path); }, {path.string()});

@@ -80,7 +80,7 @@ inline GltfFile::GltfFile(const std::filesystem::path& path, GltfParts parts)
     std::string bytes = read_file(path, buffer_limit_);
     const bool binary = bytes.starts_with("glTF");
     if (!binary) {
-        bytes = text_of(reduced_json(bytes, 0, parts));
+        bytes = gltf_text(reduced_json(bytes, 0, parts));
         parse(bytes, binary);
         return;
     }
@@ -104,7 +104,7 @@ inline GltfFile::GltfFile(const std::filesystem::path& path, GltfParts parts)
             fail("states " + std::to_string(chunk) + " bytes of binary data, but holds " +
                  std::to_string(bytes.size() - next - 8));
     }
-    std::string json = text_of(reduced_json(std::string_view(bytes).substr(20, json_size), chunk, parts));
+    std::string json = gltf_text(reduced_json(std::string_view(bytes).substr(20, json_size), chunk, parts));
     json.resize((json.size() + 3) / 4 * 4, ' ');
     // The container is put together anew, in place: it may be large.
     const std::size_t padded = (chunk + 3) / 4 * 4;

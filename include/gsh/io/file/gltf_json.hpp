@@ -54,7 +54,7 @@ inline void strip_gltf_meshes(nlohmann::json& meshes) {
 }
 
 /// JSON as tinygltf receives it.
-[[nodiscard]] inline std::string text_of(const nlohmann::json& json) {
+[[nodiscard]] inline std::string gltf_text(const nlohmann::json& json) {
     return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 

@@ -162,17 +162,18 @@ namespace detail {
                scales = read("KHR_gaussian_splatting:SCALE", 3), opacities = read("KHR_gaussian_splatting:OPACITY", 1);
     GaussianCloud<float> cloud(count, degree);
     for (std::size_t i = 0; i < count; ++i) {
-        const auto at = [&] { return " of Gaussian " + std::to_string(i); };
+        const auto check = [&](bool good, const char* what) {
+            if (!good)
+                throw ValueError(file.name() + ": " + where + ": Gaussian " + std::to_string(i) + " has " + what);
+        };
         cloud.means[i] = {means[3 * i], means[3 * i + 1], means[3 * i + 2]};
         cloud.quats[i] = {rotations[4 * i + 3], rotations[4 * i], rotations[4 * i + 1], rotations[4 * i + 2]};
-        check_value(dot(cloud.quats[i], cloud.quats[i]) > 0, file.name() + ": " + where,
-                    "the rotation" + at() + " is 0");
+        check(dot(cloud.quats[i], cloud.quats[i]) > 0, "a rotation of length 0");
         for (std::size_t k = 0; k < 3; ++k) {
-            check_value(scales[3 * i + k] >= 0, file.name() + ": " + where, "the scale" + at() + " is negative");
+            check(scales[3 * i + k] >= 0, "a negative scale");
             cloud.log_scales[i][static_cast<int>(k)] = std::log(std::max(scales[3 * i + k], 1e-9f));
         }
-        check_value(opacities[i] >= 0 && opacities[i] <= 1, file.name() + ": " + where,
-                    "the opacity" + at() + " is not within 0 to 1");
+        check(opacities[i] >= 0 && opacities[i] <= 1, "an opacity that is not within 0 to 1");
         cloud.opacity_logits[i] = logit(std::clamp(opacities[i], 1e-6f, 1 - 1e-6f));
     }
     const auto basis = static_cast<std::size_t>(sh_basis_count(degree));
