@@ -7,6 +7,7 @@
 #include "support/light_command.hpp"
 #include "support/messages.hpp"
 #include "support/program.hpp"
+#include "support/rig_option.hpp"
 #include "support/still_writer.hpp"
 #include "view/page_export.hpp"
 
@@ -85,6 +86,7 @@ int main(int argc, char** argv) {
     app.add_flag("--mesh", options.mesh, "write a .glb with a skinned, coloured mesh instead of Gaussians");
     app.add_flag("--as-stored", options.as_stored,
                  "keep the world of the motion; otherwise it is rotated so that the body stands along +y");
+    add_rig(app, options.rig);
     add_light(app, options.light);
     add_threads(app, options.threads);
     return run_program(app, argc, argv, [&] { return run_export(options); });

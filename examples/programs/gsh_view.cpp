@@ -7,6 +7,7 @@
 #include "support/machine.hpp"
 #include "support/messages.hpp"
 #include "support/program.hpp"
+#include "support/rig_option.hpp"
 #include "view/view_scene.hpp"
 #include "view/view_server.hpp"
 
@@ -31,6 +32,7 @@ struct ViewOptions {
     int size = 540;
     bool open = false;
     LightOption light;
+    RigOption rig;
     BackendOption machine;
 };
 
@@ -51,7 +53,7 @@ void open_browser(std::string url) {
 int view(ViewOptions& options) {
     Machine machine(options.machine);
     std::vector<std::string> warnings;
-    ViewScene scene = load_view_scene(options.scenes, options.poses, options.light, warnings);
+    ViewScene scene = load_view_scene(options.scenes, options.poses, options.light, options.rig, warnings);
     scene.size = options.size;
     for (const std::string& warning : warnings) warn(warning);
     ViewServer server(machine.host(), scene, options.server);
@@ -86,6 +88,7 @@ int main(int argc, char** argv) {
     app.add_flag("--open", options.open, "open the page in the browser");
     app.add_option("--size", options.size, "pixels of the shorter side of the picture, at most (default 540)")
         ->check(CLI::Range(64, 4096));
+    add_rig(app, options.rig);
     add_light(app, options.light);
     add_threads(app, options.machine.threads);
     return run_program(app, argc, argv, [&] { return view(options); });

@@ -234,6 +234,8 @@ TEST_CASE("options that do not fit are refused with one line") {
     refuse(s.avatar, "x.ply", {"--poses", dance, "--frame", "0", "--frames", "0:1"}, {"--frames", "excludes"});
     for (const char* frames : {"1", "a:b", "0:", "0:1:0", "2:1", "0:3", "0:1:1:1", "-1:2"})
         refuse(s.avatar, "x.ply", {"--poses", dance, "--frames=" + std::string(frames)}, {"--frames"});
+    refuse(s.avatar, "x.ply", {"--joint-map", "map.json"}, {"--joint-map", "--poses"});
+    refuse(s.avatar, "x.ply", {"--poses", dance, "--joint-map", "none.json"}, {"none.json", "No such file"});
     refuse(s.avatar, "x.spz", {"--up", "y"}, {"--up", "y up"});
     refuse(s.avatar, "x.ply", {"--spz", "3"}, {"--spz", ".spz"});
     refuse(s.avatar, "x.spz", {"--spz", "2"}, {"--spz"});

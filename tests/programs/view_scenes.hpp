@@ -129,7 +129,7 @@ inline const ViewFiles& view_files() {
 [[nodiscard]] inline examples::ViewScene view_scene(const std::vector<std::filesystem::path>& files,
                                                     const std::vector<std::filesystem::path>& poses = {}) {
     std::vector<std::string> warnings;
-    return examples::load_view_scene(files, poses, {}, warnings);
+    return examples::load_view_scene(files, poses, {}, {}, warnings);
 }
 
 /// The picture that gsh-animate would write of the people of a request.

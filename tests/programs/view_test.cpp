@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// gsh-view without a server: what its requests may say, its packages, pages and pictures.
+#include "io/bvh_files.hpp"
 #include "programs/view_answers.hpp"
 #include "programs/view_scenes.hpp"
 
@@ -13,12 +14,15 @@
 #include "view/view_scene.hpp"
 
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/loss/metrics.hpp>
 
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <initializer_list>
 #include <limits>
 #include <numbers>
@@ -229,4 +233,21 @@ TEST_CASE("gsh-view: a later motion begins where the first one begins") {
     CHECK_THROWS_AS((void)test::view_scene({files.polar, files.dual}, {files.left}), ValueError);
     CHECK_THROWS_AS((void)test::view_scene({files.polar, files.cloud}), ValueError);
     CHECK_THROWS_AS((void)test::view_scene({files.cloud}, {files.left}), ValueError);
+}
+
+TEST_CASE("gsh-view: a joint map names joints of motions, also of those that the page sends") {
+    const test::Temporary folder;
+    std::string walk = test::bvh_text(test::sample_rig({.units = 100}));
+    const std::string known = "mixamorig:LeftUpLeg";
+    walk.replace(walk.find(known), known.size(), "Bone");
+    write_file(folder / "walk.bvh", walk);
+    write_file(folder / "map.json", R"({"Bone": "left_hip"})");
+    const std::vector<std::filesystem::path> avatar{test::view_files().actor}, poses{folder / "walk.bvh"};
+    std::vector<std::string> warnings;
+    CHECK_THROWS_AS((void)load_view_scene(avatar, poses, {}, {}, warnings), ValueError);
+    const RigOption named{.joint_map = folder / "map.json", .animation = {}};
+    const ViewScene scene = load_view_scene(avatar, poses, {}, named, warnings);
+    const Motion& motion = scene.motions[0][0].motion;
+    CHECK(read_sent_motion(scene, 0, "walk.bvh", walk, warnings).motion.pose == motion.pose);
+    CHECK_THROWS_AS((void)read_sent_motion(test::view_scene(avatar), 0, "walk.bvh", walk, warnings), IoError);
 }

@@ -38,7 +38,7 @@ struct Exported {
     cpu::Threads backend;
 
     Exported(const ExportOptions& o, const FormatTraits& traits)
-        : people({o.input}, o.poses, o.light, !o.as_stored && !o.poses.empty()), backend(o.threads) {
+        : people({o.input}, o.poses, o.light, !o.as_stored && !o.poses.empty(), o.rig), backend(o.threads) {
         AvatarData& avatar = people.data[0];
         if (o.largest)
             avatar = avatar_part(avatar, Span<const std::uint32_t>(largest_gaussians(avatar.gaussians, *o.largest)));
@@ -98,7 +98,9 @@ ExportResult write_sequence(Exported& exported, const ExportOptions& o, const Fo
 ExportResult write_still(Exported& exported, const ExportOptions& o, const FormatTraits& traits) {
     auto still = still_frames(exported, o);
     StillWriter writer(o, traits, exported.avatar().filter);
-    writer.write(o.to, still.frame(exported.motion(), exported.frames[0]));
+    const GaussianCloud<float> cloud = still.frame(exported.motion(), exported.frames[0]);
+    if (interrupted) return {};
+    writer.write(o.to, cloud);
     return {o.to, still.size(), 1, writer.losses()};
 }
 
@@ -122,6 +124,7 @@ ExportResult write_mesh(Exported& exported, const ExportOptions& o) {
     const bool moves = o.is_moving() || o.frame;
     const std::vector<double> times = exported.times();
     const Span<const std::size_t> frames(exported.frames);
+    if (interrupted) return {};
     write_gltf_mesh(o.to, exported.avatar(), exported.motion(), frames.subspan(0, moves ? frames.size() : 0),
                     Span<const double>(times).subspan(0, moves ? times.size() : 0));
     return {o.to, exported.avatar().gaussians.size(), 1};
@@ -131,6 +134,7 @@ ExportResult write_compact(const Exported& exported, const ExportOptions& o) {
     AvatarData avatar = avatar_of_file(o.input); // with the light as trained, not as moved to a motion
     if (o.largest) avatar = exported.avatar(), avatar.light = avatar_of_file(o.input).light;
     avatar.gaussians = with_bands_up_to(std::move(avatar.gaussians), o.sh_degree.value_or(4));
+    if (interrupted) return {};
     save_avatar(o.to, avatar, ArrayStorage::compact);
     return {o.to, avatar.gaussians.size(), 1};
 }

@@ -50,6 +50,7 @@ FormatTraits check_options(const ExportOptions& o) {
           "holds several motions; --frame and --frames choose from one");
     needs(page && o.as_stored, false, "--as-stored", "is not for .html, whose page shows bodies upright");
     needs(!o.light.is_default(), avatar, "--light", "needs an avatar (.gsh), as --light-turn and --exposure do");
+    needs(!o.rig.is_default(), !o.poses.empty(), "--joint-map", "needs --poses, as --animation does");
     needs(o.up.has_value(), traits->y_down, "--up",
           "is for .ply, .compressed.ply and .splat; the other formats have y up");
     needs(o.spz_version.has_value(), traits->format == ExportFormat::spz, "--spz", "is for files .spz");

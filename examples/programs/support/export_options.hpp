@@ -4,6 +4,7 @@
 
 #include "support/export_format.hpp"
 #include "support/light_option.hpp"
+#include "support/rig_option.hpp"
 
 #include <cstddef>
 #include <filesystem>
@@ -24,6 +25,7 @@ struct ExportOptions {
     std::optional<int> spz_version, clusters;
     bool mesh = false, as_stored = false;
     LightOption light;
+    RigOption rig;
     std::size_t threads = 0;
 
     [[nodiscard]] bool is_moving() const { return !frames.empty(); }

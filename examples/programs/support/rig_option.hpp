@@ -14,6 +14,8 @@ namespace gsh::examples {
 struct RigOption {
     std::filesystem::path joint_map; ///< JSON file with names of joints; empty: known names only
     std::string animation;           ///< of a glTF file with several; empty: the first
+
+    [[nodiscard]] bool is_default() const { return joint_map.empty() && animation.empty(); }
 };
 
 /// The options --joint-map and --animation. CLI11 must be included before it is called.

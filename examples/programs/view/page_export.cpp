@@ -61,7 +61,7 @@ void keep_gaussians(ViewScene& scene, const ExportOptions& o) {
 
 ExportResult export_page(const ExportOptions& o) {
     std::vector<std::string> warnings;
-    ViewScene scene = load_view_scene({o.input}, o.poses, o.light, warnings);
+    ViewScene scene = load_view_scene({o.input}, o.poses, o.light, o.rig, warnings);
     for (const std::string& warning : warnings) warn(warning);
     watch_interrupts();
     keep_gaussians(scene, o);

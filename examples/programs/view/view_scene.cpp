@@ -202,13 +202,15 @@ void place_like(const RigData& rig, const Motion& other, Motion& motion) {
 }
 
 ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<fs::path>& poses,
-                          const LightOption& light, std::vector<std::string>& warnings) {
+                          const LightOption& light, const RigOption& rig, std::vector<std::string>& warnings) {
     const auto is_avatar = [](const fs::path& file) { return file.extension() == ".gsh"; };
     ViewScene scene;
+    scene.rig = rig;
     for (const fs::path& file : files) scene.names.push_back(file.filename().string());
     if (files.size() == 1 && !is_avatar(files[0])) {
-        check_value(poses.empty() && light.is_default(), files[0].string(),
-                    "is a static scene; --poses, --light, --light-turn and --exposure need avatars (.gsh)");
+        check_value(poses.empty() && light.is_default() && rig.is_default(), files[0].string(),
+                    "is a static scene; --poses, --joint-map, --animation, --light, --light-turn and --exposure need "
+                    "avatars (.gsh)");
         StillSplats splats = splats_of_file(files[0]);
         scene.y_down = !splats.notes.up && is_y_down(files[0]);
         scene.cloud = std::move(splats.cloud), scene.filter = splats.notes.filter.value_or(PixelFilter{});
@@ -222,22 +224,23 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
                     " avatars; give one for each, in the same order");
     const std::size_t first_ones = std::min(poses.size(), files.size());
     scene.people.emplace(files, std::vector<fs::path>(poses.begin(), poses.begin() + static_cast<long>(first_ones)),
-                         light, true);
+                         light, true, rig);
     ShownPeople& people = *scene.people;
     scene.filter = people.filter();
     for (std::size_t p = 0; p < people.data.size(); ++p) {
-        const RigData& rig = people.data[p].rig;
+        const RigData& body_rig = people.data[p].rig;
         if (!poses.empty())
             scene.motions.push_back({{poses[p].filename().string(), people.motions[p]}});
-        else if (has_smplx_joints(rig.body))
-            scene.motions.push_back(built_in_motions(rig, people.motions[p]));
+        else if (has_smplx_joints(body_rig.body))
+            scene.motions.push_back(built_in_motions(body_rig, people.motions[p]));
         else
             scene.motions.push_back({{"canonical pose", people.motions[p]}});
         people.motions[p] = scene.motions[p][0].motion;
     }
     for (std::size_t m = first_ones; m < poses.size(); ++m) {
-        Motion motion = motion_of_file(poses[m], people.data[0].rig.body, warnings, true, people.data[0].rig.betas);
-        place_like(people.data[0].rig, people.motions[0], motion);
+        const RigData& first = people.data[0].rig;
+        Motion motion = motion_of_file(poses[m], first.body, warnings, true, first.betas, rig);
+        place_like(first, people.motions[0], motion);
         scene.motions[0].push_back({poses[m].filename().string(), std::move(motion)});
     }
     scene.box = box_of(people);
@@ -252,7 +255,7 @@ ViewMotion read_sent_motion(const ViewScene& scene, std::size_t person, const st
     const std::string shown = shown_name(name);
     const SentFile file(shown, bytes);
     try {
-        ViewMotion result{shown, motion_of_file(file.path(), rig.body, warnings, true, rig.betas)};
+        ViewMotion result{shown, motion_of_file(file.path(), rig.body, warnings, true, rig.betas, scene.rig)};
         validate(result.motion, rig.body, shown);
         place_like(rig, scene.people->motions[person], result.motion);
         for (std::string& warning : warnings) warning = file.renamed(warning, shown);

@@ -2,6 +2,7 @@
 /// @file  What gsh-view shows: avatars with their motions, or a static scene, and what the page must know about them.
 #pragma once
 
+#include "support/rig_option.hpp"
 #include "support/shown_people.hpp"
 #include "view/view_request.hpp"
 
@@ -40,6 +41,7 @@ struct ViewScene {
     bool y_down = false;                          ///< by custom: the scene stands upright when y points down
     PixelFilter filter;
     ViewBox box;
+    RigOption rig; ///< how motions of other rigs are read, also those that the page sends
     int size = 540; ///< pixels: the side of the page's picture at first
 
     [[nodiscard]] std::vector<PersonSize> sizes() const;
@@ -56,7 +58,7 @@ struct ViewScene {
 /// Errors  those of the files; ValueError for scenes and avatars together, and for other numbers of poses.
 [[nodiscard]] ViewScene load_view_scene(const std::vector<std::filesystem::path>& files,
                                         const std::vector<std::filesystem::path>& poses, const LightOption& light,
-                                        std::vector<std::string>& warnings);
+                                        const RigOption& rig, std::vector<std::string>& warnings);
 
 /// Moves a motion so that its first frame has the place and the ground of another motion's.
 void place_like(const RigData& rig, const Motion& other, Motion& motion);
