@@ -123,7 +123,8 @@ int main(int argc, char** argv) {
     app.add_option("avatars", options.avatars, "AVATAR.gsh, one or several in one scene")->required();
     app.add_option(
            "--poses", options.poses,
-           "one motion per avatar, in the same order: --poses A --poses B; any layout that gsh reads (.npz, .bvh, .glb, folder)")
+           "one motion per avatar, in the same order: --poses A --poses B; any layout that gsh reads (.npz, .bvh, "
+           ".glb, folder)")
         ->required()
         ->allow_extra_args(false);
     app.add_option("--camera", options.camera, "CAMERA.json; without it, a camera is placed to show the whole motion");

@@ -117,8 +117,8 @@ int main(int argc, char** argv) {
         ->required();
     app.add_option(
            "--poses", options.poses,
-           "one motion per avatar, in the same order, in any layout that gsh reads (.npz, .bvh, .glb, folder); without it, the "
-           "canonical pose")
+           "one motion per avatar, in the same order, in any layout that gsh reads (.npz, .bvh, .glb, folder); without "
+           "it, the canonical pose")
         ->allow_extra_args(false);
     app.add_option("--frame", options.frame, "frame of the motions (default 0)")->check(not_negative());
     app.add_option("--time", options.time, "seconds of the animation of a scene (.glb); without it, the scene at rest")

@@ -36,7 +36,8 @@ struct ViewOptions {
     BackendOption machine;
 };
 
-/// Asks the desktop to open an address; what it prints is dropped.
+/// Asks the desktop to open an address; what it prints is dropped. The browser is in a process group of its own, so
+/// that Ctrl-C in the terminal does not end it.
 void open_browser(std::string url) {
     std::string program = "xdg-open";
     char* const arguments[] = {program.data(), url.data(), nullptr};
@@ -44,10 +45,15 @@ void open_browser(std::string url) {
     posix_spawn_file_actions_init(&actions);
     for (const int descriptor : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
         posix_spawn_file_actions_addopen(&actions, descriptor, "/dev/null", O_RDWR, 0);
+    posix_spawnattr_t attributes;
+    posix_spawnattr_init(&attributes);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+    posix_spawnattr_setpgroup(&attributes, 0);
     pid_t id = 0;
-    if (posix_spawnp(&id, program.c_str(), &actions, nullptr, arguments, environ) != 0)
+    if (posix_spawnp(&id, program.c_str(), &actions, &attributes, arguments, environ) != 0)
         warn("--open: there is no xdg-open; open the address above in a browser");
     posix_spawn_file_actions_destroy(&actions);
+    posix_spawnattr_destroy(&attributes);
 }
 
 int view(ViewOptions& options) {

@@ -100,5 +100,22 @@ gsh.body = (() => {
     return { vertices, normals, lit };
   }
 
-  return { load, offsets, surface };
+  /** The height of the lowest vertex of a posed body. */
+  function ground(body, bones, offset) {
+    const I = body.joints.columns, joints = body.joints.data, weights = body.weights;
+    let lowest = Infinity;
+    for (let v = 0; v < body.count; ++v) {
+      const at = 3 * v, x = body.rest[at] + offset[at], y = body.rest[at + 1] + offset[at + 1];
+      const z = body.rest[at + 2] + offset[at + 2];
+      let total = 0, height = 0;
+      for (let k = v * I; k < v * I + I && weights[k] !== 0; ++k) {
+        const w = weights[k], B = 12 * joints[k] + 4; // the row of y
+        total += w, height += w * (bones[B] * x + bones[B + 1] * y + bones[B + 2] * z + bones[B + 3]);
+      }
+      lowest = Math.min(lowest, height / total);
+    }
+    return lowest;
+  }
+
+  return { load, offsets, surface, ground };
 })();

@@ -3,14 +3,14 @@
 "use strict";
 
 gsh.ClientEngine = class {
-  /** Whether this browser can run it, and whether on a real graphics card. */
-  static support() {
+  /** Whether this browser can run it on a real graphics card. */
+  static isFast() {
     const canvas = document.createElement("canvas"), gl = canvas.getContext("webgl2");
-    if (!gl || !gl.getExtension("EXT_color_buffer_float")) return { works: false, fast: false };
+    if (!gl || !gl.getExtension("EXT_color_buffer_float")) return false;
     const info = gl.getExtension("WEBGL_debug_renderer_info");
     const renderer = gl.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : gl.RENDERER);
     gl.getExtension("WEBGL_lose_context")?.loseContext();
-    return { works: true, fast: !/swiftshader|llvmpipe|software|basic render/i.test(renderer), renderer };
+    return !/swiftshader|llvmpipe|software|basic render/i.test(renderer);
   }
 
   constructor(source, canvas) {
@@ -262,7 +262,7 @@ gsh.ClientEngine = class {
     return true;
   }
 
-  /** The picture as a PNG, in the exact order. */
+  /** The picture as a PNG, in the exact order. Nothing else may be drawn meanwhile, for that asks for new orders. */
   async picture(request) {
     await this.draw(request);
     await this.orderReady();

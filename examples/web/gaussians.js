@@ -39,7 +39,7 @@ gsh.loadGaussians = (() => {
         put(bands[from], bands[from + 1], bands[from + 2], 0);
       }
     }
-    const person = { count, aoIsMean: !!header.ao_is_mean, dual: header.deformation === "dual_quaternion", turned: null,
+    const person = { count, aoIsMean: !!header.ao_is_mean, dual: header.deformation === "dual_quaternion",
                      fixed: tools.texture(gl.RGBA32F, wide, height, fixed) };
     if (hasBody) {
       person.body = gsh.body.load(pack, p);

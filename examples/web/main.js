@@ -4,9 +4,9 @@
 
 gsh.view = (() => {
   const element = (id) => document.getElementById(id);
-  const page = { person: 0, states: [], motions: [], show: "splats", shadows: true, skeleton: false, follow: false,
-                 lightTurn: 0, background: [0x23 / 255, 0x27 / 255, 0x2e / 255], resolution: 540, fixedSize: null,
-                 pictures: 0 };
+  const page = { person: 0, states: [], motions: [], chosen: [], show: "splats", shadows: true, skeleton: false,
+                 follow: false, lightTurn: 0, background: [0x23 / 255, 0x27 / 255, 0x2e / 255], resolution: 540,
+                 fixedSize: null, pictures: 0 };
   let scene, source, camera, player, engine, panel;
 
   // ---- messages ----
@@ -29,9 +29,9 @@ gsh.view = (() => {
 
   // ---- pictures ----
 
-  let dirty = false, busy = false, ready = false, awake = false, lastStep = 0;
+  let dirty = false, busy = false, ready = false, awake = false, lastStep = 0, saving = 0;
   let transportShown = 0; // milliseconds
-  const waiting = [], shownTimes = []; // who waits for a picture; times of the last pictures, milliseconds
+  const waiting = [], shownTimes = []; // resolvers of nextPicture(); times of the last pictures, milliseconds
   const change = () => { dirty = true, wake(); };
 
   function pictureSize() {
@@ -52,7 +52,7 @@ gsh.view = (() => {
 
   /** Draws if there is something new. One request at a time; the last picture may still be decoded. */
   async function drawIfNeeded() {
-    if (!dirty || busy || !ready) return;
+    if (!dirty || busy || !ready || saving) return;
     dirty = false, busy = true;
     const wanted = request(), askers = waiting.splice(0), drawer = engine;
     let free = false;
@@ -89,7 +89,7 @@ gsh.view = (() => {
 
   /** Goes on with the motion, and draws. */
   function step() {
-    if (busy || document.hidden) return;
+    if (busy || saving || document.hidden) return;
     const now = performance.now();
     if (player.advance(Math.min((now - lastStep) / 1000, 0.25))) takeFrame();
     lastStep = now;
@@ -97,7 +97,7 @@ gsh.view = (() => {
   }
   /** Makes a step when the screen is next drawn, if there is anything to do then. */
   function wake() {
-    if (awake || busy || !ready || !(dirty || player.playing)) return;
+    if (awake || busy || saving || !ready || !(dirty || player.playing)) return;
     awake = true;
     requestAnimationFrame(() => {
       awake = false;
@@ -107,6 +107,17 @@ gsh.view = (() => {
   function play() {
     player.playing = true, lastStep = performance.now();
     showTransport(), wake();
+  }
+
+  /** The picture of this moment as a PNG. Until it is there nothing else is drawn, and a motion stands still. */
+  async function picture() {
+    ++saving;
+    try {
+      return await engine.picture(request());
+    } finally {
+      --saving, lastStep = performance.now();
+      wake();
+    }
   }
 
   let rateTimer = 0;
@@ -154,7 +165,7 @@ gsh.view = (() => {
     const asked = new URLSearchParams(location.search).get("engine");
     if (!source.canDraw) return "client";
     if (asked === "server" || asked === "client") return asked;
-    return gsh.ClientEngine.support().fast ? "client" : "server";
+    return gsh.ClientEngine.isFast() ? "client" : "server";
   }
 
   // ---- poses and motions ----
@@ -163,8 +174,14 @@ gsh.view = (() => {
     ({ pose: pose.slice(), betas: betas.slice(), expression: expression.slice(), transl: transl.slice() });
   const person = () => scene.people[page.person], state = () => page.states[page.person];
 
-  function takeFrame() {
+  const edited = new Set(); // the people whose poses sliders changed since the last frame
+  const isUnedited = (p) => !edited.has(p);
+
+  /** Shows the motions' poses of this moment, of all people or of some. */
+  function takeFrame(isMeant = () => true) {
     page.states.forEach((one, p) => {
+      if (!isMeant(p)) return;
+      edited.delete(p);
       const { pose, transl, expression } = player.state(p);
       one.pose = pose, one.transl = transl;
       if (expression) one.expression = one.expression.map((_, k) => expression[k] || 0);
@@ -179,24 +196,31 @@ gsh.view = (() => {
     const { betas } = player.motions[p];
     page.states[p].betas = scene.people[p].betas.map((beta, k) => betas.length ? betas[k] || 0 : beta);
   }
-  function useMotion(p, motion) {
-    player.set(p, motion);
-    page.states[p].expression.fill(0);
-    takeBetas(p), takeFrame();
+  /** Shows motion `index` of a person from its beginning. Poses that sliders gave other people stay. */
+  function useMotion(p, index) {
+    page.chosen[p] = index;
+    player.set(p, page.motions[p][index].loaded);
+    restart(p);
+  }
+  /** The person as the motion has them, also in shape and expression. */
+  function restart(p) {
+    page.states[p].expression.fill(0), edited.delete(p);
+    takeBetas(p), takeFrame(isUnedited);
   }
   function pause() {
     player.playing = false;
     showTransport();
   }
   function changePose(edit) {
-    pause(), edit(state()), showPose(), change();
+    pause(), edited.add(page.person), edit(state()), showPose(), change();
   }
 
   const openFile = guarded(async (file) => {
-    const p = page.person, motion = await source.read(file, p, scene);
-    page.motions[p].push({ name: motion.name, loaded: motion });
-    if (p === page.person) panel.showMotions(page.motions[p], page.motions[p].length - 1);
-    useMotion(p, motion);
+    const p = page.person, list = page.motions[p];
+    const motion = await source.read(file, p, scene, list[0].loaded, engine?.people?.[p].body);
+    list.push({ name: motion.name, loaded: motion });
+    if (p === page.person) panel.showMotions(list, list.length - 1);
+    useMotion(p, list.length - 1);
     if (motion.warnings.length) say(motion.warnings.join(" · "));
     else say(`${motion.name}: ${motion.frames} frame${motion.frames > 1 ? "s" : ""}`, true);
     if (player.frames > 1) play();
@@ -214,22 +238,23 @@ gsh.view = (() => {
     useMotion: guarded(async (index) => {
       const p = page.person, entry = page.motions[p][index];
       entry.loaded = entry.loaded || await source.motion(p, index);
-      useMotion(p, entry.loaded);
+      useMotion(p, index);
     }),
     useEngine: guarded(useEngine),
     choosePerson: (p) => {
       page.person = p;
-      panel.showPerson(page.motions[p], person(), state());
+      panel.showPerson(page.motions[p], page.chosen[p], person(), state());
     },
     resetView: () => { camera.reset(stageAspect()), change(); },
     turnUpsideDown: (on) => { camera.up = on ? -1 : 1, change(); },
-    savePicture: guarded(async () => save(await engine.picture(request()), "picture.png")),
+    savePicture: guarded(async () => save(await picture(), "picture.png")),
     changeNumber: (kind, index, value) => {
       if (player.playing) pause();
+      edited.add(page.person);
       state()[kind][index] = value;
       change();
     },
-    resetPose: () => { pause(), takeBetas(page.person), state().expression.fill(0), takeFrame(); },
+    resetPose: () => { pause(), restart(page.person); },
     restPose: () => changePose((s) => { s.pose.fill(0), s.expression.fill(0), s.betas = person().betas.slice(); }),
     mirror: () => changePose((s) => {
       s.pose = gsh.joints.mirrored(s.pose, gsh.joints.names(person().joint_names, person().parents.length));
@@ -278,12 +303,12 @@ gsh.view = (() => {
       if (event.key === "ArrowRight") goTo(player.frame + 1);
       if (event.key === "ArrowLeft") goTo(player.frame - 1);
     });
-    if (scene.people.length) listenToDrops();
+    listenToDrops();
   }
 
   function listenToDrops() {
     let inside = 0;
-    const show = (on) => (element("drop").hidden = !on);
+    const show = (on) => (element("drop").hidden = !on || !scene.people.length);
     document.addEventListener("dragenter", (event) => {
       if (event.dataTransfer && [...event.dataTransfer.types].includes("Files")) ++inside, show(true);
     });
@@ -291,11 +316,16 @@ gsh.view = (() => {
       inside = Math.max(inside - 1, 0);
       if (!inside) show(false);
     });
-    document.addEventListener("dragover", (event) => event.preventDefault());
+    document.addEventListener("dragover", (event) => event.preventDefault()); // else the browser leaves the page
     document.addEventListener("drop", (event) => {
       event.preventDefault();
       inside = 0, show(false);
-      if (event.dataTransfer.files[0]) openFile(event.dataTransfer.files[0]);
+      const { files, items } = event.dataTransfer;
+      if (!files[0]) return;
+      if (items[0].webkitGetAsEntry()?.isDirectory)
+        return say(`${files[0].name}: is a folder; drop a file, or give the folder to gsh-motion`);
+      if (!scene.people.length) return say(`${files[0].name}: this scene has no people to move`);
+      openFile(files[0]);
     });
   }
 
@@ -305,6 +335,7 @@ gsh.view = (() => {
     const { people } = scene;
     page.resolution = scene.size;
     page.motions = people.map((p) => p.motions.map(({ name }) => ({ name })));
+    page.chosen = people.map(() => 0);
     camera = new gsh.OrbitCamera(scene);
     camera.up = scene.y_down ? -1 : 1;
     camera.reset(stageAspect());
@@ -317,7 +348,7 @@ gsh.view = (() => {
     element("transport").hidden = !people.length;
     takeFrame();
     panel = new gsh.Panel(scene, page, source.canDraw, actions);
-    if (people.length) panel.showPerson(page.motions[0], person(), state());
+    if (people.length) panel.showPerson(page.motions[0], 0, person(), state());
     listen();
     await useEngine(firstEngine());
     document.addEventListener("visibilitychange", wake);
@@ -327,11 +358,9 @@ gsh.view = (() => {
 
   const started = start().catch((error) => say(error.message));
   return {
-    started, page, request, copyState, poseFile, pause, openFile, useEngine,
+    started, page, request, copyState, poseFile, pause, openFile, useEngine, picture,
     /** Resolves when the next picture is shown. */
     nextPicture: () => new Promise((done) => { waiting.push(done), change(); }),
-    /** The picture as a PNG. */
-    picture: () => engine.picture(request()),
     /** Pictures of [width, height] pixels from now on, whatever the size of the window. */
     setSize: (size) => { page.fixedSize = size, change(); },
     get engine() { return engine; }, get camera() { return camera; }, get player() { return player; },

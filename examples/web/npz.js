@@ -58,51 +58,89 @@ gsh.npz = (() => {
     return new Blob([...parts, ...directory, new Uint8Array(end.buffer)], { type: "application/octet-stream" });
   }
 
-  async function inflate(bytes) {
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
-    return new Uint8Array(await new Response(stream).arrayBuffer());
+  const largest = 256 << 20; // bytes of all arrays of an archive
+  const tooLarge = () => new Error("holds more than 256 MiB when inflated, the most that is read");
+
+  /** Inflates bytes, to `most` at most. */
+  async function inflate(bytes, most) {
+    const reader = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw")).getReader();
+    const chunks = [];
+    let size = 0;
+    for (let next = await reader.read(); !next.done; next = await reader.read()) {
+      size += next.value.length;
+      if (size > most) {
+        await reader.cancel();
+        throw tooLarge();
+      }
+      chunks.push(next.value);
+    }
+    const whole = new Uint8Array(size);
+    size = 0;
+    for (const chunk of chunks) whole.set(chunk, size), size += chunk.length;
+    return whole;
   }
 
-  function parseNpy(bytes, name) {
+  /** The array in the bytes of an .npy file: {type, shape, data}, without data unless its numbers can be read. */
+  function parseNpy(bytes, key) {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-    if (view.getUint32(0) !== 0x934e554d) throw new Error(`${name}: is not an .npy array`);
+    if (view.getUint32(0) !== 0x934e554d) throw new Error(`${key} is not an .npy array`);
     const long = bytes[6] > 1, length = long ? view.getUint32(8, true) : view.getUint16(8, true);
     const begin = (long ? 12 : 10) + length;
     const header = new TextDecoder("latin1").decode(bytes.subarray(long ? 12 : 10, begin));
-    const type = /'descr':\s*'([^']*)'/.exec(header), shapeText = /'shape':\s*\(([^)]*)\)/.exec(header);
-    if (!type || !shapeText || /'fortran_order':\s*True/.test(header))
-      throw new Error(`${name}: has an unknown header`);
-    const kinds = { "<f8": Float64Array, "<f4": Float32Array, "<i4": Int32Array, "<u4": Uint32Array,
-                    "|u1": Uint8Array, "|b1": Uint8Array, "<i8": BigInt64Array };
-    const Kind = kinds[type[1]];
-    if (!Kind) return null; // text, for instance
+    const descr = /'descr':\s*'([^']*)'/.exec(header), shapeText = /'shape':\s*\(([^)]*)\)/.exec(header);
+    if (!shapeText) throw new Error(`${key} has an unknown header`);
+    const kinds = { "<f8": Float64Array, "<f4": Float32Array, "<i4": Int32Array, "<u4": Uint32Array, "<i2": Int16Array,
+                    "<u2": Uint16Array, "|i1": Int8Array, "|u1": Uint8Array, "|b1": Uint8Array, "<i8": BigInt64Array,
+                    "<u8": BigUint64Array };
     const shape = shapeText[1].split(",").map((s) => s.trim()).filter((s) => s).map(Number);
-    const count = shape.reduce((a, b) => a * b, 1);
-    if (!(count * Kind.BYTES_PER_ELEMENT <= bytes.length - begin)) throw new Error(`${name}: is truncated`);
-    const data = new Kind(bytes.slice(begin, begin + count * Kind.BYTES_PER_ELEMENT).buffer);
-    return { data: Float64Array.from(data, Number), shape };
+    const inColumns = /'fortran_order':\s*True/.test(header) && shape.length > 1;
+    const type = (descr ? descr[1] : "of a record") + (inColumns ? " in Fortran order" : ""), Kind = kinds[type];
+    if (!Kind) return { type, shape };
+    const size = shape.reduce((a, b) => a * b, Kind.BYTES_PER_ELEMENT);
+    if (!shape.every((n) => Number.isSafeInteger(n) && n >= 0) || size !== bytes.length - begin)
+      throw new Error(`${key} has shape (${shape.join(", ")}), which does not fit its ${bytes.length - begin} bytes`);
+    const data = new Kind(bytes.slice(begin).buffer);
+    return { type, shape, data: data instanceof BigInt64Array || data instanceof BigUint64Array
+      ? Float64Array.from(data, Number) : data };
   }
 
-  /** Reads the arrays of numbers of an archive: {name: {data, shape}}. */
-  async function read(buffer) {
-    const bytes = new Uint8Array(buffer), view = new DataView(buffer);
-    let end = bytes.length - 22;
+  /**
+   * Reads the arrays of an archive of at most 256 MiB: {key: {type, shape, data}}, as parseNpy returns them.
+   * Errors begin with `name`, that of the file.
+   */
+  async function read(buffer, name) {
+    try {
+      return await readMembers(buffer);
+    } catch (error) { // from a DataView, or from inflating
+      const broken = error instanceof RangeError || error instanceof TypeError;
+      throw new Error(`${name}: ${broken ? "is damaged" : error.message}`);
+    }
+  }
+
+  async function readMembers(buffer) {
+    const bytes = new Uint8Array(buffer), view = new DataView(buffer), arrays = {};
+    let end = bytes.length - 22, left = largest;
     while (end >= 0 && view.getUint32(end, true) !== 0x06054b50) --end;
-    if (end < 0) throw new Error("the file is not an .npz archive");
-    const arrays = {};
+    if (end < 0) throw new Error("is not an .npz archive, or a truncated one");
     let at = view.getUint32(end + 16, true);
     for (let n = view.getUint16(end + 10, true); n > 0; --n) {
-      const method = view.getUint16(at + 10, true), size = view.getUint32(at + 20, true);
+      if (view.getUint32(at, true) !== 0x02014b50) throw new Error("is damaged");
+      const method = view.getUint16(at + 10, true), crc = view.getUint32(at + 16, true);
+      const size = view.getUint32(at + 20, true);
       const lengths = [28, 30, 32].map((o) => view.getUint16(at + o, true)), local = view.getUint32(at + 42, true);
-      const name = new TextDecoder().decode(bytes.subarray(at + 46, at + 46 + lengths[0]));
+      const key = new TextDecoder().decode(bytes.subarray(at + 46, at + 46 + lengths[0])).replace(/\.npy$/, "");
       const begin = local + 30 + view.getUint16(local + 26, true) + view.getUint16(local + 28, true);
       const stored = bytes.subarray(begin, begin + size);
-      const array = parseNpy(method === 8 ? await inflate(stored) : stored, name);
-      if (array) arrays[name.replace(/\.npy$/, "")] = array;
+      if (method !== 0 && method !== 8) throw new Error(`${key} is packed by method ${method}, which is not read`);
+      const file = method === 8 ? await inflate(stored, left) : stored;
+      left -= file.length;
+      if (left < 0) throw tooLarge();
+      if (crc32(file) !== crc) throw new Error(`${key} is damaged`);
+      arrays[key] = parseNpy(file, key);
       at += 46 + lengths[0] + lengths[1] + lengths[2];
     }
     return arrays;
   }
 
-  return { write, read };
+  return { write, read, largest };
 })();

@@ -83,19 +83,19 @@ gsh.Panel = class {
     this.sliderPlace = make("div");
     return this.part("Pose", this.buttons(
       button("Reset", "back to the motion's frame", actions.resetPose),
-      button("Rest pose", "all angles zero", actions.restPose),
+      button("Rest pose", "all angles zero, no expression, the avatar's own shape", actions.restPose),
       button("Mirror", "exchange left and right", actions.mirror),
       button("Save pose", "as .npz, which all programs of gsh read", actions.savePose)), this.sliderPlace);
   }
 
-  /** Shows the motions and sliders of a person. */
-  showPerson(motions, person, state) {
-    this.showMotions(motions);
+  /** Shows the motions of a person, the chosen one of them, and the sliders. */
+  showPerson(motions, chosen, person, state) {
+    this.showMotions(motions, chosen);
     this.sliders = gsh.controls.poseSliders(person, this.actions.changeNumber);
     this.sliderPlace.replaceChildren(this.sliders.element);
     this.sliders.show(state);
   }
-  showMotions(motions, chosen = 0) {
+  showMotions(motions, chosen) {
     const option = ({ name }, m) => gsh.controls.make("option", { value: String(m) }, name);
     this.motions.replaceChildren(...motions.map(option));
     this.motions.value = String(chosen);

@@ -16,15 +16,16 @@ gsh.Player = class {
     this.motions[person] = motion;
     this.time = 0;
   }
+  /** Seconds from the first frame of a motion to the end of its last one. */
+  static lengthOf({ seconds, frames }) { return frames > 1 ? seconds[frames - 1] * frames / (frames - 1) : 0; }
   /** The longest motion; its frames are those of the page's slider. */
-  get leader() { return this.motions.reduce((a, b) => b.frames > a.frames ? b : a); }
+  get leader() {
+    const { lengthOf } = gsh.Player;
+    return this.motions.reduce((a, b) => lengthOf(b) > lengthOf(a) ? b : a);
+  }
   get frames() { return this.leader.frames; }
   get frame() { return this.frameOf(this.leader); }
-  /** Seconds from the first frame to the end of the last one. */
-  get length() {
-    const { seconds, frames } = this.leader;
-    return frames > 1 ? seconds[frames - 1] + (seconds[frames - 1] / (frames - 1)) : 0;
-  }
+  get length() { return gsh.Player.lengthOf(this.leader); }
 
   /** The last frame that has begun. */
   frameOf({ seconds, frames }) {

@@ -24,29 +24,70 @@ gsh.poseFile = (() => {
     return gsh.npz.write(arrays);
   }
 
-  /** The motion in the bytes of a file, for a page that has no server to ask. */
+  /**
+   * The motion in the bytes of a file, for a page that has no server to ask. Refuses what load_motion refuses, and what
+   * needs the body model: hands that count from the mean hand.
+   */
   async function read(buffer, name, person) {
-    const arrays = await gsh.npz.read(buffer), E = person.expressions, { expression } = arrays;
-    const parts = partsOf(person.parents.length), first = arrays[parts[0][0]], transl = arrays.transl || arrays.trans;
-    if (!first || first.shape.length !== 2)
-      throw new Error(`${name}: has no ${parts[0][0]}; this page reads gsh's own poses`);
-    const frames = first.shape[0], rate = arrays.mocap_framerate ? arrays.mocap_framerate.data[0] : 30;
-    for (const [key, count] of parts)
-      if (arrays[key] && arrays[key].data.length !== 3 * count * frames)
-        throw new Error(`${name}: ${key} has not ${3 * count} numbers a frame`);
-    if (transl && transl.data.length !== 3 * frames) throw new Error(`${name}: transl has not 3 numbers a frame`);
-    const rows = ([key, count], f) => arrays[key]
-      ? Array.from(arrays[key].data.subarray(3 * count * f, 3 * count * (f + 1))) : new Array(3 * count).fill(0);
-    const width = expression ? expression.data.length / frames : 0;
-    const times = arrays.timestamps && arrays.timestamps.data.length === frames ? arrays.timestamps.data : null;
+    const J = person.parents.length, E = person.expressions, parts = partsOf(J), warnings = [];
+    const arrays = await gsh.npz.read(buffer, name);
+    const fail = (text) => {
+      throw new Error(`${name}: ${text}`);
+    };
+    const shapeOf = ({ shape }) => `(${shape.join(", ")})`;
+    /** An array whose numbers are finite. */
+    const numbers = (key) => {
+      const array = arrays[key];
+      if (!array) fail(`${key} is missing; the file holds: ${Object.keys(arrays).join(", ").slice(0, 300)}`);
+      if (!array.data) fail(`${key} has dtype ${array.type}, expected numbers; gsh-motion may convert it`);
+      const at = array.data.findIndex((x) => !Number.isFinite(x));
+      if (at < 0) return array;
+      const row = Math.floor(at * (array.shape[0] || 1) / array.data.length);
+      return fail(`${key}, row ${row}: a number is ${array.data[at]}, expected finite ones`);
+    };
+    let frames = 0;
+    /** The numbers of every frame, `width` or any number of them; the first call determines the frames. */
+    const rows = (key, width) => {
+      const array = numbers(key), { shape, data } = array;
+      const found = shape.slice(1).reduce((a, b) => a * b, 1);
+      if (shape.length && !frames) frames = shape[0] || fail(`${key} holds no frames`);
+      if (shape[0] !== frames || (width && found !== width))
+        fail(`${key} has shape ${shapeOf(array)}, expected (${frames || "*"}, ${width || "*"})`);
+      return { data, width: found };
+    };
+    if (!arrays[parts[0][0]])
+      fail(`has no ${parts[0][0]}; this page reads gsh's own poses, and gsh-motion converts others`);
+    const flat = ["flat_hand", "flat_hand_mean"].find((key) => arrays[key]?.data);
+    if ((J === 55 || J === 52) && !(flat ? arrays[flat].data[0] : J === 52))
+      fail("its hands count from a mean hand (flat_hand is not 1), which a page does not have; gsh-motion converts it");
+    const found = parts.map(([key, count], k) => {
+      if (k < 2 || arrays[key]) return rows(key, 3 * count).data; // the root and the body are required
+      warnings.push(`${key} is missing, taken as zero`);
+      return null;
+    });
+    const placeKeys = J === 55 ? ["trans", "transl"] : ["transl", "trans"];
+    const transl = rows(placeKeys.find((key) => arrays[key]) || "transl", 3).data;
+    const betas = numbers("betas"), sets = betas.shape.length > 1 ? betas.shape[0] : 1;
+    if (betas.shape.length < 1 || betas.shape.length > 2 || sets === 0)
+      fail(`betas has shape ${shapeOf(betas)}, expected (*,): one shape for all frames`);
+    const expression = arrays.expression ? rows("expression") : null;
+    const times = arrays.timestamps ? rows("timestamps", 1).data : null;
+    for (let f = 1; times && f < frames; ++f)
+      if (times[f] < times[f - 1]) fail(`timestamps go back in time at frame ${f}`);
+    const rateKey = times ? null : ["mocap_framerate", "mocap_frame_rate"].find((key) => arrays[key]);
+    const rate = rateKey ? numbers(rateKey).data[0] : 30;
+    if (!(rate > 0)) fail(`${rateKey} must be positive`);
+    const part = ([, count], k, f) => found[k]
+      ? Array.from(found[k].subarray(3 * count * f, 3 * count * (f + 1))) : new Array(3 * count).fill(0);
     return {
-      name, frames, warnings: [],
-      betas: arrays.betas ? Array.from(arrays.betas.data.slice(0, person.betas.length)) : [],
+      name, frames, warnings,
+      betas: person.betas.map((_, k) => k < betas.data.length / sets ? betas.data[k] : 0),
       seconds: Float64Array.from({ length: frames }, (_, f) => times ? times[f] - times[0] : f / rate),
       frame: (f) => ({
-        pose: parts.flatMap((part) => rows(part, f)),
-        transl: transl ? Array.from(transl.data.subarray(3 * f, 3 * f + 3)) : [0, 0, 0],
-        expression: width ? Array.from({ length: E }, (_, k) => k < width ? expression.data[f * width + k] : 0) : null,
+        pose: parts.flatMap((one, k) => part(one, k, f)),
+        transl: Array.from(transl.subarray(3 * f, 3 * f + 3)),
+        expression: expression && Array.from({ length: E },
+          (_, k) => k < expression.width ? expression.data[f * expression.width + k] : 0),
       }),
     };
   }

@@ -20,7 +20,7 @@ gsh.skeleton = (() => {
 
   /**
    * Bones of a pose: B_j carries canonical points to the pose, B_j(x) = B_parent(R_j (x - J_j) + J_j).
-   * Returns rotations (a list of 3x3), joints in rest, bones [12 J] as rows of 3x4, and posed joints [3 J].
+   * Returns rotations (a list of 3x3), bones [12 J] as rows of 3x4, and posed joints [3 J].
    */
   function pose(person, state) {
     const J = person.parents.length, joints = restJoints(person, state.betas, state.expression);
@@ -46,7 +46,7 @@ gsh.skeleton = (() => {
       for (let r = 0; r < 3; ++r)
         posed[3 * j + r] = B[4 * r] * J_j[0] + B[4 * r + 1] * J_j[1] + B[4 * r + 2] * J_j[2] + B[4 * r + 3];
     }
-    return { rotations, joints, bones, posed };
+    return { rotations, bones, posed };
   }
 
   /** Bones as dual quaternions [8 J]: real (w x y z), dual. */

@@ -14,6 +14,27 @@ gsh.source = (() => {
                        expression: expression && row(expression, f) }) };
   }
 
+  /**
+   * Moves a motion so that its first frame has the place and the ground of another one, as gsh-view's server does
+   * (place_like). person: as the scene describes it; body: as gsh.body.load reads it.
+   */
+  function placeLike(other, motion, person, body) {
+    const ground = ({ betas, frame }) => {
+      const { pose, transl, expression } = frame(0);
+      const state = { pose, transl, betas: person.betas.map((beta, k) => betas.length ? betas[k] || 0 : beta),
+                      expression: Array.from({ length: person.expressions }, (_, k) => expression?.[k] || 0) };
+      const { rotations, bones } = gsh.skeleton.pose(person, state);
+      return gsh.body.ground(body, bones, gsh.body.offsets(body, person.betas, state, rotations));
+    };
+    const shift = gsh.math.subtract(other.frame(0).transl, motion.frame(0).transl);
+    shift[1] = ground(other) - ground(motion);
+    const frame = (f) => {
+      const one = motion.frame(f);
+      return { ...one, transl: gsh.math.add(one.transl, shift) };
+    };
+    return { ...motion, frame };
+  }
+
   class Server {
     constructor() {
       this.key = new URLSearchParams(location.search).get("key") || "";
@@ -37,7 +58,7 @@ gsh.source = (() => {
     async draw(request) {
       return (await this.ask("draw", { method: "POST", body: JSON.stringify(request) })).blob();
     }
-    /** Reads a dropped file: the server knows all layouts. */
+    /** Reads a dropped file: the server reads all layouts. */
     async read(file, person) {
       if (file.size > 64 << 20) throw new Error(`${file.name}: is larger than 64 MiB, the most that is read`);
       const path = `motion?person=${person}&name=${encodeURIComponent(file.name)}`;
@@ -56,11 +77,14 @@ gsh.source = (() => {
     async gaussians() { return this.block("gaussians"); }
     async motion(person, index) { return motionOf(this.block(`motion-${person}-${index}`)); }
     async draw() { throw new Error("this page has no server that draws"); }
-    /** Reads a dropped file in gsh's own layout (.npz). */
-    async read(file, person, scene) {
+    /** Reads a dropped file in gsh's own layout (.npz), and places it like `first`, the person's first motion. */
+    async read(file, person, scene, first, body) {
       if (!/\.npz$/i.test(file.name))
         throw new Error(`${file.name}: this page reads motions of gsh (.npz); gsh-motion converts others`);
-      return gsh.poseFile.read(await file.arrayBuffer(), file.name, scene.people[person]);
+      if (file.size > gsh.npz.largest) throw new Error(`${file.name}: is larger than 256 MiB, the most that is read`);
+      const described = scene.people[person];
+      const motion = await gsh.poseFile.read(await file.arrayBuffer(), file.name, described);
+      return body ? placeLike(first, motion, described, body) : motion;
     }
   }
 

@@ -6,11 +6,13 @@
 #include "programs/view_scenes.hpp"
 #include "support/skip.hpp"
 
+#include "support/base64.hpp"
 #include "support/input_files.hpp"
 #include "view/view_painter.hpp"
 #include "view/view_request.hpp"
 #include "view/view_scene.hpp"
 
+#include <gsh/io/file/npz.hpp>
 #include <gsh/io/splat/ply.hpp>
 
 #include <nlohmann/json.hpp>
@@ -19,6 +21,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <initializer_list>
@@ -41,7 +44,8 @@ constexpr const char* drive_exported = R"js(
   await view.started;
   await check("the page comes from the disk", location.protocol === "file:");
   await check("it draws by itself", view.engine.name === "client");
-  await check("it has both motions", view.page.motions[0].map((m) => m.name).join() === "stride.npz,reach.npz" || MEASURES);
+  const names = view.page.motions[0].map((m) => m.name).join();
+  await check("it has both motions", names === "stride.npz,reach.npz" || MEASURES);
   view.pause();
   view.setSize([256, 256]);
   for (const frame of FRAMES) {
@@ -55,9 +59,54 @@ constexpr const char* drive_exported = R"js(
   if (light) await drag(light, 80);
   await shoot("exported-turned");
   const loaded = performance.getEntriesByType("resource").map((entry) => entry.name);
-  await check("nothing else is loaded", loaded.every((name) => name === globalThis.reportTo || /^(blob|data):/.test(name)));
+  const own = (name) => name === globalThis.reportTo || /^(blob|data):/.test(name);
+  await check("nothing else is loaded", loaded.every(own));
   await view.openFile(new File(["HIERARCHY"], "walk.bvh"));
   await check("a BVH is refused in words", /walk\.bvh.*gsh-motion/.test(find("#message").textContent));
+
+  const message = () => find("#message").textContent;
+  view.page.states[0].transl = [3, 2, -1];
+  const away = view.poseFile();
+  await send("away", away);
+  await view.openFile(new File([away], "away.npz"));
+  await check("gsh's own file is read", view.player.leader.name === "away.npz" && message() === "away.npz: 1 frame");
+  await send("placed", JSON.stringify(view.player.leader.frame(0).transl));
+  const intact = await gsh.npz.read(await away.arrayBuffer(), "away.npz");
+  const refused = async (what, bytes, words) => {
+    await view.openFile(new File([bytes], "changed.npz"));
+    const text = message(), good = text.startsWith("changed.npz: ") && words.every((word) => text.includes(word));
+    await check(what + " is refused" + (good ? "" : ": " + text), good && view.player.leader.name === "away.npz");
+  };
+  const changed = (change) => {
+    const arrays = Object.fromEntries(Object.entries(intact).map(([key, { data, shape }]) =>
+      [key, { data: data.slice(), shape: shape.slice() }]));
+    change(arrays);
+    return gsh.npz.write(arrays);
+  };
+  await check("copies are equal", (await changed(() => {}).text()) === (await away.text()));
+  await refused("a file without frames", changed((a) => {
+    for (const one of Object.values(a)) if (one.shape.length === 2) one.shape[0] = 0, one.data = one.data.slice(0, 0);
+  }), ["no frames"]);
+  await refused("NaN", changed((a) => (a.body_pose.data[5] = NaN)), ["body_pose", "NaN"]);
+  await refused("infinity", changed((a) => (a.transl.data[1] = -Infinity)), ["transl", "Infinity"]);
+  await refused("a pose without a place", changed((a) => delete a.transl), ["transl is missing", "global_orient"]);
+  await refused("a mean hand", changed((a) => (a.flat_hand.data[0] = 0)), ["mean hand", "gsh-motion"]);
+  await refused("a file without flat_hand", changed((a) => delete a.flat_hand), ["mean hand", "gsh-motion"]);
+  await refused("another width", changed((a) => (a.jaw_pose.shape = [3, 1])), ["jaw_pose", "(3, 1)", "(1, 3)"]);
+  await refused("going back in time", changed((a) => {
+    for (const one of Object.values(a)) if (one.shape.length === 2) {
+      one.shape[0] = 2, one.data = Float64Array.of(...one.data, ...one.data);
+    }
+    a.timestamps = { data: [1, 0.5], shape: [2] };
+  }), ["timestamps", "frame 1"]);
+  const whole = new Uint8Array(await away.arrayBuffer()), end = whole.length - 22, flipped = whole.slice();
+  flipped[60] ^= 1; // in the first array
+  await refused("a wrong bit", flipped, ["is damaged"]);
+  const misled = whole.slice();
+  new DataView(misled.buffer).setUint32(end + 16, whole.length - 3, true);
+  await refused("a wrong offset", misled, ["is damaged"]);
+  await refused("a part of a file", whole.slice(0, end), ["archive"]);
+  await refused("a file that inflates", Uint8Array.from(atob("INFLATES"), (c) => c.charCodeAt(0)), ["256 MiB"]);
   await send("done", "");
 })();
 )js";
@@ -97,7 +146,11 @@ TEST_CASE("gsh-export writes a page that draws what gsh-animate renders, without
     const ViewScene scene = test::view_scene({avatar}, {motion});
     const std::size_t count = scene.motions[0][0].motion.frame_count();
     const std::vector<std::size_t> frames{0, count / 3, count - 1};
+    NpzWriter inflates(folder / "inflates.npz", Packing::deflated);
+    inflates.add("global_orient", std::vector<std::uint8_t>((std::size_t(256) << 20) + 1));
+    inflates.commit();
     std::string script = test::filled_in(drive_exported, "FRAMES", nlohmann::json(frames).dump());
+    script = test::filled_in(script, "INFLATES", base64(read_file(folder / "inflates.npz")));
     script = "globalThis.reportTo = \"http://127.0.0.1:" + std::to_string(listener.port) + "/report\";\n" +
              test::page_gestures + test::filled_in(script, "MEASURES", measured ? "true" : "false");
     std::string page = read_file(folder / "page.html");
@@ -114,7 +167,7 @@ TEST_CASE("gsh-export writes a page that draws what gsh-animate renders, without
         INFO(check);
         CHECK(check.starts_with("good "));
     }
-    CHECK(reports.checks().size() == 6);
+    CHECK(reports.checks().size() == 20);
     CHECK(listener.foreign == 0);
 
     cpu::Threads backend(2);
@@ -136,6 +189,13 @@ TEST_CASE("gsh-export writes a page that draws what gsh-animate renders, without
         ++pictures;
     }
     CHECK(pictures == frames.size() + 2);
+    // A dropped motion is placed as gsh-view places it.
+    std::vector<std::string> warnings;
+    const ViewMotion placed = read_sent_motion(scene, 0, "away.npz", reports.others().at("away"), warnings);
+    const auto transl = nlohmann::json::parse(reports.others().at("placed")).get<std::vector<double>>();
+    for (int axis = 0; axis < 3; ++axis)
+        CHECK(transl[static_cast<std::size_t>(axis)] ==
+              doctest::Approx(placed.motion.transl[0][axis]).epsilon(1e-3).scale(1));
     // The frames are those of the motion.
     for (const std::size_t f : frames) {
         const auto request = nlohmann::json::parse(reports.others().at("request exported-" + std::to_string(f)));

@@ -119,8 +119,9 @@ TEST_CASE("who asks for nothing gets the default configuration") {
 
 TEST_CASE("without a file of anybody's, the built-in actor is filmed, reconstructed and judged") {
     const OutFolder out;
-    check_done(run({"gsh-reconstruct", "--synthetic", "--out", out.path.string(), "--gaussians", "6000", "--steps", "60",
-                    "--hold-out-motion", "0.25", "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"}));
+    check_done(run({"gsh-reconstruct", "--synthetic", "--out", out.path.string(), "--gaussians", "6000", "--steps",
+                    "60", "--hold-out-motion", "0.25", "--set", "hash.table_size=4096", "--set",
+                    "ao.table_size=4096"}));
     const auto metrics = json_of(out.path / "metrics.json");
     CHECK(metrics.at("images").size() == 12);
     CHECK(metrics.at("psnr") > 25.0); // it is 19 after three steps

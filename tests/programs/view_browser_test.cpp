@@ -129,6 +129,21 @@ constexpr const char* drive_actor = R"js(
   view.page.shadows = true;
   view.page.show = "ellipsoids";
   await shoot("client-ellipsoids");
+  view.page.show = "splats";
+
+  const saved = [], address = URL.createObjectURL;
+  URL.createObjectURL = (blob) => (saved.push(blob), address(blob));
+  HTMLAnchorElement.prototype.click = () => {}; // no downloads
+  find("#play").click();
+  const shown = view.page.pictures;
+  await check("the client plays", await until(() => view.player.playing && view.page.pictures > shown + 2));
+  const wanted = view.request();
+  press("Save PNG");
+  await check("a picture is saved while a motion plays", await until(() => saved.length === 1));
+  await send("request client-saved", JSON.stringify({ ...wanted, format: "png" }));
+  await send("picture client-saved", saved[0]);
+  const later = view.page.pictures;
+  await check("and the motion goes on", await until(() => view.player.playing && view.page.pictures > later + 2));
   location.href = NEXT;
 })();
 )js";
@@ -147,6 +162,39 @@ constexpr const char* drive_other = R"js(
   await view.useEngine("client");
   await check(NAME + " is drawn by the client", view.engine.name === "client");
   await shoot(NAME + "-client");
+  const people = view.page.states.length;
+  if (people > 1) {
+    const posed = () => view.page.states[0].pose[4];
+    await drag(find('input[data-name="pose-4"]'), 40);
+    const turned = posed();
+    choose(find('select[aria-label="Person"]'), "1");
+    await view.openFile(new File([view.poseFile()], "one.npz"));
+    view.pause();
+    const motions = find('select[aria-label="Motion"]');
+    await check("a motion of one person leaves the others as they are", motions.value === "1" && posed() === turned);
+    await drag(find('input[data-name="pose-4"]'), 10);
+    press("Reset");
+    await check("so does Reset", posed() === turned && Math.abs(view.page.states[1].pose[4] - Math.PI / 18) > 1e-3);
+    choose(find('select[aria-label="Person"]'), "0");
+    await check("a person's own motion is the chosen one", motions.value === "0");
+    choose(find('select[aria-label="Person"]'), "1");
+    await check("also if it is another one", motions.value === "1");
+    const quick = { frames: 3, seconds: [0, 0.1, 0.2] }, slow = { frames: 2, seconds: [0, 1] };
+    await check("the longest motion leads", new gsh.Player([quick, slow]).leader === slow);
+  }
+  const drop = new DragEvent("drop", { bubbles: true, cancelable: true });
+  const folder = { files: [{ name: "motions" }], items: [{ webkitGetAsEntry: () => ({ isDirectory: true }) }] };
+  Object.defineProperty(drop, "dataTransfer", { value: folder });
+  document.dispatchEvent(drop);
+  const words = () => find("#message").textContent;
+  await check("a folder is refused", drop.defaultPrevented && /^motions: is a folder/.test(words()));
+  if (!people) {
+    const one = new DataTransfer();
+    one.items.add(new File(["x"], "walk.bvh"));
+    const onto = (type) => new DragEvent(type, { dataTransfer: one, bubbles: true, cancelable: true });
+    const stays = !document.dispatchEvent(onto("dragover")) && !document.dispatchEvent(onto("drop"));
+    await check("a scene without people keeps the page", stays && /no people/.test(words()));
+  }
   const first = find('input[data-name="pose-4"]');
   if (first) await drag(first, 25);
   view.page.shadows = false;
@@ -263,7 +311,7 @@ TEST_CASE("gsh-view in a browser: both engines draw what gsh-animate renders, an
         CHECK(check_pictures(reports, "cloud", servers[0]->scene, backend) == 3);
         CHECK(check_pictures(reports, "tubes", servers[1]->scene, backend) == 3);
         CHECK(check_pictures(reports, "server", servers[2]->scene, backend) == 8);
-        CHECK(check_pictures(reports, "client", servers[2]->scene, backend) == 5);
+        CHECK(check_pictures(reports, "client", servers[2]->scene, backend) == 6);
         CHECK(check_pictures(reports, "carried", servers[2]->scene, backend) == 2);
 
         // The dropped BVH is the motion that programs read from the file. The avatar keeps its shape.

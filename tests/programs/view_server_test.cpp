@@ -157,6 +157,16 @@ TEST_CASE("gsh-view: the server reads a motion that is sent, and names no path o
     const auto garbage = client.Post(s.path("/motion?person=0&name=%0Aa%22.bvh"), "HIERARCHY\nROOT", "");
     check_refusal(garbage, 400, {".bvh"});
     CHECK(garbage->body.find(std::filesystem::temp_directory_path().string()) == std::string::npos);
+    // A long name keeps its ending, which chooses the reader, and the bytes of UTF-8 remain.
+    std::string long_name;
+    for (int i = 0; i < 60; ++i) long_name += "%C3%BC";
+    const auto long_bvh = client.Post(s.path("/motion?person=0&name=a" + long_name + ".bvh"), "nonsense", "");
+    check_refusal(long_bvh, 400, {"\xC3\xBC.bvh:"});
+    CHECK(long_bvh->body.find("a\xC3\xBC") == 0);
+    CHECK(long_bvh->body.find("zip") == std::string::npos);
+    const auto named = client.Post(s.path("/motion?person=0&name=%C3%BCber.npz"), bytes, "");
+    REQUIRE(named);
+    CHECK(header_of(named->body).first["name"] == "\xC3\xBC" "ber.npz");
     const auto other = client.Post(s.path("/motion?person=0&name=tube.npz"), read_file(test::view_files().left), "");
     check_refusal(other, 400, {"tube.npz"}); // of a body with other joints
 }
@@ -208,6 +218,10 @@ TEST_CASE("gsh-view: the server refuses bodies that are too large or not JSON, a
     infinite.replace(infinite.find("\"light_turn\":0"), 14, "\"light_turn\":1e999");
     check_refusal(draw(infinite), 400, {"request"});
     check_refusal(client.Put(s.path("/draw"), body, "application/json"), 404, {"nothing"});
+    const httplib::MultipartFormDataItems form{{"file", read_file(test::view_files().reach), "reach.npz", ""}};
+    client.set_keep_alive(true); // the form is read to its end, so the connection serves the next request
+    for (const char* path : {"/draw", "/motion?person=0&name=reach.npz"})
+        check_refusal(client.Post(s.path(path), form), 400, {"form", "send JSON, or the bytes of a motion"});
     CHECK(draw(request_for(s.scene.sizes()).dump())->status == 200);
 }
 
@@ -258,7 +272,7 @@ TEST_CASE("gsh-view: --host warns, and then addresses count as its own") {
     httplib::Client client("127.0.0.1", std::stoi(line.substr(17)));
     const std::string path = line.substr(line.find("/?key="), 38);
     CHECK(client.Get(path, httplib::Headers{{"Host", "192.168.1.5:80"}})->status == 200);
-    check_refusal(client.Get(path, httplib::Headers{{"Host", "example.com"}}), 403, {"Host"});
+    check_refusal(client.Get(path, httplib::Headers{{"Host", "example.com"}}), 403, {"Host", "numeric address"});
     program.send(SIGTERM);
     CHECK(program.wait().code == 130);
 }

@@ -4,6 +4,7 @@
 #include "programs/view_answers.hpp"
 #include "programs/view_scenes.hpp"
 
+#include "support/base64.hpp"
 #include "view/ellipsoids.hpp"
 #include "view/jpeg.hpp"
 #include "view/package.hpp"

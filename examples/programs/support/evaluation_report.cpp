@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/evaluation_report.hpp"
 
+#include "support/base64.hpp"
 #include "support/evaluation_runs.hpp"
 #include "support/evaluation_tables.hpp"
 #include "support/figures.hpp"
@@ -75,7 +76,7 @@ void write_evaluation(const EvaluationFolder& folder, const std::string& capture
         for (GridRow& row : rows) {
             markdown += "- " + row.label + "\n";
             page += "<tr><td>" + escape(row.label) + "</td><td><img alt=\"" + escape(view.name + ", " + row.label) +
-                    "\" src=\"data:image/png;base64," + base64({row.png.begin(), row.png.end()}) + "\"></td></tr>";
+                    "\" src=\"data:image/png;base64," + base64(row.png) + "\"></td></tr>";
             pixels.push_back(std::move(row.pixels));
         }
         markdown += "\n";

@@ -44,11 +44,8 @@ struct Exported {
             avatar = avatar_part(avatar, Span<const std::uint32_t>(largest_gaussians(avatar.gaussians, *o.largest)));
         if (const auto order = order_for(traits.format, avatar.gaussians); !order.empty())
             avatar = avatar_part(avatar, Span<const std::uint32_t>(order));
-        const std::size_t count = motion().frame_count(), frame = o.frame.value_or(0);
-        check_value(frame < count, "--frame " + std::to_string(frame),
-                    "is beyond " + (o.poses.empty() ? "the pose" : o.poses[0].string()) + ", which has " +
-                        std::to_string(count) + " frames, from 0");
-        frames = o.is_moving() ? frames_of(o.frames, count) : std::vector{frame};
+        const std::size_t count = motion().frame_count();
+        frames = o.is_moving() ? frames_of(o.frames, count) : std::vector{chosen_frame(o, count)};
     }
 
     [[nodiscard]] const AvatarData& avatar() const { return people.data[0]; }
@@ -79,18 +76,27 @@ bool is_frame_file(const std::string& name) {
     return name.starts_with("frame_") && format_of(name).has_value();
 }
 
+/// Calls write(k, Gaussians) for each frame k, with a line of progress. Returns false after an interrupt.
+template <class Write>
+bool write_frames(const Exported& exported, StillFrames<cpu::Threads>& still, const Write& write) {
+    Progress progress("exporting");
+    for (std::size_t k = 0; k < exported.frames.size(); ++k) {
+        if (interrupted) return false;
+        write(k, still.frame(exported.motion(), exported.frames[k]));
+        progress.show(static_cast<double>(k + 1) / static_cast<double>(exported.frames.size()),
+                      "frame " + std::to_string(exported.frames[k]));
+    }
+    return true;
+}
+
 ExportResult write_sequence(Exported& exported, const ExportOptions& o, const FormatTraits& traits) {
     AtomicFolder folder(without_ending(o.to, traits), is_frame_file);
     auto still = still_frames(exported, o);
     StillWriter writer(o, traits, exported.avatar().filter);
-    Progress progress("exporting");
-    for (std::size_t k = 0; k < exported.frames.size(); ++k) {
-        if (interrupted) return {};
-        writer.write(folder.file(frame_name(k, traits)), still.frame(exported.motion(), exported.frames[k]));
-        progress.show(static_cast<double>(k + 1) / static_cast<double>(exported.frames.size()),
-                      "frame " + std::to_string(exported.frames[k]));
-    }
-    progress.finish();
+    const bool all = write_frames(exported, still, [&](std::size_t k, const GaussianCloud<float>& cloud) {
+        writer.write(folder.file(frame_name(k, traits)), cloud);
+    });
+    if (!all) return {};
     folder.commit();
     return {folder.path(), still.size(), exported.frames.size(), writer.losses()};
 }
@@ -144,14 +150,8 @@ ExportResult write_usda(Exported& exported, const ExportOptions& o) {
     const double rate = times.size() > 1 ? static_cast<double>(times.size() - 1) / times.back() : 30;
     auto still = still_frames(exported, o);
     UsdaSplats file(o.to, exported.avatar().filter, rate);
-    Progress progress("exporting");
-    for (std::size_t k = 0; k < exported.frames.size(); ++k) {
-        if (interrupted) return {};
-        file.add(still.frame(exported.motion(), exported.frames[k]));
-        progress.show(static_cast<double>(k + 1) / static_cast<double>(exported.frames.size()),
-                      "frame " + std::to_string(exported.frames[k]));
-    }
-    progress.finish();
+    if (!write_frames(exported, still, [&](std::size_t, const GaussianCloud<float>& cloud) { file.add(cloud); }))
+        return {};
     file.commit();
     return {o.to, still.size(), 1};
 }

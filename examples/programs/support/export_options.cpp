@@ -33,6 +33,14 @@ std::vector<std::size_t> frames_of(const std::string& text, std::size_t count) {
     return frames;
 }
 
+std::size_t chosen_frame(const ExportOptions& o, std::size_t count) {
+    const std::size_t frame = o.frame.value_or(0);
+    check_value(frame < count, "--frame " + std::to_string(frame),
+                "is beyond " + (o.poses.empty() ? "the pose" : o.poses[0].string()) + ", which has " +
+                    std::to_string(count) + " frames, from 0");
+    return frame;
+}
+
 FormatTraits check_options(const ExportOptions& o) {
     const auto traits = format_of(o.to);
     check_value(traits.has_value(), "--to " + o.to.string(), "has an unknown ending; known are " + known_endings());

@@ -35,6 +35,10 @@ struct ExportOptions {
 /// Errors  ValueError for another text, and for frames that a motion of `count` frames does not have.
 std::vector<std::size_t> frames_of(const std::string& text, std::size_t count);
 
+/// The frame of --frame, or the first one.
+/// Errors  ValueError for a frame that the motion, of `count` frames, does not have.
+std::size_t chosen_frame(const ExportOptions& options, std::size_t count);
+
 /// Checks that options fit each other, the input and the format.
 /// Errors  ValueError naming the option.
 FormatTraits check_options(const ExportOptions& options);

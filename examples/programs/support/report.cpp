@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/report.hpp"
 
+#include "support/base64.hpp"
+
 #include <gsh/io/file/atomic_file.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
+#include <string_view>
 
 namespace gsh::examples {
 
@@ -62,23 +65,6 @@ std::string chart(const Curve& curve) {
 
 } // namespace
 
-std::string base64(const std::vector<std::uint8_t>& bytes) {
-    static constexpr char alphabet[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    std::string out;
-    out.reserve((bytes.size() + 2) / 3 * 4);
-    for (std::size_t i = 0; i < bytes.size(); i += 3) {
-        const std::size_t left = bytes.size() - i;
-        const std::uint32_t word = static_cast<std::uint32_t>(bytes[i]) << 16 |
-                                   (left > 1 ? static_cast<std::uint32_t>(bytes[i + 1]) << 8 : 0u) |
-                                   (left > 2 ? static_cast<std::uint32_t>(bytes[i + 2]) : 0u);
-        out += alphabet[word >> 18];
-        out += alphabet[word >> 12 & 63];
-        out += left > 1 ? alphabet[word >> 6 & 63] : '=';
-        out += left > 2 ? alphabet[word & 63] : '=';
-    }
-    return out;
-}
-
 std::string table(const std::vector<std::vector<std::string>>& rows) {
     std::string html = "<table>";
     for (std::size_t r = 0; r < rows.size(); ++r) {
@@ -129,9 +115,11 @@ void write_report(const std::filesystem::path& path, const Report& report) {
     }
     if (!report.pictures.empty()) {
         html += "<h2>Test images: render, truth, error</h2>";
-        for (const auto& picture : report.pictures)
-            html += "<figure><img alt=\"" + escape(picture.caption) + "\" src=\"data:image/png;base64," +
-                    base64(picture.png) + "\"><figcaption>" + escape(picture.caption) + "</figcaption></figure>";
+        for (const auto& picture : report.pictures) {
+            const std::string_view png(reinterpret_cast<const char*>(picture.png.data()), picture.png.size());
+            html += "<figure><img alt=\"" + escape(picture.caption) + "\" src=\"data:image/png;base64," + base64(png) +
+                    "\"><figcaption>" + escape(picture.caption) + "</figcaption></figure>";
+        }
     }
     if (report.images.size() > 1) html += "<h2>Every test image</h2>" + table(report.images);
     if (report.stages.size() > 1) html += "<h2>Time per stage</h2>" + table(report.stages);

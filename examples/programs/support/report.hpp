@@ -37,8 +37,6 @@ namespace detail {
 
 std::string escape(const std::string& text);
 
-std::string base64(const std::vector<std::uint8_t>& bytes);
-
 std::string table(const std::vector<std::vector<std::string>>& rows);
 
 /// The beginning of a page, up to and including its heading.

@@ -48,7 +48,7 @@ void StillWriter::write(const std::filesystem::path& path, const GaussianCloud<f
 std::string StillWriter::losses() const {
     if (clipped_)
         return std::to_string(clipped_) + " of " + std::to_string(coefficients_) +
-               " SH coefficients are beyond -1 to 1, which SPZ cannot hold; they end there";
+               " SH coefficients are beyond -1 to 1, which SPZ cannot hold; they are clamped";
     if (!lost_degree_) return {};
     return traits_.sh_degree == 0 ? std::string("the format has no SH; colours no longer depend on the view")
                                   : "SH of degree 4 are lost; the format ends at degree 3";

@@ -43,7 +43,7 @@ std::string encode_jpeg(const PixelImage& image, int quality) {
     auto size = static_cast<unsigned long>(bytes.size());
     if (compressor == nullptr || tjCompress2(compressor.get(), image.data.data(), image.width, 0, image.height,
                                              TJPF_RGB, &destination, &size, sampling, quality, TJFLAG_NOREALLOC) != 0)
-        throw IoError("encode_jpeg: libjpeg-turbo says: " + std::string(tjGetErrorStr2(compressor.get())));
+        throw IoError("encode_jpeg: libjpeg-turbo: " + std::string(tjGetErrorStr2(compressor.get())));
     bytes.resize(size);
     return bytes;
 }

@@ -38,10 +38,7 @@ Motion frames_of_motion(const Motion& motion, const std::vector<std::size_t>& fr
 /// Keeps the frames that --frame or --frames name.
 void keep_frames(Motion& motion, const ExportOptions& o) {
     const std::size_t count = motion.frame_count();
-    if (o.frame)
-        check_value(*o.frame < count, "--frame " + std::to_string(*o.frame),
-                    "is beyond " + o.poses[0].string() + ", which has " + std::to_string(count) + " frames, from 0");
-    motion = frames_of_motion(motion, o.frame ? std::vector{*o.frame} : frames_of(o.frames, count));
+    motion = frames_of_motion(motion, o.frame ? std::vector{chosen_frame(o, count)} : frames_of(o.frames, count));
 }
 
 /// Keeps the Gaussians and bands that --largest and --sh ask for.

@@ -22,7 +22,4 @@ struct PageData {
 /// from; with data, not even to that. `more_script` is run after the page's own scripts; tests drive the page by it.
 [[nodiscard]] std::string make_page(const std::vector<PageData>& data = {}, std::string_view more_script = {});
 
-/// Bytes in base 64.
-[[nodiscard]] std::string base64(std::string_view bytes);
-
 } // namespace gsh::examples

@@ -110,11 +110,20 @@ Json flat(const Vectors& vectors) {
     return list;
 }
 
-/// The name of a sent file as it may appear in messages and on the page: short, printable, without folders.
+/// The name of a sent file as it may appear in messages and on the page: short, printable, without folders. A long name
+/// keeps its ending, which can choose the layout.
 std::string shown_name(const std::string& name) {
-    std::string result;
-    for (const char c : name.substr(std::min(name.size(), name.find_last_of("/\\") + 1)))
-        if (result.size() < 80) result += std::isprint(static_cast<unsigned char>(c)) ? c : '?';
+    constexpr std::size_t longest = 80, longest_ending = 16; // bytes
+    std::string result = name.substr(std::min(name.size(), name.find_last_of("/\\") + 1));
+    for (char& c : result)
+        if (std::iscntrl(static_cast<unsigned char>(c))) c = '?';
+    if (result.size() > longest) {
+        std::string ending = fs::path(result).extension().string();
+        if (ending.size() > longest_ending) ending.clear();
+        std::size_t end = longest - ending.size();
+        while (end > 0 && (static_cast<unsigned char>(result[end]) & 0xC0) == 0x80) --end; // whole characters of UTF-8
+        result = result.substr(0, end) + ending;
+    }
     return result.empty() ? "motion" : result;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What gsh-view shows: avatars with their motions, or a static scene, and what the page must know about them.
+/// @file  What gsh-view shows: avatars with their motions, or a static scene, and the description that the page loads.
 #pragma once
 
 #include "support/rig_option.hpp"
@@ -69,7 +69,7 @@ void place_like(const RigData& rig, const Motion& other, Motion& motion);
 [[nodiscard]] ViewMotion read_sent_motion(const ViewScene& scene, std::size_t person, const std::string& name,
                                           const std::string& bytes, std::vector<std::string>& warnings);
 
-/// What the page must know about the scene, as JSON: names, skeletons, sizes, motions, the box, the filter.
+/// The description that the page loads, as JSON: names, skeletons, sizes, motions, the box, the filter.
 [[nodiscard]] std::string describe(const ViewScene& scene);
 
 } // namespace gsh::examples

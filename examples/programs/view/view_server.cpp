@@ -99,6 +99,10 @@ void answer(Response& response, const Work& work) {
 
 /// Reads a body of at most `most` bytes. What is beyond is read, too, so that the client sees the answer, but not kept.
 std::string read_body(const Request& request, const httplib::ContentReader& read, std::size_t most) {
+    if (request.is_multipart_form_data()) { // which httplib hands out part by part only
+        read([](const httplib::MultipartFormData&) { return true; }, [](const char*, std::size_t) { return true; });
+        throw Refused{400, "the body is a form; send JSON, or the bytes of a motion"};
+    }
     std::string body;
     std::size_t size = 0;
     const bool whole = read([&](const char* data, std::size_t length) {
@@ -127,8 +131,8 @@ public:
         server_.set_read_timeout(10), server_.set_write_timeout(10);
         server_.set_payload_max_length(largest_motion + 1);
         server_.set_tcp_nodelay(true);
-        server_.set_socket_options([](socket_t socket) { // the library's own let two servers share a port
-            const int yes = 1;
+        server_.set_socket_options([](socket_t socket) {
+            const int yes = 1; // httplib's default (SO_REUSEPORT) lets two servers share a port
             setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
         });
         server_.set_default_headers(
@@ -186,9 +190,10 @@ private:
     [[nodiscard]] std::string refusal(const Request& request) const {
         const std::string host = request.get_header_value("Host"), origin = request.get_header_value("Origin");
         const std::string_view name = host_name(host);
-        const bool own = is_loopback(options_.host) ? is_loopback(name)
-                                                    : is_loopback(name) || is_address(name) || name == options_.host;
-        if (!own) return "Host: is not an address of this server";
+        const bool local = is_loopback(options_.host);
+        const bool own = is_loopback(name) || (!local && (is_address(name) || name == options_.host));
+        if (!own)
+            return std::string("Host: is not an address of this server") + (local ? "" : "; use a numeric address");
         if (!origin.empty() && origin != "http://" + host) return "Origin: another page asks for this";
         if (!same_key(request.get_param_value("key"), key_))
             return "key: is missing or wrong; open the address that gsh-view printed";
@@ -236,7 +241,6 @@ private:
 
     void draw(const std::string& body, Response& response) {
         const ViewRequest request = parse_view_request(body, sizes_);
-        const auto begin = std::chrono::steady_clock::now();
         PixelImage pixels;
         {
             const std::lock_guard lock(painting_);
@@ -247,8 +251,6 @@ private:
             response.set_content(encode_png(pixels), "image/png");
         else
             response.set_content(encode_jpeg(pixels, quality), "image/jpeg");
-        const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
-        response.set_header("X-Milliseconds", std::to_string(took.count()));
     }
 
     cpu::Threads* backend_;

@@ -24,7 +24,7 @@ struct ViewServerOptions {
 /// Serves a scene to a browser.
 ///
 ///     GET  /                        the page
-///     GET  /scene                   what it must know about the scene (describe)
+///     GET  /scene                   the description that the page loads (describe)
 ///     GET  /motion?person=P&motion=M  a motion (package_motion)
 ///     GET  /gaussians               the scene for the client engine (package_scene)
 ///     POST /draw                    a request (parse_view_request); the answer is a JPEG or a PNG
