@@ -3,6 +3,8 @@
 
 #include "io/temporary.hpp"
 
+#include <unistd.h>
+
 #include <string>
 
 using namespace gsh;
@@ -55,4 +57,36 @@ TEST_CASE("other files are not replaced") {
     test::check_throws<IoError>([&] { const AtomicFolder folder(place / "file", is_frame); }, {"file is in the way"});
     test::check_throws<IoError>([&] { const AtomicFolder folder(place / "file/sub", is_frame); },
                                 {"cannot be created"});
+}
+
+TEST_CASE("a user's folders called NAME.partial and NAME.old are not removed; what a killed run left is") {
+    const test::Temporary place;
+    for (const std::string ending : {".partial", ".old"}) {
+        fs::create_directory(place / ("walk" + ending));
+        write_file(place / ("walk" + ending + "/notes.txt"), "mine");
+        test::check_throws<IoError>([&] { const AtomicFolder folder(place / "walk", is_frame); },
+                                    {"walk" + ending, "notes.txt"});
+        CHECK(read_file(place / ("walk" + ending + "/notes.txt")) == "mine");
+        fs::rename(place / ("walk" + ending + "/notes.txt"), place / ("walk" + ending + "/frame_9.ply.partial"));
+    }
+    {
+        AtomicFolder folder(place / "walk", is_frame);
+        write_file(folder.file("frame_0"), "new");
+        fs::create_directory(place / "walk.old");
+        write_file(place / "walk.old/notes.txt", "mine");
+        test::check_throws<IoError>([&] { folder.commit(); }, {"walk.old", "notes.txt"});
+    }
+    CHECK(read_file(place / "walk.old/notes.txt") == "mine");
+    CHECK(!fs::exists(place / "walk"));
+    CHECK(!fs::exists(place / "walk.partial"));
+}
+
+TEST_CASE("a folder that cannot be listed is refused") {
+    if (geteuid() == 0) return; // root may list every folder
+    const test::Temporary place;
+    fs::create_directory(place / "walk");
+    fs::permissions(place / "walk", fs::perms::owner_write | fs::perms::owner_exec);
+    test::check_throws<IoError>([&] { const AtomicFolder folder(place / "walk", is_frame); },
+                                {"walk", "cannot be listed"});
+    fs::permissions(place / "walk", fs::perms::owner_all);
 }

@@ -12,23 +12,18 @@
 
 namespace gsh {
 
-/// Collects files in a folder beside the target (`NAME.partial`). On commit it takes the place of `NAME`. Without a
-/// commit it is removed, and a folder that was there stays as it is.
+/// Collects files in a folder beside the target (`NAME.partial`). On commit it takes the place of `NAME`, which is
+/// `NAME.old` for a moment. Without a commit it is removed, and a folder that was there stays as it is.
 ///
-/// Errors  IoError naming the path. A folder that is in the way is replaced only if all of its entries are files that
-///         `may_replace` accepts, so that nobody loses other files.
+/// Errors  IoError naming the path. A folder with one of these three names that is in the way is removed only if all of
+///         its entries are files that `may_replace` accepts, so that nobody loses other files.
 class AtomicFolder {
 public:
-    AtomicFolder(std::filesystem::path folder, const std::function<bool(const std::string& name)>& may_replace)
-        : folder_(without_slash(std::move(folder))), staging_(folder_.string() + ".partial") {
+    AtomicFolder(std::filesystem::path folder, std::function<bool(const std::string& name)> may_replace)
+        : folder_(without_slash(std::move(folder))), staging_(folder_.string() + ".partial"),
+          old_(folder_.string() + ".old"), may_replace_(std::move(may_replace)) {
+        for (const auto& path : {folder_, staging_, old_}) check_replaceable(path);
         std::error_code error;
-        if (std::filesystem::exists(folder_, error)) {
-            if (!std::filesystem::is_directory(folder_)) throw IoError(folder_.string() + ": a file is in the way");
-            for (const auto& entry : std::filesystem::directory_iterator(folder_, error))
-                if (!entry.is_regular_file() || !may_replace(entry.path().filename().string()))
-                    throw IoError(folder_.string() + ": holds " + entry.path().filename().string() +
-                                  ", which this program did not write; name another folder");
-        }
         std::filesystem::remove_all(staging_, error); // left by a run that was killed
         std::filesystem::create_directories(staging_, error);
         if (error) throw IoError(staging_.string() + ": cannot be created: " + error.message());
@@ -45,18 +40,18 @@ public:
     [[nodiscard]] const std::filesystem::path& path() const { return folder_; }
 
     void commit() {
-        const std::filesystem::path old = folder_.string() + ".old";
+        for (const auto& path : {folder_, old_}) check_replaceable(path); // files may have come since the constructor
         std::error_code error, ignored;
-        std::filesystem::remove_all(old, ignored);
+        std::filesystem::remove_all(old_, ignored);
         const bool replaces = std::filesystem::exists(folder_, ignored);
-        if (replaces) std::filesystem::rename(folder_, old, error);
+        if (replaces) std::filesystem::rename(folder_, old_, error);
         if (!error) std::filesystem::rename(staging_, folder_, error);
         if (error) {
-            if (replaces) std::filesystem::rename(old, folder_, ignored);
+            if (replaces) std::filesystem::rename(old_, folder_, ignored);
             throw IoError(folder_.string() + ": cannot be written: " + error.message());
         }
         committed_ = true;
-        std::filesystem::remove_all(old, ignored);
+        std::filesystem::remove_all(old_, ignored);
     }
 
 private:
@@ -64,7 +59,26 @@ private:
         return path.has_filename() ? path : path.parent_path();
     }
 
-    std::filesystem::path folder_, staging_;
+    /// Throws unless all that a folder holds may be removed. A folder that does not exist holds nothing.
+    void check_replaceable(const std::filesystem::path& folder) const {
+        std::error_code error;
+        if (!std::filesystem::exists(folder, error)) return;
+        if (!std::filesystem::is_directory(folder, error)) throw IoError(folder.string() + ": a file is in the way");
+        for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
+             entry.increment(error)) {
+            const std::string name = entry->path().filename().string();
+            std::string written = name;
+            if (written.ends_with(".partial")) written.resize(written.size() - 8); // of an AtomicFile
+            std::error_code unknown;
+            if (!entry->is_regular_file(unknown) || !may_replace_(written))
+                throw IoError(folder.string() + ": holds " + name +
+                              ", which this program did not write; name another folder");
+        }
+        if (error) throw IoError(folder.string() + ": cannot be listed: " + error.message());
+    }
+
+    std::filesystem::path folder_, staging_, old_;
+    std::function<bool(const std::string& name)> may_replace_;
     bool committed_ = false;
 };
 
