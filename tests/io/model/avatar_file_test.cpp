@@ -8,6 +8,7 @@
 #include <gsh/train/trainer.hpp>
 
 #include "io/npz_files.hpp"
+#include "io/temporary.hpp"
 #include "support/bodies.hpp"
 #include "support/small_training.hpp"
 
@@ -362,10 +363,30 @@ TEST_CASE("what cannot be an avatar is refused by name") {
     CHECK(nan.find("means[10]") != std::string::npos);
     CHECK(nan.find(path.string()) != std::string::npos);
 
+    test::check_throws<ValueError>([&] { save_avatar(path, avatar, ArrayStorage::compact); }, {"means[10]", "finite"});
+
     avatar = small_avatar();
     avatar.rig.skin.joints[0] = 4;
     save_avatar(path, avatar);
     CHECK(message_of([&] { (void)load_avatar(path); }).find("joint 4") != std::string::npos);
+
+    const auto refused = [&](const auto& change, const char* word) {
+        avatar = small_avatar();
+        change(avatar);
+        save_avatar(path, avatar);
+        const std::string message = message_of([&] { (void)load_avatar(path); });
+        CAPTURE(message);
+        CHECK(message.find(word) != std::string::npos);
+    };
+    constexpr double none = std::numeric_limits<double>::quiet_NaN();
+    const int V = static_cast<int>(avatar.rig.body.vertex_count());
+    refused([&](AvatarData& a) { a.rig.triangles[2][1] = V; }, "triangles[7] is");
+    refused([](AvatarData& a) { a.rig.triangles[0][0] = -1; }, "triangles[0] is -1");
+    refused([](AvatarData& a) { a.rig.joints.pop_back(); }, "joints has 3 elements, expected 4");
+    refused([](AvatarData& a) { a.rig.joints[1].x = none; }, "joints[3] is");
+    refused([](AvatarData& a) { a.rig.barycentric[1].y = none; }, "barycentric[4] is");
+    refused([](AvatarData& a) { a.rig.skin.weights[5] = none; }, "skin_weights[5] is");
+    refused([](AvatarData& a) { a.gaussians.quats[1].w = float(none); }, "quats[4] is");
 
     avatar = small_avatar();
     avatar.gaussians.resize(avatar.gaussians.size() - 1, 2);

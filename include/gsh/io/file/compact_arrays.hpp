@@ -14,7 +14,6 @@
 #include <limits>
 #include <string>
 #include <type_traits>
-#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -49,12 +48,14 @@ inline void add_sparse(NpzWriter& file, const std::string& key, const std::vecto
 /// Adds rows of `width` numbers as integers Q of one or two bytes: number = offset + step · integer, with an offset and
 /// a step for each column, as KEY.q [width, rows], KEY.offset and KEY.step. Around zero, the offset is zero, and so are
 /// numbers below half a step, which then compress well.
+/// Errors  ShapeError unless these are whole rows; ValueError for NaN and infinities.
 template <class Q, class T>
     requires std::is_same_v<Q, std::int8_t> || std::is_same_v<Q, std::int16_t>
 void add_quantised(NpzWriter& file, const std::string& key, Span<const T> numbers, std::size_t width,
                    bool around_zero = false) {
     const std::size_t count = width ? numbers.size() / width : 0;
     check_size("add_quantised", key, numbers.size(), count * width, "whole rows");
+    check_finite<T>("add_quantised", key, numbers);
     constexpr double steps = std::numeric_limits<Q>::max();
     std::vector<Q> integers(numbers.size());
     std::vector<float> offsets(width), sizes(width);

@@ -170,7 +170,7 @@ inline std::vector<vec3<double>> read_barycentric(const ArchiveReader& file) {
     return rows;
 }
 
-/// Skinning weights; those of a compact file are made to sum to 1 again, in descending order.
+/// Skinning weights; those of a compact file are made to sum to 1 again.
 inline SkinWeightTable<double> read_skin(const ArchiveReader& file) {
     const auto joints = file.read<std::uint16_t>("skin_joints");
     if (joints.shape.size() != 2) throw ShapeError(file.file().name_of("skin_joints") + " must have two axes");
@@ -186,6 +186,46 @@ inline SkinWeightTable<double> read_skin(const ArchiveReader& file) {
         for (std::size_t k = 0; k < skin.influences; ++k) row[k] /= sum;
     }
     return skin;
+}
+
+/// Throws ShapeError or ValueError, beginning with `where`, unless sizes fit each other, numbers are finite, and
+/// triangles and joints exist.
+inline void check_avatar(const std::string& where, const AvatarData& avatar) {
+    const RigData& rig = avatar.rig;
+    const GaussianCloud<float>& g = avatar.gaussians;
+    const auto check_each = [&](const char* name, const std::vector<float>& values) { // one per Gaussian, or none
+        if (!values.empty()) check_size(where, name, values.size(), rig.point_count(), "one per Gaussian, or none");
+        check_finite<float>(where, name, values);
+    };
+    check_each("ao", avatar.ao);
+    check_each("mean_irradiance", avatar.mean_irradiance);
+    if (!avatar.normal_offsets.empty())
+        check_size(where, "normal_offsets", avatar.normal_offsets.size(), rig.body.vertex_count(),
+                   "one per vertex, or none");
+    if (avatar.occlusion_field)
+        check_occlusion_field(where, *avatar.occlusion_field, rig.point_count(), rig.joint_count());
+    check_value(g.sh_degree >= 0 && g.sh_degree <= 4, where,
+                "sh_degree is " + std::to_string(g.sh_degree) + ", expected 0 to 4");
+    check_gaussians(where, "avatar", g.view(), rig.point_count());
+    check_size(where, "joints", rig.joints.size(), rig.joint_count(), "one per joint of the body");
+    check_triangles(where, "triangles", rig.triangles, rig.body.vertex_count());
+    check_size(where, "barycentric", rig.barycentric.size(), rig.point_count());
+    check_skin(where, rig.skin.view(), rig.point_count());
+    for (const std::uint16_t joint : rig.skin.joints)
+        check_value(joint < rig.joint_count(), where,
+                    "skin_joints names joint " + std::to_string(joint) + ", the body has " +
+                        std::to_string(rig.joint_count()));
+    check_value(avatar.filter.dilation >= 0 && avatar.filter.dilation < 1e6, where,
+                "dilation must be square pixels, not negative");
+    check_finite<double>(where, "joints", view_as<const double>(Span<const vec3<double>>(rig.joints)));
+    check_finite<double>(where, "barycentric", view_as<const double>(Span<const vec3<double>>(rig.barycentric)));
+    check_finite<double>(where, "skin_weights", rig.skin.weights);
+    check_finite<float>(where, "normal_offsets", view_as<const float>(Span<const vec3<float>>(avatar.normal_offsets)));
+    check_finite<float>(where, "means", view_as<const float>(Span<const vec3<float>>(g.means)));
+    check_finite<float>(where, "quats", view_as<const float>(Span<const quat<float>>(g.quats)));
+    check_finite<float>(where, "log_scales", view_as<const float>(Span<const vec3<float>>(g.log_scales)));
+    check_finite<float>(where, "opacity_logits", g.opacity_logits);
+    check_finite<float>(where, "sh", view_as<const float>(Span<const vec3<float>>(g.sh)));
 }
 
 } // namespace detail
@@ -260,38 +300,10 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     if (has_numbers(file.file(), "mean_irradiance"))
         avatar.mean_irradiance = read_numbers<float>(file.file(), "mean_irradiance", Numbers::exact).data;
     const auto deformation = file.read_number<std::int32_t>("deformation");
-
-    const std::string where = path.string();
-    check_value(deformation >= 0 && deformation <= 2, where,
+    check_value(deformation >= 0 && deformation <= 2, path.string(),
                 "deformation is " + std::to_string(deformation) + ", expected 0 to 2");
     avatar.deformation = static_cast<Deformation>(deformation);
-    if (!avatar.ao.empty()) check_size(where, "ao", avatar.ao.size(), rig.point_count(), "one per Gaussian, or none");
-    check_finite<float>(where, "ao", avatar.ao);
-    if (!avatar.mean_irradiance.empty())
-        check_size(where, "mean_irradiance", avatar.mean_irradiance.size(), rig.point_count(),
-                   "one per Gaussian, or none");
-    check_finite<float>(where, "mean_irradiance", avatar.mean_irradiance);
-    if (!avatar.normal_offsets.empty())
-        check_size(where, "normal_offsets", avatar.normal_offsets.size(), rig.body.vertex_count(),
-                   "one per vertex, or none");
-    check_finite<float>(where, "normal_offsets", view_as<const float>(Span<const vec3<float>>(avatar.normal_offsets)));
-    if (avatar.occlusion_field)
-        check_occlusion_field(where, *avatar.occlusion_field, rig.point_count(), rig.joint_count());
-    check_value(g.sh_degree >= 0 && g.sh_degree <= 4, where,
-                "sh_degree is " + std::to_string(g.sh_degree) + ", expected 0 to 4");
-    check_gaussians(where, "avatar", std::as_const(g).view(), rig.point_count());
-    check_size(where, "barycentric", rig.barycentric.size(), rig.point_count());
-    check_skin(where, rig.skin.view(), rig.point_count());
-    for (const std::uint16_t joint : rig.skin.joints)
-        check_value(joint < rig.joint_count(), where,
-                    "skin_joints names joint " + std::to_string(joint) + ", the body has " +
-                        std::to_string(rig.joint_count()));
-    check_value(avatar.filter.dilation >= 0 && avatar.filter.dilation < 1e6, where,
-                "dilation must be square pixels, not negative");
-    check_finite<float>(where, "means", view_as<const float>(Span<const vec3<float>>(g.means)));
-    check_finite<float>(where, "sh", view_as<const float>(Span<const vec3<float>>(g.sh)));
-    check_finite<float>(where, "log_scales", view_as<const float>(Span<const vec3<float>>(g.log_scales)));
-    check_finite<float>(where, "opacity_logits", g.opacity_logits);
+    detail::check_avatar(path.string(), avatar);
     return avatar;
 }
 
