@@ -106,6 +106,17 @@ TEST_CASE("lengths of legs, units, facing and the upward axis") {
     CHECK(length(rig.rest_joints[4] - rig.rest_joints[1]) ==
           doctest::Approx(length(rig.joint(0, 4) - rig.joint(0, 1))));
 
+    // A leg without a knee does not count.
+    MatchedJoints one_leg = matched;
+    one_leg[4] = -1;
+    const RigMotion fitted = rig;
+    for (auto& x : rig.rest_joints) x = x * 3.0;
+    CHECK(fit_rest_to_frames(rig, one_leg));
+    for (std::size_t j = 0; j < rig.joint_count(); ++j)
+        CHECK(length(rig.rest_joints[j] - fitted.rest_joints[j]) < 1e-9);
+    one_leg[5] = -1;
+    CHECK(!fit_rest_to_frames(rig, one_leg));
+
     test::Rng rng(3);
     for (int n = 0; n < 50; ++n) {
         const vec3<double> a = normalize(rng.vec()), b = normalize(rng.vec());

@@ -41,7 +41,7 @@ struct LengthUnit {
 [[nodiscard]] inline LengthUnit guess_length_unit(const RigMotion& rig, const MatchedJoints& matched);
 
 /// Scales the rest pose so that its legs are as long as in the first frame, for rest poses in a unit of their own.
-/// Returns false, without a change, if a length is zero.
+/// Returns false, without a change, if no leg has a length in both.
 inline bool fit_rest_to_frames(RigMotion& rig, const MatchedJoints& matched);
 
 /// Whether z is up: the body stands along +z in its rest pose, and, on average, in the frames, too.
@@ -150,8 +150,8 @@ inline bool fit_rest_to_frames(RigMotion& rig, const MatchedJoints& matched) {
     posed.rest_joints.assign(rig.joints.begin(), rig.joints.begin() + static_cast<std::ptrdiff_t>(rig.joint_count()));
     double rest = 0, frame = 0;
     for (const char* side : {"left_", "right_"}) {
-        rest += detail::leg_length(rig, matched, side);
-        frame += detail::leg_length(posed, matched, side);
+        const double own = detail::leg_length(rig, matched, side), there = detail::leg_length(posed, matched, side);
+        if (own > 0 && there > 0) rest += own, frame += there; // a side without hip or knee has -1
     }
     if (!(rest > 0 && frame > 0)) return false;
     for (auto& joint : rig.rest_joints) joint = joint * (frame / rest);
