@@ -15,6 +15,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -121,6 +122,37 @@ TEST_CASE("pieces follow the motion, better if there are more, and a .glb file m
     CHECK(read_gltf_splats(folder / "a.glb").cloud.size() == s.size());
 }
 
+TEST_CASE("one piece of a motion that turns the whole body has the shapes and colours of each frame") {
+    BendingTube s;
+    const vec3<double> turns[] = {{0, 0, 0}, {0.3, 1.2, -0.5}, {-1, 2, 0.4}};
+    for (std::size_t j = 0; j < 12; ++j) s.motion.pose[j] = j % 4 == 0 ? turns[j / 4] : vec3<double>(0);
+    StillFrames<cpu::Threads> still(s.backend, s.avatar);
+    const std::vector<std::size_t> frames{0, 1, 2};
+    const MovingPieces pieces =
+        moving_pieces(s.backend, still, s.motion, Span<const std::size_t>(frames), {.pieces = 1});
+    REQUIRE(pieces.begins.size() == 2);
+    const auto covariance = [](const GaussianCloud<float>& cloud, std::size_t i) {
+        const mat3<float> F = covariance_factor(cloud.quats[i], cloud.log_scales[i]);
+        return F * transpose(F);
+    };
+    for (const std::size_t t : frames) {
+        GaussianCloud<float> moved = pieces.cloud;
+        move_cloud(moved, pieces.poses[t][0]);
+        const GaussianCloud<float> truth = still.frame(s.motion, t);
+        double mean = 0, shape = 0, colour = 0;
+        for (std::size_t i = 0; i < s.size(); ++i) {
+            mean = std::max<double>(mean, length(moved.means[i] - truth.means[i]));
+            const mat3<float> difference = covariance(moved, i) - covariance(truth, i);
+            for (int c = 0; c < 3; ++c) shape = std::max<double>(shape, length(difference[c]));
+            for (std::size_t k = 0; k < 4; ++k)
+                colour = std::max<double>(colour, length(moved.sh[4 * i + k] - truth.sh[4 * i + k]));
+        }
+        CHECK(mean < 1e-5);
+        CHECK(shape < 1e-6); // of up to e^-6 = 0.0025
+        CHECK(colour < 1e-5);
+    }
+}
+
 TEST_CASE("what pieces cannot be made of") {
     BendingTube s;
     StillFrames<cpu::Threads> still(s.backend, s.avatar);
@@ -131,9 +163,14 @@ TEST_CASE("what pieces cannot be made of") {
     CHECK(stopped.poses.empty());
     const auto pieces = moving_pieces(s.backend, still, s.motion, Span<const std::size_t>(frames), {.pieces = 2});
     const test::Temporary folder;
-    const std::vector<double> back{1, 0}, few{0};
+    const std::vector<double> back{1, 0}, few{0}, good{0, 1}, one_float{1e9, 1e9 + 1};
     CHECK_THROWS_AS(write_gltf_pieces(folder / "a.glb", pieces, Span<const double>(back)), ValueError);
     CHECK_THROWS_AS(write_gltf_pieces(folder / "a.glb", pieces, Span<const double>(few)), ShapeError);
+    CHECK_THROWS_AS(write_gltf_pieces(folder / "a.glb", pieces, Span<const double>(one_float)), ValueError);
+    MovingPieces empty = pieces;
+    empty.begins[1] = empty.begins[2]; // nothing is left for the second piece
+    test::check_throws<ValueError>([&] { write_gltf_pieces(folder / "a.glb", empty, Span<const double>(good)); },
+                                   {"piece 1 has no Gaussian"});
     CHECK(folder.file_count() == 0);
 }
 

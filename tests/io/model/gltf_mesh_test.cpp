@@ -138,4 +138,7 @@ TEST_CASE("bones, skin, expressions and shape of the file pose the mesh as gsh p
     write_gltf_mesh(folder / "b.glb", avatar, rest_motion(avatar.rig), {}, {});
     CHECK(!test::json_of_glb(folder / "b.glb").contains("animations"));
     CHECK_THROWS_AS(write_gltf_mesh(folder / "c.glb", avatar, motion, frames, {}), ShapeError);
+    for (const auto& times : std::vector<std::vector<double>>{{1, 0}, {1e9, 1e9 + 1}})
+        CHECK_THROWS_AS(write_gltf_mesh(folder / "c.glb", avatar, motion, frames, times), ValueError);
+    CHECK(folder.file_count() == 2);
 }

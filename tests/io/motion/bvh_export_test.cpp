@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Motions written as BVH come back as they were.
 
+#include "io/comma_locale.hpp"
 #include "io/temporary.hpp"
 #include "support/gradient.hpp"
 #include "support/sample_rig.hpp"
@@ -59,6 +60,39 @@ TEST_CASE("a body's motion comes back within 1e-4 rad") {
     const std::string text = read_file(folder / "a.bvh");
     CHECK(text.starts_with("HIERARCHY\nROOT pelvis\n{\n\tOFFSET 0.0000000 0.0000000 0.0000000\n"));
     CHECK(text.find("-nan") == std::string::npos);
+}
+
+TEST_CASE("a file is the same in every locale, and holds large numbers") {
+    const test::Temporary folder;
+    RigMotion rig = rig_of_motion(test::skeleton_body(), wild_motion(3));
+    for (auto& time : rig.timestamps) time *= 0.7;
+    save_bvh(folder / "a.bvh", rig);
+    {
+        const test::CommaLocale comma; // in which 1.5 is written 1,5
+        save_bvh(folder / "b.bvh", rig);
+    }
+    CHECK(read_file(folder / "a.bvh") == read_file(folder / "b.bvh"));
+    CHECK(read_file(folder / "a.bvh").find("Frame Time: 0.0291666667\n") != std::string::npos);
+    rig.joints[0].x = 1e99;
+    save_bvh(folder / "c.bvh", rig);
+    const std::string text = read_file(folder / "c.bvh"), motion = text.substr(text.find("Frame Time"));
+    CHECK(std::stod(motion.substr(motion.find('\n'))) == doctest::Approx(1e101));
+}
+
+TEST_CASE("names that a line of BVH cannot hold are changed, and stay different") {
+    const test::Temporary folder;
+    RigMotion rig = rig_of_motion(test::skeleton_body(), wild_motion(2));
+    const std::vector<std::string> given{"a\nb", "a_b", " ear", "tail {", "mane\t", "", "_", "two words:x", "}"},
+        expected{"a_b_", "a_b", "_ear", "tail _", "mane_", "__", "_", "two words:x", "}"};
+    std::copy(given.begin(), given.end(), rig.names.begin());
+    save_bvh(folder / "a.bvh", rig);
+    std::vector<std::string> found = load_bvh(folder / "a.bvh").names;
+    std::erase_if(found, [](const std::string& name) { return name.ends_with("_end"); });
+    REQUIRE(found.size() == rig.names.size());
+    for (const std::string& name : expected) {
+        INFO(name);
+        CHECK(std::count(found.begin(), found.end(), name) == 1);
+    }
 }
 
 TEST_CASE("angles give back every rotation, and continue those of the frame before") {

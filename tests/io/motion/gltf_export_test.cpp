@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Motions written as GLB come back as they were, and the file is plain glTF.
 
+#include "io/glb_json.hpp"
 #include "io/gltf_files.hpp"
 #include "io/temporary.hpp"
 #include "support/skeleton_body.hpp"
@@ -18,6 +19,7 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <vector>
 
 using namespace gsh;
 
@@ -96,4 +98,31 @@ TEST_CASE("times that do not ascend are refused; nothing is written") {
     rig.timestamps[3] = rig.timestamps[2];
     test::check_throws<ValueError>([&] { save_gltf_motion(folder / "a.glb", rig); }, {"a.glb", "frames 2 and 3"});
     CHECK(folder.file_count() == 0);
+}
+
+TEST_CASE("times that are one float, names in another encoding, several roots") {
+    const test::Temporary folder;
+    RigMotion rig = rig_of_motion(test::skeleton_body(), motion_of_body());
+    for (double& time : rig.timestamps) time += 1e9; // where floats are 64 s apart
+    test::check_throws<ValueError>([&] { save_gltf_motion(folder / "a.glb", rig); }, {"a.glb", "frames 0 and 1"});
+    rig = rig_of_motion(test::skeleton_body(), motion_of_body());
+    rig.names[3] = "R\xFC" "cken"; // Latin-1
+    save_gltf_motion(folder / "a.glb", rig);
+    CHECK(load_gltf_motion(folder / "a.glb").names[3] == "R\xEF\xBF\xBD" "cken");
+    CHECK(test::json_of_glb(folder / "a.glb")["skins"][0]["skeleton"] == 0);
+    rig.parents[1] = -1;
+    save_gltf_motion(folder / "a.glb", rig);
+    CHECK(!test::json_of_glb(folder / "a.glb")["skins"][0].contains("skeleton"));
+}
+
+TEST_CASE("an accessor has at least one whole element") {
+    GlbWriter file;
+    const std::vector<float> numbers{1, 2, 3, 4};
+    const int view = file.add_view(numbers.data(), 16);
+    CHECK(file.add_accessor(view, 4, Span<const float>(numbers).subspan(1, 3), {.width = 3, .bounds = true}) == 0);
+    CHECK_THROWS_AS((void)file.add_accessor(view, 0, Span<const float>(), {.bounds = true}), ValueError);
+    CHECK_THROWS_AS((void)file.add_accessor(view, 0, Span<const float>(numbers), {.width = 3}), ValueError);
+    CHECK_THROWS_AS((void)file.add_times({}, "a"), ValueError);
+    const std::vector<double> endless{0, 1e300};
+    test::check_throws<ValueError>([&] { (void)file.add_times(endless, "a"); }, {"a: times[1]", "finite"});
 }

@@ -139,6 +139,14 @@ TEST_CASE("normalised integers, several animations, other units") {
     test::check_throws<IoError>([&] { (void)load_gltf_motion(folder / "a.glb", {}, nullptr, "fly"); },
                                 {"no animation 'fly'", "walk, run"});
 
+    auto& third = files.json["animations"].emplace_back(files.json["animations"][0]);
+    third["name"] = "smile";
+    third["channels"] = test::Json::array({third["channels"][0]});
+    third["channels"][0]["target"]["path"] = "weights";
+    write_file(folder / "a.glb", files.glb());
+    test::check_throws<IoError>([&] { (void)load_gltf_motion(folder / "a.glb", {}, nullptr, "smile"); },
+                                {"animation 'smile' moves no node"});
+
     const test::SampleOptions centimetres{.units = 100};
     write_file(folder / "b.glb", test::gltf_of(test::sample_rig(centimetres)).glb());
     warnings.clear();
@@ -168,6 +176,8 @@ TEST_CASE("damaged files are refused with the place and what was found") {
            }),
            {"deeper than 256 levels"});
     refuse(changed([](J& j) { j["nodes"][2]["rotation"] = {0, 0, 1}; }), {"rotation has 3 numbers, expected 4"});
+    refuse(changed([](J& j) { j["nodes"][2]["translation"] = {{"x", 1}, {"y", 2}, {"z", 3}}; }),
+           {"translation of a node is not a list"});
     refuse(changed([](J& j) { j["nodes"][2]["scale"] = {-1, 1, 1}; }), {"mirrored"});
     refuse(changed([](J& j) { j["nodes"][2]["name"] = j["nodes"][3]["name"]; }), {"twice"});
     refuse(changed([](J& j) { j["animations"] = J::array(); }), {"no animations"});
@@ -218,6 +228,11 @@ TEST_CASE("buffers in other files: only those in the folder, of the size that is
     write_file(folder / "outside.bin", files.bytes);
     write_file(at, files.gltf("my%20data.bin"));
     CHECK(load_gltf_motion(at).frame_count() == 4);
+    write_file(folder / "inside/a+b.bin", files.bytes);
+    for (const std::string uri : {"a+b.bin", "a%2Bb.bin"}) {
+        write_file(at, files.gltf(uri));
+        CHECK(load_gltf_motion(at).frame_count() == 4);
+    }
     const auto refuse = [&](const std::string& uri, std::initializer_list<std::string_view> words) {
         write_file(at, files.gltf(uri));
         test::check_throws<IoError>([&] { (void)load_gltf_motion(at); }, words);

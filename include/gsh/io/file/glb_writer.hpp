@@ -50,9 +50,12 @@ public:
         return static_cast<int>(json["bufferViews"].size()) - 1;
     }
 
-    /// An accessor of a part of a view, which begins at `numbers` of the view that begins at `view_begin`.
+    /// An accessor of `numbers`, which begin `byte_offset` bytes into the view.
+    /// Errors  ValueError unless these are whole elements, at least one.
     template <class T>
     int add_accessor(int view, std::size_t byte_offset, Span<const T> numbers, const Array& array) {
+        check_value(!numbers.empty() && numbers.size() % static_cast<std::size_t>(array.width) == 0,
+                    "GlbWriter::add_accessor", "there must be whole elements");
         static const char* const types[] = {"", "SCALAR", "VEC2", "VEC3", "VEC4"};
         nlohmann::ordered_json accessor{{"bufferView", view},
                                         {"componentType", component_type<T>()},
@@ -73,13 +76,23 @@ public:
     /// An accessor with a view of its own; returns its index.
     template <class T>
     int add(Span<const T> numbers, const Array& array) {
-        check_value(!numbers.empty() && numbers.size() % static_cast<std::size_t>(array.width) == 0, "GlbWriter::add",
-                    "there must be whole elements");
         return add_accessor(add_view(numbers.data(), numbers.size() * sizeof(T), array.target), 0, numbers, array);
     }
     template <class T>
     int add(const std::vector<T>& numbers, const Array& array) {
         return add(Span<const T>(numbers), array);
+    }
+
+    /// The times of frames in seconds, for animations. `where` begins messages.
+    /// Errors  ValueError unless they ascend and are finite as floats, which the file holds.
+    int add_times(Span<const double> seconds, const std::string& where) {
+        const std::vector<float> times(seconds.begin(), seconds.end());
+        check_finite<float>(where, "times", times);
+        for (std::size_t t = 1; t < times.size(); ++t)
+            if (!(times[t] > times[t - 1]))
+                throw ValueError(where + ": the times of frames " + std::to_string(t - 1) + " and " +
+                                 std::to_string(t) + " do not ascend, as glTF demands of their floats");
+        return add(times, {.bounds = true});
     }
 
     /// Adds a channel to the document's only animation. `path` is rotation, translation, scale or weights.
@@ -99,7 +112,8 @@ public:
     void write(const std::filesystem::path& path) {
         bytes_.resize((bytes_.size() + 3) / 4 * 4);
         if (!bytes_.empty()) json["buffers"] = {{{"byteLength", bytes_.size()}}};
-        std::string text = json.dump();
+        // Names may come from files in other encodings: bytes that are not UTF-8 become U+FFFD.
+        std::string text = json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
         text.resize((text.size() + 3) / 4 * 4, ' ');
         const std::size_t total = 12 + 8 + text.size() + (bytes_.empty() ? 0 : 8 + bytes_.size());
         if (total > std::numeric_limits<std::uint32_t>::max())

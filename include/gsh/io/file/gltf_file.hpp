@@ -202,12 +202,13 @@ inline void GltfFile::check_counts(const nlohmann::json& json) const {
     }
     // tinygltf leaves out what it cannot read of these, without an error.
     const auto all = [](const nlohmann::json& values, const auto& test) {
-        return values.is_structured() && std::all_of(values.begin(), values.end(), test);
+        return std::all_of(values.begin(), values.end(), test);
     };
     const nlohmann::json none = nlohmann::json::array();
     for (const auto& node : json.contains("nodes") ? json["nodes"] : none)
         for (const char* key : {"translation", "rotation", "scale", "matrix"})
-            if (node.contains(key) && !all(node[key], [](const nlohmann::json& v) { return v.is_number(); }))
+            if (node.contains(key) &&
+                (!node[key].is_array() || !all(node[key], [](const nlohmann::json& v) { return v.is_number(); })))
                 fail(std::string("the ") + key + " of a node is not a list of numbers");
     for (const auto& mesh : json.contains("meshes") ? json["meshes"] : none)
         for (const auto& primitive : mesh["primitives"])
@@ -219,7 +220,7 @@ inline void GltfFile::check_counts(const nlohmann::json& json) const {
 inline void GltfFile::check_buffers(nlohmann::json& json, std::size_t chunk_bytes) {
     if (!json.contains("buffers")) return;
     std::size_t total = 0, number = 0;
-    for (const auto& buffer : json["buffers"]) {
+    for (auto& buffer : json["buffers"]) {
         const std::string what = "buffer " + std::to_string(number);
         if (!buffer.contains("byteLength") || !buffer["byteLength"].is_number_unsigned() || buffer["byteLength"] == 0)
             fail(what + " has no byteLength above 0");
@@ -236,6 +237,7 @@ inline void GltfFile::check_buffers(nlohmann::json& json, std::size_t chunk_byte
                 place = "the data URI holds";
             } else {
                 found = external_size(uri, what);
+                buffer["uri"] = with_escaped_plus(uri); // tinygltf takes a plus for a blank
                 place = "the file " + uri + " holds";
                 if (found > size) found = size + 1; // tinygltf wants the exact size
             }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The JSON of a glTF file before tinygltf sees it: nesting, and removal of what nobody reads.
+/// @file  The JSON of a glTF file before tinygltf sees it: nesting, and removal of what is not read.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -56,6 +56,13 @@ inline void strip_gltf_meshes(nlohmann::json& meshes) {
 /// JSON as tinygltf receives it.
 [[nodiscard]] inline std::string gltf_text(const nlohmann::json& json) {
     return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+/// A URI in which %2B stands for each plus.
+[[nodiscard]] inline std::string with_escaped_plus(std::string_view uri) {
+    std::string text;
+    for (const char c : uri) c == '+' ? text.append("%2B") : text.append(1, c);
+    return text;
 }
 
 /// A URI's text with %20 and other escapes resolved.

@@ -4,6 +4,7 @@
 
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/colored_mesh.hpp>
+#include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
@@ -11,8 +12,6 @@
 #include <gsh/io/file/glb_writer.hpp>
 #include <gsh/math/rotation.hpp>
 
-#include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -53,31 +52,13 @@ inline int add_displacements(GlbWriter& file, const std::vector<vec3<float>>& di
     return static_cast<int>(file.json["accessors"].size()) - 1;
 }
 
-} // namespace detail
-
-/// Writes the mesh of an avatar, atomically. Bones are named as the body's joints. With frames, an animation turns the
-/// bones, moves the root and sets the expressions.
-///
-/// The material is unlit (KHR_materials_unlit), because the colours contain the light of the capture; programs without
-/// that extension shade it once more.
-///
-/// times has one entry, in ascending seconds, for each of `frames`; both may be empty.
-/// Errors  those of colored_mesh; ShapeError unless times fits the frames and the motion fits the body.
-inline void write_gltf_mesh(const std::filesystem::path& path, const AvatarData& avatar, const Motion& motion,
-                            Span<const std::size_t> frames, Span<const double> times) {
-    constexpr auto where = "write_gltf_mesh";
-    check_size(where, "times", times.size(), frames.size(), "one for each frame");
-    check_size(where, "the motion's joints", motion.joint_count, avatar.rig.joint_count());
+/// The vertices, triangles, expressions and the material of a mesh as mesh 0.
+inline void add_gltf_mesh(GlbWriter& file, const ColoredMesh& mesh) {
     using Json = nlohmann::ordered_json;
-    const ColoredMesh mesh = colored_mesh(avatar, motion.betas);
-    const std::size_t V = mesh.vertices.size(), J = mesh.rest_joints.size(), E = mesh.expressions.size();
-    GlbWriter file;
-    file.json["extensionsUsed"] = {"KHR_materials_unlit"};
-
     std::vector<float> positions, normals, colors, weights;
     std::vector<std::uint16_t> joints;
     std::vector<std::uint32_t> indices;
-    for (std::size_t v = 0; v < V; ++v) {
+    for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
         const vec3<float> p(mesh.vertices[v]);
         // glTF demands unit normals; a vertex without triangles has any.
         const vec3<float> n = length(mesh.normals[v]) > 0 ? vec3<float>(mesh.normals[v]) : vec3<float>(0, 1, 0);
@@ -98,9 +79,10 @@ inline void write_gltf_mesh(const std::filesystem::path& path, const AvatarData&
                      {"WEIGHTS_0", file.add(weights, {.width = 4, .target = vertices})}}},
                    {"indices", file.add(indices, {.target = elements})},
                    {"material", 0}};
+    const std::size_t E = mesh.expressions.size();
     Json names = Json::array();
     for (std::size_t e = 0; e < E; ++e) {
-        primitive["targets"].push_back({{"POSITION", detail::add_displacements(file, mesh.expressions[e])}});
+        primitive["targets"].push_back({{"POSITION", add_displacements(file, mesh.expressions[e])}});
         names.push_back("expression_" + std::to_string(e));
     }
     file.json["materials"] = Json::array();
@@ -110,15 +92,19 @@ inline void write_gltf_mesh(const std::filesystem::path& path, const AvatarData&
     Json body{{"name", "body"}, {"primitives", Json::array({primitive})}};
     if (E) body["weights"] = std::vector<float>(E, 0.0f), body["extras"] = {{"targetNames", names}};
     file.json["meshes"] = Json::array({body});
+}
 
-    // Node j is joint j; the last node holds the mesh. It is beside the bones, whose transforms do not apply to it.
+/// Node j is joint j; the last node holds the mesh. It is beside the bones, whose transforms do not apply to it.
+inline void add_gltf_skin(GlbWriter& file, const BodyModel& model, const std::vector<vec3<double>>& rest_joints) {
+    using Json = nlohmann::ordered_json;
+    const std::size_t J = rest_joints.size();
     Json nodes = Json::array(), skin_joints = Json::array();
     std::vector<float> inverse;
     for (std::size_t j = 0; j < J; ++j) {
-        const int parent = avatar.rig.body.parents[j];
-        const vec3<double> from = parent < 0 ? vec3<double>(0) : mesh.rest_joints[static_cast<std::size_t>(parent)];
-        const vec3<double> step = mesh.rest_joints[j] - from, &at = mesh.rest_joints[j];
-        const auto& known = avatar.rig.body.joint_names;
+        const int parent = model.parents[j];
+        const vec3<double> from = parent < 0 ? vec3<double>(0) : rest_joints[static_cast<std::size_t>(parent)];
+        const vec3<double> step = rest_joints[j] - from, &at = rest_joints[j];
+        const auto& known = model.joint_names;
         nodes.push_back({{"name", known.empty() ? "joint_" + std::to_string(j) : known[j]},
                          {"translation", {step.x, step.y, step.z}}});
         if (parent >= 0) nodes[static_cast<std::size_t>(parent)]["children"].push_back(j);
@@ -133,25 +119,52 @@ inline void write_gltf_mesh(const std::filesystem::path& path, const AvatarData&
     file.json["skins"] = Json::array();
     file.json["skins"].push_back(
         {{"inverseBindMatrices", file.add(inverse, {.width = 16})}, {"joints", skin_joints}, {"skeleton", 0}});
+}
 
-    if (!frames.empty()) {
-        const std::vector<float> seconds(times.begin(), times.end());
-        const int input = file.add(seconds, {.bounds = true});
-        for (std::size_t j = 0; j < J; ++j) {
-            std::vector<mat3<double>> turns;
-            for (const std::size_t f : frames) turns.push_back(rotation_from_axis_angle(motion.pose_at(f)[j]));
-            file.animate(j, "rotation", input, file.add(rotation_keys(turns), {.width = 4}));
-        }
-        std::vector<float> places, shares;
-        for (const std::size_t f : frames) {
-            const vec3<double> place = mesh.rest_joints[0] + motion.transl[f];
-            places.insert(places.end(), {float(place.x), float(place.y), float(place.z)});
-            for (std::size_t e = 0; e < E; ++e)
-                shares.push_back(e < motion.expression_count ? float(motion.expression_at(f)[e]) : 0.0f);
-        }
-        file.animate(0, "translation", input, file.add(places, {.width = 3}));
-        if (E && motion.expression_count) file.animate(J, "weights", input, file.add(shares, {}));
+/// Rotations of the bones, places of the root and weights of E expressions, with the times of accessor `input`.
+inline void animate_gltf_mesh(GlbWriter& file, int input, const Motion& motion, Span<const std::size_t> frames,
+                              const vec3<double>& root, std::size_t E) {
+    const std::size_t J = motion.joint_count;
+    for (std::size_t j = 0; j < J; ++j) {
+        std::vector<mat3<double>> turns;
+        for (const std::size_t f : frames) turns.push_back(rotation_from_axis_angle(motion.pose_at(f)[j]));
+        file.animate(j, "rotation", input, file.add(rotation_keys(turns), {.width = 4}));
     }
+    std::vector<float> places, shares;
+    for (const std::size_t f : frames) {
+        const vec3<double> place = root + motion.transl[f];
+        places.insert(places.end(), {float(place.x), float(place.y), float(place.z)});
+        for (std::size_t e = 0; e < E; ++e)
+            shares.push_back(e < motion.expression_count ? float(motion.expression_at(f)[e]) : 0.0f);
+    }
+    file.animate(0, "translation", input, file.add(places, {.width = 3}));
+    if (E && motion.expression_count) file.animate(J, "weights", input, file.add(shares, {}));
+}
+
+} // namespace detail
+
+/// Writes the mesh of an avatar, atomically. Bones are named as the body's joints. With frames, an animation turns the
+/// bones, moves the root and sets the expressions.
+///
+/// The material is unlit (KHR_materials_unlit), because the colours contain the light of the capture; programs without
+/// that extension shade it once more.
+///
+/// times has one entry, in ascending seconds, for each of `frames`; both may be empty.
+/// Errors  those of colored_mesh; ShapeError unless times fits the frames and the motion fits the body; ValueError for
+///         times that do not ascend as floats.
+inline void write_gltf_mesh(const std::filesystem::path& path, const AvatarData& avatar, const Motion& motion,
+                            Span<const std::size_t> frames, Span<const double> times) {
+    constexpr auto where = "write_gltf_mesh";
+    check_size(where, "times", times.size(), frames.size(), "one for each frame");
+    check_size(where, "the motion's joints", motion.joint_count, avatar.rig.joint_count());
+    const ColoredMesh mesh = colored_mesh(avatar, motion.betas);
+    GlbWriter file;
+    file.json["extensionsUsed"] = {"KHR_materials_unlit"};
+    detail::add_gltf_mesh(file, mesh);
+    detail::add_gltf_skin(file, avatar.rig.body, mesh.rest_joints);
+    if (!frames.empty())
+        detail::animate_gltf_mesh(file, file.add_times(times, where), motion, frames, mesh.rest_joints[0],
+                                  mesh.expressions.size());
     file.write(path);
 }
 

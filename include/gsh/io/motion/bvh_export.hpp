@@ -8,13 +8,15 @@
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
+#include <charconv>
 #include <cmath>
 #include <cstddef>
-#include <cstdio>
 #include <filesystem>
 #include <numbers>
+#include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -23,6 +25,8 @@ namespace gsh {
 /// Xrotation Yrotation. The rest pose of the file is that of the rig, with the axes as rest frames; the root's OFFSET
 /// is zero. Angles continue those of the frame before, so they interpolate.
 ///
+/// Names   as they are, but for what a reader of lines would lose or take for something else: control characters, a
+///         blank at either end and a brace at the end become '_'. A name that another joint has is made longer by '_'.
 /// Units   centimetres, degrees; the time between frames is their mean, with a warning if it varies.
 /// Errors  ValueError for a rig that is invalid or has several roots; IoError.
 inline void save_bvh(const std::filesystem::path& path, const RigMotion& rig,
@@ -35,31 +39,48 @@ inline void save_bvh(const std::filesystem::path& path, const RigMotion& rig,
 
 namespace detail {
 
-/// `count` numbers of a format, each after a blank.
-inline void append_numbers(std::string& text, const char* format, const vec3<double>& v) {
-    char number[64];
+/// Three numbers with 7 digits after the point, each after a blank.
+inline void append_numbers(std::string& text, const vec3<double>& v) {
+    char digits[400]; // the largest double has 309 before the point
     for (int k = 0; k < 3; ++k) {
-        std::snprintf(number, sizeof number, format, v[k] == 0 ? 0.0 : v[k]); // no "-0"
-        text.append(" ").append(number);
+        const double number = v[k] == 0 ? 0.0 : v[k]; // no "-0"
+        const auto end = std::to_chars(digits, digits + sizeof digits, number, std::chars_format::fixed, 7).ptr;
+        text.append(" ").append(digits, end);
     }
 }
 
-inline void append_bvh_joint(std::string& text, const RigMotion& rig, const std::vector<std::vector<int>>& children,
-                             int joint, int level) {
+/// The names of a rig's joints as a line of BVH can hold them, still each once.
+inline std::vector<std::string> bvh_names(const std::vector<std::string>& names) {
+    std::set<std::string> taken(names.begin(), names.end());
+    std::vector<std::string> result;
+    for (const std::string& given : names) {
+        std::string name = given.empty() ? "_" : given;
+        for (char& c : name)
+            if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '_';
+        if (name.front() == ' ') name.front() = '_';
+        if (name.back() == ' ' || name.back() == '{') name.back() = '_';
+        while (name != given && !taken.insert(name).second) name += '_';
+        result.push_back(std::move(name));
+    }
+    return result;
+}
+
+inline void append_bvh_joint(std::string& text, const RigMotion& rig, const std::vector<std::string>& names,
+                             const std::vector<std::vector<int>>& children, int joint, int level) {
     constexpr double centimetres = 100;
     const auto j = static_cast<std::size_t>(joint);
     const std::string indent(static_cast<std::size_t>(level), '\t');
     const int parent = rig.parents[j];
     const vec3<double> offset =
         parent < 0 ? vec3<double>(0) : rig.rest_joints[j] - rig.rest_joints[static_cast<std::size_t>(parent)];
-    text += indent + (parent < 0 ? "ROOT " : "JOINT ") + rig.names[j] + "\n" + indent + "{\n" + indent + "\tOFFSET";
-    append_numbers(text, "%.7f", offset * centimetres);
+    text += indent + (parent < 0 ? "ROOT " : "JOINT ") + names[j] + "\n" + indent + "{\n" + indent + "\tOFFSET";
+    append_numbers(text, offset * centimetres);
     text += "\n" + indent + (parent < 0 ? "\tCHANNELS 6 Xposition Yposition Zposition" : "\tCHANNELS 3") +
             " Zrotation Xrotation Yrotation\n";
-    for (const int child : children[j]) append_bvh_joint(text, rig, children, child, level + 1);
+    for (const int child : children[j]) append_bvh_joint(text, rig, names, children, child, level + 1);
     if (children[j].empty()) { // programs show a bone as long as this
         text += indent + "\tEnd Site\n" + indent + "\t{\n" + indent + "\t\tOFFSET";
-        append_numbers(text, "%.7f", length(offset) > 0 ? offset * (centimetres / 2) : vec3<double>(0, 5, 0));
+        append_numbers(text, length(offset) > 0 ? offset * (centimetres / 2) : vec3<double>(0, 5, 0));
         text += "\n" + indent + "\t}\n";
     }
     text += indent + "}\n";
@@ -102,7 +123,7 @@ inline void save_bvh(const std::filesystem::path& path, const RigMotion& rig, st
         children[static_cast<std::size_t>(rig.parents[j])].push_back(static_cast<int>(j));
     }
     std::string text = "HIERARCHY\n";
-    detail::append_bvh_joint(text, rig, children, 0, 0);
+    detail::append_bvh_joint(text, rig, detail::bvh_names(rig.names), children, 0, 0);
     std::vector<int> order; // of the channels: depth first, as the hierarchy was written
     for (std::vector<int> open{0}; !open.empty();) {
         const int j = open.back();
@@ -116,9 +137,9 @@ inline void save_bvh(const std::filesystem::path& path, const RigMotion& rig, st
     if (!steady && warnings)
         warnings->push_back(path.string() + ": the times between frames differ, and BVH stores only one; their mean is "
                                             "written");
-    char line[64];
-    std::snprintf(line, sizeof line, "MOTION\nFrames: %zu\nFrame Time: %.9g\n", T, step);
-    text += line;
+    char digits[32];
+    const auto end = std::to_chars(digits, digits + sizeof digits, step, std::chars_format::general, 9).ptr;
+    text += "MOTION\nFrames: " + std::to_string(T) + "\nFrame Time: " + std::string(digits, end) + "\n";
     AtomicFile file(path);
     file.write(text);
     std::vector<vec3<double>> before(J, vec3<double>(0));
@@ -132,8 +153,8 @@ inline void save_bvh(const std::filesystem::path& path, const RigMotion& rig, st
             };
             const mat3<double> local = parent < 0 ? turn(joint) : transpose(turn(parent)) * turn(joint);
             before[j] = zxy_angles(local, before[j]);
-            if (parent < 0) detail::append_numbers(text, "%.7f", rig.joint(t, joint) * 100.0);
-            detail::append_numbers(text, "%.7f", before[j] * (180 / std::numbers::pi));
+            if (parent < 0) detail::append_numbers(text, rig.joint(t, joint) * 100.0);
+            detail::append_numbers(text, before[j] * (180 / std::numbers::pi));
         }
         file.write(std::string_view(text).substr(1)); // without the first blank
         file.write("\n");

@@ -34,19 +34,13 @@ inline void save_gltf_motion(const std::filesystem::path& path, const RigMotion&
 inline void save_gltf_motion(const std::filesystem::path& path, const RigMotion& rig, const std::string& name) {
     validate(rig, "save_gltf_motion");
     const std::size_t J = rig.joint_count(), T = rig.frame_count();
-    std::vector<float> times, inverse;
-    for (std::size_t t = 0; t < T; ++t) {
-        times.push_back(static_cast<float>(rig.timestamps[t]));
-        check_value(t == 0 || times[t] > times[t - 1], path.string(),
-                    "the times of frames " + std::to_string(t - 1) + " and " + std::to_string(t) +
-                        " do not ascend, as glTF demands");
-    }
+    std::vector<float> inverse;
     const auto append = [](std::vector<float>& numbers, const vec3<double>& v) {
         numbers.insert(numbers.end(), {float(v.x), float(v.y), float(v.z)});
     };
     using Json = nlohmann::ordered_json;
     GlbWriter file;
-    const int input = file.add(times, {.bounds = true});
+    const int input = file.add_times(rig.timestamps, path.string());
     Json nodes = Json::array(), roots = Json::array(), joints = Json::array();
     for (std::size_t j = 0; j < J; ++j) {
         const int parent = rig.parents[j];
@@ -77,9 +71,9 @@ inline void save_gltf_motion(const std::filesystem::path& path, const RigMotion&
         if (parent < 0) file.animate(j, "translation", input, file.add(places, {.width = 3}), name);
     }
     file.json["skins"] = Json::array();
-    file.json["skins"].push_back({{"inverseBindMatrices", file.add(inverse, {.width = 16})},
-                                  {"joints", std::move(joints)},
-                                  {"skeleton", roots[0]}});
+    file.json["skins"].push_back(
+        {{"inverseBindMatrices", file.add(inverse, {.width = 16})}, {"joints", std::move(joints)}});
+    if (roots.size() == 1) file.json["skins"][0]["skeleton"] = roots[0]; // a root of all joints, which glTF demands
     file.json["scenes"] = Json::array();
     file.json["scenes"].push_back({{"nodes", std::move(roots)}});
     file.json["nodes"] = std::move(nodes);

@@ -30,7 +30,6 @@ public:
     void keep_joints(const Moves& moves);
     [[nodiscard]] std::size_t joint_count() const { return joints_.size(); }
     [[nodiscard]] int node_of(std::size_t joint) const { return joints_[joint]; }
-    [[nodiscard]] bool is_joint(int node) const { return numbers_[static_cast<std::size_t>(node)] >= 0; }
     [[nodiscard]] std::size_t joint_of(int node) const {
         return static_cast<std::size_t>(numbers_[static_cast<std::size_t>(node)]);
     }

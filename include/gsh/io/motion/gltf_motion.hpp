@@ -22,7 +22,6 @@
 #include <cstddef>
 #include <filesystem>
 #include <string>
-#include <string_view>
 #include <vector>
 
 namespace gsh {
@@ -37,7 +36,7 @@ namespace gsh {
 /// Frame     y up, as in glTF. Scales of nodes count, for instance an armature scaled by 0.01.
 /// Units     metres; other units are guessed from the legs, with a warning.
 /// Errors    IoError, ValueError naming file and place: no animation, an index out of range, a tree with a cycle, times
-///           that do not ascend, a buffer that is short, a mirrored or repeated joint.
+///           that do not ascend, a buffer that is short, a mirrored or repeated joint, an animation without nodes.
 [[nodiscard]] inline RigMotion load_gltf_motion(const std::filesystem::path& path, const JointMap& map = {},
                                                 std::vector<std::string>* warnings = nullptr,
                                                 const std::string& animation = {});
@@ -99,8 +98,9 @@ private:
         if (wanted.empty() && all.size() > 1 && warnings)
             warnings->push_back(file_.name() + ": holds " + std::to_string(all.size()) + " animations (" +
                                 list_of_names(names) + "); '" + names[static_cast<std::size_t>(chosen)] + "' is read");
-        channels_ = nodes_.channels(all[static_cast<std::size_t>(chosen)], numbers_,
-                                    "animation '" + shortened(names[static_cast<std::size_t>(chosen)]) + "'");
+        const std::string where = "animation '" + shortened(names[static_cast<std::size_t>(chosen)]) + "'";
+        channels_ = nodes_.channels(all[static_cast<std::size_t>(chosen)], numbers_, where);
+        if (channels_.empty()) file_.fail(where + " moves no node");
     }
 
     /// The times of the key frames if they are evenly spaced, else 30 times a second from the first to the last.

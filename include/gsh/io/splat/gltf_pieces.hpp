@@ -22,23 +22,25 @@ namespace gsh {
 /// Writes pieces on animated nodes, atomically. At rest the nodes are where the first frame has them.
 ///
 /// times [T] are in seconds and ascend.
-/// Errors  ShapeError unless there is a time for each frame; ValueError for times that do not ascend, no piece, or SH
-///         above degree 3.
+/// Errors  ShapeError unless there is a time for each frame; ValueError for times that do not ascend as floats, no
+///         piece, a piece without Gaussians, or SH above degree 3.
 inline void write_gltf_pieces(const std::filesystem::path& path, const MovingPieces& pieces, Span<const double> times,
                               std::optional<PixelFilter> filter = {}) {
     constexpr auto where = "write_gltf_pieces";
     check_value(pieces.begins.size() > 1 && !times.empty(), where, "there must be a piece and a frame");
     check_size(where, "times", times.size(), pieces.poses.size(), "one for each frame");
-    for (std::size_t t = 1; t < times.size(); ++t) check_value(times[t] > times[t - 1], where, "times must ascend");
     GlbWriter file;
     begin_gltf_splats(file, {.filter = filter});
     const GltfSplatArrays arrays(file, pieces.cloud);
     const std::size_t K = pieces.begins.size() - 1;
+    check_size(where, "the pieces", pieces.begins[K], pieces.cloud.size(), "they must hold all Gaussians");
+    for (std::size_t k = 0; k < K; ++k)
+        check_value(pieces.begins[k] < pieces.begins[k + 1], where,
+                    "piece " + std::to_string(k) + " has no Gaussian, but a mesh of glTF must have one");
     using Json = nlohmann::ordered_json;
     Json children = Json::array(), nodes = Json::array(), meshes = Json::array();
     nodes.push_back({{"name", "avatar"}});
-    const std::vector<float> seconds(times.begin(), times.end());
-    const int input = file.add(seconds, {.bounds = true});
+    const int input = file.add_times(times, where);
     std::vector<float> turns, places; // of all pieces, so that they share two views
     for (std::size_t k = 0; k < K; ++k) {
         std::vector<mat3<double>> rotations;
