@@ -1,35 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/file/atomic_file.hpp>
 
+#include "io/file_size_limit.hpp"
 #include "io/temporary.hpp"
 
-#include <sys/resource.h>
-
-#include <csignal>
 #include <vector>
 
 using namespace gsh;
-
-namespace {
-/// While this object exists, files cannot grow beyond `bytes`, as on a full disk.
-class FileSizeLimit {
-public:
-    explicit FileSizeLimit(rlim_t bytes) {
-        handler_ = std::signal(SIGXFSZ, SIG_IGN);
-        getrlimit(RLIMIT_FSIZE, &before_);
-        const rlimit limit{bytes, before_.rlim_max};
-        setrlimit(RLIMIT_FSIZE, &limit);
-    }
-    ~FileSizeLimit() {
-        setrlimit(RLIMIT_FSIZE, &before_);
-        std::signal(SIGXFSZ, handler_);
-    }
-
-private:
-    rlimit before_{};
-    void (*handler_)(int) = nullptr;
-};
-} // namespace
 
 TEST_CASE("a file appears on commit and not before") {
     const test::Temporary folder;
@@ -77,7 +54,7 @@ TEST_CASE("a disk that fills up names the file and leaves no partial output") {
     write_file(path, "old");
     const std::vector<char> block(300000, 'x');
     {
-        const FileSizeLimit limit(100000);
+        const test::FileSizeLimit limit(100000);
         test::check_throws<IoError>([&] { AtomicFile(path).write(block.data(), block.size()); },
                                     {path.string(), "too large"});
         test::check_throws<IoError>(

@@ -28,6 +28,10 @@ TEST_CASE("a format is recognised by content, whatever the file's name") {
     write_splat(folder / "a.splat", cloud);
     CHECK(recognise_splats(folder / "a.splat") == SplatFormat::splat);
     CHECK(load_any_splats(folder / "a.splat").cloud.size() == 10);
+    // A first position whose bytes are those of gzip.
+    std::string bytes = read_file(folder / "a.splat");
+    write_file(folder / "b.splat", bytes.replace(0, 2, "\x1f\x8b"));
+    CHECK(load_any_splats(folder / "b.splat").cloud.size() == 10);
     CHECK(is_y_down_by_custom(SplatFormat::splat));
     CHECK(!is_y_down_by_custom(SplatFormat::spz));
 }

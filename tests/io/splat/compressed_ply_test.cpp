@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/splat/compressed_ply.hpp>
 
+#include "io/damage.hpp"
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
 
@@ -97,4 +98,18 @@ TEST_CASE("damaged files are refused before memory is allocated") {
         write_file(path, good.substr(0, good.size() - missing));
         test::check_throws<IoError>([&] { (void)read_compressed_ply(path); }, {path.string()});
     }
+    // A table of SH behind the vertices that the file is too short for: known before rows of vertices are read, and
+    // before memory is taken for its degree.
+    write_compressed_ply(path, test::splat_cloud(300, 3));
+    write_file(path, read_file(path).substr(0, std::filesystem::file_size(path) - 1));
+    const PlyFile file(path);
+    test::check_throws<IoError>([&] { file.check_present(*file.find("sh")); }, {path.string(), "300 sh", "truncated"});
+    test::check_throws<IoError>([&] { (void)detail::compressed_ply_degree(file, 300); }, {"truncated"});
+}
+
+TEST_CASE("a file that is cut or changed anywhere is read or refused, never anything else") {
+    const test::Temporary folder;
+    write_compressed_ply(folder / "good.ply", test::splat_cloud(3, 1), UpAxis::minus_y, PixelFilter{0.1, true});
+    CHECK(test::read_damaged(read_file(folder / "good.ply"), folder / "fuzz.ply", 37, 1500,
+                             [](const auto& path) { (void)read_compressed_ply(path); }) > 200);
 }

@@ -155,6 +155,18 @@ TEST_CASE("damaged .glb files are refused") {
                 {"KHR_spz", {{"bufferView", 0}}}};
         },
         {"compressed Gaussians"});
+    const auto extension = [](GltfJson& j) -> GltfJson& {
+        return j["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"];
+    };
+    expect([&](GltfJson& j) { extension(j)["kernel"] = "box"; }, {"mesh 0: kernel is 'box', expected 'ellipse'"});
+    expect([&](GltfJson& j) { extension(j)["colorSpace"] = "lin_rec709_display"; },
+           {"colorSpace is 'lin_rec709_display', expected 'srgb_rec709_display'"});
+    expect([&](GltfJson& j) { extension(j)["kernel"] = 3; }, {"kernel is not a text"});
+    expect([](GltfJson& j) { j["nodes"][0]["scale"] = {-1, 1, 1}; }, {"node 0 mirrors"});
+    expect([](GltfJson& j) { j["nodes"][0]["scale"] = {1, 1, 0}; }, {"node 0 mirrors or flattens"});
+    expect([](GltfJson& j) { j["nodes"][0]["scale"] = {1e60, 1e60, 1e60}; }, {"node 0: the mean of Gaussian 0"});
+    expect([](GltfJson& j) { j["nodes"][0]["scale"] = {1e200, 1e200, 1e200}; }, {"node 0"});
+    expect([](GltfJson& j) { j["nodes"][0]["translation"] = {1e200, 0, 0}; }, {"node 0: the mean of Gaussian 0"});
     expect([](GltfJson& j) { j["nodes"] = 7; }, {"nodes is number"});
     expect([](GltfJson& j) { j["nodes"][0].erase("mesh"); }, {"no Gaussians"});
     expect([](GltfJson& j) { j["meshes"][0]["primitives"][0].erase("extensions"); }, {"no Gaussians"});
@@ -191,6 +203,33 @@ TEST_CASE("damaged .glb files are refused") {
     bytes[30] = '\x01';
     write_file(path, bytes);
     test::check_throws<IoError>([&] { (void)read_gltf_splats(path); }, {"not glTF"});
+}
+
+TEST_CASE("nodes that share a mesh: its Gaussians are decoded once, and together they are bounded") {
+    const test::Temporary folder;
+    const auto path = folder / "a.glb";
+    const auto cloud = test::splat_cloud(50, 3);
+    write_gltf_splats(path, cloud);
+    const auto share = [&](std::size_t nodes) {
+        edit_glb(path, [&](GltfJson& json) {
+            GltfJson children = GltfJson::array();
+            json["nodes"] = GltfJson::array({GltfJson::object()});
+            for (std::size_t n = 1; n <= nodes; ++n) {
+                children.push_back(n);
+                json["nodes"].push_back({{"mesh", 0}, {"translation", {n, 0, 0}}});
+            }
+            json["nodes"][0]["children"] = children;
+        });
+    };
+    share(3);
+    const auto shown = read_gltf_splats(path).cloud;
+    REQUIRE(shown.size() == 150);
+    CHECK(shown.means[149] == cloud.means[49] + vec3<float>(3, 0, 0));
+    CHECK(shown.sh.back() == cloud.sh.back());
+    // 2^29 numbers in all, of which a Gaussian of degree 3 has 59.
+    write_gltf_splats(path, test::splat_cloud(1000, 3));
+    share(9100);
+    test::check_throws<IoError>([&] { (void)read_gltf_splats(path); }, {path.string(), "9100000 Gaussians"});
 }
 
 TEST_CASE("a file of Gaussians that is cut or changed anywhere is read or refused, never anything else") {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/splat/ply.hpp>
 
+#include "io/comma_locale.hpp"
+#include "io/damage.hpp"
 #include "io/temporary.hpp"
 #include "support/gradient.hpp"
 
@@ -152,6 +154,33 @@ TEST_CASE("properties are found by name, in any order and type") {
     check();
 }
 
+TEST_CASE("numbers of ASCII files are read in any locale, and not beyond their ends") {
+    const test::Temporary folder;
+    const auto path = folder / "a.ply";
+    const std::string begin = header(columns(), "1", "ascii");
+    const auto x_of = [&](const std::string& x) {
+        write_file(path, begin + x + " 1 1 1 1 1 1 1 1 1 1 1 1 1");
+        return read_gaussian_ply(path).means[0].x;
+    };
+    const test::CommaLocale comma; // in which 1.5 is written 1,5
+    CHECK(x_of("1.5") == 1.5f);
+    CHECK(x_of("\t\r\n +2.5e-1\n") == 0.25f);
+    CHECK(x_of("-3.5e-400") == 0);
+    test::check_throws<ValueError>([&] { (void)x_of("1e400"); }, {"a.ply", "x of vertex 0"});
+    for (const std::string& bad : std::vector<std::string>{"1,5", "1.5x", "0x10", "--1", "0." + std::string(500, '1')})
+        test::check_throws<IoError>([&] { (void)x_of(bad); }, {"a.ply", "damaged", "vertex 0", bad.substr(0, 3)});
+}
+
+TEST_CASE("a file that is cut or changed anywhere is read or refused, never anything else") {
+    const test::Temporary folder;
+    const auto read = [](const auto& path) { (void)read_ply_splats(path); };
+    write_gaussian_ply(folder / "good.ply", make_cloud(3, 1), {.up = UpAxis::minus_y, .filter = PixelFilter{}});
+    CHECK(test::read_damaged(read_file(folder / "good.ply"), folder / "fuzz.ply", 37, 1500, read) > 200);
+    std::string ascii = header(columns(), "2", "ascii");
+    for (int i = 0; i < 28; ++i) ascii += std::to_string(i) + ".25 ";
+    CHECK(test::read_damaged(ascii, folder / "fuzz.ply", 17, 1500, read) > 200);
+}
+
 TEST_CASE("missing properties are all named") {
     const test::Temporary folder;
     const auto path = folder / "a.ply";
@@ -253,7 +282,7 @@ TEST_CASE("the header states vertical and filter, and the reader heeds them") {
     CHECK(splats.notes.filter->dilation == 0.1);
     CHECK(splats.notes.filter->compensate_opacity);
 
-    // Whoever does not know the comment sees the cloud turned by half a turn about z.
+    // A program that ignores the comment shows the cloud turned by half a turn about z.
     std::string without = text;
     without.replace(without.find("gsh.up"), 6, "xxx.up");
     write_file(path, without);

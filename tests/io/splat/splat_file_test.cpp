@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/splat/splat_file.hpp>
 
+#include "io/damage.hpp"
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
 
@@ -67,4 +68,11 @@ TEST_CASE("what is no .splat file") {
     bytes.replace(28, 4, "\x80\x80\x80\x80");
     write_file(path, bytes);
     test::check_throws<ValueError>([&] { (void)read_splat(path); }, {path.string(), "quaternion of Gaussian 0"});
+}
+
+TEST_CASE("a file that is cut or changed anywhere is read or refused, never anything else") {
+    const test::Temporary folder;
+    write_splat(folder / "good.splat", test::splat_cloud(3, 0));
+    CHECK(test::read_damaged(read_file(folder / "good.splat"), folder / "fuzz.splat", 7, 1000,
+                             [](const auto& path) { (void)read_splat(path); }) > 10);
 }

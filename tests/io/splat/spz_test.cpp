@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/splat/spz.hpp>
 
+#include "io/damage.hpp"
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
 
@@ -174,6 +175,10 @@ TEST_CASE("damaged SPZ files are refused before memory is allocated") {
     std::string damaged = good;
     for (std::size_t i = 1000; i < 1100; ++i) damaged[i] = '\xFF';
     expect(damaged, {"damaged"});
+    damaged = good;
+    damaged[good.size() - 7] = static_cast<char>(damaged[good.size() - 7] ^ 1); // of the checksum
+    expect(damaged, {"damaged", "checksum"});
+    expect(good.substr(0, good.size() - 1), {"truncated", "checksum"});
 
     write_spz(path, test::splat_cloud(300, 2), {.version = 4});
     good = read_file(path);
@@ -197,4 +202,37 @@ TEST_CASE("damaged SPZ files are refused before memory is allocated") {
     CHECK_THROWS_AS(write_spz(path, test::splat_cloud(2, 4)), ValueError);
     CHECK_THROWS_AS(write_spz(path, test::splat_cloud(2, 1), {.version = 2}), ValueError);
     CHECK_THROWS_AS(write_spz(path, test::splat_cloud(0, 1)), ValueError);
+}
+
+TEST_CASE("what follows the Gaussians in a gzip stream is skipped, up to a bound, and checked") {
+    const test::Temporary folder;
+    const auto cloud = test::splat_cloud(20, 1);
+    write_spz(folder / "a.spz", cloud);
+    const std::string good = inflated(read_file(folder / "a.spz"), 16 + 20 * (9 + 1 + 3 + 3 + 4 + 9));
+    write_file(folder / "a.spz", gzip(good + std::string(100000, 'z')));
+    test::check_near(read_spz(folder / "a.spz").cloud, cloud, spz_tolerance);
+    const std::string stream = gzip(std::string(100000, 'z'));
+    GzipReader(stream, "test").finish();
+    test::check_throws<IoError>([&] { GzipReader(stream, "test").finish(99999); }, {"test", "99999 bytes"});
+}
+
+TEST_CASE("a frame of Zstandard with another checksum is refused") {
+    const std::string text(1000, 'z');
+    ZSTD_CCtx* const context = ZSTD_createCCtx();
+    ZSTD_CCtx_setParameter(context, ZSTD_c_checksumFlag, 1);
+    std::string frame(ZSTD_compressBound(text.size()), '\0');
+    frame.resize(ZSTD_compress2(context, frame.data(), frame.size(), text.data(), text.size()));
+    ZSTD_freeCCtx(context);
+    CHECK(zstd_decompressed(frame, 1000, "test") == text);
+    frame.back() = static_cast<char>(frame.back() ^ 1);
+    test::check_throws<IoError>([&] { (void)zstd_decompressed(frame, 1000, "test"); }, {"test", "damaged", "checksum"});
+}
+
+TEST_CASE("a file that is cut or changed anywhere is read or refused, never anything else") {
+    const test::Temporary folder;
+    for (const int version : {3, 4}) {
+        write_spz(folder / "good.spz", test::splat_cloud(5, 1), {.version = version});
+        CHECK(test::read_damaged(read_file(folder / "good.spz"), folder / "fuzz.spz", 7, 1000,
+                                 [](const auto& path) { (void)read_spz(path); }) > 200);
+    }
 }

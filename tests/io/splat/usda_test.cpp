@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/splat/usda.hpp>
 
+#include "io/file_size_limit.hpp"
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
 
@@ -70,6 +71,13 @@ TEST_CASE("a moving layer has a sample for each frame") {
     CHECK(occurrences(text, ".timeSamples") == 5);
     CHECK(occurrences(text, "            1: [") == 5);
     CHECK(occurrences(text, "opacities") == 1);
+}
+
+TEST_CASE("temporary files that cannot be written, because the disk is full, are an error") {
+    UsdaSplats file("/dev/null"); // which the limit does not concern
+    const test::FileSizeLimit full(10);
+    file.add(plain_cloud()); // few bytes, which wait in the memory of the C library
+    test::check_throws<IoError>([&] { file.commit(); }, {"/dev/null", "temporary file cannot be written"});
 }
 
 TEST_CASE("nothing is written without a commit or a cloud") {

@@ -49,6 +49,26 @@ public:
         }
     }
 
+    /// Inflates the rest of the stream without keeping it, and checks the checksum at its end.
+    /// Errors  IoError for another checksum, a stream without its end, or more than `most` bytes of rest.
+    void finish(std::size_t most = std::size_t(1) << 28) {
+        char scratch[1 << 14];
+        for (std::size_t total = 0;;) {
+            const std::size_t in_size = std::min<std::size_t>(rest_.size(), std::numeric_limits<uInt>::max());
+            stream_.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(rest_.data()));
+            stream_.avail_in = static_cast<uInt>(in_size);
+            stream_.next_out = reinterpret_cast<Bytef*>(scratch);
+            stream_.avail_out = sizeof scratch;
+            const int code = inflate(&stream_, Z_NO_FLUSH);
+            rest_.remove_prefix(in_size - stream_.avail_in);
+            if ((total += sizeof scratch - stream_.avail_out) > most)
+                throw IoError(what_ + ": goes on for more than " + std::to_string(most) + " bytes");
+            if (code == Z_STREAM_END) return;
+            if (code == Z_BUF_ERROR && rest_.empty()) throw IoError(what_ + ": is truncated: its checksum is missing");
+            if (code != Z_OK) throw IoError(what_ + ": is damaged: the rest cannot be read, or its checksum differs");
+        }
+    }
+
 private:
     std::string what_;
     std::string_view rest_;

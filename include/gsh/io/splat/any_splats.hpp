@@ -14,7 +14,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <string>
 #include <string_view>
 #include <system_error>
 
@@ -23,8 +22,8 @@ namespace gsh {
 /// Formats of still Gaussians that are read.
 enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
 
-/// The format of a file: from its first bytes. A .splat file, which has no header, and a damaged one are known by their
-/// names.
+/// The format of a file: from its first bytes. A .splat file, which has no header and may begin with any bytes, and a
+/// damaged one are known by their names.
 ///
 /// Errors  IoError for a file that cannot be opened or whose format is not known.
 [[nodiscard]] inline SplatFormat recognise_splats(const std::filesystem::path& path) {
@@ -34,6 +33,8 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
     const auto close = [](std::FILE* file) { std::fclose(file); };
     const std::unique_ptr<std::FILE, decltype(close)> file(std::fopen(path.c_str(), "rbe"), close);
     if (!file) throw IoError(path.string() + ": cannot be opened: " + std::generic_category().message(errno));
+    const std::filesystem::path ending = path.extension();
+    if (ending == ".splat") return SplatFormat::splat;
     char bytes[4] = {};
     const std::string_view begin(bytes, std::fread(bytes, 1, sizeof bytes, file.get()));
     if (begin.starts_with("ply"))
@@ -41,11 +42,9 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
     if (begin == "NGSP" || begin.starts_with("\x1f\x8b")) return SplatFormat::spz;
     if (begin == "glTF") return SplatFormat::glb;
     // The reader of a damaged file's format gives the reason.
-    const std::filesystem::path ending = path.extension();
     if (ending == ".ply") return SplatFormat::ply;
     if (ending == ".spz") return SplatFormat::spz;
     if (ending == ".glb") return SplatFormat::glb;
-    if (ending == ".splat") return SplatFormat::splat;
     throw IoError(path.string() +
                   ": is in no known format of Gaussians; expected .ply, .compressed.ply, .spz, .splat or .glb");
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/io/file/atomic_file.hpp>
@@ -107,50 +108,80 @@ inline quat<float> quat_of_packed(std::uint32_t packed) {
     return {float(parts[0]), float(parts[1]), float(parts[2]), float(parts[3])};
 }
 
-} // namespace detail
+/// A table of at least `least` rows.
+inline const PlyElement& compressed_ply_table(const PlyFile& file, const char* name, std::size_t least) {
+    const PlyElement* found = file.find(name);
+    if (!found || found->count < least)
+        throw IoError(file.name() + ": has " + std::to_string(found ? found->count : 0) + " " + name +
+                      " elements, expected " + std::to_string(least) + " for a compressed PLY file");
+    return *found;
+}
 
-inline StillSplats read_compressed_ply(const std::filesystem::path& path) {
-    PlyFile file(path);
-    const std::size_t count = file.vertices().count;
-    const auto element = [&](const char* name, std::size_t least) -> const PlyElement& {
-        const PlyElement* found = file.find(name);
-        if (!found || found->count < least)
-            throw IoError(path.string() + ": has " + std::to_string(found ? found->count : 0) + " " + name +
-                          " elements, expected " + std::to_string(least) + " for a compressed PLY file");
-        return *found;
-    };
-    const auto properties = [&](const PlyElement& table, const auto& names) {
-        std::vector<PlyProperty> wanted;
-        for (const auto& name : names) {
-            const PlyProperty* found = table.find(name);
-            if (!found) throw IoError(path.string() + ": property " + std::string(name) + " is missing");
-            wanted.push_back(*found);
-        }
-        return wanted;
-    };
-    const PlyElement& chunk_table = element("chunk", (count + detail::ply_chunk_size - 1) / detail::ply_chunk_size);
-    std::vector<std::string> names(detail::ply_chunk_properties.begin(), detail::ply_chunk_properties.end());
-    if (!chunk_table.find("min_r")) names.resize(12); // files of early versions; their colours span 0 to 1
-    std::vector<std::array<detail::ChunkBox, 3>> chunks;
-    file.read_rows(chunk_table, properties(chunk_table, names), [&](std::size_t, const std::vector<float>& v) {
+inline std::vector<PlyProperty> compressed_ply_columns(const PlyFile& file, const PlyElement& table,
+                                                       Span<const std::string> names) {
+    std::vector<PlyProperty> wanted;
+    for (const std::string& name : names) {
+        const PlyProperty* found = table.find(name);
+        if (!found) throw IoError(file.name() + ": property " + name + " is missing");
+        wanted.push_back(*found);
+    }
+    return wanted;
+}
+
+/// The boxes of positions, log-scales and colours of each chunk.
+inline std::vector<std::array<ChunkBox, 3>> read_ply_chunks(PlyFile& file, std::size_t count) {
+    const PlyElement& table = compressed_ply_table(file, "chunk", (count + ply_chunk_size - 1) / ply_chunk_size);
+    std::vector<std::string> names(ply_chunk_properties.begin(), ply_chunk_properties.end());
+    if (!table.find("min_r")) names.resize(12); // files of early versions; their colours span 0 to 1
+    std::vector<std::array<ChunkBox, 3>> chunks;
+    file.read_rows(table, compressed_ply_columns(file, table, names), [&](std::size_t, const std::vector<float>& v) {
         auto& boxes = chunks.emplace_back();
         boxes[2] = {vec3<float>(0), vec3<float>(1)};
         for (std::size_t k = 0; k < v.size() / 6; ++k)
             boxes[k] = {{v[6 * k], v[6 * k + 1], v[6 * k + 2]}, {v[6 * k + 3], v[6 * k + 4], v[6 * k + 5]}};
     });
+    return chunks;
+}
 
-    int degree = 0;
+/// The SH degree of `count` Gaussians, whose table of SH the file is large enough to hold.
+inline int compressed_ply_degree(const PlyFile& file, std::size_t count) {
     const PlyElement* bands = file.find("sh");
-    if (bands && bands->count > 0) {
-        while (degree <= 3 && detail::sh_rest_count(degree) != bands->properties.size()) ++degree;
-        if (degree > 3)
-            throw ShapeError(path.string() + ": has " + std::to_string(bands->properties.size()) +
-                             " f_rest properties, expected 9, 24 or 45");
-        (void)element("sh", count);
-    }
+    if (!bands || bands->count == 0) return 0;
+    int degree = 0;
+    while (degree <= 3 && sh_rest_count(degree) != bands->properties.size()) ++degree;
+    if (degree > 3)
+        throw ShapeError(file.name() + ": has " + std::to_string(bands->properties.size()) +
+                         " f_rest properties, expected 9, 24 or 45");
+    file.check_present(compressed_ply_table(file, "sh", count));
+    return degree;
+}
+
+/// Sets the coefficients of a cloud above the constant one.
+inline void read_ply_bands(PlyFile& file, GaussianCloud<float>& cloud) {
+    if (cloud.sh_degree == 0) return;
+    const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
+    std::vector<std::string> names;
+    for (std::size_t k = 0; k < sh_rest_count(cloud.sh_degree); ++k) names.push_back("f_rest_" + std::to_string(k));
+    const PlyElement& table = compressed_ply_table(file, "sh", cloud.size());
+    file.read_rows(table, compressed_ply_columns(file, table, names), [&](std::size_t i, const std::vector<float>& v) {
+        if (i >= cloud.size()) return;
+        for (std::size_t k = 1; k < basis; ++k)
+            for (std::size_t channel = 0; channel < 3; ++channel) // the middle of the step
+                cloud.sh[i * basis + k][static_cast<int>(channel)] =
+                    ((v[channel * (basis - 1) + k - 1] + 0.5f) / 256 - 0.5f) * 8;
+    });
+}
+
+} // namespace detail
+
+inline StillSplats read_compressed_ply(const std::filesystem::path& path) {
+    PlyFile file(path);
+    const std::size_t count = file.vertices().count;
+    const auto chunks = detail::read_ply_chunks(file, count);
+    const int degree = detail::compressed_ply_degree(file, count);
     const auto basis = static_cast<std::size_t>(sh_basis_count(degree));
-    const std::vector<PlyProperty> packed =
-        properties(file.vertices(), std::array{"packed_position", "packed_rotation", "packed_scale", "packed_color"});
+    const std::vector<std::string> names{"packed_position", "packed_rotation", "packed_scale", "packed_color"};
+    const auto packed = detail::compressed_ply_columns(file, file.vertices(), names);
     StillSplats splats{GaussianCloud<float>(count, degree), detail::notes_of_comments(file.comments())};
     GaussianCloud<float>& cloud = splats.cloud;
     file.read_rows<std::uint32_t>(file.vertices(), packed, [&](std::size_t i, const std::vector<std::uint32_t>& v) {
@@ -163,24 +194,14 @@ inline StillSplats read_compressed_ply(const std::filesystem::path& path) {
         cloud.sh[i * basis] = sh_of_color(colors.at(place));
         cloud.opacity_logits[i] = detail::logit_of_byte(static_cast<std::uint8_t>(v[3] & 255u));
     });
-    if (degree > 0) {
-        std::vector<std::string> rest;
-        for (std::size_t k = 0; k < detail::sh_rest_count(degree); ++k) rest.push_back("f_rest_" + std::to_string(k));
-        file.read_rows(*bands, properties(*bands, rest), [&](std::size_t i, const std::vector<float>& v) {
-            if (i >= count) return;
-            for (std::size_t k = 1; k < basis; ++k)
-                for (std::size_t channel = 0; channel < 3; ++channel) // the middle of the step
-                    cloud.sh[i * basis + k][static_cast<int>(channel)] =
-                        ((v[channel * (basis - 1) + k - 1] + 0.5f) / 256 - 0.5f) * 8;
-        });
-    }
+    detail::read_ply_bands(file, cloud);
     turn_from_stored(cloud, splats.notes.up);
     return splats;
 }
 
 inline void write_compressed_ply(const std::filesystem::path& path, const GaussianCloud<float>& given,
                                  std::optional<UpAxis> up, std::optional<PixelFilter> filter) {
-    check_gaussians("write_compressed_ply", "cloud", given.view(), given.size());
+    check_writable("write_compressed_ply", given);
     check_value(given.size() > 0, "write_compressed_ply", "there must be a Gaussian");
     check_value(given.sh_degree <= 3, "write_compressed_ply",
                 "the format holds SH up to degree 3; use with_bands_up_to");

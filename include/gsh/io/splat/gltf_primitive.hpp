@@ -9,11 +9,11 @@
 #include <gsh/io/file/glb_writer.hpp>
 #include <gsh/io/file/gltf_file.hpp>
 #include <gsh/io/file/gltf_numbers.hpp>
+#include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/splat/still_splats.hpp>
 #include <gsh/math/activation.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -33,7 +33,7 @@ namespace gsh {
 class GltfSplatArrays {
 public:
     GltfSplatArrays(GlbWriter& file, const GaussianCloud<float>& cloud) : file_(&file) {
-        check_gaussians("GltfSplatArrays", "cloud", cloud.view(), cloud.size());
+        check_writable("GltfSplatArrays", cloud);
         check_value(cloud.size() > 0, "GltfSplatArrays", "there must be a Gaussian");
         check_value(cloud.sh_degree <= 3, "GltfSplatArrays",
                     "the extension holds SH up to degree 3; use with_bands_up_to");
@@ -135,6 +135,21 @@ namespace detail {
     if (dilation.is_number() && compensate.is_boolean() && dilation >= 0 && dilation < 1e6)
         notes.filter = PixelFilter{dilation.get<double>(), compensate.get<bool>()};
     return notes;
+}
+
+/// Throws IoError unless a primitive's Gaussians are of the kind that is read: not compressed, ellipses, with colours in
+/// sRGB. `where` begins messages.
+inline void check_gltf_gaussians(const GltfFile& file, const tinygltf::Value& extension, const std::string& where) {
+    if (extension.Has("extensions"))
+        file.fail(where + " holds compressed Gaussians, which this version does not read");
+    for (const auto& [key, expected] : {std::pair{"kernel", "ellipse"}, {"colorSpace", "srgb_rec709_display"}}) {
+        if (!extension.Has(key)) continue;
+        const tinygltf::Value& found = extension.Get(key);
+        if (!found.IsString() || found.Get<std::string>() != expected)
+            file.fail(where + ": " + key + " is " +
+                      (found.IsString() ? "'" + shortened(found.Get<std::string>()) + "'" : "not a text") +
+                      ", expected '" + expected + "'");
+    }
 }
 
 /// The Gaussians of a primitive, in the frame of its node. `where` begins messages.

@@ -12,10 +12,13 @@
 #include <gsh/io/file/gltf_numbers.hpp>
 #include <gsh/io/splat/gltf_primitive.hpp>
 #include <gsh/io/splat/still_splats.hpp>
+#include <gsh/math/affine.hpp>
+#include <gsh/math/vec.hpp>
 
 #include <algorithm>
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -43,60 +46,110 @@ inline void write_gltf_splats(const std::filesystem::path& path, const GaussianC
 /// Reads all Gaussians that the scene of a glTF file shows, in the world, in the order of its nodes. Other meshes are
 /// left out. With a time in seconds, nodes are where the first animation has them.
 ///
-/// Errors  IoError for a file that is damaged or shows no Gaussians, and for Gaussians in a compression that is another
-///         extension; ValueError for values that no Gaussian has.
-[[nodiscard]] inline StillSplats read_gltf_splats(const std::filesystem::path& path, std::optional<double> time = {}) {
-    const detail::GltfFile file(path, detail::GltfParts::meshes);
-    const detail::GltfNodes nodes(file);
-    detail::GltfNumbers numbers(file, std::size_t(1) << 29); // 2 GiB; many nodes may show the same mesh
-    const tinygltf::Model& model = file.model();
-    detail::GltfNodes::Channels channels;
-    if (time && !model.animations.empty()) channels = nodes.channels(model.animations[0], numbers, "animation 0");
-    const auto maps = nodes.world_maps(channels, time.value_or(0));
+/// Errors  IoError for a file that is damaged or shows no Gaussians, or more than 2 GiB of them, for Gaussians in a
+///         compression that is another extension, and for nodes that mirror them; ValueError for values that no Gaussian
+///         has.
+[[nodiscard]] inline StillSplats read_gltf_splats(const std::filesystem::path& path, std::optional<double> time = {});
+
+// -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+/// The Gaussians that a file shows: those of each primitive once, however many nodes show it.
+class GltfShownSplats {
+public:
+    GltfShownSplats(const GltfFile& file, const GltfNodes& nodes, std::optional<double> time)
+        : file_(file), nodes_(nodes), numbers_(file, most_numbers) {
+        const tinygltf::Model& model = file_.model();
+        GltfNodes::Channels channels;
+        if (time && !model.animations.empty()) channels = nodes_.channels(model.animations[0], numbers_, "animation 0");
+        const auto maps = nodes_.world_maps(channels, time.value_or(0));
+        for (std::size_t n = 0; n < maps.size(); ++n)
+            if (maps[n] && model.nodes[n].mesh != -1) show(n, model.nodes[n].mesh, *maps[n]);
+    }
+
+    /// All of them, in the world.
+    [[nodiscard]] GaussianCloud<float> cloud() const {
+        std::size_t count = 0;
+        int degree = 0;
+        for (const Piece& piece : pieces_)
+            count += piece.cloud->size(), degree = std::max(degree, piece.cloud->sh_degree);
+        if (count == 0) file_.fail("shows no Gaussians (KHR_gaussian_splatting)");
+        const auto basis = static_cast<std::size_t>(sh_basis_count(degree));
+        if (count > most_numbers / (11 + 3 * basis))
+            file_.fail("shows " + std::to_string(count) + " Gaussians, more than are read; its nodes share meshes");
+        GaussianCloud<float> all(0, degree);
+        all.means.reserve(count), all.quats.reserve(count), all.log_scales.reserve(count);
+        all.opacity_logits.reserve(count), all.sh.reserve(count * basis);
+        for (const Piece& piece : pieces_) append(all, moved(piece));
+        return all;
+    }
+
+private:
     struct Piece {
-        GaussianCloud<float> cloud;
+        const GaussianCloud<float>* cloud;
         Affine<double> map;
+        std::size_t node;
     };
-    std::vector<Piece> pieces;
-    std::size_t count = 0;
-    int degree = 0;
-    for (std::size_t n = 0; n < maps.size(); ++n) {
-        const int index = model.nodes[n].mesh;
-        if (!maps[n] || index == -1) continue;
-        file.check_index(index, model.meshes.size(), "node " + std::to_string(n) + ": mesh");
-        for (const auto& primitive : model.meshes[static_cast<std::size_t>(index)].primitives) {
-            const auto extension = primitive.extensions.find("KHR_gaussian_splatting");
-            if (extension == primitive.extensions.end()) continue;
-            if (extension->second.Has("extensions"))
-                file.fail("holds compressed Gaussians, which this version does not read");
-            pieces.push_back(
-                {detail::gaussians_of_primitive(file, numbers, primitive, "mesh " + std::to_string(index)), *maps[n]});
-            count += pieces.back().cloud.size();
-            degree = std::max(degree, pieces.back().cloud.sh_degree);
+    static constexpr std::size_t most_numbers = std::size_t(1) << 29; ///< 2 GiB of floats
+
+    const GltfFile& file_;
+    const GltfNodes& nodes_;
+    GltfNumbers numbers_;
+    std::map<std::pair<int, std::size_t>, GaussianCloud<float>> clouds_; ///< by mesh and primitive
+    std::vector<Piece> pieces_;
+
+    void show(std::size_t node, int mesh, const Affine<double>& map) {
+        const auto& meshes = file_.model().meshes;
+        file_.check_index(mesh, meshes.size(), "node " + std::to_string(node) + ": mesh");
+        const auto& primitives = meshes[static_cast<std::size_t>(mesh)].primitives;
+        for (std::size_t p = 0; p < primitives.size(); ++p) {
+            const auto extension = primitives[p].extensions.find("KHR_gaussian_splatting");
+            if (extension == primitives[p].extensions.end()) continue;
+            const auto [found, is_new] = clouds_.try_emplace({mesh, p});
+            if (is_new) {
+                const std::string where = "mesh " + std::to_string(mesh);
+                check_gltf_gaussians(file_, extension->second, where);
+                found->second = gaussians_of_primitive(file_, numbers_, primitives[p], where);
+            }
+            pieces_.push_back({&found->second, map, node});
         }
     }
-    if (count == 0) file.fail("shows no Gaussians (KHR_gaussian_splatting)");
-    StillSplats splats{GaussianCloud<float>(0, degree), detail::notes_of_gltf(file)};
-    GaussianCloud<float>& all = splats.cloud;
-    const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
-    const auto basis = static_cast<std::size_t>(sh_basis_count(degree));
-    for (Piece& piece : pieces) {
-        const mat3<double>& L = piece.map.linear;
-        const bool rests = L == mat3<double>(1.0);
-        if (rests)
-            for (vec3<float>& mean : piece.cloud.means) mean += vec3<float>(piece.map.translation);
+
+    [[nodiscard]] GaussianCloud<float> moved(const Piece& piece) const {
+        const std::string where = "node " + std::to_string(piece.node);
+        if (!(determinant(piece.map.linear) > 0))
+            file_.fail(where + " mirrors or flattens its Gaussians, or its scale is too large; expected scales above 0");
+        GaussianCloud<float> cloud = *piece.cloud;
+        if (piece.map.linear == mat3<double>(1.0))
+            for (vec3<float>& mean : cloud.means) mean = vec3<float>(vec3<double>(mean) + piece.map.translation);
         else
-            move_cloud(piece.cloud, piece.map);
-        append(all.means, piece.cloud.means);
-        append(all.quats, piece.cloud.quats);
-        append(all.log_scales, piece.cloud.log_scales);
-        append(all.opacity_logits, piece.cloud.opacity_logits);
-        const auto width = static_cast<std::size_t>(sh_basis_count(piece.cloud.sh_degree));
-        for (std::size_t i = 0; i < piece.cloud.size(); ++i)
-            for (std::size_t k = 0; k < basis; ++k)
-                all.sh.push_back(k < width ? piece.cloud.sh[i * width + k] : vec3<float>(0));
+            move_cloud(cloud, piece.map);
+        check_writable(file_.name() + ": " + where, cloud);
+        return cloud;
     }
-    return splats;
+
+    /// Degrees that a cloud does not have are zeros.
+    static void append(GaussianCloud<float>& all, const GaussianCloud<float>& cloud) {
+        const auto add = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
+        add(all.means, cloud.means);
+        add(all.quats, cloud.quats);
+        add(all.log_scales, cloud.log_scales);
+        add(all.opacity_logits, cloud.opacity_logits);
+        const auto basis = static_cast<std::size_t>(sh_basis_count(all.sh_degree)),
+                   width = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
+        for (std::size_t i = 0; i < cloud.size(); ++i)
+            for (std::size_t k = 0; k < basis; ++k)
+                all.sh.push_back(k < width ? cloud.sh[i * width + k] : vec3<float>(0));
+    }
+};
+
+} // namespace detail
+
+inline StillSplats read_gltf_splats(const std::filesystem::path& path, std::optional<double> time) {
+    const detail::GltfFile file(path, detail::GltfParts::meshes);
+    const detail::GltfNodes nodes(file);
+    return {detail::GltfShownSplats(file, nodes, time).cloud(), detail::notes_of_gltf(file)};
 }
 
 } // namespace gsh

@@ -148,7 +148,7 @@ inline StillSplats read_ply_splats(const std::filesystem::path& path) {
 
 inline void write_gaussian_ply(const std::filesystem::path& path, const GaussianCloud<float>& given,
                                const PlyOptions& options) {
-    check_gaussians("write_gaussian_ply", "cloud", given.view(), given.size());
+    check_writable("write_gaussian_ply", given);
     check_value(options.pad_to_degree >= 0 && options.pad_to_degree <= 4, "write_gaussian_ply",
                 "pad_to_degree must be 0 to 4");
     const GaussianCloud<float> cloud = as_stored(given, options.up);

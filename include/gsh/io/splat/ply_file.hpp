@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/text_lines.hpp>
 
 #include <algorithm>
 #include <array>
@@ -20,7 +21,7 @@
 #include <string>
 #include <string_view>
 #include <system_error>
-#include <utility>
+#include <type_traits>
 #include <vector>
 
 namespace gsh {
@@ -49,9 +50,10 @@ struct PlyElement {
     }
 };
 
-/// A PLY file, binary little-endian or ASCII, with plain numbers. Rows are read in blocks. Before the constructor
-/// returns, the size of the file is known to suffice for all tables up to the vertices, and for those behind them that
-/// a caller reads.
+/// A PLY file, binary little-endian or ASCII, with plain numbers. Rows are read in blocks.
+///
+/// After construction, the file is large enough for the vertices and all tables before them. Whether it also holds a
+/// table behind the vertices is checked by check_present, and by read_rows before it reads.
 ///
 /// Errors  IoError for a file that is missing, truncated, not PLY, or has lists; ValueError for numbers that are not
 ///         finite.
@@ -68,7 +70,6 @@ public:
     }
 
     [[nodiscard]] const std::string& name() const { return name_; }
-    [[nodiscard]] bool is_ascii() const { return ascii_; }
     /// The text of the comment lines, at most 256 of them.
     [[nodiscard]] const std::vector<std::string>& comments() const { return comments_; }
     [[nodiscard]] const PlyElement* find(std::string_view element) const {
@@ -77,6 +78,10 @@ public:
         return nullptr;
     }
     [[nodiscard]] const PlyElement& vertices() const { return *find("vertex"); }
+
+    /// Throws IoError unless the file is large enough for an element and all before it. Callers that allocate memory for
+    /// a table behind the vertices check it first.
+    void check_present(const PlyElement& element) const { (void)begin_of(element); }
 
     /// Calls visit(row, values) for each row of an element, with the values of the `wanted` properties in their order.
     /// T is float, or std::uint32_t for properties that hold bits. In an ASCII file only the first table can be read.
@@ -138,16 +143,6 @@ private:
         return text;
     }
 
-    static std::vector<std::string> words(const std::string& text) {
-        std::vector<std::string> result;
-        for (std::size_t begin = 0; (begin = text.find_first_not_of(" \t\r", begin)) != std::string::npos;) {
-            const std::size_t end = std::min(text.find_first_of(" \t\r", begin), text.size());
-            result.push_back(text.substr(begin, end - begin));
-            begin = end;
-        }
-        return result;
-    }
-
     void read_header() {
         char magic[4] = {};
         if (std::fread(magic, 1, 3, file_.get()) != 3 || std::string_view(magic) != "ply") fail("is not a PLY file");
@@ -155,7 +150,7 @@ private:
         (void)line();
         while (true) {
             const std::string text = line();
-            const std::vector<std::string> word = words(text);
+            const std::vector<std::string_view> word = detail::words_in(text);
             if (word.empty() || word[0] == "obj_info") continue;
             if (word[0] == "comment") {
                 if (comments_.size() < 256 && text.size() > 8) comments_.push_back(text.substr(8));
@@ -164,7 +159,7 @@ private:
             if (word[0] == "end_header") break;
             if (word[0] == "format" && word.size() >= 2) {
                 if (word[1] != "binary_little_endian" && word[1] != "ascii")
-                    fail("has format " + word[1] + ", expected binary_little_endian or ascii");
+                    fail("has format " + detail::shortened(word[1]) + ", expected binary_little_endian or ascii");
                 ascii_ = word[1] == "ascii";
                 has_format = true;
             } else if (word[0] == "element" && word.size() == 3) {
@@ -172,7 +167,7 @@ private:
             } else if (word[0] == "property" && word.size() >= 2) {
                 if (!elements_.empty()) add_property(elements_.back(), word);
             } else {
-                fail("is not a PLY file: unknown header line '" + word[0] + "'");
+                fail("is not a PLY file: unknown header line '" + detail::shortened(word[0]) + "'");
             }
         }
         if (!has_format) fail("has no format line");
@@ -189,18 +184,19 @@ private:
         }
     }
 
-    void add_element(const std::vector<std::string>& word) {
+    void add_element(const std::vector<std::string_view>& word) {
+        const std::string name(word[1]);
         std::uint64_t count = 0;
         const char *const begin = word[2].data(), *const last = begin + word[2].size();
         const auto [end, code] = std::from_chars(begin, last, count);
         if (code != std::errc() || end != last)
-            fail("element " + word[1] + " has the count " + word[2] + ", expected a number");
-        if (find(word[1])) fail("element " + word[1] + " stands there twice");
+            fail("element " + name + " has the count " + std::string(word[2]) + ", expected a number");
+        if (find(name)) fail("element " + name + " stands there twice");
         if (elements_.size() >= 64) fail("has more than 64 elements");
-        elements_.push_back({word[1], count});
+        elements_.push_back({name, count});
     }
 
-    void add_property(PlyElement& element, const std::vector<std::string>& word) const {
+    void add_property(PlyElement& element, const std::vector<std::string_view>& word) const {
         struct Type {
             std::string_view name;
             char kind;
@@ -226,13 +222,14 @@ private:
                                                           [&](const Type& t) { return t.name == word[1]; })
                                            : types.end();
         if (type == types.end()) {
-            element.unsupported = "property " + word.back() + " has type " + word[1] + ", expected a plain number type";
+            element.unsupported = "property " + std::string(word.back()) + " has type " + std::string(word[1]) +
+                                  ", expected a plain number type";
             if (element.name == "vertex") fail(element.unsupported);
             return;
         }
-        if (element.find(word[2])) fail("property " + word[2] + " stands there twice");
+        if (element.find(word[2])) fail("property " + std::string(word[2]) + " stands there twice");
         if (element.properties.size() >= 4096) fail("has more than 4096 properties");
-        element.properties.push_back({word[2], type->kind, type->width, element.row_size});
+        element.properties.push_back({std::string(word[2]), type->kind, type->width, element.row_size});
         element.row_size += ascii_ ? 1 : type->width;
     }
 
@@ -275,11 +272,26 @@ private:
         return property.width == 1 ? as(std::int8_t()) : property.width == 2 ? as(std::int16_t()) : as(std::int32_t());
     }
 
+    /// Numbers as C++ writes them, whatever the locale. Those beyond double become infinite or 0.
     void read_columns(std::size_t row, std::vector<double>& columns) {
-        for (double& column : columns)
-            if (std::fscanf(file_.get(), "%lf", &column) != 1)
-                fail("is truncated or damaged: no number where vertex " + std::to_string(row) + " should go on");
+        constexpr std::size_t longest = 400; // characters; the largest double has 309 digits
+        std::string word;
+        for (double& column : columns) {
+            int c = std::fgetc(file_.get());
+            while (is_blank(c)) c = std::fgetc(file_.get());
+            word.clear();
+            for (; c != EOF && !is_blank(c) && word.size() <= longest; c = std::fgetc(file_.get()))
+                word.push_back(static_cast<char>(c));
+            const char *const first = word.data() + word.starts_with('+'), *const last = word.data() + word.size();
+            const auto [end, error] = std::from_chars(first, last, column);
+            const bool beyond = error == std::errc::result_out_of_range;
+            if ((error != std::errc() && !beyond) || end != last || word.size() > longest)
+                fail("is truncated or damaged: " + (word.empty() ? "no number" : "'" + detail::shortened(word) + "'") +
+                     " where vertex " + std::to_string(row) + " should go on");
+            if (beyond) column = word.find("e-") != word.npos || word.find("E-") != word.npos ? 0 : HUGE_VAL;
+        }
     }
+    static bool is_blank(int c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
 };
 
 } // namespace gsh

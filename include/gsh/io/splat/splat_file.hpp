@@ -68,7 +68,7 @@ static_assert(sizeof(SplatRow) == 32);
 /// Errors  ValueError for an empty cloud.
 inline void write_splat(const std::filesystem::path& path, const GaussianCloud<float>& given,
                         std::optional<UpAxis> up = {}) {
-    check_gaussians("write_splat", "cloud", given.view(), given.size());
+    check_writable("write_splat", given);
     check_value(given.size() > 0, "write_splat", "there must be a Gaussian");
     const GaussianCloud<float> cloud = as_stored(given, up);
     const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));

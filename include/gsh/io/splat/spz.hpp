@@ -80,6 +80,7 @@ inline SpzStreams read_spz_gzip(std::string_view bytes, const std::string& name,
         streams.bytes[k].resize(header.count * widths[k]);
         reader.read(streams.bytes[k].data(), streams.bytes[k].size());
     }
+    reader.finish(); // past extensions
     return streams;
 }
 
@@ -138,7 +139,7 @@ inline StillSplats read_spz(const std::filesystem::path& path) {
 }
 
 inline void write_spz(const std::filesystem::path& path, const GaussianCloud<float>& cloud, const SpzOptions& options) {
-    check_gaussians("write_spz", "cloud", cloud.view(), cloud.size());
+    check_writable("write_spz", cloud);
     check_value(options.version == 3 || options.version == 4, "write_spz", "the version must be 3 or 4");
     check_value(cloud.sh_degree <= 3, "write_spz", "SPZ holds SH up to degree 3; use with_bands_up_to");
     check_value(cloud.size() > 0 && cloud.size() <= 0xFFFFFFFFu, "write_spz", "there must be a Gaussian");

@@ -2,11 +2,18 @@
 /// @file  Still Gaussians of a file, with what the file states about them: the vertical and the pixel filter.
 #pragma once
 
+#include <gsh/core/error.hpp>
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/math/quat.hpp>
+#include <gsh/math/vec.hpp>
 
+#include <cmath>
+#include <cstddef>
 #include <optional>
+#include <string>
+#include <string_view>
 
 namespace gsh {
 
@@ -25,6 +32,30 @@ struct StillSplats {
     GaussianCloud<float> cloud;
     SplatNotes notes = {};
 };
+
+/// Throws ShapeError or ValueError, beginning with `where`, unless attributes have the sizes of one cloud and numbers
+/// are those of Gaussians: finite, scales also as e^log_scale, and quaternions not 0. Writers call it before they write.
+inline void check_writable(std::string_view where, const GaussianCloud<float>& cloud) {
+    check_gaussians(where, "cloud", cloud.view(), cloud.size());
+    const auto finite = [](const vec3<float>& v) {
+        return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+    };
+    const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
+    const auto check = [&](bool good, std::size_t i, const char* what) { // the text is made only where it is needed
+        if (!good)
+            throw ValueError(std::string(where) + ": the " + what + " of Gaussian " + std::to_string(i) +
+                             " is not finite" + (what == std::string_view("quaternion") ? ", or 0" : ""));
+    };
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+        const vec3<float>& s = cloud.log_scales[i];
+        const float squared = dot(cloud.quats[i], cloud.quats[i]);
+        check(finite(cloud.means[i]), i, "mean");
+        check(finite(s) && finite({std::exp(s.x), std::exp(s.y), std::exp(s.z)}), i, "scale");
+        check(std::isfinite(cloud.opacity_logits[i]), i, "opacity");
+        check(std::isfinite(squared) && squared > 0, i, "quaternion");
+    }
+    for (std::size_t k = 0; k < cloud.sh.size(); ++k) check(finite(cloud.sh[k]), k / basis, "colour");
+}
 
 /// The cloud, which has y up, as a file with this vertical stores it.
 [[nodiscard]] inline GaussianCloud<float> as_stored(GaussianCloud<float> cloud, std::optional<UpAxis> up) {

@@ -97,7 +97,7 @@ private:
 // -------------------------------------------------------------------------------------------------------------
 
 inline void UsdaSplats::add(const GaussianCloud<float>& cloud) {
-    check_gaussians("UsdaSplats", "cloud", cloud.view(), cloud.size());
+    check_writable("UsdaSplats", cloud);
     check_value(cloud.size() > 0, "UsdaSplats", "there must be a Gaussian");
     check_value(frames_ == 0 || frames_per_second_, "UsdaSplats", "a still file holds one cloud");
     if (frames_ == 0) size_ = cloud.size(), sh_degree_ = cloud.sh_degree;
@@ -129,6 +129,8 @@ inline void UsdaSplats::write_samples(Attribute attribute) {
     file_.write("        " + std::string(declarations_[attribute]) +
                 (frames_per_second_ ? ".timeSamples = {\n" : " = "));
     std::FILE* const samples = samples_[attribute].get();
+    if (std::fflush(samples) != 0 || std::ferror(samples)) // rewind would write, and forget an error
+        throw IoError(file_.path().string() + ": a temporary file cannot be written; free some space");
     std::rewind(samples);
     char block[1 << 16];
     while (const std::size_t count = std::fread(block, 1, sizeof block, samples)) file_.write(block, count);
