@@ -32,7 +32,7 @@ void field_cases(Bench& bench) {
             const bool forward = bench.wants(name + "/forward"), backward = bench.wants(name + "/forward+backward");
             if (!forward && !backward) continue;
             Device& device = bench.device();
-            device.set_precision(mixed ? cuda::Precision::mixed : cuda::Precision::fp32);
+            device.set_precision(mixed ? Precision::mixed : Precision::fp32);
             const Field field({.growth = 1.6, .table_size = 1u << 17}, {.outputs = outputs});
             Field::Query<Device, float> query;
             std::vector<float> region(n);

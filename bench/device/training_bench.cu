@@ -21,7 +21,7 @@ using Scene = AvatarScene<Device, Model>;
 
 /// A field's tables and networks are most of a step's work, so floors of whole steps are left to the parts.
 void measure_steps(Bench& bench, const std::string& name, const Configuration& configuration,
-                   cuda::Precision precision = cuda::Precision::fp32) {
+                   Precision precision = Precision::fp32) {
     if (!bench.wants(name)) return;
     const TrainingLoad load = make_training_load(configuration, bench.arguments().gaussians, bench.arguments().size);
     Device& device = bench.device();
@@ -40,7 +40,7 @@ void measure_steps(Bench& bench, const std::string& name, const Configuration& c
 void cases(Bench& bench) {
     for (const std::string name : {"light", "paper", "no-ao"}) {
         measure_steps(bench, "step/" + name, named_configuration(name));
-        measure_steps(bench, "mixed/step/" + name, named_configuration(name), cuda::Precision::mixed);
+        measure_steps(bench, "mixed/step/" + name, named_configuration(name), Precision::mixed);
     }
     Configuration stored = named_configuration("no-ao"); // no field
     stored.avatar.hash_sh = stored.avatar.hash_displacement = false;

@@ -4,12 +4,16 @@
 
 #include <gsh/backend/serial.hpp>
 #include <gsh/math/wide.hpp>
+#include <gsh/math/wide_bf16.hpp>
+#include <gsh/math/wide_shuffle.hpp>
 #include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/cpu/blend_shapes.hpp>
 #include <gsh/field/cpu/gemm.hpp>
 #include <gsh/field/cpu/hash_grid.hpp>
+#include <gsh/field/cpu/matrix_bf16.hpp>
 #include <gsh/field/cpu/mlp.hpp>
+#include <gsh/field/cpu/mlp_mixed.hpp>
 #include <gsh/optim/cpu/adam.hpp>
 #include <gsh/light/cpu/lit_splats.hpp>
 #include <gsh/light/cpu/shadow_map.hpp>

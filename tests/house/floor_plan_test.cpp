@@ -134,7 +134,7 @@ bool is_umbrella(const Header& header) { return header.folder().empty(); }
 /// Headers of the CPU backends. A translation unit for another backend compiles without them. Therefore only
 /// gsh/cpu.hpp and other headers of this kind may include them.
 bool is_of_cpu(const std::string& path) {
-    return path.find("/cpu/") != std::string::npos || path == "backend/threads.hpp" || path == "math/wide.hpp";
+    return path.find("/cpu/") != std::string::npos || path == "backend/threads.hpp" || path.starts_with("math/wide");
 }
 
 /// Headers for nvcc, which only gsh/cuda.cuh and other headers of this kind may include.

@@ -28,7 +28,7 @@
 namespace gsh::test {
 
 /// Not a CpuBackend, so the overloads below and the components' fallbacks serve it.
-class Plain : public cpu::detail::HostMemory {
+class Plain : public cpu::detail::HostBackend {
 public:
     [[nodiscard]] static constexpr std::string_view name() { return "plain"; }
     [[nodiscard]] static bool available() { return true; }

@@ -26,9 +26,8 @@ std::string fixed(double value, int digits) {
 void add_machine(Json& json, const ComputedOn& computed_on) {
     json["threads"] = computed_on.threads;
     json["backend"] = computed_on.backend;
-    if (computed_on.device.empty()) return;
-    json["device"] = computed_on.device;
     json["precision"] = computed_on.precision;
+    if (!computed_on.device.empty()) json["device"] = computed_on.device;
 }
 
 Json score_json(const ImageScore& score) {

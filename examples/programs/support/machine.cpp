@@ -16,8 +16,8 @@ Machine::Machine(const BackendOption& option) : host_(option.threads) {
     const bool cuda = option.backend == "cuda";
     if (!cuda && option.device) throw ValueError("--device needs --backend cuda");
     const bool mixed = option.precision == "mixed";
-    if (!cuda && mixed) throw ValueError("--precision mixed needs --backend cuda");
     if (cuda) gpu_ = open_gpu(option.device.value_or(0), mixed);
+    else if (mixed) host_.set_precision(Precision::mixed);
     computed_on_ = {option.backend, cuda ? name_of(*gpu_) : std::string(), option.precision, host_.thread_count()};
 }
 

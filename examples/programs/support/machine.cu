@@ -7,7 +7,7 @@ namespace gsh::examples {
 
 std::shared_ptr<cuda::Device> open_gpu(int number, bool mixed) {
     const auto gpu = std::make_shared<cuda::Device>(number);
-    gpu->set_precision(mixed ? cuda::Precision::mixed : cuda::Precision::fp32);
+    gpu->set_precision(mixed ? Precision::mixed : Precision::fp32);
     return gpu;
 }
 std::string name_of(const cuda::Device& gpu) {

@@ -20,8 +20,8 @@ namespace gsh::examples {
 /// renders runs on the GPU of --backend cuda, otherwise on the threads, too.
 class Machine {
 public:
-    /// Errors  ValueError for --device or --precision mixed without cuda. DeviceError for cuda in a program without CUDA,
-    ///         without a driver or without the GPU that --device names.
+    /// Errors  ValueError for --device without cuda. DeviceError for cuda in a program without CUDA, without a driver or
+    ///         without the GPU that --device names.
     explicit Machine(const BackendOption& option);
 
     [[nodiscard]] cpu::Threads& host() { return host_; }

@@ -80,8 +80,8 @@ inline void add_backend(CLI::App& app, BackendOption& option) {
 /// The option --precision of programs that train.
 inline void add_precision(CLI::App& app, BackendOption& option) {
     app.add_option("--precision", option.precision,
-                   "with --backend cuda: arithmetic of the fields' networks, fp32 (the default) or mixed (products of "
-                   "bf16 on tensor cores)")
+                   "arithmetic of the fields' networks: fp32 (default) or mixed (products of bf16, sums in float; faster "
+                   "on tensor cores and AMX)")
         ->check(CLI::IsMember({"fp32", "mixed"}));
 }
 

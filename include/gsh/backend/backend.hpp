@@ -69,6 +69,17 @@ concept CpuBackend = Backend<B> && B::host_memory && HostExecutor<B> && requires
     { backend.thread_count() } -> std::convertible_to<std::size_t>;
 };
 
+/// The arithmetic of fields. `mixed`: operands of products are in bf16, sums in float. What is learned and its moments
+/// stay in float.
+enum class Precision { fp32, mixed };
+
+/// That of a backend, or fp32 if it has no other.
+template <Backend B>
+[[nodiscard]] Precision precision_of([[maybe_unused]] const B& backend) {
+    if constexpr (requires { backend.precision(); }) return backend.precision();
+    else return Precision::fp32;
+}
+
 /// Runs a step that is repeated many times, such as a step of training. This version calls it.
 ///
 /// A device specialises it: it records what the step launches and repeats the record, and it does not wait for errors.

@@ -13,11 +13,16 @@
 namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
-/// Memory operations of all backends with host memory.
-struct HostMemory {
+/// What all backends with host memory have in common.
+class HostBackend {
+public:
     template <class T>
     using Buffer = cpu::Buffer<T>;
     static constexpr bool host_memory = true;
+
+    [[nodiscard]] Precision precision() const { return precision_; }
+    /// Holds for later work. Forward and backward of one step must have the same.
+    void set_precision(Precision precision) { precision_ = precision; }
 
     template <class T>
     void fill(Span<T> values, std::type_identity_t<T> value) {
@@ -37,11 +42,14 @@ struct HostMemory {
         copy(from, to);
     }
     void synchronize() {}
+
+private:
+    Precision precision_ = Precision::fp32;
 };
 } // namespace detail
 
 /// Runs everything on the calling thread. Its results are the reference for every other backend.
-class Serial : public detail::HostMemory {
+class Serial : public detail::HostBackend {
 public:
     [[nodiscard]] static constexpr std::string_view name() { return "serial"; }
     [[nodiscard]] static bool available() { return true; }

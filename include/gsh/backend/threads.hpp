@@ -61,7 +61,7 @@ struct LoopTask {
 } // namespace detail
 
 /// Runs chunks of a range on `thread_count` threads; exceptions of a body reach the caller.
-class Threads : public detail::HostMemory {
+class Threads : public detail::HostBackend {
 public:
     /// thread_count 0 stands for all hardware threads.
     explicit Threads(std::size_t thread_count = 0)

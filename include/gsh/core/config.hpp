@@ -37,7 +37,11 @@
 /// the linker would keep whichever definition comes first. With it each unit keeps its own definitions, and
 /// gsh::cpu::Serial is a different type in each. Plain host data, such as vec3, Camera or Gaussians, has the same type
 /// in both.
-#if defined(__AVX512F__)
+#if defined(__AVX512F__) && defined(__AMX_BF16__)
+#define GSH_ISA avx512_amx
+#elif defined(__AVX512F__) && defined(__AVX512BF16__)
+#define GSH_ISA avx512_bf16
+#elif defined(__AVX512F__)
 #define GSH_ISA avx512
 #elif defined(__AVX2__) && defined(__FMA__)
 #define GSH_ISA avx2

@@ -74,6 +74,16 @@ struct Wide {
     [[nodiscard]] GSH_INLINE friend Wide operator&(Wide a, Wide b) { return Wide(a.v & b.v); }
     [[nodiscard]] GSH_INLINE friend Wide operator|(Wide a, Wide b) { return Wide(a.v | b.v); }
     [[nodiscard]] GSH_INLINE friend Wide operator^(Wide a, Wide b) { return Wide(a.v ^ b.v); }
+    [[nodiscard]] GSH_INLINE friend Wide operator<<(Wide a, int bits)
+        requires std::unsigned_integral<S>
+    {
+        return Wide(a.v << bits);
+    }
+    [[nodiscard]] GSH_INLINE friend Wide operator>>(Wide a, int bits)
+        requires std::unsigned_integral<S>
+    {
+        return Wide(a.v >> bits);
+    }
     [[nodiscard]] GSH_INLINE Wide operator-() const { return Wide(-v); }
     GSH_INLINE Wide& operator+=(Wide o) { return v += o.v, *this; }
     GSH_INLINE Wide& operator-=(Wide o) { return v -= o.v, *this; }
@@ -94,6 +104,15 @@ struct Wide {
     [[nodiscard]] GSH_INLINE friend Wide max(Wide a, Wide b) { return select(a < b, b, a); }
     [[nodiscard]] GSH_INLINE friend Wide abs(Wide x) { return select(x > S(0), x, S(0) - x); }
 };
+
+/// The same bits as numbers of another type of the same size.
+template <class To, class From>
+    requires(sizeof(To) == sizeof(Wide<From>))
+[[nodiscard]] GSH_INLINE To bits_as(Wide<From> from) {
+    To to;
+    std::memcpy(&to.v, &from.v, sizeof to.v);
+    return to;
+}
 
 template <std::signed_integral Bits>
 [[nodiscard]] GSH_INLINE bool any(WideMask<Bits> mask) {

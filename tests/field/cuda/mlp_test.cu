@@ -73,7 +73,7 @@ struct Options {
     int backwards = 1;
     bool features = true, shared = true;
     unsigned most_blocks = 0; ///< of the device; 0: as many as usual
-    cuda::Precision precision = cuda::Precision::fp32;
+    Precision precision = Precision::fp32;
 };
 
 template <class T>
@@ -342,7 +342,7 @@ TEST_CASE("mixed precision rounds the operands of products to bf16, and nothing 
             CAPTURE(shape.outputs);
             CAPTURE(rows);
             const Problem<float> p(shape, rows);
-            const Results<float> found = run_device(p, {.precision = cuda::Precision::mixed}),
+            const Results<float> found = run_device(p, {.precision = Precision::mixed}),
                                  expected = run_rounded(p);
             // A sum in another order may be rounded to the neighbouring number.
             check_close(found.outputs, expected.outputs, 1e-3);
@@ -356,7 +356,7 @@ TEST_CASE("mixed precision is near float, and float where the network is not the
     if (test::skip_without_device()) return;
     for (const Shape& shape : mixed_shapes) {
         const Problem<float> p(shape, 150);
-        const Results<float> found = run_device(p, {.precision = cuda::Precision::mixed}), expected = run_serial(p);
+        const Results<float> found = run_device(p, {.precision = Precision::mixed}), expected = run_serial(p);
         check_close(found.outputs, expected.outputs, 0.01);
         // Of random numbers, many activations are so near 0 that rounding changes which pass.
         check_close(found.dL_dweights, expected.dL_dweights, 0.1);
@@ -366,7 +366,7 @@ TEST_CASE("mixed precision is near float, and float where the network is not the
     for (const Shape& shape :
          {Shape{16, 4, 0, 0, 5, 32, 2}, Shape{64, 4, 0, 0, 5, 64, 1}, Shape{64, 4, 20, 0, 5, 64, 2}}) {
         const Problem<float> p(shape, 70);
-        const Results<float> found = run_device(p, {.precision = cuda::Precision::mixed}), expected = run_device(p);
+        const Results<float> found = run_device(p, {.precision = Precision::mixed}), expected = run_device(p);
         CHECK(found.outputs == expected.outputs);
         CHECK(found.dL_dweights == expected.dL_dweights);
     }
@@ -375,7 +375,7 @@ TEST_CASE("mixed precision is near float, and float where the network is not the
 TEST_CASE("mixed precision gives the same bits in any order of blocks and threads, and adds or assigns") {
     if (test::skip_without_device()) return;
     const Problem<float> p(mixed_shapes[1], 300);
-    const Options mixed{.most_blocks = 3, .precision = cuda::Precision::mixed};
+    const Options mixed{.most_blocks = 3, .precision = Precision::mixed};
     const Results<float> first = run_device(p, mixed);
 #if defined(GSH_CUDA_EMULATION)
     auto& machine = test::CudaEmulation::instance();
@@ -389,10 +389,10 @@ TEST_CASE("mixed precision gives the same bits in any order of blocks and thread
     }
     machine.order = test::Order::forward, machine.fill = 0xA5;
 #endif
-    const Results<float> assigned = run_device(p, {.mode = Write::assign, .precision = cuda::Precision::mixed});
+    const Results<float> assigned = run_device(p, {.mode = Write::assign, .precision = Precision::mixed});
     for (std::size_t i = 0; i < first.dL_dfeatures.size(); ++i)
         REQUIRE(assigned.dL_dfeatures[i] == doctest::Approx(first.dL_dfeatures[i] - 1).epsilon(1e-5));
-    const Results<float> none = run_device(Problem<float>(mixed_shapes[1], 0), {.precision = cuda::Precision::mixed});
+    const Results<float> none = run_device(Problem<float>(mixed_shapes[1], 0), {.precision = Precision::mixed});
     CHECK(none.dL_dweights == std::vector<float>(p.weights.size(), 1.0f));
 }
 

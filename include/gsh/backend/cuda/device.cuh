@@ -24,10 +24,6 @@
 
 namespace gsh::cuda {
 
-/// The arithmetic of fields: `mixed` has operands of products in bf16 with sums in float, on tensor cores (from compute
-/// capability 8.0 on; slow before). Whatever is learned, its moments and all sums stay in float.
-enum class Precision { fp32, mixed };
-
 /// Runs everything on one stream of one GPU, in order.
 ///
 /// Calls return when the work is queued. download and synchronize wait for it and report its errors. A device belongs
@@ -96,7 +92,8 @@ public:
     }
 
     [[nodiscard]] Precision precision() const { return precision_; }
-    /// Holds for later work. Forward and backward of one step must have the same.
+    /// Holds for later work. Mixed precision runs on tensor cores, from compute capability 8.0 on; before, it is slow.
+    /// Forward and backward of one step must have the same.
     void set_precision(Precision precision) { precision_ = precision; }
 
     /// Queues blocks of a kernel (backend/cuda/kernel.cuh).

@@ -6,12 +6,14 @@
 #include <gsh/core/prefetch.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/cpu/gemm.hpp>
+#include <gsh/field/cpu/mlp_mixed.hpp>
 #include <gsh/field/features.hpp>
 #include <gsh/field/mlp.hpp>
 
 #include <algorithm>
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <type_traits>
 
 namespace gsh {
@@ -22,6 +24,7 @@ struct MlpScratch<B, T> {
     typename B::template Buffer<T> packed;   ///< weights in the layout of the products
     typename B::template Buffer<T> tiles;    ///< each chunk's tile of inputs, outputs or gradients
     typename B::template Buffer<T> partials; ///< each chunk's sum of dL_dweights
+    typename B::template Buffer<std::uint32_t> packed_words, tile_words; ///< of packed and tiles in mixed precision
 };
 
 namespace cpu::inline GSH_ISA {
@@ -255,8 +258,8 @@ const T* mlp_tile_backward(const MlpLayout<T, Network>& layout, const T* packed,
 }
 
 /// Adds the partial sums, in order, to dL_dweights, and to dL_dshared unless that is empty.
-template <CpuBackend B, class T, class Network>
-void mlp_join(B& backend, const MlpLayout<T, Network>& layout, Span<const T> weights, const T* partials,
+template <CpuBackend B, class T, class Layout>
+void mlp_join(B& backend, const Layout& layout, Span<const T> weights, const T* partials,
               std::size_t partial_count, Span<T> dL_dweights, Span<T> dL_dshared) {
     const std::size_t sums_size = layout.padded_offset(layout.layers()), own = layout.row_inputs();
     for (std::size_t l = 0; l < layout.layers(); ++l) {
@@ -282,11 +285,67 @@ void mlp_join(B& backend, const MlpLayout<T, Network>& layout, Span<const T> wei
                                  partials[p * sums_size + layout.padded_offset(0) + o * layout.padded_in(0) + own];
 }
 
+template <CpuBackend B, class Network>
+void mixed_forward(B& backend, const Network& network, Span<const float> weights, const MlpInputs<float>& inputs,
+                   Span<float> outputs, MlpScratch<B, float>& scratch) {
+    const MixedLayout<Network> layout{network, inputs.shared};
+    using Tile = MixedTile<Network>;
+    const std::size_t rows = inputs.features.rows, grain = mlp_chunk_rows(rows), chunks = chunk_count(rows, grain);
+    scratch.packed_words.resize(layout.packed_size());
+    scratch.packed.resize(mixed_padded(layout.out(0)));
+    scratch.tile_words.resize(chunks * Tile::word_count(layout));
+    scratch.tiles.resize(chunks * Tile::number_count(layout));
+    layout.pack(weights, scratch.packed_words.data(), scratch.packed.data());
+    backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+        Tile tile(layout, scratch.packed_words.data(), scratch.packed.data(),
+                  scratch.tile_words.data() + chunk * Tile::word_count(layout),
+                  scratch.tiles.data() + chunk * Tile::number_count(layout));
+        for (std::size_t first = begin; first < end; first += mixed_tile) {
+            const std::size_t count = std::min(mixed_tile, end - first), next = first + count;
+            prefetch_tile(inputs.features, next, std::min(mixed_tile, end - next));
+            tile.load(inputs, first, count);
+            tile.hidden_layers();
+            tile.outputs(count, outputs.data() + first * network.outputs());
+        }
+    });
+}
+
+template <CpuBackend B, class Network>
+void mixed_backward(B& backend, const Network& network, Span<const float> weights, const MlpInputs<float>& inputs,
+                    Span<const float> dL_doutputs, MlpScratch<B, float>& scratch, Span<float> dL_dweights,
+                    FeatureView<float> dL_dfeatures, Write features_mode, Span<float> dL_dshared) {
+    const MixedLayout<Network> layout{network, inputs.shared};
+    using Tile = MixedTile<Network>;
+    const std::size_t rows = inputs.features.rows, grain = mlp_chunk_rows(rows), chunks = chunk_count(rows, grain);
+    const std::size_t sums_size = layout.padded_offset(layout.layers());
+    scratch.partials.resize(chunks * sums_size);
+    backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+        Tile tile(layout, scratch.packed_words.data(), scratch.packed.data(),
+                  scratch.tile_words.data() + chunk * Tile::word_count(layout),
+                  scratch.tiles.data() + chunk * Tile::number_count(layout));
+        float* const sums = scratch.partials.data() + chunk * sums_size;
+        std::fill_n(sums, sums_size, 0.0f);
+        for (std::size_t first = begin; first < end; first += mixed_tile) {
+            const std::size_t count = std::min(mixed_tile, end - first), next = first + count;
+            prefetch_tile(inputs.features, next, std::min(mixed_tile, end - next));
+            tile.load(inputs, first, count);
+            tile.hidden_layers();
+            tile.load_gradient(dL_doutputs.data() + first * network.outputs(), count);
+            tile.backward(sums, !dL_dfeatures.empty());
+            if (!dL_dfeatures.empty()) tile.store_features(dL_dfeatures, first, count, features_mode);
+        }
+    });
+    mlp_join(backend, layout, weights, scratch.partials.data(), chunks, dL_dweights, dL_dshared);
+}
+
 } // namespace detail
 
 template <CpuBackend B, class Network, class T>
 void mlp_forward(B& backend, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
                  Span<T> outputs, MlpScratch<B, T>& scratch) {
+    if constexpr (std::same_as<T, float>)
+        if (precision_of(backend) == Precision::mixed)
+            return detail::mixed_forward(backend, network, weights, inputs, outputs, scratch);
     const detail::MlpLayout<T, Network> layout{network, inputs.shared};
     const std::size_t rows = inputs.features.rows, outputs_count = network.outputs(),
                       stride = layout.padded_out(layout.layers() - 1);
@@ -317,6 +376,10 @@ template <CpuBackend B, class Network, class T>
 void mlp_backward(B& backend, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
                   Span<const T> dL_doutputs, MlpScratch<B, T>& scratch, Span<T> dL_dweights,
                   FeatureView<T> dL_dfeatures, Write features_mode, Span<T> dL_dshared) {
+    if constexpr (std::same_as<T, float>)
+        if (precision_of(backend) == Precision::mixed)
+            return detail::mixed_backward(backend, network, weights, inputs, dL_doutputs, scratch, dL_dweights,
+                                          dL_dfeatures, features_mode, dL_dshared);
     const detail::MlpLayout<T, Network> layout{network, inputs.shared};
     const std::size_t rows = inputs.features.rows, outputs = network.outputs();
     const std::size_t grain = detail::mlp_chunk_rows(rows), tile_size = detail::mlp_tile_rows * layout.widest();

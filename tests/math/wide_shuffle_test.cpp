@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/math/wide_shuffle.hpp>
+
+#include <doctest/doctest.h>
+
+#include <cstddef>
+#include <cstdint>
+
+using namespace gsh;
+
+TEST_CASE_TEMPLATE("numbers of registers change places", S, float, double, std::uint32_t) {
+    constexpr std::size_t n = Wide<S>::width;
+    S numbers[2 * n];
+    for (std::size_t i = 0; i < 2 * n; ++i) numbers[i] = static_cast<S>(i);
+    const Wide<S> a = Wide<S>::load(numbers), b = Wide<S>::load(numbers + n);
+    const WidePair<S> zipped = zip(a, b), unzipped = unzip(a, b), back = unzip(zipped.first, zipped.second);
+    for (std::size_t i = 0; i < n; ++i) {
+        CHECK(zipped.first[i] == static_cast<S>(i / 2 + i % 2 * n));
+        CHECK(zipped.second[i] == static_cast<S>((n + i) / 2 + i % 2 * n));
+        CHECK(unzipped.first[i] == static_cast<S>(2 * i));
+        CHECK(unzipped.second[i] == static_cast<S>(2 * i + 1));
+        CHECK(back.first[i] == a[i]);
+        CHECK(back.second[i] == b[i]);
+    }
+    Wide<S> rows[n];
+    for (std::size_t i = 0; i < n; ++i)
+        for (std::size_t j = 0; j < n; ++j) rows[i].set(j, static_cast<S>(i * n + j));
+    transpose(rows);
+    for (std::size_t i = 0; i < n; ++i)
+        for (std::size_t j = 0; j < n; ++j) CHECK(rows[i][j] == static_cast<S>(j * n + i));
+}
