@@ -1,11 +1,10 @@
 # The targets that a program links. gsh::gsh is the core: all folders but those below, with Eigen, GLM and oneTBB. The
 # others are opt-in components. Each is a target with the dependencies of its folder:
-#   gsh::simd       simd/         xsimd
 #   gsh::io         io/           libzip, zlib, zstd, stb, nlohmann-json, tinygltf
 #   gsh::check      check/        those of gsh::io
 #   gsh::synthetic  synthetic/    Embree, and those of gsh::io
 #   gsh::cuda       *.cuh         CUDA's runtime; sources that include a .cuh are compiled by nvcc
-set(gsh_components simd io check synthetic cuda)
+set(gsh_components io check synthetic cuda)
 
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(glm REQUIRED)
@@ -43,7 +42,6 @@ if(PROJECT_IS_TOP_LEVEL)
 else()
   set(gsh_need QUIET)
 endif()
-find_package(xsimd ${gsh_need} MODULE)
 find_package(libzip ${gsh_need} MODULE)
 find_package(ZLIB ${gsh_need} MODULE)
 find_package(zstd ${gsh_need} MODULE)
@@ -53,9 +51,6 @@ find_package(tinygltf ${gsh_need} MODULE)
 find_package(embree 3 ${gsh_need})
 find_package(CUDAToolkit QUIET) # optional everywhere
 
-if(xsimd_FOUND)
-  gsh_add_component(simd xsimd::headers)
-endif()
 if(libzip_FOUND AND ZLIB_FOUND AND zstd_FOUND AND stb_FOUND AND nlohmann_json_FOUND AND tinygltf_FOUND)
   gsh_add_component(io libzip::zip ZLIB::ZLIB zstd::zstd stb::stb nlohmann_json::nlohmann_json tinygltf::tinygltf)
   gsh_add_component(check gsh_io)

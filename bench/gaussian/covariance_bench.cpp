@@ -4,7 +4,7 @@
 #include <gsh/core/rng.hpp>
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/math/activation.hpp>
-#include <gsh/simd/pack.hpp>
+#include <gsh/math/wide.hpp>
 
 #include <benchmark/benchmark.h>
 
@@ -77,10 +77,10 @@ void covariance_backward_only(benchmark::State& state) {
 }
 
 BENCHMARK_TEMPLATE(covariance_and_opacity_forward, cpu::Serial, float)->Unit(benchmark::kMillisecond);
-BENCHMARK_TEMPLATE(covariance_and_opacity_forward, cpu::Serial, Pack<float>)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(covariance_and_opacity_forward, cpu::Serial, Wide<float>)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(covariance_and_opacity_forward, cpu::Threads, float)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_TEMPLATE(covariance_backward_only, cpu::Serial, float)->Unit(benchmark::kMillisecond);
-BENCHMARK_TEMPLATE(covariance_backward_only, cpu::Serial, Pack<float>)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(covariance_backward_only, cpu::Serial, Wide<float>)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(covariance_backward_only, cpu::Threads, float)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 } // namespace

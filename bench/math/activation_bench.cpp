@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Bench of sigmoid and exponential of an avatar's opacities and scales, as scalars and packs, and of adjoints.
+/// @file  Bench of sigmoid and exponential of an avatar's opacities and scales, as scalars and registers, and of adjoints.
 #include <gsh/backend/serial.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/math/activation.hpp>
-#include <gsh/simd/pack.hpp>
+#include <gsh/math/wide.hpp>
 
 #include <benchmark/benchmark.h>
 
@@ -15,7 +15,7 @@ using namespace gsh;
 
 namespace {
 
-constexpr std::size_t count = 170'000 / 16 * 16; // opacities of an avatar, in whole packs
+constexpr std::size_t count = 170'000 / 16 * 16; // opacities of an avatar, in whole registers
 
 template <Lane T>
 struct Activate {
@@ -56,6 +56,6 @@ void activations(benchmark::State& state) {
 }
 
 BENCHMARK_TEMPLATE(activations, float)->ArgName("backward")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
-BENCHMARK_TEMPLATE(activations, Pack<float>)->ArgName("backward")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
+BENCHMARK_TEMPLATE(activations, Wide<float>)->ArgName("backward")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
 
 } // namespace

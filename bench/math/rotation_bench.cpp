@@ -3,7 +3,7 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/math/rotation.hpp>
-#include <gsh/simd/pack.hpp>
+#include <gsh/math/wide.hpp>
 
 #include <benchmark/benchmark.h>
 
@@ -63,10 +63,10 @@ void axis_angle_backward(benchmark::State& state) {
 }
 
 BENCHMARK_TEMPLATE(axis_angle_forward, cpu::Serial, float)->Unit(benchmark::kMillisecond);
-BENCHMARK_TEMPLATE(axis_angle_forward, cpu::Serial, Pack<float>)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(axis_angle_forward, cpu::Serial, Wide<float>)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(axis_angle_forward, cpu::Threads, float)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_TEMPLATE(axis_angle_backward, cpu::Serial, float)->Unit(benchmark::kMillisecond);
-BENCHMARK_TEMPLATE(axis_angle_backward, cpu::Serial, Pack<float>)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(axis_angle_backward, cpu::Serial, Wide<float>)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(axis_angle_backward, cpu::Threads, float)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 } // namespace

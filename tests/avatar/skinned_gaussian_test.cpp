@@ -7,7 +7,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/math/rotation.hpp>
-#include <gsh/simd/pack.hpp>
+#include <gsh/math/wide.hpp>
 
 #include <cmath>
 #include <cstring>
@@ -217,8 +217,8 @@ TEST_CASE("attributes that nobody asks for are left alone, the others do not cha
     CHECK(a.colors == b.colors);
 }
 
-TEST_CASE("a pack of Gaussians equals its lanes, forward and backward") {
-    using P = Pack<double>;
+TEST_CASE("a register of Gaussians equals its lanes, forward and backward") {
+    using P = Wide<double>;
     using S = SkinnedGaussian<2>;
     constexpr std::size_t width = LaneTraits<P>::width;
     const Scene<double> scene(width, 9, 9, 11);
@@ -238,7 +238,7 @@ TEST_CASE("a pack of Gaussians equals its lanes, forward and backward") {
     const auto pack = [&](auto number) {
         double lanes[width];
         for (std::size_t i = 0; i < width; ++i) lanes[i] = number(i);
-        return P::load_unaligned(lanes);
+        return P::load(lanes);
     };
     const auto pack3 = [&](auto vector) {
         return vec3<P>(pack([&](std::size_t i) { return vector(i).x; }),
@@ -277,22 +277,22 @@ TEST_CASE("a pack of Gaussians equals its lanes, forward and backward") {
 
     for (std::size_t i = 0; i < width; ++i) {
         for (int k = 0; k < 3; ++k) {
-            CHECK(found.mean[k].get(i) == doctest::Approx(out[i].mean[k]));
-            CHECK(found.color[k].get(i) == doctest::Approx(out[i].color[k]));
-            CHECK(packed_gradient.mean[k].get(i) == doctest::Approx(gradient[i].mean[k]));
-            CHECK(packed_gradient.log_scale[k].get(i) == doctest::Approx(gradient[i].log_scale[k]));
-            CHECK(packed_gradient.blend.translation[k].get(i) == doctest::Approx(gradient[i].blend.translation[k]));
-            CHECK(packed_gradient.center[k].get(i) == doctest::Approx(gradient[i].center[k]));
+            CHECK(found.mean[k][i] == doctest::Approx(out[i].mean[k]));
+            CHECK(found.color[k][i] == doctest::Approx(out[i].color[k]));
+            CHECK(packed_gradient.mean[k][i] == doctest::Approx(gradient[i].mean[k]));
+            CHECK(packed_gradient.log_scale[k][i] == doctest::Approx(gradient[i].log_scale[k]));
+            CHECK(packed_gradient.blend.translation[k][i] == doctest::Approx(gradient[i].blend.translation[k]));
+            CHECK(packed_gradient.center[k][i] == doctest::Approx(gradient[i].center[k]));
             for (int r = 0; r < 3; ++r)
-                CHECK(packed_gradient.blend.linear[k][r].get(i) == doctest::Approx(gradient[i].blend.linear[k][r]));
+                CHECK(packed_gradient.blend.linear[k][r][i] == doctest::Approx(gradient[i].blend.linear[k][r]));
             for (std::size_t b = 0; b < 9; ++b)
-                CHECK(dL_dsh_packed[b][k].get(i) == doctest::Approx(dL_dsh[9 * i + b][k]));
+                CHECK(dL_dsh_packed[b][k][i] == doctest::Approx(dL_dsh[9 * i + b][k]));
         }
-        CHECK(found.covariance.xz.get(i) == doctest::Approx(out[i].covariance.xz));
-        CHECK(found.opacity.get(i) == doctest::Approx(out[i].opacity));
-        CHECK(packed_gradient.q.y.get(i) == doctest::Approx(gradient[i].q.y));
-        CHECK(packed_gradient.ao.get(i) == doctest::Approx(gradient[i].ao));
-        CHECK(packed_gradient.opacity_logit.get(i) == doctest::Approx(gradient[i].opacity_logit));
+        CHECK(found.covariance.xz[i] == doctest::Approx(out[i].covariance.xz));
+        CHECK(found.opacity[i] == doctest::Approx(out[i].opacity));
+        CHECK(packed_gradient.q.y[i] == doctest::Approx(gradient[i].q.y));
+        CHECK(packed_gradient.ao[i] == doctest::Approx(gradient[i].ao));
+        CHECK(packed_gradient.opacity_logit[i] == doctest::Approx(gradient[i].opacity_logit));
     }
 }
 

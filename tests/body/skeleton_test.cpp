@@ -4,7 +4,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/skeleton.hpp>
-#include <gsh/simd/pack.hpp>
+#include <gsh/math/wide.hpp>
 
 #include <cstring>
 #include <numbers>
@@ -154,15 +154,15 @@ TEST_CASE("bone_transforms_backward: the nine numbers of a rotation count as ind
     test::check_gradient(loss, test::scalars(c.rotations), test::scalars(dL_dR));
 }
 
-TEST_CASE("a pack of skeletons equals its lanes") {
-    using P = Pack<double>;
+TEST_CASE("a register of skeletons equals its lanes") {
+    using P = Wide<double>;
     constexpr std::size_t width = LaneTraits<P>::width;
     std::vector<Case> cases;
     for (std::size_t lane = 0; lane < width; ++lane) cases.emplace_back(20 + lane);
     const auto gather = [&](auto number) {
         double lanes[width];
         for (std::size_t lane = 0; lane < width; ++lane) lanes[lane] = number(cases[lane]);
-        return P::load_unaligned(lanes);
+        return P::load(lanes);
     };
     const std::size_t J = tree.size();
     std::vector<mat3<P>> R(J);
@@ -182,7 +182,7 @@ TEST_CASE("a pack of skeletons equals its lanes") {
         bone_transforms<double>(tree, cases[lane].rotations, cases[lane].joints, cases[lane].transl[0], expected);
         for (std::size_t j = 0; j < J; ++j)
             for (int k = 0; k < 3; ++k)
-                CHECK(bones[j].translation[k].get(lane) == doctest::Approx(expected[j].translation[k]));
+                CHECK(bones[j].translation[k][lane] == doctest::Approx(expected[j].translation[k]));
     }
 }
 

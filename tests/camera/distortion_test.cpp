@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/camera/distortion.hpp>
-#include <gsh/simd/pack.hpp>
+#include <gsh/math/wide.hpp>
 
 #include "support/gradient.hpp"
 
@@ -90,8 +90,8 @@ TEST_CASE("UndistortMap leads from the straight image to the photographed one") 
     CHECK(pixel.y == doctest::Approx(510 * bent.y + 251));
 }
 
-TEST_CASE("a pack of points equals its lanes, through camera and lens") {
-    using P = Pack<double>;
+TEST_CASE("a register of points equals its lanes, through camera and lens") {
+    using P = Wide<double>;
     constexpr std::size_t width = LaneTraits<P>::width;
     const Camera<double> camera = look_at<double>({0.4, 1.3, 3.1}, {0.1, 1.0, 0.2}, {0, 1, 0}, 0.8, 640, 480);
     test::Rng rng(9);
@@ -100,7 +100,7 @@ TEST_CASE("a pack of points equals its lanes, through camera and lens") {
     for (int k = 0; k < 3; ++k) {
         double lanes[width];
         for (std::size_t i = 0; i < width; ++i) lanes[i] = points[i][k];
-        pack[k] = P::load_unaligned(lanes);
+        pack[k] = P::load(lanes);
     }
     Camera<P> cameras;
     for (int c = 0; c < 3; ++c) {
@@ -130,7 +130,7 @@ TEST_CASE("a pack of points equals its lanes, through camera and lens") {
                dL_dcamera.dL_dfx + dL_dback.x + dL_dd.k3 + dL_dd.p1;
     };
     double lanes[width];
-    chain(cameras, maps, lenses, pack).store_unaligned(lanes);
+    chain(cameras, maps, lenses, pack).store(lanes);
     for (std::size_t i = 0; i < width; ++i)
         CHECK(lanes[i] == doctest::Approx(chain(camera, map, lens, points[i])).epsilon(1e-12));
 }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/core/lane.hpp>
-#include <gsh/simd/pack.hpp>
+#include <gsh/math/wide.hpp>
 
 #include "support/elements.hpp"
 #include "support/gradient.hpp"
 
 using namespace gsh;
 
-static_assert(Lane<float> && Lane<double> && Lane<Pack<float>> && Lane<Pack<double>>);
+static_assert(Lane<float> && Lane<double> && Lane<Wide<float>> && Lane<Wide<double>>);
 static_assert(!Lane<int> && !Lane<vec3<float>>);
 
 TEST_CASE("the scalar functions are those of std") {
@@ -33,12 +33,12 @@ namespace {
 template <Lane T>
 using Run = void (*)(test::Inputs<T>, test::Outputs<T>, const ScalarOf<T>* table);
 
-/// Runs an element on a pack of samples and on each sample alone. Packs compute exp, log, sin and cos by other
+/// Runs an element on a register of samples and on each sample alone. Registers compute exp and log by other
 /// polynomials, so lanes agree to a few units in the last place of numbers near 1 and are not bit-identical.
 template <class S>
-void compare_lanes(const char* name, Run<Pack<S>> on_packs, Run<S> on_scalars, double tolerance) {
-    using P = Pack<S>;
-    constexpr std::size_t width = P::size;
+void compare_lanes(const char* name, Run<Wide<S>> on_registers, Run<S> on_scalars, double tolerance) {
+    using P = Wide<S>;
+    constexpr std::size_t width = P::width;
     test::Rng rng(11);
     std::vector<S> table(test::element_table_size);
     for (S& number : table) number = static_cast<S>(rng.uniform(-1, 1));
@@ -50,9 +50,9 @@ void compare_lanes(const char* name, Run<Pack<S>> on_packs, Run<S> on_scalars, d
         for (std::size_t k = 0; k < packed.size(); ++k) {
             alignas(64) S lanes[width];
             for (std::size_t lane = 0; lane < width; ++lane) lanes[lane] = in[lane * test::element_inputs + k];
-            packed[k] = P::load_aligned(lanes);
+            packed[k] = P::load(lanes);
         }
-        on_packs(test::Inputs<P>(packed.data()), test::Outputs<P>(packed_out.data()), table.data());
+        on_registers(test::Inputs<P>(packed.data()), test::Outputs<P>(packed_out.data()), table.data());
 
         for (std::size_t lane = 0; lane < width; ++lane) {
             std::vector<S> out(test::element_outputs, S(0));
@@ -60,7 +60,7 @@ void compare_lanes(const char* name, Run<Pack<S>> on_packs, Run<S> on_scalars, d
                        table.data());
             for (std::size_t k = 0; k < out.size(); ++k) {
                 alignas(64) S lanes[width];
-                packed_out[k].store_aligned(lanes);
+                packed_out[k].store(lanes);
                 const double expected = static_cast<double>(out[k]);
                 INFO(name << ", round " << round << ", lane " << lane << ", output " << k << ": pack " << lanes[lane]
                           << ", scalar " << out[k]);
@@ -80,7 +80,7 @@ void compare_lanes(double tolerance) {
 
 } // namespace
 
-TEST_CASE_TEMPLATE_DEFINE("every lane of a pack computes what the scalar computes", Element, lanes_as_scalars) {
+TEST_CASE_TEMPLATE_DEFINE("every lane of a register computes what the scalar computes", Element, lanes_as_scalars) {
     compare_lanes<Element, float>(2e-5);
     compare_lanes<Element, double>(4e-14);
 }

@@ -2,7 +2,7 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/field/cpu/hash_grid.hpp>
 #include <gsh/field/hash_grid.hpp>
-#include <gsh/simd/pack.hpp>
+#include <gsh/math/wide.hpp>
 
 #include "support/gradient.hpp"
 
@@ -211,7 +211,7 @@ TEST_CASE_TEMPLATE("HashGrid on Threads equals Serial bit for bit, in any blocks
 }
 
 TEST_CASE_TEMPLATE("a SIMD pack looks up what its lanes look up", T, float, double) {
-    constexpr std::size_t width = LaneTraits<Pack<T>>::width;
+    constexpr std::size_t width = LaneTraits<Wide<T>>::width;
     const Grid grid(small);
     const auto table = big_table<T>(grid);
     test::Rng rng(8);
@@ -220,11 +220,11 @@ TEST_CASE_TEMPLATE("a SIMD pack looks up what its lanes look up", T, float, doub
         for (T& x : axis) x = static_cast<T>(rng.uniform(-0.1, 1.1)); // some outside the cube
     for (auto& row : seeds)
         for (T& x : row) x = static_cast<T>(rng.uniform(-1, 1));
-    const auto pack = [](const T* lanes) { return Pack<T>::load_unaligned(lanes); };
-    const vec3<Pack<T>> point(pack(coordinates[0]), pack(coordinates[1]), pack(coordinates[2]));
-    Pack<T> features[Grid::output_count], dL_dfeatures[Grid::output_count];
+    const auto pack = [](const T* lanes) { return Wide<T>::load(lanes); };
+    const vec3<Wide<T>> point(pack(coordinates[0]), pack(coordinates[1]), pack(coordinates[2]));
+    Wide<T> features[Grid::output_count], dL_dfeatures[Grid::output_count];
     for (std::size_t c = 0; c < Grid::output_count; ++c) dL_dfeatures[c] = pack(seeds[c]);
-    vec3<Pack<T>> dL_dpoint(Pack<T>(T(0)));
+    vec3<Wide<T>> dL_dpoint(Wide<T>(T(0)));
     grid.encode(table.data(), point, features);
     grid.encode_backward_point(table.data(), point, dL_dfeatures, dL_dpoint);
 
@@ -235,9 +235,9 @@ TEST_CASE_TEMPLATE("a SIMD pack looks up what its lanes look up", T, float, doub
         vec3<T> dL_dp(0);
         grid.encode(table.data(), p, one);
         grid.encode_backward_point(table.data(), p, seed, dL_dp);
-        for (std::size_t c = 0; c < Grid::output_count; ++c) CHECK(features[c].get(lane) == one[c]);
+        for (std::size_t c = 0; c < Grid::output_count; ++c) CHECK(features[c][lane] == one[c]);
         for (int axis = 0; axis < 3; ++axis) {
-            CHECK(dL_dpoint[axis].get(lane) == doctest::Approx(dL_dp[axis]).epsilon(1e-5));
+            CHECK(dL_dpoint[axis][lane] == doctest::Approx(dL_dp[axis]).epsilon(1e-5));
             if (p[axis] < 0 || p[axis] > 1) CHECK(dL_dp[axis] == 0);
         }
     }

@@ -67,7 +67,7 @@ const std::set<std::string>& opt_in_folders() {
 /// Third-party headers that only one folder may include, because gsh::gsh does not link their libraries.
 const std::map<std::string, std::set<std::string>, std::less<>> opt_in_libraries = {
     {"zip.h", {"io"}},      {"zlib.h", {"io"}},     {"zstd.h", {"io"}},     {"stb/", {"io"}},        {"stb_", {"io"}},
-    {"nlohmann/", {"io"}},  {"CLI/", {}},           {"embree", {"synthetic"}}, {"xsimd/", {"simd"}},
+    {"nlohmann/", {"io"}},  {"CLI/", {}},           {"embree", {"synthetic"}},
     {"benchmark/", {}},     {"doctest/", {}},       {"tiny_gltf.h", {"io"}},
 };
 

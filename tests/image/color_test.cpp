@@ -2,7 +2,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/image/color.hpp>
-#include <gsh/simd/pack.hpp>
+#include <gsh/math/wide.hpp>
 
 #include "support/gradient.hpp"
 
@@ -93,21 +93,21 @@ TEST_CASE("composite_rgba8: Threads equals Serial, float follows, shapes are che
     CHECK_NOTHROW(composite_rgba8(serial, {}, 0, 0, {1, 1, 1}, none.view()));
 }
 
-TEST_CASE_TEMPLATE("a pack of colours follows its lanes", S, float, double) {
-    using P = Pack<S>;
+TEST_CASE_TEMPLATE("a register of colours follows its lanes", S, float, double) {
+    using P = Wide<S>;
     constexpr std::size_t width = LaneTraits<P>::width;
-    const double tolerance = sizeof(S) == 4 ? 2e-6 : 1e-13; // packs have their own exp and log
+    const double tolerance = sizeof(S) == 4 ? 2e-6 : 1e-13; // registers have their own exp and log
     for (double start = -0.02; start < 1.1; start += 0.01 * double(width)) {
         S in[width], out[4][width];
         for (std::size_t i = 0; i < width; ++i) in[i] = S(start + 0.01 * double(i));
-        const P x = P::load_unaligned(in);
+        const P x = P::load(in);
         P slopes[2] = {P(S(0)), P(S(0))};
         srgb_to_linear_backward(x, P(S(0.7)), slopes[0]);
         linear_to_srgb_backward(x, P(S(0.7)), slopes[1]);
-        srgb_to_linear(x).store_unaligned(out[0]);
-        linear_to_srgb(x).store_unaligned(out[1]);
-        slopes[0].store_unaligned(out[2]);
-        slopes[1].store_unaligned(out[3]);
+        srgb_to_linear(x).store(out[0]);
+        linear_to_srgb(x).store(out[1]);
+        slopes[0].store(out[2]);
+        slopes[1].store(out[3]);
         for (std::size_t i = 0; i < width; ++i) {
             S expected[2] = {};
             srgb_to_linear_backward(in[i], S(0.7), expected[0]);

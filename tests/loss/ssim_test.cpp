@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/loss/ssim.hpp>
-#include <gsh/simd/pack.hpp>
+#include <gsh/math/wide.hpp>
 
 #include "support/gradient.hpp"
 
@@ -58,8 +58,8 @@ TEST_CASE("ssim_loss is one minus the textbook's SSIM, its partials are its grad
     CHECK(partials.ss == 0);
 }
 
-TEST_CASE("a pack of windows equals its lanes") {
-    using P = Pack<double>;
+TEST_CASE("a register of windows equals its lanes") {
+    using P = Wide<double>;
     constexpr std::size_t width = LaneTraits<P>::width;
     test::Rng rng(2);
     double in[4][width], out[4][width];
@@ -67,12 +67,12 @@ TEST_CASE("a pack of windows equals its lanes") {
         const auto m = random_moments(rng);
         in[0][i] = m.s, in[1][i] = m.d, in[2][i] = m.ss, in[3][i] = m.dd;
     }
-    const auto load = [&](int k) { return P::load_unaligned(in[k]); };
+    const auto load = [&](int k) { return P::load(in[k]); };
     SsimPartials<P> partials;
-    ssim_loss<P>({load(0), load(1), load(2), load(3)}, partials).store_unaligned(out[0]);
-    partials.mean.store_unaligned(out[1]);
-    partials.ss.store_unaligned(out[2]);
-    partials.dd.store_unaligned(out[3]);
+    ssim_loss<P>({load(0), load(1), load(2), load(3)}, partials).store(out[0]);
+    partials.mean.store(out[1]);
+    partials.ss.store(out[2]);
+    partials.dd.store(out[3]);
     for (std::size_t i = 0; i < width; ++i) {
         SsimPartials<double> one;
         const double loss = ssim_loss<double>({in[0][i], in[1][i], in[2][i], in[3][i]}, one);

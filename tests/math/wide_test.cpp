@@ -5,9 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <vector>
 
 using namespace gsh;
 
@@ -42,6 +45,31 @@ TEST_CASE_TEMPLATE("Wide does in every lane what the scalar does", S, float, dou
             return false;
         }());
     }
+}
+
+TEST_CASE_TEMPLATE("Wide is a lane type: indices, gathers, masks", S, float, double) {
+    using W = Wide<S>;
+    using Traits = LaneTraits<W>;
+    static_assert(Lane<W> && std::same_as<ScalarOf<W>, S> && Traits::width == W::width);
+    S in[W::width];
+    for (std::size_t i = 0; i < W::width; ++i) in[i] = static_cast<S>(i) * S(1.5) + S(0.25);
+    const W x = W::load(in);
+    std::vector<S> table(2 * W::width + 1);
+    for (std::size_t i = 0; i < table.size(); ++i) table[i] = static_cast<S>(i * i);
+    const auto index = Traits::to_index(x);
+    const W whole = Traits::from_index(index), found = Traits::gather(table.data(), index),
+            limited = clamp(x, W(S(1)), W(S(3)));
+    const MaskOf<W> small = x < W(S(2)), large = x > W(S(3)), neither = !(small || large), both = small && large;
+    for (std::size_t i = 0; i < W::width; ++i) {
+        CHECK(whole[i] == static_cast<S>(LaneTraits<S>::to_index(in[i])));
+        CHECK(found[i] == table[static_cast<std::size_t>(in[i])]);
+        CHECK(limited[i] == clamp(in[i], S(1), S(3)));
+        CHECK(small[i] == (in[i] < S(2)));
+        CHECK(neither[i] == (in[i] >= S(2) && in[i] <= S(3)));
+        CHECK(!both[i]);
+    }
+    CHECK(any(small));
+    CHECK_FALSE(any(x < W(S(-1))));
 }
 
 TEST_CASE("the exponential of a Wide keeps to the scalar's ends") {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/render/projection.hpp>
-#include <gsh/simd/pack.hpp>
+#include <gsh/math/wide.hpp>
 
 #include "support/gradient.hpp"
 #include "support/reference_rasterizer.hpp"
@@ -116,8 +116,8 @@ TEST_CASE("project agrees with the plain definition") {
     }
 }
 
-TEST_CASE("a pack of Gaussians projects lane by lane as scalars do") {
-    using P = Pack<double>;
+TEST_CASE("a register of Gaussians projects lane by lane as scalars do") {
+    using P = Wide<double>;
     constexpr std::size_t width = LaneTraits<P>::width;
     test::Rng rng(3);
     const Camera<double> camera = make_camera(rng);
@@ -134,7 +134,7 @@ TEST_CASE("a pack of Gaussians projects lane by lane as scalars do") {
     const auto pack = [&](const auto& member) {
         alignas(64) double lanes[width];
         for (std::size_t i = 0; i < width; ++i) lanes[i] = member(i);
-        return P::load_aligned(lanes);
+        return P::load(lanes);
     };
     const vec3<P> mean(pack([&](auto i) { return means[i].x; }), pack([&](auto i) { return means[i].y; }),
                        pack([&](auto i) { return means[i].z; }));
@@ -154,18 +154,18 @@ TEST_CASE("a pack of Gaussians projects lane by lane as scalars do") {
     for (std::size_t i = 0; i < width; ++i) {
         INFO("lane " << i);
         const Projection<double> one = project(camera, means[i], covariances[i], params);
-        CHECK(p.in_front.get(i) == one.in_front);
-        CHECK(p.mean2d.x.get(i) == doctest::Approx(one.mean2d.x).epsilon(1e-12));
-        CHECK(p.covariance.xy.get(i) == doctest::Approx(one.covariance.xy).epsilon(1e-12));
-        CHECK(p.opacity_factor.get(i) == doctest::Approx(one.opacity_factor).epsilon(1e-12));
+        CHECK(p.in_front[i] == one.in_front);
+        CHECK(p.mean2d.x[i] == doctest::Approx(one.mean2d.x).epsilon(1e-12));
+        CHECK(p.covariance.xy[i] == doctest::Approx(one.covariance.xy).epsilon(1e-12));
+        CHECK(p.opacity_factor[i] == doctest::Approx(one.opacity_factor).epsilon(1e-12));
         vec3<double> one_mean(0);
         sym3<double> one_covariance{};
         CameraGradient<double> one_camera;
         project_backward(camera, means[i], covariances[i], params, {{1, 2}, 3, {4, 5, 6}, 7, true}, one_mean,
                          one_covariance, &one_camera);
-        CHECK(dL_dmean.z.get(i) == doctest::Approx(one_mean.z).epsilon(1e-10));
-        CHECK(dL_dcovariance.yz.get(i) == doctest::Approx(one_covariance.yz).epsilon(1e-10));
-        CHECK(dL_dcamera.dL_dfx.get(i) == doctest::Approx(one_camera.dL_dfx).epsilon(1e-10));
-        CHECK(dL_dcamera.dL_dR[1].z.get(i) == doctest::Approx(one_camera.dL_dR[1].z).epsilon(1e-10));
+        CHECK(dL_dmean.z[i] == doctest::Approx(one_mean.z).epsilon(1e-10));
+        CHECK(dL_dcovariance.yz[i] == doctest::Approx(one_covariance.yz).epsilon(1e-10));
+        CHECK(dL_dcamera.dL_dfx[i] == doctest::Approx(one_camera.dL_dfx).epsilon(1e-10));
+        CHECK(dL_dcamera.dL_dR[1].z[i] == doctest::Approx(one_camera.dL_dR[1].z).epsilon(1e-10));
     }
 }

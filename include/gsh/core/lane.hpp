@@ -12,8 +12,8 @@
 
 namespace gsh {
 
-/// Names the scalar, mask and index types of a lane type. The primary template covers float and double; simd/pack.hpp
-/// adds SIMD packs.
+/// Names the scalar, mask and index types of a lane type. The primary template covers float and double;
+/// math/wide.hpp adds vector registers.
 template <class T>
 struct LaneTraits {};
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  A vector register as a lane type, from compiler extensions alone, for per-element code on the CPU.
 ///
-/// simd/pack.hpp has more functions, in fewer instructions, but needs xsimd, on which gsh::gsh does not depend. Here
-/// the arithmetic, the square root, and the exponential and logarithm of floats are vector code. The other functions
-/// run lane by lane through std.
+/// Arithmetic, the square root, and the exponential and logarithm of floats are vector code. The other functions run
+/// lane by lane through std.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -41,7 +40,10 @@ struct WideMask {
 
     [[nodiscard]] GSH_INLINE friend WideMask operator&(WideMask a, WideMask b) { return {a.bits & b.bits}; }
     [[nodiscard]] GSH_INLINE friend WideMask operator|(WideMask a, WideMask b) { return {a.bits | b.bits}; }
+    [[nodiscard]] GSH_INLINE friend WideMask operator&&(WideMask a, WideMask b) { return a & b; }
+    [[nodiscard]] GSH_INLINE friend WideMask operator||(WideMask a, WideMask b) { return a | b; }
     [[nodiscard]] GSH_INLINE friend WideMask operator!(WideMask a) { return {~a.bits}; }
+    [[nodiscard]] GSH_INLINE bool operator[](std::size_t lane) const { return bits[lane] != 0; }
 };
 
 /// As many numbers as one vector register of the target machine holds; arithmetic acts on all of them at once.
