@@ -17,8 +17,10 @@
 #include <limits>
 #include <type_traits>
 
-#if defined(__AVX512F__)
+#if defined(__AVX512F__) || defined(__FMA__)
 #include <immintrin.h>
+#elif defined(__ARM_NEON)
+#include <arm_neon.h>
 #endif
 
 namespace gsh {
@@ -213,14 +215,18 @@ template <std::floating_point S>
 }
 
 /// a b + c, rounded once where the machine has an instruction for it.
-[[nodiscard]] GSH_INLINE Wide<float> multiply_add(Wide<float> a, Wide<float> b, Wide<float> c) {
+template <std::floating_point S>
+[[nodiscard]] GSH_INLINE Wide<S> multiply_add(Wide<S> a, Wide<S> b, Wide<S> c) {
+    using Vector = typename Wide<S>::Vector;
 #if defined(__AVX512F__)
-    return Wide<float>(Wide<float>::Vector(_mm512_fmadd_ps(a.v, b.v, c.v)));
-#elif defined(__FMA__) || defined(__ARM_FEATURE_FMA)
-    float x[Wide<float>::width], y[Wide<float>::width], z[Wide<float>::width];
-    a.store(x), b.store(y), c.store(z);
-    for (std::size_t lane = 0; lane < Wide<float>::width; ++lane) z[lane] = std::fma(x[lane], y[lane], z[lane]);
-    return Wide<float>::load(z);
+    if constexpr (sizeof(S) == 4) return Wide<S>(Vector(_mm512_fmadd_ps(a.v, b.v, c.v)));
+    else return Wide<S>(Vector(_mm512_fmadd_pd(a.v, b.v, c.v)));
+#elif defined(__FMA__)
+    if constexpr (sizeof(S) == 4) return Wide<S>(Vector(_mm256_fmadd_ps(a.v, b.v, c.v)));
+    else return Wide<S>(Vector(_mm256_fmadd_pd(a.v, b.v, c.v)));
+#elif defined(__ARM_NEON) && defined(__aarch64__)
+    if constexpr (sizeof(S) == 4) return Wide<S>(Vector(vfmaq_f32(c.v, a.v, b.v)));
+    else return Wide<S>(Vector(vfmaq_f64(c.v, a.v, b.v)));
 #else
     return a * b + c;
 #endif

@@ -7,7 +7,7 @@
 #pragma once
 
 #include <gsh/core/config.hpp>
-#include <gsh/math/linalg.hpp>
+#include <gsh/math/wide.hpp>
 
 #include <cstddef>
 #include <utility>
@@ -16,8 +16,8 @@ namespace gsh::cpu::inline GSH_ISA::detail {
 
 template <class T>
 struct Gemm {
-    using Packet = typename Eigen::internal::packet_traits<T>::type;
-    static constexpr std::size_t width = Eigen::internal::unpacket_traits<Packet>::size;
+    using W = Wide<T>;
+    static constexpr std::size_t width = W::width;
 
     /// Length of a row of `columns` numbers padded to whole registers.
     [[nodiscard]] static constexpr std::size_t padded(std::size_t columns) {
@@ -39,20 +39,18 @@ struct Gemm {
 
     // Epilogues, applied to a register of sums at element `offset` of C.
     struct Assign {
-        Packet operator()(Packet sum, const T*, std::size_t) const { return sum; }
+        W operator()(W sum, const T*, std::size_t) const { return sum; }
     };
     struct Add {
-        Packet operator()(Packet sum, const T* c, std::size_t) const {
-            return Eigen::internal::padd(Eigen::internal::ploadu<Packet>(c), sum);
-        }
+        W operator()(W sum, const T* c, std::size_t) const { return W::load(c) + sum; }
     };
-    struct Relu { // a mask, since the header of GCC 12 for pmax warns of an undefined operand
-        Packet operator()(Packet sum, const T*, std::size_t) const { return where_positive(sum, sum); }
+    struct Relu {
+        W operator()(W sum, const T*, std::size_t) const { return where_positive(sum, sum); }
     };
     struct WhereActive { ///< the adjoint of Relu: keeps a sum where `activations`, laid out as C, are positive
         const T* activations;
-        Packet operator()(Packet sum, const T*, std::size_t offset) const {
-            return where_positive(Eigen::internal::ploadu<Packet>(activations + offset), sum);
+        W operator()(W sum, const T*, std::size_t offset) const {
+            return where_positive(W::load(activations + offset), sum);
         }
     };
 
@@ -84,9 +82,7 @@ struct Gemm {
 
 private:
     /// value where condition > 0, else 0.
-    static Packet where_positive(Packet condition, Packet value) {
-        return Eigen::internal::pand(Eigen::internal::pcmp_lt(Eigen::internal::pset1<Packet>(T(0)), condition), value);
-    }
+    static W where_positive(W condition, W value) { return select(condition > W(T(0)), value, W(T(0))); }
 
     /// Columns [column, column + returned width) of all rows.
     template <std::size_t Rows, std::size_t Registers, class Epilogue, class Ahead>
@@ -105,24 +101,21 @@ private:
     template <std::size_t Rows, std::size_t Registers, class Epilogue, std::size_t... I>
     static void block(std::size_t inner, Left a, Right b, Result c, std::size_t row, std::size_t column,
                       const Epilogue& epilogue, std::index_sequence<I...>) {
-        namespace internal = Eigen::internal;
-        Packet sums[Rows * Registers] = {(static_cast<void>(I), internal::pset1<Packet>(T(0)))...};
+        W sums[Rows * Registers] = {(static_cast<void>(I), W(T(0)))...};
         const T* a_k = a.data + row * a.row_stride;
         const T* b_k = b.data + column;
         // A row of B is loaded one step ahead. Held in registers, it costs one load per register. Without this,
         // compilers fold the load into every fma that uses it, and the loads exceed what a core can issue.
-        Packet b_row[Rows * Registers] = {internal::ploadu<Packet>(b_k + I % Registers * width)...};
+        W b_row[Rows * Registers] = {W::load(b_k + I % Registers * width)...};
         for (std::size_t k = 0; k < inner; ++k, a_k += a.inner_stride) {
             b_k += k + 1 < inner ? b.stride : 0;
-            const Packet b_next[Rows * Registers] = {internal::ploadu<Packet>(b_k + I % Registers * width)...};
-            ((sums[I] = internal::pmadd(internal::pset1<Packet>(a_k[I / Registers * a.row_stride]),
-                                        b_row[I % Registers], sums[I])),
-             ...);
+            const W b_next[Rows * Registers] = {W::load(b_k + I % Registers * width)...};
+            ((sums[I] = multiply_add(W(a_k[I / Registers * a.row_stride]), b_row[I % Registers], sums[I])), ...);
             ((b_row[I] = b_next[I]), ...);
         }
         const std::size_t first = row * c.stride + column;
-        const auto store = [&](Packet sum, std::size_t offset) {
-            internal::pstoreu(c.data + offset, epilogue(sum, c.data + offset, offset));
+        const auto store = [&](W sum, std::size_t offset) {
+            epilogue(sum, c.data + offset, offset).store(c.data + offset);
         };
         (store(sums[I], first + I / Registers * c.stride + I % Registers * width), ...);
     }

@@ -12,7 +12,6 @@
 #include <gsh/field/features.hpp>
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/field/hash_level.hpp>
-#include <gsh/math/linalg.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -93,35 +92,52 @@ void for_hash_blocks(const Grid& grid, std::size_t l, const Query& query, std::s
     }
 }
 
+/// The features of an entry. Loops over them become one operation on a register for the usual four.
+template <class T, std::size_t Features>
+struct HashRow {
+    std::array<T, Features> numbers{};
+
+    [[nodiscard]] static HashRow load(const T* from) {
+        HashRow row;
+        std::copy_n(from, Features, row.numbers.begin());
+        return row;
+    }
+    void store(T* to) const { std::copy(numbers.begin(), numbers.end(), to); }
+    /// *this + factor · row, without a fused multiply-add: the sum is the same on every machine.
+    [[nodiscard]] HashRow plus(T factor, const HashRow& row) const {
+        HashRow sum;
+        for (std::size_t f = 0; f < Features; ++f) sum.numbers[f] = numbers[f] + factor * row.numbers[f];
+        return sum;
+    }
+};
+
 /// Features of points [begin, end) on level l. out is the address for point `begin`; consecutive points are `stride`
 /// numbers apart.
 template <class T, class Grid, class Query>
 void hash_encode(const Grid& grid, std::size_t l, const T* entries, const Query& query, std::size_t begin,
                  std::size_t end, T* out, std::size_t stride, Write mode) {
     constexpr std::size_t width = Grid::feature_count;
-    using Row = Eigen::Array<T, Grid::feature_count, 1>; // one register for the usual four features
+    using Row = HashRow<T, width>;
     const auto encode = [&](auto adds) {
         for_hash_blocks<T>(
             grid, l, query, begin, end,
             [&](const HashBlock<T>& block, std::size_t first, std::size_t count) {
                 for (std::size_t i = 0; i < count; ++i) {
                     block.template prefetch_ahead<width>(entries, i, count);
-                    Eigen::Map<Row> features(out + (first - begin + i) * stride);
-                    Row sum = Row::Zero();
+                    T* const features = out + (first - begin + i) * stride;
+                    Row sum;
                     if (block.counts(i))
                         for (int corner = 0; corner < 8; ++corner)
-                            sum += block.weight[corner][i] *
-                                   Eigen::Map<const Row>(entries + block.index[corner][i] * width);
-                    if constexpr (adds)
-                        features += sum;
-                    else
-                        features = sum;
+                            sum = sum.plus(block.weight[corner][i],
+                                           Row::load(entries + block.index[corner][i] * width));
+                    if constexpr (adds) sum = sum.plus(T(1), Row::load(features));
+                    sum.store(features);
                 }
             },
             [&](std::size_t first, std::size_t count) {
                 if constexpr (!adds)
                     for (std::size_t i = 0; i < count; ++i)
-                        Eigen::Map<Row>(out + (first - begin + i) * stride).setZero();
+                        Row().store(out + (first - begin + i) * stride);
             });
     };
     mode == Write::add ? encode(std::true_type()) : encode(std::false_type());
@@ -133,16 +149,18 @@ template <class T, class Grid, class Query>
 void hash_scatter(const Grid& grid, std::size_t l, T* dL_dentries, const Query& query, std::size_t begin,
                   std::size_t end, const T* in, std::size_t stride) {
     constexpr std::size_t width = Grid::feature_count;
-    using Row = Eigen::Array<T, Grid::feature_count, 1>;
+    using Row = HashRow<T, width>;
     for_hash_blocks<T>(
         grid, l, query, begin, end,
         [&](const HashBlock<T>& block, std::size_t first, std::size_t count) {
             for (std::size_t i = 0; i < count; ++i) {
                 block.template prefetch_ahead<width>(dL_dentries, i, count);
                 if (!block.counts(i)) continue;
-                const Row gradient = Eigen::Map<const Row>(in + (first - begin + i) * stride);
-                for (int corner = 0; corner < 8; ++corner)
-                    Eigen::Map<Row>(dL_dentries + block.index[corner][i] * width) += block.weight[corner][i] * gradient;
+                const Row gradient = Row::load(in + (first - begin + i) * stride);
+                for (int corner = 0; corner < 8; ++corner) {
+                    T* const to = dL_dentries + block.index[corner][i] * width;
+                    Row::load(to).plus(block.weight[corner][i], gradient).store(to);
+                }
             }
         },
         [](std::size_t, std::size_t) {});
