@@ -22,6 +22,10 @@ TEST_CASE_TEMPLATE("numbers of registers change places", S, float, double, std::
         CHECK(back.first[i] == a[i]);
         CHECK(back.second[i] == b[i]);
     }
+}
+
+TEST_CASE_TEMPLATE("rows become columns", S, float, std::uint32_t) {
+    constexpr std::size_t n = Wide<S>::width;
     Wide<S> rows[n];
     for (std::size_t i = 0; i < n; ++i)
         for (std::size_t j = 0; j < n; ++j) rows[i].set(j, static_cast<S>(i * n + j));

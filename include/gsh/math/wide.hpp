@@ -217,7 +217,7 @@ template <std::floating_point S>
 /// a b + c, rounded once where the machine has an instruction for it.
 template <std::floating_point S>
 [[nodiscard]] GSH_INLINE Wide<S> multiply_add(Wide<S> a, Wide<S> b, Wide<S> c) {
-    using Vector = typename Wide<S>::Vector;
+    using Vector [[maybe_unused]] = typename Wide<S>::Vector;
 #if defined(__AVX512F__)
     if constexpr (sizeof(S) == 4) return Wide<S>(Vector(_mm512_fmadd_ps(a.v, b.v, c.v)));
     else return Wide<S>(Vector(_mm512_fmadd_pd(a.v, b.v, c.v)));

@@ -14,35 +14,56 @@ struct WidePair {
     Wide<S> first, second;
 };
 
+/// Number e of the result is number Source(e) of a's numbers followed by b's.
+template <auto Source, class S>
+[[nodiscard]] GSH_INLINE Wide<S> shuffle(Wide<S> a, Wide<S> b) {
+    return [&]<int... E>(std::integer_sequence<int, E...>) {
+        return Wide<S>(__builtin_shufflevector(a.v, b.v, Source(E)...));
+    }(std::make_integer_sequence<int, int(Wide<S>::width)>());
+}
+
 /// a0 b0 a1 b1 … in two registers.
 template <class S>
 [[nodiscard]] GSH_INLINE WidePair<S> zip(Wide<S> a, Wide<S> b) {
     constexpr int n = Wide<S>::width;
-    return [&]<int... I>(std::integer_sequence<int, I...>) -> WidePair<S> {
-        return {Wide<S>(__builtin_shufflevector(a.v, b.v, (I / 2 + I % 2 * n)...)),
-                Wide<S>(__builtin_shufflevector(a.v, b.v, ((n + I) / 2 + I % 2 * n)...))};
-    }(std::make_integer_sequence<int, n>());
+    return {shuffle<[](int e) { return e / 2 + e % 2 * n; }>(a, b),
+            shuffle<[](int e) { return (n + e) / 2 + e % 2 * n; }>(a, b)};
 }
 /// The inverse of zip: of the numbers of a, then those of b, every second one from the first on, and the others.
 template <class S>
 [[nodiscard]] GSH_INLINE WidePair<S> unzip(Wide<S> a, Wide<S> b) {
-    return [&]<int... I>(std::integer_sequence<int, I...>) -> WidePair<S> {
-        return {Wide<S>(__builtin_shufflevector(a.v, b.v, (2 * I)...)),
-                Wide<S>(__builtin_shufflevector(a.v, b.v, (2 * I + 1)...))};
-    }(std::make_integer_sequence<int, int(Wide<S>::width)>());
+    return {shuffle<[](int e) { return 2 * e; }>(a, b), shuffle<[](int e) { return 2 * e + 1; }>(a, b)};
 }
 
 /// Number i of register j becomes number j of register i.
+///
+/// Machines shuffle fastest within blocks of 16 bytes. So the numbers of four registers change places within each block
+/// first, and then whole blocks.
 template <class S>
+    requires(sizeof(S) == 4)
 GSH_INLINE void transpose(Wide<S> (&rows)[Wide<S>::width]) {
-    constexpr std::size_t n = Wide<S>::width;
-    for (std::size_t done = 1; done < n; done *= 2) { // each round moves one bit of the index from column to row
+    constexpr int n = Wide<S>::width, blocks = n / 4;
+    constexpr auto low = [](int e) { return e / 4 * 4 + e % 4 / 2 + e % 2 * n; };
+    constexpr auto high = [](int e) { return e / 4 * 4 + 2 + e % 4 / 2 + e % 2 * n; };
+    constexpr auto first_pairs = [](int e) { return e / 4 * 4 + e % 2 + e % 4 / 2 * n; };
+    constexpr auto second_pairs = [](int e) { return e / 4 * 4 + 2 + e % 2 + e % 4 / 2 * n; };
+    for (int r = 0; r < n; r += 4) {
+        const Wide<S> a = shuffle<low>(rows[r], rows[r + 1]), b = shuffle<high>(rows[r], rows[r + 1]),
+                      c = shuffle<low>(rows[r + 2], rows[r + 3]), d = shuffle<high>(rows[r + 2], rows[r + 3]);
+        rows[r] = shuffle<first_pairs>(a, c), rows[r + 1] = shuffle<second_pairs>(a, c);
+        rows[r + 2] = shuffle<first_pairs>(b, d), rows[r + 3] = shuffle<second_pairs>(b, d);
+    }
+    constexpr auto even_blocks = [](int e) { return e / 4 * 8 + e % 4; };
+    constexpr auto odd_blocks = [](int e) { return e / 4 * 8 + 4 + e % 4; };
+    for (int done = 1; done < blocks; done *= 2) {
         Wide<S> next[n];
-        for (std::size_t i = 0; i < n / 2; ++i) {
-            const WidePair<S> both = zip(rows[i], rows[i + n / 2]);
-            next[2 * i] = both.first, next[2 * i + 1] = both.second;
-        }
-        for (std::size_t i = 0; i < n; ++i) rows[i] = next[i];
+        for (int g = 0; g < blocks / 2; ++g)
+            for (int k = 0; k < 4; ++k) {
+                const Wide<S> a = rows[8 * g + k], b = rows[8 * g + 4 + k];
+                next[4 * g + k] = shuffle<even_blocks>(a, b);
+                next[4 * (blocks / 2 + g) + k] = shuffle<odd_blocks>(a, b);
+            }
+        for (int r = 0; r < n; ++r) rows[r] = next[r];
     }
 }
 
