@@ -46,6 +46,15 @@ struct ProductSize {
     }();
     return permitted;
 }
+
+/// Eight tiles of 16 rows of 64 bytes. A constant, since GCC's intrinsic tells the compiler of the first eight bytes that
+/// it reads only: stores to the others could be left out.
+struct alignas(64) TileShapes {
+    std::uint8_t palette = 1, start = 0, reserved[14] = {};
+    std::uint16_t bytes_per_row[16] = {64, 64, 64, 64, 64, 64, 64, 64};
+    std::uint8_t rows[16] = {16, 16, 16, 16, 16, 16, 16, 16};
+};
+inline constexpr TileShapes tile_shapes;
 #endif
 
 /// Products in one thread; holds the shapes of AMX's tiles while it lives.
@@ -53,14 +62,7 @@ class ProductBf16 {
 public:
 #if defined(GSH_AMX)
     ProductBf16() : amx_(amx_is_permitted()) {
-        if (!amx_) return;
-        struct alignas(64) {
-            std::uint8_t palette = 1, start = 0, reserved[14] = {};
-            std::uint16_t bytes_per_row[16] = {};
-            std::uint8_t rows[16] = {};
-        } shapes;
-        for (int tile = 0; tile < 8; ++tile) shapes.bytes_per_row[tile] = 64, shapes.rows[tile] = 16;
-        _tile_loadconfig(&shapes);
+        if (amx_) _tile_loadconfig(&tile_shapes);
     }
     ~ProductBf16() {
         if (amx_) _tile_release();
