@@ -135,6 +135,9 @@ TEST_CASE("one piece of a motion that turns the whole body has the shapes and co
         const mat3<float> F = covariance_factor(cloud.quats[i], cloud.log_scales[i]);
         return F * transpose(F);
     };
+    AvatarData dark = s.avatar;
+    dark.mean_irradiance.clear();
+    const GaussianCloud<float> canonical = shaded_cloud(dark);
     for (const std::size_t t : frames) {
         GaussianCloud<float> moved = pieces.cloud;
         move_cloud(moved, pieces.poses[t][0]);
@@ -147,6 +150,12 @@ TEST_CASE("one piece of a motion that turns the whole body has the shapes and co
             for (std::size_t k = 0; k < 4; ++k)
                 colour = std::max<double>(colour, length(moved.sh[4 * i + k] - truth.sh[4 * i + k]));
         }
+        // From R d the body looks as the canonical one does from d.
+        const mat3<float> R(rotation_from_axis_angle(turns[t]));
+        const vec3<float> dir = normalize(vec3<float>(0.3f, -0.5f, 0.8f));
+        for (std::size_t i = 0; i < s.size(); ++i)
+            CHECK(length(SHEval<1>::forward(&moved.sh[4 * i], R * dir) -
+                         SHEval<1>::forward(&canonical.sh[4 * i], dir)) < 1e-5f);
         CHECK(mean < 1e-5);
         CHECK(shape < 1e-6); // of up to e^-6 = 0.0025
         CHECK(colour < 1e-5);

@@ -72,20 +72,24 @@ inline void light_cloud(GaussianCloud<float>& cloud, ColorClamp clamping, Span<c
     }
 }
 
+/// Merges an ambient occlusion for each Gaussian: ao (Y sh + 1/2) = Y (ao sh) + 1/2 + (ao - 1)/2.
+inline void darken_cloud(GaussianCloud<float>& cloud, Span<const float> ao) {
+    const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+        for (std::size_t k = 0; k < basis; ++k) cloud.sh[i * basis + k] *= ao[i];
+        cloud.sh[i * basis] += sh_of_color(vec3<float>(0.5f * ao[i]));
+    }
+}
+
 } // namespace detail
 
 /// The canonical Gaussians with `ao` and the mean light of training merged into their colours, for file formats without
-/// them. For ao exact where a colour lies within [0, 1]: ao (Y sh + 1/2) = Y (ao sh) + 1/2 + (ao - 1)/2. For light, the
-/// constant colour is exact, and bands that depend on the view are scaled by the slope of lit over base colour there.
-/// There is no gloss.
+/// them. For ao exact where a colour lies within [0, 1]. For light, the constant colour is exact, and bands that depend
+/// on the view are scaled by the slope of lit over base colour there. There is no gloss.
 /// Errors  ShapeError for an irradiance that is not one per Gaussian.
 [[nodiscard]] inline GaussianCloud<float> shaded_cloud(const AvatarData& avatar) {
     GaussianCloud<float> cloud = avatar.gaussians;
-    const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
-    for (std::size_t i = 0; i < cloud.size() && !avatar.ao.empty(); ++i) {
-        for (std::size_t k = 0; k < basis; ++k) cloud.sh[i * basis + k] *= avatar.ao[i];
-        cloud.sh[i * basis] += sh_of_color(vec3<float>(0.5f * avatar.ao[i]));
-    }
+    if (!avatar.ao.empty()) detail::darken_cloud(cloud, avatar.ao);
     if (!avatar.mean_irradiance.empty()) {
         check_size("shaded_cloud", "mean_irradiance", avatar.mean_irradiance.size(), cloud.size(), "one per Gaussian");
         detail::light_cloud(cloud, avatar.clamping, avatar.mean_irradiance);

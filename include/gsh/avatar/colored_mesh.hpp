@@ -104,6 +104,98 @@ inline void smooth(std::vector<vec3<double>>& values, Span<const std::array<int,
     }
 }
 
+/// A body's mesh, divided. Rows: position at the shape `rest`, position at `shape`, weights, expressions.
+inline DivisibleMesh divided_body(const BodyModel& body, const std::vector<vec3<double>>& rest,
+                                  const std::vector<vec3<double>>& shape, std::size_t gaussians, int most_levels) {
+    const std::size_t V = body.vertex_count(), J = body.joint_count(),
+                      E = static_cast<std::size_t>(body.expression_count), width = 6 + J + 3 * E;
+    std::vector<double> rows;
+    rows.reserve(V * width);
+    for (std::size_t v = 0; v < V; ++v) {
+        for (const auto& p : {rest[v], shape[v]}) rows.insert(rows.end(), {p.x, p.y, p.z});
+        rows.insert(rows.end(), body.weights.begin() + static_cast<std::ptrdiff_t>(v * J),
+                    body.weights.begin() + static_cast<std::ptrdiff_t>((v + 1) * J));
+        for (std::size_t e = 0; e < E; ++e) {
+            const vec3<double>& d = body.exprdirs[v * E + e];
+            rows.insert(rows.end(), {d.x, d.y, d.z});
+        }
+    }
+    DivisibleMesh mesh(body.faces, std::move(rows), width);
+    for (int level = 0; level < most_levels && 2 * mesh.size() < gaussians; ++level) mesh.divide();
+    return mesh;
+}
+
+/// What the vertices of a mesh take from the Gaussians around them.
+struct VertexShares {
+    std::vector<vec3<double>> offsets{};                                  // [V] mean of the Gaussians' offsets
+    std::vector<std::vector<std::pair<double, std::size_t>>> gaussians{}; // [V] weights and Gaussians
+};
+
+/// `rest` is the mesh of the body at the avatar's shape, to which the Gaussians are attached.
+inline VertexShares vertex_shares(const DivisibleMesh& mesh, const RigData& rig, const GaussianCloud<float>& cloud,
+                                  const std::vector<vec3<double>>& rest, const ColoredMeshParams& params) {
+    std::vector<vec3<double>> attached(cloud.size(), vec3<double>(0));
+    for (std::size_t i = 0; i < cloud.size(); ++i)
+        for (std::size_t k = 0; k < 3; ++k)
+            attached[i] +=
+                rest[static_cast<std::size_t>(rig.triangles[i][k])] * rig.barycentric[i][static_cast<int>(k)];
+    const NearestPoints grid{Span<const vec3<double>>(attached)};
+    VertexShares shares;
+    for (std::size_t v = 0; v < mesh.size(); ++v) {
+        auto near = grid.nearest(mesh.position(v), params.near);
+        const double reach = std::max(near[near.size() / 2].first, 1e-12); // half of them lie within
+        double total = 1e-9;
+        vec3<double> offset(0);
+        auto& own = shares.gaussians.emplace_back();
+        for (const auto& [squared, i] : near) {
+            const double weight = std::exp(-squared / reach) * sigmoid(double(cloud.opacity_logits[i]));
+            own.push_back({weight, i});
+            offset += (vec3<double>(cloud.means[i]) - attached[i]) * weight;
+            total += weight;
+        }
+        offset = offset * (1 / total);
+        if (const double size = length(offset); size > params.most_offset) offset *= params.most_offset / size;
+        shares.offsets.push_back(offset);
+    }
+    smooth(shares.offsets, mesh.faces(), params.smoothing);
+    return shares;
+}
+
+/// Adds the four largest of a vertex's weights [J] to a mesh, made to sum to 1.
+inline void add_influences(ColoredMesh& mesh, Span<const double> all) {
+    std::vector<std::pair<double, std::uint16_t>> influences;
+    for (std::size_t j = 0; j < all.size(); ++j)
+        if (all[j] > 0) influences.push_back({all[j], static_cast<std::uint16_t>(j)});
+    std::sort(influences.begin(), influences.end(), std::greater<>());
+    influences.resize(4);
+    double total = 0;
+    for (const auto& [weight, joint] : influences) total += weight;
+    auto& joints = mesh.joints.emplace_back();
+    auto& weights = mesh.weights.emplace_back();
+    for (std::size_t k = 0; k < 4; ++k)
+        joints[k] = influences[k].second, weights[k] = static_cast<float>(influences[k].first / total);
+}
+
+/// The colours of Gaussians as seen from outside, along a vertex's normal `outward`: the mean by their shares.
+inline std::vector<vec3<float>> vertex_colors(const GaussianCloud<float>& cloud, const VertexShares& shares,
+                                              const std::vector<vec3<double>>& outward) {
+    std::vector<vec3<float>> colors;
+    with_sh_degree(cloud.sh_degree, [&](auto degree) {
+        constexpr std::size_t basis = sh_basis_count(decltype(degree)::value);
+        for (std::size_t v = 0; v < outward.size(); ++v) {
+            vec3<double> sum(0);
+            double total = 1e-9;
+            for (const auto& [weight, i] : shares.gaussians[v]) {
+                const vec3<float> color =
+                    unclamped_color<decltype(degree)::value>(&cloud.sh[i * basis], -vec3<float>(outward[v]));
+                sum += vec3<double>(glm::clamp(color, 0.0f, 1.0f)) * weight, total += weight;
+            }
+            colors.push_back(vec3<float>(sum * (1 / total)));
+        }
+    });
+    return colors;
+}
+
 } // namespace detail
 
 /// Makes the mesh of an avatar for a shape `betas` (of the avatar itself if empty).
@@ -120,94 +212,28 @@ inline void smooth(std::vector<vec3<double>>& values, Span<const std::array<int,
     const BodyModel& body = avatar.rig.body;
     check_value(!body.faces.empty(), "colored_mesh", "the body has no triangles");
     check_value(avatar.gaussians.size() > 0, "colored_mesh", "the avatar has no Gaussians");
-    const std::size_t V = body.vertex_count(), J = body.joint_count(),
-                      E = static_cast<std::size_t>(body.expression_count);
+    const std::size_t J = body.joint_count(), E = static_cast<std::size_t>(body.expression_count);
     const std::vector<vec3<double>> rest = shaped_vertices(body, avatar.rig.betas),
                                     shape = betas.empty() ? rest : shaped_vertices(body, betas);
-
-    // Rows: position at the avatar's shape, position at the wanted shape, weights, expressions.
-    const std::size_t width = 6 + J + 3 * E;
-    std::vector<double> rows;
-    rows.reserve(V * width);
-    for (std::size_t v = 0; v < V; ++v) {
-        for (const auto& p : {rest[v], shape[v]}) rows.insert(rows.end(), {p.x, p.y, p.z});
-        rows.insert(rows.end(), body.weights.begin() + static_cast<std::ptrdiff_t>(v * J),
-                    body.weights.begin() + static_cast<std::ptrdiff_t>((v + 1) * J));
-        for (std::size_t e = 0; e < E; ++e) {
-            const vec3<double>& d = body.exprdirs[v * E + e];
-            rows.insert(rows.end(), {d.x, d.y, d.z});
-        }
-    }
-    detail::DivisibleMesh mesh(body.faces, std::move(rows), width);
-    for (int level = 0; level < params.most_levels && 2 * mesh.size() < avatar.gaussians.size(); ++level) mesh.divide();
-
-    // Where the Gaussians are attached, and how far from there they are.
+    const auto mesh = detail::divided_body(body, rest, shape, avatar.gaussians.size(), params.most_levels);
     const GaussianCloud<float> cloud = shaded_cloud(avatar);
-    std::vector<vec3<double>> attached(cloud.size());
-    for (std::size_t i = 0; i < cloud.size(); ++i) {
-        attached[i] = vec3<double>(0);
-        for (std::size_t k = 0; k < 3; ++k)
-            attached[i] += rest[static_cast<std::size_t>(avatar.rig.triangles[i][k])] *
-                           avatar.rig.barycentric[i][static_cast<int>(k)];
-    }
-    const NearestPoints grid{Span<const vec3<double>>(attached)};
-    std::vector<vec3<double>> offsets(mesh.size()), places(mesh.size());
-    std::vector<std::vector<std::pair<double, std::size_t>>> shares(mesh.size()); // weight and Gaussian
-    for (std::size_t v = 0; v < mesh.size(); ++v) {
-        places[v] = mesh.position(v);
-        auto near = grid.nearest(places[v], params.near);
-        const double reach = std::max(near[near.size() / 2].first, 1e-12); // half of them lie within
-        double total = 1e-9;
-        vec3<double> offset(0);
-        for (const auto& [squared, i] : near) {
-            const double weight = std::exp(-squared / reach) * sigmoid(double(cloud.opacity_logits[i]));
-            shares[v].push_back({weight, i});
-            offset += (vec3<double>(cloud.means[i]) - attached[i]) * weight;
-            total += weight;
-        }
-        offsets[v] = offset * (1 / total);
-        if (const double size = length(offsets[v]); size > params.most_offset) offsets[v] *= params.most_offset / size;
-    }
-    detail::smooth(offsets, mesh.faces(), params.smoothing);
+    const auto shares = detail::vertex_shares(mesh, avatar.rig, cloud, rest, params);
 
     ColoredMesh result;
     result.faces = mesh.faces();
     result.expressions.resize(E);
+    std::vector<vec3<double>> places; // of the vertices, in the frame of the Gaussians: that of the avatar's own shape
     for (std::size_t v = 0; v < mesh.size(); ++v) {
         const Span<const double> row = mesh.row(v);
-        result.vertices.push_back(vec3<double>(row[3], row[4], row[5]) + offsets[v]);
-        places[v] += offsets[v];
-        std::vector<std::pair<double, std::uint16_t>> influences;
-        for (std::size_t j = 0; j < J; ++j)
-            if (row[6 + j] > 0) influences.push_back({row[6 + j], static_cast<std::uint16_t>(j)});
-        std::sort(influences.begin(), influences.end(), std::greater<>());
-        influences.resize(4);
-        double total = 0;
-        for (const auto& [weight, joint] : influences) total += weight;
-        auto& joints = result.joints.emplace_back();
-        auto& weights = result.weights.emplace_back();
-        for (std::size_t k = 0; k < 4; ++k)
-            joints[k] = influences[k].second, weights[k] = static_cast<float>(influences[k].first / total);
+        result.vertices.push_back(vec3<double>(row[3], row[4], row[5]) + shares.offsets[v]);
+        places.push_back(mesh.position(v) + shares.offsets[v]);
+        detail::add_influences(result, row.subspan(6, J));
         for (std::size_t e = 0; e < E; ++e)
             result.expressions[e].push_back(
                 vec3<float>(vec3<double>(row[6 + J + 3 * e], row[7 + J + 3 * e], row[8 + J + 3 * e])));
     }
     result.normals = vertex_normals(result.vertices, result.faces);
-    // Colours as seen from outside, in the frame of the Gaussians, which is that of the avatar's own shape.
-    const std::vector<vec3<double>> outward = vertex_normals(places, result.faces);
-    with_sh_degree(cloud.sh_degree, [&](auto degree) {
-        constexpr std::size_t basis = sh_basis_count(decltype(degree)::value);
-        for (std::size_t v = 0; v < mesh.size(); ++v) {
-            vec3<double> sum(0);
-            double total = 1e-9;
-            for (const auto& [weight, i] : shares[v]) {
-                const vec3<float> color =
-                    detail::unclamped_color<decltype(degree)::value>(&cloud.sh[i * basis], -vec3<float>(outward[v]));
-                sum += vec3<double>(glm::clamp(color, 0.0f, 1.0f)) * weight, total += weight;
-            }
-            result.colors.push_back(vec3<float>(sum * (1 / total)));
-        }
-    });
+    result.colors = detail::vertex_colors(cloud, shares, vertex_normals(places, result.faces));
     const auto was = regress_joints(body, rest), is = regress_joints(body, shape);
     for (std::size_t j = 0; j < J; ++j) result.rest_joints.push_back(avatar.rig.joints[j] + is[j] - was[j]);
     return result;

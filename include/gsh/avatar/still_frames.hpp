@@ -18,11 +18,8 @@
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <limits>
-#include <type_traits>
-#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -53,6 +50,7 @@ template <Backend B>
     requires CpuBackend<B>
 class StillFrames {
 public:
+    /// `data` must outlive this object.
     StillFrames(B& backend, const AvatarData& data, const StillFrameParams& params = {})
         : backend_(&backend), data_(&data), params_(params), avatar_(backend, data),
           degree_(std::min(params.sh_degree, data.gaussians.sh_degree)) {
@@ -71,12 +69,10 @@ public:
         see({0, 0, 0});
         GaussianCloud<float> cloud(size(), degree_);
         detail::with_deformation(data_->deformation, [&](auto policy) { shape<decltype(policy)>(cloud); });
-        with_sh_degree(degree_, [&](auto degree) {
-            if (data_->light)
-                fit_colors<decltype(degree)::value>(cloud);
-            else if (!ao().empty())
-                darken<decltype(degree)::value>(cloud);
-        });
+        if (data_->light)
+            with_sh_degree(degree_, [&](auto degree) { fit_colors<decltype(degree)::value>(cloud); });
+        else if (!ao().empty())
+            detail::darken_cloud(cloud, ao());
         return cloud;
     }
 
@@ -121,17 +117,6 @@ private:
                 });
             }
         });
-    }
-
-    /// ao (Y sh + 1/2) = Y (ao sh) + 1/2 + (ao - 1)/2.
-    template <int Degree>
-    void darken(GaussianCloud<float>& cloud) const {
-        constexpr std::size_t basis = sh_basis_count(Degree);
-        const Span<const float> factors = ao();
-        for (std::size_t i = 0; i < cloud.size(); ++i) {
-            for (std::size_t k = 0; k < basis; ++k) cloud.sh[i * basis + k] *= factors[i];
-            cloud.sh[i * basis] += sh_of_color(vec3<float>(0.5f * factors[i]));
-        }
     }
 
     /// Colours of this pose as seen from all around.

@@ -10,12 +10,10 @@
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
-#include <cmath>
 #include <cstddef>
 #include <set>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 namespace gsh {

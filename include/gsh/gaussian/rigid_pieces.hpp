@@ -14,7 +14,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -134,14 +133,18 @@ private:
     std::vector<Near> near_;
 };
 
-/// Numbers the pieces that have points, without gaps.
-inline void drop_empty_pieces(RigidPieces& pieces) {
-    std::vector<std::uint32_t> number(pieces.count, 0);
-    for (const std::uint32_t piece : pieces.piece) number[piece] = 1;
+inline constexpr std::uint32_t no_piece = std::numeric_limits<std::uint32_t>::max();
+
+/// Numbers the pieces that have points, without gaps. Returns the new numbers [K]; no_piece for pieces without points.
+inline std::vector<std::uint32_t> drop_empty_pieces(RigidPieces& pieces) {
+    std::vector<std::uint32_t> number(pieces.count, no_piece);
+    for (const std::uint32_t piece : pieces.piece) number[piece] = 0;
     std::uint32_t next = 0;
-    for (std::uint32_t& n : number) n = n ? next++ : 0;
+    for (std::uint32_t& n : number)
+        if (n != no_piece) n = next++;
     for (std::uint32_t& piece : pieces.piece) piece = number[piece];
     pieces.count = next;
+    return number;
 }
 
 } // namespace detail
@@ -173,18 +176,14 @@ template <HostExecutor E>
     for (int exchange = 0; exchange < params.exchanges; ++exchange) {
         // A piece that lost all of its points keeps its number until the end; nothing is near to its motion.
         RigidPieces filled = pieces;
-        std::vector<bool> used(pieces.count, false);
-        for (const std::uint32_t piece : pieces.piece) used[piece] = true;
-        std::vector<std::uint32_t> number(pieces.count, 0);
-        for (std::uint32_t k = 0, next = 0; k < pieces.count; ++k) number[k] = used[k] ? next++ : 0;
-        detail::drop_empty_pieces(filled);
+        const std::vector<std::uint32_t> number = detail::drop_empty_pieces(filled);
         std::vector<std::vector<Affine<double>>> motions;
         for (const auto& frame : frames) motions.push_back(piece_motions(filled, frames[0], frame));
         executor.for_chunks(N, 512, [&](std::size_t, std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i) {
                 double least = std::numeric_limits<double>::infinity();
                 for (const std::uint32_t k : clusters.near()[i]) {
-                    if (!used[k]) continue;
+                    if (number[k] == detail::no_piece) continue;
                     double error = 0;
                     for (std::size_t t = 0; t < frames.size(); ++t) {
                         const vec3<double> difference =

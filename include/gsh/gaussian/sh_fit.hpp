@@ -9,7 +9,6 @@
 
 #include <array>
 #include <cmath>
-#include <cstddef>
 
 namespace gsh {
 
@@ -21,7 +20,7 @@ namespace gsh {
 ///
 /// Shapes  prior, result [basis_count] RGB.
 /// Frame   d_i are unit vectors from the camera's centre to the Gaussian, in the frame of the coefficients.
-/// Errors  none; without colours, or with weights of zero, the result is the prior.
+/// Errors  none; without colours, with weights of zero or a ridge that is not above 0, the result is the prior.
 template <int Degree>
 class ShFit {
 public:

@@ -69,7 +69,7 @@ template <std::floating_point T>
     }
     if (known_count == 2) axes.R[unknown[0]] = cross(axes.R[known[0]], axes.R[known[1]]);
     if (determinant(axes.R) < 0) {
-        int shortest = 0; // its sign matters least to whoever compares frames
+        int shortest = 0; // between frames, a change of its sign matters least
         for (int k = 1; k < 3; ++k)
             if (axes.lengths[k] < axes.lengths[shortest]) shortest = k;
         axes.R[shortest] = -axes.R[shortest];

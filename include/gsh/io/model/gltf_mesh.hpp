@@ -54,7 +54,7 @@ inline int add_displacements(GlbWriter& file, const std::vector<vec3<float>>& di
 
 /// The vertices, triangles, expressions and the material of a mesh as mesh 0.
 inline void add_gltf_mesh(GlbWriter& file, const ColoredMesh& mesh) {
-    using Json = nlohmann::ordered_json;
+    using OrderedJson = nlohmann::ordered_json;
     std::vector<float> positions, normals, colors, weights;
     std::vector<std::uint16_t> joints;
     std::vector<std::uint32_t> indices;
@@ -71,34 +71,34 @@ inline void add_gltf_mesh(GlbWriter& file, const ColoredMesh& mesh) {
     for (const auto& face : mesh.faces)
         for (const int v : face) indices.push_back(static_cast<std::uint32_t>(v));
     constexpr int vertices = 34962, elements = 34963;
-    Json primitive{{"attributes",
-                    {{"POSITION", file.add(positions, {.width = 3, .bounds = true, .target = vertices})},
-                     {"NORMAL", file.add(normals, {.width = 3, .target = vertices})},
-                     {"COLOR_0", file.add(colors, {.width = 3, .target = vertices})},
-                     {"JOINTS_0", file.add(joints, {.width = 4, .target = vertices})},
-                     {"WEIGHTS_0", file.add(weights, {.width = 4, .target = vertices})}}},
-                   {"indices", file.add(indices, {.target = elements})},
-                   {"material", 0}};
+    OrderedJson attributes{{"POSITION", file.add(positions, {.width = 3, .bounds = true, .target = vertices})},
+                           {"NORMAL", file.add(normals, {.width = 3, .target = vertices})},
+                           {"COLOR_0", file.add(colors, {.width = 3, .target = vertices})},
+                           {"JOINTS_0", file.add(joints, {.width = 4, .target = vertices})},
+                           {"WEIGHTS_0", file.add(weights, {.width = 4, .target = vertices})}};
+    OrderedJson primitive{{"attributes", std::move(attributes)},
+                          {"indices", file.add(indices, {.target = elements})},
+                          {"material", 0}};
     const std::size_t E = mesh.expressions.size();
-    Json names = Json::array();
+    OrderedJson names = OrderedJson::array();
     for (std::size_t e = 0; e < E; ++e) {
         primitive["targets"].push_back({{"POSITION", add_displacements(file, mesh.expressions[e])}});
         names.push_back("expression_" + std::to_string(e));
     }
-    file.json["materials"] = Json::array();
+    file.json["materials"] = OrderedJson::array();
     file.json["materials"].push_back({{"name", "avatar"},
                                       {"pbrMetallicRoughness", {{"metallicFactor", 0.0}, {"roughnessFactor", 1.0}}},
-                                      {"extensions", {{"KHR_materials_unlit", Json::object()}}}});
-    Json body{{"name", "body"}, {"primitives", Json::array({primitive})}};
+                                      {"extensions", {{"KHR_materials_unlit", OrderedJson::object()}}}});
+    OrderedJson body{{"name", "body"}, {"primitives", OrderedJson::array({primitive})}};
     if (E) body["weights"] = std::vector<float>(E, 0.0f), body["extras"] = {{"targetNames", names}};
-    file.json["meshes"] = Json::array({body});
+    file.json["meshes"] = OrderedJson::array({body});
 }
 
 /// Node j is joint j; the last node holds the mesh. It is beside the bones, whose transforms do not apply to it.
 inline void add_gltf_skin(GlbWriter& file, const BodyModel& model, const std::vector<vec3<double>>& rest_joints) {
-    using Json = nlohmann::ordered_json;
+    using OrderedJson = nlohmann::ordered_json;
     const std::size_t J = rest_joints.size();
-    Json nodes = Json::array(), skin_joints = Json::array();
+    OrderedJson nodes = OrderedJson::array(), skin_joints = OrderedJson::array();
     std::vector<float> inverse;
     for (std::size_t j = 0; j < J; ++j) {
         const int parent = model.parents[j];
@@ -114,9 +114,9 @@ inline void add_gltf_skin(GlbWriter& file, const BodyModel& model, const std::ve
     }
     nodes.push_back({{"name", "avatar"}, {"mesh", 0}, {"skin", 0}});
     file.json["nodes"] = std::move(nodes);
-    file.json["scenes"] = Json::array();
+    file.json["scenes"] = OrderedJson::array();
     file.json["scenes"].push_back({{"nodes", {0, J}}});
-    file.json["skins"] = Json::array();
+    file.json["skins"] = OrderedJson::array();
     file.json["skins"].push_back(
         {{"inverseBindMatrices", file.add(inverse, {.width = 16})}, {"joints", skin_joints}, {"skeleton", 0}});
 }

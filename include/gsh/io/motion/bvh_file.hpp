@@ -8,6 +8,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
+#include <gsh/io/motion/unit_guess.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -224,10 +225,7 @@ inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map
     const auto warn = [&](const std::string& text) {
         if (warnings) warnings->push_back(path.string() + ": " + text);
     };
-    if (unit.leg > 0)
-        warn("the unit is guessed: the legs are " + detail::number_text(unit.leg) + " long, so lengths are taken as " +
-             (unit.name.empty() ? "multiples of " + detail::number_text(unit.metres) + " m, which makes the legs 0.82 m"
-                                : std::string(unit.name)));
+    if (unit.leg > 0) warn(detail::unit_warning(unit));
     if (z_up) warn("the body stands along z, so the world is turned to y up");
     move_rig(rig,
              z_up ? mat3<double>(vec3<double>(1, 0, 0), vec3<double>(0, 0, -1), vec3<double>(0, 1, 0))

@@ -12,6 +12,7 @@
 #include <gsh/io/file/gltf_numbers.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/gltf_joints.hpp>
+#include <gsh/io/motion/unit_guess.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/polar.hpp>
 #include <gsh/math/rotation.hpp>
@@ -202,11 +203,7 @@ inline RigMotion load_gltf_motion(const std::filesystem::path& path, const Joint
     const LengthUnit unit = guess_length_unit(rig, map.match(rig, path.string()));
     if (unit.metres != 1) {
         move_rig(rig, mat3<double>(1.0), unit.metres);
-        if (warnings)
-            warnings->push_back(path.string() + ": the unit is guessed: the legs are " + detail::number_text(unit.leg) +
-                                " long, so lengths are taken as " +
-                                (unit.name.empty() ? "multiples of " + detail::number_text(unit.metres) + " m"
-                                                   : std::string(unit.name)));
+        if (warnings) warnings->push_back(path.string() + ": " + detail::unit_warning(unit));
     }
     return rig;
 }

@@ -11,7 +11,6 @@
 #include <gsh/io/motion/motion_table.hpp>
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>

@@ -17,7 +17,9 @@ struct MotionFileOptions {
         flat, ///< the file's numbers are the complete hand pose
     };
     Hands hands = Hands::automatic;
-    double fps = 0; ///< for files without timestamps and frame rate; 0: one frame per second
+    /// Frames a second of files without timestamps and frame rate. 0: one, but 30 for SAM 3D Body. BVH and glTF files
+    /// have their own times and ignore it.
+    double fps = 0;
 
     /// The up direction. Poses that belong to cameras must remain as stored. Motions from elsewhere often have z up
     /// (AMASS) or lie in a camera's frame, y down.

@@ -137,8 +137,8 @@ namespace detail {
     return notes;
 }
 
-/// Throws IoError unless a primitive's Gaussians are of the kind that is read: not compressed, ellipses, with colours in
-/// sRGB. `where` begins messages.
+/// Throws IoError unless a primitive's Gaussians are of the kind that is read: not compressed, ellipses, with colours
+/// in sRGB. `where` begins messages.
 inline void check_gltf_gaussians(const GltfFile& file, const tinygltf::Value& extension, const std::string& where) {
     if (extension.Has("extensions"))
         file.fail(where + " holds compressed Gaussians, which this version does not read");

@@ -46,9 +46,9 @@ inline void write_gltf_splats(const std::filesystem::path& path, const GaussianC
 /// Reads all Gaussians that the scene of a glTF file shows, in the world, in the order of its nodes. Other meshes are
 /// left out. With a time in seconds, nodes are where the first animation has them.
 ///
-/// Errors  IoError for a file that is damaged or shows no Gaussians, or more than 2 GiB of them, for Gaussians in a
-///         compression that is another extension, and for nodes that mirror them; ValueError for values that no Gaussian
-///         has.
+/// Errors  IoError for a file that is damaged or shows no Gaussians, or more than 2 GiB of them (512 MiB in a small file
+///         whose nodes share meshes), for Gaussians in a compression that is another extension, and for nodes that
+///         mirror them; ValueError for values that no Gaussian has.
 [[nodiscard]] inline StillSplats read_gltf_splats(const std::filesystem::path& path, std::optional<double> time = {});
 
 // -------------------------------------------------------------------------------------------------------------
@@ -59,7 +59,7 @@ namespace detail {
 class GltfShownSplats {
 public:
     GltfShownSplats(const GltfFile& file, const GltfNodes& nodes, std::optional<double> time)
-        : file_(file), nodes_(nodes), numbers_(file, most_numbers) {
+        : file_(file), nodes_(nodes), numbers_(file, most_numbers(file)) {
         const tinygltf::Model& model = file_.model();
         GltfNodes::Channels channels;
         if (time && !model.animations.empty()) channels = nodes_.channels(model.animations[0], numbers_, "animation 0");
@@ -76,8 +76,9 @@ public:
             count += piece.cloud->size(), degree = std::max(degree, piece.cloud->sh_degree);
         if (count == 0) file_.fail("shows no Gaussians (KHR_gaussian_splatting)");
         const auto basis = static_cast<std::size_t>(sh_basis_count(degree));
-        if (count > most_numbers / (11 + 3 * basis))
-            file_.fail("shows " + std::to_string(count) + " Gaussians, more than are read; its nodes share meshes");
+        if (const std::size_t most = most_numbers(file_) / (11 + 3 * basis); count > most)
+            file_.fail("shows " + std::to_string(count) + " Gaussians, expected at most " + std::to_string(most) +
+                       " in a file of its size");
         GaussianCloud<float> all(0, degree);
         all.means.reserve(count), all.quats.reserve(count), all.log_scales.reserve(count);
         all.opacity_logits.reserve(count), all.sh.reserve(count * basis);
@@ -91,13 +92,19 @@ private:
         Affine<double> map;
         std::size_t node;
     };
-    static constexpr std::size_t most_numbers = std::size_t(1) << 29; ///< 2 GiB of floats
-
     const GltfFile& file_;
     const GltfNodes& nodes_;
     GltfNumbers numbers_;
     std::map<std::pair<int, std::size_t>, GaussianCloud<float>> clouds_; ///< by mesh and primitive
     std::vector<Piece> pieces_;
+
+    /// A file holds a number in a byte or more. Where nodes share meshes, or primitives accessors, a small file could
+    /// show any number of Gaussians: it may show 512 MiB, and a large one 2 GiB at most.
+    [[nodiscard]] static std::size_t most_numbers(const GltfFile& file) {
+        std::size_t bytes = 0;
+        for (const auto& buffer : file.model().buffers) bytes += buffer.data.size();
+        return std::clamp(bytes, std::size_t(1) << 27, std::size_t(1) << 29);
+    }
 
     void show(std::size_t node, int mesh, const Affine<double>& map) {
         const auto& meshes = file_.model().meshes;
@@ -119,7 +126,7 @@ private:
     [[nodiscard]] GaussianCloud<float> moved(const Piece& piece) const {
         const std::string where = "node " + std::to_string(piece.node);
         if (!(determinant(piece.map.linear) > 0))
-            file_.fail(where + " mirrors or flattens its Gaussians, or its scale is too large; expected scales above 0");
+            file_.fail(where + " mirrors or flattens its Gaussians, or is not finite; expected scales above 0");
         GaussianCloud<float> cloud = *piece.cloud;
         if (piece.map.linear == mat3<double>(1.0))
             for (vec3<float>& mean : cloud.means) mean = vec3<float>(vec3<double>(mean) + piece.map.translation);

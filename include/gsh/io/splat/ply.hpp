@@ -12,9 +12,7 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -57,7 +55,8 @@ inline void write_gaussian_ply(const std::filesystem::path& path, const Gaussian
 
 namespace detail {
 
-/// Comment lines for the header of a PLY file. Each program that draws filtered Gaussians has a comment of its own.
+/// Comment lines for the header of a PLY file. The filter is stated as gsh.filter and as Postshot's "antialiased".
+/// Brush's SplatRenderMode is only read.
 inline std::string ply_comments(const SplatNotes& notes) {
     std::string text = "comment written by " + file_author() + "\n";
     if (notes.up) text += std::string("comment gsh.up ") + (notes.up == UpAxis::y ? "y" : "-y") + "\n";

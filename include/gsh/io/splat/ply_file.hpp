@@ -79,8 +79,8 @@ public:
     }
     [[nodiscard]] const PlyElement& vertices() const { return *find("vertex"); }
 
-    /// Throws IoError unless the file is large enough for an element and all before it. Callers that allocate memory for
-    /// a table behind the vertices check it first.
+    /// Throws IoError unless the file is large enough for an element and all before it. Callers that allocate memory
+    /// for a table behind the vertices check it first.
     void check_present(const PlyElement& element) const { (void)begin_of(element); }
 
     /// Calls visit(row, values) for each row of an element, with the values of the `wanted` properties in their order.

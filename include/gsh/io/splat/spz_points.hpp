@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/gaussian/gaussians.hpp>
+#include <gsh/io/file/npy.hpp>
 #include <gsh/math/activation.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/sh.hpp>
@@ -93,14 +94,6 @@ inline quat<float> quat_of_spz_bytes(const std::uint8_t* bytes) {
     return {float(std::sqrt(std::max(0.0, 1 - squares))), float(v[0]), float(v[1]), float(v[2])};
 }
 
-inline float float_of_half(std::uint16_t half) {
-    const int exponent = half >> 10 & 31, mantissa = half & 1023;
-    const double magnitude = exponent == 31  ? (mantissa ? std::nan("") : HUGE_VAL)
-                             : exponent == 0 ? std::ldexp(mantissa, -24)
-                                             : std::ldexp(1024 + mantissa, exponent - 25);
-    return static_cast<float>(half & 0x8000 ? -magnitude : magnitude);
-}
-
 /// The byte of an SH coefficient: 5 bits of precision for degree 1, 4 above, as SPZ's own library writes it.
 inline std::uint8_t spz_sh(double value, int degree) {
     const int bucket = degree == 1 ? 8 : 16;
@@ -148,7 +141,7 @@ inline std::uint8_t spz_sh(double value, int degree) {
             if (version == 1) {
                 std::uint16_t half = 0;
                 std::memcpy(&half, positions.data() + 2 * at, 2);
-                cloud.means[i][a] = detail::float_of_half(half);
+                cloud.means[i][a] = detail::half_to_float(half);
             } else {
                 std::uint32_t fixed = 0;
                 std::memcpy(&fixed, positions.data() + 3 * at, 3);

@@ -34,7 +34,7 @@ struct StillSplats {
 };
 
 /// Throws ShapeError or ValueError, beginning with `where`, unless attributes have the sizes of one cloud and numbers
-/// are those of Gaussians: finite, scales also as e^log_scale, and quaternions not 0. Writers call it before they write.
+/// are those of Gaussians: finite, scales also as e^log_scale, and quaternions not 0. Writers call it first.
 inline void check_writable(std::string_view where, const GaussianCloud<float>& cloud) {
     check_gaussians(where, "cloud", cloud.view(), cloud.size());
     const auto finite = [](const vec3<float>& v) {
