@@ -11,6 +11,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
