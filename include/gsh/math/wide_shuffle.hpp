@@ -15,11 +15,17 @@ struct WidePair {
 };
 
 /// Number e of the result is number Source(e) of a's numbers followed by b's.
+template <auto Source, class S, int... E>
+[[nodiscard]] GSH_INLINE Wide<S> shuffle(Wide<S> a, Wide<S> b, std::integer_sequence<int, E...>) {
+#if defined(__clang__)
+    return Wide<S>(__builtin_shufflevector(a.v, b.v, Source(E)...));
+#else // nvcc 13 loses a pack in the arguments of that function
+    return Wide<S>(__builtin_shuffle(a.v, b.v, typename Wide<S>::Mask::Vector{Source(E)...}));
+#endif
+}
 template <auto Source, class S>
 [[nodiscard]] GSH_INLINE Wide<S> shuffle(Wide<S> a, Wide<S> b) {
-    return [&]<int... E>(std::integer_sequence<int, E...>) {
-        return Wide<S>(__builtin_shufflevector(a.v, b.v, Source(E)...));
-    }(std::make_integer_sequence<int, int(Wide<S>::width)>());
+    return shuffle<Source>(a, b, std::make_integer_sequence<int, int(Wide<S>::width)>());
 }
 
 /// a0 b0 a1 b1 … in two registers.

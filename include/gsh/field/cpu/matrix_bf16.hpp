@@ -47,8 +47,8 @@ struct ProductSize {
     return permitted;
 }
 
-/// Eight tiles of 16 rows of 64 bytes. A constant, since GCC's intrinsic tells the compiler of the first eight bytes that
-/// it reads only: stores to the others could be left out.
+/// Eight tiles of 16 rows of 64 bytes. A constant, since GCC's intrinsic tells the compiler of the first eight bytes
+/// that it reads only: stores to the others could be left out.
 struct alignas(64) TileShapes {
     std::uint8_t palette = 1, start = 0, reserved[14] = {};
     std::uint16_t bytes_per_row[16] = {64, 64, 64, 64, 64, 64, 64, 64};

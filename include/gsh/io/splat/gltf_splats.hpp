@@ -46,8 +46,8 @@ inline void write_gltf_splats(const std::filesystem::path& path, const GaussianC
 /// Reads all Gaussians that the scene of a glTF file shows, in the world, in the order of its nodes. Other meshes are
 /// left out. With a time in seconds, nodes are where the first animation has them.
 ///
-/// Errors  IoError for a file that is damaged or shows no Gaussians, or more than 2 GiB of them (512 MiB in a small file
-///         whose nodes share meshes), for Gaussians in a compression that is another extension, and for nodes that
+/// Errors  IoError for a file that is damaged or shows no Gaussians, or more than 2 GiB of them (512 MiB in a small
+///         file whose nodes share meshes), for Gaussians in a compression that is another extension, and for nodes that
 ///         mirror them; ValueError for values that no Gaussian has.
 [[nodiscard]] inline StillSplats read_gltf_splats(const std::filesystem::path& path, std::optional<double> time = {});
 
