@@ -144,3 +144,19 @@ TEST_CASE("multiply_add of Wides") {
     using W = Wide<float>;
     CHECK(multiply_add(W(2.0f), W(3.0f), W(4.0f))[0] == 10.0f);
 }
+
+TEST_CASE("inverse roots and logarithms of positive normal doubles are within two units in the last place") {
+    constexpr double unit = std::numeric_limits<double>::epsilon();
+    double root = 0, logarithm = 0;
+    test::Rng rng(5);
+    for (double x = 1e-300; x < 1e300; x *= 1.0 + rng.uniform(0, 0.2)) {
+        const Wide<double> all(x);
+        root = std::max(root, std::abs(inverse_sqrt(all)[1] * std::sqrt(x) - 1));
+        logarithm = std::max(logarithm, std::abs(log_normal(all)[1] - std::log(x)) / std::abs(std::log(x)));
+    }
+    for (double x = 0.5; x < 2; x *= 1.0 + rng.uniform(0, 1e-3)) // where the logarithm is small
+        logarithm = std::max(logarithm, std::abs(log_normal(Wide<double>(x))[0] - std::log(x)) / std::abs(std::log(x)));
+    CHECK(root <= 3 * unit); // a unit of it is of the product with the root
+    CHECK(logarithm <= 2 * unit);
+    CHECK(log_normal(Wide<double>(1.0))[0] == 0);
+}

@@ -232,6 +232,16 @@ template <std::floating_point S>
 #endif
 }
 
+/// 1 / sqrt(x) within two units in the last place, for a positive normal x. Newton's iteration from the exponent halved
+/// is faster than a root and a division.
+[[nodiscard]] GSH_INLINE Wide<double> inverse_sqrt(Wide<double> x) {
+    using W = Wide<double>;
+    using Bits = Wide<std::uint64_t>;
+    W y = bits_as<W>(Bits(0x5FE6EB50C7B537A9ull) - (bits_as<Bits>(x) >> 1));
+    for (int i = 0; i < 4; ++i) y = y * (W(1.5) - W(0.5) * (x * y) * y);
+    return y;
+}
+
 /// c0 + c1 x + c2 x² + …
 [[nodiscard]] GSH_INLINE Wide<float> power_series(Wide<float>, float c0) { return c0; }
 template <std::same_as<float>... Rest>
@@ -266,6 +276,25 @@ template <std::same_as<float>... Rest>
     return select(ordinary, result,
                   select(x == W(0.0f), W(-infinity),
                          select(x > W(0.0f), x, W(std::numeric_limits<float>::quiet_NaN()))));
+}
+
+/// The same in double: log x within two units in the last place for a positive normal x; unspecified elsewhere.
+[[nodiscard]] GSH_INLINE Wide<double> log_normal(Wide<double> x) {
+    using W = Wide<double>;
+    using Bits = W::Mask::Vector;
+    constexpr std::int64_t root_half = 0x3fe6a09e667f3bcd; // the bit pattern of √½
+    Bits bits;
+    std::memcpy(&bits, &x.v, sizeof bits);
+    bits = bits - root_half;
+    const Bits mantissa = (bits & 0x000fffffffffffff) + root_half;
+    W m;
+    std::memcpy(&m.v, &mantissa, sizeof m.v);
+    const W n(__builtin_convertvector(bits >> 52, W::Vector));
+    const W f = m - W(1.0), s = f / (W(2.0) + f), z = s * s; // z below 0.03: the rest of the series is below 10⁻¹⁷
+    W R(2.0 / 21);
+    for (const double k : {19, 17, 15, 13, 11, 9, 7, 5, 3}) R = multiply_add(R, z, W(2 / k));
+    R = R * z;
+    return n * W(0.693147180369123816490) + (f - (s * (f - R) + n * W(-1.90821492927058770002e-10)));
 }
 
 /// 2^x for |x| <= 126, to a relative error of 10⁻⁷: the polynomial of degree 6 with the least relative error on

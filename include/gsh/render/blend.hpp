@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/config.hpp>
+#include <gsh/core/lane.hpp>
 #include <gsh/render/arithmetic.hpp>
 #include <gsh/render/raster_cache.hpp>
 
@@ -16,9 +17,10 @@ inline constexpr T largest_cut = sizeof(T) == 4 ? T(120) : T(1000);
 
 /// Enlarges a cut slightly, so that rounding in the choice of tiles and of blocks of pixels never loses a pixel that
 /// the blend would draw.
-template <std::floating_point T>
+template <Lane T>
 [[nodiscard]] GSH_HD constexpr T generous(T cut) {
-    return cut * T(1.0001) + T(1e-3);
+    using S = ScalarOf<T>;
+    return cut * T(S(1.0001)) + T(S(1e-3));
 }
 
 /// The scalar limits of RasterParams, by value.

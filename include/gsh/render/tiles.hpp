@@ -134,9 +134,9 @@ template <std::floating_point T>
 }
 
 /// Square of half the extent of u² + v² <= reach along an axis with the given variance.
-template <std::floating_point T>
+template <Lane T>
 [[nodiscard]] GSH_HD T squared_extent(T reach, T variance) {
-    return reach * variance * T(1 / half_log2_e);
+    return reach * variance * T(ScalarOf<T>(1 / half_log2_e));
 }
 
 /// Tile columns of row `tile_y` with a pixel centre in reach of the ellipse's extent there, as a half-open range.

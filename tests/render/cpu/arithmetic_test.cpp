@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -17,17 +18,14 @@ TEST_CASE_TEMPLATE("exp2_minus is 2^-x to two units in the last place", T, float
     CHECK(exp2_minus(T(0)) == T(1));
 }
 
-TEST_CASE("roots by iteration") {
-    double largest = 0, rough = 0;
+TEST_CASE("a rough root") {
+    double rough = 0;
     for (double x = 1e-12; x < 1e25; x *= 1.37) {
-        largest = std::max(largest, std::abs(inverse_sqrt(x) * std::sqrt(x) - 1));
         const float f = static_cast<float>(x);
         rough = std::max(rough, std::abs(static_cast<double>(rough_sqrt(f)) / std::sqrt(static_cast<double>(f)) - 1));
     }
-    CHECK(largest <= 1e-15);
     CHECK(rough <= 1e-5);
     CHECK(rough_sqrt(0.0f) == 0);
-    CHECK(std::abs(inverse_sqrt(1e300) / 1e-150 - 1) <= 1e-15);
 }
 
 TEST_CASE("positive numbers compare as integers") {

@@ -3,7 +3,11 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/camera/pinhole.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/math/sym.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/math/wide.hpp>
 #include <gsh/render/blend.hpp>
 #include <gsh/render/cover.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
@@ -14,9 +18,10 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 
 namespace gsh::cpu::inline GSH_ISA {
@@ -49,76 +54,133 @@ template <std::floating_point T>
     return count;
 }
 
-/// A batch of splats, member by member and in double, so that their projection is a loop over plain arrays.
-struct ProjectionBatch {
+/// A camera with each number in all lanes.
+[[nodiscard]] inline Camera<Wide<double>> in_all_lanes(const Camera<double>& from) {
+    using W = Wide<double>;
+    Camera<W> to;
+    for (int c = 0; c < 3; ++c)
+        for (int r = 0; r < 3; ++r) to.R[c][r] = W(from.R[c][r]);
+    to.t = vec3<W>(W(from.t.x), W(from.t.y), W(from.t.z));
+    to.fx = W(from.fx), to.fy = W(from.fy), to.cx = W(from.cx), to.cy = W(from.cy);
+    to.width = from.width, to.height = from.height;
+    return to;
+}
+
+/// As many numbers as a register of double holds, in double; and back.
+template <std::floating_point T>
+[[nodiscard]] GSH_INLINE Wide<double> widened(const T* numbers) {
+    typedef T Numbers __attribute__((vector_size(Wide<double>::width * sizeof(T))));
+    Numbers few;
+    std::memcpy(&few, numbers, sizeof few);
+    return Wide<double>(__builtin_convertvector(few, Wide<double>::Vector));
+}
+template <class T> // a floating-point type, or int for whole numbers
+GSH_INLINE void store_narrowed(Wide<double> numbers, T* to) {
+    typedef T Numbers __attribute__((vector_size(Wide<double>::width * sizeof(T))));
+    const Numbers few = __builtin_convertvector(numbers.v, Numbers);
+    std::memcpy(to, &few, sizeof few);
+}
+
+/// Projects splats in batches: arithmetic in registers first, branches second, so that a misprediction does not stall
+/// it. All is in double.
+template <std::floating_point T>
+class ProjectionBatch {
+    using W = Wide<double>;
+
+public:
     static constexpr std::size_t size = 64;
-    alignas(64) double mean_x[size], mean_y[size], mean_z[size];
-    alignas(64) double xx[size], xy[size], xz[size], yy[size], yz[size], zz[size];
-    alignas(64) double opacity[size], cut[size]; // input; the opacity that is output is compensated
-    alignas(64) double nonfinite[size];          // 0, or NaN
-    alignas(64) double x[size], y[size], depth[size], ux[size], uy[size], vy[size]; // out
-    alignas(64) double half_width[size], half_height[size]; // of the bounding box; negative if the splat is culled
-    alignas(64) int x0[size], y0[size], x1[size], y1[size]; // out: rectangle of tiles, empty if the splat is culled
 
-    template <std::floating_point T>
-    void load(const SplatView<const T>& splats, std::size_t first, std::size_t count, T alpha_min) {
-        for (std::size_t k = 0; k < count; ++k) {
-            const vec3<T>&m = splats.means[first + k], &c = splats.colors[first + k];
-            const sym3<T>& s = splats.covariances[first + k];
-            const T alpha = splats.opacities[first + k];
-            mean_x[k] = m.x, mean_y[k] = m.y, mean_z[k] = m.z;
-            xx[k] = s.xx, xy[k] = s.xy, xz[k] = s.xz, yy[k] = s.yy, yz[k] = s.yz, zz[k] = s.zz;
-            opacity[k] = alpha;
-            cut[k] = std::log2(alpha / alpha_min);
-            nonfinite[k] = static_cast<double>(c.x * T(0) + c.y * T(0) + c.z * T(0)); // finite: 0, else NaN
-        }
+    ProjectionBatch(const Camera<double>& camera, const RasterParams<T>& params, const TileGrid& grid)
+        : camera_(in_all_lanes(camera)), params_(params.template cast<double>()), alpha_min_(params.alpha_min),
+          columns_(grid.width), rows_(grid.height) {}
+
+    // Of the batch, after project.
+    alignas(64) double x[size], y[size], depth[size], ux[size], uy[size], vy[size];
+    alignas(64) double opacity[size], cut[size];     // compensated; see ScreenSplat
+    alignas(64) double nonfinite[size];              // 0, or NaN
+    alignas(64) int x0[size], y0[size], x1[size], y1[size]; // rectangle of tiles, empty if the splat is culled
+
+    void project(const SplatView<const T>& splats, std::size_t first, std::size_t count) {
+        load(splats, first, count);
+        for (std::size_t k = 0; k < count; k += W::width) project(k);
     }
 
-    /// Compensate is known at compile time, since the square root that it needs keeps the loop from being vectorised.
-    template <bool Compensate>
-    void project(const Camera<double>& camera, ProjectionParams<double> params, const TileGrid& grid,
-                 double alpha_min, double largest_cut, std::size_t count) {
-        params.compensate_opacity = Compensate;
-        for (std::size_t k = 0; k < count; ++k) {
-            const vec3<double> mean(mean_x[k], mean_y[k], mean_z[k]);
-            const sym3<double> covariance{xx[k], xy[k], xz[k], yy[k], yz[k], zz[k]};
-            const Projection<double> p = gsh::project(camera, mean, covariance, params);
-            nonfinite[k] += mean.x * 0.0 + mean.y * 0.0 + mean.z * 0.0 + covariance.xx * 0.0 + covariance.xy * 0.0 +
-                            covariance.xz * 0.0 + covariance.yy * 0.0 + covariance.yz * 0.0 + covariance.zz * 0.0 +
-                            opacity[k] * 0.0;
-            if constexpr (Compensate) {
-                opacity[k] *= p.opacity_factor;
-                cut[k] = std::log2(opacity[k] / alpha_min);
-            }
-            cut[k] = cut[k] < largest_cut ? cut[k] : largest_cut;
-
-            constexpr double largest = std::numeric_limits<double>::max();
-            const double det = determinant(p.covariance);
-            const bool kept = p.in_front & (opacity[k] >= alpha_min) & (p.covariance.xx > 0) & (p.covariance.yy > 0) &
-                              (det > 0) & (det <= largest) & (std::fabs(p.mean2d.x) <= largest) &
-                              (std::fabs(p.mean2d.y) <= largest);
-            const Whitening<double> w =
-                whiten(p.covariance, inverse_sqrt(p.covariance.yy), inverse_sqrt(det));
-            x[k] = p.mean2d.x, y[k] = p.mean2d.y, depth[k] = p.depth;
-            ux[k] = w.ux, uy[k] = w.uy, vy[k] = w.vy;
-
-            const double reach = generous(cut[k]);
-            const double width = squared_extent(reach, p.covariance.xx);
-            const double height = squared_extent(reach, p.covariance.yy);
-            const double box_width = width * inverse_sqrt(width), box_height = height * inverse_sqrt(height);
-            half_width[k] = kept ? box_width : -1.0;
-            half_height[k] = kept ? box_height : -1.0;
-        }
-        for (std::size_t k = 0; k < count; ++k) {
-            const TileRect rect = tile_rect(x[k], y[k], half_width[k], half_height[k], grid);
-            x0[k] = rect.x0, y0[k] = rect.y0, x1[k] = rect.x1, y1[k] = rect.y1;
-        }
-    }
-
-    template <std::floating_point T>
+    [[nodiscard]] TileRect rect(std::size_t k) const { return {x0[k], y0[k], x1[k], y1[k]}; }
     [[nodiscard]] ScreenSplat<T> splat(std::size_t k, const vec3<T>& color) const {
         return {{x[k], y[k]}, {ux[k], uy[k], vy[k]}, static_cast<T>(opacity[k]), static_cast<T>(depth[k]), color,
                 static_cast<T>(cut[k])};
+    }
+
+private:
+    // Input, member by member: a register is loaded long after its numbers were stored one by one.
+    alignas(64) T mean_x_[size] = {}, mean_y_[size] = {}, mean_z_[size] = {};
+    alignas(64) T xx_[size] = {}, xy_[size] = {}, xz_[size] = {}, yy_[size] = {}, yz_[size] = {}, zz_[size] = {};
+    alignas(64) T opacity_[size] = {}, color_[size] = {}; // color_: 0 if it is finite, else NaN
+    Camera<W> camera_;
+    ProjectionParams<double> params_;
+    double alpha_min_;
+    int columns_, rows_; // of pixels
+
+    void load(const SplatView<const T>& splats, std::size_t first, std::size_t count) {
+        for (std::size_t k = 0; k < count; ++k) {
+            const vec3<T>&m = splats.means[first + k], &c = splats.colors[first + k];
+            const sym3<T>& s = splats.covariances[first + k];
+            mean_x_[k] = m.x, mean_y_[k] = m.y, mean_z_[k] = m.z;
+            xx_[k] = s.xx, xy_[k] = s.xy, xz_[k] = s.xz, yy_[k] = s.yy, yz_[k] = s.yz, zz_[k] = s.zz;
+            opacity_[k] = splats.opacities[first + k];
+            color_[k] = c.x * T(0) + c.y * T(0) + c.z * T(0);
+        }
+    }
+
+    void project(std::size_t k) {
+        const vec3<W> mean(widened(mean_x_ + k), widened(mean_y_ + k), widened(mean_z_ + k));
+        const sym3<W> covariance{widened(xx_ + k), widened(xy_ + k), widened(xz_ + k),
+                                 widened(yy_ + k), widened(yz_ + k), widened(zz_ + k)};
+        const Projection<W> p = gsh::project(camera_, mean, covariance, params_);
+        const W alpha = widened(opacity_ + k) * p.opacity_factor;
+        const W zero(0.0);
+        (widened(color_ + k) + mean.x * zero + mean.y * zero + mean.z * zero + covariance.xx * zero +
+         covariance.xy * zero + covariance.xz * zero + covariance.yy * zero + covariance.yz * zero +
+         covariance.zz * zero + widened(opacity_ + k) * zero)
+            .store(nonfinite + k);
+
+        const W largest(std::numeric_limits<double>::max());
+        const W det = determinant(p.covariance);
+        const auto kept = p.in_front & (alpha >= W(alpha_min_)) & (p.covariance.xx > zero) & (p.covariance.yy > zero) &
+                          (det > zero) & (det <= largest) & (abs(p.mean2d.x) <= largest) & (abs(p.mean2d.y) <= largest);
+        const Whitening<W> w = whiten(p.covariance, inverse_sqrt(p.covariance.yy), inverse_sqrt(det));
+        const W log2_of_ratio = log_normal(alpha * W(1 / alpha_min_)) * W(1.44269504088896340736);
+        const W limit = min(log2_of_ratio, W(gsh::detail::largest_cut<T>));
+        p.mean2d.x.store(x + k), p.mean2d.y.store(y + k), p.depth.store(depth + k);
+        w.ux.store(ux + k), w.uy.store(uy + k), w.vy.store(vy + k);
+        alpha.store(opacity + k), limit.store(cut + k);
+
+        const W reach = generous(limit);
+        const W width = squared_extent(reach, p.covariance.xx), height = squared_extent(reach, p.covariance.yy);
+        store_tiles(p.mean2d.x, select(kept, width * inverse_sqrt(width), W(-1.0)), columns_, x0 + k, x1 + k);
+        store_tiles(p.mean2d.y, select(kept, height * inverse_sqrt(height), W(-1.0)), rows_, y0 + k, y1 + k);
+    }
+
+    /// The tiles along one axis with a pixel centre within `half` of `at`, as in tile_rect; none for a negative half.
+    static void store_tiles(W at, W half, int pixels, int* first, int* end) {
+        const W zero(0.0), last(static_cast<double>(pixels)), tile(1.0 / TileGrid::tile_size);
+        const auto cut_to_image = [&](W edge) { // 0 for NaN
+            const W above = select(edge > zero, edge, zero);
+            return select(above < last, above, last);
+        };
+        const W from = ceil_positive(cut_to_image(at - half - W(0.5)));
+        const W to = floor_positive(cut_to_image(at + half + W(0.5)));
+        const W first_tile = floor_positive(from * tile), end_tile = ceil_positive(to * tile);
+        store_narrowed(first_tile, first);
+        store_narrowed(select((from < to) & (half >= zero), end_tile, first_tile), end);
+    }
+    [[nodiscard]] static W floor_positive(W number) { // below 2³¹: the integer part, by a sum that rounds
+        const W shift(6755399441055744.0), rounded = (number + shift) - shift;
+        return select(rounded > number, rounded - W(1.0), rounded);
+    }
+    [[nodiscard]] static W ceil_positive(W number) {
+        const W whole = floor_positive(number);
+        return select(whole < number, whole + W(1.0), whole);
     }
 };
 
@@ -142,24 +204,16 @@ template <CpuBackend B, std::floating_point T>
     scratch.items_scratch.resize(n);
     scratch.chunk_status.resize(chunks);
 
-    const Camera<double> wide_camera = camera.template cast<double>();
-    const ProjectionParams<double> projection_params = params.template cast<double>();
-    const double alpha_min = params.alpha_min;
-    constexpr double largest_cut = gsh::detail::largest_cut<T>;
+    const Camera<double> camera_in_double = camera.template cast<double>();
     backend.for_chunks(n, detail::splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         RasterStatus status;
-        // Arithmetic first, branches second, so that a misprediction does not stall it.
-        detail::ProjectionBatch batch;
+        detail::ProjectionBatch<T> batch(camera_in_double, params, scratch.grid);
         for (std::size_t first = begin; first < end; first += batch.size) {
             const std::size_t count = std::min(batch.size, end - first);
-            batch.load(splats, first, count, params.alpha_min);
-            if (params.compensate_opacity)
-                batch.project<true>(wide_camera, projection_params, scratch.grid, alpha_min, largest_cut, count);
-            else
-                batch.project<false>(wide_camera, projection_params, scratch.grid, alpha_min, largest_cut, count);
+            batch.project(splats, first, count);
             for (std::size_t k = 0; k < count; ++k) {
                 const std::size_t i = first + k;
-                const TileRect rect{batch.x0[k], batch.y0[k], batch.x1[k], batch.y1[k]};
+                const TileRect rect = batch.rect(k);
                 std::uint32_t tiles = 0;
                 if (!(batch.nonfinite[k] == 0)) {
                     if (status.nonfinite++ == 0) status.first_nonfinite = static_cast<std::uint32_t>(i);

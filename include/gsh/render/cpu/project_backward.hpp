@@ -27,71 +27,101 @@ enum SlotEntry : int {
 template <bool Depth>
 inline constexpr std::size_t slot_size = Depth ? 10 : 9;
 
-/// A batch of splats, member by member and in double, so that the adjoint of their projection is a loop over plain
-/// arrays.
-struct ProjectionBackwardBatch {
+/// Carries the gradients of visible splats through their projection in batches, in registers and in double.
+template <std::floating_point T>
+class ProjectionBackwardBatch {
+    using W = Wide<double>;
+
+public:
     static constexpr std::size_t size = 64;
+
+    /// With dL_dcamera, the camera's gradient is computed, too.
+    ProjectionBackwardBatch(const Camera<double>& camera, const RasterParams<T>& params, bool with_camera)
+        : camera_(in_all_lanes(camera)), params_(params.template cast<double>()), with_camera_(with_camera) {}
 
     std::size_t count = 0;
     std::size_t splat[size];
-    alignas(64) double mean_x[size], mean_y[size], mean_z[size];
-    alignas(64) double xx[size], xy[size], xz[size], yy[size], yz[size], zz[size];
-    alignas(64) double u[size], v[size], uu[size], uv[size], vv[size], ux[size], uy[size], vy[size]; // moments; W
-    alignas(64) double dL_ddepth[size], dL_dfactor[size], norm_square[size];
-    alignas(64) double dL_dmean_x[size], dL_dmean_y[size], dL_dmean_z[size];
-    alignas(64) double dL_dxx[size], dL_dxy[size], dL_dxz[size], dL_dyy[size], dL_dyz[size], dL_dzz[size];
+    alignas(64) double norm_square[size]; ///< of dL_dmean2d
 
-    template <std::floating_point T>
+    /// `sum` [slot_size<true>]: the splat's sums over all tiles.
     void add(std::size_t i, const SplatView<const T>& splats, const ScreenSplat<T>& s, const T* sum) {
         const std::size_t k = count++;
         const vec3<T>& m = splats.means[i];
         const sym3<T>& c = splats.covariances[i];
         splat[k] = i;
-        mean_x[k] = m.x, mean_y[k] = m.y, mean_z[k] = m.z;
-        xx[k] = c.xx, xy[k] = c.xy, xz[k] = c.xz, yy[k] = c.yy, yz[k] = c.yz, zz[k] = c.zz;
-        u[k] = sum[slot_u], v[k] = sum[slot_v], uu[k] = sum[slot_uu], uv[k] = sum[slot_uv], vv[k] = sum[slot_vv];
-        ux[k] = s.w.ux, uy[k] = s.w.uy, vy[k] = s.w.vy;
-        dL_ddepth[k] = sum[slot_depth];
-        dL_dfactor[k] = sum[slot_g] / s.opacity * splats.opacities[i];
+        const T numbers[inputs] = {m.x, m.y, m.z, c.xx, c.xy, c.xz, c.yy, c.yz, c.zz, sum[slot_u], sum[slot_v],
+                                   sum[slot_uu], sum[slot_uv], sum[slot_vv], sum[slot_depth],
+                                   sum[slot_g] / s.opacity * splats.opacities[i]};
+        for (std::size_t n = 0; n < inputs; ++n) in_[n][k] = numbers[n];
+        ux_[k] = s.w.ux, uy_[k] = s.w.uy, vy_[k] = s.w.vy;
     }
 
-    template <std::floating_point T>
-    [[nodiscard]] vec3<T> dL_dmean(std::size_t k) const {
-        return vec3<T>(vec3<double>(dL_dmean_x[k], dL_dmean_y[k], dL_dmean_z[k]));
+    void project_backward() {
+        for (std::size_t k = 0; k < count; k += W::width) project_backward(k);
     }
-    template <std::floating_point T>
+
+    [[nodiscard]] vec3<T> dL_dmean(std::size_t k) const { return {out_[0][k], out_[1][k], out_[2][k]}; }
     [[nodiscard]] sym3<T> dL_dcovariance(std::size_t k) const {
-        return {T(dL_dxx[k]), T(dL_dxy[k]), T(dL_dxz[k]), T(dL_dyy[k]), T(dL_dyz[k]), T(dL_dzz[k])};
+        return {out_[3][k], out_[4][k], out_[5][k], out_[6][k], out_[7][k], out_[8][k]};
+    }
+    /// Adds the camera's gradient of all batches so far.
+    void add_camera(CameraGradient<double>& dL_dcamera) const {
+        for (std::size_t lane = 0; lane < W::width; ++lane) add_lane<double>(camera_gradient_, lane, dL_dcamera);
+    }
+
+private:
+    static constexpr std::size_t inputs = 16, outputs = 9;
+    alignas(64) T in_[inputs][size] = {}; // as in add; numbers beyond `count` are those of earlier splats
+    alignas(64) double ux_[size] = {}, uy_[size] = {}, vy_[size] = {};
+    alignas(64) T out_[outputs][size];
+    Camera<W> camera_;
+    ProjectionParams<double> params_;
+    bool with_camera_;
+    CameraGradient<W> camera_gradient_ = no_gradient();
+
+    [[nodiscard]] static CameraGradient<W> no_gradient() {
+        CameraGradient<W> zero;
+        zero.dL_dR = mat3<W>(W(0.0));
+        return zero;
     }
 
     /// ln(alpha) = ln(opacity) - ln(2) (u² + v²), (u, v) = W (pixel - mean2d), Σ⁻¹ = 2 ln(2) Wᵀ W, so that with the
     /// moments m = sum G (u, v), M = sum G (u, v) (u, v)ᵀ: dL_dmean2d = 2 ln(2) Wᵀ m, dL_dΣ = 2 ln(2)² Wᵀ M W.
-    ///
-    /// General is true where square roots or camera gradients are needed; these keep the loop from being vectorised.
-    template <bool General>
-    void project_backward(const Camera<double>& camera, ProjectionParams<double> params,
-                          CameraGradient<double>* dL_dcamera) {
-        if (!General) params.compensate_opacity = false, dL_dcamera = nullptr;
-        constexpr double ln2 = 0.69314718055994530942, to_mean2d = 2 * ln2, to_covariance = 2 * ln2 * ln2;
-        for (std::size_t k = 0; k < count; ++k) {
-            Projection<double> dL;
-            dL.mean2d = {to_mean2d * (ux[k] * u[k]), to_mean2d * (uy[k] * u[k] + vy[k] * v[k])};
-            const double along_u = uy[k] * uu[k] + vy[k] * uv[k], along_v = uy[k] * uv[k] + vy[k] * vv[k];
-            dL.covariance = {to_covariance * (ux[k] * ux[k] * uu[k]), to_covariance * (2 * ux[k] * along_u),
-                             to_covariance * (uy[k] * along_u + vy[k] * along_v)};
-            dL.depth = dL_ddepth[k];
-            dL.opacity_factor = dL_dfactor[k];
-            norm_square[k] = dL.mean2d.x * dL.mean2d.x + dL.mean2d.y * dL.mean2d.y;
+    void project_backward(std::size_t k) {
+        constexpr double ln2 = 0.69314718055994530942;
+        const W to_mean2d(2 * ln2), to_covariance(2 * ln2 * ln2), two(2.0), zero(0.0);
+        const auto in = [&](std::size_t n) { return widened(in_[n] + k); };
+        const W ux = W::load(ux_ + k), uy = W::load(uy_ + k), vy = W::load(vy_ + k);
+        const W u = in(9), v = in(10), uu = in(11), uv = in(12), vv = in(13);
+        Projection<W> dL;
+        dL.mean2d = vec2<W>(to_mean2d * (ux * u), to_mean2d * (uy * u + vy * v));
+        const W along_u = uy * uu + vy * uv, along_v = uy * uv + vy * vv;
+        dL.covariance = {to_covariance * (ux * ux * uu), to_covariance * (two * ux * along_u),
+                         to_covariance * (uy * along_u + vy * along_v)};
+        dL.depth = in(14);
+        dL.opacity_factor = in(15);
+        (dL.mean2d.x * dL.mean2d.x + dL.mean2d.y * dL.mean2d.y).store(norm_square + k);
 
-            const vec3<double> mean(mean_x[k], mean_y[k], mean_z[k]);
-            const sym3<double> covariance{xx[k], xy[k], xz[k], yy[k], yz[k], zz[k]};
-            vec3<double> m(0);
-            sym3<double> d{};
-            gsh::project_backward(camera, mean, covariance, params, dL, m, d, dL_dcamera);
-            dL_dmean_x[k] = m.x, dL_dmean_y[k] = m.y, dL_dmean_z[k] = m.z;
-            dL_dxx[k] = d.xx, dL_dxy[k] = d.xy, dL_dxz[k] = d.xz, dL_dyy[k] = d.yy, dL_dyz[k] = d.yz, dL_dzz[k] = d.zz;
-        }
+        vec3<W> m(zero);
+        sym3<W> c{zero, zero, zero, zero, zero, zero};
+        CameraGradient<W> of_camera = no_gradient();
+        gsh::project_backward(camera_, vec3<W>(in(0), in(1), in(2)), sym3<W>{in(3), in(4), in(5), in(6), in(7), in(8)},
+                              params_, dL, m, c, with_camera_ ? &of_camera : nullptr);
+        const W results[outputs] = {m.x, m.y, m.z, c.xx, c.xy, c.xz, c.yy, c.yz, c.zz};
+        for (std::size_t n = 0; n < outputs; ++n) store_narrowed(results[n], out_[n] + k);
+        if (!with_camera_) return;
+        const W lane = W::load(lane_numbers), splats(static_cast<double>(count - k)); // others hold no splat
+        each_number(of_camera, [&](W& number) { number = select(lane < splats, number, zero); });
+        camera_gradient_ += of_camera;
     }
+    template <class F>
+    static void each_number(CameraGradient<W>& gradient, const F& f) {
+        for (int c = 0; c < 3; ++c)
+            for (int r = 0; r < 3; ++r) f(gradient.dL_dR[c][r]);
+        for (int c = 0; c < 3; ++c) f(gradient.dL_dt[c]);
+        for (W* number : {&gradient.dL_dfx, &gradient.dL_dfy, &gradient.dL_dcx, &gradient.dL_dcy}) f(*number);
+    }
+    alignas(64) static constexpr double lane_numbers[] = {0, 1, 2, 3, 4, 5, 6, 7};
 };
 
 } // namespace detail
@@ -104,27 +134,20 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
     using namespace detail;
     RasterScratch<B, T>& scratch = cache.scratch;
     const std::size_t n = splats.size(), chunks = chunk_count(n, splat_grain);
-    const Camera<double> wide_camera = camera.template cast<double>();
-    const ProjectionParams<double> projection_params = params.template cast<double>();
-    const bool general = !dL_dcamera.empty() || params.compensate_opacity;
+    const Camera<double> camera_in_double = camera.template cast<double>();
     cache.screen_gradient_norms.resize(n);
     cache.screen_radii.resize(n);
     scratch.chunk_camera.resize(dL_dcamera.empty() ? 0 : chunks);
 
     backend.for_chunks(n, splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        CameraGradient<double> chunk_camera;
-        ProjectionBackwardBatch batch;
+        ProjectionBackwardBatch<T> batch(camera_in_double, params, !dL_dcamera.empty());
         const auto flush = [&] {
-            if (general)
-                batch.project_backward<true>(wide_camera, projection_params,
-                                             dL_dcamera.empty() ? nullptr : &chunk_camera);
-            else
-                batch.project_backward<false>(wide_camera, projection_params, nullptr);
+            batch.project_backward();
             for (std::size_t k = 0; k < batch.count; ++k) {
                 const std::size_t i = batch.splat[k];
                 cache.screen_gradient_norms[i] = static_cast<T>(std::sqrt(batch.norm_square[k]));
-                if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += batch.dL_dmean<T>(k);
-                if (!dL_dsplats.covariances.empty()) dL_dsplats.covariances[i] += batch.dL_dcovariance<T>(k);
+                if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += batch.dL_dmean(k);
+                if (!dL_dsplats.covariances.empty()) dL_dsplats.covariances[i] += batch.dL_dcovariance(k);
             }
             batch.count = 0;
         };
@@ -147,7 +170,9 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
             if (batch.count == batch.size) flush();
         }
         flush();
-        if (!dL_dcamera.empty()) scratch.chunk_camera[chunk] = chunk_camera;
+        if (dL_dcamera.empty()) return;
+        scratch.chunk_camera[chunk] = {};
+        batch.add_camera(scratch.chunk_camera[chunk]);
     });
     if (dL_dcamera.empty()) return;
     CameraGradient<double> sum;
