@@ -29,10 +29,12 @@ gsh.view = (() => {
 
   // ---- pictures ----
 
-  let dirty = false, busy = false, ready = false, awake = false, lastStep = 0, saving = 0;
+  let dirty = false, open = 0, ready = false, awake = false, lastStep = 0, saving = 0; // open: requests without answer
   let transportShown = 0; // milliseconds
   const waiting = [], shownTimes = []; // resolvers of nextPicture(); times of the last pictures, milliseconds
   const change = () => { dirty = true, wake(); };
+  /** Whether another request may be sent. In a motion, the next one waits at the server and keeps it busy. */
+  const hasRoom = () => open < (player.playing && engine ? engine.depth : 1);
 
   function pictureSize() {
     if (page.fixedSize) return page.fixedSize;
@@ -50,15 +52,15 @@ gsh.view = (() => {
              shadows: page.shadows, light_turn: page.lightTurn, people: page.states.map(copyState) };
   }
 
-  /** Draws if there is something new. One request at a time; the last picture may still be decoded. */
+  /** Draws if there is something new and a request may be sent. Earlier pictures may still be decoded. */
   async function drawIfNeeded() {
-    if (!dirty || busy || !ready || saving) return;
-    dirty = false, busy = true;
+    if (!dirty || !hasRoom() || !ready || saving) return;
+    dirty = false, ++open;
     const wanted = request(), askers = waiting.splice(0), drawer = engine;
     let free = false;
     const goOn = () => {
       if (drawer !== engine) return;
-      free = true, busy = false;
+      free = true, --open;
       step(); // at once: the next request need not wait for the screen
     };
     try {
@@ -76,7 +78,7 @@ gsh.view = (() => {
       waiting.push(...askers);
       return change();
     }
-    if (!free) busy = false;
+    if (!free) --open;
     for (const done of askers) done();
     showRate(), wake();
   }
@@ -89,7 +91,7 @@ gsh.view = (() => {
 
   /** Goes on with the motion, and draws. */
   function step() {
-    if (busy || saving || document.hidden) return;
+    if (!hasRoom() || saving || document.hidden) return;
     const now = performance.now();
     if (player.advance(Math.min((now - lastStep) / 1000, 0.25))) takeFrame();
     lastStep = now;
@@ -97,7 +99,7 @@ gsh.view = (() => {
   }
   /** Makes a step when the screen is next drawn, if there is anything to do then. */
   function wake() {
-    if (awake || busy || saving || !ready || !(dirty || player.playing)) return;
+    if (awake || !hasRoom() || saving || !ready || !(dirty || player.playing)) return;
     awake = true;
     requestAnimationFrame(() => {
       awake = false;
@@ -148,7 +150,7 @@ gsh.view = (() => {
       return useEngine("server");
     }
     if (engine) engine.stop();
-    engine = next, busy = false;
+    engine = next, open = 0;
     engine.onOrder = change;
     engine.onLost = guarded(async () => {
       say("the graphics card was lost");
