@@ -15,7 +15,7 @@ gsh.ClientEngine = class {
 
   constructor(source, canvas) {
     this.name = "client";
-    this.depth = 1; // requests at a time
+    this.requests = 1; // at a time
     this.note = "";
     this.source = source;
     this.canvas = canvas;

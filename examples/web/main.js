@@ -34,7 +34,7 @@ gsh.view = (() => {
   const waiting = [], shownTimes = []; // resolvers of nextPicture(); times of the last pictures, milliseconds
   const change = () => { dirty = true, wake(); };
   /** Whether another request may be sent. In a motion, the next one waits at the server and keeps it busy. */
-  const hasRoom = () => open < (player.playing && engine ? engine.depth : 1);
+  const hasRoom = () => open < (player.playing && engine ? engine.requests : 1);
 
   function pictureSize() {
     if (page.fixedSize) return page.fixedSize;

@@ -6,7 +6,7 @@ gsh.ServerEngine = class {
   constructor(source, canvas) {
     this.name = "server";
     this.note = "";
-    this.depth = 2; // requests at a time while a motion plays: the second is drawn while the first is sent
+    this.requests = 2; // at a time while a motion plays: the second is drawn while the first is sent
     this.source = source;
     this.asked = this.shown = 0; // numbers of pictures
     this.canvas = canvas;
