@@ -82,9 +82,11 @@
 #include <gsh/field/hash_level.hpp>
 #include <gsh/field/mlp.hpp>
 
+#include <gsh/image/chroma.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/image/resample.hpp>
+#include <gsh/image/trimap.hpp>
 
 #include <gsh/optim/adam.hpp>
 #include <gsh/optim/schedule.hpp>
@@ -154,6 +156,7 @@
 #include <gsh/pipeline/learned_light.hpp>
 #include <gsh/pipeline/part_size.hpp>
 #include <gsh/pipeline/photo.hpp>
+#include <gsh/pipeline/photo_gain.hpp>
 #include <gsh/pipeline/photo_loss.hpp>
 #include <gsh/pipeline/photo_pixels.hpp>
 #include <gsh/pipeline/shadow.hpp>

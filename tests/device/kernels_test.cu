@@ -12,6 +12,7 @@
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
+#include <gsh/image/chroma.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/resample.hpp>
 #include <gsh/light/coarse_caster.hpp>
@@ -19,8 +20,10 @@
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/optim/adam.hpp>
 #include <gsh/pipeline/avatar_model.hpp>
+#include <gsh/pipeline/backdrop.hpp>
 #include <gsh/pipeline/density_control.hpp>
 #include <gsh/pipeline/field_appearance.hpp>
+#include <gsh/pipeline/photo_gain.hpp>
 #include <gsh/pipeline/static_model.hpp>
 #include <gsh/render/tiles.hpp>
 #include <gsh/train/refinement.hpp>
@@ -155,6 +158,10 @@ using Bodies = Types<
     gsh::detail::HashBackwardPoint<HashGrid<5, 2>, T>, gsh::detail::ResamplePlanes<T, UndistortMap<T>>,
     gsh::detail::ResampleRgba8<T, UndistortMap<T>>, gsh::detail::CompositeRgba8<T, gsh::detail::PlainBackground<T>>,
     gsh::detail::CompositeRgba8<T, gsh::detail::ImageBackground<T>>,
+    gsh::detail::AverageChroma<T>, gsh::detail::InterpolateChroma<T>, gsh::detail::InterpolateChromaBackward<T>,
+    gsh::detail::AverageChromaBackward<T>, gsh::detail::UnknownBackground<T>, gsh::detail::UnknownColors<T>,
+    gsh::detail::ApplyGain<T>, gsh::detail::ApplyGainBackward<T>, gsh::detail::MoveGains<T>,
+    gsh::detail::KeepMoments<T>,
     gsh::detail::Difference<T>, gsh::detail::Accumulate<T>, gsh::detail::Accumulate<vec3<T>>,
     gsh::detail::ObserveSplats<T>, gsh::detail::DecideFates<T>, gsh::detail::DescendGaussian<T>,
     gsh::detail::DescendMoments<T>, gsh::detail::LimitFromAbove<T>, gsh::detail::StoreStepValue,

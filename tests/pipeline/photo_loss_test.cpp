@@ -6,6 +6,7 @@
 
 #include "support/gradient.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -129,10 +130,63 @@ TEST_CASE("splats and photograph stand before the plate where there is one, else
     CHECK(truth.at(2, 3, 3) == doctest::Approx(0.6));
 }
 
+TEST_CASE("at unknown pixels the photograph stays as it is, and splats lie over the estimated background") {
+    for (const bool with_plate : {false, true}) {
+        CAPTURE(with_plate);
+        NoisyPhoto<cpu::Serial> noise(with_plate);
+        const std::vector<UnknownPixel> unknown{{30, {10, 20, 30}}, {205, {200, 100, 50}}};
+        noise.photo.unknown = unknown;
+        NoiseLoss loss(noise.backend, {.background = {0.2, 0.4, 0.6}});
+        Image<double> with, without, truth, plain, mask;
+        loss.picture(noise.photo, noise.view(), with);
+        loss.photograph(noise.photo, truth, mask);
+        for (double& opacity : noise.splats.opacities) opacity = 0;
+        Image<double> empty;
+        loss.picture(noise.photo, noise.view(), empty);
+        noise.photo.unknown = {};
+        loss.picture(noise.photo, noise.view(), without);
+        loss.photograph(noise.photo, plain, mask);
+        for (int c = 0; c < 3; ++c)
+            for (std::uint32_t i = 0; i < noise_width * noise_height; ++i) {
+                const auto found = std::find_if(unknown.begin(), unknown.end(), [&](auto& u) { return u.index == i; });
+                const auto channel = static_cast<std::size_t>(c);
+                const std::size_t at = channel * noise_width * noise_height + i;
+                if (found == unknown.end()) {
+                    CHECK(truth.data[at] == plain.data[at]);
+                    CHECK(empty.data[at] == without.data[at]);
+                } else {
+                    CHECK(truth.data[at] == doctest::Approx(noise.pixels[4 * i + channel] / 255.0));
+                    CHECK(empty.data[at] == doctest::Approx(found->background[channel] / 255.0));
+                }
+            }
+    }
+    NoisyPhoto<cpu::Serial> noise;
+    const std::vector<UnknownPixel> outside{{noise_width * noise_height, {}}};
+    noise.photo.unknown = outside;
+    CHECK_THROWS_AS(check_photo("test", noise.photo, 1), ValueError);
+}
+
+TEST_CASE("with half chroma the render is compared as the codec would have kept it") {
+    NoisyPhoto<cpu::Serial> noise;
+    NoiseLoss loss(noise.backend, {.ssim_weight = 0});
+    Image<double> color, truth, mask;
+    loss.picture(noise.photo, noise.view(), color);
+    loss.photograph(noise.photo, truth, mask);
+    HalfChroma<cpu::Serial, double> half(noise.backend);
+    half.forward(color.view(), color.view());
+    double l1 = 0;
+    for (std::size_t i = 0; i < color.data.size(); ++i) l1 += std::abs(color.data[i] - truth.data[i]);
+    const double full = noise.loss(loss);
+    noise.photo.half_chroma = true;
+    CHECK(noise.loss(loss) == doctest::Approx(l1 / (3 * noise_width * noise_height)));
+    CHECK(noise.loss(loss) != full);
+}
+
 TEST_CASE("the adjoint is the gradient of the loss with respect to splats and camera, and adds") {
     for (const double mask_weight : {0.0, 0.5}) {
         CAPTURE(mask_weight);
         NoisyPhoto<cpu::Serial> noise(mask_weight > 0);
+        noise.photo.half_chroma = mask_weight > 0;
         NoiseLoss loss(noise.backend,
                        {.filter = {.dilation = 0.1, .compensate_opacity = true}, .mask_weight = mask_weight});
         Splats<cpu::Serial, double> dL_dsplats;

@@ -62,6 +62,8 @@ public:
 
     /// The avatars in their present state, for files. An avatar's body may have fewer joints than that of the capture.
     [[nodiscard]] virtual std::vector<AvatarData> avatars() = 0;
+    /// The present gain of each training photograph on red, green and blue, in linear light; 1 where none is learned.
+    [[nodiscard]] virtual std::vector<std::array<double, 3>> photo_gains() const = 0;
     /// A person's present motion, with --refine.
     [[nodiscard]] virtual Motion refined_motion(std::size_t person) const = 0;
 

@@ -63,6 +63,7 @@ public:
             result.push_back(export_avatar(scene_, setup.people[p].rig, frames, trainer_.config().filter, p));
         return result;
     }
+    std::vector<std::array<double, 3>> photo_gains() const override { return trainer_.gains().gains(); }
     Motion refined_motion(std::size_t person) const override { return people_[person].refinement->motion(); }
 
     bool refine_test_poses() override;

@@ -7,6 +7,8 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/image/chroma.hpp>
+#include <gsh/image/trimap.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/io/capture/photos.hpp>
 #include <gsh/train/canonical_setup.hpp>
@@ -119,6 +121,14 @@ ReconstructionSetup make_setup(Machine& machine, const Source& source, const Con
     setup.test_photos = test_photos_of(source.capture);
     setup.photos = photos_of(source.capture, false);
     check_value(!setup.photos.empty(), source.capture.name, "has no photographs to train on");
+    setup.unknown.reserve(setup.photos.size());
+    for (Photo& photo : setup.photos) {
+        setup.unknown.push_back(unknown_pixels(photo.rgba, photo.camera.height, photo.camera.width,
+                                               configuration.unknown_band * photo.camera.height));
+        photo.unknown = Span<const UnknownPixel>(setup.unknown.back());
+        photo.half_chroma =
+            configuration.half_chroma && has_half_chroma(photo.rgba, photo.camera.height, photo.camera.width);
+    }
     setup.held_out_frames = source.capture.held_out_frames;
     const std::size_t count = gaussians_within_memory(machine, source, setup.photos, o, setup.configuration);
     for (std::size_t p = 0; p < source.people.size(); ++p) {

@@ -44,6 +44,7 @@ struct ReconstructionSetup {
     std::string regions_checksum, priors_checksum; ///< of the source; empty if none are used
     std::vector<Person> people;
     std::vector<Photo> photos, test_photos;     ///< of training; for evaluation
+    std::vector<std::vector<UnknownPixel>> unknown; ///< of each photograph of training
     std::vector<std::size_t> held_out_frames;   ///< of the capture; empty if training leaves out no span of the motion
     std::optional<MotionSplit> motion_split;    ///< of test_photos, if a span is left out
     std::optional<LightData> light;             ///< with which the light starts, if there is one

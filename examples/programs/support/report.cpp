@@ -110,7 +110,7 @@ void write_report(const std::filesystem::path& path, const Report& report) {
         html += "<h2>Training</h2><div class=\"curves\">";
         for (const auto& curve : report.curves)
             html += "<figure><figcaption>" + escape(curve.title) + " (" + escape(curve.unit) +
-                    ") over steps</figcaption>" + chart(curve) + "</figure>";
+                    ") over " + escape(curve.over) + "</figcaption>" + chart(curve) + "</figure>";
         html += "</div>";
     }
     if (!report.pictures.empty()) {

@@ -10,10 +10,11 @@
 
 namespace gsh::examples {
 
-/// A curve over steps.
+/// A curve over steps, or over what `over` names.
 struct Curve {
     std::string title, unit;
     std::vector<std::pair<double, double>> points; ///< (step, value)
+    std::string over = "steps";
 };
 
 struct Picture {

@@ -19,8 +19,11 @@
 #include <gsh/io/splat/ply.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <numeric>
 #include <sstream>
 #include <string_view>
 #include <system_error>
@@ -161,6 +164,35 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
            (setup.motion_split ? hold_out_protocol(source.capture, *setup.motion_split) : "");
 }
 
+namespace {
+
+/// Adds the gains that photographs have learned to the figures and to the page.
+void add_gains(const Reconstruction& reconstruction, Json& json, Report& report) {
+    if (reconstruction.setup.configuration.train.gain.rate == 0) return;
+    const std::vector<std::array<double, 3>> gains = reconstruction.photo_gains();
+    Curve exposure{"Exposure of training photographs, camera after camera", "stops, 0 in the mean of a camera", {},
+                   "photographs"};
+    std::vector<std::size_t> order(gains.size());
+    std::iota(order.begin(), order.end(), std::size_t(0));
+    const std::vector<Photo>& photos = reconstruction.setup.photos;
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return photos[a].camera_index < photos[b].camera_index; });
+    double darkest = 0, brightest = 0, balance = 0;
+    for (const std::size_t p : order) {
+        const auto [red, green, blue] = gains[p];
+        const double stops = std::log2(green);
+        exposure.points.emplace_back(static_cast<double>(exposure.points.size()), stops);
+        darkest = std::min(darkest, stops), brightest = std::max(brightest, stops);
+        balance = std::max({balance, std::abs(red / green - 1), std::abs(blue / green - 1)});
+        json["photographs"].push_back({{"name", photos[p].name}, {"gain", {red, green, blue}}});
+    }
+    report.facts.emplace_back("Photographs", "exposure from " + fixed(darkest, 2) + " to " + fixed(brightest, 2) +
+                                                 " stops, white balance within " + fixed(100 * balance, 1) + "%");
+    report.curves.push_back(std::move(exposure));
+}
+
+} // namespace
+
 std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOptions& o, Machine& machine,
                                          const Source& source, Reconstruction& reconstruction,
                                          const TrainingRecord& record) {
@@ -283,6 +315,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
         {"Loss of the step's training view",
          fixed(1 - ssim_weight, 2) + " L1 + " + fixed(ssim_weight, 2) + " (1 - SSIM)", record.loss},
         {"PSNR of the step's training view", "dB", record.psnr}};
+    add_gains(reconstruction, json, report);
     write_report(out.file("report.html"), report);
     write_json(out.file("metrics.json"), json);
     if (interrupted) return std::nullopt;

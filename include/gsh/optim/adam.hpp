@@ -10,6 +10,7 @@
 #include <gsh/core/span.hpp>
 
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
@@ -120,6 +121,16 @@ struct Adam {
                           parameters.size() / width, width, first);
     }
 
+    /// The numbers of one step, for kernels of a caller's own. The first step has number 1.
+    template <std::floating_point T>
+    [[nodiscard]] detail::AdamCoefficients<T> coefficients(double rate, std::int64_t step_number) const {
+        check_value(step_number >= 1, "Adam", "step_number counts from 1");
+        const double t = static_cast<double>(step_number);
+        const double correction1 = 1 - std::pow(beta1, t), correction2 = 1 - std::pow(beta2, t);
+        return {T(beta1), T(beta2), T(1 - beta1), T(1 - beta2), T(rate / correction1), T(1 / std::sqrt(correction2)),
+                T(epsilon)};
+    }
+
 private:
     template <class T, Backend B>
     static void check_memory(const B& backend, const char* where, Span<T> parameters, Span<T> gradients, Span<T> m,
@@ -136,16 +147,7 @@ private:
         check_size("Adam", "gradients", gradients.size(), parameters.size());
         check_size("Adam", "m", m.size(), parameters.size());
         check_size("Adam", "v", v.size(), parameters.size());
-        check_value(step_number >= 1, "Adam", "step_number counts from 1");
-        const double t = static_cast<double>(step_number);
-        const double correction1 = 1 - std::pow(beta1, t), correction2 = 1 - std::pow(beta2, t);
-        return {parameters,
-                gradients,
-                m,
-                v,
-                {T(beta1), T(beta2), T(1 - beta1), T(1 - beta2), T(rate / correction1), T(1 / std::sqrt(correction2)),
-                 T(epsilon)},
-                used == UsedGradients::zero};
+        return {parameters, gradients, m, v, coefficients<T>(rate, step_number), used == UsedGradients::zero};
     }
 };
 

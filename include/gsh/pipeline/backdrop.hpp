@@ -7,6 +7,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
+#include <gsh/image/trimap.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/render/target.hpp>
 
@@ -16,6 +17,33 @@
 #include <cstdint>
 
 namespace gsh {
+
+namespace detail {
+
+/// Writes the background of unknown pixels.
+template <class T>
+struct UnknownBackground {
+    Span<const UnknownPixel> unknown;
+    Span<T> plate; // [3, plane]
+    GSH_HD void operator()(std::size_t i) const {
+        const UnknownPixel& pixel = unknown[i];
+        for (std::size_t c = 0; c < 3; ++c)
+            plate[c * (plate.size() / 3) + pixel.index] = T(pixel.background[c]) / T(255);
+    }
+};
+/// Writes a photograph's own colours at unknown pixels.
+template <class T>
+struct UnknownColors {
+    Span<const UnknownPixel> unknown;
+    Span<const std::uint8_t> rgba;
+    Span<T> color; // [3, plane]
+    GSH_HD void operator()(std::size_t i) const {
+        const std::size_t at = unknown[i].index;
+        for (std::size_t c = 0; c < 3; ++c) color[c * (color.size() / 3) + at] = T(rgba[4 * at + c]) / T(255);
+    }
+};
+
+} // namespace detail
 
 /// The background of a render and of the photograph that it is compared with. Both must have the same background.
 ///
@@ -30,15 +58,24 @@ public:
 
     void set_color(const std::array<double, 3>& color) { color_ = {T(color[0]), T(color[1]), T(color[2])}; }
 
-    /// `plate` [height, width, 4], in the backend's memory, replaces the colour from now on. An empty plate restores
-    /// the colour.
+    /// From now on, `plate` [height, width, 4] replaces the colour, and the estimated background of unknown pixels
+    /// replaces both. Both are in the backend's memory; empty ones replace nothing.
     /// Errors  ShapeError for a plate of another size.
-    void set_plate(B& backend, Span<const std::uint8_t> plate, int height, int width) {
+    void set_plate(B& backend, Span<const std::uint8_t> plate, Span<const UnknownPixel> unknown, int height,
+                   int width) {
         height_ = height, width_ = width;
-        if (plate.empty()) return plate_.resize(0);
-        check_size("Backdrop", "plate", plate.size(), 4 * plane_size(), "a plate is as large as its photograph");
+        if (plate.empty() && unknown.empty()) return plate_.resize(0);
         plate_.resize(3 * plane_size());
-        composite_rgba8(backend, plate, height, width, vec3<T>(T(0)), ImageView<T>{plate_, 3, height, width});
+        const ImageView<T> image{plate_, 3, height, width};
+        if (plate.empty()) {
+            for (std::size_t c = 0; c < 3; ++c)
+                backend.fill(image.data.subspan(c * plane_size(), plane_size()), color_[static_cast<int>(c)]);
+        } else {
+            check_size("Backdrop", "plate", plate.size(), 4 * plane_size(), "a plate is as large as its photograph");
+            composite_rgba8(backend, plate, height, width, vec3<T>(T(0)), image);
+        }
+        check_memory(backend, "Backdrop", "unknown", unknown);
+        backend.for_each(unknown.size(), detail::UnknownBackground<T>{unknown, image.data});
     }
     void clear_plate() { plate_.resize(0); }
 
@@ -47,15 +84,16 @@ public:
         return {.color = color_, .image = {plate_, 3, height_, width_}};
     }
 
-    /// Composites a photograph [height, width, 4] over its plate or the colour, into color [3, height, width]. Its mask
-    /// goes into alpha if that is given. All are in the backend's memory.
+    /// Composites a photograph [height, width, 4] over its plate or the colour, into color [3, height, width]. At
+    /// unknown pixels it stays as it is. Its mask goes into alpha if that is given. All are in the backend's memory.
     /// Errors  ShapeError for a photograph or plate of another size than color.
     void photograph(B& backend, Span<const std::uint8_t> rgba, Span<const std::uint8_t> plate,
-                    const ImageView<T>& color, const ImageView<T>& alpha = {}) {
-        set_plate(backend, plate, color.height, color.width);
+                    Span<const UnknownPixel> unknown, const ImageView<T>& color, const ImageView<T>& alpha = {}) {
+        set_plate(backend, plate, unknown, color.height, color.width);
         check_size("Backdrop", "rgba", rgba.size(), 4 * plane_size(), "the image must have its camera's size");
         if (plate.empty()) composite_rgba8(backend, rgba, height_, width_, color_, color, alpha);
         else composite_rgba8(backend, rgba, height_, width_, background().image, color, alpha);
+        backend.for_each(unknown.size(), detail::UnknownColors<T>{unknown, rgba, color.data});
     }
 
 private:

@@ -5,6 +5,7 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/image/trimap.hpp>
 
 #include <cstddef>
 #include <cstdint>
@@ -17,7 +18,9 @@ namespace gsh {
 ///
 /// Shapes  rgba [height, width, 4], straight alpha; alpha is the mask of what is learned. plate has the same shape and
 ///         is opaque: the camera's view without the person. It is empty for a plain background. The caller owns the
-///         memory of both.
+///         memory of all. At unknown pixels the mask is not believed: there the photograph is compared as it is, over
+///         the background that is estimated there. With half_chroma, its colours have half the resolution of its
+///         brightness, as in most JPEG files; the render is compared in the same way.
 struct Photo {
     std::string name;
     Camera<double> camera;
@@ -25,6 +28,8 @@ struct Photo {
     Span<const std::uint8_t> rgba;
     std::size_t camera_index = 0; ///< among the capture's cameras
     Span<const std::uint8_t> plate = {};
+    Span<const UnknownPixel> unknown = {};
+    bool half_chroma = false;
 };
 
 /// Checks a photograph before it is used.
@@ -42,6 +47,8 @@ inline void check_photo(std::string_view where, const Photo& photo, std::size_t 
     if (!photo.plate.empty())
         check_size(where, photo.name + "'s plate", photo.plate.size(), photo.rgba.size(),
                    "a plate is as large as its photograph");
+    for (const UnknownPixel& pixel : photo.unknown)
+        check_value(pixel.index < photo.rgba.size() / 4, where, photo.name + " has an unknown pixel outside of it");
 }
 
 } // namespace gsh

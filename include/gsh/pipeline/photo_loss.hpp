@@ -8,6 +8,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/image/chroma.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
@@ -44,7 +45,7 @@ public:
     explicit PhotoLoss(B& backend, const Params& params = {})
         : backend_(&backend), params_(params), backdrop_(params.background),
           rasterizer_(backend, raster_params<T>(params.filter)),
-          photometric_(backend, {.ssim_weight = T(params.ssim_weight)}), mask_loss_(backend) {
+          half_chroma_(backend), photometric_(backend, {.ssim_weight = T(params.ssim_weight)}), mask_loss_(backend) {
         check_value(params.mask_weight >= 0, "PhotoLoss", "mask_weight must not be negative");
     }
 
@@ -56,7 +57,8 @@ public:
                    const std::array<double, 3>& background) {
         backdrop_.set_color(background);
         resize(photo.camera.height, photo.camera.width);
-        backdrop_.photograph(*backend_, pixels.rgba, pixels.plate, view(truth_, 3),
+        halve_chroma_ = photo.half_chroma;
+        backdrop_.photograph(*backend_, pixels.rgba, pixels.plate, pixels.unknown, view(truth_, 3),
                              with_mask() ? in(mask_, 1) : ImageView<T>{});
     }
     /// The same over Params::background.
@@ -84,6 +86,7 @@ public:
 
     /// Compares the render with the photograph.
     void compare() {
+        if (halve_chroma_) half_chroma_.forward(view(render_, 3), view(render_, 3));
         photometric_.forward(view(render_, 3), view(truth_, 3), photometric_cache_);
         if (with_mask()) mask_loss_.forward(view(alpha_, 1), view(mask_, 1), mask_cache_);
     }
@@ -107,6 +110,7 @@ public:
         const ImageView<T> dL_drender = in(dL_drender_, 3);
         backend_->fill(dL_drender.data, T(0));
         photometric_.backward(view(render_, 3), view(truth_, 3), T(1), photometric_cache_, dL_drender);
+        if (halve_chroma_) half_chroma_.backward(dL_drender);
         RenderGradient<T> dL_dtarget{.color = dL_drender};
         if (with_mask()) {
             const ImageView<T> dL_dalpha = in(dL_dalpha_, 1);
@@ -127,7 +131,8 @@ public:
     /// [1, height, width] is written if it is given.
     void picture(const Photo& photo, const SplatView<const T>& splats, Image<T>& color, Image<T>* alpha = nullptr) {
         pixels_ = PhotoPixels<B>(*backend_, {photo});
-        backdrop_.set_plate(*backend_, pixels_[0].plate, photo.camera.height, photo.camera.width);
+        backdrop_.set_color(params_.background);
+        backdrop_.set_plate(*backend_, pixels_[0].plate, pixels_[0].unknown, photo.camera.height, photo.camera.width);
         picture_from(photo.camera, splats, color, alpha);
     }
     /// Renders the splats over the background.
@@ -141,7 +146,8 @@ public:
         resize(photo.camera.height, photo.camera.width);
         backdrop_.set_color(params_.background);
         pixels_ = PhotoPixels<B>(*backend_, {photo});
-        backdrop_.photograph(*backend_, pixels_[0].rgba, pixels_[0].plate, view(truth_, 3), in(mask_, 1));
+        backdrop_.photograph(*backend_, pixels_[0].rgba, pixels_[0].plate, pixels_[0].unknown, view(truth_, 3),
+                             in(mask_, 1));
         color = download(truth_, 3);
         mask = download(mask_, 1);
     }
@@ -184,9 +190,11 @@ private:
     PhotoPixels<B> pixels_; // of a photograph in host memory
     Backdrop<B, T> backdrop_;
     Rasterizer<B, T> rasterizer_;
+    HalfChroma<B, T> half_chroma_;
     PhotometricLoss<B, T> photometric_;
     L1Loss<B, T> mask_loss_;
 
+    bool halve_chroma_ = false;             // of the render, before it is compared
     int height_ = 0, width_ = 0;            // of the current photograph or picture
     Buffer render_, truth_, dL_drender_;    // [3, height, width]; they keep the memory of the largest
     Buffer alpha_, mask_, dL_dalpha_;       // [height, width], or empty

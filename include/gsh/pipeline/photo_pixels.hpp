@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/fetch_ahead.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/image/trimap.hpp>
 #include <gsh/pipeline/photo.hpp>
 
 #include <cstddef>
@@ -18,8 +19,8 @@
 namespace gsh {
 
 /// Pixels and plates of photographs as bytes. On a backend with host memory they are the caller's own. Elsewhere they
-/// are uploaded once: plates, which photographs share, and as many photographs as a budget allows. The others are
-/// brought one by one, ahead of their step (FetchAhead).
+/// are uploaded once: plates, which photographs share, unknown pixels, and as many photographs as a budget allows. The
+/// others are brought one by one, ahead of their step (FetchAhead).
 template <Backend B>
 class PhotoPixels {
 public:
@@ -27,6 +28,7 @@ public:
     struct View {
         Bytes rgba;  ///< [height, width, 4]
         Bytes plate; ///< likewise, or empty
+        Span<const UnknownPixel> unknown;
     };
     static constexpr std::uint64_t no_limit = std::numeric_limits<std::uint64_t>::max();
 
@@ -35,18 +37,19 @@ public:
     PhotoPixels(B& backend, const std::vector<Photo>& photos, std::uint64_t budget = no_limit) {
         views_.reserve(photos.size());
         if constexpr (B::host_memory) {
-            for (const Photo& photo : photos) views_.push_back({photo.rgba, photo.plate});
+            for (const Photo& photo : photos) views_.push_back({photo.rgba, photo.plate, photo.unknown});
         } else {
             std::map<const std::uint8_t*, Bytes> plates;
             std::vector<Bytes> others;
             for (const Photo& photo : photos) {
                 const auto [plate, is_new] = plates.try_emplace(photo.plate.data());
-                if (is_new) plate->second = upload(backend, photo.plate);
+                if (is_new) plate->second = upload(backend, photo.plate, copies_);
                 const bool stays = photo.rgba.size() <= budget;
                 if (stays) budget -= photo.rgba.size();
                 places_.push_back(stays ? resident : others.size());
                 if (!stays) others.push_back(photo.rgba);
-                views_.push_back({stays ? upload(backend, photo.rgba) : Bytes{}, plate->second});
+                views_.push_back({stays ? upload(backend, photo.rgba, copies_) : Bytes{}, plate->second,
+                                  upload(backend, photo.unknown, unknown_)});
             }
             if (!others.empty()) others_ = std::make_unique<FetchAhead<B>>(backend, std::move(others));
         }
@@ -67,15 +70,17 @@ private:
     static constexpr std::size_t resident = ~std::size_t(0);
 
     [[nodiscard]] bool is_fetched(std::size_t photo) const { return others_ != nullptr && places_[photo] != resident; }
-    [[nodiscard]] Bytes upload(B& backend, Bytes bytes) {
-        if (bytes.empty()) return {};
-        copies_.emplace_back(bytes.size());
-        backend.upload(bytes, Span<std::uint8_t>(copies_.back()));
-        return copies_.back();
+    template <class U, class Buffer>
+    [[nodiscard]] static Span<const U> upload(B& backend, Span<const U> from, std::vector<Buffer>& copies) {
+        if (from.empty()) return {};
+        copies.emplace_back(from.size());
+        backend.upload(from, Span<U>(copies.back()));
+        return copies.back();
     }
 
     std::vector<View> views_;
     std::vector<typename B::template Buffer<std::uint8_t>> copies_;
+    std::vector<typename B::template Buffer<UnknownPixel>> unknown_;
     std::vector<std::size_t> places_;       // of each photograph in others_, or `resident`
     std::unique_ptr<FetchAhead<B>> others_; // null if all stay
 };

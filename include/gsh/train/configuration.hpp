@@ -51,6 +51,9 @@ struct Configuration {
     PriorFeatureParams prior;
     AvatarConfig avatar{.ao = AmbientOcclusion::time};
     TrainConfig train;
+    /// Share of an image's height on either side of a mask's outline where the mask is not believed: Photo::unknown.
+    double unknown_band = 0.01;
+    bool half_chroma = true; ///< whether photographs with colours of half resolution are found: Photo::half_chroma
     RefinementConfig refinement; ///< used by runs with refinement
     double finger_rate = 1;      ///< factor on the rate of refined poses at fingers
     double face_rate = 1;        ///< the same at jaw and eyes
@@ -179,6 +182,10 @@ void for_each_setting(C& c, const F& f) {
     f("rate.final", c.train.final_rate, R::above(0).up_to(1));
     f("ssim_weight", c.train.ssim_weight, share);
     f("background.random", c.train.random_background, any);
+    f("unknown_band", c.unknown_band, R::at_least(0).up_to(0.1));
+    f("half_chroma", c.half_chroma, any);
+    f("gain.rate", c.train.gain.rate, R::at_least(0));
+    f("gain.start", c.train.gain.start, share);
     f("filter.dilation", c.train.filter.dilation, R::at_least(0));
     f("filter.compensate_opacity", c.train.filter.compensate_opacity, any);
     const auto refined = [&](const std::string& group, auto& how, bool in_time) {
@@ -228,6 +235,8 @@ void for_each_setting(C& c, const F& f) {
         c.avatar.rates = baseline_rates();
         c.avatar.ao_start = 0.4;
         c.train = baseline_config();
+        c.unknown_band = 0;
+        c.half_chroma = false;
     };
     if (name == "paper") return c;
     if (name == "baseline") make_baseline(), c.joints = JointSet::trunk_and_limbs;

@@ -119,8 +119,7 @@ public:
     void step(RefinementGroup group, std::size_t row, const Adam& adam, double rate, Span<const T> rates = {}) {
         const std::size_t update = table(group).first_update + row;
         if (!history_.empty()) history_.back().push_back(update);
-        const double t = static_cast<double>(++updates_[update]);
-        const double correction1 = 1 - std::pow(adam.beta1, t), correction2 = 1 - std::pow(adam.beta2, t);
+        const auto visit = static_cast<std::int64_t>(++updates_[update]);
         const Span<T> numbers = increments(group, row);
         backend_->for_each(numbers.size(),
                            detail::RowStep<T>{numbers,
@@ -128,8 +127,7 @@ public:
                                               at(Span<T>(first_moment_), group, row),
                                               at(Span<T>(second_moment_), group, row),
                                               rates,
-                                              {T(adam.beta1), T(adam.beta2), T(1 - adam.beta1), T(1 - adam.beta2),
-                                               T(rate / correction1), T(1 / std::sqrt(correction2)), T(adam.epsilon)},
+                                              adam.coefficients<T>(rate, visit),
                                               halt_word(*backend_)});
     }
 

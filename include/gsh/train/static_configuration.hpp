@@ -20,7 +20,8 @@ namespace gsh {
             .ssim_weight = config.ssim_weight,
             .background = config.background,
             .random_background = false,
-            .filter = config.filter};
+            .filter = config.filter,
+            .gain = {}}; // one photograph of each camera: its gain would be the mean
 }
 
 /// The seed for the Trainer of a static scene, which determines the order of the photographs. StaticModel takes `seed`

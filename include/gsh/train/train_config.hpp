@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/pipeline/photo_gain.hpp>
 
 #include <algorithm>
 #include <array>
@@ -22,6 +23,9 @@ struct TrainConfig {
     bool random_background = true;
     /// About the blur of the photographs: 0.14 px², less the pixel's own box.
     PixelFilter filter{.dilation = 0.1, .compensate_opacity = true};
+
+    /// Exposure and white balance of each photograph.
+    PhotoGainParams gain{.rate = 0.03};
 
     /// Bytes of a device's memory for photographs; the others are brought ahead of their step. 0: half of what is free
     /// when training starts. No setting of the avatar: it does not change any number.
@@ -44,7 +48,8 @@ struct TrainConfig {
             .final_rate = 1,
             .ssim_weight = 0.2,
             .random_background = false,
-            .filter = {.dilation = 0.3, .compensate_opacity = false}};
+            .filter = {.dilation = 0.3, .compensate_opacity = false},
+            .gain = {}};
 }
 
 } // namespace gsh

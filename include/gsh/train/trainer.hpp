@@ -13,6 +13,7 @@
 #include <gsh/optim/adam.hpp>
 #include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/photo.hpp>
+#include <gsh/pipeline/photo_gain.hpp>
 #include <gsh/pipeline/photo_loss.hpp>
 #include <gsh/pipeline/photo_pixels.hpp>
 #include <gsh/pipeline/splat_scene.hpp>
@@ -50,7 +51,7 @@ public:
           pixels_(backend, photos_, photo_budget(backend, config_)),
           loss_(backend,
                 {.filter = config.filter, .ssim_weight = config.ssim_weight, .background = config.background}),
-          repeated_(backend), history_(backend) {
+          gains_(backend, photos_, config_.gain), repeated_(backend), history_(backend) {
         check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
         for (const Photo& photo : photos_) check_photo("Trainer", photo, scene.frame_count());
         for (const LearnedArray<T>& array : scene.learned())
@@ -97,12 +98,22 @@ public:
         scene_->set_progress(step_count_, progress);
         const Camera<double>& camera = photos_[index].camera;
         pixels_.prepare(index);
-        repeated_.run(std::uint64_t(camera.height) << 32 | std::uint64_t(camera.width),
+        const std::uint64_t half_chroma = photos_[index].half_chroma;
+        repeated_.run(half_chroma << 63 | std::uint64_t(camera.height) << 32 | std::uint64_t(camera.width),
                       [&] { compute_step(index, progress, observer); });
         ++step_count_;
         pixels_.fetch(photo_of_step(step_count_));
         observer.leave();
     }
+
+    /// What steps change: the scene's arrays, then the gains of the photographs.
+    [[nodiscard]] LearnedArrays<T> learned() {
+        LearnedArrays<T> arrays = scene_->learned();
+        arrays.push_back(gains_.announce());
+        return arrays;
+    }
+    /// Exposure and white balance of the photographs.
+    [[nodiscard]] const PhotoGains<B, T>& gains() const { return gains_; }
 
     /// Waits for the steps so far. On a device that does not wait within a step, an error is found here: then either
     /// its cause is mended and the trainer goes back to the step that failed, whose number step_count() returns from
@@ -114,6 +125,7 @@ public:
         loss_.mend();
         for (const LearnedArray<T>& array : scene_->learned()) // no step has used what the lost ones added
             backend_->fill(array.gradient, T(0));
+        gains_.forget_gradient();
         step_count_ -= lost;
         if constexpr (requires { scene_->take_back(lost); }) scene_->take_back(lost);
         scene_->set_progress(step_count_, progress_);
@@ -170,6 +182,7 @@ private:
         const CameraInput<T> camera = scene_->camera(photo);
         splats_.resize(scene_->size());
         scene_->forward(photo.frame, camera.center, splats_.view());
+        gains_.apply(index, splats_.colors);
         observer.enter(Stage::render);
         loss_.render(camera.camera, splats());
         observer.enter(Stage::loss);
@@ -182,6 +195,7 @@ private:
         fill_zero(*backend_, dL_dsplats_.view());
         loss_.backward(camera.camera, splats(), dL_dsplats_.view(), dL_dcamera.camera);
         observer.enter(Stage::model_backward);
+        gains_.backward(index, splats().colors, dL_dsplats_.colors);
         scene_->backward(photo.frame, camera.center, std::as_const(dL_dsplats_).view(), dL_dcamera.center);
         scene_->camera_backward(photo);
 
@@ -189,6 +203,9 @@ private:
         const double factor = config_.rate_factor(progress);
         for (const LearnedArray<T>& array : scene_->learned())
             take_step(*backend_, adam_, array, factor, static_cast<std::int64_t>(step_count_ + 1));
+        if (gains_.learns(progress))
+            gains_.step(index, static_cast<std::int64_t>(step_count_ / photos_.size() + 1), factor);
+        else gains_.forget_gradient();
         scene_->after_step(loss_.raster_cache());
     }
 
@@ -228,6 +245,7 @@ private:
     TrainConfig config_;
     PhotoPixels<B> pixels_;
     PhotoLoss<B, T> loss_;
+    PhotoGains<B, T> gains_;
     RepeatedStep<B> repeated_;
     StepHistory<B> history_;
     Adam adam_;

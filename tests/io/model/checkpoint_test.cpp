@@ -79,8 +79,11 @@ TEST_CASE("a resumed training goes on bit for bit") {
     load_trainer(ArchiveReader(file.path, "checkpoint", checkpoint_version), second.trainer);
     CHECK(second.trainer.step_count() == 6);
     CHECK(second.parameters() == first.parameters());
+    CHECK(second.trainer.gains().gains() == first.trainer.gains().gains());
     second.steps(8);
     CHECK(second.parameters() == whole.parameters());
+    CHECK(second.trainer.gains().gains() == whole.trainer.gains().gains());
+    CHECK(whole.trainer.gains().gains()[0] != whole.trainer.gains().gains()[1]);
 }
 
 TEST_CASE("a checkpoint of another training is refused, and nothing is taken over") {
@@ -125,8 +128,8 @@ TEST_CASE("a checkpoint of a training that learns more, less or other arrays is 
         CHECK(training.trainer.step_count() == 2);
         return message;
     };
-    CHECK(refused(of_plain, shaded).find("6 learned arrays, this training has 8") != std::string::npos);
-    CHECK(refused(of_shaded, plain).find("8 learned arrays, this training has 6") != std::string::npos);
+    CHECK(refused(of_plain, shaded).find("7 learned arrays, this training has 9") != std::string::npos);
+    CHECK(refused(of_shaded, plain).find("9 learned arrays, this training has 7") != std::string::npos);
     // The same number of arrays, with other names.
     CHECK(refused(of_plain, stored).find("learned/sh/values") != std::string::npos);
 }

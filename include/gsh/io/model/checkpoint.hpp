@@ -17,7 +17,7 @@
 
 namespace gsh {
 
-inline constexpr int checkpoint_version = 3;
+inline constexpr int checkpoint_version = 4;
 
 namespace detail {
 
@@ -40,7 +40,7 @@ void add_trainer(ArchiveWriter& file, TrainerType& trainer) {
     file.add("steps", std::uint64_t(trainer.step_count()));
     file.add("progress", trainer.progress());
     file.add("seed", std::uint64_t(trainer.seed()));
-    const LearnedArrays<T> arrays = trainer.scene().learned();
+    const LearnedArrays<T> arrays = trainer.learned();
     file.add("arrays", std::uint64_t(arrays.size()));
     for (const LearnedArray<T>& array : arrays)
         detail::for_each_state(array, [&](const std::string& key, Span<const T> numbers) {
@@ -87,7 +87,7 @@ void load_trainer(const ArchiveReader& file, TrainerType& trainer) {
     check_value(seed == trainer.seed(), path,
                 "was made with seed " + std::to_string(seed) + ", not " + std::to_string(trainer.seed()) +
                     "; resume with that seed");
-    const LearnedArrays<T> arrays = trainer.scene().learned();
+    const LearnedArrays<T> arrays = trainer.learned();
     const auto stored = file.read_number<std::uint64_t>("arrays");
     check_value(stored == arrays.size(), path,
                 "holds " + std::to_string(stored) + " learned arrays, this training has " +

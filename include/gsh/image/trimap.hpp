@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The pixels along a mask's outline, where it is not believed, with the background that is estimated there.
+#pragma once
+
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace gsh {
+
+/// A pixel that may show the foreground, the background or both.
+struct UnknownPixel {
+    std::uint32_t index;        ///< row-major
+    std::uint8_t background[3]; ///< estimated, display-referred sRGB
+    std::uint8_t padding = 0;
+};
+
+namespace detail {
+
+/// Whether every pixel without alpha is black, or every one white: then the background was removed from the image.
+[[nodiscard]] inline bool background_is_removed(Span<const std::uint8_t> rgba) {
+    bool black = true, white = true;
+    for (std::size_t i = 0; i < rgba.size() && (black || white); i += 4) {
+        if (rgba[i + 3] != 0) continue;
+        for (std::size_t c = 0; c < 3; ++c) black &= rgba[i + c] == 0, white &= rgba[i + c] == 255;
+    }
+    return black || white;
+}
+
+[[nodiscard]] inline std::size_t pixel_index(int y, int x, int width) {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+}
+
+/// Pixels at most `radius` from one on the other side of the mask's outline: 1, all others 0.
+[[nodiscard]] inline std::vector<std::uint8_t> pixels_near_outline(Span<const std::uint8_t> rgba, int height, int width,
+                                                                   double radius) {
+    const auto at = [&](int y, int x) { return pixel_index(y, x, width); };
+    const auto inside = [&](int y, int x) { return rgba[4 * at(y, x) + 3] >= 128; };
+    std::vector<std::uint8_t> near(rgba.size() / 4, 0);
+    const int reach = static_cast<int>(radius);
+    const auto mark = [&](int y, int x) { // the disc around a pixel beside the outline
+        for (int v = std::max(y - reach, 0); v <= std::min(y + reach, height - 1); ++v)
+            for (int u = std::max(x - reach, 0); u <= std::min(x + reach, width - 1); ++u)
+                if ((v - y) * (v - y) + (u - x) * (u - x) <= radius * radius) near[at(v, u)] = 1;
+    };
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            if (x + 1 < width && inside(y, x) != inside(y, x + 1)) mark(y, x), mark(y, x + 1);
+            if (y + 1 < height && inside(y, x) != inside(y + 1, x)) mark(y, x), mark(y + 1, x);
+        }
+    return near;
+}
+
+} // namespace detail
+
+/// The unknown region of a trimap: pixels within `radius` of the mask's outline. Their background is continued from
+/// outside: layer by layer, each pixel takes the mean of its neighbours that have one.
+///
+/// With it, a photograph can be compared where its mask is wrong by a few pixels: there it is compared as it is, and
+/// the render lies over the estimated background.
+///
+/// Shapes  rgba [height, width, 4], straight alpha, with the photograph's own colours outside of the mask.
+/// Units   radius in pixels; 0 gives no pixels.
+/// Returns no pixels if the background was removed from the photograph, so that it is black or white wherever alpha is
+///         0. A mask with such a background is believed.
+/// Errors  ShapeError, ValueError.
+[[nodiscard]] inline std::vector<UnknownPixel> unknown_pixels(Span<const std::uint8_t> rgba, int height, int width,
+                                                              double radius) {
+    constexpr const char* where = "unknown_pixels";
+    check_value(height >= 0 && width >= 0 && radius >= 0 && radius <= 256, where,
+                "height and width must not be negative, and the radius lie in [0, 256]");
+    check_size(where, "rgba", rgba.size(), 4 * static_cast<std::size_t>(height) * static_cast<std::size_t>(width));
+    if (radius == 0 || detail::background_is_removed(rgba)) return {};
+    std::vector<std::uint8_t> near = detail::pixels_near_outline(rgba, height, width, radius);
+    enum : std::uint8_t { known, unknown, foreground };
+    std::vector<std::array<float, 3>> background(near.size());
+    std::vector<std::uint32_t> open;
+    for (std::size_t i = 0; i < near.size(); ++i) {
+        if (near[i]) {
+            near[i] = unknown;
+            open.push_back(static_cast<std::uint32_t>(i));
+        } else if (rgba[4 * i + 3] >= 128) {
+            near[i] = foreground;
+        } else {
+            for (std::size_t c = 0; c < 3; ++c) background[i][c] = rgba[4 * i + c];
+        }
+    }
+    std::vector<UnknownPixel> result;
+    result.reserve(open.size());
+    while (!open.empty()) {
+        std::vector<std::uint32_t> layer, rest;
+        for (const std::uint32_t i : open) {
+            const int y = static_cast<int>(i) / width, x = static_cast<int>(i) % width;
+            std::array<float, 3> sum{};
+            int count = 0;
+            for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height - 1); ++v)
+                for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width - 1); ++u) {
+                    const std::size_t k = detail::pixel_index(v, u, width);
+                    if (near[k] != known) continue;
+                    for (std::size_t c = 0; c < 3; ++c) sum[c] += background[k][c];
+                    ++count;
+                }
+            if (count == 0) {
+                rest.push_back(i);
+                continue;
+            }
+            for (std::size_t c = 0; c < 3; ++c) background[i][c] = sum[c] / static_cast<float>(count);
+            layer.push_back(i);
+        }
+        if (layer.empty()) break; // no background beside the rest: its mask is believed
+        for (const std::uint32_t i : layer) {
+            near[i] = known;
+            UnknownPixel& pixel = result.emplace_back(UnknownPixel{i, {}});
+            for (std::size_t c = 0; c < 3; ++c)
+                pixel.background[c] = static_cast<std::uint8_t>(std::lround(background[i][c]));
+        }
+        open = std::move(rest);
+    }
+    std::sort(result.begin(), result.end(), [](const auto& a, const auto& b) { return a.index < b.index; });
+    return result;
+}
+
+} // namespace gsh

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/image/trimap.hpp>
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+using namespace gsh;
+
+namespace {
+
+constexpr int width = 60, height = 40;
+
+/// A disc of radius 12 around (30, 20) before a background that grows brighter to the right.
+std::vector<std::uint8_t> disc() {
+    std::vector<std::uint8_t> rgba;
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            const bool inside = std::hypot(x - 30, y - 20) < 12;
+            const auto ground = static_cast<std::uint8_t>(40 + 2 * x);
+            for (const int value : {inside ? 200 : ground, inside ? 10 : ground, inside ? 10 : 90, inside ? 255 : 0})
+                rgba.push_back(static_cast<std::uint8_t>(value));
+        }
+    return rgba;
+}
+double distance_to_centre(const UnknownPixel& pixel) {
+    const int index = static_cast<int>(pixel.index);
+    return std::hypot(index % width - 30, index / width - 20);
+}
+
+} // namespace
+
+TEST_CASE("unknown pixels are those near the outline, with the background from outside") {
+    const std::vector<std::uint8_t> rgba = disc();
+    for (const double radius : {1.0, 2.5, 4.0}) {
+        CAPTURE(radius);
+        const std::vector<UnknownPixel> unknown = unknown_pixels(rgba, height, width, radius);
+        std::vector<bool> is_unknown(rgba.size() / 4, false);
+        for (const UnknownPixel& pixel : unknown) {
+            is_unknown[pixel.index] = true;
+            CHECK(std::abs(distance_to_centre(pixel) - 12) < radius + 1.5);
+            const int x = static_cast<int>(pixel.index) % width;
+            for (std::size_t c = 0; c < 2; ++c) CHECK(std::abs(pixel.background[c] - (40 + 2 * x)) <= 4 * radius + 5);
+            CHECK(pixel.background[2] == 90); // not that of the disc
+        }
+        for (std::size_t i = 0; i < is_unknown.size(); ++i)
+            if (std::abs(distance_to_centre({static_cast<std::uint32_t>(i), {}}) - 12) < radius - 1)
+                CHECK(is_unknown[i]);
+        CHECK(std::is_sorted(unknown.begin(), unknown.end(), [](auto& a, auto& b) { return a.index < b.index; }));
+    }
+    CHECK(unknown_pixels(rgba, height, width, 0).empty());
+}
+
+TEST_CASE("a mask without a background behind it is believed") {
+    for (const int value : {0, 255}) {
+        std::vector<std::uint8_t> rgba = disc();
+        for (std::size_t i = 0; i < rgba.size(); i += 4)
+            if (rgba[i + 3] == 0)
+                std::fill_n(rgba.begin() + static_cast<std::ptrdiff_t>(i), 3, static_cast<std::uint8_t>(value));
+        CHECK(unknown_pixels(rgba, height, width, 3).empty());
+        rgba[1] ^= 1; // one pixel of it is enough
+        CHECK(!unknown_pixels(rgba, height, width, 3).empty());
+    }
+    std::vector<std::uint8_t> full = disc();
+    for (std::size_t i = 3; i < full.size(); i += 4) full[i] = 255;
+    CHECK(unknown_pixels(full, height, width, 3).empty());
+    // A disc that fills almost all: a corner is background, and all unknown pixels hang together with it.
+    full[3] = 0;
+    CHECK(unknown_pixels(full, height, width, 3).size() < 3); // no background remains outside of the unknown pixels
+}
+
+TEST_CASE("wrong sizes are refused") {
+    const std::vector<std::uint8_t> rgba = disc();
+    CHECK_THROWS_AS((void)unknown_pixels(rgba, height, width - 1, 2), ShapeError);
+    CHECK_THROWS_AS((void)unknown_pixels(rgba, height, width, -1), ValueError);
+}
