@@ -46,7 +46,7 @@ void story(const std::filesystem::path&) {
     AvatarModel model(backend, make_rig(body, motion.betas, skin), skin, points, SharedField<Device>(backend, points),
                       Exposure(backend, motion.frame_count()), {.shadow_start = 0});
     AvatarScene scene(backend, model, motion);
-    Trainer trainer(backend, scene, photos_of(capture, false), 1);
+    Trainer trainer(backend, scene, photos_of(capture, false), 1, {.gain = {}}); // no gains: the part does their work
     for (int step = 0; step < 200; ++step) trainer.step(step / 200.0);
 
     // 4. The result.

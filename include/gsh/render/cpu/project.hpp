@@ -54,16 +54,18 @@ template <std::floating_point T>
     return count;
 }
 
-/// A camera with each number in all lanes.
-[[nodiscard]] inline Camera<Wide<double>> in_all_lanes(const Camera<double>& from) {
-    using W = Wide<double>;
-    Camera<W> to;
-    for (int c = 0; c < 3; ++c)
-        for (int r = 0; r < 3; ++r) to.R[c][r] = W(from.R[c][r]);
-    to.t = vec3<W>(W(from.t.x), W(from.t.y), W(from.t.z));
-    to.fx = W(from.fx), to.fy = W(from.fy), to.cx = W(from.cx), to.cy = W(from.cy);
-    to.width = from.width, to.height = from.height;
-    return to;
+/// A camera with each number in all lanes of W, which is Wide<double>.
+template <class W>
+[[nodiscard]] GSH_INLINE Camera<W> in_all_lanes(const Camera<double>& camera) {
+    const auto wide = [](const vec3<double>& v) { return vec3<W>(W(v.x), W(v.y), W(v.z)); };
+    return {mat3<W>(wide(camera.R[0]), wide(camera.R[1]), wide(camera.R[2])),
+            wide(camera.t),
+            W(camera.fx),
+            W(camera.fy),
+            W(camera.cx),
+            W(camera.cy),
+            camera.width,
+            camera.height};
 }
 
 /// As many numbers as a register of double holds, in double; and back.
@@ -83,15 +85,13 @@ GSH_INLINE void store_narrowed(Wide<double> numbers, T* to) {
 
 /// Projects splats in batches: arithmetic in registers first, branches second, so that a misprediction does not stall
 /// it. All is in double.
-template <std::floating_point T>
+template <std::floating_point T, class W = Wide<double>>
 class ProjectionBatch {
-    using W = Wide<double>;
-
 public:
     static constexpr std::size_t size = 64;
 
     ProjectionBatch(const Camera<double>& camera, const RasterParams<T>& params, const TileGrid& grid)
-        : camera_(in_all_lanes(camera)), params_(params.template cast<double>()), alpha_min_(params.alpha_min),
+        : camera_(camera), params_(params.template cast<double>()), alpha_min_(params.alpha_min),
           columns_(grid.width), rows_(grid.height) {}
 
     // Of the batch, after project.
@@ -116,7 +116,7 @@ private:
     alignas(64) T mean_x_[size] = {}, mean_y_[size] = {}, mean_z_[size] = {};
     alignas(64) T xx_[size] = {}, xy_[size] = {}, xz_[size] = {}, yy_[size] = {}, yz_[size] = {}, zz_[size] = {};
     alignas(64) T opacity_[size] = {}, color_[size] = {}; // color_: 0 if it is finite, else NaN
-    Camera<W> camera_;
+    Camera<double> camera_;
     ProjectionParams<double> params_;
     double alpha_min_;
     int columns_, rows_; // of pixels
@@ -132,11 +132,13 @@ private:
         }
     }
 
-    void project(std::size_t k) {
+    void project([[maybe_unused]] std::size_t k) {
+#if !defined(__CUDA_ARCH__) // in its pass for the device, nvcc parses host code, too, and refuses vectors of registers
+        const Camera<W> camera = in_all_lanes<W>(camera_);
         const vec3<W> mean(widened(mean_x_ + k), widened(mean_y_ + k), widened(mean_z_ + k));
         const sym3<W> covariance{widened(xx_ + k), widened(xy_ + k), widened(xz_ + k),
                                  widened(yy_ + k), widened(yz_ + k), widened(zz_ + k)};
-        const Projection<W> p = gsh::project(camera_, mean, covariance, params_);
+        const Projection<W> p = gsh::project(camera, mean, covariance, params_);
         const W alpha = widened(opacity_ + k) * p.opacity_factor;
         const W zero(0.0);
         (widened(color_ + k) + mean.x * zero + mean.y * zero + mean.z * zero + covariance.xx * zero +
@@ -159,6 +161,7 @@ private:
         const W width = squared_extent(reach, p.covariance.xx), height = squared_extent(reach, p.covariance.yy);
         store_tiles(p.mean2d.x, select(kept, width * inverse_sqrt(width), W(-1.0)), columns_, x0 + k, x1 + k);
         store_tiles(p.mean2d.y, select(kept, height * inverse_sqrt(height), W(-1.0)), rows_, y0 + k, y1 + k);
+#endif
     }
 
     /// The tiles along one axis with a pixel centre within `half` of `at`, as in tile_rect; none for a negative half.

@@ -3,7 +3,12 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/math/sym.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/math/wide.hpp>
 #include <gsh/render/cpu/project.hpp>
 #include <gsh/render/projection.hpp>
 #include <gsh/render/cpu/raster_scratch.hpp>
@@ -28,16 +33,14 @@ template <bool Depth>
 inline constexpr std::size_t slot_size = Depth ? 10 : 9;
 
 /// Carries the gradients of visible splats through their projection in batches, in registers and in double.
-template <std::floating_point T>
+template <std::floating_point T, class W = Wide<double>>
 class ProjectionBackwardBatch {
-    using W = Wide<double>;
-
 public:
     static constexpr std::size_t size = 64;
 
     /// With dL_dcamera, the camera's gradient is computed, too.
     ProjectionBackwardBatch(const Camera<double>& camera, const RasterParams<T>& params, bool with_camera)
-        : camera_(in_all_lanes(camera)), params_(params.template cast<double>()), with_camera_(with_camera) {}
+        : camera_(camera), params_(params.template cast<double>()), with_camera_(with_camera) {}
 
     std::size_t count = 0;
     std::size_t splat[size];
@@ -66,7 +69,9 @@ public:
     }
     /// Adds the camera's gradient of all batches so far.
     void add_camera(CameraGradient<double>& dL_dcamera) const {
-        for (std::size_t lane = 0; lane < W::width; ++lane) add_lane<double>(camera_gradient_, lane, dL_dcamera);
+        const Span<double> numbers = view_as<double>(Span<CameraGradient<double>>(&dL_dcamera, 1));
+        for (std::size_t n = 0; n < camera_numbers; ++n)
+            for (std::size_t lane = 0; lane < W::width; ++lane) numbers[n] += of_camera_[n * W::width + lane];
     }
 
 private:
@@ -74,20 +79,16 @@ private:
     alignas(64) T in_[inputs][size] = {}; // as in add; numbers beyond `count` are those of earlier splats
     alignas(64) double ux_[size] = {}, uy_[size] = {}, vy_[size] = {};
     alignas(64) T out_[outputs][size];
-    Camera<W> camera_;
+    Camera<double> camera_;
     ProjectionParams<double> params_;
     bool with_camera_;
-    CameraGradient<W> camera_gradient_ = no_gradient();
-
-    [[nodiscard]] static CameraGradient<W> no_gradient() {
-        CameraGradient<W> zero;
-        zero.dL_dR = mat3<W>(W(0.0));
-        return zero;
-    }
+    static constexpr std::size_t camera_numbers = sizeof(CameraGradient<double>) / sizeof(double);
+    alignas(64) double of_camera_[camera_numbers * W::width] = {}; // lane by lane
 
     /// ln(alpha) = ln(opacity) - ln(2) (u² + v²), (u, v) = W (pixel - mean2d), Σ⁻¹ = 2 ln(2) Wᵀ W, so that with the
     /// moments m = sum G (u, v), M = sum G (u, v) (u, v)ᵀ: dL_dmean2d = 2 ln(2) Wᵀ m, dL_dΣ = 2 ln(2)² Wᵀ M W.
-    void project_backward(std::size_t k) {
+    void project_backward([[maybe_unused]] std::size_t k) {
+#if !defined(__CUDA_ARCH__) // as in ProjectionBatch
         constexpr double ln2 = 0.69314718055994530942;
         const W to_mean2d(2 * ln2), to_covariance(2 * ln2 * ln2), two(2.0), zero(0.0);
         const auto in = [&](std::size_t n) { return widened(in_[n] + k); };
@@ -104,22 +105,21 @@ private:
 
         vec3<W> m(zero);
         sym3<W> c{zero, zero, zero, zero, zero, zero};
-        CameraGradient<W> of_camera = no_gradient();
-        gsh::project_backward(camera_, vec3<W>(in(0), in(1), in(2)), sym3<W>{in(3), in(4), in(5), in(6), in(7), in(8)},
+        const Camera<W> camera = in_all_lanes<W>(camera_);
+        CameraGradient<W> of_camera{mat3<W>(zero), vec3<W>(zero), zero, zero, zero, zero};
+        gsh::project_backward(camera, vec3<W>(in(0), in(1), in(2)), sym3<W>{in(3), in(4), in(5), in(6), in(7), in(8)},
                               params_, dL, m, c, with_camera_ ? &of_camera : nullptr);
         const W results[outputs] = {m.x, m.y, m.z, c.xx, c.xy, c.xz, c.yy, c.yz, c.zz};
         for (std::size_t n = 0; n < outputs; ++n) store_narrowed(results[n], out_[n] + k);
         if (!with_camera_) return;
-        const W lane = W::load(lane_numbers), splats(static_cast<double>(count - k)); // others hold no splat
-        each_number(of_camera, [&](W& number) { number = select(lane < splats, number, zero); });
-        camera_gradient_ += of_camera;
-    }
-    template <class F>
-    static void each_number(CameraGradient<W>& gradient, const F& f) {
-        for (int c = 0; c < 3; ++c)
-            for (int r = 0; r < 3; ++r) f(gradient.dL_dR[c][r]);
-        for (int c = 0; c < 3; ++c) f(gradient.dL_dt[c]);
-        for (W* number : {&gradient.dL_dfx, &gradient.dL_dfy, &gradient.dL_dcx, &gradient.dL_dcy}) f(*number);
+        static_assert(sizeof of_camera == camera_numbers * sizeof(W));
+        const auto* const numbers = reinterpret_cast<const W*>(&of_camera);
+        const W lane = W::load(lane_numbers), splats(static_cast<double>(count - k)); // other lanes hold no splat
+        for (std::size_t n = 0; n < camera_numbers; ++n) {
+            double* const sum = of_camera_ + n * W::width;
+            (W::load(sum) + select(lane < splats, numbers[n], zero)).store(sum);
+        }
+#endif
     }
     alignas(64) static constexpr double lane_numbers[] = {0, 1, 2, 3, 4, 5, 6, 7};
 };
