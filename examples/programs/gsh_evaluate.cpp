@@ -13,6 +13,7 @@
 #include "support/figures.hpp"
 #include "support/machine.hpp"
 #include "support/program.hpp"
+#include "support/registered_source.hpp"
 #include "support/reconstruct_command.hpp"
 #include "support/reconstruct_options.hpp"
 #include "support/source.hpp"
@@ -49,9 +50,7 @@ void add_options(CLI::App& app, EvaluateOptions& o) {
     app.add_option("--seed", common.seed, "seed of all random choices (default 0)")->check(not_negative());
     add_backend(app, common.machine);
     add_precision(app, common.machine);
-    app.add_flag("--refine", common.refine,
-                 "refine the poses during training; test poses are fitted to the test images, as the protocol states");
-    app.add_flag("--refine-cameras", common.refine_cameras, "with --refine: refine all cameras but the first, too");
+    add_refine(app, common);
     add_hold_out(app, common);
     add_lpips(app, common);
     app.add_option("--regions", common.regions, "JSON lists of face and hand vertices, or importance per vertex");
@@ -80,7 +79,11 @@ int evaluate(const EvaluateOptions& o) {
     Machine machine(o.common.machine);
     const std::vector<Run> runs = planned_runs(o);
     EvaluationFolder folder(o);
-    const Source source = load_source(machine.host(), o.common);
+    Source source = load_source(machine.host(), o.common);
+    const bool registers = o.common.refine && !o.common.no_registration &&
+                           std::any_of(runs.begin(), runs.end(),
+                                       [&](const Run& run) { return !run.scene && !folder.has(run); });
+    if (registers) register_source(machine.host(), source, o.common.seed);
     Evaluator evaluator(machine, source, o);
     for (const Run& run : runs) evaluator.check(run);
     for (const std::string& warning : source.warnings) warn(warning);

@@ -3,8 +3,9 @@
 ///
 /// 1. Load the body and the capture, or generate both (--synthetic).
 /// 2. Sample Gaussians on the body's surface and attach them to the body's rig.
-/// 3. Train, with a checkpoint every few seconds.
-/// 4. Evaluate on the test views and write the results.
+/// 3. With --refine, fit poses and shape to the photographs.
+/// 4. Train, with a checkpoint every few seconds.
+/// 5. Evaluate on the test views and write the results.
 
 #include "support/evaluation_tables.hpp"
 #include "support/figures.hpp"
@@ -15,6 +16,7 @@
 #include "support/reconstruct_command.hpp"
 #include "support/reconstruct_options.hpp"
 #include "support/reconstruction.hpp"
+#include "support/registered_source.hpp"
 #include "support/results.hpp"
 #include "support/source.hpp"
 #include "support/static_reconstruction.hpp"
@@ -49,6 +51,8 @@ int reconstruct(const ReconstructOptions& options) {
     Source source = load_source(machine.host(), options);
     const Configuration configuration = configuration_for(options, source);
     if (!options.lpips.empty()) check_lpips(options.lpips);
+    if (options.resume) check_checkpoint(options, run_text(source, configuration, options)); // before work is done
+    if (options.refine && !options.no_registration) register_source(machine.host(), source, options.seed);
     const auto reconstruction =
         make_reconstruction(machine, make_setup(machine, source, configuration, options));
     const ReconstructionSetup& setup = reconstruction->setup;
@@ -60,6 +64,7 @@ int reconstruct(const ReconstructOptions& options) {
     std::printf("%zu Gaussians, %zu training and %zu test images, %s\n", setup.gaussian_count(), setup.photos.size(),
                 setup.test_photos.size(), machine.computed_on().text().c_str());
     if (!setup.light_text.empty()) std::printf("%s\n", setup.light_text.c_str());
+    if (source.registration) std::printf("registration: %s\n", source.registration->text().c_str());
     std::fflush(stdout);
 
     watch_interrupts();

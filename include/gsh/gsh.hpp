@@ -85,6 +85,7 @@
 #include <gsh/image/chroma.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
+#include <gsh/image/reduce.hpp>
 #include <gsh/image/resample.hpp>
 #include <gsh/image/trimap.hpp>
 
@@ -159,6 +160,7 @@
 #include <gsh/pipeline/photo_gain.hpp>
 #include <gsh/pipeline/photo_loss.hpp>
 #include <gsh/pipeline/photo_pixels.hpp>
+#include <gsh/pipeline/reduced_photos.hpp>
 #include <gsh/pipeline/shadow.hpp>
 #include <gsh/pipeline/shared_field.hpp>
 #include <gsh/pipeline/splat_scene.hpp>
@@ -171,6 +173,7 @@
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/estimated_motion.hpp>
 #include <gsh/train/evaluation.hpp>
+#include <gsh/train/frame_increments.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/light_estimate.hpp>
 #include <gsh/train/light_samples.hpp>
@@ -181,6 +184,7 @@
 #include <gsh/train/refinement_config.hpp>
 #include <gsh/train/refinement_tables.hpp>
 #include <gsh/train/region_labels.hpp>
+#include <gsh/train/registration.hpp>
 #include <gsh/train/setting.hpp>
 #include <gsh/train/stage.hpp>
 #include <gsh/train/static_configuration.hpp>

@@ -14,6 +14,7 @@
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/image/chroma.hpp>
 #include <gsh/image/color.hpp>
+#include <gsh/image/reduce.hpp>
 #include <gsh/image/resample.hpp>
 #include <gsh/light/coarse_caster.hpp>
 #include <gsh/light/lit_splats.hpp>
@@ -156,7 +157,8 @@ using Bodies = Types<
     gsh::detail::LitFactors<T>, gsh::detail::LitVertexForward<T>, gsh::detail::LitColorForward<T>,
     gsh::detail::LitColorBackward<T>, LitBackward<T>,
     gsh::detail::HashBackwardPoint<HashGrid<5, 2>, T>, gsh::detail::ResamplePlanes<T, UndistortMap<T>>,
-    gsh::detail::ResampleRgba8<T, UndistortMap<T>>, gsh::detail::CompositeRgba8<T, gsh::detail::PlainBackground<T>>,
+    gsh::detail::ResampleRgba8<T, UndistortMap<T>>, gsh::detail::ReduceRgba8,
+    gsh::detail::CompositeRgba8<T, gsh::detail::PlainBackground<T>>,
     gsh::detail::CompositeRgba8<T, gsh::detail::ImageBackground<T>>,
     gsh::detail::AverageChroma<T>, gsh::detail::InterpolateChroma<T>, gsh::detail::InterpolateChromaBackward<T>,
     gsh::detail::AverageChromaBackward<T>, gsh::detail::UnknownBackground<T>, gsh::detail::UnknownColors<T>,

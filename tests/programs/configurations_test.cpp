@@ -166,7 +166,7 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
     test::Rng rng(5);
     for (auto& angle : noisy.pose) angle += rng.vec(-0.05, 0.05);
     save_motion(capture / "poses_noisy.npz", noisy);
-    const std::vector<std::string> words{"--poses", "poses_noisy.npz", "--refine"};
+    const std::vector<std::string> words{"--poses", "poses_noisy.npz", "--refine", "--no-registration"};
     const auto with = [&](std::vector<std::string> more) {
         more.insert(more.begin(), words.begin(), words.end());
         return more;
@@ -210,6 +210,38 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
     const test::Outcome outcome = process.wait();
     CHECK(outcome.code == 130);
     CHECK(moved.avatar_bytes() == before);
+}
+
+TEST_CASE("registration moves poses and shape before training, says so, and comes again with --resume") {
+    const Out out, again;
+    const fs::path capture = out.folder / "capture";
+    fs::copy(studio().path, capture, fs::copy_options::recursive);
+    Motion noisy = studio().capture.motion;
+    for (auto& angle : noisy.pose) angle += vec3<double>(0.05, -0.05, 0.05);
+    save_motion(capture / "poses_noisy.npz", noisy);
+    const auto refined = [&](const Out& to, std::vector<std::string> more) {
+        more.insert(more.begin(), {"--poses", "poses_noisy.npz", "--refine"});
+        return reconstruct(to, more, capture);
+    };
+    const test::Outcome outcome = refined(out, {"--steps", "4"});
+    check_done(outcome);
+    CHECK(outcome.out.find("registration: the registered bodies explain the photographs to") != std::string::npos);
+    const auto metrics = out.metrics();
+    CHECK(metrics.at("protocol").get<std::string>().find("registered to the training images") != std::string::npos);
+    const auto& registration = metrics.at("registration");
+    CHECK(registration.at("people").at(0).at("joints_mm") > 1.0);
+    CHECK(registration.at("frame_psnr").size() == noisy.frame_count());
+    CHECK(registration.at("psnr") > 15.0);
+    CHECK(read_file(out / "report.html").find("registered bodies") != std::string::npos);
+    CHECK(load_motion(out / "poses_refined.npz", studio().body).pose != noisy.pose);
+
+    check_done(refined(again, {"--steps", "2"}));
+    check_done(refined(again, {"--steps", "4", "--resume"}));
+    CHECK(again.metrics().at("registration") == registration); // the same bits
+    check_refused(refined(again, {"--steps", "5", "--resume", "--no-registration"}), "gsh-reconstruct",
+                  {"checkpoint.gsh", "not registered"});
+    check_refused(reconstruct(again, {"--steps", "5", "--no-registration"}, capture), "gsh-reconstruct",
+                  {"--no-registration", "--refine"});
 }
 
 TEST_CASE("regions of the user's decide where Gaussians and fine levels go") {

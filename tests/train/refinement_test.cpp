@@ -24,6 +24,8 @@ RefinementConfig everything() {
     config.transl = {.rate = 1e-3, .terms = {.pull = 0.01, .drift = 0.02, .acceleration = 0.03}};
     config.expression = {.rate = 1e-2, .terms = {.pull = 0.01, .drift = 0.02, .acceleration = 0.03}};
     config.betas = {.rate = 1e-2, .terms = {.pull = 0.04}};
+    config.pose_bias = {.rate = 3e-3, .terms = {.pull = 0.02}};
+    config.transl_bias = {.rate = 1e-3, .terms = {.pull = 0.03}};
     config.camera_rotation = {.rate = 1e-3, .terms = {.pull = 0.05}};
     config.camera_translation = {.rate = 1e-3, .terms = {.pull = 0.06}};
     config.camera_focal = {.rate = 1e-3, .terms = {.pull = 0.07}};
@@ -218,7 +220,7 @@ TEST_CASE("gradients of poses, cameras and terms reach every increment") {
         for (auto& v : d.transl) v *= 2.0;
         for (auto& v : d.coefficients) v *= 2.0;
     }
-    const auto frame_numbers = PosedScene::frames * (12 + 3 + 2) + 2;
+    const auto frame_numbers = PosedScene::frames * (12 + 3 + 2) + 2 + 12 + 3; // betas, biases
     const auto doubled = gradient(1);
     for (std::size_t i = 0; i < frame_numbers; ++i) CHECK(twice[i] == doctest::Approx(doubled[i]).epsilon(1e-12));
 }

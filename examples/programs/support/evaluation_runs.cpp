@@ -90,7 +90,8 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                             "does not have the settings of the others; with --set, evaluate it in a call of its own");
                 check_value(!o.common.hold_out_motion, "static",
                             "has one frame and no motion; with --hold-out-motion, evaluate it in a call of its own");
-                run.options.refine = run.options.refine_cameras = false; // a static scene has no poses
+                // a static scene has no poses
+                run.options.refine = run.options.refine_cameras = run.options.no_registration = false;
                 run.config = "static";
                 run.name = std::filesystem::path(config).stem().string() + set_words(run.options);
                 run.options.priors.clear();
@@ -101,6 +102,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                 if (!run.configuration.has_priors()) run.options.priors.clear();
                 if (!run.options.priors.empty()) run.name += ", priors of " + run.options.priors.stem().string();
                 if (run.options.refine) run.name += run.options.refine_cameras ? ", refined with cameras" : ", refined";
+                if (run.options.no_registration) run.name += " without registration";
             }
             if (o.common.machine.backend != "threads") run.name += ", " + o.common.machine.backend;
             run.settings = settings_json(run);

@@ -32,6 +32,16 @@ inline void add_lpips(CLI::App& app, ReconstructOptions& o) {
                  "its own range [-1, 1]");
 }
 
+/// The options --refine, --no-registration and --refine-cameras.
+inline void add_refine(CLI::App& app, ReconstructOptions& o) {
+    app.add_flag("--refine", o.refine,
+                 "fit poses and shape to the photographs before training, and refine the poses during training; test "
+                 "poses are fitted to the test images, as the protocol states");
+    app.add_flag("--no-registration", o.no_registration,
+                 "with --refine: only refine the poses during training, because they are known to 2 cm");
+    app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: refine all cameras but the first, too");
+}
+
 /// The option --hold-out-motion.
 inline void add_hold_out(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--hold-out-motion", o.hold_out_motion,
@@ -62,9 +72,7 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
                    "configuration by name, or a JSON file of settings (default " + std::string(default_configuration) +
                        "); static: one frame, no body");
     app.add_option("--set", o.set, "change a setting of the configuration, key=value; may be repeated");
-    app.add_flag("--refine", o.refine,
-                 "refine the poses during training; test poses are fitted to the test images, as the protocol states");
-    app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: refine all cameras but the first, too");
+    add_refine(app, o);
     add_hold_out(app, o);
     app.add_option("--regions", o.regions, "JSON lists of face and hand vertices, or importance per vertex");
     app.add_option("--priors", o.priors,

@@ -35,6 +35,7 @@ struct ReconstructOptions : PeopleOptions {
     std::vector<std::string> set;  ///< key=value, applied to the configuration
     bool refine = false;           ///< refine poses in training, fit test poses
     bool refine_cameras = false;   ///< refine cameras, too
+    bool no_registration = false;  ///< with refine: poses are not registered before training
     std::filesystem::path regions; ///< JSON lists of vertices
     std::filesystem::path priors;  ///< JSON list of an estimator's maps
     std::filesystem::path lpips;   ///< weights

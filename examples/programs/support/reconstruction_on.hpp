@@ -7,8 +7,10 @@
 #include "support/reconstruction.hpp"
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/serial.hpp>
 #include <gsh/io/model/checkpoint.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/pipeline/reduced_photos.hpp>
 #include <gsh/train/avatar_export.hpp>
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/frozen_scene.hpp>
@@ -158,12 +160,16 @@ bool ReconstructionOn<B>::refine_test_poses() {
     std::set<std::size_t> frames;
     for (const Photo& photo : setup.test_photos) frames.insert(photo.frame);
     const std::size_t rounds = people_.size() > 1 ? 2 : 1, steps = (configuration.test_steps + rounds - 1) / rounds;
-    PoseFit<B> fit(*backend_, configuration.train.filter,
-                   {.steps = steps,
-                    .ssim_weight = configuration.train.ssim_weight,
-                    .mask_weight = configuration.test_mask_weight,
-                    .background = configuration.train.background,
-                    .stop = [] { return interrupted.load(); }});
+    PoseFitParams params{.steps = steps,
+                         .ssim_weight = configuration.train.ssim_weight,
+                         .mask_weight = configuration.test_mask_weight,
+                         .background = configuration.train.background,
+                         .stop = [] { return interrupted.load(); }};
+    PoseFit<B> fit(*backend_, configuration.train.filter, params);
+    // What registration corrects for frames in training, each frame's own large errors, test frames still have.
+    params.steps = (steps + 1) / 2, params.ssim_weight = 0;
+    PoseFit<B> coarse_fit(*backend_, configuration.train.filter, params);
+    cpu::Serial host;
     Progress shown("fitting test poses");
     std::size_t done = 0;
     for (const std::size_t frame : frames) {
@@ -173,6 +179,12 @@ bool ReconstructionOn<B>::refine_test_poses() {
             if (photo.frame == frame) photos.push_back(photo);
         for (std::size_t turn = 0; turn < rounds * people_.size(); ++turn) {
             FrozenPerson<Scene> frozen(scene_, turn % people_.size());
+            for (const int pixels : {68, 135}) {
+                const int factor = reduction_factor(Span<const Photo>(photos), pixels);
+                if (!setup.registered || factor == 1) continue;
+                const ReducedPhotos reduced(host, Span<const Photo>(photos), factor);
+                coarse_fit.fit(frozen, frame, reduced.photos());
+            }
             fit.fit(frozen, frame, photos);
             if (interrupted) return false;
         }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/reconstruction_setup.hpp"
 
+#include "support/figures.hpp"
 #include "support/machine.hpp"
 #include "support/messages.hpp"
 #include "support/source.hpp"
@@ -111,13 +112,29 @@ std::size_t ReconstructionSetup::gaussian_count() const {
     return count;
 }
 
+std::string run_text(const Source& source, const Configuration& configuration, const ReconstructOptions& o) {
+    std::string text;
+    if (source.people.size() > 1)
+        for (const CapturePerson& person : source.people) text += "person " + person.name + "\n";
+    for (const auto& [key, value] : settings_of(configuration)) text += key + " = " + value + "\n";
+    if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
+    if (o.no_registration) text += "not registered\n";
+    if (configuration.has_regions() && !source.regions_checksum.empty())
+        text += "regions " + source.regions_checksum + "\n";
+    if (configuration.has_priors() && !source.priors_checksum.empty())
+        text += "priors " + source.priors_checksum + "\n";
+    if (!source.capture.held_out_frames.empty())
+        text += "held-out frames " + frames_text(source.capture.held_out_frames) + "\n";
+    return text;
+}
+
 ReconstructionSetup make_setup(Machine& machine, const Source& source, const Configuration& configuration,
                                const ReconstructOptions& o) {
     ReconstructionSetup setup;
     setup.configuration = configuration;
     setup.seed = o.seed;
-    if (configuration.has_regions()) setup.regions_checksum = source.regions_checksum;
-    if (configuration.has_priors()) setup.priors_checksum = source.priors_checksum;
+    setup.run = run_text(source, configuration, o);
+    setup.registered = source.registration.has_value();
     setup.test_photos = test_photos_of(source.capture);
     setup.photos = photos_of(source.capture, false);
     check_value(!setup.photos.empty(), source.capture.name, "has no photographs to train on");

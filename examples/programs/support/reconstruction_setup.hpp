@@ -41,7 +41,7 @@ struct ReconstructionSetup {
 
     Configuration configuration;
     std::uint64_t seed = 0;
-    std::string regions_checksum, priors_checksum; ///< of the source; empty if none are used
+    std::string run; ///< run_text
     std::vector<Person> people;
     std::vector<Photo> photos, test_photos;     ///< of training; for evaluation
     std::vector<std::vector<UnknownPixel>> unknown; ///< of each photograph of training
@@ -49,12 +49,17 @@ struct ReconstructionSetup {
     std::optional<MotionSplit> motion_split;    ///< of test_photos, if a span is left out
     std::optional<LightData> light;             ///< with which the light starts, if there is one
     std::string light_text;                     ///< how well it explains the photographs
+    bool registered = false;                    ///< whether motions were registered before (register_source)
     std::optional<RefinementConfig> refinement; ///< of the poses, with --refine; joint_rates are each person's own
     std::vector<Camera<double>> cameras;        ///< that are refined, too; or none
 
     /// The number of Gaussians of all people.
     [[nodiscard]] std::size_t gaussian_count() const;
 };
+
+/// The input and settings of a run, one per line: people if there are several, settings, refinement, regions, estimated
+/// priors, frames that are held out. A checkpoint belongs to one such text.
+std::string run_text(const Source& source, const Configuration& configuration, const ReconstructOptions& o);
 
 /// Places the Gaussians of all people, and estimates the light. `source` must outlive the result, because photographs
 /// are not copied.

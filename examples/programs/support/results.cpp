@@ -34,27 +34,9 @@ namespace gsh::examples {
 
 namespace {
 
-/// All settings of a configuration, one per line.
-std::string settings_text(const Configuration& configuration) {
-    std::string text;
-    for (const auto& [key, value] : settings_of(configuration)) text += key + " = " + value + "\n";
-    return text;
-}
-
-/// The input and settings that a checkpoint belongs to, one per line: people if there are several, number of Gaussians,
-/// settings, refinement, regions, estimated priors, frames that are held out.
-std::string checkpoint_text(const ReconstructOptions& o, const ReconstructionSetup& setup) {
-    std::string text;
-    if (setup.people.size() > 1)
-        for (const auto& person : setup.people) text += "person " + person.name + "\n";
-    text += "gaussians = " + std::to_string(setup.gaussian_count()) + "\n";
-    text += settings_text(setup.configuration);
-    if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
-    if (!setup.regions_checksum.empty()) text += "regions " + setup.regions_checksum + "\n";
-    if (!setup.priors_checksum.empty()) text += "priors " + setup.priors_checksum + "\n";
-    if (!setup.held_out_frames.empty())
-        text += "held-out frames " + frames_text(setup.held_out_frames) + "\n";
-    return text;
+/// What a checkpoint belongs to, one item per line: the run, and the number of Gaussians that it uses.
+std::string checkpoint_text(const ReconstructionSetup& setup) {
+    return setup.run + "gaussians = " + std::to_string(setup.gaussian_count()) + "\n";
 }
 
 /// A message with the first line in which two texts differ.
@@ -66,6 +48,22 @@ std::string difference(const std::string& there, const std::string& here) {
         if (!std::getline(b, of_b)) of_b = "nothing";
     } while (of_a == of_b && (a || b));
     return "it has '" + of_a + "' where this run has '" + of_b + "'";
+}
+
+/// Opens the checkpoint of a run that is resumed.
+/// Errors  IoError without a file; those of the file.
+ArchiveReader open_checkpoint(const ReconstructOptions& o) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(checkpoint_path(o), ignored))
+        throw IoError(checkpoint_path(o).string() + ": there is nothing to resume; leave out --resume to begin");
+    return ArchiveReader(checkpoint_path(o), "checkpoint", checkpoint_version);
+}
+
+void check_run(const ReconstructOptions& o, const std::string& there, const std::string& here) {
+    check_value(there == here, checkpoint_path(o).string(),
+                "belongs to a different run: " + difference(there, here) +
+                    "; resume with the same --config, --set, --gaussians, --refine, --no-registration, --regions, "
+                    "--priors, --hold-out-motion and --poses");
 }
 
 /// The name of a result file: "avatar" for one person, "avatar-NAME" for one of several.
@@ -93,7 +91,7 @@ std::filesystem::path checkpoint_path(const ReconstructOptions& o) {
 void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record) {
     ArchiveWriter file(checkpoint_path(o), "checkpoint", checkpoint_version);
     reconstruction.save(file);
-    file.add_text("configuration", checkpoint_text(o, reconstruction.setup));
+    file.add_text("configuration", checkpoint_text(reconstruction.setup));
     file.add("seconds", record.seconds);
     file.add("interval", record.interval);
     const auto add_curve = [&](const char* key, const auto& curve) {
@@ -108,16 +106,15 @@ void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
     file.commit();
 }
 
+void check_checkpoint(const ReconstructOptions& o, const std::string& run) {
+    std::string there = open_checkpoint(o).read_text("configuration");
+    if (const std::size_t line = there.rfind("gaussians = "); line != std::string::npos) there.resize(line);
+    check_run(o, there, run);
+}
+
 void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record) {
-    std::error_code ignored;
-    if (!std::filesystem::exists(checkpoint_path(o), ignored))
-        throw IoError(checkpoint_path(o).string() + ": there is nothing to resume; leave out --resume to begin");
-    const ArchiveReader file(checkpoint_path(o), "checkpoint", checkpoint_version);
-    const std::string there = file.read_text("configuration"), here = checkpoint_text(o, reconstruction.setup);
-    check_value(there == here, checkpoint_path(o).string(),
-                "belongs to a different run: " + difference(there, here) +
-                    "; resume with the same --config, --set, --gaussians, --refine, --regions, --priors, "
-                    "--hold-out-motion and --poses");
+    const ArchiveReader file = open_checkpoint(o);
+    check_run(o, file.read_text("configuration"), checkpoint_text(reconstruction.setup));
     reconstruction.load(file);
     record.steps = reconstruction.step_count();
     record.seconds = file.read_number<double>("seconds");
@@ -137,8 +134,8 @@ void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
 
 std::string measures_of(const Judge& judge) {
     return "full image, range 1, unquantised; SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person "
-           "is where the true alpha exceeds 1/2; regions are where the body shows them in the poses as given, images "
-           "with 50 pixels or more." +
+           "is where the true alpha exceeds 1/2; regions are where the body shows them in the poses as given or "
+           "registered, images with 50 pixels or more." +
            judge.lpips_protocol();
 }
 
@@ -152,6 +149,7 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
     return "Test views of " + source.capture.name + " (" + std::to_string(setup.test_photos.size()) +
            " images), poses of " +
            poses_text(o) +
+           (source.registration ? ", registered to the training images before training" : "") +
            (!o.refine                  ? ", as given, not refined"
             : configuration.test_steps ? ", refined in training and fitted to the test images at test time"
                                        : ", refined in training, not fitted to the test images") +
@@ -189,6 +187,26 @@ void add_gains(const Reconstruction& reconstruction, Json& json, Report& report)
     report.facts.emplace_back("Photographs", "exposure from " + fixed(darkest, 2) + " to " + fixed(brightest, 2) +
                                                  " stops, white balance within " + fixed(100 * balance, 1) + "%");
     report.curves.push_back(std::move(exposure));
+}
+
+/// Adds what the registration did to the figures and to the page.
+void add_registration(const RegistrationSummary& registration, Json& json, Report& report) {
+    Json& into = json["registration"];
+    into["psnr"] = number_or_null(registration.psnr);
+    for (const auto& person : registration.people)
+        into["people"].push_back({{"name", person.name},
+                                  {"joints_mm", person.joints_mm},
+                                  {"root_aligned_mm", person.root_aligned_mm},
+                                  {"betas", person.betas}});
+    Curve curve{"How well the registered bodies explain the photographs of each frame", "dB", {}, "frame"};
+    for (std::size_t t = 0; t < registration.frame_psnr.size(); ++t) {
+        into["frame_psnr"].push_back(number_or_null(registration.frame_psnr[t]));
+        if (std::isfinite(registration.frame_psnr[t]))
+            curve.points.emplace_back(static_cast<double>(t), registration.frame_psnr[t]);
+    }
+    into["doubtful_frames"] = registration.doubtful_frames;
+    report.facts.emplace_back("Registration", registration.text());
+    report.curves.push_back(std::move(curve));
 }
 
 } // namespace
@@ -316,6 +334,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
          fixed(1 - ssim_weight, 2) + " L1 + " + fixed(ssim_weight, 2) + " (1 - SSIM)", record.loss},
         {"PSNR of the step's training view", "dB", record.psnr}};
     add_gains(reconstruction, json, report);
+    if (source.registration) add_registration(*source.registration, json, report);
     write_report(out.file("report.html"), report);
     write_json(out.file("metrics.json"), json);
     if (interrupted) return std::nullopt;

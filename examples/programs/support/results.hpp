@@ -25,6 +25,11 @@ std::filesystem::path checkpoint_path(const ReconstructOptions& o);
 
 void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record);
 
+/// Checks that the checkpoint belongs to a run (run_text), except for the number of Gaussians, which is not known before
+/// they are placed.
+/// Errors  as for load_checkpoint.
+void check_checkpoint(const ReconstructOptions& o, const std::string& run);
+
 /// A checkpoint of any backend fits.
 /// Errors  ValueError for a checkpoint of another configuration or of other people; else those of the file.
 void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record);

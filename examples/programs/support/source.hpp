@@ -14,10 +14,26 @@
 #include <gsh/prior/estimated_view.hpp>
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace gsh::examples {
+
+/// How far register_source moved the people, and how well their bodies then explain the photographs.
+struct RegistrationSummary {
+    struct Moved {
+        std::string name;
+        double joints_mm = 0, root_aligned_mm = 0; ///< means over joints and frames
+        double betas = 0;                          ///< root mean square over coefficients
+    };
+    double psnr = 0; ///< of the last level's photographs
+    std::vector<Moved> people;
+    std::vector<double> frame_psnr;           ///< [T]; NaN for frames without a photograph
+    std::vector<std::size_t> doubtful_frames; ///< that fit much worse than the others
+
+    [[nodiscard]] std::string text() const;
+};
 
 /// The input of a reconstruction or a check: body models, the capture and its people, from files or generated.
 struct Source {
@@ -28,9 +44,10 @@ struct Source {
     std::vector<EstimatedPriors> priors; ///< of each person
     std::string regions_checksum, priors_checksum; ///< empty without --regions, --priors
     std::vector<std::string> warnings;
+    std::optional<RegistrationSummary> registration; ///< if the motions of people are registered ones
 
     [[nodiscard]] const BodyModel& body(std::size_t person = 0) const { return bodies[people[person].body]; }
-    /// The mesh of a person at a frame, in the pose of the capture.
+    /// The mesh of a person at a frame, in the pose of the capture, or the registered one.
     [[nodiscard]] PosedBody posed(std::size_t person, std::size_t frame) const;
     [[nodiscard]] BodyRegions body_regions_of(std::size_t person) const;
 };

@@ -13,6 +13,7 @@
 #include <gsh/loss/motion_terms.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/train/estimated_motion.hpp>
+#include <gsh/train/frame_increments.hpp>
 #include <gsh/train/refinement_config.hpp>
 #include <gsh/train/refinement_tables.hpp>
 
@@ -31,7 +32,7 @@ namespace gsh {
 
 /// Corrections of a motion and its cameras. What is learned are increments w, all zero at first:
 ///
-///     frame   EstimatedMotion::forward(frame, w)
+///     frame   EstimatedMotion::forward(frame, w[frame] + bias)
 ///     camera  moved_camera(camera, the root's mean place, w)
 ///
 /// A step uses some frames and cameras (one of each, in training). Only their rows move (RefinementTables). The terms
@@ -55,8 +56,14 @@ public:
     MotionRefinement(B& backend, const RigData& rig, const Motion& motion, std::vector<Camera<double>> cameras,
                      const RefinementConfig& config = {})
         : backend_(&backend), config_(config), estimate_(backend, rig, motion), cameras_(std::move(cameras)),
-          tables_(backend, {frame_count(), estimate_.joint_count(), estimate_.expression_count(),
-                            estimate_.shape_count(), cameras_.size()}) {
+          tables_(backend, {.frames = frame_count(),
+                            .joints = estimate_.joint_count(),
+                            .expression = estimate_.expression_count(),
+                            .betas = estimate_.shape_count(),
+                            .cameras = cameras_.size(),
+                            .pose_bias = config.pose_bias.rate > 0,
+                            .transl_bias = config.transl_bias.rate > 0}),
+          frame_increments_(backend) {
         constexpr std::string_view where = "MotionRefinement";
         validate(config_, estimate_.joint_count(), cameras_.size(), where);
         for (std::size_t c = 0; c < cameras_.size(); ++c)
@@ -89,8 +96,8 @@ public:
     }
     [[nodiscard]] bool learns_motion(std::size_t frame) const {
         check_frame("learns_motion", frame);
-        return !left_out_[frame] && (learns(RefinementGroup::pose) || learns(RefinementGroup::transl) ||
-                                     learns(RefinementGroup::expression) || learns(RefinementGroup::betas));
+        return !left_out_[frame] && (learns_pose() || learns_transl() || learns(RefinementGroup::expression) ||
+                                     learns(RefinementGroup::betas));
     }
     [[nodiscard]] bool learns_camera(std::size_t camera) const {
         check_camera_index("learns_camera", camera);
@@ -104,7 +111,7 @@ public:
     /// way.
     void pose(std::size_t frame, RigPose<B, T>& pose) const {
         check_frame("pose", frame);
-        estimate_.forward(frame, increments_of(frame), pose);
+        estimate_.forward(frame, frame_increments_.forward(tables_, frame), pose);
     }
 
     /// A present camera. Its nine numbers are downloaded from the backend.
@@ -140,8 +147,8 @@ public:
             backend_->fill(Span(buffer.data(), count), zero);
             return Span(buffer.data(), count);
         };
-        if (learns(RefinementGroup::pose)) gradient.pose = zeros(dL_dpose_, estimate_.joint_count(), vec3<T>(T(0)));
-        if (learns(RefinementGroup::transl)) gradient.transl = zeros(dL_dtransl_, 1, vec3<T>(T(0)));
+        if (learns_pose()) gradient.pose = zeros(dL_dpose_, estimate_.joint_count(), vec3<T>(T(0)));
+        if (learns_transl()) gradient.transl = zeros(dL_dtransl_, 1, vec3<T>(T(0)));
         if (learns(RefinementGroup::expression) || learns(RefinementGroup::betas))
             gradient.coefficients =
                 zeros(dL_dcoefficients_, estimate_.shape_count() + estimate_.expression_count(), T(0));
@@ -155,11 +162,9 @@ public:
         check_frame("accumulate", frame);
         check_value(!left_out_[frame], "MotionRefinement::accumulate",
                     "frame " + std::to_string(frame) + " is left out, yet has a gradient");
-        estimate_.backward(frame, increments_of(frame), dL_dpose,
-                           {tables_.gradient(RefinementGroup::pose, frame),
-                            tables_.gradient(RefinementGroup::transl, frame),
-                            tables_.gradient(RefinementGroup::expression, frame),
-                            tables_.gradient(RefinementGroup::betas, 0)});
+        frame_increments_.backward(tables_, frame, [&](const auto& increments, const auto& dL_dincrements) {
+            estimate_.backward(frame, increments, dL_dpose, dL_dincrements);
+        });
         touch(frames_touched_, frame);
     }
 
@@ -190,7 +195,7 @@ public:
         tables_.begin_step();
         each_touched_row([&](RefinementGroup group, std::size_t row) {
             if (!learns(group)) return tables_.forget_gradient(group, row);
-            const bool pose = group == RefinementGroup::pose;
+            const bool pose = group == RefinementGroup::pose || group == RefinementGroup::pose_bias;
             tables_.step(group, row, config_.adam, config_[group].rate * decay,
                          pose ? Span<const T>(joint_rates_) : Span<const T>());
         });
@@ -251,7 +256,13 @@ public:
     /// The present motion, in double. Estimates of rows that never moved are bit-identical to the input.
     [[nodiscard]] Motion motion() const {
         auto host = tables_.host_increments();
+        const auto add_bias = [&](RefinementGroup group, RefinementGroup bias, std::size_t frame) {
+            const Span<T> own = host(group, frame);
+            for (std::size_t i = 0; i < own.size() && tables_.rows(bias) > 0; ++i) own[i] += host(bias, 0)[i];
+        };
         return estimate_.corrected([&](std::size_t frame) {
+            add_bias(RefinementGroup::pose, RefinementGroup::pose_bias, frame);
+            add_bias(RefinementGroup::transl, RefinementGroup::transl_bias, frame);
             return PoseIncrements<const T>{host(RefinementGroup::pose, frame), host(RefinementGroup::transl, frame),
                                            host(RefinementGroup::expression, frame), host(RefinementGroup::betas, 0)};
         });
@@ -284,8 +295,8 @@ public:
     }
 
 private:
-    static constexpr std::array frame_groups{RefinementGroup::pose, RefinementGroup::transl,
-                                             RefinementGroup::expression};
+    static constexpr std::array shared_groups{RefinementGroup::betas, RefinementGroup::pose_bias,
+                                              RefinementGroup::transl_bias}; ///< of all frames
     static constexpr std::array camera_groups{RefinementGroup::camera_rotation, RefinementGroup::camera_translation,
                                               RefinementGroup::camera_focal, RefinementGroup::camera_principal_point};
 
@@ -295,9 +306,11 @@ private:
         backend_->upload(Span<const From>(from), to);
     }
 
-    [[nodiscard]] PoseIncrements<const T> increments_of(std::size_t frame) const {
-        return {tables_.increments(RefinementGroup::pose, frame), tables_.increments(RefinementGroup::transl, frame),
-                tables_.increments(RefinementGroup::expression, frame), tables_.increments(RefinementGroup::betas, 0)};
+    [[nodiscard]] bool learns_pose() const {
+        return learns(RefinementGroup::pose) || learns(RefinementGroup::pose_bias);
+    }
+    [[nodiscard]] bool learns_transl() const {
+        return learns(RefinementGroup::transl) || learns(RefinementGroup::transl_bias);
     }
 
     [[nodiscard]] RotationSequence<T> pose_sequence() const {
@@ -317,7 +330,8 @@ private:
     void each_touched_row(const F& f) {
         for (const std::size_t frame : frames_touched_)
             for (const auto group : frame_groups) f(group, frame);
-        if (!frames_touched_.empty()) f(RefinementGroup::betas, 0);
+        for (const auto group : shared_groups)
+            if (!frames_touched_.empty() && tables_.rows(group) > 0) f(group, 0);
         for (const std::size_t camera : cameras_touched_)
             for (const auto group : camera_groups) f(group, camera);
     }
@@ -348,6 +362,7 @@ private:
     EstimatedMotion<B, T> estimate_;
     std::vector<Camera<double>> cameras_;
     RefinementTables<B, T> tables_;
+    mutable FrameIncrements<B, T> frame_increments_;
     std::vector<bool> left_out_, fixed_camera_;
     vec3<double> pivot_ = vec3<double>(0); ///< centre of the cameras' turns: the mean position of the root
 

@@ -16,20 +16,23 @@
 
 namespace gsh {
 
-/// The groups that can be refined. A row belongs to a frame, to a camera, or to all frames.
+/// The groups that can be refined. A row belongs to a frame, to a camera, or to all frames. A bias is added to the
+/// increments of every frame: errors that an estimator makes in all frames alike are then learned from all of them.
 enum class RefinementGroup : std::size_t {
     pose,                   ///< [T, 3 J] rotations after those of the joints, radians
     transl,                 ///< [T, 3] metres
     expression,             ///< [T, E]
     betas,                  ///< [1, S]
+    pose_bias,              ///< [1, 3 J] radians
+    transl_bias,            ///< [1, 3] metres
     camera_rotation,        ///< [C, 3] about the subject, radians
     camera_translation,     ///< [C, 3] along the camera's axes, metres
     camera_focal,           ///< [C, 1] logarithm of a factor on both focal lengths
     camera_principal_point, ///< [C, 2] pixels
 };
-inline constexpr std::array<std::string_view, 8> refinement_group_names{
-    "pose",            "transl",             "expression",   "betas",
-    "camera_rotation", "camera_translation", "camera_focal", "camera_principal_point"};
+inline constexpr std::array<std::string_view, 10> refinement_group_names{
+    "pose",        "transl",          "expression",         "betas",        "pose_bias",
+    "transl_bias", "camera_rotation", "camera_translation", "camera_focal", "camera_principal_point"};
 inline constexpr std::size_t refinement_group_count = refinement_group_names.size();
 
 /// Settings of a group.
@@ -45,6 +48,7 @@ struct RefinementConfig {
     RefinedGroup transl{.rate = 5e-4, .start = 0.1, .terms = {.pull = 1e-3}};
     RefinedGroup expression{.rate = 5e-3, .start = 0.1, .terms = {.pull = 1e-5}};
     RefinedGroup betas{.start = 0.1, .terms = {.pull = 1e-4}}; ///< off: learned joints and displacements act alike
+    RefinedGroup pose_bias{}, transl_bias{}; ///< off: registration (train/registration.hpp) finds them before training
     RefinedGroup camera_rotation{.rate = 2e-4, .terms = {.pull = 1e-3}}; ///< if there are cameras to refine
     RefinedGroup camera_translation{.rate = 2e-4, .terms = {.pull = 1e-3}};
     RefinedGroup camera_focal{.terms = {.pull = 1e-3}};
@@ -62,6 +66,8 @@ struct RefinementConfig {
         case RefinementGroup::transl: return transl;
         case RefinementGroup::expression: return expression;
         case RefinementGroup::betas: return betas;
+        case RefinementGroup::pose_bias: return pose_bias;
+        case RefinementGroup::transl_bias: return transl_bias;
         case RefinementGroup::camera_rotation: return camera_rotation;
         case RefinementGroup::camera_translation: return camera_translation;
         case RefinementGroup::camera_focal: return camera_focal;
@@ -104,7 +110,7 @@ inline void validate(const RefinementConfig& config, std::size_t joint_count, st
 /// rows learn, from the first step on, at twice the rate, because nothing else moves.
 [[nodiscard]] inline RefinementConfig test_time_config(RefinementConfig config = {}) {
     config.left_out.clear();
-    config.betas.rate = 0;
+    config.betas.rate = config.pose_bias.rate = config.transl_bias.rate = 0;
     for (RefinedGroup* group : {&config.pose, &config.transl, &config.expression}) group->start = 0, group->rate *= 2;
     return config;
 }

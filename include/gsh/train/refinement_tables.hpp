@@ -60,6 +60,7 @@ public:
 
     struct Sizes {
         std::size_t frames = 0, joints = 0, expression = 0, betas = 0, cameras = 0;
+        bool pose_bias = false, transl_bias = false; ///< whether these groups have a row
     };
 
     RefinementTables(B& backend, const Sizes& sizes) : backend_(&backend) {
@@ -77,6 +78,8 @@ public:
         table(RefinementGroup::transl, sizes.frames, 3);
         table(RefinementGroup::expression, sizes.frames, sizes.expression);
         table(RefinementGroup::betas, 1, sizes.betas);
+        table(RefinementGroup::pose_bias, sizes.pose_bias ? 1 : 0, 3 * sizes.joints);
+        table(RefinementGroup::transl_bias, sizes.transl_bias ? 1 : 0, 3);
         place(RefinementGroup::camera_rotation, sizes.cameras, 3, camera_width, numbers);
         place(RefinementGroup::camera_translation, sizes.cameras, 3, camera_width, numbers + 3);
         place(RefinementGroup::camera_focal, sizes.cameras, 1, camera_width, numbers + 6);

@@ -17,7 +17,7 @@
 
 namespace gsh {
 
-inline constexpr int checkpoint_version = 4;
+inline constexpr int checkpoint_version = 5;
 
 namespace detail {
 

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Registration of a capture's people before a reconstruction with --refine.
+#pragma once
+
+#include "support/source.hpp"
+
+#include <gsh/backend/threads.hpp>
+
+#include <cstdint>
+
+namespace gsh::examples {
+
+/// Replaces the motions of the people by registered ones (register_motions), on the training photographs, and sets
+/// source.registration. Skipped, with a warning, if a body has no triangles.
+void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed);
+
+} // namespace gsh::examples

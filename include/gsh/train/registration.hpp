@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Registration: before an avatar learns, rough poses and shapes are fitted to the photographs, coarse to fine.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/motion.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/pipeline/photo.hpp>
+#include <gsh/pipeline/reduced_photos.hpp>
+#include <gsh/train/avatar_scene.hpp>
+#include <gsh/train/canonical_setup.hpp>
+#include <gsh/train/configuration.hpp>
+#include <gsh/train/refinement.hpp>
+#include <gsh/train/train_config.hpp>
+#include <gsh/train/trainer.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <numeric>
+#include <set>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// One size of the photographs.
+struct RegistrationLevel {
+    int pixels = 68;    ///< about the longer side of the reduced photographs
+    double visits = 40; ///< steps for each photographed frame
+    double rate = 1;    ///< factor on all rates
+    double fingers = 0; ///< factor on the rate of fingers, jaw and eyes, which coarse photographs do not show
+};
+
+/// Rates and terms of a registration. Shape and biases learn from all frames, and the motion stays smooth: one camera
+/// does not see the depth of a limb in one frame, but it sees it while the person turns.
+[[nodiscard]] inline RefinementConfig registration_terms() {
+    RefinementConfig config;
+    config.pose = RefinedGroup{.rate = 6e-3, .terms = {.pull = 1e-3, .acceleration = 0.1}};
+    config.transl = RefinedGroup{.rate = 3e-3, .terms = {.pull = 1e-3, .acceleration = 0.1}};
+    config.expression = RefinedGroup{};
+    config.betas = RefinedGroup{.rate = 2e-2, .terms = {.pull = 1e-4}};
+    config.pose_bias = RefinedGroup{.rate = 1e-3, .terms = {.pull = 1e-2}};
+    config.transl_bias = RefinedGroup{.rate = 5e-4, .terms = {.pull = 1e-2}};
+    return config;
+}
+
+/// Settings of a registration.
+struct RegistrationParams {
+    std::vector<RegistrationLevel> levels{
+        {.pixels = 45, .visits = 40},
+        {.pixels = 68, .visits = 40, .rate = 0.7, .fingers = 0.5},
+        {.pixels = 135, .visits = 30, .rate = 0.5, .fingers = 1},
+        {.pixels = 270, .visits = 30, .rate = 0.35, .fingers = 1},
+    };
+    std::size_t gaussians = 20'000; ///< of each person
+    RefinementConfig refinement = registration_terms();
+    PhotoGainParams gain{.rate = 0.03};
+    std::function<void(double)> progress = {}; ///< called with the share that is done, if given
+};
+
+/// A person to register: a body with triangles, and its estimated motion.
+struct RegisteredPerson {
+    const BodyModel* body = nullptr;
+    const Motion* motion = nullptr;
+};
+
+/// How well the bodies explain the photographs of a level, at its end.
+struct RegistrationFit {
+    int factor = 1; ///< by which the photographs were reduced
+    std::size_t steps = 0;
+    double psnr = 0; ///< of the mean squared error at the last visit of each photograph
+};
+
+/// The result of a registration.
+struct Registration {
+    std::vector<Motion> motions; ///< of each person
+    std::vector<RegistrationFit> fits; ///< of each level
+    /// PSNR of each frame in dB at the end of the last level, a mean over its photographs; NaN without any.
+    std::vector<double> frame_psnr;
+};
+
+namespace detail {
+
+/// Gaussians on the body's surface with a colour, a size and an opacity each. No joint learns, and Gaussians leave the
+/// surface at a tenth of an avatar's rate: fast enough for clothes, too slowly to take the place of a pose.
+[[nodiscard]] inline Configuration registration_configuration() {
+    Configuration config = named_configuration("no-ao");
+    config.depth_prior = config.normal_prior = false;
+    config.fine_levels = FineLevels::none;
+    config.avatar.hash_sh = config.avatar.hash_displacement = false;
+    config.avatar.initial_opacity = 0.6;
+    config.avatar.rates = LearningRates{.joints = 0,
+                                        .quats = 0,
+                                        .log_scales = 3e-3,
+                                        .opacity_logits = 0.02,
+                                        .stored_displacements = 3e-5,
+                                        .stored_sh = 0.02};
+    return config;
+}
+
+/// L1 alone: SSIM's windows would be as large as a limb.
+[[nodiscard]] inline TrainConfig registration_training(const TrainConfig& of_avatar, const PhotoGainParams& gain) {
+    TrainConfig config = of_avatar;
+    config.ssim_weight = 0;
+    config.final_rate = 0.1;
+    config.filter.dilation = 0.05; // a reduced photograph is sharper than a full one
+    config.gain = gain;
+    return config;
+}
+
+/// Trains bodies and corrections on photographs of one size, and puts the corrected motions into result.motions.
+/// done(share) is called before each step.
+template <CpuBackend B, class Done>
+void register_level(B& backend, Span<const RegisteredPerson> people, const std::vector<Photo>& photos,
+                    const std::vector<std::size_t>& unseen_frames, std::size_t steps, double fingers,
+                    RefinementConfig terms, const RegistrationParams& params, std::uint64_t seed, const Done& done,
+                    Registration& result) {
+    using Model = ConfiguredAvatar<B>;
+    using Scene = AvatarScene<B, Model>;
+    const Configuration config = registration_configuration();
+    std::deque<Model> models;
+    std::deque<MotionRefinement<B>> refinements;
+    std::vector<CastMember<Model>> cast;
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        const Motion& motion = result.motions[p];
+        CanonicalSetup made = make_canonical_setup(backend, *people[p].body, motion, config, params.gaussians,
+                                                   random_bits(seed, p));
+        for (double& scale : made.samples.scales) scale *= 0.7; // wider ones reach beyond the body's outline
+        models.push_back(make_avatar<B>(backend, made.rig, made.samples, motion.frame_count(), seed, config.avatar,
+                                        made.priors));
+        terms.joint_rates = joint_rates(made.rig.joint_count(), fingers, fingers);
+        terms.left_out = unseen_frames;
+        refinements.emplace_back(backend, made.rig, motion, std::vector<Camera<double>>(), terms);
+        cast.push_back({&models.back(), &motion});
+    }
+    Scene scene(backend, cast);
+    for (std::size_t p = 0; p < people.size(); ++p) scene.refine(refinements[p], p);
+    Trainer<B, Scene> trainer(backend, scene, photos, seed, registration_training(config.train, params.gain));
+
+    // Squared errors at the last visit of each photograph, and their number.
+    std::vector<double> squares(scene.frame_count(), 0), counts(scene.frame_count(), 0);
+    for (std::size_t step = 0; step < steps; ++step) {
+        const double share = static_cast<double>(step) / static_cast<double>(steps);
+        done(share);
+        const std::size_t frame = photos[trainer.photo_of_step(step)].frame;
+        trainer.step(share);
+        if (step + photos.size() < steps) continue;
+        squares[frame] += std::pow(10, -trainer.last_psnr() / 10);
+        counts[frame] += 1;
+    }
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        refinements[p].carry_to_left_out();
+        result.motions[p] = refinements[p].motion();
+    }
+    const auto psnr = [](double sum, double count) { return -10 * std::log10(sum / count); };
+    const auto total = [](const std::vector<double>& of) { return std::accumulate(of.begin(), of.end(), 0.0); };
+    result.frame_psnr.resize(squares.size());
+    std::transform(squares.begin(), squares.end(), counts.begin(), result.frame_psnr.begin(), psnr);
+    result.fits.back().psnr = psnr(total(squares), total(counts));
+}
+
+} // namespace detail
+
+/// Fits motions and shapes of people to photographs, coarse to fine. Each level trains Gaussians on the bodies'
+/// surfaces, and with them the corrections of a MotionRefinement: a bias of each joint and of transl for all frames,
+/// corrections of each frame, and betas. The loss is L1 over random backgrounds, so outlines count as well as colours.
+/// The motion of a level is the estimate of the next one, which starts with new Gaussians.
+///
+/// Frames without a photograph get the corrections of their neighbours in time. The same seed gives the same bits on
+/// any number of threads.
+///
+/// Gauges  One camera does not see the size of a person who is moved away at the same time. The pull to the estimate
+///         decides, and joints are best compared relative to the root.
+/// Errors  ValueError: no photographs, no people, a body without triangles. Those of MotionRefinement and Trainer.
+template <CpuBackend B>
+[[nodiscard]] Registration register_motions(B& backend, Span<const RegisteredPerson> people, Span<const Photo> photos,
+                                            std::uint64_t seed, const RegistrationParams& params = {}) {
+    constexpr std::string_view where = "register_motions";
+    check_value(!people.empty(), where, "there are no people");
+    check_value(!photos.empty(), where, "there are no photographs");
+    Registration result;
+    for (const RegisteredPerson& person : people) {
+        check_value(!person.body->faces.empty(), where, "a body has no triangles, so it has no surface to fit");
+        result.motions.push_back(*person.motion);
+    }
+    std::set<std::size_t> frames;
+    for (const Photo& photo : photos) {
+        check_photo(where, photo, result.motions[0].frame_count());
+        frames.insert(photo.frame);
+    }
+    std::vector<std::size_t> unseen;
+    for (std::size_t frame = 0; frame < result.motions[0].frame_count(); ++frame)
+        if (!frames.contains(frame)) unseen.push_back(frame);
+
+    double visits = 0, visits_done = 0;
+    for (const RegistrationLevel& level : params.levels) visits += level.visits;
+    for (const RegistrationLevel& level : params.levels) {
+        const int factor = reduction_factor(photos, level.pixels);
+        const auto steps = static_cast<std::size_t>(std::lround(level.visits * static_cast<double>(frames.size())));
+        RefinementConfig terms = params.refinement;
+        for (RefinedGroup* group : {&terms.pose, &terms.transl, &terms.expression, &terms.betas, &terms.pose_bias,
+                                    &terms.transl_bias})
+            group->rate *= level.rate;
+        terms.final_rate = &level == &params.levels.back() ? 0.1 : 0.5;
+        result.fits.push_back({factor, steps, 0});
+        const ReducedPhotos reduced(backend, photos, factor);
+        const auto done = [&](double share) {
+            if (params.progress) params.progress((visits_done + share * level.visits) / visits);
+        };
+        detail::register_level(backend, people, reduced.photos(), unseen, steps, level.fingers, terms, params, seed,
+                               done, result);
+        visits_done += level.visits;
+    }
+    return result;
+}
+
+} // namespace gsh
