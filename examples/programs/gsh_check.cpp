@@ -124,6 +124,7 @@ void write_json(const std::filesystem::path& path, const Source& source, const C
               {"findings", Json::array()},
               {"warnings", source.warnings},
               {"images", Json::array()}};
+    if (const std::string advice = advice_on_poses(check); !advice.empty()) json["advice"].push_back(advice);
     for (const CaptureFinding& finding : check.findings) {
         Json one{{"fault", finding.fault},
                  {"measure", finding.measure},
@@ -210,7 +211,9 @@ void print(const Source& source, const CaptureCheck& check, const std::filesyste
     if (source.people.size() > 1 && !check.views.empty()) print_people(source, check);
     std::printf("\n");
     for (const CaptureFinding& finding : check.findings) std::printf("%s\n", one_line(finding.text).c_str());
-    if (check.findings.empty()) std::printf("nothing suspicious\n");
+    const std::string advice = advice_on_poses(check);
+    if (!advice.empty()) std::printf("%s\n", advice.c_str());
+    else if (check.findings.empty()) std::printf("nothing suspicious\n");
     std::printf("pictures in %s\n", (out / "overlays").string().c_str());
 }
 

@@ -770,3 +770,16 @@ TEST_CASE("people who do not fit the capture or their bodies") {
     test::check_throws<ValueError>([&] { (void)check(two().capture, std::vector<CheckedPerson>{}); },
                                    {"check_capture", "no person"});
 }
+
+TEST_CASE("a low overlap that no mistake explains is advice to register poses, not a finding") {
+    CaptureCheck check;
+    CHECK(advice_on_poses(check).empty()); // no image has a mask
+    check.views.resize(2);
+    check.views[0].iou = 0.86, check.views[1].iou = 0.8; // loose clothes
+    CHECK(advice_on_poses(check).empty());
+    check.views[0].iou = 0.7, check.views[1].iou = 0.72;
+    CHECK(advice_on_poses(check).find("overlap by 0.71") != std::string::npos);
+    CHECK(advice_on_poses(check).find("--refine") != std::string::npos);
+    check.findings.emplace_back();
+    CHECK(advice_on_poses(check).empty()); // the mistake explains it
+}

@@ -246,7 +246,8 @@ private:
         if (!apart.cameras.empty()) {
             apart.given = apart_sum / static_cast<double>(apart.cameras.size());
             add(apart, "expected at least",
-                "no known convention explains it; poses, cameras, masks and body probably do not belong together");
+                "no known convention explains it; poses are wrong by 6 cm or more, which gsh-reconstruct --refine may "
+                "correct, or poses, cameras, masks and body do not belong together");
         }
     }
 

@@ -58,6 +58,15 @@ struct CaptureCheck {
     }
 };
 
+/// What follows for training from a low overlap that no mistake explains; empty if the overlap is as usual. Exact poses
+/// of a person in loose clothes give 0.86, with errors of a centimetre 0.82; errors of 4 cm give 0.7.
+[[nodiscard]] inline std::string advice_on_poses(const CaptureCheck& check) {
+    const std::optional<double> iou = check.mean_iou();
+    if (!iou || *iou >= 0.79 || !check.findings.empty()) return {};
+    return "poses look rough: mask and posed body overlap by " + detail::digits(*iou, 2) +
+           ", 0.86 is usual in loose clothes; gsh-reconstruct --refine fits poses and shape before training";
+}
+
 namespace detail {
 
 /// "a, b and 4 more".
