@@ -20,7 +20,8 @@ void count(benchmark::State& state, const Mlp& mlp, double passes) {
                                                   benchmark::Counter::kIsRate);
 }
 
-/// The avatar's networks, with inputs level by level. Argument: outputs (27: spherical harmonics, 3: displacement).
+/// The avatar's networks, with inputs level by level. Arguments: outputs (27: spherical harmonics, 3: displacement);
+/// whether in mixed precision.
 template <class B>
 struct Setup {
     B backend;
@@ -31,6 +32,7 @@ struct Setup {
     FeatureView<const float> view{inputs, points, 64, 4};
 
     explicit Setup(const benchmark::State& state) : mlp({64, static_cast<int>(state.range(0))}) {
+        if (state.range(1)) backend.set_precision(Precision::mixed);
         for (std::size_t i = 0; i < inputs.size(); ++i) inputs[i] = static_cast<float>(random_uniform(1, i) - 0.5);
     }
 };
@@ -53,9 +55,9 @@ void backward(benchmark::State& state) {
     count(state, s.mlp, 2);
 }
 
-BENCHMARK(forward<cpu::Serial>)->Arg(27)->Arg(3)->Unit(benchmark::kMillisecond);
-BENCHMARK(forward<cpu::Threads>)->Arg(27)->Arg(3)->Unit(benchmark::kMillisecond)->UseRealTime();
-BENCHMARK(backward<cpu::Serial>)->Arg(27)->Arg(3)->Unit(benchmark::kMillisecond);
-BENCHMARK(backward<cpu::Threads>)->Arg(27)->Arg(3)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(forward<cpu::Serial>)->ArgsProduct({{27, 3}, {0, 1}})->ArgNames({"outputs", "mixed"})->Unit(benchmark::kMillisecond);
+BENCHMARK(forward<cpu::Threads>)->ArgsProduct({{27, 3}, {0, 1}})->ArgNames({"outputs", "mixed"})->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(backward<cpu::Serial>)->ArgsProduct({{27, 3}, {0, 1}})->ArgNames({"outputs", "mixed"})->Unit(benchmark::kMillisecond);
+BENCHMARK(backward<cpu::Threads>)->ArgsProduct({{27, 3}, {0, 1}})->ArgNames({"outputs", "mixed"})->Unit(benchmark::kMillisecond)->UseRealTime();
 
 } // namespace

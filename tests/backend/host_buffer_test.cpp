@@ -20,6 +20,18 @@ TEST_CASE("a buffer is aligned and keeps its memory when it shrinks") {
     CHECK(buffer.empty());
 }
 
+TEST_CASE("a large buffer begins at a large page") {
+    cpu::Buffer<float> buffer(cpu::Buffer<float>::large_page / sizeof(float));
+    CHECK(reinterpret_cast<std::uintptr_t>(buffer.data()) % cpu::Buffer<float>::large_page == 0);
+    buffer[buffer.size() - 1] = 1;
+    const cpu::Buffer<float> copy = buffer;
+    CHECK(copy[copy.size() - 1] == 1);
+    buffer.resize(2 * buffer.size()), buffer.resize(3);
+    CHECK(buffer.size() == 3);
+    const cpu::Buffer<float> moved = std::move(buffer);
+    CHECK(moved.size() == 3);
+}
+
 TEST_CASE("copies are deep, moves take the memory") {
     cpu::Buffer<int> buffer(3);
     for (std::size_t i = 0; i < 3; ++i) buffer[i] = static_cast<int>(i);

@@ -13,12 +13,15 @@
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/field/hash_level.hpp>
 #include <gsh/math/vec.hpp>
+#include <gsh/math/wide.hpp>
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <type_traits>
 
 namespace gsh {
@@ -31,47 +34,63 @@ namespace cpu::inline GSH_ISA {
 
 namespace detail {
 
-/// Corners of up to `capacity` points on one level.
+/// Cells of up to `capacity` points on one level. Neighbours in a cell form a run: since points are sorted along a curve
+/// through space, a cell of a coarse level holds many points in a row, and its corners are read once for all of them.
 template <class T>
 struct HashBlock {
-    static constexpr std::size_t capacity = 128;
+    static constexpr std::size_t capacity = 256;
     alignas(64) std::uint32_t index[8][capacity];
-    alignas(64) T weight[8][capacity];
+    alignas(64) T fraction[3][capacity]; ///< position inside the cell
+    std::uint32_t starts[capacity + 1];  ///< first point of each run, then the number of points
+    std::size_t run_count;
     const T* level_weight; ///< weights of the block's points, or null: all 1
 
     void fill(const HashLevel& level, const T* x, const T* y, const T* z, std::size_t count) {
         level.hashed ? fill<true>(level, x, y, z, count) : fill<false>(level, x, y, z, count);
     }
 
-    /// Prefetches the entries of a point some way ahead of point i; on the fine levels each has a cache line of its
-    /// own.
+    /// Prefetches the entries of a run some way ahead; on the fine levels each has a cache line of its own.
     template <std::size_t Features>
-    void prefetch_ahead(const T* entries, std::size_t i, std::size_t count) const {
-        constexpr std::size_t distance = 32; // points; covers the third-level cache's latency
-        if (i + distance >= count || !counts(i + distance)) return;
-        for (int corner = 0; corner < 8; ++corner) prefetch(entries + index[corner][i + distance] * Features);
+    void prefetch_ahead(const T* entries, std::size_t run) const {
+        constexpr std::size_t distance = 24; // covers the third-level cache's latency
+        if (run + distance >= run_count || !counts(starts[run + distance])) return;
+        for (int corner = 0; corner < 8; ++corner)
+            prefetch(entries + index[corner][starts[run + distance]] * Features);
     }
 
-    /// True unless the level has weight 0 at point i.
+    /// True unless the level has weight 0 at point i. All points of a run agree.
     [[nodiscard]] bool counts(std::size_t i) const { return !level_weight || level_weight[i] != T(0); }
 
 private:
     template <bool Hashed>
     void fill(const HashLevel& level, const T* x, const T* y, const T* z, std::size_t count) {
+        using Number = IndexOf<T>;
+        alignas(64) Number cells[3][capacity];
         for (std::size_t i = 0; i < count; ++i) {
             const HashCell<T> cell = level.cell<Hashed>(vec3<T>(x[i], y[i], z[i]));
-            for (int corner = 0; corner < 8; ++corner) {
-                index[corner][i] = level.index<Hashed>(cell, corner);
-                weight[corner][i] = cell.weight(corner);
-            }
-        }
-        if (level_weight)
             for (int corner = 0; corner < 8; ++corner)
-                for (std::size_t i = 0; i < count; ++i) weight[corner][i] *= level_weight[i];
+                index[corner][i] = static_cast<std::uint32_t>(level.index<Hashed>(cell, corner));
+            cells[0][i] = cell.x[0], cells[1][i] = cell.y[0], cells[2][i] = cell.z[0];
+            for (int axis = 0; axis < 3; ++axis) fraction[axis][i] = cell.fraction[axis];
+        }
+        alignas(64) std::uint8_t starts_run[capacity];
+        starts_run[0] = 1;
+        for (std::size_t i = 1; i < count; ++i)
+            starts_run[i] = (cells[0][i] != cells[0][i - 1]) | (cells[1][i] != cells[1][i - 1]) |
+                            (cells[2][i] != cells[2][i - 1]);
+        if (level_weight)
+            for (std::size_t i = 1; i < count; ++i)
+                starts_run[i] |= (level_weight[i] != T(0)) != (level_weight[i - 1] != T(0));
+        run_count = 0;
+        for (std::size_t i = 0; i < count; ++i) {
+            starts[run_count] = static_cast<std::uint32_t>(i);
+            run_count += starts_run[i];
+        }
+        starts[run_count] = static_cast<std::uint32_t>(count);
     }
 };
 
-/// Calls body(block, first, count) for blocks of the query's points in [begin, end), with the corners of level l filled
+/// Calls body(block, first, count) for blocks of the query's points in [begin, end), with the cells of level l filled
 /// in. For a block in which every point has weight 0 on the level, it calls skipped(first, count) instead.
 template <class T, class Grid, class Query, class Body, class Skipped>
 void for_hash_blocks(const Grid& grid, std::size_t l, const Query& query, std::size_t begin, std::size_t end,
@@ -92,27 +111,29 @@ void for_hash_blocks(const Grid& grid, std::size_t l, const Query& query, std::s
     }
 }
 
-/// The features of an entry. Loops over them become one operation on a register for the usual four.
+/// The features of an entry in a small register. There is no fused multiply-add: sums are the same on every machine.
 template <class T, std::size_t Features>
 struct HashRow {
-    std::array<T, Features> numbers{};
+    using Vector = typename gsh::detail::VectorRegister<T, std::bit_ceil(Features) * sizeof(T)>::type;
+    Vector v{};
 
-    [[nodiscard]] static HashRow load(const T* from) {
+    [[nodiscard]] GSH_INLINE static HashRow load(const T* from) {
         HashRow row;
-        std::copy_n(from, Features, row.numbers.begin());
+        std::memcpy(&row.v, from, Features * sizeof(T));
         return row;
     }
-    void store(T* to) const { std::copy(numbers.begin(), numbers.end(), to); }
-    /// *this + factor · row, without a fused multiply-add: the sum is the same on every machine.
-    [[nodiscard]] HashRow plus(T factor, const HashRow& row) const {
-        HashRow sum;
-        for (std::size_t f = 0; f < Features; ++f) sum.numbers[f] = numbers[f] + factor * row.numbers[f];
-        return sum;
-    }
+    GSH_INLINE void store(T* to) const { std::memcpy(to, &v, Features * sizeof(T)); }
+
+    [[nodiscard]] GSH_INLINE friend HashRow operator+(HashRow a, HashRow b) { return {a.v + b.v}; }
+    [[nodiscard]] GSH_INLINE friend HashRow operator-(HashRow a, HashRow b) { return {a.v - b.v}; }
+    [[nodiscard]] GSH_INLINE friend HashRow operator*(T factor, HashRow a) { return {factor * a.v}; }
 };
 
 /// Features of points [begin, end) on level l. out is the address for point `begin`; consecutive points are `stride`
 /// numbers apart.
+///
+/// The trilinear sum is taken axis by axis, x first. In a run, the corners and their differences along x stay in
+/// registers.
 template <class T, class Grid, class Query>
 void hash_encode(const Grid& grid, std::size_t l, const T* entries, const Query& query, std::size_t begin,
                  std::size_t end, T* out, std::size_t stride, Write mode) {
@@ -121,17 +142,33 @@ void hash_encode(const Grid& grid, std::size_t l, const T* entries, const Query&
     const auto encode = [&](auto adds) {
         for_hash_blocks<T>(
             grid, l, query, begin, end,
-            [&](const HashBlock<T>& block, std::size_t first, std::size_t count) {
-                for (std::size_t i = 0; i < count; ++i) {
-                    block.template prefetch_ahead<width>(entries, i, count);
-                    T* const features = out + (first - begin + i) * stride;
-                    Row sum;
-                    if (block.counts(i))
-                        for (int corner = 0; corner < 8; ++corner)
-                            sum = sum.plus(block.weight[corner][i],
-                                           Row::load(entries + block.index[corner][i] * width));
-                    if constexpr (adds) sum = sum.plus(T(1), Row::load(features));
-                    sum.store(features);
+            [&](const HashBlock<T>& block, std::size_t first, std::size_t) {
+                T* const to = out + (first - begin) * stride;
+                const auto write = [&](std::size_t i, const Row& row) {
+                    T* const at = to + i * stride;
+                    (adds ? Row::load(at) + row : row).store(at);
+                };
+                for (std::size_t run = 0; run < block.run_count; ++run) {
+                    block.template prefetch_ahead<width>(entries, run);
+                    const std::size_t start = block.starts[run], after = block.starts[run + 1];
+                    if (!block.counts(start)) {
+                        if constexpr (!adds)
+                            for (std::size_t i = start; i < after; ++i) Row().store(to + i * stride);
+                        continue;
+                    }
+                    Row low[4], rise[4]; // of the edges along x, in the order y, z
+                    for (int edge = 0; edge < 4; ++edge) {
+                        low[edge] = Row::load(entries + block.index[2 * edge][start] * width);
+                        rise[edge] = Row::load(entries + block.index[2 * edge + 1][start] * width) - low[edge];
+                    }
+                    for (std::size_t i = start; i < after; ++i) {
+                        const T x = block.fraction[0][i], y = block.fraction[1][i], z = block.fraction[2][i];
+                        Row edges[4];
+                        for (int edge = 0; edge < 4; ++edge) edges[edge] = low[edge] + x * rise[edge];
+                        const Row near = edges[0] + y * (edges[1] - edges[0]), far = edges[2] + y * (edges[3] - edges[2]);
+                        const Row features = near + z * (far - near);
+                        write(i, block.level_weight ? block.level_weight[i] * features : features);
+                    }
                 }
             },
             [&](std::size_t first, std::size_t count) {
@@ -144,7 +181,7 @@ void hash_encode(const Grid& grid, std::size_t l, const T* entries, const Query&
 }
 
 /// Adds the share of points [begin, end) to the gradient of the table on level l. `in` is the address of dL_dfeatures
-/// of point `begin`.
+/// of point `begin`. A run's sums stay in registers.
 template <class T, class Grid, class Query>
 void hash_scatter(const Grid& grid, std::size_t l, T* dL_dentries, const Query& query, std::size_t begin,
                   std::size_t end, const T* in, std::size_t stride) {
@@ -152,14 +189,33 @@ void hash_scatter(const Grid& grid, std::size_t l, T* dL_dentries, const Query& 
     using Row = HashRow<T, width>;
     for_hash_blocks<T>(
         grid, l, query, begin, end,
-        [&](const HashBlock<T>& block, std::size_t first, std::size_t count) {
-            for (std::size_t i = 0; i < count; ++i) {
-                block.template prefetch_ahead<width>(dL_dentries, i, count);
-                if (!block.counts(i)) continue;
-                const Row gradient = Row::load(in + (first - begin + i) * stride);
-                for (int corner = 0; corner < 8; ++corner) {
-                    T* const to = dL_dentries + block.index[corner][i] * width;
-                    Row::load(to).plus(block.weight[corner][i], gradient).store(to);
+        [&](const HashBlock<T>& block, std::size_t first, std::size_t) {
+            const T* const from = in + (first - begin) * stride;
+            for (std::size_t run = 0; run < block.run_count; ++run) {
+                block.template prefetch_ahead<width>(dL_dentries, run);
+                const std::size_t start = block.starts[run], after = block.starts[run + 1];
+                if (!block.counts(start)) continue;
+                Row sum[4], high[4]; // of both ends of the edges along x, and of their upper ends
+                for (std::size_t i = start; i < after; ++i) {
+                    const T x = block.fraction[0][i], y = block.fraction[1][i], z = block.fraction[2][i];
+                    Row gradient = Row::load(from + i * stride);
+                    if (block.level_weight) gradient = block.level_weight[i] * gradient;
+                    const Row far = z * gradient, near = gradient - far;
+                    Row edges[4];
+                    edges[1] = y * near, edges[0] = near - edges[1];
+                    edges[3] = y * far, edges[2] = far - edges[3];
+                    for (int edge = 0; edge < 4; ++edge) {
+                        sum[edge] = sum[edge] + edges[edge];
+                        high[edge] = high[edge] + x * edges[edge];
+                    }
+                }
+                const auto add = [&](int corner, const Row& row) {
+                    T* const to = dL_dentries + block.index[corner][start] * width;
+                    (Row::load(to) + row).store(to);
+                };
+                for (int edge = 0; edge < 4; ++edge) {
+                    add(2 * edge, sum[edge] - high[edge]);
+                    add(2 * edge + 1, high[edge]);
                 }
             }
         },
