@@ -103,7 +103,7 @@ TEST_CASE("a configured avatar is bit-identical to the avatar of the same types"
     auto configured = tube.make(config);
     const auto points = std::make_shared<const CanonicalPoints<cpu::Serial>>(tube.backend, tube.samples.positions);
     using Appearance = SharedField<cpu::Serial, float, 2, 3, 2>;
-    using Shadow = PoseShadow<cpu::Serial, float, 3, 2>;
+    using Shadow = PoseShadow<cpu::Serial, float, 2, 2>; // coarse levels
     AvatarModel<cpu::Serial, Appearance, Shadow> typed(
         tube.backend, tube.rig, tube.samples, points,
         Appearance(tube.backend, points, appearance_params(config, tube_frames, tube_seed)),
@@ -113,6 +113,22 @@ TEST_CASE("a configured avatar is bit-identical to the avatar of the same types"
     CHECK(test::learned_values(typed) == test::learned_values(configured));
     test::randomize(typed), test::randomize(configured);
     CHECK(tube.pass(typed) == tube.pass(configured));
+}
+
+TEST_CASE("a configuration chooses the levels and sizes of the shadow's field") {
+    const AvatarConfig coarse = small_tube({.ao = AmbientOcclusion::time});
+    AvatarConfig all = coarse, wide = coarse, fine = coarse;
+    all.ao_levels = ShadowLevels::all;
+    wide.ao_width = 2 * coarse.ao_width;
+    fine.ao_growth = 2 * coarse.ao_growth;
+    const auto size = [](const AvatarConfig& config) {
+        return avatar_size<cpu::Serial, float, 3, 2>(config, 4, {}).fixed();
+    };
+    CHECK(size(all) > size(coarse));
+    CHECK(size(wide) > size(coarse));
+    CHECK(shadow_params(fine, 0).field.growth == 2 * coarse.ao_growth);
+    CHECK(shadow_params(wide, 0).field.width == 2 * coarse.ao_width);
+    CHECK(appearance_params(wide, 1, 0).field.width == coarse.mlp_width);
 }
 
 TEST_CASE("rates are those of the configuration") {

@@ -90,13 +90,13 @@ TEST_CASE("a budget has the stated sizes, what is held, and pictures; people mul
 TEST_CASE("the activations of a network grow with its width and depth") {
     const AvatarConfig plain{.ao = AmbientOcclusion::time}; // two fields: the joint head's and ambient occlusion's
     AvatarConfig wide = plain, deep = plain;
-    wide.mlp_width = 2 * plain.mlp_width;
+    wide.mlp_width = 2 * plain.mlp_width, wide.ao_width = 2 * plain.ao_width;
     deep.mlp_hidden_layers = plain.mlp_hidden_layers + 1;
     const auto activations = [](const AvatarConfig& config) {
         return avatar_size<cpu::Serial>(config, 55, {}).other_per_point;
     };
-    CHECK(activations(wide) - activations(plain) == 2 * 2 * 64);
-    CHECK(activations(deep) - activations(plain) == 2 * 64);
+    CHECK(activations(wide) - activations(plain) == 2 * (64 + 32));
+    CHECK(activations(deep) - activations(plain) == 64 + 32);
 }
 
 TEST_CASE("light takes memory for the mesh, for the maps of its shadows, and with each Gaussian") {

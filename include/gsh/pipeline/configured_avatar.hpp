@@ -53,7 +53,9 @@ using ConfiguredAvatar = AvatarModel<B, AnyAppearance<T, Degree>, AnyShadow<B, T
             .seed = seed};
 }
 [[nodiscard]] inline FieldShadowParams shadow_params(const AvatarConfig& config, std::uint64_t seed) {
-    return {.field = field_params(config, config.ao_table_size),
+    FieldParams field = field_params(config, config.ao_table_size);
+    field.growth = config.ao_growth, field.width = config.ao_width;
+    return {.field = field,
             .largest = config.largest_ao,
             .initial = config.initial_ao,
             .rate = config.rates.ao,
@@ -85,6 +87,14 @@ auto with_appearance_type(const AvatarConfig& config, const Use& use) {
     return use(std::type_identity<StoredAttributes<B, T, Degree, Levels, Features>>());
 }
 
+/// Calls use(std::integral_constant<int, L>()) with the number L of levels of a configuration's shadow.
+template <int Levels, class Use>
+auto with_shadow_levels(const AvatarConfig& config, const Use& use) {
+    constexpr int coarse = Levels < 2 ? 1 : 3 * Levels / 4;
+    if (config.ao_levels == ShadowLevels::coarse) return use(std::integral_constant<int, coarse>());
+    return use(std::integral_constant<int, Levels>());
+}
+
 /// Makes the avatar that a configuration describes, from a rig and the samples of which the rig was made. `frame_count`
 /// is the length of the training motion, for parts that depend on the time.
 ///
@@ -107,13 +117,13 @@ template <Backend B, std::floating_point T = float, int Levels = 16, int Feature
     const auto appearance = [&]<class A>(std::type_identity<A>) -> AnyAppearance<T, Degree> {
         return A(backend, points, params);
     };
-    const auto shadow = [&]() -> AnyShadow<B, T> {
+    const auto shadow = [&]<int L>(std::integral_constant<int, L>) -> AnyShadow<B, T> {
         switch (config.ao) {
         case AmbientOcclusion::time:
-            return TimeShadow<B, T, Levels, Features>(backend, *points, frame_count, shadow_params(config, seed));
+            return TimeShadow<B, T, L, Features>(backend, *points, frame_count, shadow_params(config, seed));
         case AmbientOcclusion::pose:
-            return PoseShadow<B, T, Levels, Features>(backend, *points, rig.body.pose_feature_count(),
-                                                      shadow_params(config, seed));
+            return PoseShadow<B, T, L, Features>(backend, *points, rig.body.pose_feature_count(),
+                                                 shadow_params(config, seed));
         case AmbientOcclusion::none: break;
         }
         return NoShadow<B, T>();
@@ -123,7 +133,7 @@ template <Backend B, std::floating_point T = float, int Levels = 16, int Feature
             samples,
             points,
             with_appearance_type<B, T, Levels, Features, Degree>(config, appearance),
-            shadow(),
+            with_shadow_levels<Levels>(config, shadow),
             model_params(config)};
 }
 
@@ -136,10 +146,16 @@ template <Backend B, std::floating_point T = float, int Levels = 16, int Feature
     append(size, with_appearance_type<B, T, Levels, Features, Degree>(config, [&]<class A>(std::type_identity<A>) {
                return A::size(appearance_params(config, frame_count, 0), inputs);
            }));
-    if (config.ao == AmbientOcclusion::time)
-        append(size, TimeShadow<B, T, Levels, Features>::size(shadow_params(config, 0), frame_count));
-    if (config.ao == AmbientOcclusion::pose)
-        append(size, PoseShadow<B, T, Levels, Features>::size(shadow_params(config, 0), pose_feature_count));
+    append(size, with_shadow_levels<Levels>(config, [&]<int L>(std::integral_constant<int, L>) {
+               switch (config.ao) {
+               case AmbientOcclusion::time:
+                   return TimeShadow<B, T, L, Features>::size(shadow_params(config, 0), frame_count);
+               case AmbientOcclusion::pose:
+                   return PoseShadow<B, T, L, Features>::size(shadow_params(config, 0), pose_feature_count);
+               case AmbientOcclusion::none: break;
+               }
+               return PartSize();
+           }));
     return size;
 }
 

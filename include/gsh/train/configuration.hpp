@@ -95,6 +95,10 @@ struct EnumNames<AmbientOcclusion> {
     static constexpr std::array<std::string_view, 3> names{"none", "time", "pose"};
 };
 template <>
+struct EnumNames<ShadowLevels> {
+    static constexpr std::array<std::string_view, 2> names{"coarse", "all"};
+};
+template <>
 struct EnumNames<Deformation> {
     static constexpr std::array<std::string_view, 3> names{"linear", "polar", "dual_quaternion"};
 };
@@ -150,6 +154,9 @@ void for_each_setting(C& c, const F& f) {
     f("hash_displacement", c.avatar.hash_displacement, any);
     f("sh_dc_scale", c.avatar.sh_dc_scale, any);
     f("ao", c.avatar.ao, any);
+    f("ao.levels", c.avatar.ao_levels, any);
+    f("ao.growth", c.avatar.ao_growth, R::at_least(1));
+    f("ao.width", c.avatar.ao_width, R::at_least(1));
     f("ao.table_size", c.avatar.ao_table_size, R::power_of_two());
     f("ao.initial", c.avatar.initial_ao, R::above(0));
     f("ao.largest", c.avatar.largest_ao, R::above(0));
@@ -226,6 +233,9 @@ void for_each_setting(C& c, const F& f) {
         c.region_samples = c.depth_prior = c.normal_prior = false;
         c.fine_levels = FineLevels::everywhere;
         c.avatar.heads = Heads::separate;
+        c.avatar.ao_levels = ShadowLevels::all;
+        c.avatar.ao_growth = 1.5;
+        c.avatar.ao_width = 64;
         c.avatar.ao_table_size = 1u << 19;
         c.avatar.largest_ao = 1;
         c.avatar.initial_ao = 0.5;

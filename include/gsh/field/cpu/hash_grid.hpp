@@ -34,8 +34,8 @@ namespace cpu::inline GSH_ISA {
 
 namespace detail {
 
-/// Cells of up to `capacity` points on one level. Neighbours in a cell form a run: since points are sorted along a curve
-/// through space, a cell of a coarse level holds many points in a row, and its corners are read once for all of them.
+/// Cells of up to `capacity` points on one level. Neighbours in a cell form a run. Points are sorted along a curve
+/// through space, so a cell of a coarse level holds many in a row, and its corners are read once for all of them.
 template <class T>
 struct HashBlock {
     static constexpr std::size_t capacity = 256;
@@ -165,7 +165,8 @@ void hash_encode(const Grid& grid, std::size_t l, const T* entries, const Query&
                         const T x = block.fraction[0][i], y = block.fraction[1][i], z = block.fraction[2][i];
                         Row edges[4];
                         for (int edge = 0; edge < 4; ++edge) edges[edge] = low[edge] + x * rise[edge];
-                        const Row near = edges[0] + y * (edges[1] - edges[0]), far = edges[2] + y * (edges[3] - edges[2]);
+                        const Row near = edges[0] + y * (edges[1] - edges[0]);
+                        const Row far = edges[2] + y * (edges[3] - edges[2]);
                         const Row features = near + z * (far - near);
                         write(i, block.level_weight ? block.level_weight[i] * features : features);
                     }
