@@ -34,6 +34,9 @@ add_library(gsh_project INTERFACE)
 # -fno-math-errno: no code reads errno after a square root. Without errno, loops with square roots are vectorised (Adam
 # is four times as fast).
 target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:${gsh_warnings};-ffp-contract=off;-fno-math-errno>)
+# __FILE__, by which doctest names and filters files, does not depend on where the checkout is. A compiler cache
+# therefore also serves another checkout of the same sources.
+target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=./>)
 if(GSH_NATIVE)
   # The property GSH_INSTRUCTION_SET of a target selects another instruction set.
   set(gsh_set $<TARGET_PROPERTY:GSH_INSTRUCTION_SET>)
