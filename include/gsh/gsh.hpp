@@ -14,6 +14,7 @@
 #include <gsh/math/affine.hpp>
 #include <gsh/math/dual_quat.hpp>
 #include <gsh/math/linalg.hpp>
+#include <gsh/math/low_rank.hpp>
 #include <gsh/math/nonnegative.hpp>
 #include <gsh/math/polar.hpp>
 #include <gsh/math/principal_axes.hpp>
