@@ -47,7 +47,10 @@ gsh.ClientEngine = class {
     }
     this.rows = Math.max(rows, 1);
     this.ranges = this.people.map((person) => [person.firstRow * this.wide, person.count]);
-    if (this.people.some((person) => person.aoIsMean)) this.note = "shadows are the mean over the training's poses";
+    if (this.people.some((person) => person.aoIsMean)) {
+      const where = this.people.some((person) => person.occlusion) ? "in other poses than those of its motions, " : "";
+      this.note = `${where}shadows are the mean over the training's poses`;
+    }
     this.makePosedTargets();
     this.programs = {
       splats: this.tools.program(gsh.shaders.splatVertex(false), gsh.shaders.splatFragment(false)),
@@ -107,7 +110,8 @@ gsh.ClientEngine = class {
 
   /** Bones, offsets, light of all people; true if anything but the camera changed. */
   update(request, centre) {
-    const key = JSON.stringify([request.people, request.shadows, request.light_turn]), moved = key !== this.lastKey;
+    const { people, occlusion, shadows, light_turn } = request;
+    const key = JSON.stringify([people, occlusion, shadows, light_turn]), moved = key !== this.lastKey;
     this.lastKey = key;
     this.people.forEach((person, p) => {
       if (!person.body || !moved) return;
@@ -154,19 +158,25 @@ gsh.ClientEngine = class {
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.posedTarget);
     gl.bindVertexArray(this.plain);
     gl.disable(gl.BLEND), gl.disable(gl.DEPTH_TEST);
-    for (const person of this.people) {
+    this.people.forEach((person, p) => {
       const program = person.program;
       gl.viewport(0, person.firstRow, this.wide, Math.ceil(person.count / this.wide));
       program.use();
       this.tools.bind(program, { u_fixed: person.fixed, u_bones: person.bones || person.fixed,
-                           u_vertices: person.vertices || person.fixed });
+                           u_vertices: person.vertices || person.fixed,
+                           ...(person.occlusion && { u_occlusion_basis: person.occlusion }) });
       gl.uniform1i(program.at("u_count"), person.count);
       gl.uniform1i(program.at("u_first_row"), person.firstRow);
       gl.uniform1i(program.at("u_vertices_wide"), this.wide);
       gl.uniform3fv(program.at("u_center"), centre);
       gl.uniform1f(program.at("u_occlusion"), request.shadows ? 1 : 0);
+      if (person.occlusion) {
+        const shares = new Float32Array(4 * person.occlusionBlocks);
+        shares.set(request.occlusion?.[p] || []); // zeros are the mean
+        gl.uniform4fv(program.at("u_occlusion_shares"), shares);
+      }
       gl.drawArrays(gl.TRIANGLES, 0, 3);
-    }
+    });
   }
 
   /** Asks the worker for a new order. New positions are read back first, without waiting for the graphics card. */

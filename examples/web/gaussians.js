@@ -3,6 +3,14 @@
 "use strict";
 
 gsh.loadGaussians = (() => {
+  /** The basis of an ambient occlusion that follows motions: `occlusionBlocks` texels of four numbers a Gaussian. */
+  function occlusionTexture(tools, { data, rows, columns }) {
+    const { gl, wide } = tools, blocks = Math.ceil(columns / 4), height = Math.ceil(rows * blocks / wide);
+    const numbers = new Float32Array(4 * wide * height);
+    for (let i = 0; i < rows; ++i) numbers.set(data.subarray(columns * i, columns * (i + 1)), 4 * blocks * i);
+    return { occlusionBlocks: blocks, occlusion: tools.texture(gl.RGBA32F, wide, height, numbers) };
+  }
+
   /** Reads person p of a package into textures. described: as the scene describes the person; none for a scene. */
   function loadGaussians(tools, pack, p, described) {
     const { gl, wide } = tools, header = pack.header.people[p], get = (name) => pack.array(`${p}/${name}`);
@@ -39,7 +47,8 @@ gsh.loadGaussians = (() => {
         put(bands[from], bands[from + 1], bands[from + 2], 0);
       }
     }
-    const person = { count, aoIsMean: !!header.ao_is_mean, dual: header.deformation === "dual_quaternion",
+    const occlusion = pack.has(`${p}/occlusion_basis`) ? occlusionTexture(tools, get("occlusion_basis")) : null;
+    const person = { count, ...occlusion, aoIsMean: !!header.ao_is_mean, dual: header.deformation === "dual_quaternion",
                      fixed: tools.texture(gl.RGBA32F, wide, height, fixed) };
     if (hasBody) {
       person.body = gsh.body.load(pack, p);
@@ -54,7 +63,7 @@ gsh.loadGaussians = (() => {
     }
     person.program = tools.program(gsh.shaders.cover, gsh.shaders.pose({
       texels, wide, influences, degree, body: hasBody, lit: !!header.light, deformation: header.deformation,
-      clampAbove: header.clamp_above }));
+      clampAbove: header.clamp_above, occlusionBlocks: occlusion ? occlusion.occlusionBlocks : 0 }));
     return person;
   }
 

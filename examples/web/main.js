@@ -4,9 +4,9 @@
 
 gsh.view = (() => {
   const element = (id) => document.getElementById(id);
-  const page = { person: 0, states: [], motions: [], chosen: [], show: "splats", shadows: true, skeleton: false,
-                 follow: false, lightTurn: 0, background: [0x23 / 255, 0x27 / 255, 0x2e / 255], resolution: 540,
-                 fixedSize: null, pictures: 0 };
+  const page = { person: 0, states: [], occlusion: [], motions: [], chosen: [], show: "splats", shadows: true,
+                 skeleton: false, follow: false, lightTurn: 0, background: [0x23 / 255, 0x27 / 255, 0x2e / 255],
+                 resolution: 540, fixedSize: null, pictures: 0 };
   let scene, source, camera, player, engine, panel;
 
   // ---- messages ----
@@ -49,7 +49,8 @@ gsh.view = (() => {
   }
   function request() {
     return { camera: camera.view(...pictureSize(), shift()), background: page.background, show: page.show,
-             shadows: page.shadows, light_turn: page.lightTurn, people: page.states.map(copyState) };
+             shadows: page.shadows, light_turn: page.lightTurn, people: page.states.map(copyState),
+             occlusion: page.occlusion.some((one) => one) ? page.occlusion.slice() : undefined };
   }
 
   /** Draws if there is something new and a request may be sent. Earlier pictures may still be decoded. */
@@ -184,8 +185,8 @@ gsh.view = (() => {
     page.states.forEach((one, p) => {
       if (!isMeant(p)) return;
       edited.delete(p);
-      const { pose, transl, expression } = player.state(p);
-      one.pose = pose, one.transl = transl;
+      const { pose, transl, expression, occlusion } = player.state(p);
+      one.pose = pose, one.transl = transl, page.occlusion[p] = occlusion || null;
       if (expression) one.expression = one.expression.map((_, k) => expression[k] || 0);
     });
     change(), showPose();
@@ -214,7 +215,9 @@ gsh.view = (() => {
     showTransport();
   }
   function changePose(edit) {
-    pause(), edited.add(page.person), edit(state()), showPose(), change();
+    pause(), edited.add(page.person), edit(state());
+    page.occlusion[page.person] = null; // only the frames of motions have it
+    showPose(), change();
   }
 
   const openFile = guarded(async (file) => {
@@ -254,6 +257,7 @@ gsh.view = (() => {
       if (player.playing) pause();
       edited.add(page.person);
       state()[kind][index] = value;
+      if (kind === "pose") page.occlusion[page.person] = null;
       change();
     },
     resetPose: () => { pause(), restart(page.person); },

@@ -60,6 +60,7 @@ gsh.Player = class {
     for (let j = 0; j < now.pose.length; j += 3)
       pose.push(...gsh.math.between(now.pose.slice(j, j + 3), next.pose.slice(j, j + 3), share));
     return { pose, transl: mix(now.transl, next.transl),
-             expression: now.expression && mix(now.expression, next.expression) };
+             expression: now.expression && mix(now.expression, next.expression),
+             occlusion: now.occlusion && mix(now.occlusion, next.occlusion) };
   }
 };

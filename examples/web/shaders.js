@@ -18,7 +18,8 @@ void main() {
 
   /**
    * Poses one Gaussian per fragment and writes mean and opacity, covariance, colour. settings: {texels, wide,
-   * influences, degree, body, lit, deformation, clampAbove}; wide: of the textures of fixed numbers and of results.
+   * influences, degree, body, lit, deformation, clampAbove, occlusionBlocks}; wide: of the textures of fixed numbers
+   * and of results.
    */
   function pose(settings) {
     const blocks = Math.ceil(settings.influences / 4), joints = 5, weights = joints + blocks, sh = weights + blocks;
@@ -32,10 +33,15 @@ void main() {
 #define DUAL ${settings.deformation === "dual_quaternion" ? 1 : 0}
 #define POLAR ${settings.deformation === "polar" ? 1 : 0}
 #define CLAMP_ABOVE ${settings.clampAbove ? 1 : 0}
+#define OCCLUSION_BLOCKS ${settings.occlusionBlocks}
 uniform sampler2D u_fixed, u_bones, u_vertices;
 uniform int u_count, u_first_row, u_vertices_wide;
 uniform vec3 u_center;
 uniform float u_occlusion; // 1: ambient occlusion is shown
+#if OCCLUSION_BLOCKS
+uniform sampler2D u_occlusion_basis;
+uniform vec4 u_occlusion_shares[OCCLUSION_BLOCKS]; // of the basis in this pose
+#endif
 layout(location = 0) out vec4 o_mean;
 layout(location = 1) out vec4 o_covariance;
 layout(location = 2) out vec4 o_rest;
@@ -172,7 +178,15 @@ void main() {
 #if CLAMP_ABOVE
   color = min(color, 1.0);
 #endif
-  color *= mix(1.0, scales.w, u_occlusion);
+  float ao = scales.w;
+#if OCCLUSION_BLOCKS
+  for (int b = 0; b < OCCLUSION_BLOCKS; ++b) {
+    int k = gaussian * OCCLUSION_BLOCKS + b;
+    ao += dot(texelFetch(u_occlusion_basis, ivec2(k % WIDE, k / WIDE), 0), u_occlusion_shares[b]);
+  }
+  ao = max(ao, 0.0);
+#endif
+  color *= mix(1.0, ao, u_occlusion);
 #if LIT
   vec2 light = weights.x * vertex(2.0 * corners.x + 1.0).xy + weights.y * vertex(2.0 * corners.y + 1.0).xy +
                weights.z * vertex(2.0 * corners.z + 1.0).xy;

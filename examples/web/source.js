@@ -3,15 +3,19 @@
 "use strict";
 
 gsh.source = (() => {
-  /** A motion of a package: frames with pose, transl and expression, and the time of each. */
+  /**
+   * A motion of a package: frames with pose, transl and expression, and the time of each. In a page that carries its
+   * data, also with the coefficients of the ambient occlusion, if that follows the pose.
+   */
   function motionOf(buffer) {
     const pack = gsh.package.read(buffer), pose = pack.array("pose"), transl = pack.array("transl").data;
-    const expression = pack.has("expression") ? pack.array("expression") : null, seconds = pack.array("seconds").data;
+    const optional = (name) => pack.has(name) ? pack.array(name) : null, seconds = pack.array("seconds").data;
+    const expression = optional("expression"), occlusion = optional("occlusion");
     const row = ({ data, columns }, f) => Array.from(data.subarray(f * columns, (f + 1) * columns));
     const { name, betas, warnings } = pack.header;
     return { name, betas, warnings, frames: pose.rows, seconds,
       frame: (f) => ({ pose: row(pose, f), transl: row({ data: transl, columns: 3 }, f),
-                       expression: expression && row(expression, f) }) };
+                       expression: expression && row(expression, f), occlusion: occlusion && row(occlusion, f) }) };
   }
 
   /**

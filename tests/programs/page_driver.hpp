@@ -42,7 +42,7 @@ const choose = (select, value) => {
 };
 const shoot = async (name) => {
   await view.nextPicture();
-  await send("request " + name, JSON.stringify({ ...view.request(), format: "png" }));
+  await send("request " + name, JSON.stringify({ ...view.request(), format: "png", occlusion: undefined }));
   await send("picture " + name, await view.picture());
 };
 const until = async (what) => {

@@ -111,6 +111,52 @@ constexpr const char* drive_exported = R"js(
 })();
 )js";
 
+/// A page whose ambient occlusion follows its motion.
+constexpr const char* drive_occluded = R"js(
+(async () => {
+  await view.started;
+  view.pause();
+  view.setSize([256, 256]);
+  for (const frame of [0, 1, 2]) {
+    await drag(find("#scrub"), frame);
+    await shoot("follows-" + frame);
+  }
+  await check("the page says where shadows are the mean", /other poses.*mean/.test(find(".note").textContent));
+  await drag(find('input[data-name="transl-0"]'), 0.1);
+  await shoot("follows-moved");
+  await drag(find('input[data-name="pose-4"]'), 25);
+  await shoot("mean-slider");
+  press("Reset");
+  await shoot("follows-reset");
+  view.page.shadows = false;
+  await shoot("shadowless");
+  await send("done", "");
+})();
+)js";
+
+/// Runs a page with a script added, in a browser that opens it from the disk and reaches nothing but the test itself.
+void drive_page(const fs::path& page, std::string script, test::PageReports& reports) {
+    const std::string nothing = "no page";
+    const test::PlainServer listener(nothing, reports);
+    script = "globalThis.reportTo = \"http://127.0.0.1:" + std::to_string(listener.port) + "/report\";\n" +
+             test::page_gestures + script;
+    std::string text = read_file(page);
+    text.insert(text.rfind("</body>"), "<script>\n" + script + "</script>\n");
+    const fs::path driven = page.parent_path() / "driven.html";
+    write_file(driven, text, Sync::none);
+    // Names of hosts are not resolved; only the test itself is reached, by its number.
+    const test::Browser browser(
+        "file://" + driven.string(),
+        {"--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1", "--disable-features=LocalNetworkAccessChecks"});
+    if (!reports.wait(std::chrono::seconds(120)))
+        FAIL_CHECK("the script did not end; the browser says: " << browser.log());
+    for (const std::string& check : reports.checks()) {
+        INFO(check);
+        CHECK(check.starts_with("good "));
+    }
+    CHECK(listener.foreign == 0);
+}
+
 /// The refused exports leave nothing.
 void refuse_page(const fs::path& input, const fs::path& to, std::vector<std::string> more,
                  std::initializer_list<std::string_view> words) {
@@ -140,9 +186,6 @@ TEST_CASE("gsh-export writes a page that draws what gsh-animate renders, without
     CHECK(outcome.out.find(" Gaussians, ") != std::string::npos);
     if (measured) MESSAGE(outcome.out);
 
-    test::PageReports reports;
-    const std::string nothing = "no page";
-    const test::PlainServer listener(nothing, reports);
     const ViewScene scene = test::view_scene({avatar}, {motion});
     const std::size_t count = scene.motions[0][0].motion.frame_count();
     const std::vector<std::size_t> frames{0, count / 3, count - 1};
@@ -151,24 +194,9 @@ TEST_CASE("gsh-export writes a page that draws what gsh-animate renders, without
     inflates.commit();
     std::string script = test::filled_in(drive_exported, "FRAMES", nlohmann::json(frames).dump());
     script = test::filled_in(script, "INFLATES", base64(read_file(folder / "inflates.npz")));
-    script = "globalThis.reportTo = \"http://127.0.0.1:" + std::to_string(listener.port) + "/report\";\n" +
-             test::page_gestures + test::filled_in(script, "MEASURES", measured ? "true" : "false");
-    std::string page = read_file(folder / "page.html");
-    page.insert(page.rfind("</body>"), "<script>\n" + script + "</script>\n");
-    write_file(folder / "driven.html", page, Sync::none);
-
-    // Names of hosts are not resolved; only the test itself is reached, by its number.
-    const test::Browser browser(
-        "file://" + (folder / "driven.html").string(),
-        {"--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1", "--disable-features=LocalNetworkAccessChecks"});
-    if (!reports.wait(std::chrono::seconds(120)))
-        FAIL_CHECK("the script did not end; the browser says: " << browser.log());
-    for (const std::string& check : reports.checks()) {
-        INFO(check);
-        CHECK(check.starts_with("good "));
-    }
+    test::PageReports reports;
+    drive_page(folder / "page.html", test::filled_in(script, "MEASURES", measured ? "true" : "false"), reports);
     CHECK(reports.checks().size() == 20);
-    CHECK(listener.foreign == 0);
 
     cpu::Threads backend(2);
     ViewPainter painter(backend, scene);
@@ -207,6 +235,41 @@ TEST_CASE("gsh-export writes a page that draws what gsh-animate renders, without
             apart = std::max(apart, std::abs(pose[k] - truth[k / 3][static_cast<int>(k % 3)]));
         CHECK(apart < 1e-6);
     }
+}
+
+TEST_CASE("in a page, ambient occlusion follows the motions, and is the mean in other poses") {
+    if (test::chromium().empty()) {
+        test::skip("chromium is not installed");
+        return;
+    }
+    const auto& files = test::view_files();
+    const test::Temporary folder;
+    check_done(run({"gsh-export", files.occluded.string(), "--to", (folder / "page.html").string(), "--poses",
+                    files.left.string()}));
+    test::PageReports reports;
+    drive_page(folder / "page.html", drive_occluded, reports);
+    const ViewScene follows = test::view_scene({files.occluded}, {files.left});
+    ViewScene mean = follows, shadowless = follows;
+    mean.people->data[0].occlusion_field.reset();
+    shadowless.people->data[0].occlusion_field.reset(), shadowless.people->data[0].ao.clear();
+    std::size_t pictures = 0;
+    for (const auto& [name, content] : reports.others()) {
+        if (!name.starts_with("request ")) continue;
+        const std::string which = name.substr(8);
+        INFO(which);
+        const ViewRequest request = parse_view_request(content, follows.sizes());
+        const ViewScene& truth = which.starts_with("follows") ? follows : which.starts_with("mean") ? mean : shadowless;
+        const std::string& picture = reports.others().at("picture " + which);
+        for (const ViewScene* scene : std::initializer_list<const ViewScene*>{&follows, &mean, &shadowless}) {
+            const double psnr = test::psnr_of(picture, test::rendered(*scene, request));
+            if (scene == &truth)
+                CHECK(psnr >= 50);
+            else
+                CHECK(psnr < 40); // the three can be told apart
+        }
+        ++pictures;
+    }
+    CHECK(pictures == 7);
 }
 
 TEST_CASE("gsh-export makes pages of scenes and of parts, and refuses what a page cannot have") {

@@ -89,6 +89,22 @@ inline AvatarData bending_tube(Deformation deformation) {
     return avatar;
 }
 
+/// A tube whose ambient occlusion follows the pose, by a network of random weights.
+inline AvatarData occluded_tube() {
+    Rng rng(41);
+    AvatarData avatar = patterned_avatar(tube(4, 16, 12), {0.2, -0.3}, 1500, 1);
+    OcclusionFieldData field{.width = 16, .hidden_layers = 2, .bias = 0.5, .largest = 1.2};
+    const auto fill = [&](std::vector<float>& numbers, std::size_t count, double most) {
+        for (std::size_t k = 0; k < count; ++k) numbers.push_back(static_cast<float>(rng.uniform(-most, most)));
+    };
+    fill(field.neurons, avatar.gaussians.size() * 16, 1);
+    fill(field.pose_weights, 16 * 27, 0.8);
+    fill(field.weights, field.network().parameter_count(), 0.6);
+    avatar.occlusion_field = field;
+    avatar.ao.assign(avatar.gaussians.size(), 0.8f);
+    return avatar;
+}
+
 /// A motion of the tube.
 inline Motion tube_motion(double side) {
     Rng rng(31);
@@ -108,7 +124,8 @@ struct ViewFiles {
     Temporary folder;
     std::filesystem::path actor = folder / "actor.gsh", stride = folder / "stride.npz", reach = folder / "reach.npz",
                           polar = folder / "polar.gsh", dual = folder / "dual.gsh", left = folder / "left.npz",
-                          right = folder / "right.npz", cloud = folder / "cloud.ply";
+                          right = folder / "right.npz", cloud = folder / "cloud.ply",
+                          occluded = folder / "occluded.gsh";
 
     ViewFiles() {
         save_avatar(actor, lit_actor());
@@ -116,6 +133,7 @@ struct ViewFiles {
         save_motion(reach, actor_motion(ActorMotion::reach, 3));
         save_avatar(polar, bending_tube(Deformation::polar));
         save_avatar(dual, bending_tube(Deformation::dual_quaternion));
+        save_avatar(occluded, occluded_tube());
         save_motion(left, tube_motion(-0.5));
         save_motion(right, tube_motion(0.5));
         write_gaussian_ply(cloud, bending_tube(Deformation::linear).gaussians);

@@ -7,6 +7,7 @@
 #include "support/base64.hpp"
 #include "view/ellipsoids.hpp"
 #include "view/jpeg.hpp"
+#include "view/motion_occlusion.hpp"
 #include "view/package.hpp"
 #include "view/view_package.hpp"
 #include "view/view_page.hpp"
@@ -14,8 +15,10 @@
 #include "view/view_request.hpp"
 #include "view/view_scene.hpp"
 
+#include <gsh/avatar/avatar.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/loss/metrics.hpp>
 
@@ -152,6 +155,49 @@ TEST_CASE("gsh-view: a compact package is much smaller than an exact one") {
     const ViewScene scene = test::view_scene({test::view_files().actor});
     const std::size_t exact = package_scene(scene).size(), compact = package_scene(scene, ScenePacking::compact).size();
     CHECK(3 * compact < exact);
+}
+
+TEST_CASE("gsh-view: the ambient occlusion of motions is a low-rank product within its tolerance") {
+    const auto& files = test::view_files();
+    const ViewScene scene = test::view_scene({files.occluded}, {files.left, files.right});
+    const AvatarData& data = scene.people->data[0];
+    cpu::Threads backend(2);
+    const LowRank product = occlusion_of_motions(backend, data, scene.motions[0]);
+    REQUIRE(product.rank >= 2);
+    CHECK(product.rank <= 3); // three poses: the motions differ in place alone
+    CHECK(product.error <= occlusion_tolerance);
+    const std::size_t N = data.gaussians.size();
+    CHECK(product.basis.size() == product.rank * N);
+    REQUIRE(product.coefficients.size() == 6 * product.rank);
+    Avatar<cpu::Threads> avatar(backend, data);
+    Avatar<cpu::Threads>::Cache cache;
+    RigPose<cpu::Threads, float> pose;
+    Splats<cpu::Threads, float> splats;
+    splats.resize(N);
+    for (std::size_t row = 0; row < 6; ++row) {
+        avatar.rig().upload_pose(scene.motions[0][row / 3].motion, row % 3, pose);
+        avatar.pose(pose, vec3<float>(0), splats.view(), cache);
+        double square = 0, varies = 0;
+        for (std::size_t i = 0; i < N; ++i) {
+            float ao = data.ao[i];
+            for (std::size_t k = 0; k < product.rank; ++k)
+                ao += product.coefficients[row * product.rank + k] * product.basis[k * N + i];
+            square += std::pow(static_cast<double>(ao - cache.ao[i]), 2);
+            varies += std::pow(static_cast<double>(data.ao[i] - cache.ao[i]), 2);
+        }
+        CHECK(std::sqrt(square / static_cast<double>(N)) < 3 * occlusion_tolerance); // colours below 1 weigh less
+        CHECK(std::sqrt(varies / static_cast<double>(N)) > 0.05);
+    }
+    const ViewJson basis = header_of(package_scene(scene, ScenePacking::compact, &product)).first["arrays"];
+    CHECK(basis["0/occlusion_basis"]["shape"] == ViewJson{N, product.rank});
+    const std::string bytes = package_motion(scene.motions[0][1], {}, &product, 3);
+    const auto [header, begin] = header_of(bytes);
+    CHECK(header["arrays"]["occlusion"]["shape"] == ViewJson{3, product.rank});
+    float first = 0;
+    const auto offset = header["arrays"]["occlusion"]["offset"].get<std::size_t>();
+    std::memcpy(&first, bytes.data() + begin + offset, sizeof first);
+    CHECK(first == product.coefficients[3 * product.rank]);
+    CHECK(!header_of(package_motion(scene.motions[0][1])).first["arrays"].contains("occlusion"));
 }
 
 TEST_CASE("gsh-view: a page refers to nothing outside itself") {

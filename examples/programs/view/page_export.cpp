@@ -3,16 +3,21 @@
 
 #include "support/interrupts.hpp"
 #include "support/messages.hpp"
+#include "view/motion_occlusion.hpp"
 #include "view/view_package.hpp"
 #include "view/view_page.hpp"
 #include "view/view_scene.hpp"
 
 #include <gsh/avatar/avatar_part.hpp>
+#include <gsh/backend/threads.hpp>
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/math/low_rank.hpp>
 
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -54,6 +59,14 @@ void keep_gaussians(ViewScene& scene, const ExportOptions& o) {
     if (o.sh_degree) cloud = with_bands_up_to(std::move(cloud), *o.sh_degree);
 }
 
+/// Says by how much the ambient occlusion of a page departs from the avatar's.
+void warn_of_occlusion(const ExportOptions& o, const LowRank& occlusion) {
+    char text[128];
+    std::snprintf(text, sizeof text, ": ambient occlusion departs by %.4f of white, expected at most %.4f",
+                  occlusion.error, occlusion_tolerance);
+    warn(o.to.string() + text + "; there are too many different poses for one page, leave out motions");
+}
+
 } // namespace
 
 ExportResult export_page(const ExportOptions& o) {
@@ -63,10 +76,23 @@ ExportResult export_page(const ExportOptions& o) {
     watch_interrupts();
     keep_gaussians(scene, o);
     if (o.frame || o.is_moving()) keep_frames(scene.motions[0][0].motion, o);
-    std::vector<PageData> data{{"scene", describe(scene)}, {"gaussians", package_scene(scene, ScenePacking::compact)}};
+    std::optional<LowRank> occlusion;
+    if (scene.people && scene.people->data[0].occlusion_field) {
+        cpu::Threads backend(o.threads);
+        occlusion = occlusion_of_motions(backend, scene.people->data[0], scene.motions[0]);
+        if (interrupted) return {};
+        if (occlusion->error > occlusion_tolerance) warn_of_occlusion(o, *occlusion);
+    }
+    const LowRank* const follows = occlusion ? &*occlusion : nullptr;
+    std::vector<PageData> data{{"scene", describe(scene)},
+                               {"gaussians", package_scene(scene, ScenePacking::compact, follows)}};
+    std::size_t row = 0;
     if (scene.people)
-        for (std::size_t m = 0; m < scene.motions[0].size(); ++m)
-            data.push_back({"motion-0-" + std::to_string(m), package_motion(scene.motions[0][m])});
+        for (std::size_t m = 0; m < scene.motions[0].size(); ++m) {
+            const ViewMotion& motion = scene.motions[0][m];
+            data.push_back({"motion-0-" + std::to_string(m), package_motion(motion, {}, follows, row)});
+            row += motion.motion.frame_count();
+        }
     const std::string page = make_page(data);
     if (interrupted) return {};
     write_file(o.to, page);

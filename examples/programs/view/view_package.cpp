@@ -11,6 +11,7 @@
 #include <gsh/light/light.hpp>
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/math/activation.hpp>
+#include <gsh/math/low_rank.hpp>
 
 #include <cmath>
 #include <cstddef>
@@ -98,6 +99,15 @@ void add_body(const Writer& to, const RigData& rig) {
     to.add_skin("vertex_joints", "vertex_weights", sparse_weights(body.weights, body.joint_count()).cast<float>());
 }
 
+/// The basis of an ambient occlusion that follows motions, by Gaussian.
+void add_occlusion(const Writer& to, const LowRank& occlusion) {
+    const std::size_t rank = occlusion.rank, count = occlusion.basis.size() / rank;
+    std::vector<float> by_gaussian(occlusion.basis.size());
+    for (std::size_t k = 0; k < rank; ++k)
+        for (std::size_t i = 0; i < count; ++i) by_gaussian[i * rank + k] = occlusion.basis[k * count + i];
+    to.add("occlusion_basis", by_gaussian, rank, Stored::eight);
+}
+
 /// Adds what the light needs, and returns its numbers.
 Json add_light(const Writer& to, const AvatarData& data, const vec3<double>& centre) {
     const LightData& light = *data.light;
@@ -134,7 +144,7 @@ const char* name_of(Deformation deformation) {
 
 } // namespace
 
-std::string package_scene(const ViewScene& scene, ScenePacking packing) {
+std::string package_scene(const ViewScene& scene, ScenePacking packing, const LowRank* occlusion) {
     Package package;
     package.header = {{"dilation", scene.filter.dilation},
                       {"compensate", scene.filter.compensate_opacity},
@@ -152,6 +162,7 @@ std::string package_scene(const ViewScene& scene, ScenePacking packing) {
                     {"ao_is_mean", data.occlusion_field.has_value()}};
         add_cloud(to, data.gaussians);
         if (!data.ao.empty()) to.add("ao", data.ao, 1, Stored::eight);
+        if (p == 0 && occlusion && occlusion->rank > 0) add_occlusion(to, *occlusion);
         add_body(to, data.rig);
         if (data.light) person["light"] = add_light(to, data, scene.light_centre(p));
         package.header["people"].push_back(person);
@@ -159,7 +170,8 @@ std::string package_scene(const ViewScene& scene, ScenePacking packing) {
     return package.bytes();
 }
 
-std::string package_motion(const ViewMotion& motion, const std::vector<std::string>& warnings) {
+std::string package_motion(const ViewMotion& motion, const std::vector<std::string>& warnings,
+                           const LowRank* occlusion, std::size_t first_row) {
     const Motion& m = motion.motion;
     Package package;
     package.header = {{"name", motion.name}, {"betas", m.betas}, {"warnings", warnings}};
@@ -170,6 +182,11 @@ std::string package_motion(const ViewMotion& motion, const std::vector<std::stri
     std::vector<float> seconds;
     for (const double t : m.timestamps) seconds.push_back(static_cast<float>(t - m.timestamps[0]));
     package.add("seconds", seconds, 1);
+    if (occlusion && occlusion->rank > 0) {
+        const auto begin = occlusion->coefficients.begin() + static_cast<std::ptrdiff_t>(first_row * occlusion->rank);
+        const auto end = begin + static_cast<std::ptrdiff_t>(m.frame_count() * occlusion->rank);
+        package.add("occlusion", std::vector<float>(begin, end), occlusion->rank);
+    }
     return package.bytes();
 }
 
