@@ -46,6 +46,8 @@ constexpr const char* drive_actor = R"js(
   await check("a motion plays at once", view.player.playing);
   const before = view.page.pictures;
   await check("pictures follow each other", await until(() => view.page.pictures > before + 2));
+  const chip = () => find("#engine").textContent + ", " + find("#rate").textContent;
+  await check("the corner names the engine and counts", await until(() => /^server engine, \d+ fps$/.test(chip())));
   view.setSize([256, 256]);
   find("#play").click();
   await check("it pauses", !view.player.playing);
@@ -95,6 +97,18 @@ constexpr const char* drive_actor = R"js(
   stage.setPointerCapture = () => {};
   at("pointerdown", 300, 300), at("pointermove", 380, 320), at("pointerup", 380, 320);
   await check("dragging turns the camera", view.camera.yaw !== yaw);
+  const target = view.camera.target.slice(), moved = () => view.camera.target.some((x, k) => x !== target[k]);
+  const turned = view.camera.yaw, finger = (type, pointerId, clientX, clientY, more = {}) => stage.dispatchEvent(
+    new PointerEvent(type, { pointerId, clientX, clientY, bubbles: true, ...more }));
+  const shift = { shiftKey: true, buttons: 1 };
+  finger("pointerdown", 1, 300, 300, shift), finger("pointermove", 1, 320, 290, shift), finger("pointerup", 1, 0, 0);
+  await check("dragging with shift moves it", moved() && view.camera.yaw === turned);
+  view.camera.target = target.slice();
+  const spread = view.camera.distance;
+  finger("pointerdown", 2, 300, 300), finger("pointerdown", 3, 400, 300), finger("pointermove", 3, 420, 300);
+  await check("two fingers zoom and move it", Math.abs(view.camera.distance - spread / 1.2) < 1e-9 && moved());
+  finger("pointerup", 2, 300, 300), finger("pointermove", 3, 440, 300), finger("pointerup", 3, 440, 300);
+  await check("one finger turns it", view.camera.yaw !== turned);
   const distance = view.camera.distance;
   stage.dispatchEvent(new WheelEvent("wheel", { deltaY: -200, cancelable: true }));
   await check("the wheel zooms", view.camera.distance < distance);
@@ -106,6 +120,35 @@ constexpr const char* drive_actor = R"js(
   view.page.follow = false;
   view.page.states[0].transl[0] -= 0.5;
   await check("or stays where it is", Math.abs(eye() - from) < 1e-9);
+  const groups = [...document.querySelectorAll("details")].map((group) => group.dataset.group).join();
+  await check("sliders are in groups", groups === "body,face,left hand,right hand,expression,shape,place");
+  await check("with three for each joint", document.querySelectorAll('input[data-name^="pose-"]').length === 165);
+  const typed = find('input[aria-label="left elbow y, number"]');
+  typed.value = "-30", typed.dispatchEvent(new Event("change"));
+  await check("an angle can be typed", Math.abs(view.page.states[0].pose[55] + Math.PI / 6) < 1e-9);
+  const bones = find("#overlay"), toggles = [...document.querySelectorAll(".toggle")];
+  const skeleton = toggles.find((one) => one.textContent === "Skeleton");
+  skeleton.querySelector("input").click();
+  await view.nextPicture();
+  const { data } = bones.getContext("2d").getImageData(0, 0, bones.width, bones.height);
+  const drawn = data.filter((x, k) => k % 4 === 3 && x);
+  await check("the skeleton is drawn over the picture", !bones.hidden && drawn.length > 200);
+  skeleton.querySelector("input").click();
+  await view.nextPicture();
+  await check("and can be hidden", bones.hidden);
+  choose(find("#speed"), "4");
+  await check("the speed can be chosen", view.player.speed === 4);
+  find("#loop").click(), find("#play").click();
+  await check("without Loop a motion ends", await until(() => !view.player.playing));
+  await check("at its last frame", view.player.frame === view.player.frames - 1);
+  find("#loop").click(), choose(find("#speed"), "1");
+  const press_key = (key) => document.body.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
+  press_key("ArrowLeft");
+  await check("an arrow key goes to the frame before", view.player.frame === view.player.frames - 2);
+  const background = find('input[aria-label="background"]');
+  background.value = "#ffffff", background.dispatchEvent(new Event("input"));
+  await check("the background can be chosen", view.request().background.every((x) => x === 1));
+  await shoot("server-white");
   const light = find('input[data-name="light"]');
   await drag(light, 80);
   await shoot("server-light");
@@ -307,10 +350,10 @@ TEST_CASE("gsh-view in a browser: both engines draw what gsh-animate renders, an
             INFO(check);
             CHECK(check.starts_with("good "));
         }
-        CHECK(reports.checks().size() >= 20);
+        CHECK(reports.checks().size() >= 35);
         CHECK(check_pictures(reports, "cloud", servers[0]->scene, backend) == 3);
         CHECK(check_pictures(reports, "tubes", servers[1]->scene, backend) == 3);
-        CHECK(check_pictures(reports, "server", servers[2]->scene, backend) == 8);
+        CHECK(check_pictures(reports, "server", servers[2]->scene, backend) == 9);
         CHECK(check_pictures(reports, "client", servers[2]->scene, backend) == 6);
         CHECK(check_pictures(reports, "carried", servers[2]->scene, backend) == 2);
 
