@@ -4,12 +4,13 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/math/linalg.hpp>
+
+#include <Eigen/Eigenvalues>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numeric>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -31,14 +32,13 @@ struct LowRankParams {
 /// Turns rows of N numbers, such as an attribute of all Gaussians in each frame of a motion, into a low-rank product.
 ///
 /// Gram-Schmidt: of each row that is added, the part outside of the basis so far becomes a new element of the basis if
-/// it is larger than half the tolerance. `finish` then takes the singular vectors of the coefficients, by one-sided
-/// Jacobi rotations, and keeps the fewest that meet the tolerance: no other basis of that size in the same space has a
-/// smaller error. Memory is that of the basis, however many rows there are.
+/// it is larger than half the tolerance. `finish` then takes the singular vectors of the coefficients and keeps the
+/// fewest that meet the tolerance: no other basis of that size in the same space has a smaller error. Memory is that of
+/// the basis, however many rows there are.
 ///
 /// Shapes  base, weights, rows [N]; weights are not negative, and their scale does not matter.
 /// Errors  ShapeError for other sizes; ValueError for weights and rows that are not finite.
-/// Source  Eckart and Young, "The Approximation of One Matrix by Another of Lower Rank", 1936; Hestenes (1958) as in
-///         math/principal_axes.hpp.
+/// Source  Eckart and Young, "The Approximation of One Matrix by Another of Lower Rank", 1936.
 class LowRankRows {
 public:
     LowRankRows(std::vector<float> base, std::vector<float> weights, const LowRankParams& params = {})
@@ -87,68 +87,39 @@ public:
 
     [[nodiscard]] LowRank finish() const {
         const std::size_t K = basis_.size(), rows = rows_.size();
-        // columns[k][t]: coefficient k of row t. Rotating two columns and the same two of `turns` keeps the product.
-        std::vector<std::vector<double>> columns(K, std::vector<double>(rows, 0.0)), turns = columns;
-        for (std::size_t k = 0; k < K; ++k) {
-            turns[k].assign(K, 0.0), turns[k][k] = 1;
-            for (std::size_t t = 0; t < rows; ++t)
-                if (k < rows_[t].size()) columns[k][t] = rows_[t][k];
-        }
-        make_orthogonal(columns, turns);
-        std::vector<double> energy(K);
-        for (std::size_t k = 0; k < K; ++k) energy[k] = dot(columns[k], columns[k]);
-        std::vector<std::size_t> order(K);
-        std::iota(order.begin(), order.end(), std::size_t(0));
-        std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return energy[a] > energy[b]; });
-
         LowRank result;
-        double left = left_ + std::accumulate(energy.begin(), energy.end(), 0.0);
+        result.error = rows ? std::sqrt(left_ / static_cast<double>(rows)) : 0;
+        if (K == 0) return result;
+        const auto index = [](std::size_t i) { return static_cast<Eigen::Index>(i); };
+        Eigen::MatrixXd coefficients = Eigen::MatrixXd::Zero(index(rows), index(K));
+        for (std::size_t t = 0; t < rows; ++t)
+            for (std::size_t k = 0; k < rows_[t].size(); ++k) coefficients(index(t), index(k)) = rows_[t][k];
+        // Right singular vectors, as eigenvectors: ascending, so the last come first here. Energies are squares of
+        // singular values; those that rounding loses lie far below any tolerance of floats.
+        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(coefficients.transpose() * coefficients);
+        const auto energy = [&](std::size_t r) { return std::max(solver.eigenvalues()(index(K - 1 - r)), 0.0); };
+
+        double left = left_;
+        for (std::size_t r = 0; r < K; ++r) left += energy(r);
         const double allowed = params_.tolerance * params_.tolerance * static_cast<double>(rows);
-        while (result.rank < std::min(K, params_.most_rank) && left > allowed) left -= energy[order[result.rank++]];
-        result.error = rows ? std::sqrt(std::max(left, 0.0) / static_cast<double>(rows)) : 0;
+        while (result.rank < std::min(K, params_.most_rank) && left > allowed) left -= energy(result.rank++);
+        result.error = std::sqrt(std::max(left, 0.0) / static_cast<double>(rows));
+        const Eigen::MatrixXd turns = solver.eigenvectors().rowwise().reverse().leftCols(index(result.rank));
         for (std::size_t r = 0; r < result.rank; ++r) {
             std::vector<double> direction(size(), 0.0);
             for (std::size_t k = 0; k < K; ++k)
                 for (std::size_t i = 0; i < size(); ++i)
-                    direction[i] += turns[order[r]][k] * static_cast<double>(basis_[k][i]);
+                    direction[i] += turns(index(k), index(r)) * static_cast<double>(basis_[k][i]);
             for (const double x : direction) result.basis.push_back(static_cast<float>(x));
         }
+        const Eigen::MatrixXd turned = coefficients * turns;
         for (std::size_t t = 0; t < rows; ++t)
             for (std::size_t r = 0; r < result.rank; ++r)
-                result.coefficients.push_back(static_cast<float>(columns[order[r]][t]));
+                result.coefficients.push_back(static_cast<float>(turned(index(t), index(r))));
         return result;
     }
 
 private:
-    static double dot(const std::vector<double>& a, const std::vector<double>& b) {
-        return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
-    }
-    static void turn(std::vector<double>& a, std::vector<double>& b, double cosine, double sine) {
-        for (std::size_t i = 0; i < a.size(); ++i) {
-            const double first = a[i] * cosine - b[i] * sine;
-            b[i] = a[i] * sine + b[i] * cosine;
-            a[i] = first;
-        }
-    }
-    /// Rotates pairs of columns until all are orthogonal, and `turns` with them.
-    static void make_orthogonal(std::vector<std::vector<double>>& columns, std::vector<std::vector<double>>& turns) {
-        for (int sweep = 0, turned = 1; turned && sweep < 40; ++sweep) {
-            turned = 0;
-            for (std::size_t a = 0; a < columns.size(); ++a)
-                for (std::size_t b = a + 1; b < columns.size(); ++b) {
-                    const double aa = dot(columns[a], columns[a]), bb = dot(columns[b], columns[b]),
-                                 ab = dot(columns[a], columns[b]);
-                    if (!(std::abs(ab) > 1e-12 * std::sqrt(aa * bb))) continue;
-                    turned = 1;
-                    const double ratio = (bb - aa) / (2 * ab);
-                    const double tangent = (ratio < 0 ? -1.0 : 1.0) / (std::abs(ratio) + std::hypot(1.0, ratio));
-                    const double cosine = 1 / std::sqrt(1 + tangent * tangent);
-                    turn(columns[a], columns[b], cosine, tangent * cosine);
-                    turn(turns[a], turns[b], cosine, tangent * cosine);
-                }
-        }
-    }
-
     std::vector<float> base_, weights_; // the weights sum to 1
     LowRankParams params_;
     std::vector<std::vector<float>> basis_;  // orthonormal in the inner product of the weights
