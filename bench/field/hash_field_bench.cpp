@@ -53,8 +53,8 @@ struct Setup {
 template <class B>
 void count(benchmark::State& state, const Setup<B>& s, double products) {
     const double times = static_cast<double>(state.iterations());
-    state.counters["GFLOP/s"] =
-        benchmark::Counter(times * products * 2 * static_cast<double>(points * s.field.mlp().parameter_count()) * 1e-9,
+    state.counters["flop/s"] =
+        benchmark::Counter(times * products * 2 * static_cast<double>(points * s.field.mlp().parameter_count()),
                            benchmark::Counter::kIsRate);
     state.counters["lookups"] = static_cast<double>(s.query.lookups());
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(points));

@@ -65,7 +65,7 @@ void forward_distance(benchmark::State& state, const LpipsNetwork& structure) {
         benchmark::DoNotOptimize(lpips.distance(features, wanted));
     }
     state.SetItemsProcessed(state.iterations() * std::int64_t(image.data.size()));
-    state.counters["GFLOP/s"] = {2e-9 * work(network, side), benchmark::Counter::kIsIterationInvariantRate};
+    state.counters["flop/s"] = {2.0 * work(network, side), benchmark::Counter::kIsIterationInvariantRate};
 }
 
 void alexnet_serial(benchmark::State& state) { forward_distance<cpu::Serial>(state, lpips_alexnet()); }

@@ -20,6 +20,18 @@ TEST_CASE("a buffer is aligned and keeps its memory when it shrinks") {
     CHECK(buffer.empty());
 }
 
+TEST_CASE("a buffer that grows again takes a quarter more than before") {
+    cpu::Buffer<float> buffer(1000);
+    buffer.resize(1001);
+    const float* before = buffer.data();
+    buffer.resize(1250);
+    CHECK(buffer.data() == before);
+    CHECK(buffer.size() == 1250);
+    buffer.resize(5000);
+    CHECK(buffer.size() == 5000);
+    buffer[4999] = 1;
+}
+
 TEST_CASE("a large buffer begins at a large page") {
     cpu::Buffer<float> buffer(cpu::Buffer<float>::large_page / sizeof(float));
     CHECK(reinterpret_cast<std::uintptr_t>(buffer.data()) % cpu::Buffer<float>::large_page == 0);
