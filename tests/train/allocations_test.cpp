@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Steps and frames in a steady state allocate no arrays: these were allocated in the first ones. What remains are names
-/// of arguments and of learned arrays, a few bytes each.
+/// Steps and frames in a steady state allocate no arrays, since these were allocated in the first ones. What remains are
+/// names of arguments and of learned arrays, a few bytes each.
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/cpu.hpp>
 
