@@ -33,3 +33,20 @@ TEST_CASE_TEMPLATE("rows become columns", S, float, std::uint32_t) {
     for (std::size_t i = 0; i < n; ++i)
         for (std::size_t j = 0; j < n; ++j) CHECK(rows[i][j] == static_cast<S>(j * n + i));
 }
+
+TEST_CASE_TEMPLATE("sums of rows are in the order of the rows, and 0 where there is no row", S, float, double) {
+    constexpr std::size_t n = Wide<S>::width;
+    const auto check = [&]<int Count>() {
+        Wide<S> rows[n];
+        for (std::size_t i = 0; i < n; ++i)
+            for (std::size_t j = 0; j < n; ++j) rows[i].set(j, static_cast<S>((i + 1) * (j + 2)));
+        const Wide<S> sums = sums_of_rows<Count>(rows);
+        for (std::size_t i = 0; i < n; ++i)
+            CHECK(sums[i] == (i < std::size_t(Count) ? static_cast<S>((i + 1) * n * (n + 3) / 2) : S(0)));
+    };
+    check.template operator()<1>();
+    check.template operator()<2>();
+    check.template operator()<int(n)>();
+    check.template operator()<(n > 4 ? int(n) - 3 : 1)>();
+    check.template operator()<(n > 9 ? 9 : 2)>();
+}

@@ -160,3 +160,37 @@ TEST_CASE("inverse roots and logarithms of positive normal doubles are within tw
     CHECK(logarithm <= 2 * unit);
     CHECK(log_normal(Wide<double>(1.0))[0] == 0);
 }
+
+TEST_CASE_TEMPLATE("minimum and maximum follow a comparison, for NaN and zeros, too", S, float, double) {
+    using W = Wide<S>;
+    const S nan = std::numeric_limits<S>::quiet_NaN();
+    CHECK(min(W(S(1)), W(nan))[0] == 1); // b < a ? b : a
+    CHECK(std::isnan(min(W(nan), W(S(1)))[0]));
+    CHECK(max(W(S(1)), W(nan))[0] == 1);
+    CHECK(std::isnan(max(W(nan), W(S(1)))[0]));
+    CHECK_FALSE(std::signbit(min(W(S(0)), W(-S(0)))[0]));
+    CHECK(std::signbit(max(W(-S(0)), W(S(0)))[0]));
+    CHECK(max(Wide<std::uint32_t>(7u), Wide<std::uint32_t>(0xf0000000u))[1] == 0xf0000000u);
+    CHECK(min(Wide<std::uint32_t>(7u), Wide<std::uint32_t>(0xf0000000u))[1] == 7u);
+}
+
+TEST_CASE_TEMPLATE("a mask as bits, and the first lanes of a register", S, float, double) {
+    using W = Wide<S>;
+    S numbers[W::width], out[W::width];
+    for (std::size_t i = 0; i < W::width; ++i) numbers[i] = static_cast<S>(i), out[i] = S(-1);
+    const W x = W::load(numbers);
+    CHECK(lane_bits(x >= W(S(1))) == (1u << W::width) - 2);
+    CHECK(lane_bits(x < W(S(0))) == 0);
+    CHECK(any(x <= W(S(0))));
+    CHECK_FALSE(any(x < W(S(0))));
+    x.template store_first<W::width - 1>(out);
+    for (std::size_t i = 0; i < W::width; ++i) CHECK(out[i] == (i + 1 < W::width ? numbers[i] : S(-1)));
+}
+
+TEST_CASE("a rough inverse root is within 10⁻⁴") {
+    double worst = 0;
+    for (float x = 1e-30f; x < 1e30f; x *= 1.37f)
+        worst = std::max(worst, std::abs(static_cast<double>(rough_inverse_sqrt(Wide<float>(x))[0]) *
+                                             std::sqrt(static_cast<double>(x)) - 1));
+    CHECK(worst < 1e-4);
+}

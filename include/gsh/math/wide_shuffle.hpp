@@ -73,4 +73,29 @@ GSH_INLINE void transpose(Wide<S> (&rows)[Wide<S>::width]) {
     }
 }
 
+/// Adds neighbouring runs of `Run` numbers: of each 2 Run numbers of a, then of b, the first Run plus the others.
+template <int Run, class S>
+[[nodiscard]] GSH_INLINE Wide<S> add_runs(Wide<S> a, Wide<S> b) {
+    return shuffle<[](int e) { return e / Run * 2 * Run + e % Run; }>(a, b) +
+           shuffle<[](int e) { return e / Run * 2 * Run + e % Run + Run; }>(a, b);
+}
+
+/// Number i of the result is the sum of the numbers of rows[i]; it is 0 where there is no row i. The numbers are added
+/// in a fixed order, half by half.
+template <int Count, class S>
+    requires(Count <= int(Wide<S>::width))
+[[nodiscard]] GSH_INLINE Wide<S> sums_of_rows(const Wide<S>* rows) {
+    constexpr int n = Wide<S>::width;
+    Wide<S> sums[n + 1];
+    for (int i = 0; i < Count; ++i) sums[i] = rows[i];
+    const auto halve = [&]<int Run, int Left>(const auto& self) {
+        constexpr int next = (Left + 1) / 2;
+        sums[Left] = Wide<S>(S(0)); // the partner of the last one, if their number is odd
+        for (int i = 0; i < next; ++i) sums[i] = add_runs<Run>(sums[2 * i], sums[2 * i + 1]);
+        if constexpr (Run > 1) self.template operator()<Run / 2, next>(self);
+    };
+    halve.template operator()<n / 2, Count>(halve);
+    return sums[0];
+}
+
 } // namespace gsh::inline GSH_ISA
