@@ -58,12 +58,13 @@ template <Lane T>
 }
 
 /// Three standard deviations along the longer axis of a splat on the screen, pixels.
-template <std::floating_point T>
+template <Lane T>
 [[nodiscard]] GSH_HD T screen_radius(const Whitening<T>& w) {
+    using S = ScalarOf<T>;
     // u² + v² = log2(e)/2 dᵀ Σ⁻¹ d; the smaller eigenvalue of WᵀW is det / the larger one.
     const T trace = w.ux * w.ux + w.uy * w.uy + w.vy * w.vy, det = w.ux * w.ux * w.vy * w.vy;
-    const T larger = T(0.5) * (trace + sqrt(max(trace * trace - 4 * det, T(0))));
-    return 3 * sqrt(T(half_log2_e) * larger / det);
+    const T larger = T(S(0.5)) * (trace + sqrt(max(trace * trace - T(S(4)) * det, T(S(0)))));
+    return T(S(3)) * sqrt(T(S(half_log2_e)) * larger / det);
 }
 
 /// The ellipse u² + v² <= reach around (x, y).

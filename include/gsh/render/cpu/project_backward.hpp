@@ -14,7 +14,6 @@
 #include <gsh/render/cpu/raster_scratch.hpp>
 #include <gsh/render/raster_cache.hpp>
 
-#include <cmath>
 #include <cstddef>
 
 namespace gsh::cpu::inline GSH_ISA {
@@ -44,7 +43,8 @@ public:
 
     std::size_t count = 0;
     std::size_t splat[size];
-    alignas(64) double norm_square[size]; ///< of dL_dmean2d
+    // After project_backward: |dL_dmean2d|, and screen_radius.
+    alignas(64) T gradient_norm[size], radius[size];
 
     /// `sum` [slot_size<true>]: the splat's sums over all tiles.
     void add(std::size_t i, const SplatView<const T>& splats, const ScreenSplat<T>& s, const T* sum) {
@@ -101,7 +101,8 @@ private:
                          to_covariance * (uy * along_u + vy * along_v)};
         dL.depth = in(14);
         dL.opacity_factor = in(15);
-        (dL.mean2d.x * dL.mean2d.x + dL.mean2d.y * dL.mean2d.y).store(norm_square + k);
+        store_narrowed(sqrt(dL.mean2d.x * dL.mean2d.x + dL.mean2d.y * dL.mean2d.y), gradient_norm + k);
+        store_narrowed(screen_radius(Whitening<W>{ux, uy, vy}), radius + k);
 
         vec3<W> m(zero);
         sym3<W> c{zero, zero, zero, zero, zero, zero};
@@ -145,7 +146,8 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
             batch.project_backward();
             for (std::size_t k = 0; k < batch.count; ++k) {
                 const std::size_t i = batch.splat[k];
-                cache.screen_gradient_norms[i] = static_cast<T>(std::sqrt(batch.norm_square[k]));
+                cache.screen_gradient_norms[i] = batch.gradient_norm[k];
+                cache.screen_radii[i] = batch.radius[k];
                 if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += batch.dL_dmean(k);
                 if (!dL_dsplats.covariances.empty()) dL_dsplats.covariances[i] += batch.dL_dcovariance(k);
             }
@@ -159,7 +161,6 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
                 for (std::size_t k = 0; k < scratch.slot_size; ++k)
                     sum[k] += scratch.slots[slot * scratch.slot_size + k];
             const ScreenSplat<T>& s = scratch.splats[i];
-            cache.screen_radii[i] = static_cast<T>(screen_radius(s.w));
             if (!dL_dsplats.opacities.empty()) {
                 const T factor = params.compensate_opacity ? s.opacity / splats.opacities[i] : T(1);
                 dL_dsplats.opacities[i] += sum[slot_g] / s.opacity * factor;
