@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <gsh/math/wide.hpp>
 #include <gsh/render/blend.hpp>
 #include <gsh/render/cover.hpp>
 
@@ -31,13 +32,19 @@ TEST_CASE("no pixel that a splat draws lies outside the blocks that it may touch
         const Whitening<float> narrow{static_cast<float>(w.ux), static_cast<float>(w.uy), static_cast<float>(w.vy)};
         const std::uint32_t touched = detail::touched_blocks(static_cast<float>(u0), static_cast<float>(v0), narrow,
                                                              static_cast<float>(detail::generous(cut)));
+        // A CPU finds them for a register of splats, with a machine's own approximation of roots.
+        using W = Wide<float>;
+        const Whitening<W> wide{narrow.ux, narrow.uy, narrow.vy};
+        const W wide_u(static_cast<float>(u0)), wide_v(static_cast<float>(v0));
+        const std::uint32_t touched_wide =
+            detail::touched_blocks(wide_u, wide_v, wide, W(static_cast<float>(detail::generous(cut))))[0];
         std::uint32_t drawn = 0;
         for (int py = 0; py < 16; ++py)
             for (int px = 0; px < 16; ++px) {
                 const double u = u0 + w.ux * px + w.uy * py, v = v0 + w.vy * py;
                 if (u * u + v * v <= cut) drawn |= 1u << (py / 4 * 4 + px / 4);
             }
-        missed += (drawn & ~touched) != 0;
+        missed += (drawn & ~touched) != 0 || (drawn & ~touched_wide) != 0;
         for (int b = 0; b < 16; ++b) drawn_blocks += drawn >> b & 1u, touched_blocks += touched >> b & 1u;
     }
     CHECK(missed == 0);

@@ -14,4 +14,10 @@ namespace gsh {
     asm volatile("");
 }
 
+/// The same for a line that is about to be written.
+[[gnu::always_inline]] inline void prefetch_for_write(const void* address) {
+    __builtin_prefetch(address, 1);
+    asm volatile("");
+}
+
 } // namespace gsh

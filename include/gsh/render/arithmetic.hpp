@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Scalar arithmetic of the rasterizer with the same roundings in every pass and on every backend.
+/// @file  Arithmetic of the rasterizer with the same roundings in every pass and on every backend.
 ///
 /// A compiler may fuse a product and a sum, in one copy of a function and not in another. Forward and backward pass
-/// must agree on which splats a pixel blends, so wherever that is decided, these functions state what is fused. They
-/// have neither branches nor library calls, so that a CPU's loops over pixels are vectorised.
+/// must agree on which splats a pixel blends, so wherever that is decided, these functions state what is fused.
 #pragma once
 
 #include <gsh/core/config.hpp>
+#include <gsh/core/lane.hpp>
 
 #include <cmath>
 #include <concepts>
@@ -23,8 +23,8 @@ template <class To, class From>
 }
 
 /// a * b, rounded, which nvcc does not fuse with a sum.
-template <std::floating_point T>
-[[nodiscard]] GSH_HD inline T product(T a, T b) {
+template <Lane T>
+[[nodiscard]] GSH_INLINE GSH_HD T product(T a, T b) {
 #if defined(__CUDA_ARCH__)
     if constexpr (sizeof(T) == 4)
         return __fmul_rn(a, b);
@@ -54,20 +54,26 @@ template <std::floating_point T>
 }
 
 /// c0 + c1 x + c2 x² + …
-template <std::floating_point T>
-[[nodiscard]] GSH_HD inline T horner(T, T c0) {
-    return c0;
+template <Lane T>
+[[nodiscard]] GSH_INLINE GSH_HD T horner(T, ScalarOf<T> c0) {
+    return T(c0);
 }
-template <std::floating_point T, std::same_as<T>... Rest>
-[[nodiscard]] GSH_HD inline T horner(T x, T c0, Rest... rest) {
-    return multiply_add(x, horner(x, rest...), c0);
+template <Lane T, std::same_as<ScalarOf<T>>... Rest>
+[[nodiscard]] GSH_INLINE GSH_HD T horner(T x, ScalarOf<T> c0, Rest... rest) {
+    return multiply_add(x, horner(x, rest...), T(c0));
 }
+
+/// Unsigned integers of the size of the numbers of a lane type.
+template <Lane T>
+using BitsOf = std::conditional_t<LaneTraits<T>::width != 1, IndexOf<T>,
+                                  std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>>;
 
 /// 2^-x for 0 <= x < 126 (float) or 1022 (double), to 2 units in the last place; unspecified for a larger x. In float,
 /// a GPU has an instruction for it.
-template <std::floating_point T>
-[[nodiscard]] GSH_HD inline T exp2_minus(T x) {
-    constexpr bool single = std::is_same_v<T, float>;
+template <Lane T>
+[[nodiscard]] GSH_INLINE GSH_HD T exp2_minus(T x) {
+    using S = ScalarOf<T>;
+    constexpr bool single = sizeof(S) == 4;
 #if defined(__CUDA_ARCH__)
     if constexpr (single) {
         float power;
@@ -75,43 +81,53 @@ template <std::floating_point T>
         return power;
     }
 #endif
-    using Bits = std::conditional_t<single, std::uint32_t, std::uint64_t>;
+    using Bits = BitsOf<T>;
     constexpr int mantissa = single ? 23 : 52;
-    constexpr T shift = single ? T(12582912) : T(6755399441055744); // 1.5 * 2^mantissa: adding it rounds to integer
+    constexpr S shift = single ? S(12582912) : S(6755399441055744); // 1.5 * 2^mantissa: adding it rounds to integer
 
-    const T shifted = shift - x;
-    const T f = (shift - shifted) - x; // in [-1/2, 1/2]
+    const T shifted = T(shift) - x;
+    const T f = (T(shift) - shifted) - x; // in [-1/2, 1/2]
     T value;
-    if constexpr (single) // least relative error for degree 6 on [-1/2, 1/2], 2e-9
-        value = horner(f, T(1), T(0.69314720574), T(0.24022646891), T(0.05550328777), T(0.0096184889565),
-                       T(0.0013399931209), T(0.00015345812159));
-    else // Taylor series, ln(2)^k / k!; the remainder is below 1e-17
-        value = horner(f, T(1), T(0.6931471805599453094), T(0.2402265069591007123), T(0.05550410866482157995),
-                       T(0.009618129107628477162), T(0.001333355814642844342), T(0.0001540353039338160995),
-                       T(0.00001525273380405984028), T(1.321548679014430949e-6), T(1.017808600923969973e-7),
-                       T(7.05491162080112333e-9), T(4.445538271870811498e-10), T(2.567843599348820514e-11),
-                       T(1.369148885390412888e-12));
+    if constexpr (single) { // least relative error for degree 5 on [-1/2, 1/2], 9e-8; in pairs, for a short chain
+        const T low = horner(f, S(1), S(0.6931469776)), middle = horner(f, S(0.24022242085), S(0.055507337433));
+        const T high = horner(f, S(0.0096715126399), S(0.0013264727193)), square = product(f, f);
+        value = multiply_add(multiply_add(high, square, middle), square, low);
+    } else { // Taylor series, ln(2)^k / k!; the remainder is below 1e-17
+        value = horner(f, S(1), S(0.6931471805599453094), S(0.2402265069591007123), S(0.05550410866482157995),
+                       S(0.009618129107628477162), S(0.001333355814642844342), S(0.0001540353039338160995),
+                       S(0.00001525273380405984028), S(1.321548679014430949e-6), S(1.017808600923969973e-7),
+                       S(7.05491162080112333e-9), S(4.445538271870811498e-10), S(2.567843599348820514e-11),
+                       S(1.369148885390412888e-12));
+    }
     const Bits exponent = bits_as<Bits>(shifted) << mantissa; // its low bits hold the integer part
     return bits_as<T>(static_cast<Bits>(bits_as<Bits>(value) + exponent));
 }
 
-/// sqrt(x) for 0 <= x < 1e30, to a relative error of 1e-5: Newton's iteration from the exponent halved, or a GPU's own
-/// approximation.
-[[nodiscard]] GSH_HD inline float rough_sqrt(float x) {
+/// sqrt(x) for 0 <= x < 1e30, to a relative error of 1e-4: Newton's iteration from the exponent halved, or a machine's
+/// own approximation.
+template <Lane T>
+    requires(std::same_as<ScalarOf<T>, float>)
+[[nodiscard]] GSH_INLINE GSH_HD T rough_sqrt(T x) {
 #if defined(__CUDA_ARCH__)
     float root;
     asm("sqrt.approx.ftz.f32 %0, %1;" : "=f"(root) : "f"(x));
     return root;
 #else
-    const float y0 = bits_as<float>(0x5F3759DFu - (bits_as<std::uint32_t>(x) >> 1)); // about 1 / sqrt(x)
-    const float y1 = y0 * (1.5f - 0.5f * x * y0 * y0);
-    const float y2 = y1 * (1.5f - 0.5f * x * y1 * y1);
-    return x * y2;
+    if constexpr (std::floating_point<T>) {
+        const T y0 = bits_as<T>(0x5F3759DFu - (bits_as<std::uint32_t>(x) >> 1)); // about 1 / sqrt(x)
+        const T y1 = y0 * (1.5f - 0.5f * x * y0 * y0);
+        const T y2 = y1 * (1.5f - 0.5f * x * y1 * y1);
+        return x * y2;
+    } else {
+        return x * rough_inverse_sqrt(max(x, T(1e-30f)));
+    }
 #endif
 }
 
 /// a / b, on a GPU to a few units in the last place and with one instruction for 1 / b.
-[[nodiscard]] GSH_HD inline float rough_ratio(float a, float b) {
+template <Lane T>
+    requires(std::same_as<ScalarOf<T>, float>)
+[[nodiscard]] GSH_INLINE GSH_HD T rough_ratio(T a, T b) {
 #if defined(__CUDA_ARCH__)
     float inverse;
     asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(inverse) : "f"(b));
@@ -125,17 +141,17 @@ template <std::floating_point T>
 
 /// The larger and the smaller of two non-negative numbers, compared as integers. This is one instruction, where the
 /// rules for NaN and signed zeros would need two and a mask.
-template <std::floating_point T>
-[[nodiscard]] GSH_HD inline T max_positive(T a, T b) {
-    using Bits = std::conditional_t<std::is_same_v<T, float>, std::int32_t, std::int64_t>;
-    const Bits i = bits_as<Bits>(a), j = bits_as<Bits>(b);
-    return bits_as<T>(i < j ? j : i);
+template <Lane T>
+[[nodiscard]] GSH_INLINE GSH_HD T max_positive(T a, T b) {
+    const BitsOf<T> i = bits_as<BitsOf<T>>(a), j = bits_as<BitsOf<T>>(b);
+    if constexpr (std::floating_point<T>) return bits_as<T>(i < j ? j : i);
+    else return bits_as<T>(max(i, j));
 }
-template <std::floating_point T>
-[[nodiscard]] GSH_HD inline T min_positive(T a, T b) {
-    using Bits = std::conditional_t<std::is_same_v<T, float>, std::int32_t, std::int64_t>;
-    const Bits i = bits_as<Bits>(a), j = bits_as<Bits>(b);
-    return bits_as<T>(j < i ? j : i);
+template <Lane T>
+[[nodiscard]] GSH_INLINE GSH_HD T min_positive(T a, T b) {
+    const BitsOf<T> i = bits_as<BitsOf<T>>(a), j = bits_as<BitsOf<T>>(b);
+    if constexpr (std::floating_point<T>) return bits_as<T>(j < i ? j : i);
+    else return bits_as<T>(min(i, j));
 }
 
 } // namespace gsh::detail

@@ -38,25 +38,27 @@ inline namespace GSH_ISA { // roundings depend on the instruction set
 /// The product of (1 - alpha) continues after a pixel has stopped. It only falls, so a splat is blended exactly if the
 /// product after it is not below the limit. No pixel needs a branch.
 ///
-/// A splat has the members u, v (of the centre of the tile's first pixel), ux, uy, vy (Whitening), opacity and
-/// cut = log2(opacity / alpha_min); x and y count pixels within the tile; `before` is the product before the splat.
-template <class T>
+/// T is one pixel's number, or a register of those of several pixels. A splat has the members u, v (of the centre of
+/// the tile's first pixel), ux, uy, vy (Whitening), opacity and cut = log2(opacity / alpha_min); x and y count pixels
+/// within the tile; `before` is the product before the splat.
+template <Lane T>
 struct BlendStep {
     T u, v, raw, alpha, keep, after, weight;
-    bool live; ///< the pixel has not stopped: the splat is blended, or has no effect
+    MaskOf<T> live; ///< the pixel has not stopped: the splat is blended, or has no effect
 
     template <class Splat>
-    GSH_HD BlendStep(const Splat& s, const BlendLimits<T>& limits, T x, T y, T before) {
-        constexpr T least = sizeof(T) == 4 ? T(1e-36) : T(1e-300); // so that the product never becomes denormal
-        u = multiply_add(s.ux, x, multiply_add(s.uy, y, s.u));
-        v = multiply_add(s.vy, y, s.v);
+    GSH_INLINE GSH_HD BlendStep(const Splat& s, const BlendLimits<ScalarOf<T>>& limits, T x, T y, T before) {
+        using S = ScalarOf<T>;
+        constexpr S least = sizeof(S) == 4 ? S(1e-36) : S(1e-300); // so that the product never becomes denormal
+        u = multiply_add(T(s.ux), x, multiply_add(T(s.uy), y, T(s.u)));
+        v = multiply_add(T(s.vy), y, T(s.v));
         const T square = multiply_add(u, u, product(v, v));
-        raw = product(s.opacity, exp2_minus(square));
-        alpha = square <= s.cut ? min_positive(raw, limits.alpha_max) : T(0);
-        keep = T(1) - alpha;
-        after = max_positive(product(before, keep), least);
-        live = after >= limits.transmittance_min;
-        weight = live ? product(alpha, before) : T(0);
+        raw = product(T(s.opacity), exp2_minus(square));
+        alpha = select(square <= T(s.cut), min_positive(raw, T(limits.alpha_max)), T(S(0)));
+        keep = T(S(1)) - alpha;
+        after = max_positive(product(before, keep), T(least));
+        live = after >= T(limits.transmittance_min);
+        weight = select(live, product(alpha, before), T(S(0)));
     }
 };
 

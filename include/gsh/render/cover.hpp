@@ -7,7 +7,7 @@
 #include <gsh/render/arithmetic.hpp>
 #include <gsh/render/tiles.hpp>
 
-#include <cmath>
+#include <concepts>
 #include <cstdint>
 
 namespace gsh {
@@ -67,27 +67,29 @@ inline namespace GSH_ISA { // roundings depend on the instruction set
 /// Bit b is set for each block b of 4x4 pixels, four to a row of the 16x16 tile, that the ellipse u² + v² <= reach may
 /// meet between the first and the last line of pixels; (u, v) are those of the centre of the tile's first pixel. It
 /// works as horizontal_extent (tiles.hpp), in single precision with a margin and without branches.
-[[nodiscard]] GSH_INLINE GSH_HD std::uint32_t touched_blocks(float u, float v, const Whitening<float>& w, float reach) {
-    const float inverse_ux = rough_ratio(1.0f, w.ux), shear = rough_ratio(w.uy, w.vy);
-    const float radius = rough_sqrt(reach) * 1.0001f;
-    const float tip = rough_ratio(radius * shear, rough_sqrt(1.0f + shear * shear));
-    const float margin = 2e-3f + 4e-6f * std::fabs(shear);
-    const float base = shear * v - u;
-    std::uint32_t found = 0;
+template <Lane T>
+    requires(std::same_as<ScalarOf<T>, float>)
+[[nodiscard]] GSH_INLINE GSH_HD IndexOf<T> touched_blocks(T u, T v, const Whitening<T>& w, T reach) {
+    using Index = IndexOf<T>;
+    const T zero(0.0f);
+    const T inverse_ux = rough_ratio(T(1.0f), w.ux), shear = rough_ratio(w.uy, w.vy);
+    const T radius = rough_sqrt(reach) * T(1.0001f);
+    const T tip = rough_ratio(radius * shear, rough_sqrt(T(1.0f) + shear * shear));
+    const T margin = T(2e-3f) + T(4e-6f) * abs(shear);
+    const T base = shear * v - u, widest = radius + margin;
+    Index found(0u);
     for (int row = 0; row < 4; ++row) {
-        const float low = v + static_cast<float>(4 * row) * w.vy, high = low + 3.0f * w.vy;
-        const float at_right = -tip < low ? low : (-tip > high ? high : -tip);
-        const float at_left = tip < low ? low : (tip > high ? high : tip);
-        const float right_square = reach - at_right * at_right, left_square = reach - at_left * at_left;
-        const float right_u = rough_sqrt(right_square > 0.0f ? right_square : 0.0f) + margin;
-        const float left_u = rough_sqrt(left_square > 0.0f ? left_square : 0.0f) + margin;
-        const float right = (base - shear * at_right + right_u) * inverse_ux;
-        const float left = (base - shear * at_left - left_u) * inverse_ux;
-        const bool inside = (low <= radius + margin) & (high >= -radius - margin);
+        const T low = v + T(static_cast<float>(4 * row)) * w.vy, high = low + T(3.0f) * w.vy;
+        const T at_right = clamp(-tip, low, high), at_left = clamp(tip, low, high);
+        const T right_u = rough_sqrt(max(reach - at_right * at_right, zero)) + margin;
+        const T left_u = rough_sqrt(max(reach - at_left * at_left, zero)) + margin;
+        const T right = (base - shear * at_right + right_u) * inverse_ux;
+        const T left = (base - shear * at_left - left_u) * inverse_ux;
+        const auto inside = (low <= widest) & (high >= -widest);
         for (int column = 0; column < 4; ++column) {
-            const bool touched =
-                inside & (right >= static_cast<float>(4 * column)) & (left <= static_cast<float>(4 * column + 3));
-            found |= touched ? 1u << (4 * row + column) : 0u;
+            const auto touched = inside & (right >= T(static_cast<float>(4 * column))) &
+                                 (left <= T(static_cast<float>(4 * column + 3)));
+            found = found | select(touched, Index(1u << (4 * row + column)), Index(0u));
         }
     }
     return found;

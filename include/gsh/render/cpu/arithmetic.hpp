@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Scalar arithmetic without branches or library calls, so that loops over pixels are vectorised.
+/// @file  The arithmetic of render/arithmetic.hpp by the names that the CPU passes use.
 #pragma once
 
 #include <gsh/core/config.hpp>

@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/deferred.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/math/wide.hpp>
 #include <gsh/render/cpu/bin.hpp>
 #include <gsh/render/cpu/tile.hpp>
 #include <gsh/render/target.hpp>
@@ -24,26 +25,49 @@ struct alignas(64) BlendBlock {
     Lanes<T> red, green, blue, depth, median;
 };
 
-/// Blends one splat into one block:  C += T alpha c,  T *= 1 - alpha,  unless that would take T below the limit.
+/// Blends splats of a batch, those of the set bits, into a block:  C += T alpha c,  T *= 1 - alpha,  unless that would
+/// take T below the limit. Returns the number of the splat at which no pixel accepts more, or batch_size.
 template <bool Depth, class T>
-inline void blend(const TileSplat<T>& splat, const BlendLimits<T>& bounds, const Lanes<T>& x, const Lanes<T>& y,
-                  BlendBlock<T>& __restrict block) {
-    const TileSplat<T> s = splat; // local copies: the stores below cannot alias them
+[[nodiscard]] std::size_t blend_block([[maybe_unused]] const Batch<T>& batch, [[maybe_unused]] std::uint64_t splats,
+                                      [[maybe_unused]] const BlendLimits<T>& bounds, [[maybe_unused]] std::size_t b,
+                                      [[maybe_unused]] BlendBlock<T>& block) {
+    std::size_t end = 0;
+#if !defined(__CUDA_ARCH__) // in its pass for the device, nvcc parses host code, too, and refuses vectors of registers
+    using W = Wide<T>;
     const BlendLimits<T> limits = bounds;
-    for (std::size_t l = 0; l < block_lanes; ++l) {
-        const T before = block.product[l];
-        const BlendStep<T> step(s, limits, x[l], y[l], before);
-        block.product[l] = step.after;
-        block.transmittance[l] = step.live ? step.after : block.transmittance[l];
-        block.red[l] = multiply_add(step.weight, s.red, block.red[l]);
-        block.green[l] = multiply_add(step.weight, s.green, block.green[l]);
-        block.blue[l] = multiply_add(step.weight, s.blue, block.blue[l]);
-        if constexpr (Depth) {
-            const bool crosses = (before > T(0.5)) & (step.after <= T(0.5)) & step.live;
-            block.depth[l] = multiply_add(step.weight, s.depth, block.depth[l]);
-            block.median[l] = crosses ? s.depth : block.median[l];
+    for (std::size_t l = 0; l < block_lanes; l += W::width) {
+        const W x = W::load(&pixel_coordinates<T, false>[b][l]), y = W::load(&pixel_coordinates<T, true>[b][l]);
+        W product = W::load(&block.product[l]), transmittance = W::load(&block.transmittance[l]);
+        W red = W::load(&block.red[l]), green = W::load(&block.green[l]), blue = W::load(&block.blue[l]);
+        W depth = W::load(&block.depth[l]), median = W::load(&block.median[l]);
+        std::size_t stop = batch_size;
+        for (std::uint64_t bits = splats; bits != 0; bits &= bits - 1) {
+            const auto j = static_cast<std::size_t>(std::countr_zero(bits));
+            const TileSplat<T> s = batch[j];
+            const W before = product;
+            const BlendStep<W> step(s, limits, x, y, before);
+            product = step.after;
+            if (!any(step.live)) {
+                stop = j;
+                break;
+            }
+            if constexpr (Depth) {
+                const auto crosses = (before > W(T(0.5))) & (step.after <= W(T(0.5))) & step.live;
+                depth = multiply_add(step.weight, W(s.depth), depth);
+                median = select(crosses, W(s.depth), median);
+            }
+            transmittance = select(step.live, step.after, transmittance);
+            red = multiply_add(step.weight, W(s.red), red);
+            green = multiply_add(step.weight, W(s.green), green);
+            blue = multiply_add(step.weight, W(s.blue), blue);
         }
+        product.store(&block.product[l]), transmittance.store(&block.transmittance[l]);
+        red.store(&block.red[l]), green.store(&block.green[l]), blue.store(&block.blue[l]);
+        if constexpr (Depth) depth.store(&block.depth[l]), median.store(&block.median[l]);
+        end = std::max(end, stop);
     }
+#endif
+    return end;
 }
 
 /// Writes `value(pixel in block order)` to the pixels of the tile in one channel of an image.
@@ -85,34 +109,34 @@ template <class T>
 }
 
 /// Blends a tile's list block by block, so that the state of a block stays in registers over the splats of a batch.
-/// Returns the length of the part of the list that was read.
+/// `used` is, for each block, the length of the part of the list that had an effect; returns the largest. `touched` are
+/// the blocks that each splat of that part may touch.
 template <bool Depth, class T>
 std::uint32_t blend_tile(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const TileInstance> list,
-                         const BlendLimits<T>& limits, BlendBlock<T>* blocks) {
+                         const BlendLimits<T>& limits, BlendBlock<T>* blocks, std::uint32_t* used,
+                         std::uint16_t* touched) {
     std::uint32_t live = 0;
     for (std::size_t b = 0; b < blocks_of_tile; ++b) {
         BlendBlock<T>& block = blocks[b];
         block = {};
         block.product = block.transmittance = initial_transmittance<T>(tile, b);
         live |= (is_live(block, limits.transmittance_min) ? 1u : 0u) << b;
+        used[b] = (live >> b & 1u) != 0 ? static_cast<std::uint32_t>(list.size()) : 0;
     }
     Batch<T> batch;
-    std::size_t begin = 0;
-    for (; begin < list.size() && live != 0; begin += batch.size) {
+    for (std::size_t begin = 0; begin < list.size() && live != 0; begin += batch.size) {
         batch.load(splats, list, begin, tile);
         std::uint64_t splats_of[blocks_of_tile];
-        batch.by_block(splats_of);
+        batch.find_blocks(touched + begin, splats_of);
         for (std::size_t b = 0; b < blocks_of_tile; ++b) {
             if ((live >> b & 1u) == 0 || splats_of[b] == 0) continue;
-            for (std::uint64_t bits = splats_of[b]; bits != 0; bits &= bits - 1) {
-                const auto j = static_cast<std::size_t>(std::countr_zero(bits));
-                blend<Depth>(batch.splats[j], limits, pixel_coordinates<T, false>[b], pixel_coordinates<T, true>[b],
-                             blocks[b]);
-            }
-            if (!is_live(blocks[b], limits.transmittance_min)) live &= ~(1u << b);
+            const std::size_t stop = blend_block<Depth>(batch, splats_of[b], limits, b, blocks[b]);
+            if (stop == batch_size) continue;
+            live &= ~(1u << b);
+            used[b] = static_cast<std::uint32_t>(begin + stop);
         }
     }
-    return static_cast<std::uint32_t>(begin);
+    return *std::max_element(used, used + blocks_of_tile);
 }
 
 } // namespace detail
@@ -128,14 +152,19 @@ void blend_tiles(B& backend, const Background<T>& background, const RasterParams
     const Span<const TileInstance> instances = scratch.instances;
     constexpr std::size_t record = detail::pixel_channels * detail::tile_pixels;
     scratch.pixels.resize(scratch.active_tiles * record);
+    scratch.touched.resize(instances.size());
+    scratch.block_used.resize(scratch.active_tiles * std::size_t(detail::blocks_of_tile));
 
     detail::run_queue(backend, scratch.active_tiles, [&](std::size_t rank) {
         const std::uint32_t index = scratch.tile_order[rank], begin = scratch.tile_begin[index];
         const detail::TilePlace tile(scratch.grid, index);
         const Span<const TileInstance> list = instances.subspan(begin, scratch.tile_begin[index + 1] - begin);
         detail::BlendBlock<T> blocks[detail::blocks_of_tile];
-        scratch.tile_used[index] = with_depth ? detail::blend_tile<true>(tile, splats, list, limits, blocks)
-                                              : detail::blend_tile<false>(tile, splats, list, limits, blocks);
+        std::uint32_t* const used = scratch.block_used.data() + rank * detail::blocks_of_tile;
+        std::uint16_t* const touched = scratch.touched.data() + begin;
+        scratch.tile_used[index] =
+            with_depth ? detail::blend_tile<true>(tile, splats, list, limits, blocks, used, touched)
+                       : detail::blend_tile<false>(tile, splats, list, limits, blocks, used, touched);
         T* const pixels = scratch.pixels.data() + rank * record;
         for (int b = 0; b < detail::blocks_of_tile; ++b) {
             const detail::BlendBlock<T>& block = blocks[b];

@@ -4,7 +4,10 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/deferred.hpp>
+#include <gsh/core/prefetch.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/math/wide.hpp>
+#include <gsh/math/wide_shuffle.hpp>
 #include <gsh/render/cpu/project_backward.hpp>
 #include <gsh/render/cpu/tile.hpp>
 #include <gsh/render/target.hpp>
@@ -21,78 +24,64 @@ namespace detail {
 /// State of the second sweep front to back at the 16 pixels of a block, and the gradients of the pixels.
 ///
 /// With the pixel's value F = sum w s + T_end s_end, where s is a splat's colour (and depth) dotted with the pixel's
-/// gradient, dF/d alpha = T s - (share of F behind the splat) / (1 - alpha). `behind` starts at F and loses w s at each
-/// splat.
+/// gradient, dF/d alpha = T s - (share of F behind the splat) / (1 - alpha). `minus_behind` starts at -F and gains w s
+/// at each splat.
 template <class T>
 struct alignas(64) GradientBlock {
-    Lanes<T> product, behind, dL_dred, dL_dgreen, dL_dblue, dL_ddepth, dL_dmedian;
+    Lanes<T> product, minus_behind, dL_dred, dL_dgreen, dL_dblue, dL_ddepth, dL_dmedian;
 };
 
-/// Entries of a slot before they are summed over the pixels of a block.
+/// One splat's share of the gradient in the blocks of the set bits, summed over their pixels: writes its slot.
 template <bool Depth, class T>
-struct alignas(64) SlotSums {
-    Lanes<T> lanes[slot_size<Depth>];
-};
-
-/// Adds one splat's share of the gradient in one block. The first block of a splat sets the sums, later blocks add to
-/// them.
-template <bool Depth, bool First, class T>
-inline void blend_backward(const TileSplat<T>& splat, const BlendLimits<T>& bounds, const Lanes<T>& x,
-                           const Lanes<T>& y, GradientBlock<T>& __restrict block,
-                           SlotSums<Depth, T>& __restrict sums) {
+void blend_backward([[maybe_unused]] const TileSplat<T>& splat, [[maybe_unused]] const BlendLimits<T>& bounds,
+                    [[maybe_unused]] std::uint32_t bits, [[maybe_unused]] GradientBlock<T>* blocks,
+                    [[maybe_unused]] T* slot) {
+#if !defined(__CUDA_ARCH__) // in its pass for the device, nvcc parses host code, too, and refuses vectors of registers
+    using W = Wide<T>;
     const TileSplat<T> s = splat; // local copies: the stores below cannot alias them
     const BlendLimits<T> limits = bounds;
-    for (std::size_t l = 0; l < block_lanes; ++l) {
-        const T before = block.product[l];
-        const BlendStep<T> step(s, limits, x[l], y[l], before);
-        block.product[l] = step.after;
+    const W zero(T(0));
+    W sums[slot_size<Depth>];
+    for (W& sum : sums) sum = zero;
+    for (; bits != 0; bits &= bits - 1) {
+        const auto b = static_cast<std::size_t>(std::countr_zero(bits));
+        GradientBlock<T>& block = blocks[b];
+        for (std::size_t l = 0; l < block_lanes; l += W::width) {
+            const W x = W::load(&pixel_coordinates<T, false>[b][l]), y = W::load(&pixel_coordinates<T, true>[b][l]);
+            const W before = W::load(&block.product[l]);
+            const BlendStep<W> step(s, limits, x, y, before);
+            step.after.store(&block.product[l]);
 
-        const T red = block.dL_dred[l], green = block.dL_dgreen[l], blue = block.dL_dblue[l];
-        T shade = multiply_add(s.red, red, multiply_add(s.green, green, s.blue * blue));
-        if constexpr (Depth) shade = multiply_add(s.depth, block.dL_ddepth[l], shade);
-        const T behind = block.behind[l] - step.weight * shade;
-        block.behind[l] = behind;
-        const T dL_dalpha = before * shade - behind / step.keep;
-        const T passes = step.raw <= limits.alpha_max ? step.alpha : T(0);
-        const T g = step.live ? dL_dalpha * passes : T(0);
+            const W red = W::load(&block.dL_dred[l]), green = W::load(&block.dL_dgreen[l]);
+            const W blue = W::load(&block.dL_dblue[l]);
+            W shade = multiply_add(W(s.red), red, multiply_add(W(s.green), green, W(s.blue) * blue));
+            if constexpr (Depth) shade = multiply_add(W(s.depth), W::load(&block.dL_ddepth[l]), shade);
+            const W share = step.weight * shade, minus_behind = W::load(&block.minus_behind[l]) + share;
+            minus_behind.store(&block.minus_behind[l]);
+            const W dF = multiply_add(step.alpha / step.keep, minus_behind, share); // by d ln(alpha)
+            const W g = select(step.live & (step.raw <= W(limits.alpha_max)), dF, zero);
 
-        const auto add = [&](SlotEntry entry, T value) {
-            sums.lanes[entry][l] = First ? value : sums.lanes[entry][l] + value;
-        };
-        const auto add_product = [&](SlotEntry entry, T a, T b) {
-            sums.lanes[entry][l] = First ? a * b : multiply_add(a, b, sums.lanes[entry][l]);
-        };
-        const T gu = g * step.u, gv = g * step.v;
-        add(slot_g, g);
-        add(slot_u, gu);
-        add(slot_v, gv);
-        add_product(slot_uu, gu, step.u);
-        add_product(slot_uv, gu, step.v);
-        add_product(slot_vv, gv, step.v);
-        add_product(slot_red, step.weight, red);
-        add_product(slot_green, step.weight, green);
-        add_product(slot_blue, step.weight, blue);
-        if constexpr (Depth) {
-            const bool crosses = (before > T(0.5)) & (step.after <= T(0.5)) & step.live;
-            add(slot_depth, multiply_add(step.weight, block.dL_ddepth[l], crosses ? block.dL_dmedian[l] : T(0)));
+            const W gu = g * step.u, gv = g * step.v;
+            sums[slot_g] += g;
+            sums[slot_u] += gu;
+            sums[slot_v] += gv;
+            sums[slot_uu] = multiply_add(gu, step.u, sums[slot_uu]);
+            sums[slot_uv] = multiply_add(gu, step.v, sums[slot_uv]);
+            sums[slot_vv] = multiply_add(gv, step.v, sums[slot_vv]);
+            sums[slot_red] = multiply_add(step.weight, red, sums[slot_red]);
+            sums[slot_green] = multiply_add(step.weight, green, sums[slot_green]);
+            sums[slot_blue] = multiply_add(step.weight, blue, sums[slot_blue]);
+            if constexpr (Depth) {
+                const auto crosses = (before > W(T(0.5))) & (step.after <= W(T(0.5))) & step.live;
+                sums[slot_depth] += multiply_add(step.weight, W::load(&block.dL_ddepth[l]),
+                                                 select(crosses, W::load(&block.dL_dmedian[l]), zero));
+            }
         }
     }
-}
-
-inline constexpr std::size_t sums_at_once = 16; // number of splats whose pixels are summed together
-
-/// Sums the 16 pixels of each entry in a fixed order, half by half.
-template <bool Depth, class T>
-void reduce(const SlotSums<Depth, T>* sums, std::size_t count, T* entries) {
-    alignas(64) T by8[sums_at_once * slot_size<Depth> * 8], by4[sums_at_once * slot_size<Depth> * 4];
-    const std::size_t n = count * slot_size<Depth>;
-    const T* const by16 = sums[0].lanes[0].data();
-    for (std::size_t i = 0; i < n; ++i)
-        for (std::size_t l = 0; l < 8; ++l) by8[8 * i + l] = by16[16 * i + l] + by16[16 * i + 8 + l];
-    for (std::size_t i = 0; i < n; ++i)
-        for (std::size_t l = 0; l < 4; ++l) by4[4 * i + l] = by8[8 * i + l] + by8[8 * i + 4 + l];
-    for (std::size_t i = 0; i < n; ++i)
-        entries[i] = (by4[4 * i] + by4[4 * i + 2]) + (by4[4 * i + 1] + by4[4 * i + 3]);
+    constexpr int whole = slot_size<Depth> / W::width * W::width, rest = slot_size<Depth> - whole;
+    for (int i = 0; i < whole; i += W::width) sums_of_rows<W::width>(sums + i).store(slot + i);
+    if constexpr (rest > 0) sums_of_rows<rest>(sums + whole).template store_first<rest>(slot + whole);
+#endif
 }
 
 /// One plane of an image in block order; zero where the plane is empty or the tile extends beyond the image.
@@ -108,37 +97,25 @@ void read_tile(const TilePlace& tile, const ImageView<const T>& image, int chann
     }
 }
 
-/// Second sweep over a tile's list: writes the sums of each splat to its slot.
+/// Second sweep over a tile's list: writes the sums of each splat to its slot. `used` and `touched` are blend_tile's.
 template <bool Depth, class T>
 void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const TileInstance> list,
-                         const BlendLimits<T>& limits, GradientBlock<T>* blocks, T* slots) {
+                         const BlendLimits<T>& limits, const std::uint32_t* used, const std::uint16_t* touched,
+                         GradientBlock<T>* blocks, T* slots) {
     constexpr std::size_t slot = slot_size<Depth>;
     Batch<T> batch;
     for (std::size_t begin = 0; begin < list.size(); begin += batch.size) {
         batch.load(splats, list, begin, tile);
-        for (std::size_t first = 0; first < batch.size; first += sums_at_once) {
-            const std::size_t count = std::min(sums_at_once, batch.size - first);
-            SlotSums<Depth, T> sums[sums_at_once];
-            alignas(64) T entries[sums_at_once * slot];
-            for (std::size_t j = 0; j < count; ++j) {
-                const TileSplat<T>& splat = batch.splats[first + j];
-                std::uint32_t bits = batch.blocks[first + j];
-                if (bits == 0) {
-                    sums[j] = {};
-                    continue;
-                }
-                auto b = static_cast<std::size_t>(std::countr_zero(bits));
-                blend_backward<Depth, true>(splat, limits, pixel_coordinates<T, false>[b],
-                                            pixel_coordinates<T, true>[b], blocks[b], sums[j]);
-                while ((bits &= bits - 1) != 0) {
-                    b = static_cast<std::size_t>(std::countr_zero(bits));
-                    blend_backward<Depth, false>(splat, limits, pixel_coordinates<T, false>[b],
-                                                 pixel_coordinates<T, true>[b], blocks[b], sums[j]);
-                }
-            }
-            reduce(sums, count, entries);
-            for (std::size_t j = 0; j < count; ++j)
-                std::copy_n(entries + j * slot, slot, slots + list[begin + first + j].slot * slot);
+        for (std::size_t j = 0; j < batch.size; ++j) prefetch_for_write(slots + list[begin + j].slot * slot);
+        std::uint16_t bits[batch_size];
+        std::copy_n(touched + begin, batch.size, bits);
+        for (std::size_t b = 0; b < blocks_of_tile; ++b)
+            for (std::size_t j = used[b] < begin ? 0 : used[b] - begin; j < batch.size; ++j)
+                bits[j] = static_cast<std::uint16_t>(bits[j] & ~(1u << b));
+        for (std::size_t j = 0; j < batch.size; ++j) {
+            T* const sums = slots + list[begin + j].slot * slot;
+            if (bits[j] == 0) std::fill_n(sums, slot, T(0));
+            else blend_backward<Depth>(batch[j], limits, bits[j], blocks, sums);
         }
     }
 }
@@ -208,7 +185,7 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
                 T value = dL[4][p] * pixels[3 * tile_pixels + p] - end * dL[3][p];
                 for (int c = 0; c < 3; ++c)
                     value += dL[c][p] * (pixels[c * tile_pixels + p] + end * behind_splats[c][p]);
-                block.behind[l] = value;
+                block.minus_behind[l] = -value;
                 block.dL_dred[l] = dL[0][p], block.dL_dgreen[l] = dL[1][p], block.dL_dblue[l] = dL[2][p];
                 block.dL_ddepth[l] = dL[4][p], block.dL_dmedian[l] = dL[5][p];
             }
@@ -216,10 +193,13 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
         const std::uint32_t begin = scratch.tile_begin[index], end = scratch.tile_begin[index + 1];
         const std::uint32_t used = scratch.tile_used[index];
         const Span<const TileInstance> list = instances.subspan(begin, used);
+        const std::uint32_t* const block_used = scratch.block_used.data() + rank * blocks_of_tile;
+        const std::uint16_t* const touched = scratch.touched.data() + begin;
+        T* const slots = scratch.slots.data();
         if (with_depth)
-            blend_tile_backward<true>(tile, splats, list, limits, blocks, scratch.slots.data());
+            blend_tile_backward<true>(tile, splats, list, limits, block_used, touched, blocks, slots);
         else
-            blend_tile_backward<false>(tile, splats, list, limits, blocks, scratch.slots.data());
+            blend_tile_backward<false>(tile, splats, list, limits, block_used, touched, blocks, slots);
         for (std::uint32_t i = begin + used; i < end; ++i)
             std::fill_n(scratch.slots.data() + instances[i].slot * slot, slot, T(0));
     });

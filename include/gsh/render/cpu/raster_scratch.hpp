@@ -19,9 +19,9 @@ namespace gsh {
 namespace cpu::inline GSH_ISA {
 
 /// A projected splat. Position and shape are double even for float splats, since the distance of a pixel from a splat
-/// is a small difference of large numbers. Relative to a tile, float is precise enough.
+/// is a small difference of large numbers. Relative to a tile, float is precise enough. In float, it is a cache line.
 template <std::floating_point T>
-struct ScreenSplat {
+struct alignas(sizeof(T) == 4 ? 64 : 8) ScreenSplat {
     vec2<double> mean2d;      ///< pixels
     Whitening<double> w;
     T opacity;                ///< after compensation
@@ -58,7 +58,9 @@ struct RasterScratch<B, T> {
     Buffer<std::uint32_t> tile_begin;          // [tiles + 1]
     Buffer<cpu::TileInstance> instances;       // [pairs] by tile, front to back
     Buffer<std::uint32_t> tile_order;          // [tiles] long lists first, empty tiles last
-    Buffer<std::uint32_t> tile_used;           // [tiles] length of the part of the list that was read
+    Buffer<std::uint32_t> tile_used;           // [tiles] length of the part of the list that had an effect
+    Buffer<std::uint16_t> touched;             // [pairs] bit b: the splat may touch block b of the tile
+    Buffer<std::uint32_t> block_used;          // [active tiles, 16] the same for each block of pixels
     std::uint32_t active_tiles = 0;            // tiles with a non-empty list
     Buffer<T> pixels; // [active tiles, 5, 256] red, green, blue, depth sums; final transmittance
 

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Common parts of both passes over a tile: 4x4 pixel blocks, splats in tile coordinates, and the blend.
 ///
-/// A block is 16 pixels in arrays of 16 numbers. Loops over a block are straight arithmetic, which the compiler turns
-/// into operations on one register (two or four on narrower machines). Small splats touch few pixels of a 16x16 tile.
-/// With blocks, about four of five computed pixels have no effect; with whole tiles it would be more.
+/// A block's 16 pixels are the lanes of one register of floats, or of several on narrower machines. Small splats touch
+/// few pixels of a 16x16 tile. With blocks, about four of five computed pixels have no effect; with whole tiles it
+/// would be more.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/prefetch.hpp>
+#include <gsh/math/wide.hpp>
+#include <gsh/math/wide_shuffle.hpp>
 #include <gsh/render/blend.hpp>
 #include <gsh/render/cover.hpp>
 #include <gsh/render/cpu/arithmetic.hpp>
@@ -21,7 +23,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 
 namespace gsh::cpu::inline GSH_ISA::detail {
 
@@ -67,71 +68,113 @@ struct TilePlace {
 
 /// A splat in tile coordinates: u, v are those of the centre of the first pixel.
 template <class T>
-struct alignas(16 * sizeof(T)) TileSplat {
+struct TileSplat {
     T u, v, ux, uy, vy, opacity, cut, red, green, blue, depth;
 };
 
-/// Up to batch_size splats of a tile, front to back, and the blocks that each may touch.
+/// As many numbers of a batch as a register of floats holds, as floats.
+[[nodiscard]] GSH_INLINE Wide<float> load_as_float(const float* numbers) { return Wide<float>::load(numbers); }
+[[nodiscard]] GSH_INLINE Wide<float> load_as_float(const double* numbers) {
+    alignas(64) float narrow[Wide<float>::width];
+    for (std::size_t l = 0; l < Wide<float>::width; ++l) narrow[l] = static_cast<float>(numbers[l]);
+    return Wide<float>::load(narrow);
+}
+
+/// Up to batch_size splats of a tile, front to back.
 template <class T>
 struct Batch {
-    TileSplat<T> splats[batch_size];
-    alignas(64) std::uint32_t blocks[batch_size]; // bit b: the splat may touch block b
     std::size_t size = 0;
 
     /// Copies the list's splats from `begin` on, and prefetches those of the next batch.
     void load(Span<const ScreenSplat<T>> from, Span<const TileInstance> list, std::size_t begin,
               const TilePlace& tile) {
         size = std::min(batch_size, list.size() - begin);
-        const Span<const TileInstance> instances = list.subspan(begin, size);
+        const TileInstance* const instances = list.data() + begin;
         const std::size_t ahead = std::min(batch_size, list.size() - begin - size);
-        for (std::size_t j = 0; j < ahead; ++j) prefetch(&from[instances.data()[size + j].splat]);
+        for (std::size_t j = 0; j < ahead; ++j) prefetch(&from[instances[size + j].splat]);
+        // Padding repeats the last splat, so that loops go over whole registers.
+        const auto splat = [&](std::size_t j) -> const ScreenSplat<T>& {
+            return from[instances[j < size ? j : size - 1].splat];
+        };
         const double x = tile.x + 0.5, y = tile.y + 0.5;
-        Shapes shapes;
-        for (std::size_t j = 0; j < size; ++j) {
-            const ScreenSplat<T>& s = from[instances[j].splat];
-            const double dx = x - s.mean2d.x, dy = y - s.mean2d.y;
-            TileSplat<T>& to = splats[j];
-            to.u = static_cast<T>(s.w.ux * dx + s.w.uy * dy);
-            to.v = static_cast<T>(s.w.vy * dy);
-            to.ux = static_cast<T>(s.w.ux), to.uy = static_cast<T>(s.w.uy), to.vy = static_cast<T>(s.w.vy);
-            to.opacity = s.opacity, to.cut = s.cut, to.depth = s.depth;
-            to.red = s.color.x, to.green = s.color.y, to.blue = s.color.z;
-            shapes.u[j] = static_cast<float>(to.u), shapes.v[j] = static_cast<float>(to.v);
-            shapes.ux[j] = static_cast<float>(to.ux), shapes.uy[j] = static_cast<float>(to.uy);
-            shapes.vy[j] = static_cast<float>(to.vy), shapes.reach[j] = static_cast<float>(generous(double(s.cut)));
-        }
-        find_blocks(shapes);
+        if constexpr (sizeof(T) == 4)
+            for (std::size_t j = 0; j < size; j += Wide<T>::width) load_register(j, splat, x, y);
+        else
+            for (std::size_t j = 0; j < size + Wide<float>::width && j < batch_size; ++j) load_one(j, splat(j), x, y);
     }
 
-    /// The same bits by block: bit j of splats_of[b] equals bit b of blocks[j].
-    void by_block(std::uint64_t (&splats_of)[blocks_of_tile]) const {
+    [[nodiscard]] GSH_INLINE TileSplat<T> operator[](std::size_t j) const {
+        return {u_[j], v_[j], ux_[j], uy_[j], vy_[j], opacity_[j], cut_[j], red_[j], green_[j], blue_[j], depth_[j]};
+    }
+
+    /// The blocks that each splat may touch: bit b of touched[j] [size] and bit j of splats_of[b] are set for splat j
+    /// and block b.
+    void find_blocks([[maybe_unused]] std::uint16_t* touched, std::uint64_t (&splats_of)[blocks_of_tile]) const {
         std::fill_n(splats_of, blocks_of_tile, 0u);
-        for (std::size_t first = 0; first < size; first += 16) {
-            alignas(64) std::uint32_t bits[blocks_of_tile] = {};
-            for (std::size_t l = 0; l < 16; ++l)
-                for (std::uint32_t b = 0; b < blocks_of_tile; ++b) bits[b] |= ((blocks[first + l] >> b) & 1u) << l;
-            for (std::size_t b = 0; b < blocks_of_tile; ++b) splats_of[b] |= std::uint64_t(bits[b]) << first;
+#if !defined(__CUDA_ARCH__) // in its pass for the device, nvcc parses host code, too, and refuses vectors of registers
+        using Bits = Wide<std::uint32_t>;
+        for (std::size_t j = 0; j < size; j += Bits::width) {
+            const Whitening<Wide<float>> w{load_as_float(ux_ + j), load_as_float(uy_ + j), load_as_float(vy_ + j)};
+            const Bits blocks = gsh::detail::touched_blocks(load_as_float(u_ + j), load_as_float(v_ + j), w,
+                                                            generous(load_as_float(cut_ + j)));
+            const std::size_t count = std::min(Bits::width, size - j);
+            for (std::size_t b = 0; b < blocks_of_tile; ++b) {
+                const std::uint32_t bits = lane_bits((blocks & Bits(1u << b)) != Bits(0u)) & ((1u << count) - 1);
+                splats_of[b] |= std::uint64_t(bits) << j;
+            }
+            alignas(64) std::uint32_t numbers[Bits::width];
+            blocks.store(numbers);
+            for (std::size_t l = 0; l < count; ++l) touched[j + l] = static_cast<std::uint16_t>(numbers[l]);
         }
+#endif
     }
 
 private:
-    /// The ellipses of the splats, member by member, for a loop over splats.
-    struct Shapes {
-        alignas(64) float u[batch_size], v[batch_size], ux[batch_size], uy[batch_size], vy[batch_size];
-        alignas(64) float reach[batch_size];
-    };
+    // Member by member, as TileSplat.
+    alignas(64) T u_[batch_size], v_[batch_size], ux_[batch_size], uy_[batch_size], vy_[batch_size];
+    alignas(64) T opacity_[batch_size], cut_[batch_size];
+    alignas(64) T red_[batch_size], green_[batch_size], blue_[batch_size], depth_[batch_size];
 
-    /// A loop over whole registers, padded with ellipses out of reach.
-    void find_blocks(Shapes& s) {
-        const std::size_t padded = (size + 15) / 16 * 16;
-        for (std::size_t j = size; j < padded; ++j)
-            s.u[j] = s.v[j] = 1e6f, s.ux[j] = s.uy[j] = s.vy[j] = 1, s.reach[j] = 0;
-        for (std::size_t first = 0; first < padded; first += 16)
-            for (std::size_t l = 0; l < 16; ++l) {
-                const std::size_t j = first + l;
-                const Whitening<float> w{s.ux[j], s.uy[j], s.vy[j]};
-                blocks[j] = gsh::detail::touched_blocks(s.u[j], s.v[j], w, s.reach[j]);
-            }
+    void load_one(std::size_t j, const ScreenSplat<T>& s, double x, double y) {
+        const double dx = x - s.mean2d.x, dy = y - s.mean2d.y;
+        u_[j] = static_cast<T>(s.w.ux * dx + s.w.uy * dy), v_[j] = static_cast<T>(s.w.vy * dy);
+        ux_[j] = static_cast<T>(s.w.ux), uy_[j] = static_cast<T>(s.w.uy), vy_[j] = static_cast<T>(s.w.vy);
+        opacity_[j] = s.opacity, cut_[j] = s.cut, depth_[j] = s.depth;
+        red_[j] = s.color.x, green_[j] = s.color.y, blue_[j] = s.color.z;
+    }
+
+    /// The splats from j on, one in each lane: their records are transposed.
+    template <class Splat>
+    GSH_INLINE void load_register([[maybe_unused]] std::size_t j, [[maybe_unused]] const Splat& splat,
+                                  [[maybe_unused]] double x_of_tile, [[maybe_unused]] double y_of_tile) {
+#if !defined(__CUDA_ARCH__)
+        using W = Wide<float>;
+        using D = Wide<double>;
+        constexpr std::size_t words = sizeof(ScreenSplat<float>) / sizeof(float);
+        static_assert(words == 16 && words % W::width == 0);
+        W word[words];
+        for (std::size_t part = 0; part < words; part += W::width) {
+            W rows[W::width];
+            for (std::size_t l = 0; l < W::width; ++l)
+                rows[l] = W::load(reinterpret_cast<const float*>(&splat(j + l)) + part);
+            transpose(rows);
+            for (std::size_t w = 0; w < W::width; ++w) word[part + w] = rows[w];
+        }
+        const auto number = [&](std::size_t w, std::size_t half) { // the double of words w and w + 1, lower one first
+            const WidePair<float> halves = zip(word[w], word[w + 1]);
+            return bits_as<D>(half == 0 ? halves.first : halves.second);
+        };
+        for (std::size_t half = 0; half < 2; ++half) {
+            const std::size_t k = j + half * D::width;
+            const D dx = D(x_of_tile) - number(0, half), dy = D(y_of_tile) - number(2, half);
+            const D ux = number(4, half), uy = number(6, half), vy = number(8, half);
+            store_narrowed(ux * dx + uy * dy, u_ + k), store_narrowed(vy * dy, v_ + k);
+            store_narrowed(ux, ux_ + k), store_narrowed(uy, uy_ + k), store_narrowed(vy, vy_ + k);
+        }
+        word[10].store(opacity_ + j), word[11].store(depth_ + j);
+        word[12].store(red_ + j), word[13].store(green_ + j), word[14].store(blue_ + j);
+        word[15].store(cut_ + j);
+#endif
     }
 };
 
