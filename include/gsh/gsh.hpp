@@ -62,6 +62,7 @@
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_element.hpp>
+#include <gsh/body/surface_fill.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/body/vertex_samples.hpp>
@@ -152,6 +153,7 @@
 #include <gsh/pipeline/density_descent.hpp>
 #include <gsh/pipeline/field_appearance.hpp>
 #include <gsh/pipeline/field_shadow.hpp>
+#include <gsh/pipeline/filled_points.hpp>
 #include <gsh/pipeline/frame_codes.hpp>
 #include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/learned_field.hpp>
@@ -193,5 +195,6 @@
 #include <gsh/train/step_history.hpp>
 #include <gsh/train/train_config.hpp>
 #include <gsh/train/trainer.hpp>
+#include <gsh/train/unseen_points.hpp>
 
 #include <gsh/cpu.hpp>

@@ -21,6 +21,7 @@
 #include <gsh/math/vec.hpp>
 #include <gsh/pipeline/appearance.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
+#include <gsh/pipeline/filled_points.hpp>
 #include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/learned_light.hpp>
 #include <gsh/pipeline/part_size.hpp>
@@ -30,6 +31,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -169,7 +171,15 @@ public:
     [[nodiscard]] bool casts_shadow() const { return shadow_.casts() && shadow_joined_; }
 
     /// Evaluates colours and displacements at a frame of the training motion.
-    void update_canonical(std::size_t frame = 0) { appearance_.forward(frame); }
+    void update_canonical(std::size_t frame = 0) {
+        appearance_.forward(frame);
+        if (filled_) filled_->forward(appearance_.view(), std::as_const(opacity_logits_).values());
+    }
+
+    /// From the next update_canonical on, some Gaussians have what `fill` gives them. For a model that is finished:
+    /// backward() is refused until the fill is taken away, and then the model is what it was.
+    void fill(const PointFill<T>& fill) { filled_.emplace(*backend_, size(), sh_basis_count(sh_degree), fill); }
+    void end_fill() { filled_.reset(); }
 
     /// The mesh that casts shadows in a pose. It is valid until the next call of this or of pose().
     /// Errors  ValueError without a light.
@@ -194,6 +204,7 @@ public:
     void backward(const RigPose<B, T>& pose, std::size_t frame, const Deferred<vec3<T>>& center,
                   const SplatView<const T>& dL_dsplats, RigPoseGradient<T> dL_dpose = {},
                   Span<vec3<T>> dL_dcenter = {}) {
+        check_value(!filled_, "AvatarModel::backward", "some Gaussians are filled, so the model does not learn");
         const Span<T> dL_dao = zeros(cache_.dL_dao, cache_.ao.size());
         const ColorGradient<T> dL_dcolors = appearance_.color_gradient();
         poser_.template backward<sh_degree>(
@@ -257,17 +268,17 @@ public:
     [[nodiscard]] Span<const vec3<T>> joints() const { return joints_.values(); }
     /// The canonical Gaussians without means and weights. Colours are those of the last update_canonical.
     [[nodiscard]] SkinnedView<const T> gaussians() const {
-        const AppearanceView<T> appearance = appearance_.view();
+        const AppearanceView<T> appearance = appearance_view();
         return {.quats = quats_.values(),
                 .log_scales = log_scales_.values(),
-                .opacity_logits = opacity_logits_.values(),
+                .opacity_logits = filled_ ? filled_->opacity_logits() : opacity_logits_.values(),
                 .sh = appearance.sh,
                 .ao = cache_.ao,
                 .sh_stride = appearance.sh_stride};
     }
     /// means[i] = x₀ + δx, with δx of the last update_canonical. [N] in the backend's memory.
     void write_means(Span<vec3<T>> means) const {
-        const AppearanceView<T> appearance = appearance_.view();
+        const AppearanceView<T> appearance = appearance_view();
         backend_->for_each(size(), detail::DisplacedMeans<T>{points_->positions(), appearance.displacements,
                                                              appearance.displacement_stride, means});
     }
@@ -282,6 +293,7 @@ private:
         check_size("AvatarModel", "points", points_->size(), rig.point_count(), "one per point of the rig");
     }
 
+    [[nodiscard]] AppearanceView<T> appearance_view() const { return filled_ ? filled_->view() : appearance_.view(); }
     [[nodiscard]] ShadowInput<B, T> shadow_input(const RigPose<B, T>& pose, std::size_t frame) const {
         return {frame, rig().skeleton(), pose.pose, cache_.poser.rig.rotations};
     }
@@ -308,6 +320,7 @@ private:
     SharedLight<B, T> light_;
     bool announces_light_ = false;
     LearnedBuffer<B, vec3<T>> normal_offsets_; // [V], or empty
+    std::optional<FilledPoints<B, T>> filled_;
     Cache cache_;
 };
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/camera/pinhole.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/image/reduce.hpp>
 #include <gsh/pipeline/photo.hpp>
@@ -24,6 +25,13 @@ namespace gsh {
     return std::max(1, static_cast<int>(std::lround(longest / static_cast<double>(std::max(pixels, 1)))));
 }
 
+/// A camera for pictures that are reduced by a whole factor.
+[[nodiscard]] inline Camera<double> reduced_camera(Camera<double> camera, int factor) {
+    camera.height /= factor, camera.width /= factor;
+    for (double* number : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *number /= factor;
+    return camera;
+}
+
 /// Copies of photographs, reduced by a whole factor. A mask's outline is believed, because it is finer than a pixel,
 /// and colours have the resolution of their brightness.
 class ReducedPhotos {
@@ -43,9 +51,7 @@ public:
             if (!photo.plate.empty()) photo.plate = reduce(photo.plate);
             photo.unknown = {};
             photo.half_chroma = false;
-            photo.camera.height = height / factor, photo.camera.width = width / factor;
-            for (double* number : {&photo.camera.fx, &photo.camera.fy, &photo.camera.cx, &photo.camera.cy})
-                *number /= factor;
+            photo.camera = reduced_camera(photo.camera, factor);
             photos_.push_back(std::move(photo));
         }
     }

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Gaussians that no photograph saw: found by their weight in all photographs, and filled from those that were
+///        seen.
+#pragma once
+
+#include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
+#include <gsh/body/surface_fill.hpp>
+#include <gsh/body/surface_samples.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/deferred.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/gaussian/splats.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/pipeline/filled_points.hpp>
+#include <gsh/pipeline/photo.hpp>
+#include <gsh/pipeline/reduced_photos.hpp>
+#include <gsh/render/rasterizer.hpp>
+#include <gsh/train/avatar_export.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+struct UnseenParams {
+    /// Photographs that must show a Gaussian, see photographs_showing. A tenth of one is an edge-on glimpse.
+    double least_photographs = 0.1;
+    /// A Gaussian below this opacity is one that photographs have made transparent, and stays as it is.
+    double least_opacity = 0.05;
+    int pixels = 270; ///< about the longer side of the pictures in which they are searched
+    SurfaceFillParams fill = {};
+};
+
+/// How many of the photographs show each Gaussian of a scene. A photograph counts 1 if the Gaussian is seen from the
+/// front with nothing before it, and less if it is seen edge-on or partly hidden:
+///
+///     n_i = sum over photographs and pixels  T G  /  (2π s s' f²/z²)
+///
+/// T is the transmittance in front of the Gaussian, G its unit-height footprint, s and s' its larger two standard
+/// deviations, f²/z² the mean over the photographs, at the first person's root. T G is the derivative of a picture with
+/// respect to the colour, divided by the opacity; one pass there and back for each photograph gives it for all
+/// Gaussians, so no renderer knows of this.
+///
+/// Shapes  the result is [N]; all Gaussians of the scene.
+/// Errors  ValueError without photographs; those of Rasterizer.
+template <Backend B, class Scene>
+[[nodiscard]] std::vector<double> photographs_showing(B& backend, Scene& scene, const std::vector<Photo>& photos,
+                                                      const PixelFilter& filter, int pixels = UnseenParams{}.pixels) {
+    using T = typename Scene::Scalar;
+    constexpr const char* where = "photographs_showing";
+    check_value(!photos.empty(), where, "there are no photographs");
+    const int factor = reduction_factor(Span<const Photo>(photos), pixels);
+    std::vector<const Photo*> order;
+    for (const Photo& photo : photos) order.push_back(&photo);
+    std::stable_sort(order.begin(), order.end(), [](const Photo* a, const Photo* b) { return a->frame < b->frame; });
+
+    const std::size_t N = scene.size();
+    Rasterizer<B, T> rasterizer(backend, raster_params<T>(filter));
+    RasterCache<B, T> cache;
+    Splats<B, T> splats;
+    splats.resize(N);
+    typename B::template Buffer<vec3<T>> dL_dcolors(N);
+    typename B::template Buffer<T> picture, ones;
+    backend.fill(Span<vec3<T>>(dL_dcolors), vec3<T>(T(0)));
+    double squared_focal = 0; // of (f / z), a mean over photographs
+    for (std::size_t k = 0; k < order.size(); ++k) {
+        const Photo& photo = *order[k];
+        const Camera<double> reduced = reduced_camera(photo.camera, factor);
+        const Camera<T> camera = reduced.cast<T>();
+        if (k == 0 || order[k - 1]->frame != photo.frame) scene.prepare(photo.frame);
+        scene.forward(photo.frame, camera.center(), splats.view());
+        const std::size_t size = 3 * static_cast<std::size_t>(camera.height) * static_cast<std::size_t>(camera.width);
+        picture.resize(size), ones.resize(size);
+        backend.fill(Span<T>(ones), T(1));
+        const auto image = [&](auto& buffer) {
+            return ImageView<T>{Span<T>(buffer), 3, camera.height, camera.width};
+        };
+        const SplatView<const T> shown = std::as_const(splats).view();
+        const Deferred<Camera<T>> input = camera;
+        rasterizer.forward(input, shown, {}, {.color = image(picture)}, cache);
+        rasterizer.backward(input, shown, {}, {.color = image(ones)}, cache,
+                            SplatView<T>{.means = {}, .covariances = {}, .opacities = {}, .colors = dL_dcolors});
+        const double z = (reduced.R * scene.motion(0).transl[photo.frame] + reduced.t).z;
+        squared_focal += reduced.fx * reduced.fy / (z * z) / static_cast<double>(order.size());
+    }
+    std::vector<vec3<T>> weights(N);
+    backend.download(Span<const vec3<T>>(dL_dcolors), Span<vec3<T>>(weights));
+    std::vector<T> opacities(N);
+    backend.download(Span<const T>(splats.opacities), Span<T>(opacities));
+    std::vector<sym3<T>> covariances(N);
+    backend.download(Span<const sym3<T>>(splats.covariances), Span<sym3<T>>(covariances));
+    std::vector<double> result(N);
+    for (std::size_t i = 0; i < N; ++i) {
+        // The product of the larger two variances is about the sum of the principal minors of the covariance.
+        const auto& c = covariances[i];
+        const double minors = double(c.xx) * c.yy - double(c.xy) * c.xy + double(c.xx) * c.zz - double(c.xz) * c.xz +
+                              double(c.yy) * c.zz - double(c.yz) * c.yz;
+        const double area = 2 * 3.14159265358979 * std::sqrt(std::max(minors, 1e-16)) * squared_focal;
+        result[i] = static_cast<double>(weights[i].x) / std::max(static_cast<double>(opacities[i]), 1e-6) / area;
+    }
+    return result;
+}
+
+/// The fill of a person's Gaussians that no photograph saw. `showing` [N] are the person's numbers of
+/// photographs_showing, `samples` those of the model. Their colours, displacements and opacities come from Gaussians
+/// that were seen, nearby and on the body's other side (SurfaceFill). Colours of several moments are means over
+/// `frames`. Opacities only grow: what hides behind others has learned none.
+///
+/// Empty if all were seen, or none.
+/// Errors  ShapeError for numbers or samples of another model.
+template <class Scene>
+[[nodiscard]] PointFill<typename Scene::Scalar> fill_of_unseen(Scene& scene, const SurfaceSamples& samples,
+                                                               Span<const double> showing,
+                                                               const std::vector<std::size_t>& frames,
+                                                               std::size_t person = 0,
+                                                               const UnseenParams& params = {}) {
+    using T = typename Scene::Scalar;
+    constexpr const char* where = "fill_of_unseen";
+    const std::size_t N = scene.model(person).size();
+    check_size(where, "samples", samples.size(), N, "those of the model");
+    check_size(where, "showing", showing.size(), N, "those of the person's Gaussians");
+    const GaussianCloud<T> cloud = mean_gaussians(scene, frames, person);
+    const auto basis = cloud.sh.size() / std::max<std::size_t>(N, 1);
+    const double least_logit = std::log(params.least_opacity / (1 - params.least_opacity));
+    // Transparent ones are neither filled nor fill others.
+    std::vector<vec3<double>> positions, normals;
+    std::vector<std::size_t> opaque;
+    for (std::size_t i = 0; i < N; ++i)
+        if (static_cast<double>(cloud.opacity_logits[i]) > least_logit) {
+            opaque.push_back(i);
+            positions.push_back(samples.positions[i]), normals.push_back(samples.normals[i]);
+        }
+    std::vector<std::uint8_t> known(opaque.size());
+    for (std::size_t k = 0; k < opaque.size(); ++k) known[k] = showing[opaque[k]] >= params.least_photographs;
+    const SurfaceFill surface(positions, normals, known, params.fill);
+
+    PointFill<T> fill;
+    for (const std::size_t k : surface.filled()) fill.points.push_back(static_cast<std::uint32_t>(opaque[k]));
+    if (fill.points.empty()) return fill;
+    const auto filled = [&](const auto& value, double mirrored = 1) {
+        std::vector<double> values(opaque.size());
+        for (std::size_t k = 0; k < values.size(); ++k) values[k] = static_cast<double>(value(opaque[k]));
+        return surface.fill(values, mirrored);
+    };
+    fill.colors.resize(fill.points.size()), fill.displacements.resize(fill.points.size());
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto colors = filled([&](std::size_t i) { return cloud.sh[i * basis][axis]; });
+        const auto moved = filled(
+            [&](std::size_t i) { return static_cast<double>(cloud.means[i][axis]) - samples.positions[i][axis]; },
+            axis == 0 ? -1 : 1);
+        for (std::size_t k = 0; k < fill.points.size(); ++k)
+            fill.colors[k][axis] = static_cast<T>(colors[k]), fill.displacements[k][axis] = static_cast<T>(moved[k]);
+    }
+    const auto logits = filled([&](std::size_t i) { return cloud.opacity_logits[i]; });
+    for (std::size_t k = 0; k < fill.points.size(); ++k)
+        fill.opacity_logits.push_back(std::max(static_cast<T>(logits[k]), cloud.opacity_logits[fill.points[k]]));
+    return fill;
+}
+
+} // namespace gsh
