@@ -47,6 +47,7 @@
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/joint_merge.hpp>
 #include <gsh/body/joint_names.hpp>
+#include <gsh/body/keypoints.hpp>
 #include <gsh/body/mesh.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/body/motion_span.hpp>
@@ -178,6 +179,7 @@
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/frame_increments.hpp>
 #include <gsh/train/frozen_scene.hpp>
+#include <gsh/train/keypoint_term.hpp>
 #include <gsh/train/light_estimate.hpp>
 #include <gsh/train/light_samples.hpp>
 #include <gsh/train/memory.hpp>

@@ -164,6 +164,12 @@ TEST_CASE("at unknown pixels the photograph stays as it is, and splats lie over 
     const std::vector<UnknownPixel> outside{{noise_width * noise_height, {}}};
     noise.photo.unknown = outside;
     CHECK_THROWS_AS(check_photo("test", noise.photo, 1), ValueError);
+    noise.photo.unknown = {};
+    CHECK_NOTHROW(check_photo("test", noise.photo, 1));
+    for (const double weight : {-0.1, 1.1}) {
+        noise.photo.weight = weight;
+        CHECK_THROWS_AS(check_photo("test", noise.photo, 1), ValueError);
+    }
 }
 
 TEST_CASE("with half chroma the render is compared as the codec would have kept it") {
@@ -222,6 +228,11 @@ TEST_CASE("the adjoint is the gradient of the loss with respect to splats and ca
         const auto twice = splat_numbers(dL_dsplats);
         for (std::size_t i = 0; i < once.size(); ++i) CHECK(twice[i] == doctest::Approx(2 * once[i]));
         CHECK(length(dL_dcamera[0].dL_dt - 2.0 * once_t) <= 1e-12 * length(once_t));
+
+        noise.photo.weight = 0.25;
+        backward();
+        const auto weighted = splat_numbers(dL_dsplats);
+        for (std::size_t i = 0; i < once.size(); ++i) CHECK(weighted[i] == doctest::Approx(2.25 * once[i]));
     }
 }
 

@@ -10,6 +10,8 @@
 #include "support/gradient.hpp"
 
 #include <cmath>
+#include <cstdint>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -39,11 +41,12 @@ struct RoughTurn {
             estimate.transl[t] += shift[0];
         }
     }
-    [[nodiscard]] Registration registered(cpu::Threads& on, const std::vector<Photo>& used) const {
+    [[nodiscard]] Registration registered(cpu::Threads& on, const std::vector<Photo>& used,
+                                          std::vector<std::vector<ViewKeypoints>> keypoints = {}) const {
         RegistrationParams params;
         params.levels = {{.pixels = 40, .visits = 40}, {.pixels = 80, .visits = 30, .rate = 0.6, .fingers = 1}};
         params.gaussians = 4000;
-        const RegisteredPerson person{&body, &estimate};
+        const RegisteredPerson person{&body, &estimate, std::move(keypoints)};
         return register_motions(on, Span<const RegisteredPerson>(&person, 1), Span<const Photo>(used), 7, params);
     }
     /// Mean distance of the first 22 joints, relative to the root, of some frames.
@@ -76,6 +79,30 @@ TEST_CASE("Registration corrects poses that are wrong in all frames alike, seen 
     for (const double psnr : found.frame_psnr) CHECK(psnr > 20);
 }
 
+TEST_CASE("Keypoints with errors of a detector bring the joints nearer") {
+    RoughTurn& scene = rough_turn();
+    const std::vector<vec3<double>> joints = motion_joints(scene.body, scene.truth);
+    const std::size_t J = scene.truth.joint_count;
+    std::vector<std::vector<ViewKeypoints>> keypoints(scene.truth.frame_count());
+    test::Rng rng(4);
+    for (const Photo& photo : scene.photos) {
+        auto& view = keypoints[photo.frame].emplace_back(ViewKeypoints{photo.camera, {}});
+        for (const int j : {4, 5, 7, 8, 16, 17, 18, 19, 20, 21}) { // what both detectors name
+            const vec3<double>& joint = joints[photo.frame * J + static_cast<std::size_t>(j)];
+            const std::vector<double> off = rng.numbers(2, -1, 1); // pixels of 160
+            view.points.push_back({j, to_pixel(photo.camera, to_camera(photo.camera, joint)) +
+                                          vec2<double>(off[0], off[1]), 0.8});
+        }
+    }
+    keypoints[3][0].points[0].pixel += vec2<double>(60, -60); // an ankle that is somewhere else
+    const double without = scene.error(scene.registered(scene.backend, scene.photos).motions[0]);
+    const double with = scene.error(scene.registered(scene.backend, scene.photos, keypoints).motions[0]);
+    MESSAGE("joints: " << without << " mm without keypoints, " << with << " mm with them");
+    CHECK(with < 0.9 * without);
+    keypoints.pop_back();
+    CHECK_THROWS_AS((void)scene.registered(scene.backend, scene.photos, keypoints), ShapeError);
+}
+
 TEST_CASE("The same seed gives the same bits on one thread and on two; frames without photographs follow the others") {
     RoughTurn& scene = rough_turn();
     std::vector<Photo> some;
@@ -92,6 +119,41 @@ TEST_CASE("The same seed gives the same bits on one thread and on two; frames wi
         return joint_errors(scene.body, motion, scene.truth, RootAlignment::position).per_frame_mm[4];
     };
     CHECK(frame_error(a.motions[0]) < 0.7 * frame_error(scene.estimate));
+}
+
+TEST_CASE("a frame is believed less the farther its error lies above that of most frames") {
+    const double nan = std::nan("");
+    const std::vector<double> weights = frame_weights({30, 28, nan, 30, 24, 20, 31});
+    REQUIRE(weights.size() == 7);
+    for (const std::size_t t : {0, 1, 2, 3, 6}) CHECK(weights[t] == 1); // 2 dB below, or without a photograph
+    CHECK(weights[4] == doctest::Approx(0.2524).epsilon(0.001));
+    CHECK(weights[5] == doctest::Approx(0.04));
+    CHECK(frame_weights({nan, nan}) == std::vector<double>{1, 1});
+    CHECK(frame_weights({}).empty());
+}
+
+TEST_CASE("A frame whose photograph shows something else is named, and harms no other") {
+    RoughTurn& scene = rough_turn();
+    std::vector<Photo> some, wrong = scene.photos;
+    for (const Photo& photo : scene.photos)
+        if (photo.frame != 4) some.push_back(photo);
+    std::vector<std::uint8_t> upside_down(wrong[4].rgba.begin(), wrong[4].rgba.end());
+    for (std::size_t a = 0, b = upside_down.size() - 4; a < b; a += 4, b -= 4)
+        for (std::size_t c = 0; c < 4; ++c) std::swap(upside_down[a + c], upside_down[b + c]);
+    REQUIRE(wrong[4].frame == 4);
+    wrong[4].rgba = upside_down;
+    const Registration with = scene.registered(scene.backend, wrong), without = scene.registered(scene.backend, some);
+    const std::vector<double> weights = frame_weights(with.frame_psnr);
+    for (std::size_t t = 0; t < weights.size(); ++t) CHECK((weights[t] < 0.25) == (t == 4));
+    const auto others = [&](const Motion& motion) {
+        const JointErrors errors = joint_errors(scene.body, motion, scene.truth, RootAlignment::position);
+        double sum = 0;
+        for (std::size_t t = 0; t < errors.per_frame_mm.size(); ++t) sum += t == 4 ? 0 : errors.per_frame_mm[t] / 9;
+        return sum;
+    };
+    MESSAGE("the other frames: " << others(with.motions[0]) << " mm, without the wrong one "
+                                 << others(without.motions[0]) << " mm");
+    CHECK(others(with.motions[0]) < 1.25 * others(without.motions[0]));
 }
 
 TEST_CASE("What cannot be registered is refused") {

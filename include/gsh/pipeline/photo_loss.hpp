@@ -58,6 +58,7 @@ public:
         backdrop_.set_color(background);
         resize(photo.camera.height, photo.camera.width);
         halve_chroma_ = photo.half_chroma;
+        weight_ = T(photo.weight);
         backdrop_.photograph(*backend_, pixels.rgba, pixels.plate, pixels.unknown, view(truth_, 3),
                              with_mask() ? in(mask_, 1) : ImageView<T>{});
     }
@@ -103,19 +104,20 @@ public:
     /// The numbers of values() in the backend's memory, [4]: loss, L1, SSIM, mean squared error. Does not wait.
     [[nodiscard]] Span<const double> values_on_backend() const { return photometric_cache_.values; }
 
-    /// Adjoint of render() and compare(). Takes the arguments of render again. Adds to dL_dsplats, and to dL_dcamera
-    /// [1] if that is given.
+    /// Adjoint of render() and compare(), times the photograph's weight. Takes the arguments of render again. Adds to
+    /// dL_dsplats, and to dL_dcamera [1] if that is given.
     void backward(const Deferred<Camera<T>>& camera, const SplatView<const T>& splats, const SplatView<T>& dL_dsplats,
                   Span<CameraGradient<T>> dL_dcamera = {}) {
         const ImageView<T> dL_drender = in(dL_drender_, 3);
         backend_->fill(dL_drender.data, T(0));
-        photometric_.backward(view(render_, 3), view(truth_, 3), T(1), photometric_cache_, dL_drender);
+        photometric_.backward(view(render_, 3), view(truth_, 3), weight_, photometric_cache_, dL_drender);
         if (halve_chroma_) half_chroma_.backward(dL_drender);
         RenderGradient<T> dL_dtarget{.color = dL_drender};
         if (with_mask()) {
             const ImageView<T> dL_dalpha = in(dL_dalpha_, 1);
             backend_->fill(dL_dalpha.data, T(0));
-            mask_loss_.backward(view(alpha_, 1), view(mask_, 1), T(params_.mask_weight), mask_cache_, dL_dalpha);
+            mask_loss_.backward(view(alpha_, 1), view(mask_, 1), T(params_.mask_weight) * weight_, mask_cache_,
+                                dL_dalpha);
             dL_dtarget.alpha = dL_dalpha;
         }
         rasterizer_.backward(camera, splats, backdrop_.background(), dL_dtarget, raster_cache_, dL_dsplats, dL_dcamera);
@@ -195,6 +197,7 @@ private:
     L1Loss<B, T> mask_loss_;
 
     bool halve_chroma_ = false;             // of the render, before it is compared
+    T weight_ = T(1);                       // of the photograph
     int height_ = 0, width_ = 0;            // of the current photograph or picture
     Buffer render_, truth_, dL_drender_;    // [3, height, width]; they keep the memory of the largest
     Buffer alpha_, mask_, dL_dalpha_;       // [height, width], or empty

@@ -13,6 +13,7 @@
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/canonical_setup.hpp>
 #include <gsh/train/configuration.hpp>
+#include <gsh/train/keypoint_term.hpp>
 #include <gsh/train/refinement.hpp>
 #include <gsh/train/train_config.hpp>
 #include <gsh/train/trainer.hpp>
@@ -37,6 +38,7 @@ struct RegistrationLevel {
     double visits = 40; ///< steps for each photographed frame
     double rate = 1;    ///< factor on all rates
     double fingers = 0; ///< factor on the rate of fingers, jaw and eyes, which coarse photographs do not show
+    double keypoints = 1; ///< factor on the weight of keypoints: a detector errs by more than a fine photograph shows
 };
 
 /// Rates and terms of a registration. Shape and biases learn from all frames, and the motion stays smooth: one camera
@@ -57,12 +59,13 @@ struct RegistrationParams {
     std::vector<RegistrationLevel> levels{
         {.pixels = 45, .visits = 40},
         {.pixels = 68, .visits = 40, .rate = 0.7, .fingers = 0.5},
-        {.pixels = 135, .visits = 30, .rate = 0.5, .fingers = 1},
-        {.pixels = 270, .visits = 30, .rate = 0.35, .fingers = 1},
+        {.pixels = 135, .visits = 30, .rate = 0.5, .fingers = 1, .keypoints = 0.3},
+        {.pixels = 270, .visits = 30, .rate = 0.35, .fingers = 1, .keypoints = 0.1},
     };
     std::size_t gaussians = 20'000; ///< of each person
     RefinementConfig refinement = registration_terms();
     PhotoGainParams gain{.rate = 0.03};
+    KeypointTermParams keypoints = {};
     std::function<void(double)> progress = {}; ///< called with the share that is done, if given
 };
 
@@ -70,6 +73,7 @@ struct RegistrationParams {
 struct RegisteredPerson {
     const BodyModel* body = nullptr;
     const Motion* motion = nullptr;
+    std::vector<std::vector<ViewKeypoints>> keypoints = {}; ///< of each frame, or none
 };
 
 /// How well the bodies explain the photographs of a level, at its end.
@@ -86,6 +90,24 @@ struct Registration {
     /// PSNR of each frame in dB at the end of the last level, a mean over its photographs; NaN without any.
     std::vector<double> frame_psnr;
 };
+
+/// How much each frame is believed, from how well the bodies explain it: 1 up to twice the median of the frames'
+/// squared errors, beyond it the square of the ratio. A frame 6 dB below the others weighs a quarter, one 10 dB below a
+/// twenty-fifth: it still learns its own pose, and hardly disturbs what all frames share. Frames without a photograph
+/// (NaN) have 1.
+[[nodiscard]] inline std::vector<double> frame_weights(const std::vector<double>& frame_psnr) {
+    std::vector<double> known;
+    for (const double psnr : frame_psnr)
+        if (std::isfinite(psnr)) known.push_back(psnr);
+    std::vector<double> weights(frame_psnr.size(), 1);
+    if (known.empty()) return weights;
+    const auto middle = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2);
+    std::nth_element(known.begin(), middle, known.end());
+    for (std::size_t t = 0; t < weights.size(); ++t)
+        if (frame_psnr[t] < *middle - 10 * std::log10(2.0))
+            weights[t] = std::pow(2 * std::pow(10, (frame_psnr[t] - *middle) / 10), 2);
+    return weights;
+}
 
 namespace detail {
 
@@ -116,19 +138,51 @@ namespace detail {
     return config;
 }
 
+/// People whose poses also follow keypoints. At each step, the keypoints of all photographs of the step's frame count.
+template <CpuBackend B, class Model>
+class KeypointScene : public AvatarScene<B, Model> {
+public:
+    using AvatarScene<B, Model>::AvatarScene;
+
+    /// `term` must outlive the scene.
+    void follow(KeypointTerm<B>& term, std::size_t person) { terms_.push_back({&term, person}); }
+
+    void backward(std::size_t frame, const Deferred<vec3<float>>& center, const SplatView<const float>& dL_dsplats,
+                  Span<vec3<float>> dL_dcenter) {
+        AvatarScene<B, Model>::backward(frame, center, dL_dsplats, dL_dcenter);
+        for (const auto& [term, person] : terms_) {
+            MotionRefinement<B>& refinement = *this->refinement(person);
+            if (!term->has(frame) || !refinement.learns_motion(frame)) continue;
+            const RigPoseGradient<float> dL_dpose = refinement.pose_gradient();
+            term->backward(frame, this->pose(frame, person), dL_dpose);
+            refinement.accumulate(frame, dL_dpose);
+        }
+    }
+
+private:
+    struct Followed {
+        KeypointTerm<B>* term;
+        std::size_t person;
+    };
+    std::vector<Followed> terms_;
+};
+
 /// Trains bodies and corrections on photographs of one size, and puts the corrected motions into result.motions.
 /// done(share) is called before each step.
 template <CpuBackend B, class Done>
 void register_level(B& backend, Span<const RegisteredPerson> people, const std::vector<Photo>& photos,
-                    const std::vector<std::size_t>& unseen_frames, std::size_t steps, double fingers,
-                    RefinementConfig terms, const RegistrationParams& params, std::uint64_t seed, const Done& done,
-                    Registration& result) {
+                    const std::vector<std::size_t>& unseen_frames, std::size_t steps,
+                    const RegistrationLevel& level, RefinementConfig terms, const RegistrationParams& params,
+                    std::uint64_t seed, const Done& done, Registration& result) {
     using Model = ConfiguredAvatar<B>;
-    using Scene = AvatarScene<B, Model>;
+    using Scene = KeypointScene<B, Model>;
     const Configuration config = registration_configuration();
     std::deque<Model> models;
     std::deque<MotionRefinement<B>> refinements;
+    std::deque<KeypointTerm<B>> keypoints;
     std::vector<CastMember<Model>> cast;
+    KeypointTermParams keypoint_params = params.keypoints;
+    keypoint_params.weight *= level.keypoints;
     for (std::size_t p = 0; p < people.size(); ++p) {
         const Motion& motion = result.motions[p];
         CanonicalSetup made = make_canonical_setup(backend, *people[p].body, motion, config, params.gaussians,
@@ -136,13 +190,17 @@ void register_level(B& backend, Span<const RegisteredPerson> people, const std::
         for (double& scale : made.samples.scales) scale *= 0.7; // wider ones reach beyond the body's outline
         models.push_back(make_avatar<B>(backend, made.rig, made.samples, motion.frame_count(), seed, config.avatar,
                                         made.priors));
-        terms.joint_rates = joint_rates(made.rig.joint_count(), fingers, fingers);
+        terms.joint_rates = joint_rates(made.rig.joint_count(), level.fingers, level.fingers);
         terms.left_out = unseen_frames;
         refinements.emplace_back(backend, made.rig, motion, std::vector<Camera<double>>(), terms);
+        keypoints.emplace_back(backend, made.rig, people[p].keypoints, keypoint_params);
         cast.push_back({&models.back(), &motion});
     }
     Scene scene(backend, cast);
-    for (std::size_t p = 0; p < people.size(); ++p) scene.refine(refinements[p], p);
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        scene.refine(refinements[p], p);
+        if (!people[p].keypoints.empty()) scene.follow(keypoints[p], p);
+    }
     Trainer<B, Scene> trainer(backend, scene, photos, seed, registration_training(config.train, params.gain));
 
     // Squared errors at the last visit of each photograph, and their number.
@@ -171,7 +229,8 @@ void register_level(B& backend, Span<const RegisteredPerson> people, const std::
 
 /// Fits motions and shapes of people to photographs, coarse to fine. Each level trains Gaussians on the bodies'
 /// surfaces, and with them the corrections of a MotionRefinement: a bias of each joint and of transl for all frames,
-/// corrections of each frame, and betas. The loss is L1 over random backgrounds, so outlines count as well as colours.
+/// corrections of each frame, and betas. The loss is L1 over random backgrounds, so outlines count as well as colours;
+/// keypoints, where there are some, add their KeypointTerm.
 /// The motion of a level is the estimate of the next one, which starts with new Gaussians.
 ///
 /// Frames without a photograph get the corrections of their neighbours in time. The same seed gives the same bits on
@@ -189,6 +248,8 @@ template <CpuBackend B>
     Registration result;
     for (const RegisteredPerson& person : people) {
         check_value(!person.body->faces.empty(), where, "a body has no triangles, so it has no surface to fit");
+        if (!person.keypoints.empty())
+            check_size(where, "keypoints", person.keypoints.size(), person.motion->frame_count(), "one list per frame");
         result.motions.push_back(*person.motion);
     }
     std::set<std::size_t> frames;
@@ -212,10 +273,14 @@ template <CpuBackend B>
         terms.final_rate = &level == &params.levels.back() ? 0.1 : 0.5;
         result.fits.push_back({factor, steps, 0});
         const ReducedPhotos reduced(backend, photos, factor);
+        std::vector<Photo> weighted = reduced.photos();
+        const std::vector<double> weights = frame_weights(result.frame_psnr); // empty at the first level
+        for (Photo& photo : weighted)
+            if (!weights.empty()) photo.weight = weights[photo.frame];
         const auto done = [&](double share) {
             if (params.progress) params.progress((visits_done + share * level.visits) / visits);
         };
-        detail::register_level(backend, people, reduced.photos(), unseen, steps, level.fingers, terms, params, seed,
+        detail::register_level(backend, people, weighted, unseen, steps, level, terms, params, seed,
                                done, result);
         visits_done += level.visits;
     }

@@ -53,7 +53,10 @@ public:
                 {.filter = config.filter, .ssim_weight = config.ssim_weight, .background = config.background}),
           gains_(backend, photos_, config_.gain), repeated_(backend), history_(backend) {
         check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
-        for (const Photo& photo : photos_) check_photo("Trainer", photo, scene.frame_count());
+        for (Photo& photo : photos_) {
+            check_photo("Trainer", photo, scene.frame_count());
+            photo.weight = static_cast<double>(std::lround(255 * photo.weight)) / 255;
+        }
         for (const LearnedArray<T>& array : scene.learned())
             check_value(array.rate >= 0 && std::isfinite(array.rate) && array.other.rate >= 0 &&
                             std::isfinite(array.other.rate),
@@ -98,8 +101,10 @@ public:
         scene_->set_progress(step_count_, progress);
         const Camera<double>& camera = photos_[index].camera;
         pixels_.prepare(index);
-        const std::uint64_t half_chroma = photos_[index].half_chroma;
-        repeated_.run(half_chroma << 63 | std::uint64_t(camera.height) << 32 | std::uint64_t(camera.width),
+        const std::uint64_t half_chroma = photos_[index].half_chroma; // what a recorded step contains as constants
+        const auto weight = static_cast<std::uint64_t>(std::lround(255 * photos_[index].weight));
+        repeated_.run(half_chroma << 63 | weight << 55 | std::uint64_t(camera.height) << 32 |
+                          std::uint64_t(camera.width),
                       [&] { compute_step(index, progress, observer); });
         ++step_count_;
         pixels_.fetch(photo_of_step(step_count_));

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/io/capture/keypoints_file.hpp>
+
+#include "io/sample_files.hpp"
+#include "io/temporary.hpp"
+
+#include <doctest/doctest.h>
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+using namespace gsh;
+using detail::Json;
+
+namespace {
+
+std::vector<NamedCamera> cameras_called(const std::vector<std::string>& names) {
+    std::vector<NamedCamera> cameras(names.size());
+    for (std::size_t c = 0; c < names.size(); ++c) cameras[c].name = names[c];
+    return cameras;
+}
+
+/// Points (10 k, 10 k + 1) with confidence 0.5, `count` of them.
+Json points(std::size_t count) {
+    Json list = Json::array();
+    for (std::size_t k = 0; k < count; ++k)
+        for (const double number : {10.0 * static_cast<double>(k), 10.0 * static_cast<double>(k) + 1, 0.5})
+            list.push_back(number);
+    return list;
+}
+
+/// The message of the error that `f` throws.
+std::string message_of(const std::function<void()>& f) {
+    try {
+        f();
+    } catch (const IoError& error) {
+        return error.what();
+    }
+    return "none";
+}
+
+const Keypoint* find(const std::vector<Keypoint>& points, const char* joint) {
+    for (const Keypoint& point : points)
+        if (point.joint == smplx_joint(joint)) return &point;
+    return nullptr;
+}
+
+struct OpenPose {
+    test::Temporary folder;
+    std::vector<NamedCamera> cameras = cameras_called({"left", "right"});
+    Json person{{"pose_keypoints_2d", points(25)},
+                {"hand_left_keypoints_2d", points(21)},
+                {"hand_right_keypoints_2d", Json::array()}};
+
+    OpenPose() {
+        std::filesystem::create_directories(folder / "left");
+        write("left/000007_keypoints.json", {{"version", 1.3}, {"people", {person, person}}});
+        write("right_3_keypoints.json", {{"people", {person}}});
+        write("right_4.json", {{"people", Json::array()}});
+    }
+    void write(const char* name, const Json& json) const { test::write_text(folder / name, json.dump()); }
+    [[nodiscard]] std::vector<PhotoKeypoints> load() const { return load_keypoints(folder / "", cameras, 10); }
+    [[nodiscard]] std::string refused() const {
+        return message_of([&] { (void)load(); });
+    }
+};
+
+} // namespace
+
+TEST_CASE("OpenPose's files are read: camera and frame from the names, joints by their numbers") {
+    const OpenPose files;
+    const std::vector<PhotoKeypoints> found = files.load();
+    REQUIRE(found.size() == 2); // right 4 has no people
+    CHECK((found[0].camera == 0 && found[0].frame == 7));
+    CHECK((found[1].camera == 1 && found[1].frame == 3));
+    REQUIRE(found[0].people.size() == 2);
+    REQUIRE(found[1].people.size() == 1);
+    const std::vector<Keypoint>& points = found[0].people[1];
+    CHECK(points.size() == 10 + 15); // shoulders, elbows, wrists, knees, ankles; a hand
+    REQUIRE((find(points, "right_elbow") && find(points, "left_ankle") && find(points, "left_pinky2")));
+    CHECK(find(points, "right_elbow")->pixel == vec2<double>(30, 31));
+    CHECK(find(points, "left_ankle")->pixel == vec2<double>(140, 141));
+    CHECK(find(points, "left_thumb1")->pixel == vec2<double>(10, 11));
+    CHECK(find(points, "left_pinky2")->pixel == vec2<double>(180, 181));
+    CHECK(find(points, "left_pinky2")->confidence == 0.5);
+    CHECK(find(points, "right_index1") == nullptr);
+}
+
+TEST_CASE("a single camera needs no name in the files") {
+    test::Temporary folder;
+    test::write_text(folder / "video_000000000002_keypoints.json",
+                     Json{{"people", {{{"pose_keypoints_2d", points(25)}}}}}.dump());
+    // nine digits at most: a longer number is no frame
+    CHECK(message_of([&] { (void)load_keypoints(folder / "", cameras_called({"cam"}), 5); }).find("frame's number") !=
+          std::string::npos);
+    std::filesystem::remove(folder / "video_000000000002_keypoints.json");
+    test::write_text(folder / "video_002_keypoints.json",
+                     Json{{"people", {{{"pose_keypoints_2d", points(25)}}}}}.dump());
+    const auto found = load_keypoints(folder / "", cameras_called({"cam"}), 5);
+    REQUIRE(found.size() == 1);
+    CHECK(found[0].frame == 2);
+}
+
+TEST_CASE("a file of COCO-WholeBody is read; visibility counts as confidence, up to 1") {
+    test::Temporary folder;
+    Json body = points(17);
+    body[3 * 7 + 2] = 2; // left elbow
+    body[3 * 9 + 2] = 0; // left wrist: not labelled
+    const Json json{{"images",
+                     {{{"id", 12}, {"file_name", "images/left/0004.png"}},
+                      {{"id", "b"}, {"file_name", "right_5.jpg"}}}},
+                    {"annotations",
+                     {{{"image_id", "b"}, {"keypoints", body}, {"righthand_kpts", points(21)}, {"face_kpts", 3}},
+                      {{"image_id", 12}, {"keypoints", points(17)}}}}};
+    test::write_text(folder / "all.json", json.dump());
+    const auto found = load_keypoints(folder / "all.json", cameras_called({"left", "right"}), 10);
+    REQUIRE(found.size() == 2);
+    CHECK((found[0].camera == 0 && found[0].frame == 4));
+    CHECK((found[1].camera == 1 && found[1].frame == 5));
+    CHECK(found[0].people[0].size() == 10);
+    const std::vector<Keypoint>& points = found[1].people[0];
+    CHECK(points.size() == 9 + 15);
+    REQUIRE(find(points, "left_elbow"));
+    CHECK(find(points, "left_elbow")->confidence == 1);
+    CHECK(find(points, "left_elbow")->pixel == vec2<double>(70, 71));
+    CHECK(find(points, "left_wrist") == nullptr);
+    CHECK(find(points, "right_thumb3")->pixel == vec2<double>(30, 31));
+}
+
+TEST_CASE("damaged keypoints are refused, with file and field") {
+    const auto refused = [](const char* name, const Json& json, const char* expected) {
+        const OpenPose files;
+        files.write(name, json);
+        const std::string message = files.refused();
+        CAPTURE(message);
+        CHECK(message.find(name) != std::string::npos);
+        CHECK(message.find(expected) != std::string::npos);
+    };
+    const auto people = [](const Json& list) { return Json{{"people", {{{"pose_keypoints_2d", list}}}}}; };
+    Json text = points(25), infinite = points(25), negative = points(25);
+    text[4] = "x", negative[5] = -0.1;
+    infinite[4] = nullptr;
+    refused("left/1.json", people(points(24)), "pose_keypoints_2d has 72 elements, expected 75");
+    refused("left/1.json", people(text), "at place 4");
+    refused("left/1.json", people(infinite), "at place 4");
+    refused("left/1.json", people(negative), "negative confidence");
+    refused("left/1.json", Json{{"people", {Json::object()}}}, "no pose_keypoints_2d");
+    refused("left/1.json", Json{{"persons", 1}}, "no list people");
+    refused("left/1.json", Json::array(), "no list people");
+    refused("left/10.json", people(points(25)), "frame 10, expected one below 10");
+    refused("left/a.json", people(points(25)), "frame's number");
+    refused("middle_1.json", people(points(25)), "expected one of left, right");
+    refused("left_7.json", people(points(25)), "which another file has");
+
+    test::Temporary folder;
+    const auto cameras = cameras_called({"left"});
+    const auto load = [&](const Json& json) {
+        test::write_text(folder / "a.json", json.dump());
+        return message_of([&] { (void)load_keypoints(folder / "a.json", cameras, 9); });
+    };
+    const Json image{{"id", 1}, {"file_name", "left/1.png"}};
+    CHECK(load(Json{{"images", {image, image}}}).find("twice") != std::string::npos);
+    CHECK(load(Json{{"images", {{{"id", 1}}}}}).find("no file_name") != std::string::npos);
+    CHECK(load(Json{{"images", {image}}}).find("no list annotations") != std::string::npos);
+    CHECK(load(Json{{"images", {image}}, {"annotations", {{{"image_id", 2}}}}}).find("image_id 2") !=
+          std::string::npos);
+    CHECK(load(Json{{"images", {image}}, {"annotations", {{{"image_id", 1}}}}}).find("no keypoints") !=
+          std::string::npos);
+    CHECK(message_of([&] { (void)load_keypoints(folder / "none.json", cameras, 9); }).find("does not exist") !=
+          std::string::npos);
+    test::Temporary empty;
+    CHECK(message_of([&] { (void)load_keypoints(empty / "", cameras, 9); }).find("no .json files") !=
+          std::string::npos);
+}
