@@ -79,6 +79,7 @@ int reconstruct(const ReconstructOptions& options) {
     std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s, PSNR on the person %s dB\n",
                 static_cast<unsigned long long>(record.steps), record.seconds, fixed(mean.psnr, 2).c_str(),
                 fixed(mean.ssim, 4).c_str(), fixed(mean.psnr_person, 2).c_str());
+    for (const std::string& finding : figures->findings) std::printf("%s\n", finding.c_str());
     if (figures->motion) std::printf("%s", markdown_table(motion_rows(*figures->motion)).c_str());
     std::printf("results in %s\n", options.out.c_str());
     return exit_done;

@@ -92,6 +92,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                             "has one frame and no motion; with --hold-out-motion, evaluate it in a call of its own");
                 // a static scene has no poses
                 run.options.refine = run.options.refine_cameras = run.options.no_registration = false;
+                run.options.keypoints.clear();
                 run.config = "static";
                 run.name = std::filesystem::path(config).stem().string() + set_words(run.options);
                 run.options.priors.clear();
@@ -141,7 +142,8 @@ EvaluationFolder::EvaluationFolder(const EvaluateOptions& o) : folder_(o.common.
               {"--seed", std::to_string(o.common.seed)},
               {"--regions", file(o.common.regions)},
               {"--lpips", file(o.common.lpips) + (o.common.lpips_table ? ", as in tables" : "")},
-              {"--hold-out-motion", span_text(held_out_span(o.common))}};
+              {"--hold-out-motion", span_text(held_out_span(o.common))},
+              {"--keypoints", path(o.common.keypoints)}};
     std::error_code ignored;
     if (!std::filesystem::exists(index(), ignored)) return;
     const auto said = read_own_json(index(), [](const Json& json) {

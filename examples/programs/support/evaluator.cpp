@@ -199,6 +199,7 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
         if (interrupted) return false;
         const bool last = goal == goals.back();
         if (last) result.cost = cost_of_run(reconstruction, record);
+        (void)reconstruction.fill_unseen();
         if (run.options.refine && !reconstruction.refine_test_poses()) return false;
         Mark mark{.steps = record.steps, .seconds = record.seconds, .after = after(run, record.steps)};
         mark.protocol = protocol_of(run.options, source_, setup, judge_) + " " +
@@ -206,6 +207,7 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
         const bool judged =
             judge(reconstruction, test_photos_, setup.motion_split, mark, last ? &out : nullptr, result);
         if (run.options.refine) reconstruction.end_test_refinement();
+        reconstruction.end_fill();
         if (!judged) return false;
         result.marks.push_back(std::move(mark));
         if (!last) write_progress(run, result.marks);

@@ -5,6 +5,7 @@
 #include <gsh/io/body/region_file.hpp>
 #include <gsh/io/capture/any_capture.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/keypoints_file.hpp>
 #include <gsh/io/capture/people_capture.hpp>
 #include <gsh/io/capture/prior_views_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
@@ -51,6 +52,25 @@ RegionLists regions_of_file(const std::filesystem::path& path, std::size_t verte
 std::vector<EstimatedPriors> priors_of_file(const std::filesystem::path& path, const Capture& capture,
                                             const std::vector<std::string>& people) {
     return read_prior_views(path, capture.cameras, capture.frame_count(), people);
+}
+std::vector<PhotoKeypoints> keypoints_of_file(const std::filesystem::path& path, const Capture& capture) {
+    std::vector<PhotoKeypoints> keypoints = load_keypoints(path, capture.cameras, capture.frame_count());
+    std::erase_if(keypoints, [&](const PhotoKeypoints& photo) {
+        return !capture.is_training({photo.camera, photo.frame}) || !capture.is_taken({photo.camera, photo.frame});
+    });
+    check_value(!keypoints.empty(), path.string(), "has no keypoints of a training photograph");
+    return keypoints;
+}
+std::string keypoints_checksum(const std::vector<PhotoKeypoints>& keypoints) {
+    Crc32 crc;
+    const auto add = [&](const auto& number) { crc.add(reinterpret_cast<const char*>(&number), sizeof number); };
+    for (const PhotoKeypoints& photo : keypoints) {
+        add(photo.camera), add(photo.frame);
+        for (const auto& person : photo.people)
+            for (const Keypoint& point : person)
+                add(point.joint), add(point.pixel.x), add(point.pixel.y), add(point.confidence);
+    }
+    return text_of(crc.value());
 }
 std::string priors_checksum(const std::filesystem::path& path) { return text_of(prior_views_checksum(path)); }
 std::string file_checksum(const std::filesystem::path& path) {

@@ -27,6 +27,7 @@ struct EstimatedPriors;
 struct LpipsNetwork;
 struct Motion;
 struct NamedCamera;
+struct PhotoKeypoints;
 struct PeopleCapture;
 struct RegionLists;
 struct StaticConfig;
@@ -52,6 +53,10 @@ RegionLists regions_of_file(const std::filesystem::path& path, std::size_t verte
 std::vector<EstimatedPriors> priors_of_file(const std::filesystem::path& path, const Capture& capture,
                                             const std::vector<std::string>& people);
 /// prior_views_checksum, as text.
+/// Keypoints of the capture's training photographs.
+/// Errors  those of load_keypoints; ValueError if there are none.
+std::vector<PhotoKeypoints> keypoints_of_file(const std::filesystem::path& path, const Capture& capture);
+std::string keypoints_checksum(const std::vector<PhotoKeypoints>& keypoints);
 std::string priors_checksum(const std::filesystem::path& path);
 /// CRC-32 of a file as text, to detect changes.
 std::string file_checksum(const std::filesystem::path& path);

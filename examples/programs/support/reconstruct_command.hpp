@@ -32,13 +32,16 @@ inline void add_lpips(CLI::App& app, ReconstructOptions& o) {
                  "its own range [-1, 1]");
 }
 
-/// The options --refine, --no-registration and --refine-cameras.
+/// The options --refine, --no-registration, --keypoints and --refine-cameras.
 inline void add_refine(CLI::App& app, ReconstructOptions& o) {
     app.add_flag("--refine", o.refine,
                  "fit poses and shape to the photographs before training, and refine the poses during training; test "
                  "poses are fitted to the test images, as the protocol states");
     app.add_flag("--no-registration", o.no_registration,
                  "with --refine: only refine the poses during training, because they are known to 2 cm");
+    app.add_option("--keypoints", o.keypoints,
+                   "with --refine: keypoints of the photographs, a folder of OpenPose's JSON files or a JSON file of "
+                   "COCO-WholeBody; a path, or a name in the capture's folder");
     app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: refine all cameras but the first, too");
 }
 

@@ -36,6 +36,7 @@ struct ReconstructOptions : PeopleOptions {
     bool refine = false;           ///< refine poses in training, fit test poses
     bool refine_cameras = false;   ///< refine cameras, too
     bool no_registration = false;  ///< with refine: poses are not registered before training
+    std::filesystem::path keypoints; ///< with refine: of the capture's photographs
     std::filesystem::path regions; ///< JSON lists of vertices
     std::filesystem::path priors;  ///< JSON list of an estimator's maps
     std::filesystem::path lpips;   ///< weights

@@ -67,6 +67,11 @@ public:
     /// A person's present motion, with --refine.
     [[nodiscard]] virtual Motion refined_motion(std::size_t person) const = 0;
 
+    /// Fills the Gaussians that no photograph saw, if the configuration says so, and returns their number for each
+    /// person. Training cannot continue before end_fill.
+    virtual std::vector<std::size_t> fill_unseen() = 0;
+    virtual void end_fill() = 0;
+
     /// Fits the poses of the test frames to the test photographs. The avatars do not change. Several people are fitted
     /// in turns. Later figures are figures of test-time refinement. Returns false after an interrupt.
     virtual bool refine_test_poses() = 0;

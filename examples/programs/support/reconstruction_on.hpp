@@ -18,6 +18,7 @@
 #include <gsh/train/refinement.hpp>
 #include <gsh/train/stage.hpp>
 #include <gsh/train/trainer.hpp>
+#include <gsh/train/unseen_points.hpp>
 
 #include <array>
 #include <cstddef>
@@ -67,6 +68,11 @@ public:
     }
     std::vector<std::array<double, 3>> photo_gains() const override { return trainer_.gains().gains(); }
     Motion refined_motion(std::size_t person) const override { return people_[person].refinement->motion(); }
+
+    std::vector<std::size_t> fill_unseen() override;
+    void end_fill() override {
+        for (Person& person : people_) person.model.end_fill();
+    }
 
     bool refine_test_poses() override;
     void end_test_refinement() override {
@@ -146,6 +152,25 @@ private:
     Trainer<B, Scene> trainer_;
     StageTimer<B> timer_;
 };
+
+template <Backend B>
+std::vector<std::size_t> ReconstructionOn<B>::fill_unseen() {
+    std::vector<std::size_t> counts(people_.size(), 0);
+    if (!setup.configuration.fill_unseen) return counts;
+    const std::vector<double> showing =
+        photographs_showing(*backend_, scene_, setup.photos, setup.configuration.train.filter);
+    const std::vector<std::size_t> frames = photographed_frames(setup.photos);
+    std::size_t first = 0;
+    for (std::size_t p = 0; p < people_.size(); ++p) {
+        const std::size_t size = people_[p].model.size();
+        const auto fill = fill_of_unseen(scene_, setup.people[p].samples,
+                                         Span<const double>(showing).subspan(first, size), frames, p);
+        counts[p] = fill.points.size();
+        if (counts[p] > 0) people_[p].model.fill(fill);
+        first += size;
+    }
+    return counts;
+}
 
 template <Backend B>
 bool ReconstructionOn<B>::refine_test_poses() {

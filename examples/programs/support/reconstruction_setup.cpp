@@ -119,6 +119,7 @@ std::string run_text(const Source& source, const Configuration& configuration, c
     for (const auto& [key, value] : settings_of(configuration)) text += key + " = " + value + "\n";
     if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
     if (o.no_registration) text += "not registered\n";
+    if (!source.keypoints_checksum.empty()) text += "keypoints " + source.keypoints_checksum + "\n";
     if (configuration.has_regions() && !source.regions_checksum.empty())
         text += "regions " + source.regions_checksum + "\n";
     if (configuration.has_priors() && !source.priors_checksum.empty())
@@ -145,6 +146,7 @@ ReconstructionSetup make_setup(Machine& machine, const Source& source, const Con
         photo.unknown = Span<const UnknownPixel>(setup.unknown.back());
         photo.half_chroma =
             configuration.half_chroma && has_half_chroma(photo.rgba, photo.camera.height, photo.camera.width);
+        if (source.registration) photo.weight = source.registration->frame_weights[photo.frame];
     }
     setup.held_out_frames = source.capture.held_out_frames;
     const std::size_t count = gaussians_within_memory(machine, source, setup.photos, o, setup.configuration);

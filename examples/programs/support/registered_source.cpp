@@ -19,18 +19,33 @@ namespace gsh::examples {
 
 namespace {
 
-/// Frames whose PSNR lies more than 6 dB below the median.
-std::vector<std::size_t> doubtful_frames(const std::vector<double>& psnr) {
-    std::vector<double> known;
-    for (const double value : psnr)
-        if (std::isfinite(value)) known.push_back(value);
+/// Frames that weigh less than a quarter: their PSNR lies more than 6 dB below the median.
+std::vector<std::size_t> doubtful_frames(const std::vector<double>& weights) {
     std::vector<std::size_t> frames;
-    if (known.empty()) return frames;
-    const auto middle = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2);
-    std::nth_element(known.begin(), middle, known.end());
-    for (std::size_t t = 0; t < psnr.size(); ++t)
-        if (psnr[t] < *middle - 6) frames.push_back(t);
+    for (std::size_t t = 0; t < weights.size(); ++t)
+        if (weights[t] < 0.25) frames.push_back(t);
     return frames;
+}
+
+/// Gives each person the detections nearest to its estimated poses, and returns the number of photographs with some.
+std::size_t give_keypoints(const Source& source, std::vector<RegisteredPerson>& people) {
+    std::vector<Camera<double>> cameras;
+    for (const NamedCamera& camera : source.capture.cameras) cameras.push_back(camera.camera);
+    std::vector<std::vector<vec3<double>>> posed;
+    std::vector<std::vector<int>> joints;
+    for (const RegisteredPerson& person : people) {
+        joints.push_back(joints_by_name(*person.body));
+        posed.push_back(motion_joints(*person.body, *person.motion));
+    }
+    auto found = keypoints_of_people(source.keypoints, cameras, posed, joints, source.capture.frame_count());
+    std::size_t count = 0;
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        for (const auto& frame : found[p])
+            count += static_cast<std::size_t>(std::count_if(
+                frame.begin(), frame.end(), [](const ViewKeypoints& view) { return !view.points.empty(); }));
+        people[p].keypoints = std::move(found[p]);
+    }
+    return count;
 }
 
 } // namespace
@@ -41,18 +56,21 @@ std::string RegistrationSummary::text() const {
         result += ", " + (people.size() > 1 ? person.name + ": " : std::string()) + "joints moved by " +
                   fixed(person.joints_mm, 0) + " mm (" + fixed(person.root_aligned_mm, 0) +
                   " mm relative to the root), the shape by " + fixed(person.betas, 2) + " per coefficient";
+    if (keypoints > 0) result += ", with keypoints in " + std::to_string(keypoints) + " photographs";
     return result;
 }
 
 void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed) {
     std::vector<RegisteredPerson> people;
     for (std::size_t p = 0; p < source.people.size(); ++p) {
-        people.push_back({&source.body(p), &source.people[p].motion});
+        people.push_back({.body = &source.body(p), .motion = &source.people[p].motion});
         if (!source.body(p).faces.empty()) continue;
         source.warnings.push_back("the body of " + source.people[p].name +
                                   " has no triangles, so poses are not registered before training");
         return;
     }
+    RegistrationSummary summary;
+    if (!source.keypoints.empty()) summary.keypoints = give_keypoints(source, people);
     const std::vector<Photo> photos = photos_of(source.capture, false);
     Progress shown("registering poses");
     RegistrationParams params;
@@ -61,9 +79,9 @@ void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed) 
         register_motions(backend, Span<const RegisteredPerson>(people), Span<const Photo>(photos), seed, params);
     shown.show(1, "done");
 
-    RegistrationSummary summary;
     summary.psnr = found.fits.back().psnr;
-    summary.doubtful_frames = doubtful_frames(found.frame_psnr);
+    summary.frame_weights = frame_weights(found.frame_psnr);
+    summary.doubtful_frames = doubtful_frames(summary.frame_weights);
     summary.frame_psnr = std::move(found.frame_psnr);
     for (std::size_t p = 0; p < people.size(); ++p) {
         const BodyModel& body = *people[p].body;
@@ -81,8 +99,8 @@ void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed) 
     }
     if (!summary.doubtful_frames.empty())
         source.warnings.push_back("frames " + frames_text(summary.doubtful_frames) +
-                                  " fit more than 6 dB worse than the others after registration; look at their poses "
-                                  "and masks, or leave them out");
+                                  " fit more than 6 dB worse than the others after registration, so they weigh less "
+                                  "in training; look at their poses and masks");
     source.registration = std::move(summary);
 }
 

@@ -10,6 +10,7 @@
 #include "support/report.hpp"
 #include "support/source.hpp"
 
+#include <gsh/body/joint_error.hpp>
 #include <gsh/io/file/archive.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/image/image_file.hpp>
@@ -62,8 +63,8 @@ ArchiveReader open_checkpoint(const ReconstructOptions& o) {
 void check_run(const ReconstructOptions& o, const std::string& there, const std::string& here) {
     check_value(there == here, checkpoint_path(o).string(),
                 "belongs to a different run: " + difference(there, here) +
-                    "; resume with the same --config, --set, --gaussians, --refine, --no-registration, --regions, "
-                    "--priors, --hold-out-motion and --poses");
+                    "; resume with the same --config, --set, --gaussians, --refine, --no-registration, --keypoints, "
+                    "--regions, --priors, --hold-out-motion and --poses");
 }
 
 /// The name of a result file: "avatar" for one person, "avatar-NAME" for one of several.
@@ -164,8 +165,8 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
 
 namespace {
 
-/// Adds the gains that photographs have learned to the figures and to the page.
-void add_gains(const Reconstruction& reconstruction, Json& json, Report& report) {
+/// Adds the gains that photographs have learned to the figures, the page and the findings.
+void add_gains(const Reconstruction& reconstruction, Json& json, Report& report, std::vector<std::string>& findings) {
     if (reconstruction.setup.configuration.train.gain.rate == 0) return;
     const std::vector<std::array<double, 3>> gains = reconstruction.photo_gains();
     Curve exposure{"Exposure of training photographs, camera after camera", "stops, 0 in the mean of a camera", {},
@@ -184,13 +185,52 @@ void add_gains(const Reconstruction& reconstruction, Json& json, Report& report)
         balance = std::max({balance, std::abs(red / green - 1), std::abs(blue / green - 1)});
         json["photographs"].push_back({{"name", photos[p].name}, {"gain", {red, green, blue}}});
     }
-    report.facts.emplace_back("Photographs", "exposure from " + fixed(darkest, 2) + " to " + fixed(brightest, 2) +
-                                                 " stops, white balance within " + fixed(100 * balance, 1) + "%");
+    const std::string range = "exposure from " + fixed(darkest, 2) + " to " + fixed(brightest, 2) +
+                              " stops, white balance within " + fixed(100 * balance, 1) + "%";
+    report.facts.emplace_back("Photographs", range);
     report.curves.push_back(std::move(exposure));
+    findings.push_back("photographs: " + range);
 }
 
-/// Adds what the registration did to the figures and to the page.
-void add_registration(const RegistrationSummary& registration, Json& json, Report& report) {
+/// Adds how far each person's joints moved while the avatar learned.
+void add_moved_poses(const Reconstruction& reconstruction, Json& json, Report& report,
+                     std::vector<std::string>& findings) {
+    const std::vector<ReconstructionSetup::Person>& people = reconstruction.setup.people;
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        const JointErrors moved = joint_errors(people[p].rig.body, reconstruction.refined_motion(p), people[p].motion,
+                                               RootAlignment::none);
+        const std::string of = people.size() > 1 ? " of " + people[p].name : "";
+        const std::string text = "joints" + of + " moved by " + fixed(moved.mean_mm, 1) + " mm, at most " +
+                                 fixed(moved.worst_mm, 1) + " mm";
+        json["refinement"].push_back({{"name", people[p].name},
+                                      {"joints_mm", moved.mean_mm},
+                                      {"worst_mm", moved.worst_mm},
+                                      {"frame_mm", moved.per_frame_mm}});
+        Curve curve{"How far training moved the joints" + of + ", mean of a frame", "mm", {}, "frame"};
+        for (std::size_t t = 0; t < moved.per_frame_mm.size(); ++t)
+            curve.points.emplace_back(static_cast<double>(t), moved.per_frame_mm[t]);
+        report.facts.emplace_back("Refinement", text);
+        report.curves.push_back(std::move(curve));
+        findings.push_back("training: " + text);
+    }
+}
+
+/// Adds how many Gaussians no photograph has seen.
+void add_unseen(const ReconstructionSetup& setup, const std::vector<std::size_t>& counts, Json& json, Report& report,
+                std::vector<std::string>& findings) {
+    if (!setup.configuration.fill_unseen) return;
+    const std::size_t unseen = std::accumulate(counts.begin(), counts.end(), std::size_t(0));
+    json["unseen_gaussians"] = unseen;
+    report.facts.emplace_back("Seen by no photograph", std::to_string(unseen) + " Gaussians");
+    if (unseen > 0)
+        findings.push_back(std::to_string(unseen) + " of " + std::to_string(setup.gaussian_count()) +
+                           " Gaussians were seen by no photograph; they have the colours of their surroundings or of "
+                           "the body's other side");
+}
+
+/// Adds what the registration did to the figures, the page and the findings.
+void add_registration(const RegistrationSummary& registration, Json& json, Report& report,
+                      std::vector<std::string>& findings) {
     Json& into = json["registration"];
     into["psnr"] = number_or_null(registration.psnr);
     for (const auto& person : registration.people)
@@ -204,9 +244,22 @@ void add_registration(const RegistrationSummary& registration, Json& json, Repor
         if (std::isfinite(registration.frame_psnr[t]))
             curve.points.emplace_back(static_cast<double>(t), registration.frame_psnr[t]);
     }
+    into["frame_weights"] = registration.frame_weights;
     into["doubtful_frames"] = registration.doubtful_frames;
     report.facts.emplace_back("Registration", registration.text());
     report.curves.push_back(std::move(curve));
+    Curve weights{"How much each frame was believed in training", "weight", {}, "frame"};
+    for (std::size_t t = 0; t < registration.frame_weights.size(); ++t)
+        weights.points.emplace_back(static_cast<double>(t), registration.frame_weights[t]);
+    report.curves.push_back(std::move(weights));
+    findings.push_back("registration: " + registration.text());
+    const auto lighter = std::count_if(registration.frame_weights.begin(), registration.frame_weights.end(),
+                                       [](double weight) { return weight < 1; });
+    findings.push_back(lighter == 0 ? "all frames were believed"
+                                    : std::to_string(lighter) + " frames weighed less than the others" +
+                                          (registration.doubtful_frames.empty()
+                                               ? ""
+                                               : ", below a quarter: " + frames_text(registration.doubtful_frames)));
 }
 
 } // namespace
@@ -216,6 +269,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
                                          const TrainingRecord& record) {
     const ReconstructionSetup& setup = reconstruction.setup;
     Judge judge(machine.host(), source, o);
+    const std::vector<std::size_t> unseen = reconstruction.fill_unseen();
     const std::vector<AvatarData> avatars = reconstruction.avatars(); // before poses are fitted to test images
     const std::size_t people = setup.people.size();
     if (o.refine && !reconstruction.refine_test_poses()) return std::nullopt;
@@ -245,7 +299,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
         if (split) report.images.back().push_back(motion_word(*split, scores.size()));
         scores.push_back(score);
     }
-    TestFigures figures{.mean = mean_score(scores), .motion = {}};
+    TestFigures figures{.mean = mean_score(scores), .motion = {}, .findings = {}};
     const ImageScore& mean = figures.mean;
     const std::vector<RegionMean> regions = mean_regions(scores);
     if (split) figures.motion = seen_and_new(scores, *split);
@@ -333,8 +387,10 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
         {"Loss of the step's training view",
          fixed(1 - ssim_weight, 2) + " L1 + " + fixed(ssim_weight, 2) + " (1 - SSIM)", record.loss},
         {"PSNR of the step's training view", "dB", record.psnr}};
-    add_gains(reconstruction, json, report);
-    if (source.registration) add_registration(*source.registration, json, report);
+    add_gains(reconstruction, json, report, figures.findings);
+    if (source.registration) add_registration(*source.registration, json, report, figures.findings);
+    if (o.refine) add_moved_poses(reconstruction, json, report, figures.findings);
+    add_unseen(setup, unseen, json, report, figures.findings);
     write_report(out.file("report.html"), report);
     write_json(out.file("metrics.json"), json);
     if (interrupted) return std::nullopt;

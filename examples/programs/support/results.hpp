@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace gsh::examples {
 
@@ -45,6 +46,7 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
 struct TestFigures {
     ImageScore mean;
     std::optional<SeenAndNew> motion; ///< with --hold-out-motion
+    std::vector<std::string> findings; ///< what training found out about the input, for the user
 };
 
 /// Evaluates the avatar on the test views and writes all files. metrics.json is the last one: if it exists, all files

@@ -16,6 +16,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
+#include <system_error>
 #include <utility>
 
 namespace gsh::examples {
@@ -74,6 +75,13 @@ Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
     for (const BodyModel& body : source.bodies)
         source.regions.push_back(o.regions.empty() ? RegionLists() : regions_of_file(o.regions, body.vertex_count()));
     if (!o.regions.empty()) source.regions_checksum = file_checksum(o.regions);
+    if (!o.keypoints.empty()) {
+        std::error_code ignored;
+        const bool in_capture = std::filesystem::exists(o.capture / o.keypoints, ignored);
+        const std::filesystem::path path = in_capture ? o.capture / o.keypoints : o.keypoints;
+        source.keypoints = keypoints_of_file(path, source.capture);
+        source.keypoints_checksum = keypoints_checksum(source.keypoints);
+    }
     source.priors.resize(source.people.size());
     if (!o.priors.empty()) {
         std::vector<std::string> names;

@@ -6,6 +6,7 @@
 
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/body_model.hpp>
+#include <gsh/body/keypoints.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/region_mask.hpp>
 #include <gsh/io/capture/capture.hpp>
@@ -28,8 +29,10 @@ struct RegistrationSummary {
         double betas = 0;                          ///< root mean square over coefficients
     };
     double psnr = 0; ///< of the last level's photographs
+    std::size_t keypoints = 0; ///< photographs with keypoints of these people
     std::vector<Moved> people;
     std::vector<double> frame_psnr;           ///< [T]; NaN for frames without a photograph
+    std::vector<double> frame_weights;        ///< [T] with which the frames' photographs are trained
     std::vector<std::size_t> doubtful_frames; ///< that fit much worse than the others
 
     [[nodiscard]] std::string text() const;
@@ -44,6 +47,8 @@ struct Source {
     std::vector<EstimatedPriors> priors; ///< of each person
     std::string regions_checksum, priors_checksum; ///< empty without --regions, --priors
     std::vector<std::string> warnings;
+    std::vector<PhotoKeypoints> keypoints; ///< of training photographs; empty without --keypoints
+    std::string keypoints_checksum;        ///< likewise
     std::optional<RegistrationSummary> registration; ///< if the motions of people are registered ones
 
     [[nodiscard]] const BodyModel& body(std::size_t person = 0) const { return bodies[people[person].body]; }

@@ -54,6 +54,8 @@ struct Configuration {
     /// Share of an image's height on either side of a mask's outline where the mask is not believed: Photo::unknown.
     double unknown_band = 0.01;
     bool half_chroma = true; ///< whether photographs with colours of half resolution are found: Photo::half_chroma
+    /// Whether Gaussians that no photograph saw are filled after training (train/unseen_points.hpp).
+    bool fill_unseen = true;
     RefinementConfig refinement; ///< used by runs with refinement
     double finger_rate = 1;      ///< factor on the rate of refined poses at fingers
     double face_rate = 1;        ///< the same at jaw and eyes
@@ -191,6 +193,7 @@ void for_each_setting(C& c, const F& f) {
     f("background.random", c.train.random_background, any);
     f("unknown_band", c.unknown_band, R::at_least(0).up_to(0.1));
     f("half_chroma", c.half_chroma, any);
+    f("fill_unseen", c.fill_unseen, any);
     f("gain.rate", c.train.gain.rate, R::at_least(0));
     f("gain.start", c.train.gain.start, share);
     f("filter.dilation", c.train.filter.dilation, R::at_least(0));
@@ -247,6 +250,7 @@ void for_each_setting(C& c, const F& f) {
         c.train = baseline_config();
         c.unknown_band = 0;
         c.half_chroma = false;
+        c.fill_unseen = false;
     };
     if (name == "paper") return c;
     if (name == "baseline") make_baseline(), c.joints = JointSet::trunk_and_limbs;
