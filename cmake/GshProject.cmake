@@ -37,12 +37,10 @@ target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:${gsh_war
 # __FILE__, by which doctest names and filters files, does not depend on where the checkout is. A compiler cache
 # therefore also serves another checkout of the same sources.
 target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=./>)
-if(GSH_NATIVE)
-  # The property GSH_INSTRUCTION_SET of a target selects another instruction set.
-  set(gsh_set $<TARGET_PROPERTY:GSH_INSTRUCTION_SET>)
-  target_compile_options(gsh_project INTERFACE
-                         $<$<COMPILE_LANGUAGE:CXX>:-march=$<IF:$<BOOL:${gsh_set}>,${gsh_set},native>>)
-endif()
+# The property GSH_INSTRUCTION_SET of a target selects an instruction set.
+set(gsh_set $<TARGET_PROPERTY:GSH_INSTRUCTION_SET>)
+set(gsh_set $<IF:$<BOOL:${gsh_set}>,${gsh_set},$<$<BOOL:${GSH_NATIVE}>:native>>)
+target_compile_options(gsh_project INTERFACE $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<BOOL:${gsh_set}>>:-march=${gsh_set}>)
 if(GSH_SANITIZE)
   target_compile_options(gsh_project INTERFACE -fsanitize=${GSH_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
   target_link_options(gsh_project INTERFACE -fsanitize=${GSH_SANITIZE})

@@ -1,4 +1,4 @@
-# gsh_viewer: the page of gsh-view (examples/web/, compiled in as text) and its server (examples/programs/view/).
+# The page of gsh-view (examples/web/, compiled in as text) and its server (examples/programs/view/).
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(httplib REQUIRED IMPORTED_TARGET GLOBAL cpp-httplib)
 pkg_check_modules(turbojpeg REQUIRED IMPORTED_TARGET GLOBAL libturbojpeg)
@@ -17,5 +17,11 @@ add_custom_command(
   VERBATIM)
 
 file(GLOB viewer_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/examples/programs/view/*.cpp)
-add_library(gsh_viewer STATIC ${viewer_sources} ${web_source})
-target_link_libraries(gsh_viewer PUBLIC gsh_programs PkgConfig::httplib PRIVATE PkgConfig::turbojpeg)
+add_custom_target(gsh_web_files DEPENDS ${web_source}) # written once, for several libraries
+
+# gsh_add_viewer(name programs): adds a library with both, for programs that link the library `programs`.
+function(gsh_add_viewer name programs)
+  add_library(${name} STATIC ${viewer_sources} ${web_source})
+  target_link_libraries(${name} PUBLIC ${programs} PkgConfig::httplib PRIVATE PkgConfig::turbojpeg)
+  add_dependencies(${name} gsh_web_files)
+endfunction()

@@ -8,6 +8,7 @@
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/config.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/field/hash_field.hpp>
 #include <gsh/render/rasterizer.hpp>
@@ -99,9 +100,6 @@ std::vector<double> rasterized() {
 
 } // namespace
 
-#define GSH_TEST_TEXT_OF(name) #name
-#define GSH_TEST_TEXT(name) GSH_TEST_TEXT_OF(name)
-
 gsh::test::SetResults gsh::test::GSH_TEST_RESULTS() {
-    return {GSH_TEST_TEXT(GSH_ISA), GSH_VECTOR_BYTES, posed(), field(), rasterized()};
+    return {GSH_TEXT(GSH_ISA), GSH_VECTOR_BYTES, posed(), field(), rasterized()};
 }

@@ -68,6 +68,7 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     CHECK(metrics.at("peak_memory_bytes") > 50'000'000);
     CHECK(metrics.at("backend") == "threads");
     CHECK(metrics.at("threads") == 1);
+    CHECK(metrics.at("instruction_set") == GSH_TEXT(GSH_ISA));
     CHECK(!metrics.contains("device"));
     CHECK(metrics.at("protocol").get<std::string>().find("Test views of capture (2 images)") == 0);
     REQUIRE(metrics.at("images").size() == 2);

@@ -20,7 +20,8 @@ struct ComputedOn {
     std::string backend = "threads";
     std::string device = {}; ///< the name of the GPU; empty for threads
     std::string precision = "fp32";
-    std::size_t threads = 0; ///< of the host
+    std::size_t threads = 0;          ///< of the host
+    std::string instruction_set = {}; ///< of the host's code (GSH_ISA); empty for results of older versions
 
     /// "4 threads", or the name of the GPU.
     [[nodiscard]] std::string text() const { return device.empty() ? std::to_string(threads) + " threads" : device; }

@@ -31,7 +31,8 @@ MotionFigures motion_of(const Json& json) {
 /// The inverse of add_machine. Files of older versions have no `backend`, and `threads` is in their cost.
 ComputedOn computed_on(const Json& json) {
     const Json& threads = json.contains("threads") ? json.at("threads") : json.at("cost").at("threads");
-    return {json.value("backend", "threads"), json.value("device", ""), json.value("precision", "fp32"), threads};
+    return {json.value("backend", "threads"), json.value("device", ""), json.value("precision", "fp32"), threads,
+            json.value("instruction_set", "")};
 }
 
 RunCost cost_of(const Json& json) {

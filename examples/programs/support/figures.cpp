@@ -27,6 +27,7 @@ void add_machine(Json& json, const ComputedOn& computed_on) {
     json["threads"] = computed_on.threads;
     json["backend"] = computed_on.backend;
     json["precision"] = computed_on.precision;
+    if (!computed_on.instruction_set.empty()) json["instruction_set"] = computed_on.instruction_set;
     if (!computed_on.device.empty()) json["device"] = computed_on.device;
 }
 

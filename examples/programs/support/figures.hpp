@@ -35,7 +35,7 @@ Json person_json(const Score& whole, const std::vector<Score>& regions) {
     return json;
 }
 
-/// Adds `threads`, `backend` and, for a GPU, `device`.
+/// Adds `threads`, `backend`, `precision`, `instruction_set` if it is known and, for a GPU, `device`.
 void add_machine(Json& json, const ComputedOn& computed_on);
 
 /// Figures of one image.

@@ -3,6 +3,7 @@
 
 #include "support/gpu.hpp"
 
+#include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 
 #include <sys/resource.h>
@@ -18,7 +19,8 @@ Machine::Machine(const BackendOption& option) : host_(option.threads) {
     const bool mixed = option.precision == "mixed";
     if (cuda) gpu_ = open_gpu(option.device.value_or(0), mixed);
     else if (mixed) host_.set_precision(Precision::mixed);
-    computed_on_ = {option.backend, cuda ? name_of(*gpu_) : std::string(), option.precision, host_.thread_count()};
+    computed_on_ = {option.backend, cuda ? name_of(*gpu_) : std::string(), option.precision, host_.thread_count(),
+                    GSH_TEXT(GSH_ISA)};
 }
 
 std::uint64_t resident_bytes() {

@@ -54,3 +54,7 @@
 #else
 #define GSH_ISA baseline
 #endif
+
+/// The value of a macro as text: GSH_TEXT(GSH_ISA) is "avx2".
+#define GSH_TEXT_OF(tokens) #tokens
+#define GSH_TEXT(macro) GSH_TEXT_OF(macro)
