@@ -69,8 +69,8 @@ concept CpuBackend = Backend<B> && B::host_memory && HostExecutor<B> && requires
     { backend.thread_count() } -> std::convertible_to<std::size_t>;
 };
 
-/// The arithmetic of fields. `mixed`: operands of products are in bf16, sums in float. What is learned and its moments
-/// stay in float.
+/// The arithmetic of fields. `mixed`: operands of networks are in bf16, sums in float; on a GPU, features and copies of
+/// tables have 16 bits, too. What is learned and its moments stay in float.
 enum class Precision { fp32, mixed };
 
 /// That of a backend, or fp32 if it has no other.
