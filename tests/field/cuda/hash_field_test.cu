@@ -148,6 +148,43 @@ TEST_CASE_TEMPLATE("HashField on the device equals Serial", T, float, double) {
     }
 }
 
+TEST_CASE("HashField::backward on the device is the gradient of forward") {
+    if (test::skip_without_device()) return;
+    const Problem<double> p(70, 2, 5, true, true);
+    Device device;
+    Passes<Device, double> passes(device, p);
+    passes.step();
+    const auto loss_of = [&](const Problem<double>& moved) {
+        Passes<Device, double> at(device, moved);
+        at.step();
+        const std::vector<double> result = at.fetch(at.result);
+        double loss = 0;
+        for (std::size_t i = 0; i < result.size(); ++i) loss += result[i] * p.dL_doutputs[i];
+        return loss;
+    };
+    // Central differences along random directions, and along single numbers.
+    const auto check = [&](std::vector<double> Problem<double>::*numbers, const std::vector<double>& gradient) {
+        test::Rng rng(12);
+        for (int direction = 0; direction < 4; ++direction) {
+            std::vector<double> along(gradient.size());
+            if (direction < 2)
+                for (double& x : along) x = rng.uniform(-1, 1);
+            else
+                along[static_cast<std::size_t>(direction) % along.size()] = 1;
+            double expected = 0;
+            for (std::size_t i = 0; i < along.size(); ++i) expected += gradient[i] * along[i];
+            const double step = 1e-7;
+            Problem<double> before = p, after = p;
+            for (std::size_t i = 0; i < along.size(); ++i)
+                (before.*numbers)[i] -= step * along[i], (after.*numbers)[i] += step * along[i];
+            CHECK((loss_of(after) - loss_of(before)) / (2 * step) == doctest::Approx(expected).epsilon(1e-5).scale(1));
+        }
+    };
+    check(&Problem<double>::table, passes.fetch(passes.dL_dtable));
+    check(&Problem<double>::weights, passes.fetch(passes.dL_dweights));
+    check(&Problem<double>::shared, passes.fetch(passes.dL_dshared));
+}
+
 TEST_CASE("steps of HashField are repeated as one graph") {
     if (test::skip_without_device()) return;
     const Problem<float> p(150, 2, 5, true, true);

@@ -306,8 +306,7 @@ TEST_CASE("mixed precision rounds the operands of products to bf16, and nothing 
             CAPTURE(shape.outputs);
             CAPTURE(rows);
             const Problem<float> p(shape, rows);
-            const Results<float> found = run_device(p, {.precision = Precision::mixed}),
-                                 expected = run_rounded(p);
+            const Results<float> found = run_device(p, {.precision = Precision::mixed}), expected = run_rounded(p);
             // A sum in another order may be rounded to the neighbouring number.
             check_close(found.outputs, expected.outputs, 1e-3);
             check_close(found.dL_dweights, expected.dL_dweights, 1e-3);

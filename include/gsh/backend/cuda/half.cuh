@@ -45,7 +45,7 @@ namespace detail {
 #else
     const std::uint32_t bits = __float_as_uint(value), sign = bits >> 16 & 0x8000u, size = bits & 0x7FFFFFFFu;
     if (size > 0x7F800000u) return 0x7FFFu;
-    constexpr std::uint32_t bias = 112u << 10;                                              // of the exponents
+    constexpr std::uint32_t bias = 112u << 10;                                                   // of the exponents
     if (size >= 0x38800000u) return sign | (((size + 0xFFFu + (size >> 13 & 1u)) >> 13) - bias); // from 2^-14 on
     const float half = 0.5f; // a float of this size ends at 2^-24, and the sum is rounded there
     return sign | (__float_as_uint(__uint_as_float(size) + half) - __float_as_uint(half));

@@ -33,7 +33,7 @@ public:
     using Grid = typename Field::Grid;
     static constexpr std::size_t F = Grid::feature_count;
     using Feature = Bf16Row<F>;
-    using Inputs = MixedWordInputs<static_cast<unsigned>(F)>;
+    using Inputs = MixedWordInputs<static_cast<unsigned>(Grid::output_count), static_cast<unsigned>(F)>;
 
     MixedField(std::string_view where, Device& device, const Field& field, std::size_t rows,
                const FieldInputs<float>& inputs)
@@ -52,7 +52,7 @@ public:
     /// The same, for the network.
     template <class Word>
     [[nodiscard]] typename Inputs::template Words<Word> words(Device::Buffer<std::uint32_t>& words) const {
-        return {words, static_cast<unsigned>(rows_), static_cast<unsigned>(Grid::output_count)};
+        return {words, rows_};
     }
     [[nodiscard]] Inputs inputs(Device::Buffer<std::uint32_t>& features) const {
         return {words<const std::uint32_t>(features), inputs_.points, network_.inputs - Grid::output_count};
@@ -103,8 +103,8 @@ template <class Field, class T, class Query, class Cache>
 
 template <class Field, class T, class Query, class Cache>
 [[nodiscard]] bool hash_field_backward(Device& device, const Field& field, Span<const T> weights, const Query& query,
-                                       Span<const T> dL_doutputs, Cache& cache, Span<T> dL_dtable,
-                                       Span<T> dL_dweights, const FieldInputs<T>& inputs, Span<T> dL_dshared) {
+                                       Span<const T> dL_doutputs, Cache& cache, Span<T> dL_dtable, Span<T> dL_dweights,
+                                       const FieldInputs<T>& inputs, Span<T> dL_dshared) {
     using Grid = typename Field::Grid;
     if constexpr (detail::hash_has_half<Grid, T>) {
         using Mixed = detail::MixedField<Field>;

@@ -315,13 +315,12 @@ void hash_add_gradients(Device& device, const Grid& grid, const HashRows<const G
     constexpr std::string_view where = "HashGrid::backward";
     const HashScratch<Device, T>& scratch = query.scratch;
     const Span<Row<T, F>> sums = as_rows<F>(where, Span<T>(scratch.sums));
-    device.launch(scratch.sum_tasks.size(),
-                  HashSumCells<Grid, T, Gradient>{grid, query.x, query.y, query.z, HashWeights<T>(query.weights()),
-                                                  gradients, scratch.sum_tasks, scratch.points, scratch.segments,
-                                                  sums});
+    device.launch(scratch.sum_tasks.size(), HashSumCells<Grid, T, Gradient>{
+                                                grid, query.x, query.y, query.z, HashWeights<T>(query.weights()),
+                                                gradients, scratch.sum_tasks, scratch.points, scratch.segments, sums});
     device.launch(scratch.gather_tasks.size(),
-                  HashGather<T, F, Gradient>{gradients, sums, scratch.gather_tasks, scratch.entries,
-                                             scratch.item_begin, scratch.items, as_rows<F>(where, dL_dtable)});
+                  HashGather<T, F, Gradient>{gradients, sums, scratch.gather_tasks, scratch.entries, scratch.item_begin,
+                                             scratch.items, as_rows<F>(where, dL_dtable)});
 }
 
 } // namespace detail

@@ -223,8 +223,8 @@ void mixed_backward(Device& device, const MlpShape& network, Span<const float> w
     const unsigned blocks = std::min(static_cast<unsigned>(chunk_count(rows, Kernel::tile_rows)), most_blocks);
     scratch.sums.resize(std::size_t(blocks) * shape.sums_size());
     scratch.dL_dbias.resize(shape.shared ? MixedShape::width : 0);
-    device.launch(blocks, Kernel{{shape, inputs, scratch.packed, scratch.bias}, dL_doutputs, dL_dfeatures,
-                                 scratch.sums});
+    device.launch(blocks,
+                  Kernel{{shape, inputs, scratch.packed, scratch.bias}, dL_doutputs, dL_dfeatures, scratch.sums});
     if (blocks != 0)
         device.launch(chunk_count(shape.sums_size(), MixedJoin::numbers),
                       MixedJoin{network, shape, blocks, scratch.sums, dL_dweights, scratch.dL_dbias});

@@ -22,6 +22,15 @@
 
 namespace gsh::cuda::detail {
 
+/// The same number, as if the compiler did not know it: what follows from it is computed anew, and not kept in
+/// registers from before.
+[[nodiscard]] __device__ inline unsigned computed_anew(unsigned number) {
+#if !defined(GSH_CUDA_EMULATION) && defined(__CUDA_ARCH__)
+    asm volatile("" : "+r"(number));
+#endif
+    return number;
+}
+
 /// Offsets of a network of two hidden layers of 64, in fragments: what the 32 lanes hold of a right operand, two words
 /// each. The number of inner tiles of 16 comes first, then that of column tiles of 8.
 struct MixedShape {
@@ -130,18 +139,18 @@ struct MixedFloatInputs {
     }
 };
 
-/// Features in bf16, [columns / Block][rows][Block], and points in float.
-template <unsigned Block>
-    requires(Block % 2 == 0)
+/// Features in bf16, [Columns / Block][rows][Block], and points in float.
+template <unsigned Columns, unsigned Block>
+    requires(Block % 2 == 0 && Columns % Block == 0)
 struct MixedWordInputs {
     /// Words of features, two numbers each.
     template <class Word>
     struct Words {
         Span<Word> values;
-        unsigned rows, columns;
+        std::size_t rows;
 
         [[nodiscard]] __device__ Word& operator()(unsigned row, unsigned column) const {
-            return values[(column / Block * rows + row) * (Block / 2) + column % Block / 2];
+            return values[(column / Block * static_cast<unsigned>(rows) + row) * (Block / 2) + column % Block / 2];
         }
     };
     Words<const std::uint32_t> features;
@@ -154,16 +163,16 @@ struct MixedWordInputs {
 
         [[nodiscard]] __device__ static bool wanted() { return true; }
         __device__ void write(unsigned row, unsigned column, float first, float second) const {
-            if (column < features.columns) features(row, column) = pack_bf16(first, second);
+            if (column < Columns) features(row, column) = pack_bf16(first, second);
         }
     };
 
-    [[nodiscard]] __device__ unsigned rows() const { return features.rows; }
+    [[nodiscard]] __device__ unsigned rows() const { return static_cast<unsigned>(features.rows); }
     [[nodiscard]] __device__ std::uint32_t word(unsigned row, unsigned column, unsigned columns) const {
         if (row >= rows()) return 0;
-        if (column < features.columns) return features(row, column);
+        if (column < Columns) return features(row, column);
         const auto point = [&](unsigned c) {
-            return c < columns ? points[row * static_cast<unsigned>(own) + (c - features.columns)] : 0.0f;
+            return c < columns ? points[row * static_cast<unsigned>(own) + (c - Columns)] : 0.0f;
         };
         return pack_bf16(point(column), point(column + 1));
     }
@@ -187,13 +196,12 @@ struct MixedRows {
         return {{packed[at], packed[at + 1]}};
     }
 
-    __device__ void load_inputs(unsigned first_row, MatrixA (&x)[most_in_tiles]) const {
-        for (unsigned k = 0; k < most_in_tiles; ++k) {
-            for (unsigned w = 0; w < 4; ++w) {
-                const unsigned row = first_row + group() + w % 2 * 8, column = 16 * k + w / 2 * 8 + pair();
-                x[k].words[w] = inputs.word(row, column, shape.inputs);
-            }
-        }
+    /// Columns [16 k, 16 k + 16) of the inputs.
+    [[nodiscard]] __device__ MatrixA input_tile(unsigned first_row, unsigned k) const {
+        MatrixA x;
+        for (unsigned w = 0; w < 4; ++w)
+            x.words[w] = inputs.word(first_row + group() + w % 2 * 8, 16 * k + w / 2 * 8 + pair(), shape.inputs);
+        return x;
     }
 
     /// A hidden layer: 64 numbers of each row after ReLU, as the next layer's operand.
@@ -230,7 +238,7 @@ struct MixedForward {
     __device__ void operator()() const {
         const unsigned first_row = (blockIdx.x * (block_size / warp_size) + threadIdx.x / warp_size) * Rows::rows;
         MatrixA x[Rows::most_in_tiles], first[4], second[4];
-        network.load_inputs(first_row, x);
+        for (unsigned k = 0; k < Rows::most_in_tiles; ++k) x[k] = network.input_tile(first_row, k);
         network.hidden(0, x, first);
         network.hidden(1, first, second);
         const MixedShape& shape = network.shape;
@@ -240,8 +248,7 @@ struct MixedForward {
             for (unsigned k = 0; k < 4; ++k)
                 multiply_add(sums, second[k], network.weights(shape.forward_offset(2) + k * columns + n));
             for (unsigned i = 0; i < 4; ++i) {
-                const unsigned row = first_row + Rows::group() + i / 2 * 8,
-                               column = 8 * n + Rows::pair() + i % 2;
+                const unsigned row = first_row + Rows::group() + i / 2 * 8, column = 8 * n + Rows::pair() + i % 2;
                 if (row < network.inputs.rows() && column < shape.outputs)
                     outputs[row * shape.outputs + column] = sums.values[i];
             }
@@ -277,14 +284,14 @@ struct MixedBackward {
             compute_hidden(row, h1, h2);
             load_gradient(row, gradient);
 
-            add_weights<4>(shared, gradient, h2, shape.out_tiles(2), 4, third);
+            add_weights<4>(shared, gradient, [&](unsigned k) { return h2[k]; }, shape.out_tiles(2), 4, third);
             through<4>(2, gradient, h2);
-            add_weights<4>(shared, gradient, h1, 4, 4, second);
+            add_weights<4>(shared, gradient, [&](unsigned k) { return h1[k]; }, 4, 4, second);
             through<4>(1, gradient, h1);
             if (!network.bias.empty()) add_bias(shared, gradient);
-            MatrixA x[Rows::most_in_tiles]; // read again: meanwhile, registers are scarce
-            network.load_inputs(row, x);
-            add_weights<Rows::most_in_tiles>(shared, gradient, x, 4, shape.in_tiles(0), first);
+            const unsigned again = computed_anew(row); // meanwhile, registers are scarce
+            const auto input = [&](unsigned k) { return network.input_tile(again, k); };
+            add_weights<Rows::most_in_tiles>(shared, gradient, input, 4, shape.in_tiles(0), first);
             if (dL_dfeatures.wanted()) write_features(row, gradient);
         }
         store(0, first), store(1, second), store(2, third);
@@ -297,7 +304,7 @@ private:
     }
     __device__ void compute_hidden(unsigned row, MatrixA (&h1)[4], MatrixA (&h2)[4]) const {
         MatrixA x[Rows::most_in_tiles];
-        network.load_inputs(row, x);
+        for (unsigned k = 0; k < Rows::most_in_tiles; ++k) x[k] = network.input_tile(row, k);
         network.hidden(0, x, h1);
         network.hidden(1, h1, h2);
     }
@@ -308,8 +315,7 @@ private:
     __device__ void load_gradient(unsigned first_row, MatrixA (&gradient)[4]) const {
         for (unsigned k = 0; k < 4; ++k)
             for (unsigned w = 0; w < 4; ++w) {
-                const unsigned row = first_row + Rows::group() + w % 2 * 8,
-                               column = 16 * k + w / 2 * 8 + Rows::pair();
+                const unsigned row = first_row + Rows::group() + w % 2 * 8, column = 16 * k + w / 2 * 8 + Rows::pair();
                 gradient[k].words[w] = pack_bf16(output_gradient(row, column), output_gradient(row, column + 1));
             }
     }
@@ -322,14 +328,14 @@ private:
             to[(16 * tile + w / 2 * 8 + Rows::group()) * stride + row + w % 2 * 4] = transposed(from.words[w]);
     }
 
-    /// dL/dW += dL/dyᵀ x over the block's 64 rows, for 16 outputs a warp.
-    template <unsigned Tiles>
-    __device__ void add_weights(Shared& shared, const MatrixA (&gradient)[4], const MatrixA (&x)[Tiles],
+    /// dL/dW += dL/dyᵀ x over the block's 64 rows, for 16 outputs a warp. x(k) are 16 columns.
+    template <unsigned Tiles, class Input>
+    __device__ void add_weights(Shared& shared, const MatrixA (&gradient)[4], const Input& x,
                                 unsigned out_tiles, unsigned in_tiles, MatrixC (&to)[2 * Tiles]) const {
         __syncthreads(); // the arrays are still read
         for (unsigned k = 0; k < 4; ++k) spread(shared.gradients, k, gradient[k]);
         for (unsigned k = 0; k < Tiles; ++k)
-            if (k < in_tiles) spread(shared.inputs, k, x[k]);
+            if (k < in_tiles) spread(shared.inputs, k, x(k));
         __syncthreads();
         const unsigned warp = threadIdx.x / warp_size;
         if (warp >= out_tiles) return; // no barrier follows before all warps are back
