@@ -106,6 +106,14 @@ template <Backend B>
     if constexpr (requires { backend.halted(); }) return backend.halted();
     else return {};
 }
+/// Whether it is set, for host code that makes rare changes to what is learned. Waits for a backend with such a word.
+template <Backend B>
+[[nodiscard]] bool has_halted(B& backend) {
+    const Span<const std::uint32_t> word = halt_word(backend);
+    std::uint32_t host = 0;
+    if (!word.empty()) backend.download(word, Span<std::uint32_t>(&host, 1));
+    return host != 0;
+}
 [[nodiscard]] GSH_HD inline bool is_halted(Span<const std::uint32_t> word) { return !word.empty() && word[0] != 0; }
 
 /// Number of chunks in for_chunks(n, grain, …).
