@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Bench of a step's parts on a GPU: hash grids, networks, the photometric loss, Adam.
+/// @file  Bench of a step's parts on a GPU: hash grids, networks, the photometric loss, Adam; and of density control.
 #include "measure.cuh"
 
 #include "../field/body_points.hpp"
@@ -9,6 +9,7 @@
 #include <gsh/field/hash_field.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
+#include <gsh/pipeline/density_descent.hpp>
 
 #include <cmath>
 #include <cstddef>
@@ -122,7 +123,34 @@ void adam_cases(Bench& bench) {
                       });
 }
 
+/// The plan of density control for a million Gaussians, most of which stay. It waits for the device to learn how many
+/// there will be, so it is no graph, and its time is the host's.
+void density_cases(Bench& bench) {
+    if (!bench.wants("density/plan")) return;
+    const std::size_t n = 6 * bench.arguments().gaussians;
+    Device& device = bench.device();
+    std::vector<Fate> fates;
+    std::vector<float> gradients;
+    Rng rng(1);
+    for (std::size_t i = 0; i < n; ++i) {
+        const double u = rng.uniform();
+        fates.push_back(u < 0.03 ? Fate::split : u < 0.06 ? Fate::clone : u < 0.08 ? Fate::prune : Fate::keep);
+        gradients.push_back(static_cast<float>(rng.uniform()));
+    }
+    const auto of_device = uploaded(device, fates);
+    const auto values = uploaded(device, gradients);
+    detail::DescentBuffers<Device> plan;
+    const double bytes = static_cast<double>(n) * (2 * sizeof(Fate) + sizeof(std::uint32_t) + sizeof(gsh::detail::Kin));
+    bench.measure_runs(
+        "density/plan", {bytes},
+        [&](int) {
+            (void)plan_descent(device, Span<const Fate>(of_device), Span<const float>(values), 2, 2 * n, plan);
+        },
+        [](int) { return std::vector<cuda::KernelTime>(); });
+}
+
 void cases(Bench& bench) {
+    density_cases(bench);
     field_cases(bench);
     loss_cases(bench);
     adam_cases(bench);

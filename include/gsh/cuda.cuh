@@ -5,6 +5,7 @@
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/error.cuh>
 #include <gsh/backend/cuda/fetch_ahead.cuh>
+#include <gsh/backend/cuda/half.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/lane_sums.cuh>
 #include <gsh/backend/cuda/matrix.cuh>
@@ -21,6 +22,8 @@
 #include <gsh/body/cuda/bone_transforms.cuh>
 #include <gsh/body/cuda/posed_surface.cuh>
 #include <gsh/body/cuda/surface_interpolation.cuh>
+#include <gsh/field/cuda/half_row.cuh>
+#include <gsh/field/cuda/hash_field.cuh>
 #include <gsh/field/cuda/hash_grid.cuh>
 #include <gsh/field/cuda/hash_lists.cuh>
 #include <gsh/field/cuda/mlp.cuh>

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/core/rng.hpp>
 #include <gsh/pipeline/static_model.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/pose_fit.hpp>
@@ -11,9 +12,11 @@
 #include <gsh/train/trainer.hpp>
 
 #include "support/posed_scene.hpp"
+#include "support/small_cast.hpp"
 #include "support/small_training.hpp"
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -25,16 +28,46 @@ struct Outcome {
     std::vector<Image<float>> pictures;
     std::vector<double> losses;
     std::vector<float> learned;
+    int failed_steps = 0; ///< that were taken again
 };
 
-/// Takes steps until `count` are done. progress rises from `from`.
+/// Takes steps until `count` are done. progress rises from `from`. Returns how many steps failed and were taken again.
 template <class TrainerType>
-void take_steps(TrainerType& trainer, int count, double from) {
+int take_steps(TrainerType& trainer, int count, double from) {
+    int failed = 0;
     while (trainer.step_count() < static_cast<std::uint64_t>(count)) {
         while (trainer.step_count() < static_cast<std::uint64_t>(count))
             trainer.step(from + (1 - from) * static_cast<double>(trainer.step_count()) / count);
         trainer.settle(); // may go back to a step that failed
+        failed += trainer.step_count() < static_cast<std::uint64_t>(count);
     }
+    return failed;
+}
+
+/// Buffers of a rasterizer grow in the first step, and later where a step would need larger ones.
+enum class FirstView {
+    usual,
+    far,             ///< the camera of the first step is moved away: the splats cover few tiles, and a later step fails
+    far_then_nearest ///< likewise, but before the first step, a picture with another camera enlarges the buffers
+};
+
+/// The photographs of a run whose first step shows photos[first].
+inline std::vector<Photo> photos_from(FirstView view, std::vector<Photo> photos, std::size_t first) {
+    const std::size_t camera = photos[first].camera_index;
+    for (Photo& photo : photos)
+        if (view != FirstView::usual && photo.camera_index == camera) photo.camera.t.z += 12;
+    return photos;
+}
+/// The photograph of the first step of a trainer with this seed.
+inline std::size_t first_index(std::size_t photos, std::uint64_t seed) {
+    return shuffled_indices(static_cast<std::uint32_t>(photos), random_bits(seed, 0))[0];
+}
+/// What comes before the first step.
+template <class TrainerType>
+void enlarge_buffers(FirstView view, TrainerType& trainer, const std::vector<Photo>& photos) {
+    Image<float> picture;
+    for (const Photo& photo : photos)
+        if (view == FirstView::far_then_nearest) trainer.render(photo, picture);
 }
 
 template <class TrainerType>
@@ -68,6 +101,18 @@ Outcome train_avatar(const SmallScene& scene, const AvatarConfig& config, int st
     return outcome;
 }
 
+/// The paper's network in mixed precision, or in float.
+template <class B>
+Outcome train_paper_network(const SmallScene& scene, Precision precision, int steps) {
+    SmallTraining<B> training(scene, [] { return B(); }, 3, {.ao = AmbientOcclusion::time}, {}, paper_network);
+    training.backend.set_precision(precision);
+    Outcome outcome;
+    take_steps(training.trainer, steps, 0.1);
+    observe(training.trainer, scene.photos[1], outcome);
+    outcome.learned = training.parameters();
+    return outcome;
+}
+
 template <class B>
 Outcome train_lit(const SmallScene& scene, int steps = 5) {
     SmallTraining<B> training(scene, [] { return B(); }, 3, {.ao = AmbientOcclusion::pose});
@@ -86,6 +131,23 @@ Outcome train_lit(const SmallScene& scene, int steps = 5) {
     return outcome;
 }
 
+/// Two people, the second in front of the first.
+template <class B>
+Outcome train_people(const SmallScene& scene, int steps, FirstView view = FirstView::usual) {
+    const std::vector<Photo> photos = photos_from(view, scene.photos, first_index(scene.photos.size(), Cast<B>::seed));
+    Cast<B> cast(scene, {moved(scene.motion, {-0.1, 0, -0.2}), moved(scene.motion, {0.12, 0.02, 0.5})}, photos,
+                 [] { return B(); }, {.ao = AmbientOcclusion::time});
+    Outcome outcome;
+    enlarge_buffers(view, cast.trainer, photos);
+    outcome.failed_steps = take_steps(cast.trainer, steps, 0.1);
+    observe(cast.trainer, photos[1], outcome);
+    for (std::size_t person = 0; person < 2; ++person) {
+        const std::vector<float> learned = cast.parameters(person);
+        outcome.learned.insert(outcome.learned.end(), learned.begin(), learned.end());
+    }
+    return outcome;
+}
+
 inline GaussianCloud<float> start_cloud() {
     test::Rng rng(8);
     GaussianCloud<float> cloud(40, 0);
@@ -98,7 +160,7 @@ inline GaussianCloud<float> start_cloud() {
 }
 
 template <class B>
-Outcome train_static(const SmallScene& scene) {
+Outcome train_static(const SmallScene& scene, FirstView view = FirstView::usual) {
     StaticConfig config = static_config(30);
     config.density.start = 4, config.density.stop = 30, config.density.interval = 5;
     config.density.reset_interval = 12, config.density.gradient_threshold = 1e-6;
@@ -107,10 +169,12 @@ Outcome train_static(const SmallScene& scene) {
     std::vector<Photo> photos;
     for (const Photo& photo : scene.photos)
         if (photo.frame == 0) photos.push_back(photo);
+    photos = photos_from(view, photos, first_index(photos.size(), static_order_seed(5)));
     StaticModel<B> scene_model(backend, start_cloud(), config.extent, 5, config);
     Trainer<B, StaticModel<B>> trainer(backend, scene_model, photos, static_order_seed(5), train_config_of(config));
     Outcome outcome;
-    take_steps(trainer, 20, 0);
+    enlarge_buffers(view, trainer, photos);
+    outcome.failed_steps = take_steps(trainer, 20, 0);
     observe(trainer, photos[0], outcome);
     append(outcome.learned, scene_model.cloud());
     CHECK(scene_model.total_change().split > 0);
@@ -134,8 +198,8 @@ inline RefinementConfig everything() {
 }
 
 template <class B>
-Outcome train_refined(const SmallScene& scene, int steps = 8) {
-    SmallTraining<B> training(scene, [] { return B(); }, 3, {.ao = AmbientOcclusion::pose});
+Outcome train_refined(const SmallScene& scene, AmbientOcclusion ao = AmbientOcclusion::pose, int steps = 8) {
+    SmallTraining<B> training(scene, [] { return B(); }, 3, {.ao = ao});
     MotionRefinement<B> refinement(training.backend, training.rig, scene.motion, scene.cameras, everything());
     training.people.refine(refinement);
     Outcome outcome;

@@ -102,10 +102,16 @@ private:
 /// Learning rates with which the small scene is learned quickly.
 inline constexpr LearningRates small_rates{.quats = 0, .sh = 5e-3};
 
+/// Networks of fields at the size of tests, or the paper's.
+struct SmallNetwork {
+    int width = 16, hidden_layers = 1;
+};
+inline constexpr SmallNetwork paper_network{64, 2};
+
 /// The same configuration with fields at the size of tests.
-inline AvatarConfig small(AvatarConfig config) {
+inline AvatarConfig small(AvatarConfig config, const SmallNetwork& network = {}) {
     config.hash_base = 4, config.hash_growth = 2, config.hash_table_size = 1024, config.ao_table_size = 1024;
-    config.mlp_width = 16, config.mlp_hidden_layers = 1;
+    config.mlp_width = network.width, config.mlp_hidden_layers = network.hidden_layers;
     return config;
 }
 
@@ -115,8 +121,9 @@ using SmallAvatar = ConfiguredAvatar<B, T, 1>;
 
 template <class B, class T = float>
 [[nodiscard]] SmallAvatar<B, T> small_avatar(B& backend, const RigData& rig, const SurfaceSamples& samples,
-                                             std::size_t frame_count, std::uint64_t seed, const AvatarConfig& config) {
-    return make_avatar<B, T, 4, 2, 1>(backend, rig, samples, frame_count, seed, small(config));
+                                             std::size_t frame_count, std::uint64_t seed, const AvatarConfig& config,
+                                             const SmallNetwork& network = {}) {
+    return make_avatar<B, T, 4, 2, 1>(backend, rig, samples, frame_count, seed, small(config, network));
 }
 
 /// A model, a scene and a trainer on the small scene's photographs.
@@ -140,12 +147,12 @@ struct SmallTraining {
     /// On a backend that make() returns, which need not be movable.
     template <std::invocable Make>
     SmallTraining(const SmallScene& small_scene, const Make& make, std::uint64_t seed, const AvatarConfig& avatar,
-                  const TrainConfig& config = {})
+                  const TrainConfig& config = {}, const SmallNetwork& network = {})
         : scene(&small_scene), backend(make()),
           samples(sample_surface(scene->body, shaped_vertices(scene->body, scene->betas),
                                  std::vector<double>(scene->body.vertex_count(), 12.0), seed)),
           rig(make_rig(scene->body, scene->betas, samples)),
-          model(small_avatar(backend, rig, samples, scene->motion.frame_count(), seed, avatar)),
+          model(small_avatar(backend, rig, samples, scene->motion.frame_count(), seed, avatar, network)),
           people(backend, model, scene->motion), trainer(backend, people, scene->photos, seed, config) {}
     SmallTraining(const SmallTraining&) = delete;
 

@@ -12,6 +12,7 @@
 #include "io/temporary.hpp"
 #include "support/gradient.hpp"
 #include "support/learned.hpp"
+#include "support/small_cast.hpp"
 #include "support/small_training.hpp"
 
 #include <algorithm>
@@ -24,63 +25,14 @@
 #include <vector>
 
 using namespace gsh;
+using test::Cast;
+using test::moved;
 using test::SmallScene;
 using test::SmallTraining;
 
 namespace {
 
-/// The small scene's motion at another place.
-Motion moved(Motion motion, const vec3<double>& by) {
-    for (auto& transl : motion.transl) transl += by;
-    return motion;
-}
 const vec3<double> beside{0.35, 0, -0.2}, in_front{0.12, 0.02, 0.5}, behind_the_cameras{0, 0, 40};
-
-/// Several people with the small scene's body in one training.
-template <class B, class T = float>
-struct Cast {
-    using Model = test::SmallAvatar<B, T>;
-    using SceneType = AvatarScene<B, Model, T>;
-    using TrainerType = Trainer<B, SceneType, T>;
-
-    B backend;
-    std::vector<Motion> motions;
-    std::deque<SurfaceSamples> samples;
-    std::deque<RigData> rigs;
-    std::deque<Model> models;
-    SceneType people;
-    TrainerType trainer;
-
-    Cast(const SmallScene& scene, std::vector<Motion> poses, std::vector<Photo> photos, B where = B(),
-         const AvatarConfig& avatar = {.rates = test::small_rates}, const TrainConfig& config = {}, double density = 12)
-        : backend(std::move(where)), motions(std::move(poses)), people(backend, members(scene, avatar, density)),
-          trainer(backend, people, std::move(photos), 3, config) {}
-    Cast(const Cast&) = delete;
-
-    std::vector<T> parameters(std::size_t person) { return test::learned_values(models[person]); }
-    void steps(int count, double progress = 0) {
-        for (int i = 0; i < count; ++i) trainer.step(progress);
-    }
-    Image<T> picture(const Camera<double>& camera, std::size_t frame, Image<T>* alpha = nullptr) {
-        Image<T> color;
-        trainer.render(camera, frame, color, alpha);
-        return color;
-    }
-
-private:
-    std::vector<CastMember<Model>> members(const SmallScene& scene, const AvatarConfig& avatar, double density) {
-        std::vector<CastMember<Model>> cast;
-        for (std::size_t p = 0; p < motions.size(); ++p) {
-            samples.push_back(sample_surface(scene.body, shaped_vertices(scene.body, scene.betas),
-                                             std::vector<double>(scene.body.vertex_count(), density), 3));
-            rigs.push_back(make_rig(scene.body, scene.betas, samples.back()));
-            models.push_back(
-                test::small_avatar<B, T>(backend, rigs.back(), samples.back(), motions[p].frame_count(), 3, avatar));
-            cast.push_back({&models.back(), &motions[p]});
-        }
-        return cast;
-    }
-};
 
 constexpr AvatarConfig stored{.hash_displacement = false, .hash_sh = false, .rates = test::small_rates};
 

@@ -69,8 +69,8 @@ concept CpuBackend = Backend<B> && B::host_memory && HostExecutor<B> && requires
     { backend.thread_count() } -> std::convertible_to<std::size_t>;
 };
 
-/// The arithmetic of fields. `mixed`: operands of products are in bf16, sums in float. What is learned and its moments
-/// stay in float.
+/// The arithmetic of fields. `mixed`: operands of networks are in bf16, sums in float; on a GPU, features and copies of
+/// tables have 16 bits, too. What is learned and its moments stay in float.
 enum class Precision { fp32, mixed };
 
 /// That of a backend, or fp32 if it has no other.
@@ -105,6 +105,14 @@ template <Backend B>
 [[nodiscard]] Span<const std::uint32_t> halt_word([[maybe_unused]] B& backend) {
     if constexpr (requires { backend.halted(); }) return backend.halted();
     else return {};
+}
+/// Whether it is set, for host code that makes rare changes to what is learned. Waits for a backend with such a word.
+template <Backend B>
+[[nodiscard]] bool has_halted(B& backend) {
+    const Span<const std::uint32_t> word = halt_word(backend);
+    std::uint32_t host = 0;
+    if (!word.empty()) backend.download(word, Span<std::uint32_t>(&host, 1));
+    return host != 0;
 }
 [[nodiscard]] GSH_HD inline bool is_halted(Span<const std::uint32_t> word) { return !word.empty() && word[0] != 0; }
 

@@ -42,6 +42,20 @@ struct FieldInputs {
     Span<const T> shared = {};
 };
 
+/// Whether the backend has run the passes of a field itself, after the checks of sizes. This version needs no overload:
+/// the field runs grid and network. A backend may have one that stores what passes between them in its own way.
+template <Backend B, class Field, class T, class Query, class Cache>
+[[nodiscard]] bool hash_field_forward(B&, const Field&, Span<const T> /*table*/, Span<const T> /*weights*/,
+                                      const Query&, Span<T> /*outputs*/, Cache&, const FieldInputs<T>&) {
+    return false;
+}
+template <Backend B, class Field, class T, class Query, class Cache>
+[[nodiscard]] bool hash_field_backward(B&, const Field&, Span<const T> /*weights*/, const Query&,
+                                       Span<const T> /*dL_doutputs*/, Cache&, Span<T> /*dL_dtable*/,
+                                       Span<T> /*dL_dweights*/, const FieldInputs<T>&, Span<T> /*dL_dshared*/) {
+    return false;
+}
+
 /// outputs(x) = Mlp([HashGrid(x), points, shared]) at the fixed points of a query: x ↦ SH, x ↦ δx, x ↦ ao of the paper.
 ///
 /// Shapes  table [table_parameter_count(query)], weights [mlp().parameter_count()], outputs [N, outputs] row-major, all
@@ -71,7 +85,7 @@ public:
 
     template <Backend B, std::floating_point T = float>
     struct Cache {
-        typename B::template Buffer<T> features;     ///< [Levels][N][Features]
+        typename B::template Buffer<T> features;     ///< [Levels][N][Features]; empty where a backend stores its own
         typename B::template Buffer<T> dL_dfeatures; ///< likewise
         Mlp::Cache<B, T> mlp;
     };
@@ -134,6 +148,7 @@ public:
                  const std::type_identity_t<FieldInputs<T>>& inputs = {}) const {
         check(query, weights.size(), outputs.size(), "outputs", inputs, "HashField::forward");
         check_size("HashField::forward", "table", table.size(), table_parameter_count(query));
+        if (hash_field_forward(backend, *this, table, weights, query, outputs, cache, inputs)) return;
         cache.features.resize(query.size() * Grid::output_count);
         const FeatureView<T> features = view(Span<T>(cache.features), query.size());
         for (std::size_t g = 0; g < query.grids.size(); ++g)
@@ -156,6 +171,9 @@ public:
         check_size("HashField::backward", "cache.rows", cache.mlp.rows, query.size(), "forward must come first");
         if (!dL_dshared.empty())
             check_size("HashField::backward", "dL_dshared", dL_dshared.size(), shared_inputs_);
+        if (hash_field_backward(backend, *this, weights, query, dL_doutputs, cache, dL_dtable, dL_dweights, inputs,
+                                dL_dshared))
+            return;
         cache.dL_dfeatures.resize(cache.features.size());
         const FeatureView<T> features = view(Span<T>(cache.features), query.size());
         const FeatureView<T> dL_dfeatures = view(Span<T>(cache.dL_dfeatures), query.size());

@@ -181,7 +181,7 @@ public:
     DensityChange after_step(std::int64_t step, Gaussians<B, T>& gaussians, Gaussians<B, T>& m, Gaussians<B, T>& v) {
         DensityChange change;
         if (!params_.adapts_after(step) && !params_.resets_after(step)) return change;
-        if (has_halted()) return change; // the statistics are not complete; the step will be taken again
+        if (has_halted(*backend_)) return change; // the statistics are not complete; the step will be taken again
         if (params_.adapts_after(step))
             change = adapt(gaussians, m, v, random_bits(seed_, static_cast<std::uint64_t>(step)),
                            params_.prunes_large_after(step));
@@ -231,13 +231,6 @@ public:
     }
 
 private:
-    /// Waits for the backend, if it is one that may have halted.
-    [[nodiscard]] bool has_halted() {
-        const Span<const std::uint32_t> word = halt_word(*backend_);
-        std::uint32_t host = 0;
-        if (!word.empty()) backend_->download(word, Span<std::uint32_t>(&host, 1));
-        return host != 0;
-    }
     static void check_moments(const char* where, const Gaussians<B, T>& gaussians, const Gaussians<B, T>& m,
                               const Gaussians<B, T>& v) {
         check_gaussians(where, "m", m.view(), gaussians.size());

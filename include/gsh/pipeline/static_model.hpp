@@ -195,7 +195,8 @@ public:
         check_value(size() > 0, "StaticModel",
                     "no Gaussian is left after step " + std::to_string(steps) +
                         "; do the cameras see the starting points?");
-        const bool wider = gaussians_.sh_degree < config_.sh_degree && steps % config_.sh_interval == 0;
+        const bool wider = gaussians_.sh_degree < config_.sh_degree && steps % config_.sh_interval == 0 &&
+                           !has_halted(*backend_); // else the step will be taken again
         if (wider)
             for (Gaussians<B, T>* gaussians : {&gaussians_, &first_moment_, &second_moment_}) raise_degree(*gaussians);
         if (change.changed() || wider) {

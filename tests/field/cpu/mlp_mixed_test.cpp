@@ -6,11 +6,10 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/field/cpu/mlp.hpp>
 #include <gsh/field/mlp.hpp>
-#include <gsh/math/wide_bf16.hpp>
 
 #include "support/gradient.hpp"
+#include "support/rounded_mlp.hpp"
 
-#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -29,8 +28,6 @@ constexpr MixedShape mixed_shapes[] = {
     {8, 2, 0, 0, 3, 16, 1, 63},    {5, 5, 2, 1, 17, 33, 3, 65},   {6, 1, 0, 3, 7, 64, 0, 70},
     {32, 32, 0, 0, 64, 64, 2, 1},  {40, 4, 3, 2, 33, 96, 2, 129},
 };
-
-double rounded(double x) { return std::bit_cast<float>(bf16_bits(static_cast<float>(x)) << 16); }
 
 /// Everything that a network computes from one batch.
 struct Batch {
@@ -72,50 +69,23 @@ struct Batch {
 
     /// The same from the equations.
     void run_plain() {
-        const std::size_t last = mlp.layer_count() - 1, shared_from = mlp.inputs() - shared.size();
-        std::vector<double> d_weights(weights.size()), d_shared(shared.size());
-        outputs.clear(), dL_dinputs.assign(inputs.size(), 0);
+        std::vector<double> rows_of_inputs;
+        for (std::size_t r = 0; r < rows; ++r) {
+            for (std::size_t i = 0; i < static_cast<std::size_t>(features); ++i)
+                rows_of_inputs.push_back(double(view()(r, i)));
+            for (std::size_t i = 0; i < own; ++i) rows_of_inputs.push_back(double(points[r * own + i]));
+        }
+        const test::RoundedMlp plain(mlp, rows, weights, rows_of_inputs, shared, dL_doutputs);
+        outputs.assign(plain.outputs.begin(), plain.outputs.end());
+        dL_dweights.assign(plain.dL_dweights.begin(), plain.dL_dweights.end());
+        dL_dshared.assign(plain.dL_dshared.begin(), plain.dL_dshared.end());
+        dL_dinputs.assign(inputs.size(), 0);
         const FeatureView<float> d_view = blocked(Span<float>(dL_dinputs), static_cast<std::size_t>(features),
                                                   static_cast<std::size_t>(block));
-        for (std::size_t r = 0; r < rows; ++r) {
-            std::vector<std::vector<double>> x(1);
-            for (std::size_t i = 0; i < static_cast<std::size_t>(features); ++i) x[0].push_back(rounded(view()(r, i)));
-            for (std::size_t i = 0; i < own; ++i) x[0].push_back(rounded(points[r * own + i]));
-            for (std::size_t l = 0; l <= last; ++l) {
-                std::vector<double> y(mlp.layer_outputs(l));
-                for (std::size_t o = 0; o < y.size(); ++o) {
-                    const float* const row = weights.data() + mlp.layer_offset(l) + o * mlp.layer_inputs(l);
-                    for (std::size_t i = 0; i < x[l].size(); ++i) y[o] += rounded(row[i]) * x[l][i];
-                    if (l == 0) // not rounded to bf16: the same for all rows
-                        for (std::size_t c = 0; c < shared.size(); ++c) y[o] += double(row[shared_from + c]) * shared[c];
-                    if (l < last) y[o] = rounded(std::max(y[o], 0.0));
-                }
-                x.push_back(y);
-            }
-            for (const double number : x.back()) outputs.push_back(static_cast<float>(number));
-            std::vector<double> d_y;
-            for (std::size_t o = 0; o < mlp.outputs(); ++o) d_y.push_back(rounded(dL_doutputs[r * mlp.outputs() + o]));
-            for (std::size_t l = last + 1; l-- > 0;) {
-                std::vector<double> d_x(x[l].size());
-                for (std::size_t o = 0; o < d_y.size(); ++o) {
-                    const std::size_t row = mlp.layer_offset(l) + o * mlp.layer_inputs(l);
-                    for (std::size_t i = 0; i < d_x.size(); ++i) {
-                        d_weights[row + i] += d_y[o] * x[l][i];
-                        d_x[i] += rounded(weights[row + i]) * d_y[o];
-                    }
-                    for (std::size_t c = 0; l == 0 && c < shared.size(); ++c) {
-                        d_weights[row + shared_from + c] += d_y[o] * shared[c];
-                        d_shared[c] += double(weights[row + shared_from + c]) * d_y[o];
-                    }
-                }
-                if (l == 0)
-                    for (std::size_t i = 0; i < static_cast<std::size_t>(features); ++i)
-                        d_view(r, i) = static_cast<float>(d_x[i]);
-                for (std::size_t i = 0; i < d_x.size(); ++i) d_x[i] = x[l][i] > 0 ? rounded(d_x[i]) : 0;
-                d_y = d_x;
-            }
-        }
-        dL_dweights.assign(d_weights.begin(), d_weights.end()), dL_dshared.assign(d_shared.begin(), d_shared.end());
+        for (std::size_t r = 0; r < rows; ++r)
+            for (std::size_t i = 0; i < static_cast<std::size_t>(features); ++i)
+                d_view(r, i) =
+                    static_cast<float>(plain.dL_dinputs[r * (static_cast<std::size_t>(features) + own) + i]);
     }
 };
 

@@ -10,8 +10,8 @@
 
 #include "support/cuda_device.hpp"
 #include "support/gradient.hpp"
+#include "support/rounded_mlp.hpp"
 
-#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -263,65 +263,29 @@ TEST_CASE("a repeated pass of Mlp does not wait and allocates nothing") {
 
 namespace {
 
-/// A number as bf16: the upper half of a float, rounded to the nearest.
-float as_bf16(double value) {
-    const auto bits = std::bit_cast<std::uint32_t>(static_cast<float>(value));
-    return std::bit_cast<float>((bits + 0x7FFFu + (bits >> 16 & 1u)) & 0xFFFF0000u);
-}
-
-/// What mixed precision computes, with sums in double: operands of every product are rounded to bf16. All gradients
-/// hold ones before, and are added to.
+/// What mixed precision computes. All gradients hold ones before, and are added to.
 Results<float> run_rounded(const Problem<float>& p) {
-    const auto in = p.mlp.inputs() - p.shared.size(), out = p.mlp.outputs(),
-               F = static_cast<std::size_t>(p.shape.features);
-    constexpr std::size_t width = 64, layers = 3;
-    const auto weight = [&](std::size_t layer, std::size_t o, std::size_t i) {
-        return p.weights[p.mlp.layer_offset(layer) + o * p.mlp.layer_inputs(layer) + i];
-    };
-    Results<float> r{std::vector<float>(p.dL_doutputs.size()), std::vector<float>(p.weights.size(), 1.0f),
-                     std::vector<float>(p.features.size(), 1.0f), std::vector<float>(p.shared.size(), 1.0f)};
-    std::vector<double> dL_dweights(p.weights.size()), dL_dbias(width);
+    const auto F = static_cast<std::size_t>(p.shape.features), P = static_cast<std::size_t>(p.shape.points);
     const auto features = features_view(p.shape, p.rows, Span<const float>(p.features));
-    const auto dL_dfeatures = features_view(p.shape, p.rows, Span<float>(r.dL_dfeatures));
-    const std::size_t sizes[] = {in, width, width, out};
+    std::vector<double> inputs;
     for (std::size_t row = 0; row < p.rows; ++row) {
-        std::vector<double> x[layers + 1]; // rounded, but for the outputs
-        for (std::size_t c = 0; c < in; ++c)
-            x[0].push_back(
-                as_bf16(c < F ? features(row, c) : p.points[row * static_cast<std::size_t>(p.shape.points) + c - F]));
-        for (std::size_t l = 0; l < layers; ++l)
-            for (std::size_t o = 0; o < sizes[l + 1]; ++o) {
-                double sum = 0;
-                for (std::size_t i = 0; i < sizes[l]; ++i) sum += double(as_bf16(weight(l, o, i))) * x[l][i];
-                for (std::size_t s = 0; l == 0 && s < p.shared.size(); ++s)
-                    sum += double(weight(0, o, in + s)) * double(p.shared[s]);
-                x[l + 1].push_back(l + 1 == layers ? sum : as_bf16(std::max(sum, 0.0)));
-            }
-        std::vector<double> gradient;
-        for (std::size_t o = 0; o < out; ++o) {
-            r.outputs[row * out + o] = static_cast<float>(x[layers][o]);
-            gradient.push_back(as_bf16(p.dL_doutputs[row * out + o]));
-        }
-        for (std::size_t l = layers; l-- > 0;) {
-            std::vector<double> next(sizes[l]);
-            for (std::size_t o = 0; o < sizes[l + 1]; ++o) {
-                if (l == 0) dL_dbias[o] += gradient[o];
-                for (std::size_t i = 0; i < sizes[l]; ++i) {
-                    dL_dweights[p.mlp.layer_offset(l) + o * p.mlp.layer_inputs(l) + i] += gradient[o] * x[l][i];
-                    next[i] += double(as_bf16(weight(l, o, i))) * gradient[o];
-                }
-            }
-            for (std::size_t i = 0; l != 0 && i < sizes[l]; ++i) next[i] = x[l][i] > 0 ? double(as_bf16(next[i])) : 0;
-            gradient = next;
-        }
-        for (std::size_t c = 0; c < F; ++c) dL_dfeatures(row, c) += static_cast<float>(gradient[c]);
+        for (std::size_t c = 0; c < F; ++c) inputs.push_back(double(features(row, c)));
+        for (std::size_t c = 0; c < P; ++c) inputs.push_back(double(p.points[row * P + c]));
     }
-    for (std::size_t o = 0; o < width; ++o)
-        for (std::size_t s = 0; s < p.shared.size(); ++s) {
-            dL_dweights[o * p.mlp.layer_inputs(0) + in + s] += dL_dbias[o] * double(p.shared[s]);
-            r.dL_dshared[s] += static_cast<float>(dL_dbias[o] * double(weight(0, o, in + s)));
-        }
-    for (std::size_t w = 0; w < p.weights.size(); ++w) r.dL_dweights[w] += static_cast<float>(dL_dweights[w]);
+    const test::RoundedMlp rounded(p.mlp, p.rows, p.weights, inputs, p.shared, p.dL_doutputs);
+    const auto plus_one = [](const std::vector<double>& from) {
+        std::vector<float> to;
+        for (const double x : from) to.push_back(static_cast<float>(1 + x));
+        return to;
+    };
+    Results<float> r{{rounded.outputs.begin(), rounded.outputs.end()},
+                     plus_one(rounded.dL_dweights),
+                     std::vector<float>(p.features.size()),
+                     plus_one(rounded.dL_dshared)};
+    const auto dL_dfeatures = features_view(p.shape, p.rows, Span<float>(r.dL_dfeatures));
+    for (std::size_t row = 0; row < p.rows; ++row)
+        for (std::size_t c = 0; c < F; ++c)
+            dL_dfeatures(row, c) = static_cast<float>(1 + rounded.dL_dinputs[row * (F + P) + c]);
     return r;
 }
 
@@ -342,8 +306,7 @@ TEST_CASE("mixed precision rounds the operands of products to bf16, and nothing 
             CAPTURE(shape.outputs);
             CAPTURE(rows);
             const Problem<float> p(shape, rows);
-            const Results<float> found = run_device(p, {.precision = Precision::mixed}),
-                                 expected = run_rounded(p);
+            const Results<float> found = run_device(p, {.precision = Precision::mixed}), expected = run_rounded(p);
             // A sum in another order may be rounded to the neighbouring number.
             check_close(found.outputs, expected.outputs, 1e-3);
             check_close(found.dL_dweights, expected.dL_dweights, 1e-3);

@@ -263,7 +263,8 @@ private:
             else
                 places.emplace_back(std::move(place), 1u);
         }
-        for (const auto& [place, count] : places) text += " " + std::to_string(count) + " " + place + ";";
+        for (const auto& [place, count] : places)
+            text.append(" ").append(std::to_string(count)).append(" ").append(place).append(";");
         text.back() = '.';
         throw KernelFault(text);
     }

@@ -27,6 +27,34 @@ TEST_CASE("a static scene trains on the device as on the CPU, through changes of
     check_same(found, train_static<Device>(scene));
 }
 
+TEST_CASE("two people train on the device as on the CPU, with the same bits each time") {
+    if (skip_without_device()) return;
+    const SmallScene scene;
+    const Outcome found = train_people<Device>(scene, 50);
+    check_near(found, train_people<cpu::Serial>(scene, 50));
+    check_same(found, train_people<Device>(scene, 50));
+}
+
+TEST_CASE("an overflow changes no bit of a static scene or of two people") {
+    if (skip_without_device()) return;
+    const SmallScene scene;
+    const auto compare = [](const Outcome& found, const Outcome& expected) {
+        CHECK(found.failed_steps > expected.failed_steps); // where Gaussians are added, buffers of any size overflow
+        check_same(found, expected);
+    };
+    compare(train_static<Device>(scene, FirstView::far), train_static<Device>(scene, FirstView::far_then_nearest));
+    compare(train_people<Device>(scene, 12, FirstView::far),
+            train_people<Device>(scene, 12, FirstView::far_then_nearest));
+}
+
+TEST_CASE("50 steps with shadows over time and refined poses, shape and cameras are those of the CPU") {
+    if (skip_without_device()) return;
+    const SmallScene scene;
+    const Outcome found = train_refined<Device>(scene, AmbientOcclusion::time, 50);
+    check_near(found, train_refined<cpu::Serial>(scene, AmbientOcclusion::time, 50));
+    check_same(found, train_refined<Device>(scene, AmbientOcclusion::time, 50));
+}
+
 TEST_CASE("poses, shape and cameras are refined on the device as on the CPU") {
     if (skip_without_device()) return;
     const SmallScene scene;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Products of small matrices by a warp: bf16 operands, sums in float, on tensor cores from sm_80 on.
 ///
-/// A number of bf16 is the upper half of a float. A word holds two of them. In what follows, lane = 4 g + t.
+/// A word holds two numbers of bf16 (backend/cuda/half.cuh). In what follows, lane = 4 g + t.
 #pragma once
 
+#include <gsh/backend/cuda/half.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 
 #include <cstdint>
@@ -29,28 +30,6 @@ struct MatrixC {
     float values[4];
 };
 
-[[nodiscard]] __device__ inline float low_half(std::uint32_t word) {
-    return __uint_as_float(word << 16);
-}
-[[nodiscard]] __device__ inline float high_half(std::uint32_t word) {
-    return __uint_as_float(word & 0xFFFF0000u);
-}
-/// Two numbers as bf16, rounded to the nearest, ties to even.
-[[nodiscard]] __device__ inline std::uint32_t pack_bf16(float low, float high) {
-#if defined(GSH_TENSOR_CORES)
-    std::uint32_t word;
-    asm("cvt.rn.bf16x2.f32 %0, %1, %2;" : "=r"(word) : "f"(high), "f"(low));
-    return word;
-#else
-    const auto rounded = [](float value) {
-        const std::uint32_t bits = __float_as_uint(value);
-        if ((bits & 0x7FFFFFFFu) > 0x7F800000u) return std::uint32_t(0x7FFF); // not a number
-        return (bits + 0x7FFFu + (bits >> 16 & 1u)) >> 16;
-    };
-    return rounded(low) | rounded(high) << 16;
-#endif
-}
-
 /// c += a b. All lanes take part.
 __device__ inline void multiply_add(MatrixC& c, const MatrixA& a, const MatrixB& b) {
 #if defined(GSH_TENSOR_CORES)
@@ -68,7 +47,7 @@ __device__ inline void multiply_add(MatrixC& c, const MatrixA& a, const MatrixB&
         }
         for (unsigned i = 0; i < 4; ++i)
             c.values[i] +=
-                low_half(rows[i / 2]) * low_half(columns[i % 2]) + high_half(rows[i / 2]) * high_half(columns[i % 2]);
+                low_bf16(rows[i / 2]) * low_bf16(columns[i % 2]) + high_bf16(rows[i / 2]) * high_bf16(columns[i % 2]);
     }
 #endif
 }

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  The hash grid on a GPU: one thread per point and level forward, one group of threads per entry backward.
+///
+/// In mixed precision, forward reads a copy of the table in fp16. It makes the copy itself, of the entries that the
+/// points use: so the copy is never older than the table, whatever has changed it. In training it is made once a step.
 #pragma once
 
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/core/span.hpp>
+#include <gsh/field/cuda/half_row.cuh>
 #include <gsh/field/cuda/hash_lists.cuh>
 #include <gsh/field/cuda/row.cuh>
 #include <gsh/field/features.hpp>
@@ -29,7 +33,9 @@ struct HashScratch<cuda::Device, T> {
     Buffer<std::uint32_t> points, segments, entries, item_begin;
     Buffer<cuda::detail::HashItem<T>> items;
     Buffer<cuda::detail::HashTask> sum_tasks, gather_tasks;
-    mutable Buffer<T> sums; ///< [S, 8, Features]; passes of one device follow each other, so they may share it
+    // Passes of one device follow each other, so they may share these:
+    mutable Buffer<T> sums;              ///< [S, 8, Features]
+    mutable Buffer<std::uint32_t> table; ///< mixed precision: [entry_count, Features / 2], of touched entries alone
 };
 
 namespace cuda {
@@ -78,17 +84,33 @@ struct SplitPoint {
     }
 };
 
+/// The touched entries of a table, rounded.
+template <std::size_t F>
+struct HashRound {
+    static constexpr unsigned block_size = 256;
+    Span<const std::uint32_t> touched;
+    Span<const Row<float, F>> table;
+    Span<Fp16Row<F>> rounded;
+
+    __device__ void operator()() const {
+        const std::size_t i = std::size_t(blockIdx.x) * block_size + threadIdx.x;
+        if (i >= touched.size()) return;
+        const std::uint32_t entry = touched[i];
+        rounded[entry] = Fp16Row<F>::rounded(table[entry]);
+    }
+};
+
 /// Level after level, so that the entries of one level are in the caches; neighbouring threads have neighbouring points
-/// and read the same entries.
-template <class Grid, class T>
+/// and read the same entries. Entries and features are rows of T or of 16 bits.
+template <class Grid, class T, class Entry, class Feature>
 struct HashEncode {
     static constexpr unsigned block_size = 256;
     using R = Row<T, Grid::feature_count>;
     Grid grid;
     Span<const T> x, y, z;
-    Span<const R> table;
+    Span<const Entry> table;
     HashWeights<T> weights;
-    HashRows<R> features;
+    HashRows<Feature> features;
     Write mode;
     unsigned chunks; ///< blocks per level
 
@@ -102,31 +124,32 @@ struct HashEncode {
         if (level_weight != T(0)) {
             const HashLevel& level = grid.level(static_cast<int>(l));
             const HashCell<T> cell = level.cell(vec3<T>(x[i], y[i], z[i]));
-            R entries[8]; // all eight reads are under way before the first is used
+            Entry entries[8]; // all eight reads are under way before the first is used
             for (int c = 0; c < 8; ++c) entries[c] = table[level.index(cell, c)];
             for (int c = 0; c < 8; ++c) {
                 const T weight = cell.weight(c) * level_weight;
-                for (int f = 0; f < Grid::feature_count; ++f) sum[f] += weight * entries[c][f];
+                const R entry = wide(entries[c]);
+                for (int f = 0; f < Grid::feature_count; ++f) sum[f] += weight * entry[f];
             }
         }
-        R& to = features.rows[features.begin(l) + i * features.stride];
+        Feature& to = features.rows[features.begin(l) + i * features.stride];
         if (mode == Write::add) {
-            const R before = to;
+            const R before = wide(to);
             for (int f = 0; f < Grid::feature_count; ++f) sum[f] += before[f];
         }
-        to = sum;
+        to = stored<Feature>(sum);
     }
 };
 
-/// Sums of the corners of each segment, by eight threads.
-template <class Grid, class T>
+/// Sums of the corners of each segment, by eight threads. Gradients are rows of T or of 16 bits.
+template <class Grid, class T, class Gradient>
 struct HashSumCells {
     static constexpr unsigned block_size = 256;
     using R = Row<T, Grid::feature_count>;
     Grid grid;
     Span<const T> x, y, z;
     HashWeights<T> weights;
-    HashRows<const R> gradients;
+    HashRows<const Gradient> gradients;
     Span<const HashTask> tasks;
     Span<const std::uint32_t> points, segments;
     Span<R> sums;
@@ -143,7 +166,7 @@ struct HashSumCells {
             for (; k < end; k += 8) {
                 const std::uint32_t i = next;
                 if (k + 8 < end) next = points[k + 8]; // while this point is read
-                const R gradient = gradients.rows[first_row + i * gradients.stride];
+                const R gradient = wide(gradients.rows[first_row + i * gradients.stride]);
                 const HashCell<T> cell = level.cell(vec3<T>(x[i], y[i], z[i]));
                 const T level_weight = weights(task.level, i);
                 for (int c = 0; c < 8; ++c) {
@@ -172,13 +195,13 @@ private:
     }
 };
 
-/// Adds its list to each entry, by 4 or 32 threads.
-template <class T, std::size_t F>
+/// Adds its list to each entry, by 4 or 32 threads. Gradients are rows of T or of 16 bits.
+template <class T, std::size_t F, class Gradient>
 struct HashGather {
     static constexpr unsigned block_size = 128;
     static constexpr unsigned ahead = 4; ///< items that a thread reads at a time: a usual list takes one turn
     using R = Row<T, F>;
-    HashRows<const R> gradients;
+    HashRows<const Gradient> gradients;
     Span<const R> sums;
     Span<const HashTask> tasks;
     Span<const std::uint32_t> entries, item_begin;
@@ -190,9 +213,7 @@ struct HashGather {
         const unsigned group = threadIdx.x / task.lanes, lane = threadIdx.x % task.lanes;
         const bool active = group < task.count;
         const std::size_t e = std::size_t(task.first) + group;
-        const Span<const R> rows = task.summed ? sums : gradients.rows;
-        const std::size_t first_row = task.summed ? 0 : gradients.begin(task.level);
-        const std::size_t stride = task.summed ? 1 : gradients.stride;
+        const std::size_t first_row = gradients.begin(task.level);
         R sum{}, before{};
         std::uint32_t entry = 0;
         if (active && lane == 0) before = dL_dtable[entry = entries[e]]; // while the items are read
@@ -204,7 +225,9 @@ struct HashGather {
                 for (unsigned n = 0; n < ahead; ++n)
                     if (first + n * task.lanes < end) some[n] = items[first + n * task.lanes];
                 for (unsigned n = 0; n < ahead; ++n)
-                    if (first + n * task.lanes < end) row[n] = rows[first_row + some[n].row * stride];
+                    if (first + n * task.lanes < end)
+                        row[n] = task.summed ? sums[some[n].row]
+                                             : wide(gradients.rows[first_row + some[n].row * gradients.stride]);
                 for (unsigned n = 0; n < ahead; ++n)
                     for (std::size_t f = 0; f < F; ++f) sum[f] += some[n].weight * row[n][f];
             }
@@ -256,36 +279,72 @@ void hash_prepare(Device& device, const Grid& grid, Span<const vec3<T>> points, 
     scratch.sums.resize((lists.segments.size() - 1) * 8 * Grid::feature_count);
 }
 
+namespace detail {
+
+/// Whether a grid's table is read in fp16.
+template <class Grid, class T>
+inline constexpr bool hash_has_half = std::same_as<T, float> && Grid::feature_count % 2 == 0;
+
+template <class Grid, class T, class Query, class Entry, class Feature>
+void hash_encode(Device& device, const Grid& grid, Span<const Entry> table, const Query& query,
+                 const HashRows<Feature>& features, Write mode) {
+    using Kernel = HashEncode<Grid, T, Entry, Feature>;
+    const std::size_t chunks = chunk_count(query.size(), Kernel::block_size);
+    device.launch(Grid::level_count * chunks,
+                  Kernel{grid, query.x, query.y, query.z, table, HashWeights<T>(query.weights()), features, mode,
+                         static_cast<unsigned>(chunks)});
+}
+
+/// In mixed precision, from the table in fp16.
+template <class Grid, class Query, class Feature>
+void hash_encode_half(Device& device, const Grid& grid, Span<const float> table, const Query& query,
+                      const HashRows<Feature>& features, Write mode) {
+    constexpr std::size_t F = Grid::feature_count;
+    const HashScratch<Device, float>& scratch = query.scratch;
+    scratch.table.resize(table.size() / 2);
+    const Span<Fp16Row<F>> rounded = as_half_rows<Fp16Row<F>>(scratch.table);
+    device.launch(chunk_count(query.touched.size(), HashRound<F>::block_size),
+                  HashRound<F>{query.touched, as_rows<F>("HashGrid::forward", table), rounded});
+    hash_encode<Grid, float>(device, grid, Span<const Fp16Row<F>>(rounded), query, features, mode);
+}
+
+template <class T, class Grid, class Gradient, class Query>
+void hash_add_gradients(Device& device, const Grid& grid, const HashRows<const Gradient>& gradients, const Query& query,
+                        Span<T> dL_dtable) {
+    constexpr std::size_t F = Grid::feature_count;
+    constexpr std::string_view where = "HashGrid::backward";
+    const HashScratch<Device, T>& scratch = query.scratch;
+    const Span<Row<T, F>> sums = as_rows<F>(where, Span<T>(scratch.sums));
+    device.launch(scratch.sum_tasks.size(), HashSumCells<Grid, T, Gradient>{
+                                                grid, query.x, query.y, query.z, HashWeights<T>(query.weights()),
+                                                gradients, scratch.sum_tasks, scratch.points, scratch.segments, sums});
+    device.launch(scratch.gather_tasks.size(),
+                  HashGather<T, F, Gradient>{gradients, sums, scratch.gather_tasks, scratch.entries, scratch.item_begin,
+                                             scratch.items, as_rows<F>(where, dL_dtable)});
+}
+
+} // namespace detail
+
 template <class Grid, class T, class Query>
 void hash_forward(Device& device, const Grid& grid, Span<const T> table, const Query& query, FeatureView<T> features,
                   Write mode) {
     constexpr std::size_t F = Grid::feature_count;
     constexpr std::string_view where = "HashGrid::forward";
-    using Kernel = detail::HashEncode<Grid, T>;
-    using Rows = detail::HashRows<typename Kernel::R>;
-    const std::size_t chunks = chunk_count(query.size(), Kernel::block_size);
-    device.launch(Grid::level_count * chunks,
-                  Kernel{grid, query.x, query.y, query.z, detail::as_rows<F>(where, table),
-                         detail::HashWeights<T>(query.weights()), Rows::template of<T, F>(where, features), mode,
-                         static_cast<unsigned>(chunks)});
+    const auto rows = detail::HashRows<detail::Row<T, F>>::template of<T, F>(where, features);
+    if constexpr (detail::hash_has_half<Grid, T>)
+        if (device.precision() == Precision::mixed)
+            return detail::hash_encode_half(device, grid, table, query, rows, mode);
+    detail::hash_encode<Grid, T>(device, grid, detail::as_rows<F>(where, table), query, rows, mode);
 }
 
 template <class Grid, class T, class Query>
 void hash_backward(Device& device, const Grid& grid, FeatureView<const T> dL_dfeatures, const Query& query,
                    Span<T> dL_dtable) {
     constexpr std::size_t F = Grid::feature_count;
-    constexpr std::string_view where = "HashGrid::backward";
-    using R = detail::Row<T, F>;
-    const HashScratch<Device, T>& scratch = query.scratch;
-    const auto gradients = detail::HashRows<const R>::template of<const T, F>(where, dL_dfeatures);
-    const Span<R> sums = detail::as_rows<F>(where, Span<T>(scratch.sums));
-    device.launch(scratch.sum_tasks.size(),
-                  detail::HashSumCells<Grid, T>{grid, query.x, query.y, query.z,
-                                                detail::HashWeights<T>(query.weights()), gradients, scratch.sum_tasks,
-                                                scratch.points, scratch.segments, sums});
-    device.launch(scratch.gather_tasks.size(),
-                  detail::HashGather<T, F>{gradients, sums, scratch.gather_tasks, scratch.entries, scratch.item_begin,
-                                           scratch.items, detail::as_rows<F>(where, dL_dtable)});
+    detail::hash_add_gradients<T>(
+        device, grid,
+        detail::HashRows<const detail::Row<T, F>>::template of<const T, F>("HashGrid::backward", dL_dfeatures), query,
+        dL_dtable);
 }
 
 } // namespace cuda

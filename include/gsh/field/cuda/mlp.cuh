@@ -37,6 +37,7 @@ struct MlpScratch<cuda::Device, T> {
     cuda::Device::Buffer<T> sums, dL_dbias;                    ///< of each block; of all
     cuda::Device::Buffer<T> wide;               ///< gradients of layers with more than 64 columns, of each block
     cuda::Device::Buffer<std::uint32_t> packed; ///< mixed precision: the weights in bf16, for both passes
+    cuda::Device::Buffer<std::uint32_t> features, dL_dfeatures; ///< mixed precision: of a hash grid, in bf16
 };
 
 namespace cuda {
@@ -168,22 +169,22 @@ struct MlpShareGradient {
     }
 };
 
-/// Sizes of a network and its batch.
+/// Sizes of a network, for a batch of `rows` rows of which `shared` inputs are the same.
 /// Errors  ValueError unless the kernels' indexes of 32 bits suffice: for two layers of 64, up to 130 million rows.
-template <class Network, class T>
-[[nodiscard]] MlpShape mlp_shape(std::string_view where, const Network& network, const MlpInputs<T>& inputs) {
-    const std::size_t rows = inputs.features.rows + MlpTile<T>::rows, hidden = network.layer_count() - 1;
+template <class T, class Network>
+[[nodiscard]] MlpShape mlp_shape(std::string_view where, const Network& network, std::size_t rows, std::size_t shared) {
+    const std::size_t padded = rows + MlpTile<T>::rows, hidden = network.layer_count() - 1;
     const std::size_t width = hidden ? network.layer_outputs(0) : 0, groups = width / mlp_columns + 1,
                       columns = std::max(network.inputs(), network.outputs());
     const std::size_t pieces = (hidden * groups + 1) * (groups + columns / mlp_columns) * mlp_columns * mlp_columns;
-    check_value(std::max({rows * columns, rows * width * hidden / 4, mlp_most_blocks * pieces}) < (1ull << 32), where,
-                "the batch or the network is too large for the CUDA backend, which counts numbers in 32 bits");
+    check_value(std::max({padded * columns, padded * width * hidden / 4, mlp_most_blocks * pieces}) < (1ull << 32),
+                where, "the batch or the network is too large for the CUDA backend, which counts numbers in 32 bits");
     const auto number = [](std::size_t n) { return static_cast<unsigned>(n); };
-    return {.inputs = number(network.inputs() - inputs.shared.size()),
+    return {.inputs = number(network.inputs() - shared),
             .outputs = number(network.outputs()),
             .width = number(width),
             .layers = number(network.layer_count()),
-            .shared = number(inputs.shared.size())};
+            .shared = number(shared)};
 }
 
 template <class T>
@@ -197,39 +198,40 @@ template <class T>
     return std::same_as<T, float> && device.precision() == Precision::mixed && MixedShape::fits(shape);
 }
 
-inline void mixed_forward(Device& device, const MlpShape& network, Span<const float> weights,
-                          const MlpInputs<float>& inputs, Span<float> outputs, MlpScratch<Device, float>& scratch) {
+template <class Inputs>
+void mixed_forward(Device& device, const MlpShape& network, Span<const float> weights, const Inputs& inputs,
+                   std::size_t rows, Span<const float> shared, Span<float> outputs,
+                   MlpScratch<Device, float>& scratch) {
+    using Kernel = MixedForward<Inputs>;
     const MixedShape shape(network);
     scratch.packed.resize(shape.words());
     scratch.bias.resize(shape.shared ? MixedShape::width : 0);
     const unsigned bias_blocks = static_cast<unsigned>(scratch.bias.size()) / MixedPack::numbers_per_block;
     device.launch(bias_blocks + chunk_count(shape.words(), MixedPack::block_size),
-                  MixedPack{network, shape, bias_blocks, weights, inputs.shared, scratch.packed, scratch.bias});
-    device.launch(chunk_count(inputs.features.rows, MixedForward::block_rows),
-                  MixedForward{{shape, mlp_row_inputs(network, inputs), scratch.packed, scratch.bias}, outputs});
+                  MixedPack{network, shape, bias_blocks, weights, shared, scratch.packed, scratch.bias});
+    device.launch(chunk_count(rows, Kernel::block_rows),
+                  Kernel{{shape, inputs, scratch.packed, scratch.bias}, outputs});
 }
 
-inline void mixed_backward(Device& device, const MlpShape& network, Span<const float> weights,
-                           const MlpInputs<float>& inputs, Span<const float> dL_doutputs,
-                           MlpScratch<Device, float>& scratch, Span<float> dL_dweights, FeatureView<float> dL_dfeatures,
-                           Write features_mode, Span<float> dL_dshared, unsigned most_blocks) {
+template <class Inputs>
+void mixed_backward(Device& device, const MlpShape& network, Span<const float> weights, const Inputs& inputs,
+                    std::size_t rows, Span<const float> shared, Span<const float> dL_doutputs,
+                    MlpScratch<Device, float>& scratch, Span<float> dL_dweights,
+                    const typename Inputs::Gradient& dL_dfeatures, Span<float> dL_dshared, unsigned most_blocks) {
+    using Kernel = MixedBackward<Inputs>;
     const MixedShape shape(network);
-    const unsigned tiles = static_cast<unsigned>(chunk_count(inputs.features.rows, MixedBackward::tile_rows));
-    const unsigned blocks = std::min(tiles, most_blocks);
+    const unsigned blocks = std::min(static_cast<unsigned>(chunk_count(rows, Kernel::tile_rows)), most_blocks);
     scratch.sums.resize(std::size_t(blocks) * shape.sums_size());
     scratch.dL_dbias.resize(shape.shared ? MixedShape::width : 0);
-    device.launch(blocks, MixedBackward{{shape, mlp_row_inputs(network, inputs), scratch.packed, scratch.bias},
-                                        features_mode,
-                                        dL_doutputs,
-                                        dL_dfeatures,
-                                        scratch.sums});
+    device.launch(blocks,
+                  Kernel{{shape, inputs, scratch.packed, scratch.bias}, dL_doutputs, dL_dfeatures, scratch.sums});
     if (blocks != 0)
         device.launch(chunk_count(shape.sums_size(), MixedJoin::numbers),
                       MixedJoin{network, shape, blocks, scratch.sums, dL_dweights, scratch.dL_dbias});
     else
         device.fill(Span<float>(scratch.dL_dbias), 0.0f);
     device.launch(chunk_count(network.shared, MlpShareGradient<float>::numbers),
-                  MlpShareGradient<float>{network, weights, inputs.shared, scratch.dL_dbias, dL_dweights, dL_dshared});
+                  MlpShareGradient<float>{network, weights, shared, scratch.dL_dbias, dL_dweights, dL_dshared});
 }
 
 /// As mlp_backward, with a given number of blocks that sum gradients.
@@ -240,11 +242,12 @@ void mlp_backward_in_blocks(Device& device, const Network& network, Span<const T
                             unsigned most_blocks) {
     using Kernel = MlpBackward<T>;
     constexpr std::size_t tile_rows = MlpTile<T>::rows;
-    const MlpShape shape = mlp_shape("Mlp::backward", network, inputs);
+    const MlpShape shape = mlp_shape<T>("Mlp::backward", network, inputs.features.rows, inputs.shared.size());
     if constexpr (std::same_as<T, float>)
         if (is_mixed<T>(device, shape))
-            return mixed_backward(device, shape, weights, inputs, dL_doutputs, scratch, dL_dweights, dL_dfeatures,
-                                  features_mode, dL_dshared, most_blocks);
+            return mixed_backward(device, shape, weights, MixedFloatInputs{mlp_row_inputs(shape, inputs)},
+                                  inputs.features.rows, inputs.shared, dL_doutputs, scratch, dL_dweights,
+                                  {dL_dfeatures, features_mode}, dL_dshared, most_blocks);
     const unsigned tiles = static_cast<unsigned>(chunk_count(inputs.features.rows, tile_rows));
     const unsigned blocks = std::min(tiles, most_blocks);
     const bool wide = Kernel::uses_wide(shape, dL_dfeatures.columns);
@@ -268,10 +271,13 @@ template <class Network, class T>
 void mlp_forward(Device& device, const Network& network, Span<const T> weights, const MlpInputs<T>& inputs,
                  Span<T> outputs, MlpScratch<Device, T>& scratch) {
     using detail::MlpPack;
-    const detail::MlpShape shape = detail::mlp_shape("Mlp::forward", network, inputs);
+    const detail::MlpShape shape =
+        detail::mlp_shape<T>("Mlp::forward", network, inputs.features.rows, inputs.shared.size());
     if constexpr (std::same_as<T, float>)
         if (detail::is_mixed<T>(device, shape))
-            return detail::mixed_forward(device, shape, weights, inputs, outputs, scratch);
+            return detail::mixed_forward(device, shape, weights,
+                                         detail::MixedFloatInputs{detail::mlp_row_inputs(shape, inputs)},
+                                         inputs.features.rows, inputs.shared, outputs, scratch);
     constexpr std::size_t tile_rows = detail::MlpTile<T>::rows;
     const std::size_t tiles = chunk_count(inputs.features.rows, tile_rows);
     const unsigned last = shape.layers - 1;

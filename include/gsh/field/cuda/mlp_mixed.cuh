@@ -5,8 +5,11 @@
 /// one's operand. Nothing but the outputs is stored; backward computes the activations again. Its gradients of the
 /// weights stay in registers over all rows of a block: each warp has a quarter of the outputs, and receives rows of the
 /// other warps through shared memory.
+///
+/// Features are in float, or already in bf16, as a hash grid writes them (field/cuda/hash_field.cuh).
 #pragma once
 
+#include <gsh/backend/cuda/half.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/matrix.cuh>
 #include <gsh/core/span.hpp>
@@ -18,6 +21,15 @@
 #include <cstdint>
 
 namespace gsh::cuda::detail {
+
+/// The same number, as if the compiler did not know it: what follows from it is computed anew, and not kept in
+/// registers from before.
+[[nodiscard]] __device__ inline unsigned computed_anew(unsigned number) {
+#if !defined(GSH_CUDA_EMULATION) && defined(__CUDA_ARCH__)
+    asm volatile("" : "+r"(number));
+#endif
+    return number;
+}
 
 /// Offsets of a network of two hidden layers of 64, in fragments: what the 32 lanes hold of a right operand, two words
 /// each. The number of inner tiles of 16 comes first, then that of column tiles of 8.
@@ -96,12 +108,83 @@ private:
     }
 };
 
+/// Features and points in float, which are rounded as they are read. Words have two neighbouring columns.
+struct MixedFloatInputs {
+    MlpRowInputs<float> numbers;
+
+    /// Where the gradient of the features goes.
+    struct Gradient {
+        MlpColumns<float> features; ///< no columns: not wanted
+        Write mode;
+
+        [[nodiscard]] __device__ bool wanted() const { return features.columns != 0; }
+        __device__ void write(unsigned row, unsigned column, float first, float second) const {
+            write(row, column, first);
+            write(row, column + 1, second);
+        }
+
+    private:
+        __device__ void write(unsigned row, unsigned column, float value) const {
+            if (column >= features.columns) return;
+            float& to = features.values[features.index(row, column)];
+            to = mode == Write::add ? to + value : value;
+        }
+    };
+
+    [[nodiscard]] __device__ unsigned rows() const { return numbers.rows(); }
+    /// Zeros from `columns` on.
+    [[nodiscard]] __device__ std::uint32_t word(unsigned row, unsigned column, unsigned columns) const {
+        const auto number = [&](unsigned c) { return row < rows() && c < columns ? numbers(row, c) : 0.0f; };
+        return pack_bf16(number(column), number(column + 1));
+    }
+};
+
+/// Features in bf16, [Columns / Block][rows][Block], and points in float.
+template <unsigned Columns, unsigned Block>
+    requires(Block % 2 == 0 && Columns % Block == 0)
+struct MixedWordInputs {
+    /// Words of features, two numbers each.
+    template <class Word>
+    struct Words {
+        Span<Word> values;
+        std::size_t rows;
+
+        [[nodiscard]] __device__ Word& operator()(unsigned row, unsigned column) const {
+            return values[(column / Block * static_cast<unsigned>(rows) + row) * (Block / 2) + column % Block / 2];
+        }
+    };
+    Words<const std::uint32_t> features;
+    Span<const float> points;
+    std::size_t own; ///< numbers of each point
+
+    /// Where the gradient of the features goes: nothing else contributes to it.
+    struct Gradient {
+        Words<std::uint32_t> features;
+
+        [[nodiscard]] __device__ static bool wanted() { return true; }
+        __device__ void write(unsigned row, unsigned column, float first, float second) const {
+            if (column < Columns) features(row, column) = pack_bf16(first, second);
+        }
+    };
+
+    [[nodiscard]] __device__ unsigned rows() const { return static_cast<unsigned>(features.rows); }
+    [[nodiscard]] __device__ std::uint32_t word(unsigned row, unsigned column, unsigned columns) const {
+        if (row >= rows()) return 0;
+        if (column < Columns) return features(row, column);
+        const auto point = [&](unsigned c) {
+            return c < columns ? points[row * static_cast<unsigned>(own) + (c - Columns)] : 0.0f;
+        };
+        return pack_bf16(point(column), point(column + 1));
+    }
+};
+
 /// What both passes do with the 16 rows of a warp.
+template <class Inputs>
 struct MixedRows {
     static constexpr unsigned rows = 16, most_in_tiles = MixedShape::most_inputs / 16;
 
     MixedShape shape;
-    MlpRowInputs<float> inputs;
+    Inputs inputs;
     Span<const std::uint32_t> packed;
     Span<const float> bias;
 
@@ -113,16 +196,12 @@ struct MixedRows {
         return {{packed[at], packed[at + 1]}};
     }
 
-    [[nodiscard]] __device__ float input(unsigned row, unsigned column) const {
-        return row < inputs.rows() && column < shape.inputs ? inputs(row, column) : 0.0f;
-    }
-    __device__ void load_inputs(unsigned first_row, MatrixA (&x)[most_in_tiles]) const {
-        for (unsigned k = 0; k < most_in_tiles; ++k) {
-            for (unsigned w = 0; w < 4; ++w) {
-                const unsigned row = first_row + group() + w % 2 * 8, column = 16 * k + w / 2 * 8 + pair();
-                x[k].words[w] = pack_bf16(input(row, column), input(row, column + 1)); // zeros beyond the inputs
-            }
-        }
+    /// Columns [16 k, 16 k + 16) of the inputs.
+    [[nodiscard]] __device__ MatrixA input_tile(unsigned first_row, unsigned k) const {
+        MatrixA x;
+        for (unsigned w = 0; w < 4; ++w)
+            x.words[w] = inputs.word(first_row + group() + w % 2 * 8, 16 * k + w / 2 * 8 + pair(), shape.inputs);
+        return x;
     }
 
     /// A hidden layer: 64 numbers of each row after ReLU, as the next layer's operand.
@@ -149,15 +228,17 @@ private:
 };
 
 /// Each warp takes 16 rows.
+template <class Inputs>
 struct MixedForward {
-    static constexpr unsigned block_size = 128, block_rows = block_size / warp_size * MixedRows::rows;
-    MixedRows network;
+    using Rows = MixedRows<Inputs>;
+    static constexpr unsigned block_size = 128, block_rows = block_size / warp_size * Rows::rows;
+    Rows network;
     Span<float> outputs;
 
     __device__ void operator()() const {
-        const unsigned first_row = (blockIdx.x * (block_size / warp_size) + threadIdx.x / warp_size) * MixedRows::rows;
-        MatrixA x[MixedRows::most_in_tiles], first[4], second[4];
-        network.load_inputs(first_row, x);
+        const unsigned first_row = (blockIdx.x * (block_size / warp_size) + threadIdx.x / warp_size) * Rows::rows;
+        MatrixA x[Rows::most_in_tiles], first[4], second[4];
+        for (unsigned k = 0; k < Rows::most_in_tiles; ++k) x[k] = network.input_tile(first_row, k);
         network.hidden(0, x, first);
         network.hidden(1, first, second);
         const MixedShape& shape = network.shape;
@@ -167,8 +248,7 @@ struct MixedForward {
             for (unsigned k = 0; k < 4; ++k)
                 multiply_add(sums, second[k], network.weights(shape.forward_offset(2) + k * columns + n));
             for (unsigned i = 0; i < 4; ++i) {
-                const unsigned row = first_row + MixedRows::group() + i / 2 * 8,
-                               column = 8 * n + MixedRows::pair() + i % 2;
+                const unsigned row = first_row + Rows::group() + i / 2 * 8, column = 8 * n + Rows::pair() + i % 2;
                 if (row < network.inputs.rows() && column < shape.outputs)
                     outputs[row * shape.outputs + column] = sums.values[i];
             }
@@ -177,8 +257,10 @@ struct MixedForward {
 };
 
 /// A block takes a fixed range of tiles of 64 rows, 16 for each warp.
+template <class Inputs>
 struct MixedBackward {
-    static constexpr unsigned block_size = 128, warps = block_size / warp_size, tile_rows = warps * MixedRows::rows;
+    using Rows = MixedRows<Inputs>;
+    static constexpr unsigned block_size = 128, warps = block_size / warp_size, tile_rows = warps * Rows::rows;
     static constexpr unsigned stride = tile_rows / 2 + 4; ///< words between columns: eight columns in different banks
     static constexpr unsigned bias_parts = MixedShape::width / 4;
     struct Shared {
@@ -187,31 +269,30 @@ struct MixedBackward {
         SharedArray<float, bias_parts * block_size> bias;                    ///< each thread's sums
     };
 
-    MixedRows network;
-    Write mode; ///< of dL_dfeatures
+    Rows network;
     Span<const float> dL_doutputs;
-    MlpColumns<float> dL_dfeatures; ///< no columns: not wanted
-    Span<float> sums;               ///< [blocks][MixedShape::sums_size()]
+    typename Inputs::Gradient dL_dfeatures;
+    Span<float> sums; ///< [blocks][MixedShape::sums_size()]
 
     __device__ void operator()(Shared& shared) const {
         const MixedShape& shape = network.shape;
-        MatrixC first[2 * MixedRows::most_in_tiles] = {}, second[8] = {}, third[8] = {}; // this warp's 16 outputs
+        MatrixC first[2 * Rows::most_in_tiles] = {}, second[8] = {}, third[8] = {}; // this warp's 16 outputs
         for (unsigned n = 0; n < bias_parts; ++n) shared.bias[n * block_size + threadIdx.x] = 0;
         for (unsigned tile = first_tile(blockIdx.x); tile < first_tile(blockIdx.x + 1); ++tile) {
-            const unsigned row = tile * tile_rows + threadIdx.x / warp_size * MixedRows::rows;
+            const unsigned row = tile * tile_rows + threadIdx.x / warp_size * Rows::rows;
             MatrixA h1[4], h2[4], gradient[4];
             compute_hidden(row, h1, h2);
             load_gradient(row, gradient);
 
-            add_weights<4>(shared, gradient, h2, shape.out_tiles(2), 4, third);
+            add_weights<4>(shared, gradient, [&](unsigned k) { return h2[k]; }, shape.out_tiles(2), 4, third);
             through<4>(2, gradient, h2);
-            add_weights<4>(shared, gradient, h1, 4, 4, second);
+            add_weights<4>(shared, gradient, [&](unsigned k) { return h1[k]; }, 4, 4, second);
             through<4>(1, gradient, h1);
             if (!network.bias.empty()) add_bias(shared, gradient);
-            MatrixA x[MixedRows::most_in_tiles]; // read again: meanwhile, registers are scarce
-            network.load_inputs(row, x);
-            add_weights<MixedRows::most_in_tiles>(shared, gradient, x, 4, shape.in_tiles(0), first);
-            if (dL_dfeatures.columns != 0) write_features(row, gradient);
+            const unsigned again = computed_anew(row); // meanwhile, registers are scarce
+            const auto input = [&](unsigned k) { return network.input_tile(again, k); };
+            add_weights<Rows::most_in_tiles>(shared, gradient, input, 4, shape.in_tiles(0), first);
+            if (dL_dfeatures.wanted()) write_features(row, gradient);
         }
         store(0, first), store(1, second), store(2, third);
         if (!network.bias.empty()) store_bias(shared);
@@ -222,8 +303,8 @@ private:
         return mlp_first_tile(network.inputs.rows(), tile_rows, block);
     }
     __device__ void compute_hidden(unsigned row, MatrixA (&h1)[4], MatrixA (&h2)[4]) const {
-        MatrixA x[MixedRows::most_in_tiles];
-        network.load_inputs(row, x);
+        MatrixA x[Rows::most_in_tiles];
+        for (unsigned k = 0; k < Rows::most_in_tiles; ++k) x[k] = network.input_tile(row, k);
         network.hidden(0, x, h1);
         network.hidden(1, h1, h2);
     }
@@ -234,8 +315,7 @@ private:
     __device__ void load_gradient(unsigned first_row, MatrixA (&gradient)[4]) const {
         for (unsigned k = 0; k < 4; ++k)
             for (unsigned w = 0; w < 4; ++w) {
-                const unsigned row = first_row + MixedRows::group() + w % 2 * 8,
-                               column = 16 * k + w / 2 * 8 + MixedRows::pair();
+                const unsigned row = first_row + Rows::group() + w % 2 * 8, column = 16 * k + w / 2 * 8 + Rows::pair();
                 gradient[k].words[w] = pack_bf16(output_gradient(row, column), output_gradient(row, column + 1));
             }
     }
@@ -243,23 +323,23 @@ private:
     /// Writes 16 rows of 16 columns, column after column.
     template <std::size_t N>
     __device__ static void spread(SharedArray<std::uint32_t, N>& to, unsigned tile, const MatrixA& from) {
-        const unsigned row = threadIdx.x / warp_size * (MixedRows::rows / 2) + threadIdx.x % 4; // in words
+        const unsigned row = threadIdx.x / warp_size * (Rows::rows / 2) + threadIdx.x % 4; // in words
         for (unsigned w = 0; w < 4; ++w)
-            to[(16 * tile + w / 2 * 8 + MixedRows::group()) * stride + row + w % 2 * 4] = transposed(from.words[w]);
+            to[(16 * tile + w / 2 * 8 + Rows::group()) * stride + row + w % 2 * 4] = transposed(from.words[w]);
     }
 
-    /// dL/dW += dL/dyᵀ x over the block's 64 rows, for 16 outputs a warp.
-    template <unsigned Tiles>
-    __device__ void add_weights(Shared& shared, const MatrixA (&gradient)[4], const MatrixA (&x)[Tiles],
+    /// dL/dW += dL/dyᵀ x over the block's 64 rows, for 16 outputs a warp. x(k) are 16 columns.
+    template <unsigned Tiles, class Input>
+    __device__ void add_weights(Shared& shared, const MatrixA (&gradient)[4], const Input& x,
                                 unsigned out_tiles, unsigned in_tiles, MatrixC (&to)[2 * Tiles]) const {
         __syncthreads(); // the arrays are still read
         for (unsigned k = 0; k < 4; ++k) spread(shared.gradients, k, gradient[k]);
         for (unsigned k = 0; k < Tiles; ++k)
-            if (k < in_tiles) spread(shared.inputs, k, x[k]);
+            if (k < in_tiles) spread(shared.inputs, k, x(k));
         __syncthreads();
         const unsigned warp = threadIdx.x / warp_size;
         if (warp >= out_tiles) return; // no barrier follows before all warps are back
-        const unsigned t = threadIdx.x % 4, g = MixedRows::group();
+        const unsigned t = threadIdx.x % 4, g = Rows::group();
         for (unsigned k = 0; k < tile_rows / 16; ++k) {
             MatrixA a;
             for (unsigned w = 0; w < 4; ++w)
@@ -297,8 +377,8 @@ private:
         for (unsigned n = 0; n < bias_parts / 2; ++n) {
             const std::uint32_t upper = gradient[n / 2].words[n % 2 * 2], lower = gradient[n / 2].words[n % 2 * 2 + 1];
             const unsigned at = 2 * n * block_size + threadIdx.x;
-            shared.bias[at] = shared.bias[at] + (low_half(upper) + low_half(lower));
-            shared.bias[at + block_size] = shared.bias[at + block_size] + (high_half(upper) + high_half(lower));
+            shared.bias[at] = shared.bias[at] + (low_bf16(upper) + low_bf16(lower));
+            shared.bias[at + block_size] = shared.bias[at + block_size] + (high_bf16(upper) + high_bf16(lower));
         }
     }
 
@@ -307,12 +387,10 @@ private:
         for (unsigned n = 0; n < columns; ++n) {
             MatrixC sum{};
             for (unsigned k = 0; k < 4; ++k) multiply_add(sum, gradient[k], network.weights(offset + k * columns + n));
-            for (unsigned i = 0; i < 4; ++i) {
-                const unsigned row = first_row + MixedRows::group() + i / 2 * 8,
-                               column = 8 * n + MixedRows::pair() + i % 2;
-                if (row >= network.inputs.rows() || column >= dL_dfeatures.columns) continue;
-                float& to = dL_dfeatures.values[dL_dfeatures.index(row, column)];
-                to = mode == Write::add ? to + sum.values[i] : sum.values[i];
+            for (unsigned i = 0; i < 2; ++i) {
+                const unsigned row = first_row + Rows::group() + i * 8, column = 8 * n + Rows::pair();
+                if (row < network.inputs.rows())
+                    dL_dfeatures.write(row, column, sum.values[2 * i], sum.values[2 * i + 1]);
             }
         }
     }
