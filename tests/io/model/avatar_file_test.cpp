@@ -94,6 +94,7 @@ struct ShadedTraining {
                                                           .mlp_width = 16,
                                                           .mlp_hidden_layers = hidden_layers,
                                                           .ao = ao,
+                                                          .ao_width = 16,
                                                           .ao_table_size = 1024,
                                                           .largest_ao = 1.2,
                                                           .rates = {.light_normals = normal_rate}})),
