@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <utility>
 #include <vector>
@@ -85,18 +86,21 @@ public:
         left_ += square;
     }
 
+    /// A template so that Eigen's solver, which takes seconds to compile, is compiled only where this is called.
+    template <std::same_as<double> T = double>
     [[nodiscard]] LowRank finish() const {
+        using Matrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
         const std::size_t K = basis_.size(), rows = rows_.size();
         LowRank result;
         result.error = rows ? std::sqrt(left_ / static_cast<double>(rows)) : 0;
         if (K == 0) return result;
         const auto index = [](std::size_t i) { return static_cast<Eigen::Index>(i); };
-        Eigen::MatrixXd coefficients = Eigen::MatrixXd::Zero(index(rows), index(K));
+        Matrix coefficients = Matrix::Zero(index(rows), index(K));
         for (std::size_t t = 0; t < rows; ++t)
             for (std::size_t k = 0; k < rows_[t].size(); ++k) coefficients(index(t), index(k)) = rows_[t][k];
         // Right singular vectors, as eigenvectors: ascending, so the last come first here. Energies are squares of
         // singular values; those that rounding loses lie far below any tolerance of floats.
-        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(coefficients.transpose() * coefficients);
+        const Eigen::SelfAdjointEigenSolver<Matrix> solver(coefficients.transpose() * coefficients);
         const auto energy = [&](std::size_t r) { return std::max(solver.eigenvalues()(index(K - 1 - r)), 0.0); };
 
         double left = left_;
@@ -104,7 +108,7 @@ public:
         const double allowed = params_.tolerance * params_.tolerance * static_cast<double>(rows);
         while (result.rank < std::min(K, params_.most_rank) && left > allowed) left -= energy(result.rank++);
         result.error = std::sqrt(std::max(left, 0.0) / static_cast<double>(rows));
-        const Eigen::MatrixXd turns = solver.eigenvectors().rowwise().reverse().leftCols(index(result.rank));
+        const Matrix turns = solver.eigenvectors().rowwise().reverse().leftCols(index(result.rank));
         for (std::size_t r = 0; r < result.rank; ++r) {
             std::vector<double> direction(size(), 0.0);
             for (std::size_t k = 0; k < K; ++k)
@@ -112,7 +116,7 @@ public:
                     direction[i] += turns(index(k), index(r)) * static_cast<double>(basis_[k][i]);
             for (const double x : direction) result.basis.push_back(static_cast<float>(x));
         }
-        const Eigen::MatrixXd turned = coefficients * turns;
+        const Matrix turned = coefficients * turns;
         for (std::size_t t = 0; t < rows; ++t)
             for (std::size_t r = 0; r < result.rank; ++r)
                 result.coefficients.push_back(static_cast<float>(turned(index(t), index(r))));
