@@ -36,7 +36,7 @@ add_library(gsh_project INTERFACE)
 target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:${gsh_warnings};-ffp-contract=off;-fno-math-errno>)
 # __FILE__, by which doctest names and filters files, does not depend on where the checkout is. A compiler cache
 # therefore also serves another checkout of the same sources.
-target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=./>)
+target_compile_options(gsh_project INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=/gsh/>)
 # The property GSH_INSTRUCTION_SET of a target selects an instruction set.
 set(gsh_set $<TARGET_PROPERTY:GSH_INSTRUCTION_SET>)
 set(gsh_set $<IF:$<BOOL:${gsh_set}>,${gsh_set},$<$<BOOL:${GSH_NATIVE}>:native>>)
