@@ -41,10 +41,14 @@ template <class T, class Element>
 }
 
 /// |a - b| / |b|, or |a - b| if b is zero.
-[[nodiscard]] inline double relative_distance(const std::vector<double>& a, const std::vector<double>& b) {
+template <class T = double, class U = double>
+[[nodiscard]] double relative_distance(const std::vector<T>& a, const std::vector<U>& b) {
     REQUIRE(a.size() == b.size());
     double difference = 0, size = 0;
-    for (std::size_t i = 0; i < a.size(); ++i) difference += (a[i] - b[i]) * (a[i] - b[i]), size += b[i] * b[i];
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        const double x = static_cast<double>(a[i]), y = static_cast<double>(b[i]);
+        difference += (x - y) * (x - y), size += y * y;
+    }
     return std::sqrt(difference) / (size > 0 ? std::sqrt(size) : 1);
 }
 

@@ -5,15 +5,25 @@
 #include <gsh/body/nearest_points.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/math/linalg.hpp>
 #include <gsh/math/vec.hpp>
 
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Warray-bounds" // see math/linalg.hpp
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
+#include <Eigen/IterativeLinearSolvers>
+#include <Eigen/SparseCore>
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic pop
+#endif
+
 #include <algorithm>
-#include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <numeric>
-#include <optional>
 #include <utility>
 #include <vector>
 
@@ -38,9 +48,12 @@ struct SurfaceFillParams {
 /// `mirror_distance` from the known points: nearer to them a filled region continues its surroundings, farther inside
 /// it looks like the other side. ε is so small that it decides only for points that no path leads to.
 ///
+/// It is a template so that Eigen's solver, which takes seconds to compile, is compiled only where points are filled.
+///
 /// Shapes  N points; F of them are filled.
 /// Frame   the canonical frame of a body that faces along z, with its plane of symmetry at x = 0.
 /// Errors  ShapeError for arrays of another size than N.
+template <std::same_as<double> T = double>
 class SurfaceFill {
 public:
     /// Normals are unit vectors or zero, and may be none. known[i] is not 0 where there are numbers.
@@ -64,7 +77,18 @@ public:
             return normals.empty() || dot(normals[i], normals[i]) == 0 || dot(normal, normal) == 0 ||
                    dot(normals[i], normal) > 0;
         };
-        std::vector<std::vector<Link>> links(filled_.size()); // both ways between filled points
+        std::vector<Eigen::Triplet<T>> entries, from_known;
+        // Adds w (c_r - c_j)² to the energy.
+        const auto join = [&](std::size_t r, std::size_t j, double w) {
+            const int row = static_cast<int>(r), other = row_of[j] == none ? -1 : static_cast<int>(row_of[j]);
+            entries.emplace_back(row, row, w);
+            if (other < 0) {
+                from_known.emplace_back(row, static_cast<int>(j), w);
+                return;
+            }
+            entries.emplace_back(other, other, w);
+            entries.emplace_back(std::max(row, other), std::min(row, other), -w);
+        };
         for (std::size_t r = 0; r < filled_.size(); ++r) {
             const std::size_t i = filled_[r];
             std::vector<std::pair<double, std::size_t>> near;
@@ -78,14 +102,11 @@ public:
             for (const auto& [squared, j] : near) {
                 const double weight = mean > 0 ? mean / (squared + 0.01 * mean) : 1;
                 weights += weight;
-                if (row_of[j] == none) {
-                    links[r].push_back({j, weight});
-                    continue;
-                }
-                links[r].push_back({j, weight / 2}); // the other half comes from j, to which i is most likely near, too
-                links[row_of[j]].push_back({i, weight / 2});
+                // Of two filled points, each is most likely a neighbour of the other, which adds the other half.
+                join(r, j, row_of[j] == none ? weight : weight / 2);
             }
-            rows_.push_back({.pull = 1e-6 * std::max(weights, 1.0), .mirror_weight = 0, .mirror = none});
+            const double pull = 1e-6 * std::max(weights, 1.0);
+            entries.emplace_back(static_cast<int>(r), static_cast<int>(r), pull);
             const vec3<double> place(-positions[i].x, positions[i].y, positions[i].z);
             const auto other = of_sources.nearest(place, 1);
             if (other[0].first > params.mirror_gap * params.mirror_gap) continue;
@@ -93,23 +114,21 @@ public:
             const vec3<double> normal = normals.empty() ? vec3<double>(0) : normals[i];
             if (!agree(m, {-normal.x, normal.y, normal.z})) continue;
             // On a plane, sum w (c_j - c_i) is sum w d² / 4 times the Laplacian; w d² is about `mean` for each.
-            rows_[r].mirror = m;
-            rows_[r].mirror_weight = static_cast<double>(near.size()) * mean / 4 /
-                                     (params.mirror_distance * params.mirror_distance);
+            const double weight =
+                static_cast<double>(near.size()) * mean / 4 / (params.mirror_distance * params.mirror_distance);
+            entries.emplace_back(static_cast<int>(r), static_cast<int>(r), weight);
+            mirrors_.push_back({r, m, weight});
         }
-        starts_.push_back(0);
-        for (std::size_t r = 0; r < links.size(); ++r) {
-            double diagonal = rows_[r].pull + rows_[r].mirror_weight;
-            for (const Link& link : links[r]) {
-                diagonal += link.weight;
-                links_.push_back(link);
-            }
-            diagonal_.push_back(diagonal);
-            starts_.push_back(links_.size());
-        }
-        for (Link& link : links_)
-            if (row_of[link.point] != none) link.row = row_of[link.point];
+        const auto F = static_cast<Eigen::Index>(filled_.size());
+        matrix_.resize(F, F), from_known_.resize(F, static_cast<Eigen::Index>(N));
+        matrix_.setFromTriplets(entries.begin(), entries.end());
+        from_known_.setFromTriplets(from_known.begin(), from_known.end());
+        solver_.setTolerance(1e-6);
+        solver_.compute(matrix_);
     }
+
+    SurfaceFill(const SurfaceFill&) = delete; // the solver refers to the matrix
+    SurfaceFill& operator=(const SurfaceFill&) = delete;
 
     /// The points that are filled, ascending: those without numbers, or none of them if no point has any.
     [[nodiscard]] const std::vector<std::size_t>& filled() const { return filled_; }
@@ -118,69 +137,38 @@ public:
     /// factor on numbers of the other side: -1 for the x of a vector.
     [[nodiscard]] std::vector<double> fill(Span<const double> values, double mirrored = 1) const {
         check_size("SurfaceFill::fill", "values", values.size(), known_.size(), "one per point");
-        const std::size_t F = filled_.size();
-        if (F == 0) return {};
+        if (filled_.empty()) return {};
         double mean = 0, count = 0;
         for (std::size_t i = 0; i < known_.size(); ++i)
             if (known_[i]) mean += values[i], ++count;
         mean /= count;
-        // Conjugate gradients with the inverse diagonal, for A x = b with x relative to the mean of the known.
-        std::vector<double> x(F, 0), residual(F), z(F), direction(F), image(F);
-        for (std::size_t r = 0; r < F; ++r) {
-            double b = 0;
-            if (rows_[r].mirror != none) b += rows_[r].mirror_weight * (mirrored * values[rows_[r].mirror] - mean);
-            for (std::size_t k = starts_[r]; k < starts_[r + 1]; ++k)
-                if (links_[k].row == none) b += links_[k].weight * (values[links_[k].point] - mean);
-            residual[r] = b;
-            z[r] = b / diagonal_[r];
-        }
-        direction = z;
-        double rho = inner(residual, z);
-        const double enough = 1e-12 * rho;
-        for (int step = 0; step < most_steps && rho > enough; ++step) {
-            multiply(direction, image);
-            const double alpha = rho / inner(direction, image);
-            for (std::size_t r = 0; r < F; ++r) x[r] += alpha * direction[r], residual[r] -= alpha * image[r];
-            for (std::size_t r = 0; r < F; ++r) z[r] = residual[r] / diagonal_[r];
-            const double next = inner(residual, z), beta = next / rho;
-            for (std::size_t r = 0; r < F; ++r) direction[r] = z[r] + beta * direction[r];
-            rho = next;
-        }
-        for (double& number : x) number += mean;
-        return x;
+        // A x = b with x relative to the mean of the known, so that the weak pull is towards zero.
+        Vector relative = Vector::Zero(static_cast<Eigen::Index>(known_.size()));
+        for (std::size_t i = 0; i < known_.size(); ++i)
+            if (known_[i]) relative[static_cast<Eigen::Index>(i)] = values[i] - mean;
+        Vector b = from_known_ * relative;
+        for (const Mirror& mirror : mirrors_)
+            b[static_cast<Eigen::Index>(mirror.row)] += mirror.weight * (mirrored * values[mirror.point] - mean);
+        const Vector x = solver_.solve(b);
+        std::vector<double> result(filled_.size());
+        for (std::size_t r = 0; r < result.size(); ++r) result[r] = x[static_cast<Eigen::Index>(r)] + mean;
+        return result;
     }
 
 private:
     static constexpr std::size_t none = std::numeric_limits<std::size_t>::max();
-    static constexpr int most_steps = 2000;
-    struct Link {
-        std::size_t point;
+    using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
+    using Matrix = Eigen::SparseMatrix<T>;
+    struct Mirror {
+        std::size_t row, point;
         double weight;
-        std::size_t row = none; ///< if the point is filled, too
     };
-    struct Row {
-        double pull, mirror_weight;
-        std::size_t mirror; ///< or none
-    };
-
-    [[nodiscard]] static double inner(const std::vector<double>& a, const std::vector<double>& b) {
-        return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
-    }
-    void multiply(const std::vector<double>& x, std::vector<double>& image) const {
-        for (std::size_t r = 0; r < x.size(); ++r) {
-            double sum = diagonal_[r] * x[r];
-            for (std::size_t k = starts_[r]; k < starts_[r + 1]; ++k)
-                if (links_[k].row != none) sum -= links_[k].weight * x[links_[k].row];
-            image[r] = sum;
-        }
-    }
 
     std::vector<std::uint8_t> known_;
     std::vector<std::size_t> filled_;
-    std::vector<Row> rows_;            // [F]
-    std::vector<double> diagonal_;     // [F]
-    std::vector<std::size_t> starts_;  // [F + 1]
-    std::vector<Link> links_;          // grouped by filled point
+    std::vector<Mirror> mirrors_;
+    Matrix matrix_, from_known_; // [F, F], of which the lower triangle is stored; [F, N]
+    Eigen::ConjugateGradient<Matrix, Eigen::Lower> solver_;
 };
 
 } // namespace gsh

@@ -87,12 +87,27 @@ auto with_appearance_type(const AvatarConfig& config, const Use& use) {
     return use(std::type_identity<StoredAttributes<B, T, Degree, Levels, Features>>());
 }
 
-/// Calls use(std::integral_constant<int, L>()) with the number L of levels of a configuration's shadow.
-template <int Levels, class Use>
-auto with_shadow_levels(const AvatarConfig& config, const Use& use) {
+/// The number of inputs of each kind of shadow: a code per frame, or the pose's features.
+struct ShadowInputCounts {
+    std::size_t frames, pose_features;
+};
+
+/// Calls use(std::type_identity<S>(), count) with the shadow S of a configuration and the number of its inputs, or
+/// use(std::type_identity<NoShadow<B, T>>()).
+template <Backend B, std::floating_point T, int Levels, int Features, class Use>
+auto with_shadow_type(const AvatarConfig& config, const ShadowInputCounts& counts, const Use& use) {
+    const auto with_levels = [&]<int L>(std::integral_constant<int, L>) {
+        switch (config.ao) {
+        case AmbientOcclusion::time: return use(std::type_identity<TimeShadow<B, T, L, Features>>(), counts.frames);
+        case AmbientOcclusion::pose:
+            return use(std::type_identity<PoseShadow<B, T, L, Features>>(), counts.pose_features);
+        case AmbientOcclusion::none: break;
+        }
+        return use(std::type_identity<NoShadow<B, T>>());
+    };
     constexpr int coarse = Levels < 2 ? 1 : 3 * Levels / 4;
-    if (config.ao_levels == ShadowLevels::coarse) return use(std::integral_constant<int, coarse>());
-    return use(std::integral_constant<int, Levels>());
+    if (config.ao_levels == ShadowLevels::coarse) return with_levels(std::integral_constant<int, coarse>());
+    return with_levels(std::integral_constant<int, Levels>());
 }
 
 /// Makes the avatar that a configuration describes, from a rig and the samples of which the rig was made. `frame_count`
@@ -117,23 +132,16 @@ template <Backend B, std::floating_point T = float, int Levels = 16, int Feature
     const auto appearance = [&]<class A>(std::type_identity<A>) -> AnyAppearance<T, Degree> {
         return A(backend, points, params);
     };
-    const auto shadow = [&]<int L>(std::integral_constant<int, L>) -> AnyShadow<B, T> {
-        switch (config.ao) {
-        case AmbientOcclusion::time:
-            return TimeShadow<B, T, L, Features>(backend, *points, frame_count, shadow_params(config, seed));
-        case AmbientOcclusion::pose:
-            return PoseShadow<B, T, L, Features>(backend, *points, rig.body.pose_feature_count(),
-                                                 shadow_params(config, seed));
-        case AmbientOcclusion::none: break;
-        }
-        return NoShadow<B, T>();
+    const auto shadow = [&]<class S>(std::type_identity<S>, auto... count) -> AnyShadow<B, T> {
+        if constexpr (sizeof...(count) == 0) return S();
+        else return S(backend, *points, count..., shadow_params(config, seed));
     };
     return {backend,
             rig,
             samples,
             points,
             with_appearance_type<B, T, Levels, Features, Degree>(config, appearance),
-            with_shadow_levels<Levels>(config, shadow),
+            with_shadow_type<B, T, Levels, Features>(config, {frame_count, rig.body.pose_feature_count()}, shadow),
             model_params(config)};
 }
 
@@ -146,16 +154,11 @@ template <Backend B, std::floating_point T = float, int Levels = 16, int Feature
     append(size, with_appearance_type<B, T, Levels, Features, Degree>(config, [&]<class A>(std::type_identity<A>) {
                return A::size(appearance_params(config, frame_count, 0), inputs);
            }));
-    append(size, with_shadow_levels<Levels>(config, [&]<int L>(std::integral_constant<int, L>) {
-               switch (config.ao) {
-               case AmbientOcclusion::time:
-                   return TimeShadow<B, T, L, Features>::size(shadow_params(config, 0), frame_count);
-               case AmbientOcclusion::pose:
-                   return PoseShadow<B, T, L, Features>::size(shadow_params(config, 0), pose_feature_count);
-               case AmbientOcclusion::none: break;
-               }
-               return PartSize();
-           }));
+    const auto shadow_size = [&]<class S>(std::type_identity<S>, auto... count) {
+        if constexpr (sizeof...(count) == 0) return PartSize();
+        else return S::size(shadow_params(config, 0), count...);
+    };
+    append(size, with_shadow_type<B, T, Levels, Features>(config, {frame_count, pose_feature_count}, shadow_size));
     return size;
 }
 

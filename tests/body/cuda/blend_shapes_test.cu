@@ -8,6 +8,7 @@
 #include <doctest/doctest.h>
 
 #include "support/cuda_device.hpp"
+#include "support/device_arrays.hpp"
 #include "support/gradient.hpp"
 
 #include <algorithm>
@@ -65,15 +66,6 @@ std::vector<T> run(B& backend, const Inputs& inputs, int backwards = 1) {
     return result;
 }
 
-/// |a - b| / |b|.
-template <class T>
-double distance(const std::vector<T>& a, const std::vector<double>& b) {
-    double difference = 0, size = 0;
-    for (std::size_t i = 0; i < a.size(); ++i)
-        difference += (double(a[i]) - b[i]) * (double(a[i]) - b[i]), size += b[i] * b[i];
-    return size > 0 ? std::sqrt(difference / size) : std::sqrt(difference);
-}
-
 } // namespace
 
 TEST_CASE("BlendShapes follows the CPU's, forward and backward") {
@@ -86,8 +78,8 @@ TEST_CASE("BlendShapes follows the CPU's, forward and backward") {
             CAPTURE(C);
             const Inputs inputs(V, C, 1);
             const auto expected = run<double>(serial, inputs);
-            CHECK(distance(run<double>(device, inputs), expected) < 1e-13);
-            CHECK(distance(run<float>(device, inputs), expected) < 1e-6);
+            CHECK(test::relative_distance(run<double>(device, inputs), expected) < 1e-13);
+            CHECK(test::relative_distance(run<float>(device, inputs), expected) < 1e-6);
         }
 }
 

@@ -8,6 +8,7 @@
 #include <doctest/doctest.h>
 
 #include "support/cuda_device.hpp"
+#include "support/device_arrays.hpp"
 #include "support/gradient.hpp"
 
 #include <algorithm>
@@ -83,17 +84,6 @@ Result<T> run(B& backend, const PhotometricParams<T>& params, const Image<T>& a,
     return result;
 }
 
-/// |a - b| / |b|.
-template <class T, class U>
-double distance(const std::vector<T>& a, const std::vector<U>& b) {
-    double difference = 0, size = 0;
-    for (std::size_t i = 0; i < a.size(); ++i) {
-        difference += (double(a[i]) - double(b[i])) * (double(a[i]) - double(b[i]));
-        size += double(b[i]) * double(b[i]);
-    }
-    return size > 0 ? std::sqrt(difference / size) : std::sqrt(difference);
-}
-
 } // namespace
 
 TEST_CASE("PhotometricLoss in double follows the CPU's, forward and backward") {
@@ -110,7 +100,7 @@ TEST_CASE("PhotometricLoss in double follows the CPU's, forward and backward") {
             CHECK(found.values.l1 == doctest::Approx(expected.values.l1).epsilon(1e-12));
             if (weight > 0) CHECK(found.values.ssim == doctest::Approx(expected.values.ssim).epsilon(1e-12));
             CHECK(std::isnan(found.values.ssim) == (weight == 0));
-            CHECK(distance(found.gradient, expected.gradient) < 1e-11);
+            CHECK(test::relative_distance(found.gradient, expected.gradient) < 1e-11);
         }
 }
 
@@ -140,7 +130,7 @@ TEST_CASE("PhotometricLoss in float follows double") {
         const auto expected = run<double>(serial, {}, a, b, count);
         CHECK(found.values.loss == doctest::Approx(expected.values.loss).epsilon(1e-6));
         CHECK(found.values.ssim == doctest::Approx(expected.values.ssim).epsilon(1e-6));
-        CHECK(distance(found.gradient, expected.gradient) < 1e-4);
+        CHECK(test::relative_distance(found.gradient, expected.gradient) < 1e-4);
     }
 }
 

@@ -7,6 +7,7 @@
 #include <gsh/render/cuda/rasterizer.cuh>
 #include <gsh/render/rasterizer.hpp>
 
+#include "support/device_arrays.hpp"
 #include "support/raster_scene.hpp"
 
 #include <doctest/doctest.h>
@@ -140,16 +141,7 @@ Result<T> run(B& backend, const RasterScene<T>& scene, const Rendering<T>& weigh
 /// |a - b| / |b| of two arrays of numbers of type T and U.
 template <class T, class U, class A, class B>
 [[nodiscard]] double relative_difference(const std::vector<A>& a, const std::vector<B>& b) {
-    const T* const x = reinterpret_cast<const T*>(a.data());
-    const U* const y = reinterpret_cast<const U*>(b.data());
-    const std::size_t count = a.size() * sizeof(A) / sizeof(T);
-    if (count != b.size() * sizeof(B) / sizeof(U)) return NAN;
-    double difference = 0, size = 0;
-    for (std::size_t i = 0; i < count; ++i) {
-        const double d = static_cast<double>(x[i]) - static_cast<double>(y[i]);
-        difference += d * d, size += static_cast<double>(y[i]) * static_cast<double>(y[i]);
-    }
-    return size == 0 ? std::sqrt(difference) : std::sqrt(difference / size);
+    return relative_distance(numbers<T>(a), numbers<U>(b));
 }
 
 template <class T>
