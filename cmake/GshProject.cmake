@@ -19,12 +19,14 @@ if(GSH_WERROR)
     list(APPEND gsh_warnings -Wno-error=uninitialized)
   endif()
 endif()
-set(gsh_joined_warnings) # for translation units of several joined files
+set(gsh_joined_options) # for translation units of several joined files
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU") # GCC warns after inlining, and a large unit does not inline throwing checks
-  set(gsh_joined_warnings -Wno-error=array-bounds -Wno-error=restrict -Wno-error=stringop-overflow
+  set(gsh_joined_options -Wno-error=array-bounds -Wno-error=restrict -Wno-error=stringop-overflow
       -Wno-error=maybe-uninitialized)
+  # GCC then collects garbage from 1.5 GB on, not from 128 MB on. That saves a tenth of the time of a large unit.
+  list(APPEND gsh_joined_options "SHELL:--param ggc-min-heapsize=1500000" "SHELL:--param ggc-min-expand=300")
 else() # Clang: a local name may shadow one in the unnamed namespace of another joined file
-  set(gsh_joined_warnings -Wno-error=shadow)
+  set(gsh_joined_options -Wno-error=shadow)
 endif()
 
 add_library(gsh_project INTERFACE)
