@@ -11,6 +11,7 @@
 #include "support/source.hpp"
 
 #include <gsh/body/joint_error.hpp>
+#include <gsh/core/ordered_indices.hpp>
 #include <gsh/io/file/archive.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/image/image_file.hpp>
@@ -171,11 +172,10 @@ void add_gains(const Reconstruction& reconstruction, Json& json, Report& report,
     const std::vector<std::array<double, 3>> gains = reconstruction.photo_gains();
     Curve exposure{"Exposure of training photographs, camera after camera", "stops, 0 in the mean of a camera", {},
                    "photographs"};
-    std::vector<std::size_t> order(gains.size());
-    std::iota(order.begin(), order.end(), std::size_t(0));
     const std::vector<Photo>& photos = reconstruction.setup.photos;
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return photos[a].camera_index < photos[b].camera_index; });
+    const std::vector<std::uint32_t> order = ordered_indices(gains.size(), [&](std::uint32_t a, std::uint32_t b) {
+        return photos[a].camera_index < photos[b].camera_index;
+    });
     double darkest = 0, brightest = 0, balance = 0;
     for (const std::size_t p : order) {
         const auto [red, green, blue] = gains[p];

@@ -6,6 +6,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/ordered_indices.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/gaussian/gaussians.hpp>
@@ -21,7 +22,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -112,10 +112,8 @@ private:
 /// piece. Returns the middles.
 inline std::vector<vec3<double>> sort_by_pieces(const RigidPieces& pieces, GaussianCloud<float> cloud,
                                                 MovingPieces& result) {
-    std::vector<std::uint32_t> order(cloud.size());
-    std::iota(order.begin(), order.end(), 0u);
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::uint32_t a, std::uint32_t b) { return pieces.piece[a] < pieces.piece[b]; });
+    const std::vector<std::uint32_t> order = ordered_indices(
+        cloud.size(), [&](std::uint32_t a, std::uint32_t b) { return pieces.piece[a] < pieces.piece[b]; });
     std::vector<vec3<double>> middles(pieces.count, vec3<double>(0));
     result.begins.assign(pieces.count + 1, 0);
     for (std::size_t i = 0; i < cloud.size(); ++i) {

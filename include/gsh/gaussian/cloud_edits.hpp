@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/ordered_indices.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/math/activation.hpp>
@@ -14,7 +15,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <numeric>
 #include <vector>
 
 namespace gsh {
@@ -49,11 +49,7 @@ template <class T>
 [[nodiscard]] std::vector<std::uint32_t> importance_order(const GaussianCloud<T>& cloud) {
     std::vector<T> values(cloud.size());
     for (std::size_t i = 0; i < values.size(); ++i) values[i] = importance(cloud, i);
-    std::vector<std::uint32_t> order(cloud.size());
-    std::iota(order.begin(), order.end(), 0u);
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::uint32_t a, std::uint32_t b) { return values[a] > values[b]; });
-    return order;
+    return ordered_indices(values.size(), [&](std::uint32_t a, std::uint32_t b) { return values[a] > values[b]; });
 }
 
 /// Indices in Morton order of the means, with 10 bits for each axis of their box: neighbours in the order are
@@ -70,16 +66,14 @@ template <class T>
         bits = (bits | bits << 4) & 0x030C30C3u;
         return (bits | bits << 2) & 0x09249249u;
     };
-    std::vector<std::uint32_t> codes(cloud.size()), order(cloud.size());
+    std::vector<std::uint32_t> codes(cloud.size());
     for (std::size_t i = 0; i < codes.size(); ++i)
         for (int axis = 0; axis < 3; ++axis) {
             const T extent = high[axis] - low[axis];
             const T place = extent > 0 ? (cloud.means[i][axis] - low[axis]) / extent : T(0);
             codes[i] |= spread(static_cast<std::uint32_t>(std::clamp(place * 1024, T(0), T(1023)))) << axis;
         }
-    std::iota(order.begin(), order.end(), 0u);
-    std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return codes[a] < codes[b]; });
-    return order;
+    return ordered_indices(codes.size(), [&](std::uint32_t a, std::uint32_t b) { return codes[a] < codes[b]; });
 }
 
 /// The indices of the `count` most important Gaussians, in the order of the cloud.

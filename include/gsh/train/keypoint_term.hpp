@@ -10,14 +10,15 @@
 #include <gsh/body/skeleton.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/ordered_indices.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/vec.hpp>
 
-#include <algorithm>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -220,10 +221,11 @@ keypoints_of_people(const std::vector<PhotoKeypoints>& found, const std::vector<
                 }
                 if (count > 0) matches.push_back({sum / count, p, d});
             }
-        std::stable_sort(matches.begin(), matches.end(),
-                         [](const Match& a, const Match& b) { return a.distance < b.distance; });
         std::vector<bool> person_done(posed.size(), false), detection_done(photo.people.size(), false);
-        for (const Match& match : matches) {
+        for (const std::uint32_t m : ordered_indices(matches.size(), [&](std::uint32_t a, std::uint32_t b) {
+                 return matches[a].distance < matches[b].distance;
+             })) {
+            const Match& match = matches[m];
             if (person_done[match.person] || detection_done[match.detection]) continue;
             person_done[match.person] = detection_done[match.detection] = true;
             result[match.person][photo.frame].push_back({camera, points[match.person][match.detection]});

@@ -10,6 +10,7 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/ordered_indices.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/image.hpp>
@@ -57,9 +58,8 @@ template <Backend B, class Scene>
     constexpr const char* where = "photographs_showing";
     check_value(!photos.empty(), where, "there are no photographs");
     const int factor = reduction_factor(Span<const Photo>(photos), pixels);
-    std::vector<const Photo*> order;
-    for (const Photo& photo : photos) order.push_back(&photo);
-    std::stable_sort(order.begin(), order.end(), [](const Photo* a, const Photo* b) { return a->frame < b->frame; });
+    const std::vector<std::uint32_t> order = ordered_indices(
+        photos.size(), [&](std::uint32_t a, std::uint32_t b) { return photos[a].frame < photos[b].frame; });
 
     const std::size_t N = scene.size();
     Rasterizer<B, T> rasterizer(backend, raster_params<T>(filter));
@@ -71,10 +71,10 @@ template <Backend B, class Scene>
     backend.fill(Span<vec3<T>>(dL_dcolors), vec3<T>(T(0)));
     double squared_focal = 0; // of (f / z), a mean over photographs
     for (std::size_t k = 0; k < order.size(); ++k) {
-        const Photo& photo = *order[k];
+        const Photo& photo = photos[order[k]];
         const Camera<double> reduced = reduced_camera(photo.camera, factor);
         const Camera<T> camera = reduced.cast<T>();
-        if (k == 0 || order[k - 1]->frame != photo.frame) scene.prepare(photo.frame);
+        if (k == 0 || photos[order[k - 1]].frame != photo.frame) scene.prepare(photo.frame);
         scene.forward(photo.frame, camera.center(), splats.view());
         const std::size_t size = 3 * static_cast<std::size_t>(camera.height) * static_cast<std::size_t>(camera.width);
         picture.resize(size), ones.resize(size);
