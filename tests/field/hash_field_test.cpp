@@ -133,6 +133,7 @@ TEST_CASE("HashField::backward is the gradient of forward") {
         };
         loss();
         passes.backward(p);
+        CHECK_THROWS_AS(passes.backward(p), ShapeError); // the cache is used up
         test::check_gradient(loss, p.table, passes.dL_dtable);
         test::check_gradient(loss, p.weights, passes.dL_dweights);
         if (shared) test::check_gradient(loss, p.shared, passes.dL_dshared);

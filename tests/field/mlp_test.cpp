@@ -113,6 +113,12 @@ TEST_CASE("Mlp::backward adds, and Write::assign overwrites the inputs' gradient
     mlp.backward(backend, weights, {view}, dL_doutputs, cache, dL_dweights, row_major(Span<double>(dL_dinputs), 6),
                  Write::assign);
     CHECK(dL_dinputs == once.dL_dinputs);
+    std::vector<double> both = inputs; // the gradient takes the place of the inputs
+    dL_dweights.assign(weights.size(), 0.0);
+    const auto in_place = row_major(Span<double>(both), 6);
+    mlp.backward(backend, weights, {in_place}, dL_doutputs, cache, dL_dweights, in_place, Write::assign);
+    CHECK(both == once.dL_dinputs);
+    CHECK(dL_dweights == once.dL_dweights);
     dL_dweights.assign(weights.size(), 0.0);
     mlp.backward(backend, weights, {view}, dL_doutputs, cache, dL_dweights, {}); // no gradient for the inputs
     CHECK(dL_dweights == once.dL_dweights);

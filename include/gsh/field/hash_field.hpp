@@ -85,8 +85,8 @@ public:
 
     template <Backend B, std::floating_point T = float>
     struct Cache {
-        typename B::template Buffer<T> features;     ///< [Levels][N][Features]; empty where a backend stores its own
-        typename B::template Buffer<T> dL_dfeatures; ///< likewise
+        /// [Levels][N][Features], after backward their gradient; empty where a backend stores its own.
+        typename B::template Buffer<T> features;
         Mlp::Cache<B, T> mlp;
     };
 
@@ -158,7 +158,7 @@ public:
     }
 
     /// Adds to dL_dtable, dL_dweights and, unless it is empty, dL_dshared. weights, inputs and cache are those of
-    /// forward.
+    /// forward. The cache is used up, because the gradient of the features takes their place.
     template <Backend B, std::floating_point T>
     void backward(B& backend, std::type_identity_t<Span<const T>> weights, const Query<B, T>& query,
                   std::type_identity_t<Span<const T>> dL_doutputs, Cache<B, T>& cache,
@@ -171,17 +171,16 @@ public:
         check_size("HashField::backward", "cache.rows", cache.mlp.rows, query.size(), "forward must come first");
         if (!dL_dshared.empty())
             check_size("HashField::backward", "dL_dshared", dL_dshared.size(), shared_inputs_);
-        if (hash_field_backward(backend, *this, weights, query, dL_doutputs, cache, dL_dtable, dL_dweights, inputs,
-                                dL_dshared))
-            return;
-        cache.dL_dfeatures.resize(cache.features.size());
-        const FeatureView<T> features = view(Span<T>(cache.features), query.size());
-        const FeatureView<T> dL_dfeatures = view(Span<T>(cache.dL_dfeatures), query.size());
-        mlp_.backward(backend, weights, MlpInputs<T>{features, inputs.points, inputs.shared}, dL_doutputs, cache.mlp,
-                      dL_dweights, dL_dfeatures, Write::assign, dL_dshared);
-        for (std::size_t g = 0; g < query.grids.size(); ++g)
-            grid_.backward(backend, dL_dfeatures, query.grids[g],
-                           dL_dtable.subspan(g * grid_.parameter_count(), grid_.parameter_count()));
+        if (!hash_field_backward(backend, *this, weights, query, dL_doutputs, cache, dL_dtable, dL_dweights, inputs,
+                                 dL_dshared)) {
+            const FeatureView<T> features = view(Span<T>(cache.features), query.size()), &dL_dfeatures = features;
+            mlp_.backward(backend, weights, MlpInputs<T>{features, inputs.points, inputs.shared}, dL_doutputs,
+                          cache.mlp, dL_dweights, dL_dfeatures, Write::assign, dL_dshared);
+            for (std::size_t g = 0; g < query.grids.size(); ++g)
+                grid_.backward(backend, dL_dfeatures, query.grids[g],
+                               dL_dtable.subspan(g * grid_.parameter_count(), grid_.parameter_count()));
+        }
+        cache.mlp.rows = 0;
     }
 
 private:

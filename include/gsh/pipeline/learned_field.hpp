@@ -69,8 +69,7 @@ public:
           table_(backend, initial_tables(params.tables, params.start)),
           network_(backend, initial_weights(params.start)) {}
 
-    /// The table and the network; for each point the encoding and its gradient, the hidden layers, and the outputs and
-    /// their gradient.
+    /// The table and the network; for each point the encoding, the hidden layers, and the outputs and their gradient.
     [[nodiscard]] static PartSize size(const Params& params) {
         const Field field = geometry(params);
         std::size_t hidden = 0;
@@ -78,7 +77,7 @@ public:
             hidden += field.mlp().layer_outputs(layer);
         return {.learned = {{params.name + ".table", params.tables * field.grid().parameter_count()},
                             {params.name + ".network", field.mlp().parameter_count()}},
-                .other_per_point = 2 * std::size_t(Grid::output_count) + hidden + 2 * field.mlp().outputs()};
+                .other_per_point = std::size_t(Grid::output_count) + hidden + 2 * field.mlp().outputs()};
     }
 
     [[nodiscard]] const Field& field() const { return field_; }
