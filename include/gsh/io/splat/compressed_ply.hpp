@@ -22,6 +22,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -37,7 +38,7 @@ namespace gsh {
 /// neighbours in space (morton_order).
 ///
 /// Errors  ValueError for an empty cloud or SH above degree 3. Coefficients beyond -4 to 4 end there.
-inline void write_compressed_ply(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
+inline void write_compressed_ply(const std::filesystem::path& path, GaussianCloud<float> cloud,
                                  std::optional<UpAxis> up = {}, std::optional<PixelFilter> filter = {});
 
 // -------------------------------------------------------------------------------------------------------------
@@ -199,13 +200,13 @@ inline StillSplats read_compressed_ply(const std::filesystem::path& path) {
     return splats;
 }
 
-inline void write_compressed_ply(const std::filesystem::path& path, const GaussianCloud<float>& given,
+inline void write_compressed_ply(const std::filesystem::path& path, GaussianCloud<float> given,
                                  std::optional<UpAxis> up, std::optional<PixelFilter> filter) {
     check_writable("write_compressed_ply", given);
     check_value(given.size() > 0, "write_compressed_ply", "there must be a Gaussian");
     check_value(given.sh_degree <= 3, "write_compressed_ply",
                 "the format holds SH up to degree 3; use with_bands_up_to");
-    const GaussianCloud<float> cloud = as_stored(given, up);
+    const GaussianCloud<float> cloud = as_stored(std::move(given), up);
     const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
     const std::size_t rest = detail::sh_rest_count(cloud.sh_degree);
     std::string header = "ply\nformat binary_little_endian 1.0\n" + detail::ply_comments({.up = up, .filter = filter}) +

@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <string_view>
 #include <vector>
 
@@ -48,7 +49,7 @@ struct PlyOptions {
 
 /// Writes x y z nx ny nz f_dc f_rest opacity scale rot as floats, atomically. Normals are zero. The header states the
 /// program, and the vertical and the filter of the options.
-inline void write_gaussian_ply(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
+inline void write_gaussian_ply(const std::filesystem::path& path, GaussianCloud<float> cloud,
                                const PlyOptions& options = {});
 
 // -------------------------------------------------------------------------------------------------------------
@@ -145,12 +146,12 @@ inline StillSplats read_ply_splats(const std::filesystem::path& path) {
     return splats;
 }
 
-inline void write_gaussian_ply(const std::filesystem::path& path, const GaussianCloud<float>& given,
+inline void write_gaussian_ply(const std::filesystem::path& path, GaussianCloud<float> given,
                                const PlyOptions& options) {
     check_writable("write_gaussian_ply", given);
     check_value(options.pad_to_degree >= 0 && options.pad_to_degree <= 4, "write_gaussian_ply",
                 "pad_to_degree must be 0 to 4");
-    const GaussianCloud<float> cloud = as_stored(given, options.up);
+    const GaussianCloud<float> cloud = as_stored(std::move(given), options.up);
     const int degree = std::max(cloud.sh_degree, options.pad_to_degree);
     const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
     const auto written = static_cast<std::size_t>(sh_basis_count(degree));

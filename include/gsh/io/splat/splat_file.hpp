@@ -18,6 +18,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace gsh {
 
@@ -66,11 +67,11 @@ static_assert(sizeof(SplatRow) == 32);
 /// Writes a .splat file, atomically, in the order of the cloud. Viewers show Gaussians as they load, so the important
 /// ones should come first (importance_order). Bands that depend on the view are dropped.
 /// Errors  ValueError for an empty cloud.
-inline void write_splat(const std::filesystem::path& path, const GaussianCloud<float>& given,
+inline void write_splat(const std::filesystem::path& path, GaussianCloud<float> given,
                         std::optional<UpAxis> up = {}) {
     check_writable("write_splat", given);
     check_value(given.size() > 0, "write_splat", "there must be a Gaussian");
-    const GaussianCloud<float> cloud = as_stored(given, up);
+    const GaussianCloud<float> cloud = as_stored(std::move(given), up);
     const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
     AtomicFile file(path);
     for (std::size_t i = 0; i < cloud.size(); ++i) {
