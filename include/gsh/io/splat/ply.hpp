@@ -16,8 +16,8 @@
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <utility>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace gsh {
