@@ -255,6 +255,23 @@ TEST_CASE("a checkpoint belongs to one training alone") {
     CHECK(read_file(out.path / "avatar.gsh") == avatar); // no run changed it
 }
 
+TEST_CASE("a training that fails says which checkpoint is complete") {
+    const Reconstructed& s = reconstructed();
+    const OutFolder out, without;
+    const std::vector<std::string> failing{"--steps", "12", "--set", "rate.quats=1e38"};
+    std::vector<std::string> keeping = failing;
+    keeping.insert(keeping.end(), {"--checkpoint-interval", "1e-9"});
+    const test::Outcome kept = run(s.reconstruct(out.path, keeping)), lost = run(s.reconstruct(without.path, failing));
+    for (const test::Outcome& outcome : {kept, lost}) {
+        CHECK(outcome.code == 2);
+        CHECK(outcome.err.find("\ngsh-reconstruct: ") != std::string::npos); // after the line of progress
+        CHECK(outcome.err.find("not finite") != std::string::npos);
+    }
+    CHECK(kept.err.find("the checkpoint of step 1 is complete; --resume") != std::string::npos);
+    CHECK(fs::exists(out.path / "checkpoint.gsh"));
+    CHECK(lost.err.find("checkpoint") == std::string::npos);
+}
+
 TEST_CASE("a reconstruction keeps to time and memory") {
     const Reconstructed& s = reconstructed();
     const OutFolder timed, small, none;

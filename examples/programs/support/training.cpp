@@ -6,9 +6,13 @@
 #include "support/reconstruction.hpp"
 #include "support/results.hpp"
 
+#include <gsh/core/error.hpp>
+
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <cstdio>
+#include <string>
 
 namespace gsh::examples {
 
@@ -20,11 +24,13 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
                         timed_before = record.timed_steps - reconstruction.timed_steps();
     auto stages_before = record.stage_seconds;
     for (std::size_t s = 0; s < stages_before.size(); ++s) stages_before[s] -= reconstruction.stage_seconds()[s];
+    std::uint64_t saved = steps_before; // the step of the last checkpoint; 0: there is none
     const auto checkpoint = [&] {
         record.timed_steps = timed_before + reconstruction.timed_steps();
         for (std::size_t s = 0; s < stages_before.size(); ++s)
             record.stage_seconds[s] = stages_before[s] + reconstruction.stage_seconds()[s];
         save_checkpoint(options, reconstruction, record);
+        saved = record.steps;
     };
     auto last_checkpoint = Clock::now();
     double paused = 0; // seconds of evaluation and checkpoints, which do not count as training
@@ -59,25 +65,34 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
     };
     const std::uint64_t most_queued = reconstruction.queues_steps() ? most_queued_steps : 1;
     std::uint64_t queued = 0; // steps since the last settle
-    while (goes_on()) {
-        reconstruction.step(fraction());
-        note();
-        const bool checkpoint_is_due = since(last_checkpoint) > options.checkpoint_interval;
-        if (++queued >= most_queued || checkpoint_is_due || !goes_on()) {
-            const std::uint64_t last = record.steps;
-            settle(); // waiting for steps is training, too
-            queued = 0;
-            if (record.steps < last) continue; // back at a step that failed
+    const auto train_on = [&] {
+        while (goes_on()) {
+            reconstruction.step(fraction());
+            note();
+            const bool checkpoint_is_due = since(last_checkpoint) > options.checkpoint_interval;
+            if (++queued >= most_queued || checkpoint_is_due || !goes_on()) {
+                const std::uint64_t last = record.steps;
+                settle(); // waiting for steps is training, too
+                queued = 0;
+                if (record.steps < last) continue; // back at a step that failed
+            }
+            const auto pause = Clock::now();
+            progress.show(fraction(), status());
+            if (checkpoint_is_due) {
+                checkpoint();
+                last_checkpoint = Clock::now();
+            }
+            paused += since(pause);
         }
-        const auto pause = Clock::now();
-        progress.show(fraction(), status());
-        if (checkpoint_is_due) {
-            checkpoint();
-            last_checkpoint = Clock::now();
-        }
-        paused += since(pause);
+        settle(); // after an interrupt
+    };
+    try {
+        train_on();
+    } catch (const Error& error) {
+        if (saved == 0) throw;
+        throw Error(std::string(error.what()) + " (the checkpoint of step " + std::to_string(saved) +
+                    " is complete; --resume continues from it)");
     }
-    settle(); // after an interrupt
     checkpoint();
 }
 
