@@ -177,9 +177,7 @@ public:
     void upload_pose(const Motion& motion, std::size_t frame, RigPose<B, T>& pose) const {
         check_size("Rig::upload_pose", "the motion's joints", motion.joint_count, joint_count_,
                    "the motion must be made for the avatar's skeleton");
-        check_value(frame < motion.frame_count(), "Rig::upload_pose",
-                    "frame " + std::to_string(frame) + " does not exist; the motion has " +
-                        std::to_string(motion.frame_count()) + " frames");
+        check_frame("Rig::upload_pose", frame, motion.frame_count());
         if (motion.betas.size() > shape_count_)
             throw ShapeError("Rig::upload_pose: the motion has " + std::to_string(motion.betas.size()) +
                              " betas, the rig " + std::to_string(shape_count_) + "; drop the rest");
@@ -187,8 +185,8 @@ public:
             throw ShapeError("Rig::upload_pose: the motion has " + std::to_string(motion.expression_count) +
                              " expression coefficients, the rig " + std::to_string(expression_count_) +
                              "; drop the rest");
-        std::vector<vec3<T>> angles;
-        for (const auto& angle : motion.pose_at(frame)) angles.push_back(vec3<T>(angle));
+        const auto pose_at = motion.pose_at(frame);
+        const std::vector<vec3<T>> angles(pose_at.begin(), pose_at.end());
         std::vector<T> coefficients(coefficient_count(), T(0));
         const std::vector<double>& betas = motion.betas.empty() ? betas_ : motion.betas;
         for (std::size_t k = 0; k < betas.size(); ++k) coefficients[k] = T(betas[k]);

@@ -52,7 +52,7 @@ template <class T>
 void check_skinned(std::string_view where, std::string_view argument, const SkinnedView<T>& view, std::size_t count,
                    std::size_t basis_count, bool gradient) {
     const auto check = [&](const char* name, std::size_t found, std::size_t expected, std::string_view hint) {
-        if (gradient && found == 0) return;
+        if (found == expected || (gradient && found == 0)) return; // names are made for errors alone
         check_size(where, std::string(argument).append(".").append(name), found, expected, hint);
     };
     const std::size_t stride = view.sh_stride ? view.sh_stride : basis_count;
@@ -71,11 +71,13 @@ void check_skinned(std::string_view where, std::string_view argument, const Skin
 
 template <class T>
 void check_posed(std::string_view where, std::string_view argument, const SplatView<T>& splats, std::size_t count) {
-    const std::string prefix = std::string(argument) + ".";
-    check_size(where, prefix + "means", splats.means.size(), count);
-    check_size(where, prefix + "covariances", splats.covariances.size(), count);
-    check_size(where, prefix + "opacities", splats.opacities.size(), count);
-    check_size(where, prefix + "colors", splats.colors.size(), count);
+    const auto check = [&](const char* name, std::size_t found) {
+        if (found != count) check_size(where, std::string(argument).append(".").append(name), found, count);
+    };
+    check("means", splats.means.size());
+    check("covariances", splats.covariances.size());
+    check("opacities", splats.opacities.size());
+    check("colors", splats.colors.size());
 }
 
 /// The bones in the form that policy D blends.

@@ -180,27 +180,27 @@ public:
 
     /// Shapes  pose [J] axis-angle, rotations [J].
     void rotations(Span<const vec3<T>> pose, Span<mat3<T>> rotations) const {
-        check("rotations", "pose", pose);
-        check("rotations", "rotations", rotations);
+        check("Skeleton::rotations", "pose", pose);
+        check("Skeleton::rotations", "rotations", rotations);
         backend_->for_each(joint_count(), detail::PoseRotations<T>{pose, rotations});
     }
     void rotations_backward(Span<const vec3<T>> pose, Span<const mat3<T>> dL_drotations,
                             Span<vec3<T>> dL_dpose) const {
-        check("rotations_backward", "pose", pose);
-        check("rotations_backward", "dL_drotations", dL_drotations);
-        check("rotations_backward", "dL_dpose", dL_dpose);
+        check("Skeleton::rotations_backward", "pose", pose);
+        check("Skeleton::rotations_backward", "dL_drotations", dL_drotations);
+        check("Skeleton::rotations_backward", "dL_dpose", dL_dpose);
         backend_->for_each(joint_count(), detail::PoseRotationsBackward<T>{pose, dL_drotations, dL_dpose});
     }
 
     /// Shapes  rotations [J], feature [9 (J - 1)].
     void feature(Span<const mat3<T>> rotations, Span<T> feature) const {
-        check("feature", "rotations", rotations);
-        check("feature", "feature", feature, pose_feature_count());
+        check("Skeleton::feature", "rotations", rotations);
+        check("Skeleton::feature", "feature", feature, pose_feature_count());
         if (joint_count()) backend_->for_each(joint_count() - 1, detail::PoseFeature<T>{rotations, feature});
     }
     void feature_backward(Span<const T> dL_dfeature, Span<mat3<T>> dL_drotations) const {
-        check("feature_backward", "dL_dfeature", dL_dfeature, pose_feature_count());
-        check("feature_backward", "dL_drotations", dL_drotations);
+        check("Skeleton::feature_backward", "dL_dfeature", dL_dfeature, pose_feature_count());
+        check("Skeleton::feature_backward", "dL_drotations", dL_drotations);
         if (joint_count())
             backend_->for_each(joint_count() - 1, detail::PoseFeatureBackward<T>{dL_dfeature, dL_drotations});
     }
@@ -208,23 +208,23 @@ public:
     /// Shapes  rotations [J], joints [J], transl [1], bones [J].
     void bones(Span<const mat3<T>> rotations, Span<const vec3<T>> joints, Span<const vec3<T>> transl,
                Span<Affine<T>> bones) const {
-        check("bones", "rotations", rotations);
-        check("bones", "joints", joints);
-        check("bones", "transl", transl, 1);
-        check("bones", "bones", bones);
+        check("Skeleton::bones", "rotations", rotations);
+        check("Skeleton::bones", "joints", joints);
+        check("Skeleton::bones", "transl", transl, 1);
+        check("Skeleton::bones", "bones", bones);
         bone_chain(*backend_, detail::BoneTransforms<T>{parents_, rotations, joints, transl, bones});
     }
     /// bones are those written by the forward pass.
     void bones_backward(Span<const mat3<T>> rotations, Span<const vec3<T>> joints, Span<const Affine<T>> bones,
                         Span<const Affine<T>> dL_dbones, Span<mat3<T>> dL_drotations, Span<vec3<T>> dL_djoints,
                         Span<vec3<T>> dL_dtransl) {
-        check("bones_backward", "rotations", rotations);
-        check("bones_backward", "joints", joints);
-        check("bones_backward", "bones", bones);
-        check("bones_backward", "dL_dbones", dL_dbones);
-        check("bones_backward", "dL_drotations", dL_drotations);
-        check("bones_backward", "dL_djoints", dL_djoints);
-        check("bones_backward", "dL_dtransl", dL_dtransl, 1);
+        check("Skeleton::bones_backward", "rotations", rotations);
+        check("Skeleton::bones_backward", "joints", joints);
+        check("Skeleton::bones_backward", "bones", bones);
+        check("Skeleton::bones_backward", "dL_dbones", dL_dbones);
+        check("Skeleton::bones_backward", "dL_drotations", dL_drotations);
+        check("Skeleton::bones_backward", "dL_djoints", dL_djoints);
+        check("Skeleton::bones_backward", "dL_dtransl", dL_dtransl, 1);
         bone_chain_backward(*backend_,
                             detail::BoneTransformsBackward<T>{parents_, rotations, joints, bones, dL_dbones,
                                                               dL_drotations, dL_djoints, dL_dtransl, scratch_});
@@ -232,15 +232,14 @@ public:
 
 private:
     template <class U>
-    void check(std::string_view stage, std::string_view argument, Span<U> found, std::size_t count,
+    void check(std::string_view where, std::string_view argument, Span<U> found, std::size_t count,
                std::string_view hint = {}) const {
-        const std::string where = std::string("Skeleton::").append(stage);
         check_size(where, argument, found.size(), count, hint);
         check_memory(*backend_, where, argument, found);
     }
     template <class U>
-    void check(std::string_view stage, std::string_view argument, Span<U> found) const {
-        check(stage, argument, found, joint_count(), "store one per joint");
+    void check(std::string_view where, std::string_view argument, Span<U> found) const {
+        check(where, argument, found, joint_count(), "store one per joint");
     }
 
     B* backend_;

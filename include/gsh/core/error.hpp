@@ -65,6 +65,13 @@ inline void check_value(bool condition, std::string_view where, std::string_view
     throw ValueError(std::string(where).append(": ").append(what));
 }
 
+/// Throws ValueError unless a motion of `count` frames has this one.
+inline void check_frame(std::string_view where, std::size_t frame, std::size_t count) {
+    if (frame < count) return;
+    throw ValueError(std::string(where).append(": frame ").append(std::to_string(frame))
+                         .append(" does not exist; the motion has ").append(std::to_string(count)).append(" frames"));
+}
+
 /// Throws ValueError naming the first element that is NaN or infinite.
 template <class T>
 void check_finite(std::string_view where, std::string_view argument, Span<const T> values) {

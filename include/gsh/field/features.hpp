@@ -68,11 +68,14 @@ template <class T>
 template <class T>
 void check_features(std::string_view where, std::string_view argument, const FeatureView<T>& view, std::size_t rows,
                     std::size_t columns) {
-    check_size(where, std::string(argument).append(".rows"), view.rows, rows, "store one row per point");
-    check_size(where, std::string(argument).append(".columns"), view.columns, columns);
-    check_value(view.block > 0 && view.columns % view.block == 0, where,
-                std::string(argument).append(".block must divide its columns"));
-    check_size(where, std::string(argument).append(".values"), view.values.size(), rows * columns);
+    const auto check = [&](const char* name, std::size_t found, std::size_t expected, std::string_view hint = {}) {
+        if (found != expected) check_size(where, std::string(argument).append(name), found, expected, hint);
+    };
+    check(".rows", view.rows, rows, "store one row per point");
+    check(".columns", view.columns, columns);
+    if (view.block == 0 || view.columns % view.block != 0)
+        throw ValueError(std::string(where).append(": ").append(argument).append(".block must divide its columns"));
+    check(".values", view.values.size(), rows * columns);
 }
 
 /// Inputs of a network: features, further numbers of each point, and numbers common to all points.

@@ -9,7 +9,6 @@
 
 #include <concepts>
 #include <cstddef>
-#include <string>
 #include <vector>
 
 namespace gsh {
@@ -42,9 +41,7 @@ public:
     /// Errors  ValueError for a frame that the motion does not have.
     [[nodiscard]] Span<const T> operator[](std::size_t frame) const {
         if (frame_count_ == 0) return {};
-        check_value(frame < frame_count_, "FrameCodes",
-                    "frame " + std::to_string(frame) + " does not exist; the motion has " +
-                        std::to_string(frame_count_) + " frames");
+        check_frame("FrameCodes", frame, frame_count_);
         return Span<const T>(codes_).subspan(frame * size(), size());
     }
 

@@ -202,9 +202,9 @@ private:
         MotionRefinement<B, T>* refinement = nullptr;
     };
     void check_person(std::size_t person) const {
-        check_value(person < people_.size(), "AvatarScene",
-                    "person " + std::to_string(person) + " does not exist; the scene has " +
-                        std::to_string(people_.size()) + " people");
+        if (person >= people_.size())
+            throw ValueError("AvatarScene: person " + std::to_string(person) + " does not exist; the scene has " +
+                             std::to_string(people_.size()) + " people");
     }
     [[nodiscard]] Person& at(std::size_t person) { return check_person(person), people_[person]; }
     [[nodiscard]] const Person& at(std::size_t person) const { return check_person(person), people_[person]; }

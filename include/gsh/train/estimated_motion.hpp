@@ -16,7 +16,6 @@
 #include <algorithm>
 #include <concepts>
 #include <cstddef>
-#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -212,9 +211,7 @@ private:
     }
 
     void check(std::string_view where, std::size_t frame, const PoseIncrements<const T>& increments) const {
-        check_value(frame < frame_count(), where,
-                    "frame " + std::to_string(frame) + " does not exist; the motion has " +
-                        std::to_string(frame_count()) + " frames");
+        check_frame(where, frame, frame_count());
         const auto part = [&](std::string_view name, Span<const T> numbers, std::size_t size) {
             check_size(where, name, numbers.size(), size, "pass the increments of one frame");
             check_memory(*backend_, where, name, numbers);

@@ -95,7 +95,7 @@ public:
         return config_[group].rate > 0 && progress_ >= config_[group].start;
     }
     [[nodiscard]] bool learns_motion(std::size_t frame) const {
-        check_frame("learns_motion", frame);
+        check_frame("MotionRefinement::learns_motion", frame, frame_count());
         return !left_out_[frame] && (learns_pose() || learns_transl() || learns(RefinementGroup::expression) ||
                                      learns(RefinementGroup::betas));
     }
@@ -110,7 +110,7 @@ public:
     /// bit-identical to that of Rig::upload_pose, except that rotations beyond half a turn are those of the shorter
     /// way.
     void pose(std::size_t frame, RigPose<B, T>& pose) const {
-        check_frame("pose", frame);
+        check_frame("MotionRefinement::pose", frame, frame_count());
         estimate_.forward(frame, frame_increments_.forward(tables_, frame), pose);
     }
 
@@ -159,7 +159,7 @@ public:
     /// skipped.
     /// Errors  ValueError for a frame that is left out.
     void accumulate(std::size_t frame, const RigPoseGradient<T>& dL_dpose) {
-        check_frame("accumulate", frame);
+        check_frame("MotionRefinement::accumulate", frame, frame_count());
         check_value(!left_out_[frame], "MotionRefinement::accumulate",
                     "frame " + std::to_string(frame) + " is left out, yet has a gradient");
         frame_increments_.backward(tables_, frame, [&](const auto& increments, const auto& dL_dincrements) {
@@ -346,15 +346,10 @@ private:
             pull_backward(*backend_, T(config_[group].terms.pull), Span<const T>(tables_.increments(group, row)), into);
     }
 
-    void check_frame(std::string_view what, std::size_t frame) const {
-        check_value(frame < frame_count(), std::string("MotionRefinement::").append(what),
-                    "frame " + std::to_string(frame) + " does not exist; the motion has " +
-                        std::to_string(frame_count()) + " frames");
-    }
     void check_camera_index(std::string_view what, std::size_t camera) const {
-        check_value(camera < cameras_.size(), std::string("MotionRefinement::").append(what),
-                    "camera " + std::to_string(camera) + " does not exist; the refinement has " +
-                        std::to_string(cameras_.size()) + " cameras");
+        if (camera >= cameras_.size())
+            throw ValueError("MotionRefinement::" + std::string(what) + ": camera " + std::to_string(camera) +
+                             " does not exist; the refinement has " + std::to_string(cameras_.size()) + " cameras");
     }
 
     B* backend_;
