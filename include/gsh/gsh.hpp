@@ -24,6 +24,7 @@
 #include <gsh/math/rotation_increment.hpp>
 #include <gsh/math/sh.hpp>
 #include <gsh/math/sh_rotation.hpp>
+#include <gsh/math/spread.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -54,6 +55,7 @@
 #include <gsh/body/motion_span.hpp>
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/body/nearest_points.hpp>
+#include <gsh/body/pose_jumps.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/posed_surface.hpp>
 #include <gsh/body/region_mask.hpp>

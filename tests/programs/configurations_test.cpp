@@ -9,6 +9,8 @@
 #include "support/bodies.hpp"
 #include "support/gradient.hpp"
 
+#include <gsh/body/joint_error.hpp>
+#include <gsh/camera/pinhole.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/model/avatar_file.hpp>
@@ -19,6 +21,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <csignal>
 #include <cstddef>
@@ -26,6 +29,7 @@
 #include <initializer_list>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 using namespace gsh;
@@ -230,7 +234,7 @@ TEST_CASE("registration moves poses and shape before training, says so, and come
     CHECK(metrics.at("protocol").get<std::string>().find("registered to the training images") != std::string::npos);
     const auto& registration = metrics.at("registration");
     CHECK(registration.at("people").at(0).at("joints_mm") > 1.0);
-    CHECK(registration.at("frame_psnr").size() == noisy.frame_count());
+    CHECK(registration.at("frame_fit").size() == noisy.frame_count());
     CHECK(registration.at("psnr") > 15.0);
     CHECK(read_file(out / "report.html").find("registered bodies") != std::string::npos);
     CHECK(load_motion(out / "poses_refined.npz", studio().body).pose != noisy.pose);
@@ -242,6 +246,80 @@ TEST_CASE("registration moves poses and shape before training, says so, and come
                   {"checkpoint.gsh", "not registered"});
     check_refused(reconstruct(again, {"--steps", "5", "--no-registration"}, capture), "gsh-reconstruct",
                   {"--no-registration", "--refine"});
+}
+
+namespace {
+
+/// Six frames before two cameras with keypoints in the layout of OpenPose. The photographs of frame 3 are upside down.
+struct SpoiltTurn {
+    static constexpr std::size_t wrong_frame = 3;
+    test::Temporary folder;
+    fs::path path = folder / "capture";
+
+    SpoiltTurn() {
+        cpu::Threads backend;
+        StudioParams ring;
+        ring.train_cameras = 2, ring.test_cameras = 1, ring.image_size = 64, ring.samples = 4;
+        const BodyModel& body = studio().body;
+        const Motion motion = actor_motion(ActorMotion::talk, 6);
+        Capture capture = film(backend, body, motion, ring);
+        const std::vector<vec3<double>> joints = motion_joints(body, motion);
+        // Shoulder, elbow, wrist of the right arm and of the left, knee and ankle: of BODY_25, and of SMPL-X.
+        constexpr std::array<std::array<std::size_t, 2>, 10> numbers{
+            {{2, 17}, {3, 19}, {4, 21}, {5, 16}, {6, 18}, {7, 20}, {10, 5}, {11, 8}, {13, 4}, {14, 7}}};
+        for (std::size_t c = 0; c < 2; ++c) {
+            const NamedCamera& named = capture.cameras[c];
+            fs::create_directories(folder / "capture/keypoints" / named.name);
+            for (std::size_t t = 0; t < motion.frame_count(); ++t) {
+                std::vector<double> points(75, 0);
+                for (const auto& [point, joint] : numbers) {
+                    const vec2<double> pixel = to_pixel(
+                        named.camera, to_camera(named.camera, joints[t * motion.joint_count + joint]));
+                    points[3 * point] = pixel.x, points[3 * point + 1] = pixel.y, points[3 * point + 2] = 0.9;
+                }
+                nlohmann::json person{{"pose_keypoints_2d", points}};
+                write_file(folder / "capture/keypoints" / named.name /
+                               ("00" + std::to_string(t) + "_keypoints.json"),
+                           nlohmann::json{{"people", {person}}}.dump());
+            }
+            PixelImage& image = capture.images[c * motion.frame_count() + wrong_frame];
+            for (std::size_t a = 0, b = image.data.size() - 4; a < b; a += 4, b -= 4)
+                for (std::size_t k = 0; k < 4; ++k) std::swap(image.data[a + k], image.data[b + k]);
+        }
+        save_capture(path, capture);
+    }
+};
+
+} // namespace
+
+TEST_CASE("a run with keypoints and a doubted frame resumes with the same bits, and names the frame") {
+    const SpoiltTurn scene;
+    const Out whole, parts;
+    const auto words = [&](const Out& out, std::vector<std::string> more = {}) {
+        more.insert(more.begin(), {"--refine", "--keypoints", "keypoints", "--steps", "60"});
+        return studio().reconstruct(out.path, more, scene.path);
+    };
+    const auto check_finished = [](const test::Outcome& outcome) {
+        INFO(outcome.err);
+        CHECK(outcome.code == 0);
+        CHECK(outcome.err.find("warning: frames 3 fit clearly worse") != std::string::npos);
+        CHECK(outcome.out.find("with keypoints in 12 photographs") != std::string::npos);
+    };
+    check_finished(run(words(whole)));
+    test::Process process(words(parts));
+    REQUIRE(process.wait_until([&] { return process.err().find("step 1 ") != std::string::npos; }));
+    process.send(SIGINT);
+    CHECK(process.wait().code == 130);
+    check_finished(run(words(parts, {"--resume"})));
+    CHECK(whole.avatar_bytes() == parts.avatar_bytes());
+    CHECK(read_file(whole / "poses_refined.npz") == read_file(parts / "poses_refined.npz"));
+    const auto registration = whole.metrics().at("registration");
+    CHECK(parts.metrics().at("registration") == registration);
+    CHECK(registration.at("doubtful_frames") == std::vector<std::size_t>{SpoiltTurn::wrong_frame});
+    for (std::size_t t = 0; t < 6; ++t)
+        CHECK((registration.at("frame_weights").at(t) < 0.25) == (t == SpoiltTurn::wrong_frame));
+    check_refused(reconstruct(parts, {"--refine", "--steps", "60", "--resume"}, scene.path), "gsh-reconstruct",
+                  {"checkpoint.gsh", "keypoints"});
 }
 
 TEST_CASE("regions of the user's decide where Gaussians and fine levels go") {

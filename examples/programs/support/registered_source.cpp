@@ -5,6 +5,7 @@
 #include "support/progress.hpp"
 
 #include <gsh/body/joint_error.hpp>
+#include <gsh/body/pose_jumps.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/io/capture/photos.hpp>
 #include <gsh/train/registration.hpp>
@@ -19,7 +20,7 @@ namespace gsh::examples {
 
 namespace {
 
-/// Frames that weigh less than a quarter: their PSNR lies more than 6 dB below the median.
+/// Frames that weigh less than a quarter.
 std::vector<std::size_t> doubtful_frames(const std::vector<double>& weights) {
     std::vector<std::size_t> frames;
     for (std::size_t t = 0; t < weights.size(); ++t)
@@ -69,6 +70,22 @@ void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed) 
                                   " has no triangles, so poses are not registered before training");
         return;
     }
+    // Registration keeps the motion smooth, so one wrong pose would draw those beside it along.
+    std::vector<Motion> smooth(people.size());
+    for (std::size_t p = 0; p < people.size(); ++p) {
+        const std::vector<PoseJump> jumps = pose_jumps(*people[p].body, *people[p].motion);
+        if (jumps.empty()) continue;
+        std::vector<std::size_t> frames;
+        double farthest = 0;
+        for (const auto& [frame, distance] : jumps)
+            frames.push_back(frame), farthest = std::max(farthest, distance);
+        source.warnings.push_back((people.size() > 1 ? source.people[p].name + ": " : std::string()) +
+                                  "the poses of frames " + frames_text(frames) +
+                                  " jump from those beside them by up to " + fixed(1e3 * farthest, 0) +
+                                  " mm, so registration starts them half-way between these");
+        smooth[p] = without_jumps(*people[p].motion, jumps);
+        people[p].motion = &smooth[p];
+    }
     RegistrationSummary summary;
     if (!source.keypoints.empty()) summary.keypoints = give_keypoints(source, people);
     const std::vector<Photo> photos = photos_of(source.capture, false);
@@ -80,9 +97,9 @@ void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed) 
     shown.show(1, "done");
 
     summary.psnr = found.fits.back().psnr;
-    summary.frame_weights = frame_weights(found.frame_psnr);
+    summary.frame_weights = frame_weights(found.frame_fit);
     summary.doubtful_frames = doubtful_frames(summary.frame_weights);
-    summary.frame_psnr = std::move(found.frame_psnr);
+    summary.frame_fit = std::move(found.frame_fit);
     for (std::size_t p = 0; p < people.size(); ++p) {
         const BodyModel& body = *people[p].body;
         Motion& before = source.people[p].motion;
@@ -99,8 +116,8 @@ void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed) 
     }
     if (!summary.doubtful_frames.empty())
         source.warnings.push_back("frames " + frames_text(summary.doubtful_frames) +
-                                  " fit more than 6 dB worse than the others after registration, so they weigh less "
-                                  "in training; look at their poses and masks");
+                                  " fit clearly worse than the others after registration, so they weigh less in "
+                                  "training; look at their poses and masks");
     source.registration = std::move(summary);
 }
 

@@ -239,10 +239,10 @@ void add_registration(const RegistrationSummary& registration, Json& json, Repor
                                   {"root_aligned_mm", person.root_aligned_mm},
                                   {"betas", person.betas}});
     Curve curve{"How well the registered bodies explain the photographs of each frame", "dB", {}, "frame"};
-    for (std::size_t t = 0; t < registration.frame_psnr.size(); ++t) {
-        into["frame_psnr"].push_back(number_or_null(registration.frame_psnr[t]));
-        if (std::isfinite(registration.frame_psnr[t]))
-            curve.points.emplace_back(static_cast<double>(t), registration.frame_psnr[t]);
+    for (std::size_t t = 0; t < registration.frame_fit.size(); ++t) {
+        into["frame_fit"].push_back(number_or_null(registration.frame_fit[t]));
+        if (std::isfinite(registration.frame_fit[t]))
+            curve.points.emplace_back(static_cast<double>(t), registration.frame_fit[t]);
     }
     into["frame_weights"] = registration.frame_weights;
     into["doubtful_frames"] = registration.doubtful_frames;

@@ -31,7 +31,7 @@ struct RegistrationSummary {
     double psnr = 0; ///< of the last level's photographs
     std::size_t keypoints = 0; ///< photographs with keypoints of these people
     std::vector<Moved> people;
-    std::vector<double> frame_psnr;           ///< [T]; NaN for frames without a photograph
+    std::vector<double> frame_fit;           ///< [T]; NaN for frames without a photograph
     std::vector<double> frame_weights;        ///< [T] with which the frames' photographs are trained
     std::vector<std::size_t> doubtful_frames; ///< that fit much worse than the others
 

@@ -7,6 +7,7 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/math/spread.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/pipeline/reduced_photos.hpp>
@@ -87,25 +88,35 @@ struct RegistrationFit {
 struct Registration {
     std::vector<Motion> motions; ///< of each person
     std::vector<RegistrationFit> fits; ///< of each level
-    /// PSNR of each frame in dB at the end of the last level, a mean over its photographs; NaN without any.
-    std::vector<double> frame_psnr;
+    /// How well the bodies explain each frame at the end of the last level, dB, over all its photographs:
+    /// 10 log10 (squared error of an empty scene / squared error of the bodies). NaN without any.
+    std::vector<double> frame_fit;
 };
 
-/// How much each frame is believed, from how well the bodies explain it: 1 up to twice the median of the frames'
-/// squared errors, beyond it the square of the ratio. A frame 6 dB below the others weighs a quarter, one 10 dB below a
-/// twenty-fifth: it still learns its own pose, and hardly disturbs what all frames share. Frames without a photograph
-/// (NaN) have 1.
-[[nodiscard]] inline std::vector<double> frame_weights(const std::vector<double>& frame_psnr) {
+/// When a frame is doubted.
+struct FrameDoubt {
+    double gap = 3;         ///< dB below the median of the frames that are always believed
+    double deviations = 3;  ///< the same in standard deviations of the frames, estimated without outliers
+    double good_fit = 13;   ///< dB; a frame that is explained as well as this is believed, however good the others are
+    std::size_t frames = 5; ///< fewer frames do not show what is usual, so all of them are believed
+};
+
+/// How much each frame is believed, from how well the bodies explain it (Registration::frame_fit). A frame at the limit
+/// has 1, one 3 dB below it a quarter, one 7 dB below it a twenty-fifth: it still learns its own pose, and hardly
+/// disturbs what all frames share. The limit is the lowest of `gap` and `deviations` below the median, and `good_fit`.
+/// Frames without a photograph (NaN) have 1.
+[[nodiscard]] inline std::vector<double> frame_weights(const std::vector<double>& frame_fit,
+                                                       const FrameDoubt& doubt = {}) {
     std::vector<double> known;
-    for (const double psnr : frame_psnr)
-        if (std::isfinite(psnr)) known.push_back(psnr);
-    std::vector<double> weights(frame_psnr.size(), 1);
-    if (known.empty()) return weights;
-    const auto middle = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2);
-    std::nth_element(known.begin(), middle, known.end());
+    for (const double fit : frame_fit)
+        if (std::isfinite(fit)) known.push_back(fit);
+    std::vector<double> weights(frame_fit.size(), 1);
+    if (known.size() < doubt.frames) return weights;
+    const Spread usual = robust_spread(std::move(known));
+    const double limit =
+        std::min(doubt.good_fit, usual.median - std::max(doubt.gap, doubt.deviations * usual.deviation));
     for (std::size_t t = 0; t < weights.size(); ++t)
-        if (frame_psnr[t] < *middle - 10 * std::log10(2.0))
-            weights[t] = std::pow(2 * std::pow(10, (frame_psnr[t] - *middle) / 10), 2);
+        if (frame_fit[t] < limit) weights[t] = std::pow(10, (frame_fit[t] - limit) / 5);
     return weights;
 }
 
@@ -167,6 +178,22 @@ private:
     std::vector<Followed> terms_;
 };
 
+/// The squared error that an empty scene would have in a photograph: the mean over its channels and pixels. A random
+/// background has a variance of 1/12 about 1/2.
+[[nodiscard]] inline double empty_error(const Photo& photo) {
+    double sum = 0;
+    const std::size_t pixels = photo.rgba.size() / 4;
+    for (std::size_t i = 0; i < pixels; ++i) {
+        const double alpha = photo.rgba[4 * i + 3] / 255.0;
+        for (std::size_t c = 4 * i; c < 4 * i + 3; ++c) {
+            const double behind = photo.plate.empty() ? 0.5 : photo.plate[c] / 255.0;
+            const double off = photo.rgba[c] / 255.0 - behind;
+            sum += alpha * alpha * (off * off + (photo.plate.empty() ? 1 / 12.0 : 0));
+        }
+    }
+    return sum / static_cast<double>(3 * pixels);
+}
+
 /// Trains bodies and corrections on photographs of one size, and puts the corrected motions into result.motions.
 /// done(share) is called before each step.
 template <CpuBackend B, class Done>
@@ -203,26 +230,28 @@ void register_level(B& backend, Span<const RegisteredPerson> people, const std::
     }
     Trainer<B, Scene> trainer(backend, scene, photos, seed, registration_training(config.train, params.gain));
 
-    // Squared errors at the last visit of each photograph, and their number.
-    std::vector<double> squares(scene.frame_count(), 0), counts(scene.frame_count(), 0);
+    // Of each frame, over the last visits of its photographs: squared errors, those of an empty scene, number.
+    std::vector<double> squares(scene.frame_count(), 0), empty(scene.frame_count(), 0), counts(scene.frame_count(), 0);
     for (std::size_t step = 0; step < steps; ++step) {
         const double share = static_cast<double>(step) / static_cast<double>(steps);
         done(share);
-        const std::size_t frame = photos[trainer.photo_of_step(step)].frame;
+        const Photo& photo = photos[trainer.photo_of_step(step)];
+        const std::size_t frame = photo.frame;
         trainer.step(share);
         if (step + photos.size() < steps) continue;
         squares[frame] += std::pow(10, -trainer.last_psnr() / 10);
+        empty[frame] += empty_error(photo);
         counts[frame] += 1;
     }
     for (std::size_t p = 0; p < people.size(); ++p) {
         refinements[p].carry_to_left_out();
         result.motions[p] = refinements[p].motion();
     }
-    const auto psnr = [](double sum, double count) { return -10 * std::log10(sum / count); };
+    const auto decibels = [](double error, double reference) { return -10 * std::log10(error / reference); };
     const auto total = [](const std::vector<double>& of) { return std::accumulate(of.begin(), of.end(), 0.0); };
-    result.frame_psnr.resize(squares.size());
-    std::transform(squares.begin(), squares.end(), counts.begin(), result.frame_psnr.begin(), psnr);
-    result.fits.back().psnr = psnr(total(squares), total(counts));
+    result.frame_fit.resize(squares.size());
+    std::transform(squares.begin(), squares.end(), empty.begin(), result.frame_fit.begin(), decibels);
+    result.fits.back().psnr = decibels(total(squares), total(counts));
 }
 
 } // namespace detail
@@ -274,7 +303,7 @@ template <CpuBackend B>
         result.fits.push_back({factor, steps, 0});
         const ReducedPhotos reduced(backend, photos, factor);
         std::vector<Photo> weighted = reduced.photos();
-        const std::vector<double> weights = frame_weights(result.frame_psnr); // empty at the first level
+        const std::vector<double> weights = frame_weights(result.frame_fit); // empty at the first level
         for (Photo& photo : weighted)
             if (!weights.empty()) photo.weight = weights[photo.frame];
         const auto done = [&](double share) {
