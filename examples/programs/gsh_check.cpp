@@ -124,7 +124,8 @@ void write_json(const std::filesystem::path& path, const Source& source, const C
               {"findings", Json::array()},
               {"warnings", source.warnings},
               {"images", Json::array()}};
-    if (const std::string advice = advice_on_poses(check); !advice.empty()) json["advice"].push_back(advice);
+    for (const std::string& line : advice(capture, check)) json["advice"].push_back(line);
+    for (const auto& [frame, iou] : frame_overlaps(check)) json["frames"].push_back({{"frame", frame}, {"iou", iou}});
     for (const CaptureFinding& finding : check.findings) {
         Json one{{"fault", finding.fault},
                  {"measure", finding.measure},
@@ -141,6 +142,9 @@ void write_json(const std::filesystem::path& path, const Source& source, const C
         one["iou"] = v.mask == ViewCheck::Mask::usable ? Json(v.iou) : Json(nullptr);
         one["mask"] = mask_text(v.mask);
         one["inside"] = v.inside;
+        one["missing"] = v.missing ? Json(*v.missing) : Json(nullptr);
+        one["exposure"] = v.stops ? Json{v.stops->x, v.stops->y, v.stops->z} : Json(nullptr);
+        one["background_removed"] = v.background_removed;
         for (std::size_t p = 0; source.people.size() > 1 && p < v.people.size(); ++p) {
             const auto& [inside, covered] = v.people[p];
             one["people"].push_back({{"name", source.people[p].name},
@@ -211,9 +215,9 @@ void print(const Source& source, const CaptureCheck& check, const std::filesyste
     if (source.people.size() > 1 && !check.views.empty()) print_people(source, check);
     std::printf("\n");
     for (const CaptureFinding& finding : check.findings) std::printf("%s\n", one_line(finding.text).c_str());
-    const std::string advice = advice_on_poses(check);
-    if (!advice.empty()) std::printf("%s\n", advice.c_str());
-    else if (check.findings.empty()) std::printf("nothing suspicious\n");
+    const std::vector<std::string> lines = advice(capture, check);
+    for (const std::string& line : lines) std::printf("%s\n", one_line(line).c_str());
+    if (check.findings.empty() && lines.empty()) std::printf("nothing suspicious\n");
     std::printf("pictures in %s\n", (out / "overlays").string().c_str());
 }
 

@@ -771,15 +771,50 @@ TEST_CASE("people who do not fit the capture or their bodies") {
                                    {"check_capture", "no person"});
 }
 
-TEST_CASE("a low overlap that no mistake explains is advice to register poses, not a finding") {
+TEST_CASE("low overlaps that no mistake explains are advice to register poses, not findings") {
+    const Capture capture = scene().capture;
     CaptureCheck check;
-    CHECK(advice_on_poses(check).empty()); // no image has a mask
+    CHECK(advice(capture, check).empty()); // no image has a mask
     check.views.resize(2);
     check.views[0].iou = 0.86, check.views[1].iou = 0.8; // loose clothes
-    CHECK(advice_on_poses(check).empty());
+    CHECK(advice(capture, check).empty());
     check.views[0].iou = 0.7, check.views[1].iou = 0.72;
-    CHECK(advice_on_poses(check).find("overlap by 0.71") != std::string::npos);
-    CHECK(advice_on_poses(check).find("--refine") != std::string::npos);
+    const std::vector<std::string> lines = advice(capture, check);
+    REQUIRE(lines.size() == 1);
+    CHECK(lines[0].find("overlap by 0.71") != std::string::npos);
+    CHECK(lines[0].find("--refine") != std::string::npos);
     check.findings.emplace_back();
-    CHECK(advice_on_poses(check).empty()); // the mistake explains it
+    CHECK(advice(capture, check).empty()); // the mistake explains it
+}
+
+TEST_CASE("a frame whose overlap lies far below the others is named") {
+    const Capture capture = scene().capture;
+    CaptureCheck check;
+    for (std::size_t t = 0; t < 6; ++t)
+        for (std::size_t c = 0; c < 2; ++c)
+            check.views.push_back({.view = {c, t}, .iou = t == 4 ? 0.7 : 0.9 + 0.01 * static_cast<double>(c)});
+    const auto frames = frame_overlaps(check);
+    CHECK(frames.size() == 6);
+    CHECK(frames.at(1) == doctest::Approx(0.905));
+    CHECK(frames.at(4) == doctest::Approx(0.7));
+    const std::vector<std::string> lines = advice(capture, check);
+    REQUIRE(lines.size() == 1);
+    CHECK(lines[0].find("frames 4 (0.70): ") == 0);
+    CHECK(lines[0].find("others (0.91)") != std::string::npos);
+    check.views.erase(check.views.begin() + 6, check.views.end());
+    check.views[0].iou = check.views[1].iou = 0.8; // three frames do not show what is usual
+    CHECK(advice(capture, check).empty());
+}
+
+TEST_CASE("a silhouette without its border") {
+    Silhouette square{7, 9, std::vector<std::uint8_t>(63, 0)};
+    for (int y = 1; y < 7; ++y)
+        for (int x = 2; x < 8; ++x) square.inside[static_cast<std::size_t>(9 * y + x)] = 1; // to the lower border
+    const Silhouette inner = eroded(square, 2);
+    for (int y = 0; y < 7; ++y)
+        for (int x = 0; x < 9; ++x) CHECK(inner.row(y)[x] == (y >= 3 && x >= 4 && x < 6));
+    CHECK(eroded(square, 0).inside == square.inside);
+    CHECK(eroded(square, 3).area() == 0);
+    const Silhouette full{3, 3, std::vector<std::uint8_t>(9, 1)};
+    CHECK(eroded(full, 5).area() == 9);
 }

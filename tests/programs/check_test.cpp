@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <initializer_list>
 #include <string>
@@ -70,11 +71,18 @@ TEST_CASE("a good capture: figures, pictures, and nothing to complain about") {
     CHECK(json.at("findings").empty());
     CHECK(json.at("warnings").empty());
     REQUIRE(json.at("images").size() == 6);
+    REQUIRE(json.at("frames").size() == 2);
+    CHECK(json.at("frames")[1].at("frame") == 1);
+    CHECK(json.at("frames")[1].at("iou") > 0.9);
+    CHECK(!json.contains("advice"));
     CHECK(test::files_below(out) == 7);
     for (const auto& image : json.at("images")) {
         CHECK(image.at("iou") > 0.9);
         CHECK(image.at("mask") == "usable");
         CHECK(image.at("inside") == 1.0);
+        CHECK(image.at("missing") == 0.0);
+        CHECK(image.at("exposure").size() == 3);
+        CHECK(image.at("background_removed") == true);
         const PixelImage overlay = read_image(out / image.at("overlay").get<std::string>());
         CHECK(overlay.width == 64);
         CHECK(shows(overlay, 255, 64, 64)); // bones of the left side
@@ -116,6 +124,27 @@ TEST_CASE("faults are named, and the exit code says that there are some") {
     REQUIRE(empty[0].at("images").size() == 1);
     CHECK(empty[0].at("images")[0].at("camera") == "cam01");
     CHECK(empty[0].at("images")[0].at("frame") == 1);
+}
+
+TEST_CASE("exposure that drifts is advice: printed, in the file, and no fault") {
+    const test::Temporary folder;
+    Capture capture = studio().capture;
+    for (std::size_t c = 0; c < capture.cameras.size(); ++c) { // the second of two images is darker by about a stop
+        PixelImage& image = capture.images[2 * c + 1];
+        for (std::size_t i = 0; i < image.data.size(); ++i)
+            if (i % 4 != 3) image.data[i] = static_cast<std::uint8_t>(image.data[i] * 0.73);
+    }
+    save_capture(folder / "capture", capture);
+    const test::Outcome outcome = run(words(folder / "capture", folder / "out"));
+    test::check_done(outcome);
+    CHECK(outcome.out.find("exposure drifts from -0.") != std::string::npos);
+    CHECK(outcome.out.find("nothing suspicious") == std::string::npos);
+    const auto json = json_of(folder / "out/check.json");
+    CHECK(json.at("findings").empty());
+    REQUIRE(json.at("advice").size() == 1);
+    CHECK(outcome.out.find(json.at("advice")[0].get<std::string>()) != std::string::npos);
+    for (const auto& image : json.at("images"))
+        CHECK(image.at("exposure")[1].get<double>() * (image.at("frame") == 0 ? 1 : -1) > 0.25);
 }
 
 TEST_CASE("several people are checked together, one of them alone if so wished") {

@@ -12,9 +12,12 @@
 #include <gsh/check/capture_search.hpp>
 #include <gsh/check/capture_views.hpp>
 #include <gsh/check/capture_words.hpp>
+#include <gsh/check/exposure.hpp>
 #include <gsh/check/silhouette.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/image/trimap.hpp>
 #include <gsh/io/capture/capture.hpp>
+#include <gsh/math/spread.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -70,6 +73,7 @@ public:
         find_lost_cameras();
         find_lost_people();
         find_single_images();
+        if (aspects_of(result_.reading).empty() && lost_.empty()) measure_photographs();
         return std::move(result_);
     }
 
@@ -102,6 +106,7 @@ private:
                 if (usable && person.area > 0)
                     view.people.back().covered = static_cast<double>(person.covered) / static_cast<double>(person.area);
             }
+            view.background_removed = background_is_removed(capture_.image(views[i]).data);
             if (usable) {
                 view.iou = looks[i].overlap.iou();
                 usable_.push_back(view.view);
@@ -283,8 +288,7 @@ private:
             for (std::size_t i = 0; i < usable_.size(); ++i)
                 if (usable_[i].camera == c && iou[i] >= 0) own.push_back(iou[i]);
             if (own.empty()) continue;
-            std::nth_element(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(own.size() / 2), own.end());
-            const double median = own[own.size() / 2];
+            const double median = robust_spread(std::move(own)).median;
             if (!lost_.empty() && median < params_.search.convincing) continue;
             for (std::size_t i = 0; i < usable_.size(); ++i)
                 if (usable_[i].camera == c && iou[i] >= 0 && iou[i] < params_.search.convincing &&
@@ -296,6 +300,35 @@ private:
         single.mended = reference / static_cast<double>(single.views.size());
         add(single, "in the same cameras' other images",
             "the pose or the mask failed there: look at the overlays, then mend these images or leave them out");
+    }
+
+    /// Measures holes of masks and exposures, where bodies and masks agree.
+    void measure_photographs() {
+        CaptureLooks<E>& looks = search_.looks();
+        const CaptureReading as_given = search_.as_given();
+        std::vector<double> missing(usable_.size(), 0);
+        looks.start_from(as_given.motions);
+        looks.for_views(usable_, as_given, [&](std::size_t i, const auto& everybody) {
+            const int size = params_.search.fine_size;
+            const Camera<double> camera = looks.camera(usable_[i].camera, as_given, size);
+            const Silhouette body = united(looks.silhouettes(everybody, camera));
+            const Silhouette mask = looks.mask(usable_[i], as_given, size);
+            Silhouette lacking = body;
+            for (std::size_t k = 0; k < body.inside.size(); ++k) lacking.inside[k] = body.inside[k] && !mask.inside[k];
+            // Erosion removes the bands that wandering outlines and small errors of poses leave.
+            const int band = std::max(1, std::max(camera.height, camera.width) * 3 / 400);
+            missing[i] = static_cast<double>(eroded(lacking, band).area()) /
+                         static_cast<double>(std::max<std::size_t>(1, body.area()));
+        });
+        std::vector<std::size_t> camera_of;
+        for (const CaptureView& view : usable_) camera_of.push_back(view.camera);
+        const auto stops = exposures(seen_colors(looks, usable_), camera_of);
+        std::size_t next = 0;
+        for (ViewCheck& v : result_.views) {
+            if (v.mask != ViewCheck::Mask::usable) continue;
+            v.missing = missing[next], v.stops = stops[next];
+            ++next;
+        }
     }
 };
 

@@ -109,6 +109,33 @@ struct Silhouette {
     return result;
 }
 
+/// The pixels of a silhouette that are farther than `radius` pixels, along rows and columns, from all pixels outside.
+/// Beyond the image there is nothing outside.
+[[nodiscard]] inline Silhouette eroded(const Silhouette& silhouette, int radius) {
+    Silhouette result = silhouette;
+    const auto pass = [&](int lines, int length, std::size_t line_step, std::size_t step) {
+        for (int line = 0; line < lines; ++line) {
+            std::uint8_t* first = result.inside.data() + static_cast<std::size_t>(line) * line_step;
+            const auto at = [&](int k) -> std::uint8_t& { return first[static_cast<std::size_t>(k) * step]; };
+            int outside = -radius - 1; // the last pixel outside
+            std::vector<int> reached(static_cast<std::size_t>(length));
+            for (int k = 0; k < length; ++k) {
+                if (!at(k)) outside = k;
+                reached[static_cast<std::size_t>(k)] = k - outside;
+            }
+            outside = length + radius;
+            for (int k = length - 1; k >= 0; --k) {
+                if (!at(k)) outside = k;
+                at(k) = reached[static_cast<std::size_t>(k)] > radius && outside - k > radius;
+            }
+        }
+    };
+    const auto width = static_cast<std::size_t>(silhouette.width);
+    pass(silhouette.height, silhouette.width, width, 1);
+    pass(silhouette.width, silhouette.height, 1, width);
+    return result;
+}
+
 /// Intersection over union, stored as two counts, so that overlaps can be summed.
 struct Overlap {
     std::size_t both = 0, either = 0;

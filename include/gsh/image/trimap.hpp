@@ -21,8 +21,6 @@ struct UnknownPixel {
     std::uint8_t padding = 0;
 };
 
-namespace detail {
-
 /// Whether every pixel without alpha is black, or every one white: then the background was removed from the image.
 [[nodiscard]] inline bool background_is_removed(Span<const std::uint8_t> rgba) {
     bool black = true, white = true;
@@ -32,6 +30,8 @@ namespace detail {
     }
     return black || white;
 }
+
+namespace detail {
 
 [[nodiscard]] inline std::size_t pixel_index(int y, int x, int width) {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
@@ -76,7 +76,7 @@ namespace detail {
     check_value(height >= 0 && width >= 0 && radius >= 0 && radius <= 256, where,
                 "height and width must not be negative, and the radius lie in [0, 256]");
     check_size(where, "rgba", rgba.size(), 4 * static_cast<std::size_t>(height) * static_cast<std::size_t>(width));
-    if (radius == 0 || detail::background_is_removed(rgba)) return {};
+    if (radius == 0 || background_is_removed(rgba)) return {};
     std::vector<std::uint8_t> near = detail::pixels_near_outline(rgba, height, width, radius);
     enum : std::uint8_t { known, unknown, foreground };
     std::vector<std::array<float, 3>> background(near.size());
