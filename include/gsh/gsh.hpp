@@ -138,6 +138,7 @@
 #include <gsh/avatar/avatar_part.hpp>
 #include <gsh/avatar/colored_mesh.hpp>
 #include <gsh/avatar/deformation.hpp>
+#include <gsh/avatar/facing_weights.hpp>
 #include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/moving_pieces.hpp>
 #include <gsh/avatar/occlusion_field.hpp>

@@ -3,6 +3,7 @@
 ///        device answers, its results are compared with the host's.
 #include "support/elements.hpp"
 
+#include <gsh/avatar/facing_weights.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
@@ -169,6 +170,7 @@ using Bodies = Types<
     gsh::detail::DescendMoments<T>, gsh::detail::LimitFromAbove<T>, gsh::detail::StoreStepValue,
     gsh::detail::AoFromLogit<T>, gsh::detail::AoFromLogitBackward<T>, gsh::detail::PoseOfNeurons<T>,
     gsh::detail::PoseOfNeuronsBackward<T>, gsh::detail::DisplacedMeans<T>, gsh::detail::FilledAppearance<T>,
+    gsh::detail::AddFacingWeights<T>,
     gsh::detail::DisplacementGradient<T>,
     gsh::detail::ScaleConstant<T>, gsh::detail::WidenSh<T>, TilesTouched<T>,
     gsh::detail::AdamStep<T>, Skin<T, Affine<T>>, Skin<T, dual_quat<T>>, HashTableBackward<T>,

@@ -20,6 +20,7 @@ using test::SmallTraining;
 namespace {
 
 const PixelFilter filter = TrainConfig{}.filter;
+const UnseenParams small{.pixels = 48};
 
 } // namespace
 
@@ -29,25 +30,36 @@ TEST_CASE("Gaussians that face the cameras are shown, those behind are not; a se
                                         {.initial_opacity = 0.95, .rates = test::small_rates});
     training.steps(1);
     const std::vector<Photo>& photos = scene.photos;
-    const auto all = photographs_showing(training.backend, training.people, photos, filter, 48);
+    const auto all = photographs_showing(training.backend, training.people, {&training.samples}, photos, filter, small);
     REQUIRE(all.size() == training.model.size());
-    double front = 0, fronts = 0, back = 0, backs = 0;
+    double front = 0, fronts = 0, back = 0, backs = 0, turned_away = 0, turned_to = 0;
     for (std::size_t i = 0; i < all.size(); ++i) {
-        CHECK(all[i] >= 0);
+        CHECK(all[i].front >= 0);
+        CHECK(all[i].all >= all[i].front);
         const double facing = training.samples.normals[i].z;
-        if (facing > 0.8) front += all[i], ++fronts;
-        if (facing < -0.8) back += all[i], ++backs;
+        if (facing > 0.8) front += all[i].all, ++fronts, turned_away += all[i].all != all[i].front;
+        if (facing < -0.8) back += all[i].all, ++backs, turned_to += all[i].front > 0;
     }
     REQUIRE((fronts > 5 && backs > 5));
     MESSAGE("shown by " << front / fronts << " of 4 photographs in front, by " << back / backs << " behind");
     CHECK(front / fronts > 0.4); // neighbours overlap, and each hides parts of the others
     CHECK(back / backs < 0.05 * front / fronts);
+    CHECK(turned_away == 0); // joints turn by up to 0.7 radians
+    CHECK(turned_to == 0);
 
-    const auto some = photographs_showing(training.backend, training.people, {photos[0]}, filter, 48);
+    const auto some =
+        photographs_showing(training.backend, training.people, {&training.samples}, {photos[0]}, filter, small);
     double sum_all = 0, sum_some = 0;
-    for (std::size_t i = 0; i < all.size(); ++i) sum_all += all[i], sum_some += some[i];
+    for (std::size_t i = 0; i < all.size(); ++i) sum_all += all[i].all, sum_some += some[i].all;
     CHECK(sum_some < 0.4 * sum_all);
-    CHECK_THROWS_AS((void)photographs_showing(training.backend, training.people, {}, filter), ValueError);
+    const auto refused = [&](const std::vector<const SurfaceSamples*>& samples, const std::vector<Photo>& of) {
+        (void)photographs_showing(training.backend, training.people, samples, of, filter);
+    };
+    CHECK_THROWS_AS(refused({&training.samples}, {}), ValueError);
+    CHECK_THROWS_AS(refused({}, photos), ShapeError);
+    SurfaceSamples fewer = training.samples;
+    fewer.positions.pop_back();
+    CHECK_THROWS_AS(refused({&fewer}, photos), ShapeError);
 }
 
 TEST_CASE("the numbers are equal on every backend") {
@@ -56,11 +68,23 @@ TEST_CASE("the numbers are equal on every backend") {
         using B = decltype(make());
         SmallTraining<B> training(scene, make, 3, {.rates = test::small_rates});
         training.steps(2);
-        return photographs_showing(training.backend, training.people, scene.photos, filter, 48);
+        return photographs_showing(training.backend, training.people, {&training.samples}, scene.photos, filter, small);
     };
     const auto serial = showing([] { return cpu::Serial(); });
-    CHECK(showing([] { return cpu::Threads(2); }) == serial);
-    CHECK(showing([] { return test::Guarded(); }) == serial);
+    const auto equal = [&](const std::vector<Showing>& other) {
+        return std::equal(serial.begin(), serial.end(), other.begin(), other.end(),
+                          [](const Showing& a, const Showing& b) { return a.all == b.all && a.front == b.front; });
+    };
+    CHECK(equal(showing([] { return cpu::Threads(2); })));
+    CHECK(equal(showing([] { return test::Guarded(); })));
+}
+
+TEST_CASE("unseen is what hardly any photograph shows, and what photographs show a little from behind") {
+    CHECK(is_unseen({.all = 0.09, .front = 0.09}, 30));
+    CHECK(!is_unseen({.all = 0.11, .front = 0.11}, 30));
+    CHECK(is_unseen({.all = 0.59, .front = 0.09}, 30)); // less than a fiftieth of the photographs
+    CHECK(!is_unseen({.all = 0.61, .front = 0}, 30));
+    CHECK(is_unseen({.all = 0.61, .front = 0}, 300));
 }
 
 TEST_CASE("what no photograph saw gets colours and opacity from what was seen; the rest stays") {
@@ -69,23 +93,24 @@ TEST_CASE("what no photograph saw gets colours and opacity from what was seen; t
                                         {.initial_opacity = 0.95, .rates = test::small_rates});
     training.steps(10);
     const std::vector<std::size_t> frames{0, 1};
-    const auto showing = photographs_showing(training.backend, training.people, scene.photos, filter, 48);
+    const auto showing =
+        photographs_showing(training.backend, training.people, {&training.samples}, scene.photos, filter, small);
     const GaussianCloud<float> before = mean_gaussians(training.people, frames);
     const PointFill<float> fill =
-        fill_of_unseen(training.people, training.samples, Span<const double>(showing), frames);
+        fill_of_unseen(training.people, training.samples, Span<const Showing>(showing), scene.photos.size(), frames);
     const std::size_t basis = before.sh.size() / before.size();
     REQUIRE(fill.points.size() > 20);
     CHECK(fill.points.size() < before.size() * 2 / 3); // all behind, and some in front that others hide
     vec3<float> low(1e9f), high(-1e9f);
     for (std::size_t i = 0; i < before.size(); ++i)
-        if (showing[i] >= UnseenParams{}.least_photographs)
+        if (!is_unseen(showing[i], scene.photos.size()))
             for (int c = 0; c < 3; ++c) {
                 low[c] = std::min(low[c], before.sh[i * basis][c]);
                 high[c] = std::max(high[c], before.sh[i * basis][c]);
             }
     for (std::size_t k = 0; k < fill.points.size(); ++k) {
         const std::size_t i = fill.points[k];
-        CHECK(showing[i] < UnseenParams{}.least_photographs);
+        CHECK(is_unseen(showing[i], scene.photos.size()));
         CHECK(fill.opacity_logits[k] >= before.opacity_logits[i]);
         for (int c = 0; c < 3; ++c) {
             CHECK(fill.colors[k][c] >= low[c] - 1e-4f);
@@ -99,8 +124,9 @@ TEST_CASE("what no photograph saw gets colours and opacity from what was seen; t
     CHECK(changed > 0);
     CHECK(changed <= fill.points.size());
 
-    const std::vector<double> seen(before.size(), 1.0), short_one(3, 1.0);
-    CHECK(fill_of_unseen(training.people, training.samples, Span<const double>(seen), frames).points.empty());
+    const std::vector<Showing> seen(before.size(), {1, 1}), short_one(3, {1, 1});
+    CHECK(fill_of_unseen(training.people, training.samples, Span<const Showing>(seen), 4, frames).points.empty());
     CHECK_THROWS_AS(
-        (void)fill_of_unseen(training.people, training.samples, Span<const double>(short_one), frames), ShapeError);
+        (void)fill_of_unseen(training.people, training.samples, Span<const Showing>(short_one), 4, frames),
+                    ShapeError);
 }

@@ -157,14 +157,17 @@ template <Backend B>
 std::vector<std::size_t> ReconstructionOn<B>::fill_unseen() {
     std::vector<std::size_t> counts(people_.size(), 0);
     if (!setup.configuration.fill_unseen) return counts;
-    const std::vector<double> showing =
-        photographs_showing(*backend_, scene_, setup.photos, setup.configuration.train.filter);
+    std::vector<const SurfaceSamples*> samples;
+    for (const ReconstructionSetup::Person& person : setup.people) samples.push_back(&person.samples);
+    const std::vector<Showing> showing =
+        photographs_showing(*backend_, scene_, samples, setup.photos, setup.configuration.train.filter);
     const std::vector<std::size_t> frames = photographed_frames(setup.photos);
     std::size_t first = 0;
     for (std::size_t p = 0; p < people_.size(); ++p) {
         const std::size_t size = people_[p].model.size();
         const auto fill = fill_of_unseen(scene_, setup.people[p].samples,
-                                         Span<const double>(showing).subspan(first, size), frames, p);
+                                         Span<const Showing>(showing).subspan(first, size), setup.photos.size(),
+                                         frames, p);
         counts[p] = fill.points.size();
         if (counts[p] > 0) people_[p].model.fill(fill);
         first += size;

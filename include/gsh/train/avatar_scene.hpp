@@ -80,6 +80,7 @@ public:
     [[nodiscard]] std::size_t size() const { return size_; }
     [[nodiscard]] std::size_t frame_count() const { return people_.front().motion->frame_count(); }
     [[nodiscard]] B& backend() { return *backend_; }
+    [[nodiscard]] std::size_t person_count() const { return people_.size(); }
     [[nodiscard]] Model& model(std::size_t person = 0) { return *at(person).model; }
     /// A person's part of the scene's splats, or of their gradient.
     template <class View>

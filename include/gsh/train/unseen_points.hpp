@@ -3,8 +3,9 @@
 ///        seen.
 #pragma once
 
+#include <gsh/avatar/facing_weights.hpp>
+#include <gsh/avatar/rig.hpp>
 #include <gsh/backend/backend.hpp>
-#include <gsh/backend/memory.hpp>
 #include <gsh/body/surface_fill.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/camera/pinhole.hpp>
@@ -14,6 +15,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/image.hpp>
+#include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/pipeline/filled_points.hpp>
 #include <gsh/pipeline/photo.hpp>
@@ -30,9 +32,20 @@
 
 namespace gsh {
 
+/// How many photographs show a Gaussian, see photographs_showing.
+struct Showing {
+    double all = 0;   ///< from behind, too
+    double front = 0; ///< not from behind
+};
+
+/// A Gaussian is unseen if hardly any photograph shows it, or if photographs show it only from behind, through others,
+/// and so little that they hardly change with it.
 struct UnseenParams {
-    /// Photographs that must show a Gaussian, see photographs_showing. A tenth of one is an edge-on glimpse.
-    double least_photographs = 0.1;
+    double least_photographs = 0.1; ///< a tenth of one is an edge-on glimpse
+    double most_behind = 0.02;      ///< of the number of photographs, of a Gaussian that is only shown from behind
+    /// Cosine of the angle between the surface's normal and the direction to the camera below which a photograph shows
+    /// the surface from behind. At an outline it is about 0.
+    double behind = -0.15;
     /// A Gaussian below this opacity is one that photographs have made transparent, and stays as it is.
     double least_opacity = 0.05;
     int pixels = 270; ///< about the longer side of the pictures in which they are searched
@@ -40,45 +53,66 @@ struct UnseenParams {
 };
 
 /// How many of the photographs show each Gaussian of a scene. A photograph counts 1 if the Gaussian is seen from the
-/// front with nothing before it, and less if it is seen edge-on or partly hidden:
+/// front with nothing before it, and less if it is seen from the side or partly hidden:
 ///
 ///     n_i = sum over photographs and pixels  T G  /  (2π s s' f²/z²)
 ///
 /// T is the transmittance in front of the Gaussian, G its unit-height footprint, s and s' its larger two standard
 /// deviations, f²/z² the mean over the photographs, at the first person's root. T G is the derivative of a picture with
 /// respect to the colour, divided by the opacity; one pass there and back for each photograph gives it for all
-/// Gaussians, so no renderer knows of this.
+/// Gaussians, so no renderer knows of this. `samples` of each person are those of its model.
 ///
 /// Shapes  the result is [N]; all Gaussians of the scene.
-/// Errors  ValueError without photographs; those of Rasterizer.
+/// Errors  ValueError without photographs; ShapeError for samples of another model; those of Rasterizer.
 template <Backend B, class Scene>
-[[nodiscard]] std::vector<double> photographs_showing(B& backend, Scene& scene, const std::vector<Photo>& photos,
-                                                      const PixelFilter& filter, int pixels = UnseenParams{}.pixels) {
+[[nodiscard]] std::vector<Showing> photographs_showing(B& backend, Scene& scene,
+                                                       const std::vector<const SurfaceSamples*>& samples,
+                                                       const std::vector<Photo>& photos,
+                                                       const PixelFilter& filter, const UnseenParams& params = {}) {
     using T = typename Scene::Scalar;
     constexpr const char* where = "photographs_showing";
     check_value(!photos.empty(), where, "there are no photographs");
-    const int factor = reduction_factor(Span<const Photo>(photos), pixels);
+    check_size(where, "samples", samples.size(), scene.person_count(), "those of each person");
+    const int factor = reduction_factor(Span<const Photo>(photos), params.pixels);
     const std::vector<std::uint32_t> order = ordered_indices(
         photos.size(), [&](std::uint32_t a, std::uint32_t b) { return photos[a].frame < photos[b].frame; });
 
     const std::size_t N = scene.size();
+    std::vector<vec3<T>> canonical_normals;
+    for (std::size_t p = 0; p < samples.size(); ++p) {
+        check_size(where, "samples of a person", samples[p]->size(), scene.model(p).size(), "those of the model");
+        for (const vec3<double>& normal : samples[p]->normals) canonical_normals.push_back(vec3<T>(normal));
+    }
+    typename B::template Buffer<vec3<T>> normals(N);
+    backend.upload(Span<const vec3<T>>(canonical_normals), normals);
+
     Rasterizer<B, T> rasterizer(backend, raster_params<T>(filter));
     RasterCache<B, T> cache;
     Splats<B, T> splats;
     splats.resize(N);
-    typename B::template Buffer<vec3<T>> dL_dcolors(N);
-    typename B::template Buffer<T> picture, ones;
-    backend.fill(Span<vec3<T>>(dL_dcolors), vec3<T>(T(0)));
+    typename B::template Buffer<vec3<T>> dL_dcolors(N), joints;
+    typename B::template Buffer<T> picture, ones, all(N), front(N);
+    for (auto* sums : {&all, &front}) backend.fill(Span<T>(*sums), T(0));
+    std::vector<typename Rig<B, T>::Cache> rigs(samples.size());
     double squared_focal = 0; // of (f / z), a mean over photographs
     for (std::size_t k = 0; k < order.size(); ++k) {
         const Photo& photo = photos[order[k]];
         const Camera<double> reduced = reduced_camera(photo.camera, factor);
         const Camera<T> camera = reduced.cast<T>();
-        if (k == 0 || photos[order[k - 1]].frame != photo.frame) scene.prepare(photo.frame);
+        if (k == 0 || photos[order[k - 1]].frame != photo.frame) {
+            scene.prepare(photo.frame);
+            for (std::size_t p = 0; p < samples.size(); ++p) {
+                const Rig<B, T>& rig = scene.model(p).rig();
+                joints.resize(rig.joint_count());
+                backend.fill(Span<vec3<T>>(joints), vec3<T>(T(0))); // normals do not depend on them
+                rig.forward(scene.pose(photo.frame, p), joints, rigs[p]);
+            }
+        }
         scene.forward(photo.frame, camera.center(), splats.view());
         const std::size_t size = 3 * static_cast<std::size_t>(camera.height) * static_cast<std::size_t>(camera.width);
         picture.resize(size), ones.resize(size);
         backend.fill(Span<T>(ones), T(1));
+        backend.fill(Span<vec3<T>>(dL_dcolors), vec3<T>(T(0)));
         const auto image = [&](auto& buffer) {
             return ImageView<T>{Span<T>(buffer), 3, camera.height, camera.width};
         };
@@ -87,37 +121,55 @@ template <Backend B, class Scene>
         rasterizer.forward(input, shown, {}, {.color = image(picture)}, cache);
         rasterizer.backward(input, shown, {}, {.color = image(ones)}, cache,
                             SplatView<T>{.means = {}, .covariances = {}, .opacities = {}, .colors = dL_dcolors});
+        for (std::size_t p = 0, first = 0; p < samples.size(); first += samples[p++]->size()) {
+            const auto own = [&](auto span) { return span.subspan(first, samples[p]->size()); };
+            backend.for_each(samples[p]->size(),
+                             detail::AddFacingWeights<T>{scene.model(p).rig().skin(), rigs[p].bones,
+                                                  own(Span<const vec3<T>>(normals)), own(shown.means),
+                                                  own(Span<const vec3<T>>(dL_dcolors)), camera.center(),
+                                                  T(params.behind), own(Span<T>(all)),
+                                                  own(Span<T>(front))});
+        }
         const double z = (reduced.R * scene.motion(0).transl[photo.frame] + reduced.t).z;
         squared_focal += reduced.fx * reduced.fy / (z * z) / static_cast<double>(order.size());
     }
-    std::vector<vec3<T>> weights(N);
-    backend.download(Span<const vec3<T>>(dL_dcolors), Span<vec3<T>>(weights));
+    std::vector<T> all_weights(N), front_weights(N);
+    backend.download(Span<const T>(all), Span<T>(all_weights));
+    backend.download(Span<const T>(front), Span<T>(front_weights));
     std::vector<T> opacities(N);
     backend.download(Span<const T>(splats.opacities), Span<T>(opacities));
     std::vector<sym3<T>> covariances(N);
     backend.download(Span<const sym3<T>>(splats.covariances), Span<sym3<T>>(covariances));
-    std::vector<double> result(N);
+    std::vector<Showing> result(N);
     for (std::size_t i = 0; i < N; ++i) {
         // The product of the larger two variances is about the sum of the principal minors of the covariance.
         const auto& c = covariances[i];
         const double minors = double(c.xx) * c.yy - double(c.xy) * c.xy + double(c.xx) * c.zz - double(c.xz) * c.xz +
                               double(c.yy) * c.zz - double(c.yz) * c.yz;
         const double area = 2 * 3.14159265358979 * std::sqrt(std::max(minors, 1e-16)) * squared_focal;
-        result[i] = static_cast<double>(weights[i].x) / std::max(static_cast<double>(opacities[i]), 1e-6) / area;
+        const double one = std::max(static_cast<double>(opacities[i]), 1e-6) * area;
+        result[i] = {static_cast<double>(all_weights[i]) / one, static_cast<double>(front_weights[i]) / one};
     }
     return result;
 }
 
+/// Whether a Gaussian is unseen in a number of photographs.
+[[nodiscard]] inline bool is_unseen(const Showing& showing, std::size_t photographs, const UnseenParams& params = {}) {
+    return showing.all < params.least_photographs ||
+           (showing.front < params.least_photographs &&
+            showing.all < params.most_behind * static_cast<double>(photographs));
+}
+
 /// The fill of a person's Gaussians that no photograph saw. `showing` [N] are the person's numbers of
-/// photographs_showing, `samples` those of the model. Their colours, displacements and opacities come from Gaussians
-/// that were seen, nearby and on the body's other side (SurfaceFill). Colours of several moments are means over
-/// `frames`. Opacities only grow: what hides behind others has learned none.
+/// photographs_showing, `photographs` how many there were, `samples` those of the model. Colours, displacements and
+/// opacities come from Gaussians that were seen, nearby and on the body's other side (SurfaceFill). Colours of several
+/// moments are means over `frames`. Opacities only grow: what hides behind others has learned none.
 ///
 /// Empty if all were seen, or none.
 /// Errors  ShapeError for numbers or samples of another model.
 template <class Scene>
 [[nodiscard]] PointFill<typename Scene::Scalar> fill_of_unseen(Scene& scene, const SurfaceSamples& samples,
-                                                               Span<const double> showing,
+                                                               Span<const Showing> showing, std::size_t photographs,
                                                                const std::vector<std::size_t>& frames,
                                                                std::size_t person = 0,
                                                                const UnseenParams& params = {}) {
@@ -138,7 +190,7 @@ template <class Scene>
             positions.push_back(samples.positions[i]), normals.push_back(samples.normals[i]);
         }
     std::vector<std::uint8_t> known(opaque.size());
-    for (std::size_t k = 0; k < opaque.size(); ++k) known[k] = showing[opaque[k]] >= params.least_photographs;
+    for (std::size_t k = 0; k < opaque.size(); ++k) known[k] = !is_unseen(showing[opaque[k]], photographs, params);
     const SurfaceFill surface(positions, normals, known, params.fill);
 
     PointFill<T> fill;
