@@ -79,12 +79,16 @@ TEST_CASE("the numbers are equal on every backend") {
     CHECK(equal(showing([] { return test::Guarded(); })));
 }
 
-TEST_CASE("unseen is what hardly any photograph shows, and what photographs show a little from behind") {
-    CHECK(is_unseen({.all = 0.09, .front = 0.09}, 30));
-    CHECK(!is_unseen({.all = 0.11, .front = 0.11}, 30));
-    CHECK(is_unseen({.all = 0.59, .front = 0.09}, 30)); // less than a fiftieth of the photographs
-    CHECK(!is_unseen({.all = 0.61, .front = 0}, 30));
-    CHECK(is_unseen({.all = 0.61, .front = 0}, 300));
+TEST_CASE("unseen is what hardly any photograph shows, and what is shown from behind as long as it makes up little") {
+    const std::vector<Showing> showing{{0.09, 0.09}, {0.11, 0.11}, {0.5, 0.09}, {0.3, 0}, {0.2, 0}, {98, 40}};
+    const auto with = [&](double most) {
+        return unseen_points(Span<const Showing>(showing), {.most_behind = most});
+    };
+    CHECK(with(0) == std::vector<std::uint8_t>{1, 0, 0, 0, 0, 0});
+    CHECK(with(0.004) == std::vector<std::uint8_t>{1, 0, 0, 0, 1, 0}); // 0.29 of 99.2
+    CHECK(with(0.009) == std::vector<std::uint8_t>{1, 0, 0, 1, 1, 0}); // 0.59
+    CHECK(with(0.02) == std::vector<std::uint8_t>{1, 0, 1, 1, 1, 0});  // 1.09
+    CHECK(unseen_points(Span<const Showing>()).empty());
 }
 
 TEST_CASE("what no photograph saw gets colours and opacity from what was seen; the rest stays") {
@@ -97,20 +101,21 @@ TEST_CASE("what no photograph saw gets colours and opacity from what was seen; t
         photographs_showing(training.backend, training.people, {&training.samples}, scene.photos, filter, small);
     const GaussianCloud<float> before = mean_gaussians(training.people, frames);
     const PointFill<float> fill =
-        fill_of_unseen(training.people, training.samples, Span<const Showing>(showing), scene.photos.size(), frames);
+        fill_of_unseen(training.people, training.samples, Span<const Showing>(showing), frames);
     const std::size_t basis = before.sh.size() / before.size();
     REQUIRE(fill.points.size() > 20);
     CHECK(fill.points.size() < before.size() * 2 / 3); // all behind, and some in front that others hide
+    const std::vector<std::uint8_t> unseen = unseen_points(Span<const Showing>(showing));
     vec3<float> low(1e9f), high(-1e9f);
     for (std::size_t i = 0; i < before.size(); ++i)
-        if (!is_unseen(showing[i], scene.photos.size()))
+        if (!unseen[i])
             for (int c = 0; c < 3; ++c) {
                 low[c] = std::min(low[c], before.sh[i * basis][c]);
                 high[c] = std::max(high[c], before.sh[i * basis][c]);
             }
     for (std::size_t k = 0; k < fill.points.size(); ++k) {
         const std::size_t i = fill.points[k];
-        CHECK(is_unseen(showing[i], scene.photos.size()));
+        CHECK(unseen[i]);
         CHECK(fill.opacity_logits[k] >= before.opacity_logits[i]);
         for (int c = 0; c < 3; ++c) {
             CHECK(fill.colors[k][c] >= low[c] - 1e-4f);
@@ -125,8 +130,7 @@ TEST_CASE("what no photograph saw gets colours and opacity from what was seen; t
     CHECK(changed <= fill.points.size());
 
     const std::vector<Showing> seen(before.size(), {1, 1}), short_one(3, {1, 1});
-    CHECK(fill_of_unseen(training.people, training.samples, Span<const Showing>(seen), 4, frames).points.empty());
+    CHECK(fill_of_unseen(training.people, training.samples, Span<const Showing>(seen), frames).points.empty());
     CHECK_THROWS_AS(
-        (void)fill_of_unseen(training.people, training.samples, Span<const Showing>(short_one), 4, frames),
-                    ShapeError);
+        (void)fill_of_unseen(training.people, training.samples, Span<const Showing>(short_one), frames), ShapeError);
 }

@@ -166,8 +166,7 @@ std::vector<std::size_t> ReconstructionOn<B>::fill_unseen() {
     for (std::size_t p = 0; p < people_.size(); ++p) {
         const std::size_t size = people_[p].model.size();
         const auto fill = fill_of_unseen(scene_, setup.people[p].samples,
-                                         Span<const Showing>(showing).subspan(first, size), setup.photos.size(),
-                                         frames, p);
+                                         Span<const Showing>(showing).subspan(first, size), frames, p);
         counts[p] = fill.points.size();
         if (counts[p] > 0) people_[p].model.fill(fill);
         first += size;

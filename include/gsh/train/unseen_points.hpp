@@ -38,14 +38,14 @@ struct Showing {
     double front = 0; ///< not from behind
 };
 
-/// A Gaussian is unseen if hardly any photograph shows it, or if photographs show it only from behind, through others,
-/// and so little that they hardly change with it.
+/// Which Gaussians are unseen: those that hardly any photograph shows, and of those that photographs show only from
+/// behind, through others, as many as hardly change the photographs.
 struct UnseenParams {
     double least_photographs = 0.1; ///< a tenth of one is an edge-on glimpse
-    double most_behind = 0.02;      ///< of the number of photographs, of a Gaussian that is only shown from behind
+    double most_behind = 0.005;     ///< what is unseen may make up this share of what the photographs show
     /// Cosine of the angle between the surface's normal and the direction to the camera below which a photograph shows
-    /// the surface from behind. At an outline it is about 0.
-    double behind = -0.15;
+    /// the surface from behind.
+    double behind = 0;
     /// A Gaussian below this opacity is one that photographs have made transparent, and stays as it is.
     double least_opacity = 0.05;
     int pixels = 270; ///< about the longer side of the pictures in which they are searched
@@ -153,23 +153,33 @@ template <Backend B, class Scene>
     return result;
 }
 
-/// Whether a Gaussian is unseen in a number of photographs.
-[[nodiscard]] inline bool is_unseen(const Showing& showing, std::size_t photographs, const UnseenParams& params = {}) {
-    return showing.all < params.least_photographs ||
-           (showing.front < params.least_photographs &&
-            showing.all < params.most_behind * static_cast<double>(photographs));
+/// Whether each Gaussian is unseen [N]. Of those that are only shown from behind, the ones that are shown least come
+/// first.
+[[nodiscard]] inline std::vector<std::uint8_t> unseen_points(Span<const Showing> showing,
+                                                             const UnseenParams& params = {}) {
+    std::vector<std::uint8_t> unseen(showing.size(), 0);
+    double total = 0, made_up = 0;
+    for (const Showing& one : showing) total += one.all;
+    for (const std::uint32_t i : ordered_indices(showing.size(), [&](std::uint32_t a, std::uint32_t b) {
+             return showing[a].all < showing[b].all;
+         })) {
+        if (showing[i].front >= params.least_photographs) continue;
+        made_up += showing[i].all;
+        unseen[i] = showing[i].all < params.least_photographs || made_up <= params.most_behind * total;
+    }
+    return unseen;
 }
 
 /// The fill of a person's Gaussians that no photograph saw. `showing` [N] are the person's numbers of
-/// photographs_showing, `photographs` how many there were, `samples` those of the model. Colours, displacements and
-/// opacities come from Gaussians that were seen, nearby and on the body's other side (SurfaceFill). Colours of several
-/// moments are means over `frames`. Opacities only grow: what hides behind others has learned none.
+/// photographs_showing, `samples` those of the model. Colours, displacements and opacities come from Gaussians that
+/// were seen, nearby and on the body's other side (SurfaceFill). Colours of several moments are means over `frames`.
+/// Opacities only grow: what hides behind others has learned none.
 ///
 /// Empty if all were seen, or none.
 /// Errors  ShapeError for numbers or samples of another model.
 template <class Scene>
 [[nodiscard]] PointFill<typename Scene::Scalar> fill_of_unseen(Scene& scene, const SurfaceSamples& samples,
-                                                               Span<const Showing> showing, std::size_t photographs,
+                                                               Span<const Showing> showing,
                                                                const std::vector<std::size_t>& frames,
                                                                std::size_t person = 0,
                                                                const UnseenParams& params = {}) {
@@ -189,8 +199,9 @@ template <class Scene>
             opaque.push_back(i);
             positions.push_back(samples.positions[i]), normals.push_back(samples.normals[i]);
         }
+    const std::vector<std::uint8_t> unseen = unseen_points(showing, params);
     std::vector<std::uint8_t> known(opaque.size());
-    for (std::size_t k = 0; k < opaque.size(); ++k) known[k] = !is_unseen(showing[opaque[k]], photographs, params);
+    for (std::size_t k = 0; k < opaque.size(); ++k) known[k] = !unseen[opaque[k]];
     const SurfaceFill surface(positions, normals, known, params.fill);
 
     PointFill<T> fill;
