@@ -118,8 +118,8 @@ public:
     }
 
     /// Adds to dL_dweights and dL_dshared. Adds to dL_dfeatures or, with Write::assign, overwrites it; it may then be
-    /// the memory of inputs.features, since each row is read before its gradient is written. dL_dfeatures and dL_dshared
-    /// may be empty ({}). weights, inputs and cache are those of forward.
+    /// the memory of inputs.features, since each row is read before its gradient is written. dL_dfeatures and
+    /// dL_dshared may be empty ({}). weights, inputs and cache are those of forward.
     template <Backend B, std::floating_point T>
     void backward(B& backend, std::type_identity_t<Span<const T>> weights,
                   const std::type_identity_t<MlpInputs<T>>& inputs, std::type_identity_t<Span<const T>> dL_doutputs,
