@@ -236,6 +236,7 @@ TEST_CASE("registration moves poses and shape before training, says so, and come
     CHECK(registration.at("people").at(0).at("joints_mm") > 1.0);
     CHECK(registration.at("frame_fit").size() == noisy.frame_count());
     CHECK(registration.at("psnr") > 15.0);
+    CHECK(registration.at("focal").is_null()); // two cameras
     CHECK(read_file(out / "report.html").find("registered bodies") != std::string::npos);
     CHECK(load_motion(out / "poses_refined.npz", studio().body).pose != noisy.pose);
 

@@ -57,6 +57,7 @@ std::string RegistrationSummary::text() const {
         result += ", " + (people.size() > 1 ? person.name + ": " : std::string()) + "joints moved by " +
                   fixed(person.joints_mm, 0) + " mm (" + fixed(person.root_aligned_mm, 0) +
                   " mm relative to the root), the shape by " + fixed(person.betas, 2) + " per coefficient";
+    if (focal) result += ", the focal length by " + fixed(100 * (*focal - 1), 1) + "%";
     if (keypoints > 0) result += ", with keypoints in " + std::to_string(keypoints) + " photographs";
     return result;
 }
@@ -97,6 +98,11 @@ void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed) 
     shown.show(1, "done");
 
     summary.psnr = found.fits.back().psnr;
+    if (found.focal) {
+        Camera<double>& camera = source.capture.cameras[photos[0].camera_index].camera;
+        camera.fx *= *found.focal, camera.fy *= *found.focal;
+        summary.focal = found.focal;
+    }
     summary.frame_weights = frame_weights(found.frame_fit);
     summary.doubtful_frames = doubtful_frames(summary.frame_weights);
     summary.frame_fit = std::move(found.frame_fit);

@@ -233,6 +233,7 @@ void add_registration(const RegistrationSummary& registration, Json& json, Repor
                       std::vector<std::string>& findings) {
     Json& into = json["registration"];
     into["psnr"] = number_or_null(registration.psnr);
+    into["focal"] = registration.focal ? Json(*registration.focal) : Json();
     for (const auto& person : registration.people)
         into["people"].push_back({{"name", person.name},
                                   {"joints_mm", person.joints_mm},

@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
+#include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/spread.hpp>
@@ -26,6 +27,7 @@
 #include <deque>
 #include <functional>
 #include <numeric>
+#include <optional>
 #include <set>
 #include <string_view>
 #include <utility>
@@ -52,6 +54,9 @@ struct RegistrationLevel {
     config.betas = RefinedGroup{.rate = 2e-2, .terms = {.pull = 1e-4}};
     config.pose_bias = RefinedGroup{.rate = 1e-3, .terms = {.pull = 1e-2}};
     config.transl_bias = RefinedGroup{.rate = 5e-4, .terms = {.pull = 1e-2}};
+    config.camera_focal = RefinedGroup{.rate = 2e-3, .terms = {.pull = 1e-3}};
+    config.camera_rotation = config.camera_translation = RefinedGroup{}; // a person who moves looks the same
+    config.fixed_cameras.clear();
     return config;
 }
 
@@ -88,6 +93,7 @@ struct RegistrationFit {
 struct Registration {
     std::vector<Motion> motions; ///< of each person
     std::vector<RegistrationFit> fits; ///< of each level
+    std::optional<double> focal; ///< factor on both focal lengths, if all photographs are of one camera
     /// How well the bodies explain each frame at the end of the last level, dB, over all its photographs:
     /// 10 log10 (squared error of an empty scene / squared error of the bodies). NaN without any.
     std::vector<double> frame_fit;
@@ -195,12 +201,12 @@ private:
 }
 
 /// Trains bodies and corrections on photographs of one size, and puts the corrected motions into result.motions.
-/// done(share) is called before each step.
+/// done(share) is called before each step. The focal length of `camera`, which took all photographs, learns if given.
 template <CpuBackend B, class Done>
 void register_level(B& backend, Span<const RegisteredPerson> people, const std::vector<Photo>& photos,
-                    const std::vector<std::size_t>& unseen_frames, std::size_t steps,
-                    const RegistrationLevel& level, RefinementConfig terms, const RegistrationParams& params,
-                    std::uint64_t seed, const Done& done, Registration& result) {
+                    const std::optional<Camera<double>>& camera, const std::vector<std::size_t>& unseen_frames,
+                    std::size_t steps, const RegistrationLevel& level, RefinementConfig terms,
+                    const RegistrationParams& params, std::uint64_t seed, const Done& done, Registration& result) {
     using Model = ConfiguredAvatar<B>;
     using Scene = KeypointScene<B, Model>;
     const Configuration config = registration_configuration();
@@ -219,8 +225,14 @@ void register_level(B& backend, Span<const RegisteredPerson> people, const std::
                                         made.priors));
         terms.joint_rates = joint_rates(made.rig.joint_count(), level.fingers, level.fingers);
         terms.left_out = unseen_frames;
-        refinements.emplace_back(backend, made.rig, motion, std::vector<Camera<double>>(), terms);
-        keypoints.emplace_back(backend, made.rig, people[p].keypoints, keypoint_params);
+        std::vector<Camera<double>> cameras; // the first person's refinement has the camera
+        if (p == 0 && camera) cameras.push_back(*camera);
+        refinements.emplace_back(backend, made.rig, motion, std::move(cameras), terms);
+        auto views = people[p].keypoints; // with the focal length that the level begins with
+        for (auto& of_frame : views)
+            for (ViewKeypoints& view : of_frame)
+                if (camera) view.camera.fx *= *result.focal, view.camera.fy *= *result.focal;
+        keypoints.emplace_back(backend, made.rig, std::move(views), keypoint_params);
         cast.push_back({&models.back(), &motion});
     }
     Scene scene(backend, cast);
@@ -247,6 +259,7 @@ void register_level(B& backend, Span<const RegisteredPerson> people, const std::
         refinements[p].carry_to_left_out();
         result.motions[p] = refinements[p].motion();
     }
+    if (camera) *result.focal *= refinements[0].template camera<double>(0).fx / camera->fx;
     const auto decibels = [](double error, double reference) { return -10 * std::log10(error / reference); };
     const auto total = [](const std::vector<double>& of) { return std::accumulate(of.begin(), of.end(), 0.0); };
     result.frame_fit.resize(squares.size());
@@ -265,8 +278,12 @@ void register_level(B& backend, Span<const RegisteredPerson> people, const std::
 /// Frames without a photograph get the corrections of their neighbours in time. The same seed gives the same bits on
 /// any number of threads.
 ///
-/// Gauges  One camera does not see the size of a person who is moved away at the same time. The pull to the estimate
-///         decides, and joints are best compared relative to the root.
+/// With photographs of one camera its focal length learns, too (Registration::focal); the photographs keep theirs.
+/// Several cameras have been calibrated together and stay as they are.
+///
+/// Gauges  One camera does not see the size of a person who is moved away at the same time, and sees a longer focal
+///         length at a larger distance only by its weaker perspective. The pulls to the estimates decide, and joints
+///         are best compared relative to the root.
 /// Errors  ValueError: no photographs, no people, a body without triangles. Those of MotionRefinement and Trainer.
 template <CpuBackend B>
 [[nodiscard]] Registration register_motions(B& backend, Span<const RegisteredPerson> people, Span<const Photo> photos,
@@ -290,6 +307,10 @@ template <CpuBackend B>
     for (std::size_t frame = 0; frame < result.motions[0].frame_count(); ++frame)
         if (!frames.contains(frame)) unseen.push_back(frame);
 
+    const bool one_camera = std::all_of(photos.begin(), photos.end(), [&](const Photo& photo) {
+        return photo.camera_index == photos[0].camera_index;
+    });
+    if (one_camera) result.focal = 1;
     double visits = 0, visits_done = 0;
     for (const RegistrationLevel& level : params.levels) visits += level.visits;
     for (const RegistrationLevel& level : params.levels) {
@@ -297,19 +318,27 @@ template <CpuBackend B>
         const auto steps = static_cast<std::size_t>(std::lround(level.visits * static_cast<double>(frames.size())));
         RefinementConfig terms = params.refinement;
         for (RefinedGroup* group : {&terms.pose, &terms.transl, &terms.expression, &terms.betas, &terms.pose_bias,
-                                    &terms.transl_bias})
+                                    &terms.transl_bias, &terms.camera_focal})
             group->rate *= level.rate;
         terms.final_rate = &level == &params.levels.back() ? 0.1 : 0.5;
         result.fits.push_back({factor, steps, 0});
         const ReducedPhotos reduced(backend, photos, factor);
         std::vector<Photo> weighted = reduced.photos();
+        std::optional<Camera<double>> camera;
+        if (one_camera) {
+            for (Photo& photo : weighted) {
+                photo.camera_index = 0;
+                photo.camera.fx *= *result.focal, photo.camera.fy *= *result.focal;
+            }
+            camera = weighted[0].camera;
+        }
         const std::vector<double> weights = frame_weights(result.frame_fit); // empty at the first level
         for (Photo& photo : weighted)
             if (!weights.empty()) photo.weight = weights[photo.frame];
         const auto done = [&](double share) {
             if (params.progress) params.progress((visits_done + share * level.visits) / visits);
         };
-        detail::register_level(backend, people, weighted, unseen, steps, level, terms, params, seed,
+        detail::register_level(backend, people, weighted, camera, unseen, steps, level, terms, params, seed,
                                done, result);
         visits_done += level.visits;
     }
