@@ -52,7 +52,8 @@ int reconstruct(const ReconstructOptions& options) {
     const Configuration configuration = configuration_for(options, source);
     if (!options.lpips.empty()) check_lpips(options.lpips);
     if (options.resume) check_checkpoint(options, run_text(source, configuration, options)); // before work is done
-    if (options.refine && !options.no_registration) register_source(machine.host(), source, options.seed);
+    if (options.refine && !options.no_registration)
+        register_source(machine.host(), source, options.seed, options.refine_cameras);
     const auto reconstruction =
         make_reconstruction(machine, make_setup(machine, source, configuration, options));
     const ReconstructionSetup& setup = reconstruction->setup;

@@ -42,7 +42,8 @@ inline void add_refine(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--keypoints", o.keypoints,
                    "with --refine: keypoints of the photographs, a folder of OpenPose's JSON files or a JSON file of "
                    "COCO-WholeBody; a path, or a name in the capture's folder");
-    app.add_flag("--refine-cameras", o.refine_cameras, "with --refine: refine all cameras but the first, too");
+    app.add_flag("--refine-cameras", o.refine_cameras,
+                 "with --refine: refine all cameras but the first, too; of a single camera, its focal length");
 }
 
 /// The option --hold-out-motion.

@@ -62,7 +62,7 @@ std::string RegistrationSummary::text() const {
     return result;
 }
 
-void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed) {
+void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed, bool refine_cameras) {
     std::vector<RegisteredPerson> people;
     for (std::size_t p = 0; p < source.people.size(); ++p) {
         people.push_back({.body = &source.body(p), .motion = &source.people[p].motion});
@@ -92,6 +92,7 @@ void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed) 
     const std::vector<Photo> photos = photos_of(source.capture, false);
     Progress shown("registering poses");
     RegistrationParams params;
+    params.focal = refine_cameras;
     params.progress = [&](double share) { shown.show(share, ""); };
     Registration found =
         register_motions(backend, Span<const RegisteredPerson>(people), Span<const Photo>(photos), seed, params);

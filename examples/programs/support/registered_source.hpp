@@ -11,7 +11,8 @@
 namespace gsh::examples {
 
 /// Replaces the motions of the people by registered ones (register_motions), on the training photographs, and sets
-/// source.registration. Skipped, with a warning, if a body has no triangles.
-void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed);
+/// source.registration. Skipped, with a warning, if a body has no triangles. With refine_cameras, the focal length of a
+/// single training camera learns, too, and replaces that of the capture.
+void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed, bool refine_cameras);
 
 } // namespace gsh::examples

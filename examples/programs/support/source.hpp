@@ -30,7 +30,7 @@ struct RegistrationSummary {
     };
     double psnr = 0; ///< of the last level's photographs
     std::size_t keypoints = 0; ///< photographs with keypoints of these people
-    std::optional<double> focal; ///< factor on the focal lengths, if there is one training camera
+    std::optional<double> focal; ///< factor on the focal lengths, if that of a single camera has learned
     std::vector<Moved> people;
     std::vector<double> frame_fit;           ///< [T]; NaN for frames without a photograph
     std::vector<double> frame_weights;        ///< [T] with which the frames' photographs are trained

@@ -71,6 +71,7 @@ struct RegistrationParams {
     std::size_t gaussians = 20'000; ///< of each person
     RefinementConfig refinement = registration_terms();
     PhotoGainParams gain{.rate = 0.03};
+    bool focal = false; ///< whether the focal length learns, if all photographs are of one camera
     KeypointTermParams keypoints = {};
     std::function<void(double)> progress = {}; ///< called with the share that is done, if given
 };
@@ -93,7 +94,7 @@ struct RegistrationFit {
 struct Registration {
     std::vector<Motion> motions; ///< of each person
     std::vector<RegistrationFit> fits; ///< of each level
-    std::optional<double> focal; ///< factor on both focal lengths, if all photographs are of one camera
+    std::optional<double> focal; ///< factor on both focal lengths, if all photographs are of one camera and it learns
     /// How well the bodies explain each frame at the end of the last level, dB, over all its photographs:
     /// 10 log10 (squared error of an empty scene / squared error of the bodies). NaN without any.
     std::vector<double> frame_fit;
@@ -278,7 +279,8 @@ void register_level(B& backend, Span<const RegisteredPerson> people, const std::
 /// Frames without a photograph get the corrections of their neighbours in time. The same seed gives the same bits on
 /// any number of threads.
 ///
-/// With photographs of one camera its focal length learns, too (Registration::focal); the photographs keep theirs.
+/// With photographs of one camera and RegistrationParams::focal, its focal length learns, too; the photographs keep
+/// theirs.
 /// Several cameras have been calibrated together and stay as they are.
 ///
 /// Gauges  One camera does not see the size of a person who is moved away at the same time, and sees a longer focal
@@ -307,10 +309,10 @@ template <CpuBackend B>
     for (std::size_t frame = 0; frame < result.motions[0].frame_count(); ++frame)
         if (!frames.contains(frame)) unseen.push_back(frame);
 
-    const bool one_camera = std::all_of(photos.begin(), photos.end(), [&](const Photo& photo) {
+    const bool learns_focal = params.focal && std::all_of(photos.begin(), photos.end(), [&](const Photo& photo) {
         return photo.camera_index == photos[0].camera_index;
     });
-    if (one_camera) result.focal = 1;
+    if (learns_focal) result.focal = 1;
     double visits = 0, visits_done = 0;
     for (const RegistrationLevel& level : params.levels) visits += level.visits;
     for (const RegistrationLevel& level : params.levels) {
@@ -325,7 +327,7 @@ template <CpuBackend B>
         const ReducedPhotos reduced(backend, photos, factor);
         std::vector<Photo> weighted = reduced.photos();
         std::optional<Camera<double>> camera;
-        if (one_camera) {
+        if (learns_focal) {
             for (Photo& photo : weighted) {
                 photo.camera_index = 0;
                 photo.camera.fx *= *result.focal, photo.camera.fy *= *result.focal;
