@@ -40,7 +40,7 @@ struct ViewCheck {
     /// Exposure of red, green and blue in stops, 0 in the mean of a camera. No value if no colour could be compared.
     std::optional<vec3<double>> stops = {};
     bool background_removed = false; ///< whether the image is black, or white, wherever alpha is 0
-    std::vector<Person> people; ///< in the order in which they were given
+    std::vector<Person> people = {}; ///< in the order in which they were given
 };
 
 /// A probable mistake in the capture.
