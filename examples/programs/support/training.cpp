@@ -65,7 +65,7 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
     };
     const std::uint64_t most_queued = reconstruction.queues_steps() ? most_queued_steps : 1;
     std::uint64_t queued = 0; // steps since the last settle
-    const auto train_on = [&] {
+    try {
         while (goes_on()) {
             reconstruction.step(fraction());
             note();
@@ -85,9 +85,6 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
             paused += since(pause);
         }
         settle(); // after an interrupt
-    };
-    try {
-        train_on();
     } catch (const Error& error) {
         if (saved == 0) throw;
         throw Error(std::string(error.what()) + " (the checkpoint of step " + std::to_string(saved) +
