@@ -24,6 +24,7 @@
 #include <gsh/math/rotation_increment.hpp>
 #include <gsh/math/sh.hpp>
 #include <gsh/math/sh_rotation.hpp>
+#include <gsh/math/sparse.hpp>
 #include <gsh/math/spread.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>

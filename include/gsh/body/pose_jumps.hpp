@@ -43,7 +43,7 @@ struct PoseJump {
         for (std::size_t j = 0; j < J; ++j)
             off[t] += length(joints[t * J + j] - 0.5 * (joints[(t - 1) * J + j] + joints[(t + 1) * J + j])) /
                       static_cast<double>(J);
-    const double limit = std::max(params.least, params.ratio * robust_spread({off.begin() + 1, off.end() - 1}).median);
+    const double limit = std::max(params.least, params.ratio * median({off.begin() + 1, off.end() - 1}));
     std::vector<PoseJump> jumps;
     for (std::size_t t = 1; t + 1 < T; ++t)
         if (off[t] > limit && off[t] > off[t - 1] && off[t] >= off[t + 1]) jumps.push_back({t, off[t]});

@@ -5,19 +5,8 @@
 #include <gsh/body/nearest_points.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/math/linalg.hpp>
+#include <gsh/math/sparse.hpp>
 #include <gsh/math/vec.hpp>
-
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Warray-bounds" // see math/linalg.hpp
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
-#endif
-#include <Eigen/IterativeLinearSolvers>
-#include <Eigen/SparseCore>
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic pop
-#endif
 
 #include <algorithm>
 #include <concepts>

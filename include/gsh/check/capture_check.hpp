@@ -288,12 +288,12 @@ private:
             for (std::size_t i = 0; i < usable_.size(); ++i)
                 if (usable_[i].camera == c && iou[i] >= 0) own.push_back(iou[i]);
             if (own.empty()) continue;
-            const double median = robust_spread(std::move(own)).median;
-            if (!lost_.empty() && median < params_.search.convincing) continue;
+            const double usual = median(std::move(own));
+            if (!lost_.empty() && usual < params_.search.convincing) continue;
             for (std::size_t i = 0; i < usable_.size(); ++i)
                 if (usable_[i].camera == c && iou[i] >= 0 && iou[i] < params_.search.convincing &&
-                    iou[i] < 0.65 * median)
-                    single.views.push_back(usable_[i]), sum += iou[i], reference += median;
+                    iou[i] < 0.65 * usual)
+                    single.views.push_back(usable_[i]), sum += iou[i], reference += usual;
         }
         if (single.views.empty()) return;
         single.given = sum / static_cast<double>(single.views.size());

@@ -11,6 +11,7 @@
 #include <gsh/check/silhouette.hpp>
 #include <gsh/io/capture/capture.hpp>
 #include <gsh/math/linalg.hpp>
+#include <gsh/math/spread.hpp>
 
 #include <algorithm>
 #include <array>
@@ -114,11 +115,6 @@ private:
     [[nodiscard]] CaptureReading shifted(const Views& views, const CaptureReading& reading, int size, int first_step);
     void refine_shifts(const Views& views, CaptureReading& reading);
 
-    [[nodiscard]] static double median(std::vector<double> values) {
-        const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-        std::nth_element(values.begin(), middle, values.end());
-        return *middle;
-    }
     [[nodiscard]] std::vector<std::size_t> all_cameras() const {
         std::vector<std::size_t> all(capture_.cameras.size());
         for (std::size_t c = 0; c < all.size(); ++c) all[c] = c;

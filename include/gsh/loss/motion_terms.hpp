@@ -9,6 +9,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/rotation_increment.hpp>
+#include <gsh/math/spread.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -19,6 +20,7 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -53,8 +55,7 @@ link_frames(Span<const double> timestamps, Span<const std::size_t> left_out = {}
     }
     std::vector<FrameLink> links(timestamps.size());
     if (intervals.empty()) return links;
-    const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
-    std::nth_element(intervals.begin(), middle, intervals.end());
+    const double typical = median(std::move(intervals));
     std::vector<bool> out(timestamps.size(), false);
     for (const std::size_t frame : left_out) {
         check_value(frame < timestamps.size(), where,
@@ -65,7 +66,7 @@ link_frames(Span<const double> timestamps, Span<const std::size_t> left_out = {}
     std::erase_if(order, [&](std::uint32_t frame) { return out[frame]; });
     for (std::size_t i = 1; i < order.size(); ++i) {
         const std::uint32_t a = order[i - 1], b = order[i];
-        const double interval = (timestamps[b] - timestamps[a]) / *middle;
+        const double interval = (timestamps[b] - timestamps[a]) / typical;
         if (interval > longest_gap) continue;
         links[a].after = static_cast<std::int32_t>(b), links[a].to_after = interval;
         links[b].before = static_cast<std::int32_t>(a), links[b].to_before = interval;

@@ -7,6 +7,7 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/math/spread.hpp>
 #include <gsh/prior/estimated_view.hpp>
 #include <gsh/prior/normal_integration.hpp>
 #include <gsh/prior/prior_features.hpp>
@@ -100,10 +101,9 @@ inline void check_depths(const EstimatedView& estimate, const PriorView& mesh) {
     const PriorMap& map = estimate.view.map;
     for (std::size_t i = 0; i < map.mask.data.size(); ++i)
         if (map.mask.data[i] && mesh.map.mask.data[i]) off.push_back(map.values.data[i] - mesh.map.values.data[i]);
-    const auto middle = off.begin() + static_cast<std::ptrdiff_t>(off.size() / 2);
-    std::nth_element(off.begin(), middle, off.end());
-    check_value(std::abs(*middle) <= most, estimate.name,
-                "its depths are " + std::to_string(*middle) +
+    const double behind = median(std::move(off));
+    check_value(std::abs(behind) <= most, estimate.name,
+                "its depths are " + std::to_string(behind) +
                     " m behind the body's in the median, expected within half a metre: the camera's z, in metres");
 }
 
