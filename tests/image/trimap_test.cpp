@@ -15,14 +15,15 @@ namespace {
 
 constexpr int width = 60, height = 40;
 
-/// A disc of radius 12 around (30, 20) before a background that grows brighter to the right.
-std::vector<std::uint8_t> disc() {
+/// A disc of radius 12 around (30, 20) before a background that grows brighter to the right. The disc's colour is that of
+/// the background, less `contrast` in blue.
+std::vector<std::uint8_t> disc(int contrast = 10) {
     std::vector<std::uint8_t> rgba;
     for (int y = 0; y < height; ++y)
         for (int x = 0; x < width; ++x) {
             const bool inside = std::hypot(x - 30, y - 20) < 12;
-            const auto ground = static_cast<std::uint8_t>(40 + 2 * x);
-            for (const int value : {inside ? 200 : ground, inside ? 10 : ground, inside ? 10 : 90, inside ? 255 : 0})
+            const int ground = 40 + 2 * x;
+            for (const int value : {ground, ground, inside ? 90 - contrast : 90, inside ? 255 : 0})
                 rgba.push_back(static_cast<std::uint8_t>(value));
         }
     return rgba;
@@ -53,6 +54,30 @@ TEST_CASE("unknown pixels are those near the outline, with the background from o
         CHECK(std::is_sorted(unknown.begin(), unknown.end(), [](auto& a, auto& b) { return a.index < b.index; }));
     }
     CHECK(unknown_pixels(rgba, height, width, 0).empty());
+}
+
+TEST_CASE("pixels inside of the mask are known where their colour is none of the background's") {
+    const std::vector<std::uint8_t> alike = disc(), distinct = disc(60);
+    std::vector<bool> is_unknown(alike.size() / 4, false);
+    for (const UnknownPixel& pixel : unknown_pixels(distinct, height, width, 4)) is_unknown[pixel.index] = true;
+    std::size_t known = 0;
+    for (const UnknownPixel& pixel : unknown_pixels(alike, height, width, 4)) {
+        const bool deep = distance_to_centre(pixel) < 12 - 2.5; // at least two pixels inside of the outline
+        const bool outside = distance_to_centre(pixel) >= 12;
+        if (deep) CHECK(!is_unknown[pixel.index]);
+        if (outside) CHECK(is_unknown[pixel.index]);
+        known += !is_unknown[pixel.index];
+    }
+    CHECK(known > 100);
+
+    // A mark in the background near the outline has the disc's colour: then that colour says nothing near it.
+    std::vector<std::uint8_t> marked = distinct;
+    for (int y = 15; y < 25; ++y)
+        for (int x = 46; x < 50; ++x) marked[4 * static_cast<std::size_t>(y * width + x) + 2] = 90 - 60;
+    bool near_the_mark = false;
+    for (const UnknownPixel& pixel : unknown_pixels(marked, height, width, 4))
+        near_the_mark |= distance_to_centre(pixel) < 12 - 2.5;
+    CHECK(near_the_mark);
 }
 
 TEST_CASE("a mask without a background behind it is believed") {
