@@ -43,8 +43,7 @@ struct RoughTurn {
     }
     [[nodiscard]] Registration registered(cpu::Threads& on, const std::vector<Photo>& used,
                                           std::vector<std::vector<ViewKeypoints>> keypoints = {},
-                                          bool focal = false) const {
-        RegistrationParams params;
+                                          bool focal = false, RegistrationParams params = {}) const {
         params.focal = focal;
         params.levels = {{.pixels = 40, .visits = 40}, {.pixels = 80, .visits = 30, .rate = 0.6, .fingers = 1}};
         params.gaussians = 4000;
@@ -121,6 +120,30 @@ TEST_CASE("A focal length that is a tenth too long becomes shorter, a right one 
     std::vector<Photo> of_two = scene.photos;
     of_two[1].camera_index = 1;
     CHECK(!scene.registered(scene.backend, of_two, {}, true).focal.has_value());
+}
+
+TEST_CASE("Where several cameras see each frame, smoothness does not flatten a fast motion") {
+    RoughTurn scene; // of its own: another motion, before other cameras
+    test::Rng rng(5);
+    const std::size_t J = scene.truth.joint_count;
+    for (std::size_t t = 0; t < scene.truth.frame_count(); ++t) {
+        scene.truth.pose[t * J] = {0, 0, 0};
+        for (const std::size_t j : {1, 2, 4, 5, 16, 17, 18, 19, 20, 21})
+            scene.truth.pose[t * J + j] += rng.vecs(1, -0.25, 0.25)[0];
+    }
+    scene.estimate = scene.truth;
+    scene.capture = film(scene.backend, scene.body, scene.truth,
+                         {.train_cameras = 4, .test_cameras = 0, .image_size = 160, .samples = 4, .light = {}});
+    scene.photos = photos_of(scene.capture, false);
+    RegistrationParams as_of_one_camera;
+    for (RefinedGroup* group : {&as_of_one_camera.refinement.pose, &as_of_one_camera.refinement.transl})
+        group->terms.acceleration *= 4 * 4;
+    const double error = scene.error(scene.registered(scene.backend, scene.photos).motions[0]);
+    const double flattened =
+        scene.error(scene.registered(scene.backend, scene.photos, {}, false, as_of_one_camera).motions[0]);
+    MESSAGE("joints, from exact poses: " << error << " mm, " << flattened << " mm with the weight for one camera");
+    CHECK(error < 20);
+    CHECK(error < 0.8 * flattened);
 }
 
 TEST_CASE("The same seed gives the same bits on one thread and on two; frames without photographs follow the others") {

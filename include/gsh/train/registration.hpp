@@ -45,11 +45,12 @@ struct RegistrationLevel {
 };
 
 /// Rates and terms of a registration. Shape and biases learn from all frames, and the motion stays smooth: one camera
-/// does not see the depth of a limb in one frame, but it sees it while the person turns.
+/// does not see the depth of a limb in one frame, but it sees it while the person turns. The weight of smoothness is that
+/// for one photograph of each frame.
 [[nodiscard]] inline RefinementConfig registration_terms() {
     RefinementConfig config;
-    config.pose = RefinedGroup{.rate = 6e-3, .terms = {.pull = 1e-3, .acceleration = 0.1}};
-    config.transl = RefinedGroup{.rate = 3e-3, .terms = {.pull = 1e-3, .acceleration = 0.1}};
+    config.pose = RefinedGroup{.rate = 6e-3, .terms = {.pull = 1e-3, .acceleration = 0.03}};
+    config.transl = RefinedGroup{.rate = 3e-3, .terms = {.pull = 1e-3, .acceleration = 0.03}};
     config.expression = RefinedGroup{};
     config.betas = RefinedGroup{.rate = 2e-2, .terms = {.pull = 1e-4}};
     config.pose_bias = RefinedGroup{.rate = 1e-3, .terms = {.pull = 1e-2}};
@@ -273,7 +274,8 @@ void register_level(B& backend, Span<const RegisteredPerson> people, const std::
 /// Fits motions and shapes of people to photographs, coarse to fine. Each level trains Gaussians on the bodies'
 /// surfaces, and with them the corrections of a MotionRefinement: a bias of each joint and of transl for all frames,
 /// corrections of each frame, and betas. The loss is L1 over random backgrounds, so outlines count as well as colours;
-/// keypoints, where there are some, add their KeypointTerm.
+/// keypoints, where there are some, add their KeypointTerm. The weight of a smooth motion falls with the square of the
+/// number of photographs of a frame.
 /// The motion of a level is the estimate of the next one, which starts with new Gaussians.
 ///
 /// Frames without a photograph get the corrections of their neighbours in time. The same seed gives the same bits on
@@ -313,6 +315,8 @@ template <CpuBackend B>
         return photo.camera_index == photos[0].camera_index;
     });
     if (learns_focal) result.focal = 1;
+    // Cameras that see a frame together see its depth. There, smoothness would only flatten a fast motion.
+    const double unseen_depth = std::pow(static_cast<double>(frames.size()) / static_cast<double>(photos.size()), 2);
     double visits = 0, visits_done = 0;
     for (const RegistrationLevel& level : params.levels) visits += level.visits;
     for (const RegistrationLevel& level : params.levels) {
@@ -322,6 +326,7 @@ template <CpuBackend B>
         for (RefinedGroup* group : {&terms.pose, &terms.transl, &terms.expression, &terms.betas, &terms.pose_bias,
                                     &terms.transl_bias, &terms.camera_focal})
             group->rate *= level.rate;
+        for (RefinedGroup* group : {&terms.pose, &terms.transl}) group->terms.acceleration *= unseen_depth;
         terms.final_rate = &level == &params.levels.back() ? 0.1 : 0.5;
         result.fits.push_back({factor, steps, 0});
         const ReducedPhotos reduced(backend, photos, factor);
