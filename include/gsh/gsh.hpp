@@ -182,6 +182,7 @@
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/estimated_motion.hpp>
 #include <gsh/train/evaluation.hpp>
+#include <gsh/train/frame_doubt.hpp>
 #include <gsh/train/frame_increments.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/keypoint_term.hpp>

@@ -8,13 +8,13 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/math/spread.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/pipeline/reduced_photos.hpp>
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/canonical_setup.hpp>
 #include <gsh/train/configuration.hpp>
+#include <gsh/train/frame_doubt.hpp>
 #include <gsh/train/keypoint_term.hpp>
 #include <gsh/train/refinement.hpp>
 #include <gsh/train/train_config.hpp>
@@ -101,33 +101,6 @@ struct Registration {
     std::vector<double> frame_fit;
 };
 
-/// When a frame is doubted.
-struct FrameDoubt {
-    double gap = 3;         ///< dB below the median of the frames that are always believed
-    double deviations = 3;  ///< the same in standard deviations of the frames, estimated without outliers
-    double good_fit = 13;   ///< dB; a frame that is explained as well as this is believed, however good the others are
-    std::size_t frames = 5; ///< fewer frames do not show what is usual, so all of them are believed
-};
-
-/// How much each frame is believed, from how well the bodies explain it (Registration::frame_fit). A frame at the limit
-/// has 1, one 3 dB below it a quarter, one 7 dB below it a twenty-fifth: it still learns its own pose, and hardly
-/// disturbs what all frames share. The limit is the lowest of `gap` and `deviations` below the median, and `good_fit`.
-/// Frames without a photograph (NaN) have 1.
-[[nodiscard]] inline std::vector<double> frame_weights(const std::vector<double>& frame_fit,
-                                                       const FrameDoubt& doubt = {}) {
-    std::vector<double> known;
-    for (const double fit : frame_fit)
-        if (std::isfinite(fit)) known.push_back(fit);
-    std::vector<double> weights(frame_fit.size(), 1);
-    if (known.size() < doubt.frames) return weights;
-    const Spread usual = robust_spread(std::move(known));
-    const double limit =
-        std::min(doubt.good_fit, usual.median - std::max(doubt.gap, doubt.deviations * usual.deviation));
-    for (std::size_t t = 0; t < weights.size(); ++t)
-        if (frame_fit[t] < limit) weights[t] = std::pow(10, (frame_fit[t] - limit) / 5);
-    return weights;
-}
-
 namespace detail {
 
 /// Gaussians on the body's surface with a colour, a size and an opacity each. No joint learns, and Gaussians leave the
@@ -202,13 +175,21 @@ private:
     return sum / static_cast<double>(3 * pixels);
 }
 
+/// What one level trains on.
+struct LevelInput {
+    const RegistrationLevel& level;
+    std::size_t steps;
+    std::vector<Photo> photos;            ///< of the level's size
+    std::optional<Camera<double>> camera; ///< of all photographs, if its focal length learns
+    RefinementConfig terms;               ///< with the level's rates
+};
+
 /// Trains bodies and corrections on photographs of one size, and puts the corrected motions into result.motions.
-/// done(share) is called before each step. The focal length of `camera`, which took all photographs, learns if given.
+/// done(share) is called before each step.
 template <CpuBackend B, class Done>
-void register_level(B& backend, Span<const RegisteredPerson> people, const std::vector<Photo>& photos,
-                    const std::optional<Camera<double>>& camera, const std::vector<std::size_t>& unseen_frames,
-                    std::size_t steps, const RegistrationLevel& level, RefinementConfig terms,
+void register_level(B& backend, Span<const RegisteredPerson> people, LevelInput input,
                     const RegistrationParams& params, std::uint64_t seed, const Done& done, Registration& result) {
+    auto& [level, steps, photos, camera, terms] = input;
     using Model = ConfiguredAvatar<B>;
     using Scene = KeypointScene<B, Model>;
     const Configuration config = registration_configuration();
@@ -226,7 +207,6 @@ void register_level(B& backend, Span<const RegisteredPerson> people, const std::
         models.push_back(make_avatar<B>(backend, made.rig, made.samples, motion.frame_count(), seed, config.avatar,
                                         made.priors));
         terms.joint_rates = joint_rates(made.rig.joint_count(), level.fingers, level.fingers);
-        terms.left_out = unseen_frames;
         std::vector<Camera<double>> cameras; // the first person's refinement has the camera
         if (p == 0 && camera) cameras.push_back(*camera);
         refinements.emplace_back(backend, made.rig, motion, std::move(cameras), terms);
@@ -322,7 +302,9 @@ template <CpuBackend B>
     for (const RegistrationLevel& level : params.levels) {
         const int factor = reduction_factor(photos, level.pixels);
         const auto steps = static_cast<std::size_t>(std::lround(level.visits * static_cast<double>(frames.size())));
-        RefinementConfig terms = params.refinement;
+        detail::LevelInput input{level, steps, {}, {}, params.refinement};
+        RefinementConfig& terms = input.terms;
+        terms.left_out = unseen;
         for (RefinedGroup* group : {&terms.pose, &terms.transl, &terms.expression, &terms.betas, &terms.pose_bias,
                                     &terms.transl_bias, &terms.camera_focal})
             group->rate *= level.rate;
@@ -330,23 +312,19 @@ template <CpuBackend B>
         terms.final_rate = &level == &params.levels.back() ? 0.1 : 0.5;
         result.fits.push_back({factor, steps, 0});
         const ReducedPhotos reduced(backend, photos, factor);
-        std::vector<Photo> weighted = reduced.photos();
-        std::optional<Camera<double>> camera;
-        if (learns_focal) {
-            for (Photo& photo : weighted) {
-                photo.camera_index = 0;
-                photo.camera.fx *= *result.focal, photo.camera.fy *= *result.focal;
-            }
-            camera = weighted[0].camera;
-        }
+        input.photos = reduced.photos();
         const std::vector<double> weights = frame_weights(result.frame_fit); // empty at the first level
-        for (Photo& photo : weighted)
+        for (Photo& photo : input.photos) {
             if (!weights.empty()) photo.weight = weights[photo.frame];
+            if (!learns_focal) continue;
+            photo.camera_index = 0;
+            photo.camera.fx *= *result.focal, photo.camera.fy *= *result.focal;
+            input.camera = photo.camera;
+        }
         const auto done = [&](double share) {
             if (params.progress) params.progress((visits_done + share * level.visits) / visits);
         };
-        detail::register_level(backend, people, weighted, camera, unseen, steps, level, terms, params, seed,
-                               done, result);
+        detail::register_level(backend, people, std::move(input), params, seed, done, result);
         visits_done += level.visits;
     }
     return result;

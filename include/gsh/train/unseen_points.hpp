@@ -42,7 +42,7 @@ struct Showing {
 /// behind, through others, as many as hardly change the photographs.
 struct UnseenParams {
     double least_photographs = 0.1; ///< a tenth of one is an edge-on glimpse
-    double most_behind = 0.005;     ///< what is unseen may make up this share of what the photographs show
+    double most_behind = 0.002;     ///< what is unseen may make up this share of what the photographs show
     /// Cosine of the angle between the surface's normal and the direction to the camera below which a photograph shows
     /// the surface from behind.
     double behind = 0;
