@@ -45,8 +45,8 @@ struct RegistrationLevel {
 };
 
 /// Rates and terms of a registration. Shape and biases learn from all frames, and the motion stays smooth: one camera
-/// does not see the depth of a limb in one frame, but it sees it while the person turns. The weight of smoothness is that
-/// for one photograph of each frame.
+/// does not see the depth of a limb in one frame, but it sees it while the person turns. The weight of smoothness is
+/// that for one photograph of each frame.
 [[nodiscard]] inline RefinementConfig registration_terms() {
     RefinementConfig config;
     config.pose = RefinedGroup{.rate = 6e-3, .terms = {.pull = 1e-3, .acceleration = 0.03}};
