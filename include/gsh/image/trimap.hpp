@@ -119,22 +119,25 @@ struct ColorRange {
             }
         }
     }
+    const auto for_each_near = [&](std::uint32_t i, const auto& visit) { // a pixel and its neighbours, at most nine
+        const int y = static_cast<int>(i) / width, x = static_cast<int>(i) % width;
+        for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height - 1); ++v)
+            for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width - 1); ++u)
+                visit(detail::pixel_index(v, u, width));
+    };
     std::vector<UnknownPixel> result;
     result.reserve(open.size());
     while (!open.empty()) {
         std::vector<std::uint32_t> layer, rest;
         for (const std::uint32_t i : open) {
-            const int y = static_cast<int>(i) / width, x = static_cast<int>(i) % width;
             std::array<float, 3> sum{};
             int count = 0;
-            for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height - 1); ++v)
-                for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width - 1); ++u) {
-                    const std::size_t k = detail::pixel_index(v, u, width);
-                    if (near[k] != known) continue;
-                    for (std::size_t c = 0; c < 3; ++c) sum[c] += background[k][c];
-                    range[i].add(range[k]);
-                    ++count;
-                }
+            for_each_near(i, [&](std::size_t k) {
+                if (near[k] != known) return;
+                for (std::size_t c = 0; c < 3; ++c) sum[c] += background[k][c];
+                range[i].add(range[k]);
+                ++count;
+            });
             if (count == 0) {
                 rest.push_back(i);
                 continue;
@@ -156,11 +159,9 @@ struct ColorRange {
         if (rgba[4 * pixel.index + 3] == 255 && range[pixel.index].excludes(&rgba[4 * pixel.index], clear_difference))
             near[pixel.index] = foreground;
     std::erase_if(result, [&](const UnknownPixel& pixel) {
-        const int y = static_cast<int>(pixel.index) / width, x = static_cast<int>(pixel.index) % width;
-        for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height - 1); ++v)
-            for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width - 1); ++u)
-                if (near[detail::pixel_index(v, u, width)] != foreground) return false;
-        return true;
+        bool surrounded = true;
+        for_each_near(pixel.index, [&](std::size_t k) { surrounded &= near[k] == foreground; });
+        return surrounded;
     });
     return result;
 }
