@@ -225,6 +225,9 @@ TEST_CASE_TEMPLATE("the whole chain's adjoint is the gradient of the loss", B, c
                        {"joints", "shared_field.table", "normal_offsets", "light_points", "light_log_intensities",
                         "light_gloss"});
     }
+    SUBCASE("colours that do not depend on the direction yet") {
+        check_chain<B>({.sh_start = 0.5}, false, {"joints", "shared_field.table", "shared_field.network"});
+    }
     SUBCASE("displacements from a field alone, dual quaternions") {
         check_chain<B>({.hash_sh = false, .deformation = Deformation::dual_quaternion}, true,
                        {"sh", "displacement_field.table", "displacement_field.network"});
@@ -279,6 +282,33 @@ TEST_CASE("a shadow joins when the run has come to its start") {
     CHECK(model.cache().ao.size() == model.size());
     model.set_progress(0.29);
     CHECK(!model.casts_shadow());
+}
+
+TEST_CASE("colours depend on the direction from sh_start on") {
+    Chain<cpu::Serial> chain({.hash_sh = false, .sh_start = 0.3});
+    const auto colors_from = [&](const vec3<double>& center) {
+        chain.model.update_canonical(chain.frame);
+        chain.model.pose(chain.pose, chain.frame, center, chain.splats.view());
+        return std::vector<vec3<double>>(chain.splats.colors.begin(), chain.splats.colors.end());
+    };
+    const vec3<double> here = chain.camera.center(), there = {3, 1, 0.5};
+    // How many coefficients above the constants have a gradient.
+    const auto learning = [&] {
+        const auto gradient = chain.gradient();
+        const std::vector<double>& sh = gradient.arrays.at("sh"); // [N, 9, 3]
+        std::size_t count = 0;
+        for (std::size_t k = 0; k < sh.size(); ++k) count += k % 27 >= 3 && sh[k] != 0;
+        return count;
+    };
+    CHECK(!chain.model.is_view_dependent());
+    CHECK(colors_from(here) == colors_from(there));
+    CHECK(learning() == 0);
+    chain.model.set_progress(0.3);
+    CHECK(chain.model.is_view_dependent());
+    CHECK(colors_from(here) != colors_from(there));
+    CHECK(learning() > 0);
+    chain.model.set_progress(0.29);
+    CHECK(!chain.model.is_view_dependent());
 }
 
 TEST_CASE("the canonical body starts whole, whatever the priors say") {
@@ -398,6 +428,7 @@ TEST_CASE("the model refuses what does not fit") {
     CHECK_THROWS_AS(make(chain.samples, {.bounds_margin = 0}), ValueError);
     CHECK_THROWS_AS(make(chain.samples, {.prior_scale = 0}), ValueError);
     CHECK_THROWS_AS(make(chain.samples, {.ao_start = -0.1}), ValueError);
+    CHECK_THROWS_AS(make(chain.samples, {.sh_start = -0.1}), ValueError);
     CHECK_THROWS_AS(make(chain.samples, {}, {std::vector<double>(chain.samples.size(), 0.5), {}}),
                     ValueError); // level 12, but there are 3
     CHECK_THROWS_AS(make(chain.samples, {.hash_displacement = false, .hash_sh = false, .head_time = true}), ValueError);

@@ -52,6 +52,24 @@ TEST_CASE("mean ambient occlusion is the mean over the frames that were photogra
     CHECK(second->mean_ao() == expected);
 }
 
+TEST_CASE("an avatar that is exported before sh_start has constant colours") {
+    const SmallScene scene;
+    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {.sh_start = 0.5});
+    const auto harmonics = [&] {
+        training.model.update_canonical();
+        const auto cloud = canonical_gaussians(training.people.backend(), training.model);
+        const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
+        std::size_t constant = 0, others = 0;
+        for (std::size_t i = 0; i < cloud.sh.size(); ++i)
+            (i % basis == 0 ? constant : others) += cloud.sh[i] != vec3<float>(0);
+        CHECK(constant == cloud.size());
+        return others;
+    };
+    CHECK(harmonics() == 0);
+    training.trainer.resume(1, 0.5);
+    CHECK(harmonics() > 0);
+}
+
 TEST_CASE("an avatar whose fields know the time is saved as the mean over the frames that were photographed") {
     SmallScene scene;
     const std::vector<Photo> photos = scene.photos;

@@ -174,6 +174,7 @@ TEST_CASE("a setting that cannot be is refused with its name, and nothing change
     message("mlp.width", "3000000000", "expected a whole number of at least 1 that fits 32 bits");
     message("rate.sh", "-1", "--set: rate.sh is '-1', expected a number of at least 0");
     message("region.sigma", "0", "region.sigma is '0', expected a number above 0");
+    message("sh_start", "2", "sh_start is '2', expected a number of at least 0 and at most 1");
     message("ao.start", "2", "ao.start is '2', expected a number of at least 0 and at most 1");
     message("rate.final", "0", "expected a number above 0 and at most 1");
     message("initial_opacity", "1", "expected a number above 0 and below 1");

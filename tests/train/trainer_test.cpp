@@ -232,6 +232,8 @@ TEST_CASE("the trainer refuses a configuration that would end in NaN") {
     refuse_avatar([](AvatarConfig& c) { c.rates.ao = NAN; });
     refuse_avatar([](AvatarConfig& c) { c.ao_start = -1; });
     refuse_avatar([](AvatarConfig& c) { c.ao_start = NAN; });
+    refuse_avatar([](AvatarConfig& c) { c.sh_start = -1; });
+    refuse_avatar([](AvatarConfig& c) { c.sh_start = NAN; });
     refuse_avatar([](AvatarConfig& c) {
         c.hash_sh = false;
         c.rates.stored_sh = -1;

@@ -125,6 +125,8 @@ std::string training_protocol(const Run& run, std::uint64_t steps, const Machine
     if (!run.scene && run.options.seconds == 0 && run.configuration.avatar.ao != AmbientOcclusion::none &&
         share < run.configuration.avatar.ao_start)
         text += "; ambient occlusion, which joins later, is not part of it yet";
+    if (!run.scene && run.options.seconds == 0 && share < run.configuration.avatar.sh_start)
+        text += "; colours do not depend on the direction yet";
     return text + "; " + (run.scene ? "at most " : "") + detail::grouped(run.options.gaussians) + " Gaussians, seed " +
            std::to_string(run.options.seed) + ".";
 }

@@ -59,7 +59,7 @@ inline void light_cloud(GaussianCloud<float>& cloud, ColorClamp clamping, Span<c
     for (std::size_t i = 0; i < cloud.size(); ++i) {
         vec3<float>* const sh = cloud.sh.data() + i * basis;
         const vec3<float> color = unclamped_color<0>(sh, vec3<float>(0, 0, 1));
-        vec3<float> lit, slope;
+        vec3<float> lit{}, slope{};
         for (int c = 0; c < 3; ++c) {
             const float base = clamp_color(color[c], clamping);
             const float linear = srgb_to_linear(base) * irradiance[i];

@@ -98,6 +98,7 @@ struct AvatarConfig {
     FieldBounds bounds = FieldBounds::cube;
     double bounds_margin = 1.05; ///< size of the fields' cube or box, as a multiple of the points' own
     double sh_dc_scale = 60;     ///< factor on the network's outputs for constant colours
+    double sh_start = 0;         ///< share of the run after which colours depend on the direction
     ColorClamp clamping = ColorClamp::both;
     LearningRates rates = {};
 

@@ -32,6 +32,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -46,6 +47,9 @@ struct AvatarModelParams {
     ColorClamp clamping = ColorClamp::both;
     Deformation deformation = Deformation::linear;
     double shadow_start = 0.1;        ///< share of the run after which the shadow is used and learned; ao is 1 before
+    /// Share of the run after which colours depend on the direction. If they do from the start, one camera's colours
+    /// explain what its exposure does while the person turns.
+    double sh_start = 0;
     double joint_rate = 5e-4;         ///< metres
     double quat_rate = 1e-3;
     double log_scale_rate = 5e-3;
@@ -83,6 +87,7 @@ struct GaussianStart {
         check_value(params.initial_thickness > 0 && params.initial_thickness <= 1, where,
                     "initial_thickness must lie above 0 and be at most 1");
         check_value(params.shadow_start >= 0, where, "shadow_start must not be negative");
+        check_value(params.sh_start >= 0, where, "sh_start must not be negative");
         for (const auto& joint : rig.joints) joints.push_back(vec3<T>(joint));
         for (std::size_t i = 0; i < samples.size(); ++i) {
             const double scale = samples.scales[i];
@@ -165,10 +170,16 @@ public:
     /// The light, or null.
     [[nodiscard]] const SharedLight<B, T>& light() const { return light_; }
 
-    /// progress in [0, 1] is the share of the run that is over. The shadow joins at Params::shadow_start.
-    void set_progress(double progress) { shadow_joined_ = progress >= params_.shadow_start; }
+    /// progress in [0, 1] is the share of the run that is over. The shadow joins at Params::shadow_start, and colours
+    /// depend on the direction from Params::sh_start on.
+    void set_progress(double progress) {
+        shadow_joined_ = progress >= params_.shadow_start;
+        view_dependent_ = progress >= params_.sh_start;
+    }
     /// Whether there is a shadow and it has joined.
     [[nodiscard]] bool casts_shadow() const { return shadow_.casts() && shadow_joined_; }
+    /// Whether colours depend on the direction. If not, only the constant coefficients are used and learned.
+    [[nodiscard]] bool is_view_dependent() const { return view_dependent_; }
 
     /// Evaluates colours and displacements at a frame of the training motion.
     void update_canonical(std::size_t frame = 0) {
@@ -196,7 +207,9 @@ public:
         write_means(cache_.poser.means);
         cache_.ao.resize(casts_shadow() ? size() : 0);
         if (casts_shadow()) shadow_.forward(shadow_input(pose, frame), cache_.ao);
-        poser_.template forward<sh_degree>(gaussians(), center, splats, cache_.poser, in_light(others));
+        with_present_degree([&](auto degree) {
+            poser_.template forward<degree()>(gaussians(), center, splats, cache_.poser, in_light(others));
+        });
     }
 
     /// Adjoint of update_canonical and pose. Adds to the gradients of learned(), and to the gradients of the pose and
@@ -207,16 +220,18 @@ public:
         check_value(!filled_, "AvatarModel::backward", "some Gaussians are filled, so the model does not learn");
         const Span<T> dL_dao = zeros(cache_.dL_dao, cache_.ao.size());
         const ColorGradient<T> dL_dcolors = appearance_.color_gradient();
-        poser_.template backward<sh_degree>(
-            pose, gaussians(), center, dL_dsplats, cache_.poser,
-            {.quats = quats_.gradient(),
-             .log_scales = log_scales_.gradient(),
-             .opacity_logits = opacity_logits_.gradient(),
-             .sh = dL_dcolors.sh,
-             .ao = dL_dao,
-             .sh_stride = dL_dcolors.sh_stride},
-            joints_.gradient(), dL_dpose, dL_dcenter, in_light(),
-            {light_ ? light_->gradient() : LightView<T>(), normal_offsets_.gradient()});
+        with_present_degree([&](auto degree) {
+            poser_.template backward<degree()>(
+                pose, gaussians(), center, dL_dsplats, cache_.poser,
+                {.quats = quats_.gradient(),
+                 .log_scales = log_scales_.gradient(),
+                 .opacity_logits = opacity_logits_.gradient(),
+                 .sh = dL_dcolors.sh,
+                 .ao = dL_dao,
+                 .sh_stride = dL_dcolors.sh_stride},
+                joints_.gradient(), dL_dpose, dL_dcenter, in_light(),
+                {light_ ? light_->gradient() : LightView<T>(), normal_offsets_.gradient()});
+        });
         if (!dL_dao.empty()) shadow_.backward(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
         appearance_.backward(frame, cache_.poser.dL_dmeans);
     }
@@ -227,8 +242,10 @@ public:
                           Span<vec3<T>> dL_dcenter = {}) {
         const bool shadow_moves = shadow_.follows_pose() && !cache_.ao.empty() && !dL_dpose.pose.empty();
         const Span<T> dL_dao = zeros(cache_.dL_dao, shadow_moves ? size() : 0);
-        poser_.template backward<sh_degree>(pose, gaussians(), center, dL_dsplats, cache_.poser, {.ao = dL_dao}, {},
-                                            dL_dpose, dL_dcenter, in_light());
+        with_present_degree([&](auto degree) {
+            poser_.template backward<degree()>(pose, gaussians(), center, dL_dsplats, cache_.poser, {.ao = dL_dao}, {},
+                                               dL_dpose, dL_dcenter, in_light());
+        });
         if (shadow_moves) shadow_.backward_to_pose(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
     }
 
@@ -297,6 +314,12 @@ private:
     [[nodiscard]] ShadowInput<B, T> shadow_input(const RigPose<B, T>& pose, std::size_t frame) const {
         return {frame, rig().skeleton(), pose.pose, cache_.poser.rig.rotations};
     }
+    /// Calls f(std::integral_constant<int, D>()) with the degree that colours have now.
+    template <class F>
+    void with_present_degree(const F& f) {
+        if (view_dependent_) f(std::integral_constant<int, sh_degree>());
+        else f(std::integral_constant<int, 0>());
+    }
     /// Shadows have no gradient, so backward needs no casters.
     [[nodiscard]] PoserLight<T> in_light(Span<const ShadowCaster<T>> others = {}) const {
         return light_ ? PoserLight<T>{light_->view(), normal_offsets_.values(), others} : PoserLight<T>{};
@@ -316,7 +339,7 @@ private:
     LearnedBuffer<B, vec3<T>> joints_, log_scales_; // [J], [N]
     LearnedBuffer<B, quat<T>> quats_;               // [N]
     LearnedBuffer<B, T> opacity_logits_;            // [N]
-    bool shadow_joined_ = params_.shadow_start <= 0;
+    bool shadow_joined_ = params_.shadow_start <= 0, view_dependent_ = params_.sh_start <= 0;
     SharedLight<B, T> light_;
     bool announces_light_ = false;
     LearnedBuffer<B, vec3<T>> normal_offsets_; // [V], or empty

@@ -67,6 +67,7 @@ using ConfiguredAvatar = AvatarModel<B, AnyAppearance<T, Degree>, AnyShadow<B, T
             .clamping = config.clamping,
             .deformation = config.deformation,
             .shadow_start = config.ao_start,
+            .sh_start = config.sh_start,
             .joint_rate = config.rates.joints,
             .quat_rate = config.rates.quats,
             .log_scale_rate = config.rates.log_scales,

@@ -33,6 +33,7 @@ template <class B, class Model>
 [[nodiscard]] GaussianCloud<typename Model::Scalar> canonical_gaussians(B& backend, const Model& model) {
     using T = typename Model::Scalar;
     const std::size_t N = model.size(), basis = sh_basis_count(Model::sh_degree);
+    const std::size_t present = model.is_view_dependent() ? basis : 1; // the others are still what they began as
     const SkinnedView<const T> gaussians = model.gaussians();
     GaussianCloud<T> cloud(N, Model::sh_degree);
     typename B::template Buffer<vec3<T>> means(N);
@@ -44,7 +45,7 @@ template <class B, class Model>
     std::vector<vec3<T>> sh(gaussians.sh.size());
     backend.download(gaussians.sh, Span<vec3<T>>(sh));
     for (std::size_t i = 0; i < N; ++i)
-        std::copy_n(sh.begin() + static_cast<std::ptrdiff_t>(i * gaussians.sh_stride), basis,
+        std::copy_n(sh.begin() + static_cast<std::ptrdiff_t>(i * gaussians.sh_stride), present,
                     cloud.sh.begin() + static_cast<std::ptrdiff_t>(i * basis));
     return cloud;
 }

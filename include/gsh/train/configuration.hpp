@@ -155,6 +155,7 @@ void for_each_setting(C& c, const F& f) {
     f("hash_sh", c.avatar.hash_sh, any);
     f("hash_displacement", c.avatar.hash_displacement, any);
     f("sh_dc_scale", c.avatar.sh_dc_scale, any);
+    f("sh_start", c.avatar.sh_start, share);
     f("ao", c.avatar.ao, any);
     f("ao.levels", c.avatar.ao_levels, any);
     f("ao.growth", c.avatar.ao_growth, R::at_least(1));
@@ -228,6 +229,7 @@ void for_each_setting(C& c, const F& f) {
                                                        std::string_view also = {}) {
     Configuration c;
     c.name = name;
+    c.avatar.sh_start = 0.3;
     // Liu et al., "Animatable 3D Gaussian", 2024, as in its code, except that samples lie on the surface. In that code
     // they are copies of the vertices, moved by a squared length that is used as a length.
     const auto make_baseline = [&] {
@@ -247,6 +249,7 @@ void for_each_setting(C& c, const F& f) {
         c.avatar.sh_dc_scale = 20;
         c.avatar.rates = baseline_rates();
         c.avatar.ao_start = 0.4;
+        c.avatar.sh_start = 0;
         c.train = baseline_config();
         c.unknown_band = 0;
         c.half_chroma = false;
