@@ -8,6 +8,7 @@
 #include <doctest/doctest.h>
 
 #include <cstddef>
+#include <vector>
 
 using namespace gsh;
 
@@ -21,6 +22,13 @@ static_assert(!HostExecutor<NotABackend>);
 static_assert(!Backend<NotABackend>);
 static_assert(Backend<cpu::Serial> && CpuBackend<cpu::Serial>);
 static_assert(Backend<cpu::Threads> && CpuBackend<cpu::Threads>);
+
+TEST_CASE("branches run in order where a backend has nothing better") {
+    cpu::Serial backend;
+    std::vector<std::size_t> ran;
+    for_each_branch(backend, 3, [&](std::size_t i) { ran.push_back(i); });
+    CHECK(ran == std::vector<std::size_t>{0, 1, 2});
+}
 
 TEST_CASE("chunks cover a range") {
     static_assert(chunk_count(0, 4) == 0);

@@ -75,6 +75,13 @@ TEST_CASE_TEMPLATE("a step moves an array at its rate times the factor, and the 
     for (const double m : one.array().first_moment) CHECK(m != 0);
 }
 
+TEST_CASE("a step of several arrays moves each at its own rate") {
+    Twelve<cpu::Serial> one, other;
+    take_steps(one.backend, Adam(), LearnedArrays<double>{one.array(0.1), other.array(0.3)}, 0.5, 1);
+    check_moves(one.moves(), std::vector<double>(12, 0.05));
+    check_moves(other.moves(), std::vector<double>(12, 0.15));
+}
+
 TEST_CASE("an array with a rate of zero stays as it is; its gradient is zero afterwards, too") {
     Twelve<cpu::Serial> one;
     take_step(one.backend, Adam(), one.array(0), 1, 1);

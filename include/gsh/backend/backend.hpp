@@ -99,6 +99,17 @@ public:
     [[nodiscard]] std::uint64_t settle() { return 0; }
 };
 
+/// Calls branch(0) to branch(count - 1). None may read or write what another one writes: a device that records its step
+/// runs them at the same time, and each branch in its own order. Work after the call waits for all of them.
+template <Backend B, class Branch>
+void for_each_branch(B& backend, std::size_t count, const Branch& branch) {
+    if constexpr (requires { backend.for_each_branch(count, branch); }) {
+        backend.for_each_branch(count, branch);
+    } else {
+        for (std::size_t i = 0; i < count; ++i) branch(i);
+    }
+}
+
 /// A word in the backend's memory that is not zero after an error in a repeated step; empty on backends that report
 /// errors at once. Function objects that change what is learned do nothing while it is set.
 template <Backend B>

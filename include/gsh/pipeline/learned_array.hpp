@@ -122,4 +122,11 @@ void take_step(B& backend, const Adam& adam, const LearnedArray<T>& array, doubl
     }
 }
 
+/// One step of Adam for each array, at the same time where the backend can.
+template <Backend B, class T>
+void take_steps(B& backend, const Adam& adam, const LearnedArrays<T>& arrays, double factor, std::int64_t step_number) {
+    for_each_branch(backend, arrays.size(),
+                    [&](std::size_t i) { take_step(backend, adam, arrays[i], factor, step_number); });
+}
+
 } // namespace gsh

@@ -206,8 +206,7 @@ private:
 
         observer.enter(Stage::update);
         const double factor = config_.rate_factor(progress);
-        for (const LearnedArray<T>& array : scene_->learned())
-            take_step(*backend_, adam_, array, factor, static_cast<std::int64_t>(step_count_ + 1));
+        take_steps(*backend_, adam_, scene_->learned(), factor, static_cast<std::int64_t>(step_count_ + 1));
         if (gains_.learns(progress))
             gains_.step(index, static_cast<std::int64_t>(step_count_ / photos_.size() + 1), factor);
         else gains_.forget_gradient();

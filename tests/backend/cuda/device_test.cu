@@ -36,6 +36,12 @@ struct Line {
     GSH_HD void operator()(std::size_t i) const { to[i] = factor * from[i] + static_cast<float>(i); }
 };
 
+struct Sum3 {
+    Span<const float> a, b, c;
+    Span<float> to;
+    GSH_HD void operator()(std::size_t i) const { to[i] = a[i] + b[i] + c[i]; }
+};
+
 /// to[i] = factor or 2 factor. Three bytes after `twice` are padding.
 struct Padded {
     Span<float> to;
@@ -212,6 +218,48 @@ TEST_CASE("A step that changes is captured anew, from the first difference on") 
         return result;
     };
     CHECK(run(true) == run(false));
+}
+
+TEST_CASE("Branches do not wait for each other, and what follows waits for all") {
+    if (test::skip_without_device()) return;
+    Device device;
+    const std::size_t n = 100;
+    Device::Buffer<float> start(n), middle(3 * n), ends(3 * n), sum(n);
+    const auto part = [&](auto& buffer, std::size_t i) { return Span<float>(buffer).subspan(i * n, n); };
+    const auto run = [&](bool direct) {
+        cuda::StepGraph graph(device);
+        std::vector<float> result;
+        for (int step = 0; step < 8; ++step) {
+            const auto work = [&] {
+                device.fill(Span<float>(start), static_cast<float>(step));
+                for_each_branch(device, step < 5 ? 3 : 2, [&](std::size_t i) {
+                    const auto factor = static_cast<float>(i + 1);
+                    device.for_each(n, Line{start, part(middle, i), factor});
+                    if (i == 1 && step == 3) { // a download cuts the graph inside of a branch
+                        float seen = 0;
+                        device.download(Span<const float>(part(middle, i)).subspan(7, 1), Span<float>(&seen, 1));
+                        CHECK(seen == 2.0f * static_cast<float>(step) + 7);
+                    }
+                    for_each_branch(device, 2, [&](std::size_t half) { // within a branch, one after the other
+                        if (half == 0) device.for_each(n, Line{part(middle, i), part(ends, i), 0.5f});
+                        if (half == 1) device.for_each(n, Line{part(ends, i), part(middle, i), 0.5f});
+                    });
+                });
+                for_each_branch(device, 0, [](std::size_t) {});
+                device.for_each(n, Sum3{part(middle, 0), part(middle, 1), part(middle, 2), sum});
+                device.copy(Span<const float>(sum), part(middle, 2));
+            };
+            if (direct) work();
+            else graph.run(work);
+            const std::vector<float> of_sum = fetch(device, sum);
+            result.insert(result.end(), of_sum.begin(), of_sum.end());
+        }
+        return result;
+    };
+    device.fill(Span<float>(middle), 0.0f);
+    const std::vector<float> direct = run(true);
+    device.fill(Span<float>(middle), 0.0f);
+    CHECK(run(false) == direct);
 }
 
 TEST_CASE("A download, a large upload and a growing buffer are allowed in a step") {

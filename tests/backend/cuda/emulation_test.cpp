@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  The emulation of a GPU finds the mistakes that kernels make: each is planted here.
 #include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/step_graph.cuh>
 
 #include <doctest/doctest.h>
 
@@ -321,6 +322,34 @@ TEST_CASE("A graph keeps the arguments of its capture until they are replaced") 
     CHECK(result == 1);
     cudaGraphExecDestroy(executable);
     cudaGraphDestroy(graph);
+}
+
+TEST_CASE("Branches of a graph take their turns in each order, and mistakes show") {
+    // Two branches of two fills each, and a copy of what they leave. `shared` is the mistake: both write one number.
+    const auto run = [](Order order, bool shared) {
+        CudaEmulation::instance().order = order;
+        Device device;
+        Device::Buffer<unsigned> numbers(2), result(2);
+        cuda::StepGraph graph(device);
+        for (int step = 0; step < 2; ++step)
+            graph.run([&] {
+                device.fill(Span<unsigned>(numbers), 9u);
+                for_each_branch(device, 2, [&](std::size_t i) {
+                    const Span<unsigned> mine = Span<unsigned>(numbers).subspan(shared ? 0 : i, 1);
+                    device.fill(mine, 5u);
+                    device.fill(mine, static_cast<unsigned>(i));
+                });
+                device.copy(Span<const unsigned>(numbers), Span<unsigned>(result));
+            });
+        std::vector<unsigned> host(2);
+        device.download(Span<const unsigned>(result), Span<unsigned>(host));
+        CudaEmulation::instance().order = Order::forward;
+        return host;
+    };
+    for (const Order order : {Order::forward, Order::reverse, Order::random})
+        CHECK(run(order, false) == std::vector<unsigned>{0, 1});
+    CHECK(run(Order::forward, true)[0] == 1);
+    CHECK(run(Order::reverse, true)[0] == 0);
 }
 
 TEST_CASE("Results that depend on the order of blocks or threads differ between the orders") {

@@ -50,6 +50,7 @@ enum cudaStreamCaptureMode {
     cudaStreamCaptureModeThreadLocal,
     cudaStreamCaptureModeRelaxed
 };
+enum cudaStreamUpdateCaptureDependenciesFlags { cudaStreamAddCaptureDependencies, cudaStreamSetCaptureDependencies };
 enum cudaStreamCaptureStatus {
     cudaStreamCaptureStatusNone,
     cudaStreamCaptureStatusActive,
@@ -99,9 +100,37 @@ struct FunctionWork : EmulatedWork {
     std::function<void()> function;
 };
 
-/// A captured stream, in order: gsh captures one stream, so each node depends on the one before it.
+/// A captured stream. Each node depends on the one before it, unless cudaStreamUpdateCaptureDependencies says otherwise.
 struct EmulatedGraph {
     std::vector<std::unique_ptr<EmulatedWork>> nodes;
+    std::vector<std::vector<EmulatedWork*>> dependencies; // of each node
+    std::vector<EmulatedWork*> next_dependencies;         // of the node to come
+
+    void add(std::unique_ptr<EmulatedWork> work) {
+        dependencies.push_back(std::move(next_dependencies));
+        next_dependencies = {work.get()};
+        nodes.push_back(std::move(work));
+    }
+    /// The indices of the nodes in an order that the dependencies allow. Among those whose turn it can be, `choose`
+    /// takes one.
+    template <class Choose>
+    [[nodiscard]] std::vector<std::size_t> in_order(const Choose& choose) const {
+        std::vector<std::size_t> result, ready;
+        std::vector<bool> done(nodes.size(), false);
+        const auto is_done = [&](const EmulatedWork* node) {
+            for (std::size_t i = 0; i < nodes.size(); ++i)
+                if (nodes[i].get() == node) return bool(done[i]);
+            return false;
+        };
+        while (result.size() < nodes.size()) {
+            ready.clear();
+            for (std::size_t i = 0; i < nodes.size(); ++i)
+                if (!done[i] && std::all_of(dependencies[i].begin(), dependencies[i].end(), is_done)) ready.push_back(i);
+            result.push_back(ready[choose(ready.size())]);
+            done[result.back()] = true;
+        }
+        return result;
+    }
     const EmulatedGraph* captured =
         nullptr; // of an executable graph: the one it is made from, whose nodes name its own
 };
@@ -212,7 +241,7 @@ public:
 
     void queue(EmulatedStream& stream, std::unique_ptr<EmulatedWork> work) {
         if (stream.capture) {
-            stream.capture->nodes.push_back(std::move(work));
+            stream.capture->add(std::move(work));
             return;
         }
         stream.queue.push_back(std::move(work));
@@ -602,19 +631,24 @@ inline cudaError_t cudaStreamIsCapturing(cudaStream_t stream, cudaStreamCaptureS
                                                                           : cudaStreamCaptureStatusNone;
     return cudaSuccess;
 }
-/// The node that was captured last is the only one that the next depends on.
+/// The nodes that the next one depends on.
 inline cudaError_t cudaStreamGetCaptureInfo(cudaStream_t stream, cudaStreamCaptureStatus* status,
                                             unsigned long long* = nullptr, cudaGraph_t* graph = nullptr,
                                             const cudaGraphNode_t** nodes = nullptr,
                                             const cudaGraphEdgeData** edges = nullptr, std::size_t* count = nullptr) {
-    static cudaGraphNode_t last;
     cudaStreamIsCapturing(stream, status);
     if (edges) *edges = nullptr;
     if (!stream->capture) return cudaSuccess;
-    last = stream->capture->nodes.empty() ? nullptr : stream->capture->nodes.back().get();
     if (graph) *graph = stream->capture.get();
-    if (nodes) *nodes = &last;
-    if (count) *count = last ? 1 : 0;
+    if (nodes) *nodes = stream->capture->next_dependencies.data();
+    if (count) *count = stream->capture->next_dependencies.size();
+    return cudaSuccess;
+}
+inline cudaError_t cudaStreamUpdateCaptureDependencies(cudaStream_t stream, cudaGraphNode_t* nodes,
+                                                       const cudaGraphEdgeData* edges, std::size_t count,
+                                                       unsigned flags) {
+    if (!stream->capture || edges || flags != cudaStreamSetCaptureDependencies) return cudaErrorInvalidValue;
+    stream->capture->next_dependencies.assign(nodes, nodes + count);
     return cudaSuccess;
 }
 inline cudaError_t cudaGraphInstantiate(cudaGraphExec_t* executable, cudaGraph_t graph, unsigned long long = 0) {
@@ -631,11 +665,20 @@ inline cudaError_t cudaGraphExecDestroy(cudaGraphExec_t graph) {
     delete graph;
     return cudaSuccess;
 }
-/// Queues the nodes with the arguments that they have now.
+/// Queues the nodes with the arguments that they have now. Those that do not depend on each other take their turns in
+/// CudaEmulation::order.
 inline cudaError_t cudaGraphLaunch(cudaGraphExec_t graph, cudaStream_t stream) {
     auto& machine = gsh::test::CudaEmulation::instance();
     ++machine.graph_launches;
-    for (const auto& node : graph->nodes) machine.queue(machine.stream(stream), node->copy());
+    std::uint64_t seed = machine.seed + machine.graph_launches;
+    const auto choose = [&](std::size_t count) -> std::size_t {
+        if (machine.order == gsh::test::Order::forward) return 0;
+        if (machine.order == gsh::test::Order::reverse) return count - 1;
+        seed = seed * 6364136223846793005u + 1442695040888963407u;
+        return (seed >> 33) % count;
+    };
+    for (const std::size_t i : graph->captured->in_order(choose))
+        machine.queue(machine.stream(stream), graph->nodes[i]->copy());
     return cudaSuccess;
 }
 /// Changes a launch in launches of the graph from now on. `node` is of the graph that was captured.

@@ -61,6 +61,8 @@ void clear_padding([[maybe_unused]] Kernel& kernel) {
 /// comparison of a few hundred bytes. At the end one call launches all kernels. If the sequence itself differs (another
 /// kernel, another number of blocks), the rest of it is captured anew.
 ///
+/// A fork makes branches of the graph that do not wait for each other. What follows waits for all of them.
+///
 /// Work that cannot be part of a graph, such as a download, cuts the sequence: what comes before is launched, then the
 /// work is done, and a second graph begins. Results are therefore those of direct launches in every case; only speed
 /// depends on the number of cuts.
@@ -83,6 +85,8 @@ public:
         recording_ = true;
         stage_ = {};
         segment_ = 0;
+        place_ = {};
+        forks_ = depth_ = 0;
         begin_segment();
     }
     /// Launches the rest of the step.
@@ -115,7 +119,7 @@ public:
             Segment& segment = segments_[segment_];
             if (next_ < segment.nodes.size()) {
                 Node& node = segment.nodes[next_];
-                if (node.function == function && node.blocks == blocks) {
+                if (node.function == function && node.blocks == blocks && node.place == place_) {
                     ++next_;
                     unsigned char* const known = segment.arguments.data() + node.first;
                     if (std::memcmp(known, &kernel, sizeof kernel) == 0) return;
@@ -126,13 +130,14 @@ public:
             }
             capture_again();
         }
+        enter(place_);
         launch_on(stream_, blocks, kernel);
         Segment& segment = segments_[segment_];
         const std::size_t first = segment.arguments.size();
         segment.arguments.resize(first + (sizeof kernel + 15) / 16 * 16);
         std::memcpy(segment.arguments.data() + first, &kernel, sizeof kernel);
         segment.nodes.push_back(
-            {function, blocks, first, last_node(), &launch_copy<Kernel>, &kernel_name<Kernel>, stage_, {}, {}});
+            {function, blocks, first, last_node(), &launch_copy<Kernel>, &kernel_name<Kernel>, stage_, {}, {}, place_});
     }
 
     /// Work of another library on the stream, which is the same as before if `key` is.
@@ -141,15 +146,29 @@ public:
             Segment& segment = segments_[segment_];
             if (next_ < segment.nodes.size()) {
                 const Node& node = segment.nodes[next_];
-                if (node.function == nullptr && node.key == key) {
+                if (node.function == nullptr && node.key == key && node.place == place_) {
                     ++next_;
                     return;
                 }
             }
             capture_again();
         }
+        enter(place_);
         work(stream_);
-        segments_[segment_].nodes.push_back({nullptr, 0, 0, nullptr, nullptr, nullptr, stage_, std::string(key), work});
+        segments_[segment_].nodes.push_back(
+            {nullptr, 0, 0, nullptr, nullptr, nullptr, stage_, std::string(key), work, place_});
+    }
+
+    /// Launches from begin_branch to the next one, or to end_fork, are a branch. Forks do not nest: a fork inside a
+    /// branch is a part of it.
+    void begin_fork() {
+        if (depth_++ == 0) place_ = {++forks_, 0};
+    }
+    void begin_branch() {
+        if (depth_ == 1) ++place_.branch;
+    }
+    void end_fork() {
+        if (--depth_ == 0) place_ = {};
     }
 
     /// Later launches belong to this stage. A literal, since it is kept.
@@ -221,6 +240,11 @@ private:
         std::atomic<bool> is_open_{false};
     };
 
+    /// Where a kernel is: fork 0 is outside of all forks.
+    struct Place {
+        unsigned fork = 0, branch = 0;
+        bool operator==(const Place&) const = default;
+    };
     struct Node {
         const void* function; // null: work of another library
         unsigned blocks;
@@ -231,6 +255,7 @@ private:
         std::string_view stage;
         std::string key;
         std::function<void(cudaStream_t)> work;
+        Place place;
     };
     /// Kernels without a cut between them.
     struct Segment {
@@ -274,6 +299,37 @@ private:
         // Relaxed, because buffers may grow in between.
         check(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeRelaxed), "gsh::cuda::Recorder");
         capturing_ = true;
+        captured_ = {}; // the first kernel waits for nothing in this graph, even inside a branch
+    }
+    /// While the stream is captured: the next kernel is at `place`, and waits for what it has to.
+    void enter(const Place& place) {
+        if (place == captured_) return;
+        if (captured_.fork != 0) append_dependencies(ends_);
+        if (captured_.fork != place.fork) {
+            if (captured_.fork != 0) set_dependencies(ends_);
+            ends_.clear();
+            before_.clear();
+            if (place.fork != 0) append_dependencies(before_);
+        } else {
+            set_dependencies(before_);
+        }
+        captured_ = place;
+    }
+    /// Nodes that the next launch would wait for.
+    void append_dependencies(std::vector<cudaGraphNode_t>& to) const {
+        cudaStreamCaptureStatus status;
+        unsigned long long id = 0;
+        cudaGraph_t graph = nullptr;
+        const cudaGraphNode_t* nodes = nullptr;
+        const cudaGraphEdgeData* edges = nullptr;
+        std::size_t count = 0;
+        check(cudaStreamGetCaptureInfo(stream_, &status, &id, &graph, &nodes, &edges, &count), "gsh::cuda::Recorder");
+        to.insert(to.end(), nodes, nodes + count);
+    }
+    void set_dependencies(std::vector<cudaGraphNode_t>& nodes) {
+        check(cudaStreamUpdateCaptureDependencies(stream_, nodes.data(), nullptr, nodes.size(),
+                                                  cudaStreamSetCaptureDependencies),
+              "gsh::cuda::Recorder");
     }
     /// The step differs from the one before, from the kernel `next_` on.
     void capture_again() {
@@ -286,6 +342,7 @@ private:
         segment.arguments = old.arguments;
         for (std::size_t i = 0; i < next_; ++i) {
             Node& node = old.nodes[i];
+            enter(node.place);
             if (node.function != nullptr) {
                 node.launch(stream_, node.blocks, old.arguments.data() + node.first);
                 node.node = last_node();
@@ -325,14 +382,9 @@ private:
 
     /// The node that the last launch became.
     [[nodiscard]] cudaGraphNode_t last_node() const {
-        cudaStreamCaptureStatus status;
-        unsigned long long id = 0;
-        cudaGraph_t graph = nullptr;
-        const cudaGraphNode_t* nodes = nullptr;
-        const cudaGraphEdgeData* edges = nullptr;
-        std::size_t count = 0;
-        check(cudaStreamGetCaptureInfo(stream_, &status, &id, &graph, &nodes, &edges, &count), "gsh::cuda::Recorder");
-        return count == 1 ? nodes[0] : nullptr;
+        std::vector<cudaGraphNode_t> nodes;
+        append_dependencies(nodes);
+        return nodes.size() == 1 ? nodes[0] : nullptr;
     }
 
     cudaStream_t stream_;
@@ -340,6 +392,9 @@ private:
     std::size_t segment_ = 0;       // the current one
     std::size_t next_ = 0;          // the node of it that the next launch is compared with
     bool recording_ = false, capturing_ = false;
+    Place place_, captured_;        // of the next launch, and of the last captured one
+    unsigned forks_ = 0, depth_ = 0; // forks of the step so far; how many are open
+    std::vector<cudaGraphNode_t> before_, ends_; // of the captured fork: what its branches wait for, and their ends
     std::string_view stage_;
     Counts counts_;
 };
