@@ -40,6 +40,14 @@ template <class T, class Element>
     return std::vector<double>(first, first + values.size() * sizeof(Element) / sizeof(T));
 }
 
+/// The sum of the products of two lists of numbers.
+[[nodiscard]] inline double inner(const std::vector<double>& a, const std::vector<double>& b) {
+    REQUIRE(a.size() == b.size());
+    double sum = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
+    return sum;
+}
+
 /// |a - b| / |b|, or |a - b| if b is zero.
 template <class T = double, class U = double>
 [[nodiscard]] double relative_distance(const std::vector<T>& a, const std::vector<U>& b) {

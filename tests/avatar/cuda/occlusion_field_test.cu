@@ -40,14 +40,24 @@ struct Result {
     std::vector<mat3<T>> dL_drotations;
 };
 
+std::size_t point_count(const OcclusionFieldData& data) {
+    return data.neurons.size() / static_cast<std::size_t>(data.width);
+}
+std::vector<mat3<double>> pose() {
+    std::vector<mat3<double>> rotations;
+    for (const auto& angle : test::Rng(8).vecs(J, -0.8, 0.8)) rotations.push_back(rotation_from_axis_angle(angle));
+    return rotations;
+}
+std::vector<double> ao_gradient(const OcclusionFieldData& data) { return test::Rng(9).numbers(point_count(data)); }
+
 template <class T, class B>
-Result<T> run(B& backend, const OcclusionFieldData& data, int passes = 1) {
-    const std::size_t count = data.neurons.size() / static_cast<std::size_t>(data.width);
-    test::Rng rng(8);
+Result<T> run(B& backend, const OcclusionFieldData& data, int passes = 1,
+              const std::vector<mat3<double>>& rotations_in_double = pose()) {
+    const std::size_t count = point_count(data);
     std::vector<mat3<T>> rotations;
-    for (const auto& angle : rng.vecs(J, -0.8, 0.8)) rotations.push_back(mat3<T>(rotation_from_axis_angle(angle)));
+    for (const auto& R : rotations_in_double) rotations.push_back(mat3<T>(R));
     std::vector<T> dL_dao;
-    for (const double value : rng.numbers(count)) dL_dao.push_back(T(value));
+    for (const double value : ao_gradient(data)) dL_dao.push_back(T(value));
     const Skeleton<B, T> skeleton(backend, parents);
     const OcclusionField<B, T> field(backend, data, count, J);
     const auto R = test::brought(backend, rotations);
@@ -91,6 +101,19 @@ TEST_CASE("occlusion agrees for every width and number of layers") {
         for (const int width : {1, 16, 65}) compare<double>(130, width, layers);
     compare<double>(130, 130, 2);
     compare<float>(150, 64, 3);
+}
+
+TEST_CASE("the adjoint of occlusion is its gradient") {
+    if (test::skip_without_device()) return;
+    Device device;
+    for (const int layers : {2, 3}) {
+        const OcclusionFieldData data = field_data(70, 20, layers);
+        std::vector<mat3<double>> rotations = pose();
+        Result<double> gradient = run<double>(device, data, 1, rotations);
+        const auto loss = [&] { return test::inner(run<double>(device, data, 0, rotations).ao, ao_gradient(data)); };
+        test::check_gradient(loss, test::scalars(rotations).subspan(9, 9 * (J - 1)), // the root's does not count
+                             test::scalars(gradient.dL_drotations).subspan(9, 9 * (J - 1)));
+    }
 }
 
 TEST_CASE("the adjoint of occlusion adds") {

@@ -182,6 +182,57 @@ TEST_CASE("gradients of bones agree for one bone, for more than a word has bits,
     compare<0, double>({.count = 290, .joints = 130, .influences = 11, .deformation = Deformation::dual_quaternion});
 }
 
+TEST_CASE("backward is the gradient of posing, for every deformation") {
+    if (test::skip_without_device()) return;
+    Device device;
+    for (const Deformation deformation : deformations) {
+        const Case c{.count = 34, .deformation = deformation};
+        Case forward = c;
+        forward.passes = 0;
+        Scene<double> scene(c, 9);
+        const Result<double> gradient = run<2, double>(device, scene, c);
+        const auto& g = scene.dL_dsplats;
+        std::vector<double> dL_dsplats;
+        for (const auto& values : {test::numbers<double>(g.means), test::numbers<double>(g.covariances), g.opacities,
+                                   test::numbers<double>(g.colors)})
+            dL_dsplats.insert(dL_dsplats.end(), values.begin(), values.end());
+        const auto loss = [&] { return test::inner(run<2, double>(device, scene, forward).splats, dL_dsplats); };
+        std::size_t first = 0;
+        const auto check_next = [&](Span<double> values) {
+            const Span<const double> all(gradient.gaussians);
+            test::check_gradient(loss, values, all.subspan(first, values.size()), {.stride = 5});
+            first += values.size();
+        };
+        check_next(test::scalars(scene.means)), check_next(test::scalars(scene.quats));
+        check_next(test::scalars(scene.log_scales)), check_next(scene.logits), check_next(scene.ao);
+        CHECK(first == gradient.gaussians.size());
+        test::check_gradient(loss, test::scalars(scene.sh), gradient.sh, {.stride = 13});
+        if (deformation != Deformation::dual_quaternion) {
+            test::check_gradient(loss, test::scalars(scene.bones), gradient.bones);
+        } else { // a bone can only turn: linear part R becomes rotation(turn) R
+            std::vector<vec3<double>> turns(c.joints, vec3<double>(0)), dL_dturns = turns;
+            const auto kept = scene.bones;
+            std::vector<std::size_t> translations;
+            for (std::size_t j = 0; j < c.joints; ++j) {
+                Affine<double> dL_dbone;
+                std::copy_n(gradient.bones.begin() + static_cast<std::ptrdiff_t>(12 * j), 12,
+                            test::scalars(dL_dbone).begin());
+                rotation_from_axis_angle_backward(turns[j], dL_dbone.linear * transpose(kept[j].linear), dL_dturns[j]);
+                for (std::size_t k = 9; k < 12; ++k) translations.push_back(12 * j + k);
+            }
+            const auto loss_of_turns = [&] {
+                for (std::size_t j = 0; j < c.joints; ++j)
+                    scene.bones[j].linear = rotation_from_axis_angle(turns[j]) * kept[j].linear;
+                return loss();
+            };
+            test::check_gradient(loss_of_turns, test::scalars(turns), test::scalars(dL_dturns));
+            scene.bones = kept;
+            test::check_gradient(loss, test::scalars(scene.bones), gradient.bones, {.elements = translations});
+        }
+        test::check_gradient(loss, test::scalars(scene.center), gradient.center);
+    }
+}
+
 TEST_CASE("backward adds, and leaves alone what nobody asks for") {
     if (test::skip_without_device()) return;
     const Case once{.count = 140}, twice{.count = 140, .passes = 2};

@@ -43,19 +43,28 @@ struct Result {
     std::vector<vec3<T>> dL_djoints, dL_dtransl;
 };
 
-template <class T, class B>
-Result<T> run(B& backend, const std::vector<int>& parents, int passes = 1) {
-    const std::size_t J = parents.size();
-    test::Rng rng(11);
+template <class T>
+struct Inputs {
     std::vector<mat3<T>> rotations;
-    std::vector<vec3<T>> joints, transl{vec3<T>(rng.vec())};
+    std::vector<vec3<T>> joints, transl;
     std::vector<Affine<T>> dL_dbones;
-    for (std::size_t j = 0; j < J; ++j) {
-        rotations.push_back(mat3<T>(rotation_from_axis_angle(rng.vec())));
-        joints.push_back(vec3<T>(rng.vec(-0.1, 0.1)));
-        const Affine<double> gradient = test::random_affine(rng);
-        dL_dbones.push_back({mat3<T>(gradient.linear), vec3<T>(gradient.translation)});
+
+    explicit Inputs(std::size_t J) {
+        test::Rng rng(11);
+        transl = {vec3<T>(rng.vec())};
+        for (std::size_t j = 0; j < J; ++j) {
+            rotations.push_back(mat3<T>(rotation_from_axis_angle(rng.vec())));
+            joints.push_back(vec3<T>(rng.vec(-0.1, 0.1)));
+            const Affine<double> gradient = test::random_affine(rng);
+            dL_dbones.push_back({mat3<T>(gradient.linear), vec3<T>(gradient.translation)});
+        }
     }
+};
+
+template <class T, class B>
+Result<T> run(B& backend, const std::vector<int>& parents, const Inputs<T>& inputs, int passes = 1) {
+    const std::size_t J = parents.size();
+    const auto& [rotations, joints, transl, dL_dbones] = inputs;
     Skeleton<B, T> skeleton(backend, parents);
     const auto R = test::brought(backend, rotations);
     const auto x = test::brought(backend, joints), t = test::brought(backend, transl);
@@ -68,6 +77,11 @@ Result<T> run(B& backend, const std::vector<int>& parents, int passes = 1) {
     for (int pass = 0; pass < passes; ++pass) skeleton.bones_backward(R, x, bones, g, dR, dx, dt);
     return {test::fetched(backend, bones), test::fetched(backend, dR), test::fetched(backend, dx),
             test::fetched(backend, dt)};
+}
+
+template <class T, class B>
+Result<T> run(B& backend, const std::vector<int>& parents, int passes = 1) {
+    return run(backend, parents, Inputs<T>(parents.size()), passes);
 }
 
 template <class T>
@@ -104,6 +118,24 @@ TEST_CASE("bones and their adjoints agree with the host's for chains, stars and 
             // A long chain adds up rounding.
             check_near(run<float>(device, parents), run<float>(serial, parents), tolerance<float>());
         }
+}
+
+TEST_CASE("the adjoint of bones is their gradient") {
+    if (test::skip_without_device()) return;
+    Device device;
+    for (const std::string_view kind : {"chain", "star", "tree"}) {
+        const auto parents = skeleton(kind, 34);
+        Inputs<double> inputs(34);
+        Result<double> gradient = run(device, parents, inputs);
+        const auto loss = [&] {
+            return test::inner(test::numbers<double>(run(device, parents, inputs, 0).bones),
+                               test::numbers<double>(inputs.dL_dbones));
+        };
+        test::check_gradient(loss, test::scalars(inputs.rotations), test::scalars(gradient.dL_drotations),
+                             {.stride = 11});
+        test::check_gradient(loss, test::scalars(inputs.joints), test::scalars(gradient.dL_djoints), {.stride = 7});
+        test::check_gradient(loss, test::scalars(inputs.transl), test::scalars(gradient.dL_dtransl));
+    }
 }
 
 TEST_CASE("backward along bones adds") {

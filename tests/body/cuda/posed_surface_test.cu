@@ -24,20 +24,33 @@ struct Result {
     std::vector<Affine<T>> dL_dbones;
 };
 
+struct Inputs {
+    BodyModel body;
+    std::vector<Affine<double>> bones;
+    std::vector<vec3<double>> offsets, normal_offsets, dL_dvertices, dL_dnormals;
+
+    Inputs(std::size_t joints, std::size_t rings) : body(test::tube(joints, rings)) {
+        test::Rng rng(3);
+        const std::size_t V = body.vertex_count();
+        bones = pose_body(body, rng.vecs(joints, -0.5, 0.5), {0.3, -0.2, 0.5}).bones;
+        offsets = rng.vecs(V, -0.01, 0.01), normal_offsets = rng.vecs(V, -0.2, 0.2);
+        dL_dvertices = rng.vecs(V), dL_dnormals = rng.vecs(V);
+    }
+};
+
+/// dL_dnormals is the gradient of the normals with offsets, and therefore of those without.
 template <class T, class B>
-Result<T> run(B& backend, std::size_t joints, std::size_t rings, int passes = 1) {
-    const BodyModel body = test::tube(joints, rings);
-    test::Rng rng(3);
+Result<T> run(B& backend, const Inputs& inputs, int passes = 1) {
     const auto cast = [&](const std::vector<vec3<double>>& values) {
         return test::brought(backend, std::vector<vec3<T>>(values.begin(), values.end()));
     };
-    const std::size_t V = body.vertex_count();
+    const BodyModel& body = inputs.body;
+    const std::size_t V = body.vertex_count(), joints = inputs.bones.size();
     std::vector<Affine<T>> posed;
-    for (const auto& bone : pose_body(body, rng.vecs(joints, -0.5, 0.5), {0.3, -0.2, 0.5}).bones)
-        posed.push_back({mat3<T>(bone.linear), vec3<T>(bone.translation)});
+    for (const auto& bone : inputs.bones) posed.push_back({mat3<T>(bone.linear), vec3<T>(bone.translation)});
     const auto bones = test::brought(backend, posed);
-    const auto offsets = cast(rng.vecs(V, -0.01, 0.01)), normal_offsets = cast(rng.vecs(V, -0.2, 0.2)),
-               dL_dvertices = cast(rng.vecs(V)), dL_dnormals = cast(rng.vecs(V));
+    const auto offsets = cast(inputs.offsets), normal_offsets = cast(inputs.normal_offsets),
+               dL_dvertices = cast(inputs.dL_dvertices), dL_dnormals = cast(inputs.dL_dnormals);
     auto result = cast(std::vector<vec3<double>>(V)), dL_doffsets = cast(std::vector<vec3<double>>(V, vec3<double>(0)));
     auto dL_dbones = test::brought(backend, std::vector<Affine<T>>(joints, Affine<T>::zero()));
     const PosedSurface<B, T> surface(backend, body, {});
@@ -50,6 +63,11 @@ Result<T> run(B& backend, std::size_t joints, std::size_t rings, int passes = 1)
     }
     return {test::fetched(backend, cache.vertices), test::fetched(backend, cache.normals),
             test::fetched(backend, result), test::fetched(backend, dL_doffsets), test::fetched(backend, dL_dbones)};
+}
+
+template <class T, class B>
+Result<T> run(B& backend, std::size_t joints, std::size_t rings, int passes = 1) {
+    return run<T>(backend, Inputs(joints, rings), passes);
 }
 
 template <class T>
@@ -75,6 +93,20 @@ TEST_CASE("the posed mesh and its adjoint agree with the host's for few and many
             check_near(run<double>(device, joints, rings), run<double>(serial, joints, rings), 1e-12);
             check_near(run<float>(device, joints, rings), run<float>(serial, joints, rings), 1e-4);
         }
+}
+
+TEST_CASE("the adjoint of the posed mesh is its gradient") {
+    if (test::skip_without_device()) return;
+    Device device;
+    Inputs inputs(4, 20);
+    Result<double> gradient = run<double>(device, inputs);
+    const auto loss = [&] {
+        const Result<double> r = run<double>(device, inputs, 0);
+        return test::inner(test::numbers<double>(r.vertices), test::numbers<double>(inputs.dL_dvertices)) +
+               test::inner(test::numbers<double>(r.result), test::numbers<double>(inputs.dL_dnormals));
+    };
+    test::check_gradient(loss, test::scalars(inputs.bones), test::scalars(gradient.dL_dbones));
+    test::check_gradient(loss, test::scalars(inputs.offsets), test::scalars(gradient.dL_doffsets), {.stride = 17});
 }
 
 TEST_CASE("the adjoint of the posed mesh adds, and has the same bits in any order of blocks and threads") {

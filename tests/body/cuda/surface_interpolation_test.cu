@@ -21,7 +21,7 @@ using cuda::Device;
 
 template <class Vector>
 struct Result {
-    std::vector<Vector> points, dL_dvalues;
+    std::vector<Vector> points, dL_dvalues, values, dL_dpoints;
 };
 
 /// Vector is vec3<T> or vec2<T>.
@@ -49,7 +49,7 @@ Result<Vector> run(B& backend, std::size_t vertices, std::size_t points, int pas
     auto d = test::brought(backend, std::vector<Vector>(vertices, Vector(T(0))));
     surface.template forward<Vector>(v, p);
     for (int pass = 0; pass < passes; ++pass) surface.template backward<Vector>(g, d);
-    return {test::fetched(backend, p), test::fetched(backend, d)};
+    return {test::fetched(backend, p), test::fetched(backend, d), values, gradient};
 }
 
 template <class T, class Vector>
@@ -73,6 +73,16 @@ TEST_CASE("interpolation on a surface agrees with the host for every number of v
             compare<double, vec2<double>>(vertices, points);
             compare<float, vec3<float>>(vertices, points);
         }
+}
+
+TEST_CASE("the adjoint of interpolation is its transpose") {
+    if (test::skip_without_device()) return;
+    Device device;
+    auto r = run<double, vec3<double>>(device, 50, 400);
+    for (auto& p : r.points) p -= vec3<double>(1); // where they started
+    const auto numbers = [](const auto& vectors) { return test::numbers<double>(vectors); };
+    CHECK(test::inner(numbers(r.points), numbers(r.dL_dpoints)) ==
+          doctest::Approx(test::inner(numbers(r.values), numbers(r.dL_dvalues))).epsilon(1e-12));
 }
 
 TEST_CASE("the adjoint of interpolation adds, and has the same bits in any order of blocks and threads") {

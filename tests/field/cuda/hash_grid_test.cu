@@ -315,6 +315,18 @@ TEST_CASE("in mixed precision, HashGrid reads a table in fp16, and computes in f
     CHECK(run_device(wide, Write::assign, 1, Precision::mixed).features == run_device(wide).features);
 }
 
+TEST_CASE("HashGrid's adjoints on the device are the gradient of forward") {
+    if (test::skip_without_device()) return;
+    Problem<Grid, double> p(small, spread(60));
+    p.split = 2;
+    p.fine = numbers<double>(6, 60);
+    Results<double> gradient = run_device(p);
+    const auto loss = [&] { return test::inner(run_device(p, Write::assign, 0).features, p.gradient); };
+    test::check_gradient(loss, p.table, gradient.dL_dtable,
+                         {.elements = test::spread_elements(p.table.size(), &gradient.touched, 4, 30)});
+    test::check_gradient(loss, test::scalars(p.points), test::scalars(gradient.dL_dpoints), {.stride = 7});
+}
+
 TEST_CASE("a new table of +-1e-4 loses three ten-thousandths in fp16, and a sixth of what it would in bf16") {
     const std::vector<float> table = Grid(small).initial_table<float>(1);
     double size = 0, fp16 = 0, bf16 = 0;

@@ -176,6 +176,18 @@ TEST_CASE_TEMPLATE("gradients of many tiles are summed by few blocks", T, float,
     for (const unsigned blocks : {1u, 3u}) check_equal(run_device(p, {.most_blocks = blocks}), expected);
 }
 
+TEST_CASE("Mlp::backward on the device is the gradient of forward") {
+    if (test::skip_without_device()) return;
+    Problem<double> p({6, 3, 2, 3, 4, 9, 2}, 35);
+    Results<double> gradient = run_device(p);
+    for (auto* values : {&gradient.dL_dweights, &gradient.dL_dfeatures, &gradient.dL_dshared})
+        for (double& g : *values) g -= 1; // where they started
+    const auto loss = [&] { return test::inner(run_device(p, {.backwards = 0}).outputs, p.dL_doutputs); };
+    test::check_gradient(loss, p.weights, gradient.dL_dweights, {.stride = 7});
+    test::check_gradient(loss, p.features, gradient.dL_dfeatures, {.stride = 11});
+    test::check_gradient(loss, p.shared, gradient.dL_dshared);
+}
+
 TEST_CASE("Mlp::backward adds on the device, and Write::assign overwrites the inputs' gradient alone") {
     if (test::skip_without_device()) return;
     for (const int block : {4, 2}) {

@@ -35,17 +35,27 @@ struct Result {
     std::vector<T> colors, base, vertices, light, center;
 };
 
-template <class T, class B>
-Result<T> run(B& backend, const Case& c) {
-    test::LitScene<T> scene(c.count, c.points, c.directions, c.glossy, 5, c.vertices);
-    std::vector<vec3<T>> dL_dcolors = test::color_gradient<T>(c.count, 6);
-    for (std::size_t i = 0; i < c.count; ++i) {
-        // Some Gaussians are not seen, nor some vertices, of which some fill whole warps.
-        if (i % 3 == 1) dL_dcolors[i] = vec3<T>(T(0));
-        for (int& v : scene.triangles[i])
-            if (v == 1 || (v >= 64 && v < 160)) v = 0;
+template <class T>
+struct Inputs {
+    test::LitScene<T> scene;
+    std::vector<vec3<T>> dL_dcolors;
+
+    explicit Inputs(const Case& c)
+        : scene(c.count, c.points, c.directions, c.glossy, 5, c.vertices),
+          dL_dcolors(test::color_gradient<T>(c.count, 6)) {
+        for (std::size_t i = 0; i < c.count; ++i) {
+            // Some Gaussians are not seen, nor some vertices, of which some fill whole warps.
+            if (i % 3 == 1) dL_dcolors[i] = vec3<T>(T(0));
+            for (int& v : scene.triangles[i])
+                if (v == 1 || (v >= 64 && v < 160)) v = 0;
+        }
+        if (c.broken) scene.vertices[1] = scene.normals[1] = vec3<T>(std::numeric_limits<T>::quiet_NaN());
     }
-    if (c.broken) scene.vertices[1] = scene.normals[1] = vec3<T>(std::numeric_limits<T>::quiet_NaN());
+};
+
+template <class T, class B>
+Result<T> run(B& backend, const Case& c, const Inputs<T>& inputs) {
+    const auto& [scene, dL_dcolors] = inputs;
     auto zero = scene;
     zero.clear();
     const auto bring = [&](const auto& host) { return test::brought(backend, host); };
@@ -79,6 +89,11 @@ Result<T> run(B& backend, const Case& c) {
     append(result.vertices, d_vertices), append(result.vertices, d_normals);
     append(result.light, d_points), append(result.light, d_log_intensities), append(result.light, d_gloss);
     return result;
+}
+
+template <class T, class B>
+Result<T> run(B& backend, const Case& c) {
+    return run(backend, c, Inputs<T>(c));
 }
 
 template <class T>
@@ -122,6 +137,30 @@ TEST_CASE("shading agrees for every kind of light, and where colours end at one"
         for (const bool glossy : {true, false})
             for (const ColorClamp clamping : {ColorClamp::below, ColorClamp::both})
                 compare<double>({.points = points, .directions = directions, .glossy = glossy, .clamping = clamping});
+}
+
+TEST_CASE("backward under a light is the gradient of shading") {
+    if (test::skip_without_device()) return;
+    Device device;
+    Case c{.count = 40}, forward{.count = 40, .passes = 0};
+    Inputs<double> inputs(c);
+    const Result<double> gradient = run(device, c, inputs);
+    const auto loss = [&] {
+        return test::inner(run(device, forward, inputs).colors, test::numbers<double>(inputs.dL_dcolors));
+    };
+    // Two lists one after the other, as the result has them.
+    const auto check = [&](Span<double> values, const std::vector<double>& all, std::size_t first, std::size_t stride) {
+        test::check_gradient(loss, values, Span<const double>(all).subspan(first, values.size()), {.stride = stride});
+        return first + values.size();
+    };
+    auto& scene = inputs.scene;
+    check(test::scalars(scene.base), gradient.base, 0, 5);
+    check(test::scalars(scene.center), gradient.center, 0, 1);
+    const std::size_t normals = check(test::scalars(scene.vertices), gradient.vertices, 0, 7);
+    check(test::scalars(scene.normals), gradient.vertices, normals, 7);
+    std::size_t next = check(test::scalars(scene.points), gradient.light, 0, 1);
+    next = check(scene.log_intensities, gradient.light, next, 1);
+    CHECK(check(scene.gloss, gradient.light, next, 1) == gradient.light.size());
 }
 
 TEST_CASE("backward under a light adds, and leaves alone what nobody asks for") {
