@@ -103,11 +103,13 @@ struct FunctionWork : EmulatedWork {
 /// A captured stream. Each node depends on the one before it, unless cudaStreamUpdateCaptureDependencies says otherwise.
 struct EmulatedGraph {
     std::vector<std::unique_ptr<EmulatedWork>> nodes;
-    std::vector<std::vector<EmulatedWork*>> dependencies; // of each node
-    std::vector<EmulatedWork*> next_dependencies;         // of the node to come
+    std::vector<std::vector<std::size_t>> dependencies; // of each node, as indices
+    std::vector<EmulatedWork*> next_dependencies;       // of the node to come
 
     void add(std::unique_ptr<EmulatedWork> work) {
-        dependencies.push_back(std::move(next_dependencies));
+        std::vector<std::size_t>& of_node = dependencies.emplace_back();
+        for (std::size_t i = 0; i < nodes.size(); ++i)
+            if (std::ranges::find(next_dependencies, nodes[i].get()) != next_dependencies.end()) of_node.push_back(i);
         next_dependencies = {work.get()};
         nodes.push_back(std::move(work));
     }
@@ -117,22 +119,19 @@ struct EmulatedGraph {
     [[nodiscard]] std::vector<std::size_t> in_order(const Choose& choose) const {
         std::vector<std::size_t> result, ready;
         std::vector<bool> done(nodes.size(), false);
-        const auto is_done = [&](const EmulatedWork* node) {
-            for (std::size_t i = 0; i < nodes.size(); ++i)
-                if (nodes[i].get() == node) return bool(done[i]);
-            return false;
-        };
+        const auto is_done = [&](std::size_t i) { return bool(done[i]); };
         while (result.size() < nodes.size()) {
             ready.clear();
             for (std::size_t i = 0; i < nodes.size(); ++i)
-                if (!done[i] && std::all_of(dependencies[i].begin(), dependencies[i].end(), is_done)) ready.push_back(i);
+                if (!done[i] && std::ranges::all_of(dependencies[i], is_done)) ready.push_back(i);
             result.push_back(ready[choose(ready.size())]);
             done[result.back()] = true;
         }
         return result;
     }
-    const EmulatedGraph* captured =
-        nullptr; // of an executable graph: the one it is made from, whose nodes name its own
+    /// Of an executable graph: the one it is made from, whose nodes name its own. It may be gone, unless its nodes are
+    /// set.
+    const EmulatedGraph* captured = nullptr;
 };
 
 struct EmulatedStream {
@@ -654,6 +653,7 @@ inline cudaError_t cudaStreamUpdateCaptureDependencies(cudaStream_t stream, cuda
 inline cudaError_t cudaGraphInstantiate(cudaGraphExec_t* executable, cudaGraph_t graph, unsigned long long = 0) {
     *executable = new gsh::test::EmulatedGraph;
     (*executable)->captured = graph;
+    (*executable)->dependencies = graph->dependencies;
     for (const auto& node : graph->nodes) (*executable)->nodes.push_back(node->copy());
     return cudaSuccess;
 }
@@ -677,7 +677,7 @@ inline cudaError_t cudaGraphLaunch(cudaGraphExec_t graph, cudaStream_t stream) {
         seed = seed * 6364136223846793005u + 1442695040888963407u;
         return (seed >> 33) % count;
     };
-    for (const std::size_t i : graph->captured->in_order(choose))
+    for (const std::size_t i : graph->in_order(choose))
         machine.queue(machine.stream(stream), graph->nodes[i]->copy());
     return cudaSuccess;
 }
