@@ -122,11 +122,12 @@ std::string training_protocol(const Run& run, std::uint64_t steps, const Machine
         text = "Trained for " + after(run, steps) + ", over which learning rates fall";
     const double share =
         static_cast<double>(steps - 1) / static_cast<double>(std::max<std::uint64_t>(1, run.options.steps));
-    if (!run.scene && run.options.seconds == 0 && run.configuration.avatar.ao != AmbientOcclusion::none &&
-        share < run.configuration.avatar.ao_start)
-        text += "; ambient occlusion, which joins later, is not part of it yet";
-    if (!run.scene && run.options.seconds == 0 && share < run.configuration.avatar.sh_start)
-        text += "; colours do not depend on the direction yet";
+    if (!run.scene && run.options.seconds == 0) {
+        const AvatarConfig& avatar = run.configuration.avatar;
+        if (avatar.ao != AmbientOcclusion::none && share < avatar.ao_start)
+            text += "; ambient occlusion, which joins later, is not part of it yet";
+        if (share < avatar.sh_start) text += "; colours do not depend on the direction yet";
+    }
     return text + "; " + (run.scene ? "at most " : "") + detail::grouped(run.options.gaussians) + " Gaussians, seed " +
            std::to_string(run.options.seed) + ".";
 }

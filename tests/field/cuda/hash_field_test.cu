@@ -148,10 +148,7 @@ TEST_CASE("HashField::backward on the device is the gradient of forward") {
     const auto loss_of = [&](const Problem<double>& moved) {
         Passes<Device, double> at(device, moved);
         at.step();
-        const std::vector<double> result = at.fetch(at.result);
-        double loss = 0;
-        for (std::size_t i = 0; i < result.size(); ++i) loss += result[i] * p.dL_doutputs[i];
-        return loss;
+        return test::inner(at.fetch(at.result), p.dL_doutputs);
     };
     // Central differences along random directions, and along single numbers.
     const auto check = [&](std::vector<double> Problem<double>::*numbers, const std::vector<double>& gradient) {

@@ -8,6 +8,8 @@
 #include "support/cuda_emulation/block.hpp"
 #include "support/guarded_memory.hpp"
 
+#include <gsh/core/rng.hpp>
+
 #include <algorithm>
 #include <chrono>
 #include <cstddef>
@@ -670,12 +672,11 @@ inline cudaError_t cudaGraphExecDestroy(cudaGraphExec_t graph) {
 inline cudaError_t cudaGraphLaunch(cudaGraphExec_t graph, cudaStream_t stream) {
     auto& machine = gsh::test::CudaEmulation::instance();
     ++machine.graph_launches;
-    std::uint64_t seed = machine.seed + machine.graph_launches;
+    std::uint64_t choices = 0;
     const auto choose = [&](std::size_t count) -> std::size_t {
         if (machine.order == gsh::test::Order::forward) return 0;
         if (machine.order == gsh::test::Order::reverse) return count - 1;
-        seed = seed * 6364136223846793005u + 1442695040888963407u;
-        return (seed >> 33) % count;
+        return gsh::random_bits(machine.seed + machine.graph_launches, choices++) % count;
     };
     for (const std::size_t i : graph->in_order(choose))
         machine.queue(machine.stream(stream), graph->nodes[i]->copy());

@@ -133,12 +133,11 @@ public:
     /// gsh::for_each_branch. Outside a recorded step, the branches run one after the other.
     template <class Branch>
     void for_each_branch(std::size_t count, const Branch& branch) {
-        if (recorder_ != nullptr) recorder_->begin_fork();
-        for (std::size_t i = 0; i < count; ++i) {
-            if (recorder_ != nullptr) recorder_->begin_branch();
-            branch(i);
+        if (recorder_ != nullptr) {
+            recorder_->fork(count, branch);
+        } else {
+            for (std::size_t i = 0; i < count; ++i) branch(i);
         }
-        if (recorder_ != nullptr) recorder_->end_fork();
     }
 
     /// Queues a copy; `from` may change as soon as the call returns. Inside a capture of the caller's, 8 KiB at most.

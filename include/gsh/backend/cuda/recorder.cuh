@@ -86,7 +86,7 @@ public:
         stage_ = {};
         segment_ = 0;
         place_ = {};
-        forks_ = depth_ = 0;
+        forks_ = 0;
         begin_segment();
     }
     /// Launches the rest of the step.
@@ -159,16 +159,17 @@ public:
             {nullptr, 0, 0, nullptr, nullptr, nullptr, stage_, std::string(key), work, place_});
     }
 
-    /// Launches from begin_branch to the next one, or to end_fork, are a branch. Forks do not nest: a fork inside a
-    /// branch is a part of it.
-    void begin_fork() {
-        if (depth_++ == 0) place_ = {++forks_, 0};
-    }
-    void begin_branch() {
-        if (depth_ == 1) ++place_.branch;
-    }
-    void end_fork() {
-        if (--depth_ == 0) place_ = {};
+    /// What branch(i) launches is a branch, for each i below count. Forks do not nest: a fork inside a branch is a part
+    /// of it.
+    template <class Branch>
+    void fork(std::size_t count, const Branch& branch) {
+        const bool is_nested = place_.fork != 0;
+        if (!is_nested) ++forks_;
+        for (std::size_t i = 0; i < count; ++i) {
+            if (!is_nested) place_ = {forks_, i};
+            branch(i);
+        }
+        if (!is_nested) place_ = {};
     }
 
     /// Later launches belong to this stage. A literal, since it is kept.
@@ -242,7 +243,7 @@ private:
 
     /// Where a kernel is: fork 0 is outside of all forks.
     struct Place {
-        unsigned fork = 0, branch = 0;
+        std::size_t fork = 0, branch = 0;
         bool operator==(const Place&) const = default;
     };
     struct Node {
@@ -304,19 +305,21 @@ private:
     /// While the stream is captured: the next kernel is at `place`, and waits for what it has to.
     void enter(const Place& place) {
         if (place == captured_) return;
-        if (captured_.fork != 0) append_dependencies(ends_);
-        if (captured_.fork != place.fork) {
+        if (captured_.fork != 0) {
+            const std::vector<cudaGraphNode_t> end = dependencies();
+            ends_.insert(ends_.end(), end.begin(), end.end());
+        }
+        if (captured_.fork == place.fork) {
+            set_dependencies(before_);
+        } else {
             if (captured_.fork != 0) set_dependencies(ends_);
             ends_.clear();
-            before_.clear();
-            if (place.fork != 0) append_dependencies(before_);
-        } else {
-            set_dependencies(before_);
+            before_ = dependencies();
         }
         captured_ = place;
     }
     /// Nodes that the next launch would wait for.
-    void append_dependencies(std::vector<cudaGraphNode_t>& to) const {
+    [[nodiscard]] std::vector<cudaGraphNode_t> dependencies() const {
         cudaStreamCaptureStatus status;
         unsigned long long id = 0;
         cudaGraph_t graph = nullptr;
@@ -324,7 +327,7 @@ private:
         const cudaGraphEdgeData* edges = nullptr;
         std::size_t count = 0;
         check(cudaStreamGetCaptureInfo(stream_, &status, &id, &graph, &nodes, &edges, &count), "gsh::cuda::Recorder");
-        to.insert(to.end(), nodes, nodes + count);
+        return {nodes, nodes + count};
     }
     void set_dependencies(std::vector<cudaGraphNode_t>& nodes) {
         check(cudaStreamUpdateCaptureDependencies(stream_, nodes.data(), nullptr, nodes.size(),
@@ -382,8 +385,7 @@ private:
 
     /// The node that the last launch became.
     [[nodiscard]] cudaGraphNode_t last_node() const {
-        std::vector<cudaGraphNode_t> nodes;
-        append_dependencies(nodes);
+        const std::vector<cudaGraphNode_t> nodes = dependencies();
         return nodes.size() == 1 ? nodes[0] : nullptr;
     }
 
@@ -393,7 +395,7 @@ private:
     std::size_t next_ = 0;          // the node of it that the next launch is compared with
     bool recording_ = false, capturing_ = false;
     Place place_, captured_;        // of the next launch, and of the last captured one
-    unsigned forks_ = 0, depth_ = 0; // forks of the step so far; how many are open
+    std::size_t forks_ = 0;         // of the step so far
     std::vector<cudaGraphNode_t> before_, ends_; // of the captured fork: what its branches wait for, and their ends
     std::string_view stage_;
     Counts counts_;
