@@ -9,6 +9,7 @@
 #include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/cpu/blend_shapes.hpp>
+#include <gsh/field/cpu/feature_rows.hpp>
 #include <gsh/field/cpu/gemm.hpp>
 #include <gsh/field/cpu/hash_grid.hpp>
 #include <gsh/field/cpu/matrix_bf16.hpp>

@@ -168,6 +168,69 @@ TEST_CASE_TEMPLATE("Mlp on Threads equals Serial bit for bit", T, float, double)
     }
 }
 
+TEST_CASE_TEMPLATE("a row without a gradient adds nothing, and its inputs' gradient is zero", T, float, double) {
+    constexpr std::size_t rows = 900, ins = 12, outs = 3;
+    const Mlp mlp({ins + 2, outs, 24, 2});
+    test::Rng rng(9);
+    const auto numbers = [&](std::size_t count) {
+        std::vector<T> list(count);
+        for (T& x : list) x = static_cast<T>(rng.uniform(-1, 1));
+        return list;
+    };
+    const auto weights = mlp.initial_weights<T>(1), features = numbers(rows * ins), points = numbers(rows);
+    const std::vector<T> shared = numbers(1);
+    const auto pattern = [&](std::size_t row) {
+        if (row < 64) return true;                    // a whole tile
+        if (row < 300) return row % 3 == 1;           // every third row
+        if (row < 600) return false;                  // none in several tiles
+        return row % 100 < 70 || row == rows - 1;     // in runs, and the last one
+    };
+    const auto run = [&](const auto& has_gradient, bool only_those, Write mode, Precision precision, bool in_place) {
+        cpu::Threads backend(2);
+        backend.set_precision(precision);
+        Mlp::Cache<cpu::Threads, T> cache;
+        std::vector<std::size_t> kept;
+        for (std::size_t r = 0; r < rows; ++r)
+            if (!only_those || has_gradient(r)) kept.push_back(r);
+        const std::size_t n = kept.size();
+        std::vector<T> f(n * ins), p(n), dL_dy(n * outs), y(n * outs), dL_df(n * ins, T(7));
+        std::vector<T> dL_dw(weights.size(), T(0));
+        const auto view = blocked(Span<T>(f), ins, 4);
+        for (std::size_t r = 0; r < n; ++r) {
+            for (std::size_t c = 0; c < ins; ++c) view(r, c) = features[kept[r] * ins + c];
+            p[r] = points[kept[r]];
+            for (std::size_t o = 0; o < outs; ++o)
+                dL_dy[r * outs + o] = has_gradient(kept[r]) ? T(0.1) + features[kept[r] * ins + o] : T(0);
+        }
+        std::vector<T> dL_dshared(1, T(0));
+        mlp.forward(backend, weights, {view, p, shared}, y, cache);
+        mlp.backward(backend, weights, {view, p, shared}, dL_dy, cache, dL_dw,
+                     in_place ? view : blocked(Span<T>(dL_df), ins, 4), mode, dL_dshared);
+        std::vector<T> out(rows * ins, mode == Write::add ? T(7) : T(0)); // of each row of the batch
+        const auto gradient = in_place ? view : blocked(Span<T>(dL_df), ins, 4);
+        for (std::size_t r = 0; r < n; ++r)
+            for (std::size_t c = 0; c < ins; ++c) out[kept[r] * ins + c] = gradient(r, c);
+        out.insert(out.end(), dL_dw.begin(), dL_dw.end());
+        out.insert(out.end(), dL_dshared.begin(), dL_dshared.end());
+        return out;
+    };
+    for (const Precision precision : {Precision::fp32, Precision::mixed})
+        for (const Write mode : {Write::add, Write::assign})
+            for (const bool in_place : {false, true}) {
+                if (in_place && mode == Write::add) continue;
+                const auto expected = run(pattern, true, mode, precision, false);
+                const auto found = run(pattern, false, mode, precision, in_place);
+                for (std::size_t i = 0; i < expected.size(); ++i) {
+                    CAPTURE(i);
+                    CHECK(found[i] == doctest::Approx(expected[i]).epsilon(sizeof(T) == 4 ? 1e-5 : 1e-13));
+                }
+                CHECK(found[400 * ins] == (mode == Write::add ? T(7) : T(0)));
+                const auto nothing = run([](std::size_t) { return false; }, false, mode, precision, in_place);
+                for (const T number : Span<const T>(nothing).subspan(rows * ins, weights.size() + 1))
+                    CHECK(number == 0);
+            }
+}
+
 TEST_CASE("Mlp initialises within the Xavier bound, reproducibly") {
     const Mlp mlp({64, 27});
     CHECK(mlp.parameter_count() == 64 * 64 + 64 * 64 + 27 * 64);

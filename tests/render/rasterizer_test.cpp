@@ -14,8 +14,10 @@
 #include "support/reference_rasterizer.hpp"
 #include "support/raster_scene.hpp"
 
+#include <algorithm>
 #include <cstring>
 #include <limits>
+#include <numeric>
 #include <string>
 
 using namespace gsh;
@@ -320,6 +322,82 @@ TEST_CASE("a splat that would take the transmittance below the limit is left out
         }
 }
 
+TEST_CASE("with gradient_transmittance_min, a pixel passes the exact gradient to splats in the light, no other") {
+    using R = Rasterizer<Serial, double>;
+    constexpr double least = 0.3;
+    Serial backend;
+    test::Rng rng(6);
+    auto scene = make_scene(rng, 60, 20, 18, 0.12);
+    for (double& opacity : scene.opacities) opacity = 0.4 + 0.5 * opacity;
+    scene.add(0.2 * scene.camera.center(), ball(0.3), 0.97, vec3<double>(0.5));   // a large splat in the middle,
+    scene.add(-0.2 * scene.camera.center(), ball(1e-3), 0.9, vec3<double>(0.1)); // and a small one behind it
+    const std::size_t n = scene.means.size();
+    std::vector<std::size_t> order(n); // front to back
+    std::iota(order.begin(), order.end(), std::size_t(0));
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+        return to_camera(scene.camera, scene.means[a]).z < to_camera(scene.camera, scene.means[b]).z;
+    });
+    std::vector<Image<double>> in_front(n); // 1 - the light that reaches each splat
+    Scene<double> front = scene;
+    front.means.clear(), front.covariances.clear(), front.opacities.clear(), front.colors.clear();
+    for (const std::size_t i : order) {
+        in_front[i] = render(backend, front, smooth()).alpha;
+        front.add(scene.means[i], scene.covariances[i], scene.opacities[i], scene.colors[i]);
+    }
+
+    const Rendering<double> weights = random_weights(rng, scene.camera);
+    const auto gradients = [&](double limit, const Rendering<double>& dL_dtarget) {
+        auto params = smooth();
+        params.gradient_transmittance_min = limit;
+        const R rasterizer(backend, params);
+        R::Cache cache;
+        Rendering<double> out(scene.camera);
+        rasterizer.forward(scene.camera, scene.view(), {scene.background}, out.target(), cache);
+        Scene<double> dL = scene.zeros();
+        rasterizer.backward(scene.camera, scene.view(), {scene.background}, dL_dtarget.gradient(), cache,
+                            dL.gradient_view());
+        std::vector<std::vector<double>> rows(n); // all numbers of each splat
+        for (std::size_t i = 0; i < n; ++i) {
+            const sym3<double>& c = dL.covariances[i];
+            rows[i] = {dL.means[i].x, dL.means[i].y, dL.means[i].z, c.xx,           c.xy,           c.xz,          c.yy,
+                       c.yz,          c.zz,          dL.opacities[i], dL.colors[i].x, dL.colors[i].y, dL.colors[i].z};
+        }
+        return rows;
+    };
+    std::vector<std::vector<double>> expected(n, std::vector<double>(13, 0.0));
+    std::size_t dark = 0, lit = 0;
+    for (int y = 0; y < scene.camera.height; ++y)
+        for (int x = 0; x < scene.camera.width; ++x) {
+            Rendering<double> of_pixel(scene.camera);
+            for (Image<double>* image :
+                 {&of_pixel.color, &of_pixel.alpha, &of_pixel.expected_depth, &of_pixel.median_depth})
+                std::fill(image->data.begin(), image->data.end(), 0.0);
+            const auto copy = [&](Image<double>& to, const Image<double>& from) {
+                for (int c = 0; c < from.channels; ++c) to.at(c, y, x) = from.at(c, y, x);
+            };
+            copy(of_pixel.color, weights.color), copy(of_pixel.alpha, weights.alpha);
+            copy(of_pixel.expected_depth, weights.expected_depth), copy(of_pixel.median_depth, weights.median_depth);
+            const auto exact = gradients(0, of_pixel);
+            for (std::size_t i = 0; i < n; ++i) {
+                const bool sees = 1 - in_front[i].at(0, y, x) >= least;
+                (sees ? lit : dark) += exact[i][9] != 0;
+                for (std::size_t k = 0; k < 13; ++k) expected[i][k] += sees ? exact[i][k] : 0;
+            }
+        }
+    CHECK(dark > 500);
+    CHECK(lit > 500);
+    const auto found = gradients(least, weights);
+    for (std::size_t i = 0; i < n; ++i)
+        for (std::size_t k = 0; k < 13; ++k) {
+            CAPTURE(i);
+            CAPTURE(k);
+            CHECK(found[i][k] == doctest::Approx(expected[i][k]).epsilon(1e-9));
+        }
+    const auto all = gradients(0, weights);
+    CHECK(all[n - 1][9] != 0);
+    CHECK(found[n - 1] == std::vector<double>(13, 0.0));
+}
+
 TEST_CASE("depth: equal depths keep the order of their index") {
     Serial backend;
     for (const bool swapped : {false, true}) {
@@ -578,6 +656,7 @@ TEST_CASE("what does not fit is refused with a name") {
         refused([](auto& p) { p.alpha_min = 0.995; });
         refused([](auto& p) { p.alpha_max = 1; });
         refused([](auto& p) { p.transmittance_min = 1; });
+        refused([](auto& p) { p.gradient_transmittance_min = 1.5; });
         refused([](auto& p) { p.near_plane = 0; });
         refused([](auto& p) { p.dilation = -0.1; });
         refused([](auto& p) { p.compensation_floor = 0; });

@@ -40,11 +40,12 @@ public:
         double ssim_weight = 0.2;                  ///< λ
         double mask_weight = 0;                    ///< 0: masks are not compared
         std::array<double, 3> background{1, 1, 1}; ///< of photographs without a plate
+        double gradient_transmittance_min = 0;     ///< RasterParams
     };
 
     explicit PhotoLoss(B& backend, const Params& params = {})
         : backend_(&backend), params_(params), backdrop_(params.background),
-          rasterizer_(backend, raster_params<T>(params.filter)),
+          rasterizer_(backend, raster_params_of(params)),
           half_chroma_(backend), photometric_(backend, {.ssim_weight = T(params.ssim_weight)}), mask_loss_(backend) {
         check_value(params.mask_weight >= 0, "PhotoLoss", "mask_weight must not be negative");
     }
@@ -157,6 +158,11 @@ public:
 private:
     using Buffer = typename B::template Buffer<T>;
 
+    [[nodiscard]] static RasterParams<T> raster_params_of(const Params& params) {
+        RasterParams<T> of_raster = raster_params<T>(params.filter);
+        of_raster.gradient_transmittance_min = T(params.gradient_transmittance_min);
+        return of_raster;
+    }
     [[nodiscard]] bool with_mask() const { return params_.mask_weight > 0; }
     [[nodiscard]] std::size_t plane_size() const {
         return static_cast<std::size_t>(height_) * static_cast<std::size_t>(width_);

@@ -26,9 +26,10 @@ template <Lane T>
 /// The scalar limits of RasterParams, by value.
 template <class T>
 struct BlendLimits {
-    T alpha_min, alpha_max, transmittance_min;
+    T alpha_min, alpha_max, transmittance_min, gradient_transmittance_min;
     explicit BlendLimits(const RasterParams<T>& p)
-        : alpha_min(p.alpha_min), alpha_max(p.alpha_max), transmittance_min(p.transmittance_min) {}
+        : alpha_min(p.alpha_min), alpha_max(p.alpha_max), transmittance_min(p.transmittance_min),
+          gradient_transmittance_min(p.gradient_transmittance_min) {}
 };
 
 inline namespace GSH_ISA { // roundings depend on the instruction set

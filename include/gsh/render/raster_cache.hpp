@@ -17,6 +17,9 @@ struct RasterParams : ProjectionParams<T> {
     T alpha_min = T(1) / 255;         ///< a splat is skipped where its alpha is below one 8-bit step
     T alpha_max = T(0.99);            ///< upper limit of a splat's alpha; the limit passes no gradient
     T transmittance_min = T(1e-4);    ///< a pixel stops before the splat that would take it below this
+    /// Backward: a pixel passes no gradient to a splat where less than this share of the light reaches it. 0 gives the
+    /// exact adjoint. More makes gradients of hidden splats exactly zero, so that later adjoints can skip them.
+    T gradient_transmittance_min = T(0);
     std::uint64_t max_pairs = 1u << 26; ///< limit of (splat, tile) pairs, itself at most 2³² - 1; more are refused
 };
 

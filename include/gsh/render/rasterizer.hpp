@@ -66,6 +66,8 @@ public:
         check_value(params.alpha_max < T(1), where, "alpha_max must be below 1, or the adjoint divides by zero");
         check_value(params.transmittance_min >= T(0) && params.transmittance_min < T(1), where,
                     "transmittance_min must lie in [0, 1)");
+        check_value(params.gradient_transmittance_min >= T(0) && params.gradient_transmittance_min <= T(1), where,
+                    "gradient_transmittance_min must lie in [0, 1]");
         check_value(params.near_plane > T(0), where, "near_plane must be positive");
         check_value(params.dilation >= T(0) && params.jacobian_margin >= T(0), where,
                     "dilation and jacobian_margin must not be negative");

@@ -191,6 +191,7 @@ void for_each_setting(C& c, const F& f) {
     f("rate.decay_start", c.train.decay_start, share);
     f("rate.final", c.train.final_rate, R::above(0).up_to(1));
     f("ssim_weight", c.train.ssim_weight, share);
+    f("gradient_transmittance_min", c.train.gradient_transmittance_min, share);
     f("background.random", c.train.random_background, any);
     f("unknown_band", c.unknown_band, R::at_least(0).up_to(0.1));
     f("half_chroma", c.half_chroma, any);
@@ -230,6 +231,7 @@ void for_each_setting(C& c, const F& f) {
     Configuration c;
     c.name = name;
     c.avatar.sh_start = 0.3;
+    c.train.gradient_transmittance_min = 0.01;
     // Liu et al., "Animatable 3D Gaussian", 2024, as in its code, except that samples lie on the surface. In that code
     // they are copies of the vertices, moved by a squared length that is used as a length.
     const auto make_baseline = [&] {

@@ -23,6 +23,9 @@ struct TrainConfig {
     bool random_background = true;
     /// About the blur of the photographs: 0.14 px², less the pixel's own box.
     PixelFilter filter{.dilation = 0.1, .compensate_opacity = true};
+    /// A pixel passes no gradient to Gaussians that less than this share of its light reaches. Backward passes then
+    /// skip the hidden side of a body. 0: every gradient, however small.
+    double gradient_transmittance_min = 0;
 
     /// Exposure and white balance of each photograph.
     PhotoGainParams gain{.rate = 0.03};

@@ -50,7 +50,10 @@ public:
         : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(checked(config)),
           pixels_(backend, photos_, photo_budget(backend, config_)),
           loss_(backend,
-                {.filter = config.filter, .ssim_weight = config.ssim_weight, .background = config.background}),
+                {.filter = config.filter,
+                 .ssim_weight = config.ssim_weight,
+                 .background = config.background,
+                 .gradient_transmittance_min = config.gradient_transmittance_min}),
           gains_(backend, photos_, config_.gain), repeated_(backend), history_(backend) {
         check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
         for (Photo& photo : photos_) {

@@ -94,6 +94,13 @@ TEST_CASE("In double, images and gradients are those of Serial") {
         params.alpha_min = 1e-13, params.transmittance_min = 0;
         check_double(test::make_scene(rng, 60, 33, 17, 0.08), params);
     }
+    SUBCASE("no gradient for what little light reaches") {
+        RasterParams<double> params;
+        params.gradient_transmittance_min = 0.2;
+        auto scene = test::make_scene(rng, 200, 40, 40, 0.05);
+        for (double& opacity : scene.opacities) opacity = 0.3 + 0.7 * opacity;
+        check_double(scene, params);
+    }
     SUBCASE("only the colour, over an image") {
         const raster::Options options{.depth = false, .alpha = false, .background_image = true, .camera = false};
         check_double(test::make_scene(rng, 100, 37, 35, 0.05), {}, options);

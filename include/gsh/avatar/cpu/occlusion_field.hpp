@@ -34,7 +34,7 @@ struct OcclusionTile {
 
     [[nodiscard]] std::size_t width() const { return layout.in(0); }
     [[nodiscard]] std::size_t inputs_size() const { return mlp_tile_rows * layout.padded_in(0); }
-    [[nodiscard]] std::size_t hidden_size() const { return layout.hidden_offset(mlp_tile_rows, 0, 0); }
+    [[nodiscard]] std::size_t hidden_size() const { return layout.hidden_layers() * layout.pitch(mlp_tile_rows); }
     [[nodiscard]] std::size_t output_size() const { return mlp_tile_rows * layout.padded_out(layout.layers() - 1); }
     /// Length of the working storage of `forward`.
     [[nodiscard]] std::size_t size() const { return inputs_size() + hidden_size() + output_size(); }
@@ -58,7 +58,8 @@ struct OcclusionTile {
         }
         const std::size_t next = first + count, next_count = std::min(mlp_tile_rows, end - next);
         const FeatureView<const T> view(neurons, neurons.size() / W, W, W);
-        mlp_tile_forward(layout, packed, active(), count, hidden(), output(), Ahead<T>{view, next, next_count});
+        mlp_tile_forward(layout, packed, active(), count, hidden(), layout.pitch(count), output(),
+                         Ahead<T, RowsFrom>{view, {next}, next_count});
     }
 };
 
@@ -124,8 +125,9 @@ void occlusion_backward(B& backend, const Network& network, Span<const T> weight
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
             tile.forward(scratch.packed.data(), first, count, end);
             const T* dL_dx = detail::mlp_tile_backward(layout, scratch.packed.data() + forward_size, tile.active(),
-                                                       {dL_dlogits.data() + first, 1}, count, tile.hidden(), gradients,
-                                                       unused, true, detail::NothingAhead<T>{});
+                                                       {dL_dlogits.data() + first, 1}, count, tile.hidden(),
+                                                       layout.pitch(count), gradients, unused, true,
+                                                       detail::NothingAhead<T>{});
             for (std::size_t r = 0; r < count; ++r)
                 for (std::size_t o = 0; o < W; ++o)
                     sums[o] +=

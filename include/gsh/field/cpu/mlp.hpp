@@ -3,8 +3,8 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
-#include <gsh/core/prefetch.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/field/cpu/feature_rows.hpp>
 #include <gsh/field/cpu/gemm.hpp>
 #include <gsh/field/cpu/mlp_mixed.hpp>
 #include <gsh/field/features.hpp>
@@ -14,15 +14,14 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <type_traits>
 
 namespace gsh {
 
 template <CpuBackend B, std::floating_point T>
 struct MlpScratch<B, T> {
-    typename B::template Buffer<T> hidden;   ///< activations after ReLU, tile after tile, in each layer after layer
+    typename B::template Buffer<T> hidden;   ///< activations after ReLU, layer after layer
     typename B::template Buffer<T> packed;   ///< weights in the layout of the products
-    typename B::template Buffer<T> tiles;    ///< each chunk's tile of inputs, outputs or gradients
+    typename B::template Buffer<T> tiles;    ///< each chunk's tiles of inputs, activations, outputs or gradients
     typename B::template Buffer<T> partials; ///< each chunk's sum of dL_dweights
     typename B::template Buffer<std::uint32_t> packed_words, tile_words; ///< of packed and tiles in mixed precision
 };
@@ -77,10 +76,11 @@ struct MlpLayout {
         for (std::size_t l = 0; l < layer; ++l) offset += out(l) * padded_in(l);
         return offset;
     }
-    /// Offset of the activations of a tile that starts at row `first` and has `count` rows, layer after layer (all
-    /// hidden layers are as wide as the first).
-    [[nodiscard]] std::size_t hidden_offset(std::size_t first, std::size_t layer, std::size_t count) const {
-        return (first * hidden_layers() + layer * count) * padded_out(0);
+    /// Numbers of a hidden layer's activations (all hidden layers are as wide as the first).
+    [[nodiscard]] std::size_t pitch(std::size_t rows) const { return rows * padded_out(0); }
+    /// A hidden layer's activations of all rows.
+    [[nodiscard]] FeatureView<T> activations(Span<T> hidden, std::size_t layer, std::size_t rows) const {
+        return row_major(hidden.subspan(layer * pitch(rows), pitch(rows)), padded_out(0));
     }
 
     /// Number (output o, input i) of a layer's matrix in the form that the products use.
@@ -109,108 +109,46 @@ struct MlpLayout {
     }
 };
 
-/// Calls f with the block size, as a compile-time constant for common sizes.
-template <class F>
-void with_block(std::size_t block, const F& f) {
-    switch (block) {
-    case 2: return f(std::integral_constant<std::size_t, 2>());
-    case 4: return f(std::integral_constant<std::size_t, 4>());
-    case 8: return f(std::integral_constant<std::size_t, 8>());
-    default: return f(block);
-    }
-}
-
-/// Prefetches rows of the next tile during the work on this one, a few cache lines at a time. The hardware prefetcher
-/// alone loses track at the end of every tile.
-template <class T>
-struct Ahead {
-    FeatureView<const T> view;
-    std::size_t first, count; ///< the next tile
-
-    void operator()(std::size_t row, std::size_t rows) const {
-        if (row >= count) return;
-        constexpr std::size_t line = 64 / sizeof(T);
-        for (std::size_t c = 0; c < view.columns; c += view.block) {
-            const T* from = view.column(c) + (first + row) * view.block;
-            for (std::size_t i = 0; i < rows * view.block; i += line) prefetch(from + i);
-        }
-    }
-};
-
 /// Data that the backward pass reads next: the inputs of the next tile during the work on layer 0, its activations
 /// during the work on the other layers.
 template <class T, class Network>
 struct AheadOfLayers {
     const MlpLayout<T, Network>& layout;
-    Ahead<T> inputs;
-    const T* hidden;
-    std::size_t next; ///< first row of the next tile
+    FeatureView<const T> inputs;
+    Span<T> hidden;
+    const GradientRows<T>& tile;
 
-    [[nodiscard]] Ahead<T> operator[](std::size_t layer) const {
-        if (layer == 0) return inputs;
-        const std::size_t stride = layout.padded_in(layer), count = inputs.count;
-        const Span<const T> tile{hidden + layout.hidden_offset(next, layer - 1, count), count * stride};
-        return {{tile, count, stride, stride}, 0, count};
+    [[nodiscard]] Ahead<T, RowsOf> operator[](std::size_t layer) const {
+        return tile.ahead(layer ? FeatureView<const T>(layout.activations(hidden, layer - 1, inputs.rows)) : inputs);
     }
 };
 
-/// Copies rows [first, first + rows) of the view to a row-major tile.
-template <class T>
-void features_to_rows(const FeatureView<const T>& view, std::size_t first, std::size_t rows, T* tile,
-                      std::size_t stride) {
-    with_block(view.block, [&](auto block) {
-        for (std::size_t c = 0; c < view.columns; c += block) {
-            const T* from = view.column(c) + first * block;
-            for (std::size_t r = 0; r < rows; ++r)
-                for (std::size_t j = 0; j < block; ++j) tile[r * stride + c + j] = from[r * block + j];
-        }
-    });
-}
-
-/// Writes a row-major tile to rows [first, first + rows) of the view.
-template <class T>
-void rows_to_features(const T* tile, std::size_t stride, std::size_t first, std::size_t rows,
-                      const FeatureView<T>& view, Write mode) {
-    with_block(view.block, [&](auto block) {
-        for (std::size_t c = 0; c < view.columns; c += block) {
-            T* to = view.column(c) + first * block;
-            if (mode == Write::assign) {
-                for (std::size_t r = 0; r < rows; ++r)
-                    for (std::size_t j = 0; j < block; ++j) to[r * block + j] = tile[r * stride + c + j];
-            } else {
-                for (std::size_t r = 0; r < rows; ++r)
-                    for (std::size_t j = 0; j < block; ++j) to[r * block + j] += tile[r * stride + c + j];
-            }
-        }
-    });
-}
-
-/// Rows [first, first + rows) in the layout of the products. This is the memory of the features where it has that
-/// layout; else a copy of the features, the further inputs of each point, and a 1 for the shared inputs, padded with
-/// zeros.
-template <class T, class Network>
-typename Gemm<T>::Right input_tile(const MlpLayout<T, Network>& layout, const MlpInputs<T>& inputs, std::size_t first,
-                                   std::size_t rows, T* copy) {
+/// Rows in the layout of the products. This is the memory of the features where it has that layout and the rows follow
+/// each other; else a copy of the features, the further inputs of each point, and a 1 for the shared inputs, padded
+/// with zeros.
+template <class T, class Network, class Rows>
+typename Gemm<T>::Right input_tile(const MlpLayout<T, Network>& layout, const MlpInputs<T>& inputs, const Rows& rows,
+                                   std::size_t count, T* copy) {
     const FeatureView<const T>& features = inputs.features;
     const std::size_t stride = layout.padded_in(0), own = layout.row_inputs() - features.columns;
-    if (features.block == stride && features.columns == stride)
-        return {features.values.data() + first * stride, stride};
-    features_to_rows(features, first, rows, copy, stride);
+    if (std::same_as<Rows, RowsFrom> && features.block == stride && features.columns == stride)
+        return {features.values.data() + rows(0) * stride, stride};
+    features_to_rows(features, rows, count, copy, stride);
     if (stride != features.columns)
-        for (std::size_t r = 0; r < rows; ++r) {
+        for (std::size_t r = 0; r < count; ++r) {
             T* row = copy + r * stride;
-            T* rest = std::copy_n(inputs.points.data() + (first + r) * own, own, row + features.columns);
+            T* rest = std::copy_n(inputs.points.data() + rows(r) * own, own, row + features.columns);
             std::fill(rest, row + stride, T(0));
             if (!inputs.shared.empty()) *rest = T(1);
         }
     return {copy, stride};
 }
 
-/// All layers of one tile. x: its inputs; hidden: destination of its activations; packed: result of pack_transposed;
-/// output: padded rows of the result.
+/// All layers of one tile. x: its inputs; hidden: destination of its activations, `pitch` numbers from layer to layer;
+/// packed: result of pack_transposed; output: padded rows of the result.
 template <class T, class Network, class Ahead>
 void mlp_tile_forward(const MlpLayout<T, Network>& layout, const T* packed, typename Gemm<T>::Right x,
-                      std::size_t count, T* hidden, T* output, const Ahead& ahead) {
+                      std::size_t count, T* hidden, std::size_t pitch, T* output, const Ahead& ahead) {
     using G = Gemm<T>;
     const std::size_t last = layout.layers() - 1;
     for (std::size_t l = 0; l <= last; ++l) {
@@ -226,21 +164,21 @@ void mlp_tile_forward(const MlpLayout<T, Network>& layout, const T* packed, type
             l == 0 ? multiply(hidden, typename G::Relu{}, ahead)
                    : multiply(hidden, typename G::Relu{}, typename G::Nothing{});
             x = {hidden, stride};
-            hidden += count * stride;
+            hidden += pitch;
         }
     }
 }
 
 /// The adjoint for one tile: adds to `sums` (in the layout of pack_padded). Returns dL_dx as padded rows, which lie in
-/// one of the two scratch tiles, or null unless wants_inputs.
+/// one of the two scratch tiles, or null unless wants_inputs. hidden, pitch: as in mlp_tile_forward.
 template <class T, class Network, class Ahead>
 const T* mlp_tile_backward(const MlpLayout<T, Network>& layout, const T* packed, typename Gemm<T>::Right x,
-                           typename Gemm<T>::Right dL_dy, std::size_t count, const T* hidden, T* const (&scratch)[2],
-                           T* sums, bool wants_inputs, const Ahead& ahead) {
+                           typename Gemm<T>::Right dL_dy, std::size_t count, const T* hidden, std::size_t pitch,
+                           T* const (&scratch)[2], T* sums, bool wants_inputs, const Ahead& ahead) {
     using G = Gemm<T>;
     for (std::size_t l = layout.layers(); l-- > 0;) {
         const std::size_t stride = layout.padded_in(l);
-        const T* activations = l ? hidden + (l - 1) * count * stride : nullptr;
+        const T* activations = l ? hidden + (l - 1) * pitch : nullptr;
         // dL_dW[o, i] += sum over rows of dL_dy[row, o] x[row, i]
         G::product(layout.out(l), layout.in(l), count, {dL_dy.data, 1, dL_dy.stride},
                    l ? typename G::Right{activations, stride} : x, {sums + layout.padded_offset(l), stride},
@@ -302,7 +240,7 @@ void mixed_forward(B& backend, const Network& network, Span<const float> weights
                   scratch.tiles.data() + chunk * Tile::number_count(layout));
         for (std::size_t first = begin; first < end; first += mixed_tile) {
             const std::size_t count = std::min(mixed_tile, end - first), next = first + count;
-            prefetch_tile(inputs.features, next, std::min(mixed_tile, end - next));
+            Ahead<float, RowsFrom>{inputs.features, {next}, std::min(mixed_tile, end - next)}(0, mixed_tile);
             tile.load(inputs, first, count);
             tile.hidden_layers();
             tile.outputs(count, outputs.data() + first * network.outputs());
@@ -317,22 +255,43 @@ void mixed_backward(B& backend, const Network& network, Span<const float> weight
     const MixedLayout<Network> layout{network, inputs.shared};
     using Tile = MixedTile<Network>;
     const std::size_t rows = inputs.features.rows, grain = mlp_chunk_rows(rows), chunks = chunk_count(rows, grain);
-    const std::size_t sums_size = layout.padded_offset(layout.layers());
+    const std::size_t sums_size = layout.padded_offset(layout.layers()), outputs = network.outputs();
+    // Tiles of a chunk: the tile's own, and copies of features, further inputs, and dL_doutputs.
+    const std::size_t columns = inputs.features.columns, own = layout.row_inputs() - columns;
+    const std::size_t tile_numbers = Tile::number_count(layout),
+                      chunk_tiles = tile_numbers + mixed_tile * (columns + own + outputs);
     scratch.partials.resize(chunks * sums_size);
+    scratch.tiles.resize(chunks * chunk_tiles);
     backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+        float* const numbers = scratch.tiles.data() + chunk * chunk_tiles;
         Tile tile(layout, scratch.packed_words.data(), scratch.packed.data(),
-                  scratch.tile_words.data() + chunk * Tile::word_count(layout),
-                  scratch.tiles.data() + chunk * Tile::number_count(layout));
+                  scratch.tile_words.data() + chunk * Tile::word_count(layout), numbers);
+        const FeatureView<float> features({numbers + tile_numbers, mixed_tile * columns}, mixed_tile, columns,
+                                          inputs.features.block);
+        const Span<float> points(features.values.end(), mixed_tile * own);
+        float* const dL_dy = points.end();
         float* const sums = scratch.partials.data() + chunk * sums_size;
         std::fill_n(sums, sums_size, 0.0f);
-        for (std::size_t first = begin; first < end; first += mixed_tile) {
-            const std::size_t count = std::min(mixed_tile, end - first), next = first + count;
-            prefetch_tile(inputs.features, next, std::min(mixed_tile, end - next));
-            tile.load(inputs, first, count);
+        GradientRows<float> rows_of_tile(dL_doutputs, outputs, dL_dfeatures, features_mode, begin, end);
+        while (rows_of_tile.next()) {
+            rows_of_tile.ahead(inputs.features)(0, mixed_tile);
+            const std::size_t count = rows_of_tile.count(), first = rows_of_tile.rows()(0);
+            const bool copies = !rows_of_tile.consecutive();
+            if (copies) {
+                gather_features<float>(inputs.features, rows_of_tile.rows(), count, features);
+                copy_rows(inputs.points.data(), own, rows_of_tile.rows(), count, points.data());
+                copy_rows(dL_doutputs.data(), outputs, rows_of_tile.rows(), count, dL_dy);
+                tile.load({features, points, inputs.shared}, 0, count);
+            } else {
+                tile.load(inputs, first, count);
+            }
             tile.hidden_layers();
-            tile.load_gradient(dL_doutputs.data() + first * network.outputs(), count);
+            tile.load_gradient(copies ? dL_dy : dL_doutputs.data() + first * outputs, count);
             tile.backward(sums, !dL_dfeatures.empty());
-            if (!dL_dfeatures.empty()) tile.store_features(dL_dfeatures, first, count, features_mode);
+            if (dL_dfeatures.empty()) continue;
+            tile.store_features(copies ? features : dL_dfeatures, copies ? 0 : first, count,
+                                copies ? Write::assign : features_mode);
+            if (copies) scatter_features<float>(features, rows_of_tile.rows(), count, dL_dfeatures, features_mode);
         }
     });
     mlp_join(backend, layout, weights, scratch.partials.data(), chunks, dL_dweights, dL_dshared);
@@ -351,7 +310,7 @@ void mlp_forward(B& backend, const Network& network, Span<const T> weights, cons
                       stride = layout.padded_out(layout.layers() - 1);
     const std::size_t grain = detail::mlp_chunk_rows(rows), tile_size = detail::mlp_tile_rows * layout.widest();
 
-    scratch.hidden.resize(layout.hidden_offset(rows, 0, 0));
+    scratch.hidden.resize(layout.hidden_layers() * layout.pitch(rows));
     scratch.packed.resize(layout.transposed_offset(layout.layers()));
     scratch.tiles.resize(chunk_count(rows, grain) * 2 * tile_size);
     layout.pack_transposed(weights, scratch.packed.data());
@@ -363,9 +322,10 @@ void mlp_forward(B& backend, const Network& network, Span<const T> weights, cons
             const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
             const std::size_t next = first + count, next_count = std::min(detail::mlp_tile_rows, end - next);
             detail::mlp_tile_forward(layout, scratch.packed.data(),
-                                     detail::input_tile(layout, inputs, first, count, input_copy), count,
-                                     scratch.hidden.data() + layout.hidden_offset(first, 0, count), output_copy,
-                                     detail::Ahead<T>{inputs.features, next, next_count});
+                                     detail::input_tile(layout, inputs, detail::RowsFrom{first}, count, input_copy),
+                                     count, scratch.hidden.data() + layout.pitch(first), layout.pitch(rows),
+                                     output_copy,
+                                     detail::Ahead<T, detail::RowsFrom>{inputs.features, {next}, next_count});
             for (std::size_t r = 0; r < count; ++r)
                 std::copy_n(output_copy + r * stride, outputs_count, outputs.data() + (first + r) * outputs_count);
         }
@@ -385,26 +345,44 @@ void mlp_backward(B& backend, const Network& network, Span<const T> weights, con
     const std::size_t grain = detail::mlp_chunk_rows(rows), tile_size = detail::mlp_tile_rows * layout.widest();
     const std::size_t chunks = chunk_count(rows, grain), sums_size = layout.padded_offset(layout.layers());
 
+    // Tiles of a chunk: padded inputs, gradients of two layers, and copies of activations and dL_doutputs.
+    const std::size_t tile_hidden = layout.hidden_layers() * layout.pitch(detail::mlp_tile_rows),
+                      chunk_tiles = 3 * tile_size + tile_hidden + detail::mlp_tile_rows * outputs;
     scratch.packed.resize(sums_size);
-    scratch.tiles.resize(chunks * 3 * tile_size);
+    scratch.tiles.resize(chunks * chunk_tiles);
     scratch.partials.resize(chunks * sums_size);
     layout.pack_padded(weights, scratch.packed.data());
 
     backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        T* input_copy = scratch.tiles.data() + chunk * 3 * tile_size;
+        T* const input_copy = scratch.tiles.data() + chunk * chunk_tiles;
         T* const gradients[2] = {input_copy + tile_size, input_copy + 2 * tile_size};
+        T* const hidden_copy = input_copy + 3 * tile_size;
+        T* const dL_dy_copy = hidden_copy + tile_hidden;
         T* sums = scratch.partials.data() + chunk * sums_size;
         std::fill_n(sums, sums_size, T(0));
-        for (std::size_t first = begin; first < end; first += detail::mlp_tile_rows) {
-            const std::size_t count = std::min(detail::mlp_tile_rows, end - first);
-            const std::size_t next = first + count, next_count = std::min(detail::mlp_tile_rows, end - next);
+        detail::GradientRows<T> tile(dL_doutputs, outputs, dL_dfeatures, features_mode, begin, end);
+        const detail::AheadOfLayers<T, Network> ahead{layout, inputs.features, scratch.hidden, tile};
+        const auto backward = [&](const auto& of_tile, const T* hidden, std::size_t pitch, const T* dL_dy) {
             const T* dL_dx = detail::mlp_tile_backward(
-                layout, scratch.packed.data(), detail::input_tile(layout, inputs, first, count, input_copy),
-                {dL_doutputs.data() + first * outputs, outputs}, count,
-                scratch.hidden.data() + layout.hidden_offset(first, 0, count), gradients, sums, !dL_dfeatures.empty(),
-                detail::AheadOfLayers<T, Network>{
-                    layout, {inputs.features, next, next_count}, scratch.hidden.data(), next});
-            if (dL_dx) detail::rows_to_features(dL_dx, layout.padded_in(0), first, count, dL_dfeatures, features_mode);
+                layout, scratch.packed.data(), detail::input_tile(layout, inputs, of_tile, tile.count(), input_copy),
+                {dL_dy, outputs}, tile.count(), hidden, pitch, gradients, sums, !dL_dfeatures.empty(), ahead);
+            if (dL_dx)
+                detail::rows_to_features(dL_dx, layout.padded_in(0), of_tile, tile.count(), dL_dfeatures,
+                                         features_mode);
+        };
+        while (tile.next()) {
+            if (tile.consecutive()) {
+                const std::size_t first = tile.rows()(0);
+                backward(detail::RowsFrom{first}, scratch.hidden.data() + layout.pitch(first), layout.pitch(rows),
+                         dL_doutputs.data() + first * outputs);
+            } else {
+                const std::size_t pitch = layout.pitch(tile.count());
+                for (std::size_t l = 0; l < layout.hidden_layers(); ++l)
+                    detail::copy_rows<T>(scratch.hidden.data() + l * layout.pitch(rows), layout.padded_out(0),
+                                         tile.rows(), tile.count(), hidden_copy + l * pitch);
+                detail::copy_rows(dL_doutputs.data(), outputs, tile.rows(), tile.count(), dL_dy_copy);
+                backward(tile.rows(), hidden_copy, pitch, dL_dy_copy);
+            }
         }
     });
     detail::mlp_join(backend, layout, weights, scratch.partials.data(), chunks, dL_dweights, dL_dshared);

@@ -7,7 +7,6 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
-#include <gsh/core/prefetch.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/cpu/matrix_bf16.hpp>
 #include <gsh/field/features.hpp>
@@ -299,13 +298,5 @@ private:
     FloatMatrix sums_;
     ProductBf16 product_;
 };
-
-/// Prefetches the features of the next tile.
-inline void prefetch_tile(const FeatureView<const float>& view, std::size_t first, std::size_t count) {
-    for (std::size_t c = 0; c < view.columns; c += view.block) {
-        const float* const from = view.column(c) + first * view.block;
-        for (std::size_t i = 0; i < count * view.block; i += 16) prefetch(from + i);
-    }
-}
 
 } // namespace gsh::cpu::detail

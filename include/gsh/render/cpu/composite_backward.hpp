@@ -31,11 +31,13 @@ struct alignas(64) GradientBlock {
     Lanes<T> product, minus_behind, dL_dred, dL_dgreen, dL_dblue, dL_ddepth, dL_dmedian;
 };
 
-/// One splat's share of the gradient in the blocks of the set bits, summed over their pixels: writes its slot.
+/// One splat's share of the gradient in the blocks of the set bits, summed over their pixels: writes its slot. Returns
+/// those of the blocks in which too little light reaches the splat to pass a gradient to it, or to any splat behind it.
 template <bool Depth, class T>
-void blend_backward([[maybe_unused]] const TileSplat<T>& splat, [[maybe_unused]] const BlendLimits<T>& bounds,
-                    [[maybe_unused]] std::uint32_t bits, [[maybe_unused]] GradientBlock<T>* blocks,
-                    [[maybe_unused]] T* slot) {
+std::uint32_t blend_backward([[maybe_unused]] const TileSplat<T>& splat,
+                             [[maybe_unused]] const BlendLimits<T>& bounds, [[maybe_unused]] std::uint32_t bits,
+                             [[maybe_unused]] GradientBlock<T>* blocks, [[maybe_unused]] T* slot) {
+    std::uint32_t dark = 0;
 #if !defined(__CUDA_ARCH__) // in its pass for the device, nvcc parses host code, too, and refuses vectors of registers
     using W = Wide<T>;
     const TileSplat<T> s = splat; // local copies: the stores below cannot alias them
@@ -46,11 +48,16 @@ void blend_backward([[maybe_unused]] const TileSplat<T>& splat, [[maybe_unused]]
     for (; bits != 0; bits &= bits - 1) {
         const auto b = static_cast<std::size_t>(std::countr_zero(bits));
         GradientBlock<T>& block = blocks[b];
+        dark |= 1u << b;
         for (std::size_t l = 0; l < block_lanes; l += W::width) {
-            const W x = W::load(&pixel_coordinates<T, false>[b][l]), y = W::load(&pixel_coordinates<T, true>[b][l]);
             const W before = W::load(&block.product[l]);
+            const auto lit = before >= W(limits.gradient_transmittance_min);
+            if (!any(lit)) continue;
+            dark &= ~(1u << b);
+            const W x = W::load(&pixel_coordinates<T, false>[b][l]), y = W::load(&pixel_coordinates<T, true>[b][l]);
             const BlendStep<W> step(s, limits, x, y, before);
             step.after.store(&block.product[l]);
+            const W weight = select(lit, step.weight, zero);
 
             const W red = W::load(&block.dL_dred[l]), green = W::load(&block.dL_dgreen[l]);
             const W blue = W::load(&block.dL_dblue[l]);
@@ -59,7 +66,7 @@ void blend_backward([[maybe_unused]] const TileSplat<T>& splat, [[maybe_unused]]
             const W share = step.weight * shade, minus_behind = W::load(&block.minus_behind[l]) + share;
             minus_behind.store(&block.minus_behind[l]);
             const W dF = multiply_add(step.alpha / step.keep, minus_behind, share); // by d ln(alpha)
-            const W g = select(step.live & (step.raw <= W(limits.alpha_max)), dF, zero);
+            const W g = select(step.live & lit & (step.raw <= W(limits.alpha_max)), dF, zero);
 
             const W gu = g * step.u, gv = g * step.v;
             sums[slot_g] += g;
@@ -68,12 +75,12 @@ void blend_backward([[maybe_unused]] const TileSplat<T>& splat, [[maybe_unused]]
             sums[slot_uu] = multiply_add(gu, step.u, sums[slot_uu]);
             sums[slot_uv] = multiply_add(gu, step.v, sums[slot_uv]);
             sums[slot_vv] = multiply_add(gv, step.v, sums[slot_vv]);
-            sums[slot_red] = multiply_add(step.weight, red, sums[slot_red]);
-            sums[slot_green] = multiply_add(step.weight, green, sums[slot_green]);
-            sums[slot_blue] = multiply_add(step.weight, blue, sums[slot_blue]);
+            sums[slot_red] = multiply_add(weight, red, sums[slot_red]);
+            sums[slot_green] = multiply_add(weight, green, sums[slot_green]);
+            sums[slot_blue] = multiply_add(weight, blue, sums[slot_blue]);
             if constexpr (Depth) {
-                const auto crosses = (before > W(T(0.5))) & (step.after <= W(T(0.5))) & step.live;
-                sums[slot_depth] += multiply_add(step.weight, W::load(&block.dL_ddepth[l]),
+                const auto crosses = (before > W(T(0.5))) & (step.after <= W(T(0.5))) & step.live & lit;
+                sums[slot_depth] += multiply_add(weight, W::load(&block.dL_ddepth[l]),
                                                  select(crosses, W::load(&block.dL_dmedian[l]), zero));
             }
         }
@@ -82,6 +89,7 @@ void blend_backward([[maybe_unused]] const TileSplat<T>& splat, [[maybe_unused]]
     for (int i = 0; i < whole; i += W::width) sums_of_rows<W::width>(sums + i).store(slot + i);
     if constexpr (rest > 0) sums_of_rows<rest>(sums + whole).template store_first<rest>(slot + whole);
 #endif
+    return dark;
 }
 
 /// One plane of an image in block order; zero where the plane is empty or the tile extends beyond the image.
@@ -104,6 +112,7 @@ void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splat
                          GradientBlock<T>* blocks, T* slots) {
     constexpr std::size_t slot = slot_size<Depth>;
     Batch<T> batch;
+    std::uint32_t lit = (1u << blocks_of_tile) - 1; // blocks in which splats still get a gradient
     for (std::size_t begin = 0; begin < list.size(); begin += batch.size) {
         batch.load(splats, list, begin, tile);
         for (std::size_t j = 0; j < batch.size; ++j) prefetch_for_write(slots + list[begin + j].slot * slot);
@@ -114,8 +123,8 @@ void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splat
                 bits[j] = static_cast<std::uint16_t>(bits[j] & ~(1u << b));
         for (std::size_t j = 0; j < batch.size; ++j) {
             T* const sums = slots + list[begin + j].slot * slot;
-            if (bits[j] == 0) std::fill_n(sums, slot, T(0));
-            else blend_backward<Depth>(batch[j], limits, bits[j], blocks, sums);
+            if ((bits[j] & lit) == 0) std::fill_n(sums, slot, T(0));
+            else lit &= ~blend_backward<Depth>(batch[j], limits, bits[j] & lit, blocks, sums);
         }
     }
 }

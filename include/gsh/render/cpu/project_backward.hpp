@@ -14,6 +14,7 @@
 #include <gsh/render/cpu/raster_scratch.hpp>
 #include <gsh/render/raster_cache.hpp>
 
+#include <algorithm>
 #include <cstddef>
 
 namespace gsh::cpu::inline GSH_ISA {
@@ -136,6 +137,7 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
     RasterScratch<B, T>& scratch = cache.scratch;
     const std::size_t n = splats.size(), chunks = chunk_count(n, splat_grain);
     const Camera<double> camera_in_double = camera.template cast<double>();
+    const bool skips_dark = params.gradient_transmittance_min > T(0);
     cache.screen_gradient_norms.resize(n);
     cache.screen_radii.resize(n);
     scratch.chunk_camera.resize(dL_dcamera.empty() ? 0 : chunks);
@@ -160,6 +162,7 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
             for (std::size_t slot = scratch.slot_begin[i]; slot < scratch.slot_begin[i + 1]; ++slot)
                 for (std::size_t k = 0; k < scratch.slot_size; ++k)
                     sum[k] += scratch.slots[slot * scratch.slot_size + k];
+            if (skips_dark && std::all_of(sum, sum + slot_size<true>, [](T s) { return s == T(0); })) continue;
             const ScreenSplat<T>& s = scratch.splats[i];
             if (!dL_dsplats.opacities.empty()) {
                 const T factor = params.compensate_opacity ? s.opacity / splats.opacities[i] : T(1);

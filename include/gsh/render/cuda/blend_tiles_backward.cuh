@@ -224,15 +224,16 @@ private:
     [[nodiscard]] __device__ T blend(const TileSplat<T>& s, const TilePixel& pixel, State& state, T& weight) const {
         const T before = state.product;
         const BlendStep<T> step(s, limits, static_cast<T>(pixel.x), static_cast<T>(pixel.y), before);
+        const bool lit = before >= limits.gradient_transmittance_min;
         state.product = step.after;
         T shade = s.red * state.red + s.green * state.green + s.blue * state.blue;
         if constexpr (Depth) shade += s.depth * state.depth;
         state.behind -= step.weight * shade;
-        weight = step.weight;
+        weight = lit ? step.weight : T(0);
         if constexpr (Depth) weight = before > T(0.5) && step.after <= T(0.5) && step.live ? -weight : weight;
         const T dL_dalpha = before * shade - state.behind * quick_reciprocal(step.keep);
         const T passes = step.raw <= limits.alpha_max ? step.alpha : T(0);
-        return step.live ? dL_dalpha * passes : T(0);
+        return step.live && lit ? dL_dalpha * passes : T(0);
     }
 
     /// Second step: sums pair i over its pixels. Column i of `g` then holds the entries of the slot.
