@@ -8,6 +8,7 @@
 #include <gsh/field/features.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
@@ -151,20 +152,20 @@ public:
     }
 
     [[nodiscard]] std::size_t count() const { return tile_.count; }
-    [[nodiscard]] RowsOf rows() const { return {tile_.rows}; }
+    [[nodiscard]] RowsOf rows() const { return {tile_.rows.data()}; }
     /// True if the tile's rows follow each other in the batch.
     [[nodiscard]] bool consecutive() const { return tile_.rows[tile_.count - 1] - tile_.rows[0] == tile_.count - 1; }
 
     /// For prefetching rows of the tile after this one.
     template <class U>
     [[nodiscard]] Ahead<U, RowsOf> ahead(const FeatureView<const U>& view) const {
-        return {view, {upcoming_.rows}, upcoming_.count};
+        return {view, {upcoming_.rows.data()}, upcoming_.count};
     }
 
 private:
     struct Tile {
         std::size_t count = 0;
-        std::uint32_t rows[capacity];
+        std::array<std::uint32_t, capacity> rows;
     };
 
     void collect(Tile& to) {

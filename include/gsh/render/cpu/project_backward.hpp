@@ -162,8 +162,11 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
             for (std::size_t slot = scratch.slot_begin[i]; slot < scratch.slot_begin[i + 1]; ++slot)
                 for (std::size_t k = 0; k < scratch.slot_size; ++k)
                     sum[k] += scratch.slots[slot * scratch.slot_size + k];
-            if (skips_dark && std::all_of(sum, sum + slot_size<true>, [](T s) { return s == T(0); })) continue;
             const ScreenSplat<T>& s = scratch.splats[i];
+            if (skips_dark && std::all_of(sum, sum + slot_size<true>, [](T number) { return number == T(0); })) {
+                cache.screen_radii[i] = static_cast<T>(screen_radius(s.w));
+                continue;
+            }
             if (!dL_dsplats.opacities.empty()) {
                 const T factor = params.compensate_opacity ? s.opacity / splats.opacities[i] : T(1);
                 dL_dsplats.opacities[i] += sum[slot_g] / s.opacity * factor;
