@@ -152,14 +152,14 @@ public:
     }
 
     [[nodiscard]] std::size_t count() const { return tile_.count; }
-    [[nodiscard]] RowsOf rows() const { return {tile_.rows.data()}; }
+    [[nodiscard]] RowsOf rows() const { return RowsOf{tile_.rows.data()}; } // nvcc needs the type
     /// True if the tile's rows follow each other in the batch.
     [[nodiscard]] bool consecutive() const { return tile_.rows[tile_.count - 1] - tile_.rows[0] == tile_.count - 1; }
 
     /// For prefetching rows of the tile after this one.
     template <class U>
     [[nodiscard]] Ahead<U, RowsOf> ahead(const FeatureView<const U>& view) const {
-        return {view, {upcoming_.rows.data()}, upcoming_.count};
+        return Ahead<U, RowsOf>{view, RowsOf{upcoming_.rows.data()}, upcoming_.count};
     }
 
 private:
