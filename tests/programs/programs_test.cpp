@@ -244,7 +244,8 @@ TEST_CASE("a checkpoint belongs to one training alone") {
     const OutFolder paper; // of a run with another configuration than the default
     check_done(run(s.reconstruct(paper.path, {"--config", "paper", "--steps", "2"})));
     check_refused(run(s.reconstruct(paper.path, {"--steps", "4", "--resume"})), "gsh-reconstruct",
-                  {"checkpoint.gsh", "a different run", "'ao = time' where this run has 'ao = none'", "--config"});
+                  {"checkpoint.gsh", "a different run",
+                   "'sh_start = 0' where this run has 'sh_start = 0.3'", "--config"});
     check_done(run(s.reconstruct(paper.path, {"--config", "paper", "--steps", "4", "--resume"})));
     check_done(resume({"--config", std::string(default_configuration), "--steps", "2"})); // named, it is the same
     CHECK(read_file(out.path / "avatar.gsh") == avatar);

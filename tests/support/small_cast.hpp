@@ -40,13 +40,14 @@ struct Cast {
     TrainerType trainer;
 
     Cast(const SmallScene& scene, std::vector<Motion> poses, std::vector<Photo> photos, B where = B(),
-         const AvatarConfig& avatar = {.rates = small_rates}, const TrainConfig& config = {}, double density = 12)
+         const AvatarConfig& avatar = {.rates = small_rates}, const TrainConfig& config = small_training,
+         double density = 12)
         : Cast(scene, std::move(poses), std::move(photos), [&]() -> B { return std::move(where); }, avatar, config,
                density) {}
     /// On a backend that make() returns, which need not be movable.
     template <std::invocable Make>
     Cast(const SmallScene& scene, std::vector<Motion> poses, std::vector<Photo> photos, const Make& make,
-         const AvatarConfig& avatar, const TrainConfig& config = {}, double density = 12)
+         const AvatarConfig& avatar, const TrainConfig& config = small_training, double density = 12)
         : backend(make()), motions(std::move(poses)), people(backend, members(scene, avatar, density)),
           trainer(backend, people, std::move(photos), seed, config) {}
     Cast(const Cast&) = delete;

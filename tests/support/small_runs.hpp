@@ -89,7 +89,7 @@ inline void append(std::vector<float>& to, const GaussianCloud<float>& cloud) {
 
 template <class B>
 Outcome train_avatar(const SmallScene& scene, const AvatarConfig& config, int steps = 5,
-                     const TrainConfig& train_config = {}) {
+                     const TrainConfig& train_config = small_training) {
     SmallTraining<B> training(scene, [] { return B(); }, 3, config, train_config);
     Outcome outcome;
     take_steps(training.trainer, steps, 0.1); // the shadow joins at 0.1

@@ -26,6 +26,16 @@
 
 namespace gsh::test {
 
+/// Photographs of small trainings have gains, so that these are tested, too.
+inline const TrainConfig small_training{.gain = {.rate = 0.03}};
+
+/// The same with a limit on the photographs in a device's memory, in bytes.
+inline TrainConfig with_photo_memory(std::uint64_t bytes) {
+    TrainConfig config = small_training;
+    config.photo_memory = bytes;
+    return config;
+}
+
 /// Poses, cameras and photographs. The photographs show stripes on the body. They are made by projection of many
 /// surface points, without a rasterizer.
 struct SmallScene {
@@ -142,12 +152,13 @@ struct SmallTraining {
     TrainerType trainer;
 
     explicit SmallTraining(const SmallScene& small_scene, B where = B(), std::uint64_t seed = 3,
-                           const AvatarConfig& avatar = {.rates = small_rates}, const TrainConfig& config = {})
+                           const AvatarConfig& avatar = {.rates = small_rates},
+                           const TrainConfig& config = small_training)
         : SmallTraining(small_scene, [&]() -> B { return std::move(where); }, seed, avatar, config) {}
     /// On a backend that make() returns, which need not be movable.
     template <std::invocable Make>
     SmallTraining(const SmallScene& small_scene, const Make& make, std::uint64_t seed, const AvatarConfig& avatar,
-                  const TrainConfig& config = {}, const SmallNetwork& network = {})
+                  const TrainConfig& config = small_training, const SmallNetwork& network = {})
         : scene(&small_scene), backend(make()),
           samples(sample_surface(scene->body, shaped_vertices(scene->body, scene->betas),
                                  std::vector<double>(scene->body.vertex_count(), 12.0), seed)),

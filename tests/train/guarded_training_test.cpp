@@ -42,7 +42,7 @@ TEST_CASE("so it does with photographs that are brought for their step") {
     const SmallScene scene;
     for (const std::uint64_t budget : {std::uint64_t(1), std::uint64_t(2 * scene.photos[0].rgba.size())}) {
         CAPTURE(budget);
-        check_equal(train_avatar<Guarded>(scene, {.ao = AmbientOcclusion::none}, 6, {.photo_memory = budget}),
+        check_equal(train_avatar<Guarded>(scene, {.ao = AmbientOcclusion::none}, 6, with_photo_memory(budget)),
                     train_avatar<cpu::Serial>(scene, {.ao = AmbientOcclusion::none}, 6));
     }
 }

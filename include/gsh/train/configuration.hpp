@@ -230,7 +230,6 @@ void for_each_setting(C& c, const F& f) {
                                                        std::string_view also = {}) {
     Configuration c;
     c.name = name;
-    c.avatar.sh_start = 0.3;
     c.train.gradient_transmittance_min = 0.01;
     // Liu et al., "Animatable 3D Gaussian", 2024, as in its code, except that samples lie on the surface. In that code
     // they are copies of the vertices, moved by a squared length that is used as a length.
@@ -251,7 +250,6 @@ void for_each_setting(C& c, const F& f) {
         c.avatar.sh_dc_scale = 20;
         c.avatar.rates = baseline_rates();
         c.avatar.ao_start = 0.4;
-        c.avatar.sh_start = 0;
         c.train = baseline_config();
         c.unknown_band = 0;
         c.half_chroma = false;
@@ -269,8 +267,12 @@ void for_each_setting(C& c, const F& f) {
     else if (name == "no-normals") c.normal_prior = false;
     else if (name == "smpl-init") c.joints = JointSet::trunk_and_limbs, c.region_samples = false;
     else if (name == "pose-ao") c.avatar.ao = AmbientOcclusion::pose;
-    else if (name == "light") c.avatar.ao = AmbientOcclusion::none, c.avatar.light = true;
-    else {
+    else if (name == "light") {
+        c.avatar.ao = AmbientOcclusion::none;
+        c.avatar.light = true;
+        c.avatar.sh_start = 0.3; // when gains have been found
+        c.train.gain.rate = 0.03;
+    } else {
         std::string message(where);
         message.append(where.empty() ? "" : ": ").append("there is no configuration '").append(name);
         message.append("', expected one of ");

@@ -20,8 +20,7 @@ namespace gsh {
             .ssim_weight = config.ssim_weight,
             .background = config.background,
             .random_background = false,
-            .filter = config.filter,
-            .gain = {}}; // one photograph of each camera: its gain would be the mean
+            .filter = config.filter}; // without gains: of one photograph of each camera, they would be the mean
 }
 
 /// The seed for the Trainer of a static scene, which determines the order of the photographs. StaticModel takes `seed`

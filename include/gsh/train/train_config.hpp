@@ -27,8 +27,9 @@ struct TrainConfig {
     /// skip the hidden side of a body. 0: every gradient, however small.
     double gradient_transmittance_min = 0;
 
-    /// Exposure and white balance of each photograph.
-    PhotoGainParams gain{.rate = 0.03};
+    /// Exposure and white balance of each photograph. Without a light in the scene, they would also learn the shading
+    /// that it lacks, so they are fixed by default.
+    PhotoGainParams gain{};
 
     /// Bytes of a device's memory for photographs; the others are brought ahead of their step. 0: half of what is free
     /// when training starts. No setting of the avatar: it does not change any number.
@@ -51,8 +52,7 @@ struct TrainConfig {
             .final_rate = 1,
             .ssim_weight = 0.2,
             .random_background = false,
-            .filter = {.dilation = 0.3, .compensate_opacity = false},
-            .gain = {}};
+            .filter = {.dilation = 0.3, .compensate_opacity = false}};
 }
 
 } // namespace gsh

@@ -66,7 +66,7 @@ TEST_CASE("a step is one graph that waits for nothing, also in a light, with ref
     const SmallScene scene;
     SmallTraining<Device> training(
         scene, [] { return Device(); }, 3, {.ao = AmbientOcclusion::pose},
-        {.photo_memory = scene.photos[0].rgba.size()}); // the other photographs are brought
+        with_photo_memory(scene.photos[0].rgba.size())); // the other photographs are brought
     training.model.set_light(training.rig, std::make_shared<LearnedLight<Device>>(training.backend,
                                                                                   even_light(2, 3, {0, 0.8, 0}, 3)));
     MotionRefinement<Device> refinement(training.backend, training.rig, scene.motion, scene.cameras, everything());

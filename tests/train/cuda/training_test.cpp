@@ -66,10 +66,10 @@ TEST_CASE("photographs beyond the budget are brought ahead of their steps, which
     const Outcome expected = train_avatar<Device>(scene, config, 10);
     for (const std::uint64_t budget : {std::uint64_t(1), std::uint64_t(2 * scene.photos[0].rgba.size())}) {
         CAPTURE(budget);
-        check_same(train_avatar<Device>(scene, config, 10, {.photo_memory = budget}), expected);
+        check_same(train_avatar<Device>(scene, config, 10, with_photo_memory(budget)), expected);
 #if defined(GSH_CUDA_EMULATION)
         CudaEmulation::instance().eager_streams = true; // copies run as early as their events allow
-        check_same(train_avatar<Device>(scene, config, 10, {.photo_memory = budget}), expected);
+        check_same(train_avatar<Device>(scene, config, 10, with_photo_memory(budget)), expected);
         CudaEmulation::instance().eager_streams = false;
 #endif
     }
