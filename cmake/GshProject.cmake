@@ -28,6 +28,8 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU") # GCC warns after inlining, and a large
 else() # Clang: a local name may shadow one in the unnamed namespace of another joined file
   set(gsh_joined_options -Wno-error=shadow)
 endif()
+# GCC takes a quarter less time for -O2 than for -O3, the default of Release.
+list(APPEND gsh_joined_options $<$<CONFIG:Release>:-O2>)
 
 add_library(gsh_project INTERFACE)
 # The flags are for C++ only, because nvcc passes host flags in another way.

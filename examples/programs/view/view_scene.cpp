@@ -103,7 +103,7 @@ std::vector<ViewMotion> built_in_motions(const RigData& rig, const Motion& canon
 }
 
 template <class Vectors>
-Json flat(const Vectors& vectors) {
+Json json_of(const Vectors& vectors) {
     Json list = Json::array();
     for (const auto& v : vectors)
         for (int axis = 0; axis < 3; ++axis) list.push_back(v[axis]);
@@ -173,11 +173,11 @@ Json describe_person(const ViewScene& scene, std::size_t p) {
                 {"gaussians", data.rig.point_count()},
                 {"joint_names", body.joint_names},
                 {"parents", body.parents},
-                {"rest_joints", flat(data.rig.joints)},
+                {"rest_joints", json_of(data.rig.joints)},
                 {"betas", data.rig.betas},
                 {"expressions", body.expression_count},
-                {"shape_directions", flat(joint_directions(body, body.shapedirs))},
-                {"expression_directions", flat(joint_directions(body, body.exprdirs))},
+                {"shape_directions", json_of(joint_directions(body, body.shapedirs))},
+                {"expression_directions", json_of(joint_directions(body, body.exprdirs))},
                 {"lit", data.light.has_value()},
                 {"shadows", data.light ? data.light->shadows : !data.ao.empty() || data.occlusion_field.has_value()},
                 {"motions", Json::array()}};
