@@ -5,10 +5,12 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/math/wide.hpp>
 #include <gsh/math/wide_bf16.hpp>
+#include <gsh/math/wide_block.hpp>
 #include <gsh/math/wide_shuffle.hpp>
 #include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/cpu/blend_shapes.hpp>
+#include <gsh/gaussian/cpu/static_gaussian.hpp>
 #include <gsh/field/cpu/feature_rows.hpp>
 #include <gsh/field/cpu/gemm.hpp>
 #include <gsh/field/cpu/hash_grid.hpp>

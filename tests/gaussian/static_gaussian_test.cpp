@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/gaussian/cpu/static_gaussian.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 
 #include "support/gradient.hpp"
@@ -140,6 +141,51 @@ TEST_CASE("Threads equals Serial bit for bit at any thread count and size") {
             CHECK(same_bits<vec3<float>>(splats.colors, expected.colors));
             CHECK(same_bits<float>(splats.opacities, expected.opacities));
         }
+    }
+}
+
+TEST_CASE("blocks of lanes give each Gaussian its own result, also where some have no gradient") {
+    for (const std::size_t count : {1, 7, 37}) {
+        CAPTURE(count);
+        const auto cloud = random_cloud<double>(count, 3);
+        auto dL_dsplats = random_gradient<double>(count);
+        for (std::size_t i = 0; i < count; i += 3) { // nothing sees every third one
+            dL_dsplats.means[i] = dL_dsplats.colors[i] = vec3<double>(0.0);
+            dL_dsplats.covariances[i] = {};
+            dL_dsplats.opacities[i] = 0;
+        }
+        const vec3<double> center(0.3, -0.2, -4);
+        cpu::Serial backend;
+        const StaticSplats<cpu::Serial, 3, double> to_splats(backend);
+        StaticSplats<cpu::Serial, 3, double>::Cache cache;
+        Splats<cpu::Serial, double> splats, expected;
+        splats.resize(count), expected.resize(count);
+        auto gradient = zero_cloud<double>(count, 3), expected_gradient = gradient;
+        std::vector<vec3<double>> dL_dcenter(1, vec3<double>(0.0)), dL_dcenters(count, vec3<double>(9));
+        to_splats.forward(cloud.view(), center, splats.view(), cache);
+        to_splats.backward(cloud.view(), center, dL_dsplats.view(), cache, gradient.view(), dL_dcenter);
+
+        const detail::StaticInput<3, double> input{cloud.view(), center};
+        const auto clamping = to_splats.params().clamping;
+        const detail::StaticSplatForward<3, double> forward{input, clamping, expected.view()};
+        const detail::StaticSplatBackward<3, double> backward{input, clamping, dL_dsplats.view(),
+                                                              expected_gradient.view(), dL_dcenters};
+        vec3<double> sum(0.0);
+        for (std::size_t i = 0; i < count; ++i) {
+            forward(i), backward(i);
+            sum += dL_dcenters[i];
+            CHECK(length(splats.colors[i] - expected.colors[i]) < 1e-12);
+            CHECK(splats.opacities[i] == doctest::Approx(expected.opacities[i]).epsilon(1e-12));
+            CHECK(splats.covariances[i].xy == doctest::Approx(expected.covariances[i].xy).epsilon(1e-12));
+            CHECK(length(gradient.means[i] - expected_gradient.means[i]) < 1e-12);
+            CHECK(length(gradient.log_scales[i] - expected_gradient.log_scales[i]) < 1e-12);
+            CHECK(gradient.quats[i].z == doctest::Approx(expected_gradient.quats[i].z).epsilon(1e-11));
+            CHECK(gradient.opacity_logits[i] == doctest::Approx(expected_gradient.opacity_logits[i]).epsilon(1e-12));
+            for (std::size_t k = 0; k < 16; ++k)
+                CHECK(length(gradient.sh[16 * i + k] - expected_gradient.sh[16 * i + k]) < 1e-12);
+            if (i % 3 == 0) CHECK(gradient.means[i] == vec3<double>(0.0));
+        }
+        CHECK(length(dL_dcenter[0] - sum) < 1e-12);
     }
 }
 

@@ -216,15 +216,7 @@ struct SkinnedSplatBackward {
         if (!dL_dgaussians.ao.empty()) dL_dgaussians.ao[i] += gradient.ao;
     }
 
-    /// True if the gradient of the splat is zero. The adjoint is linear, so such a Gaussian contributes nothing. This
-    /// holds for about half of the Gaussians of a body, which no pixel sees.
-    [[nodiscard]] GSH_HD bool unseen(std::size_t i) const {
-        const vec3<T>&mean = dL_dsplats.means[i], &color = dL_dsplats.colors[i];
-        const sym3<T>& cov = dL_dsplats.covariances[i];
-        return dL_dsplats.opacities[i] == T(0) && mean.x == T(0) && mean.y == T(0) && mean.z == T(0) &&
-               color.x == T(0) && color.y == T(0) && color.z == T(0) && cov.xx == T(0) && cov.xy == T(0) &&
-               cov.xz == T(0) && cov.yy == T(0) && cov.yz == T(0) && cov.zz == T(0);
-    }
+    [[nodiscard]] GSH_HD bool unseen(std::size_t i) const { return is_zero(dL_dsplats, i); }
 };
 
 } // namespace detail

@@ -4,13 +4,20 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/sum.hpp>
+#include <gsh/core/config.hpp>
 #include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/lane.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/math/activation.hpp>
+#include <gsh/math/quat.hpp>
+#include <gsh/math/sh.hpp>
+#include <gsh/math/sym.hpp>
+#include <gsh/math/vec.hpp>
 
 #include <concepts>
 #include <cstddef>
@@ -40,58 +47,125 @@ GSH_HD void view_direction_backward(const vec3<T>& mean, const vec3<T>& center, 
     dL_doffset += (dL_ddir - dir * dot(dir, dL_ddir)) * scale;
 }
 
+/// One Gaussian of a static scene: opacity = sigmoid(o), covariance = R S Sᵀ Rᵀ, and the colour seen from a camera.
+///
+/// Shapes  sh [basis_count] RGB.
+/// Frame   all in the world; center is the camera's centre.
+/// Source  Kerbl et al., "3D Gaussian Splatting", 2023.
+template <int Degree>
+struct StaticGaussian {
+    static constexpr std::size_t basis_count = static_cast<std::size_t>(sh_basis_count(Degree));
+
+    template <Lane T>
+    struct Input {
+        vec3<T> mean;
+        quat<T> q;
+        vec3<T> log_scale;
+        T opacity_logit;
+        const vec3<T>* sh;
+        vec3<T> center;
+    };
+    template <Lane T>
+    struct Output {
+        vec3<T> mean;
+        sym3<T> covariance;
+        T opacity;
+        vec3<T> color;
+    };
+    /// Gradient with respect to an Input; sh points to the array to which its part is added.
+    template <Lane T>
+    struct Gradient {
+        vec3<T> mean = vec3<T>(T(0));
+        quat<T> q = {T(0), T(0), T(0), T(0)};
+        vec3<T> log_scale = vec3<T>(T(0));
+        T opacity_logit = T(0);
+        vec3<T>* sh = nullptr;
+        vec3<T> center = vec3<T>(T(0));
+    };
+
+    template <Lane T>
+    [[nodiscard]] GSH_HD static Output<T> forward(const Input<T>& in, ColorClamp clamping) {
+        return {in.mean, covariance(in.q, in.log_scale), sigmoid(in.opacity_logit),
+                shade<Degree>(in.sh, view_direction(in.mean, in.center), T(1), clamping)};
+    }
+
+    /// Adds to dL_din.
+    template <Lane T>
+    GSH_HD static void backward(const Input<T>& in, ColorClamp clamping, const Output<T>& dL_dout,
+                                Gradient<T>& dL_din) {
+        vec3<T> dL_ddir(T(0)), dL_doffset(T(0));
+        T dL_dao(T(0));
+        shade_backward<Degree>(in.sh, view_direction(in.mean, in.center), T(1), clamping, dL_dout.color, dL_din.sh,
+                               dL_ddir, dL_dao);
+        view_direction_backward(in.mean, in.center, dL_ddir, dL_doffset);
+        dL_din.mean += dL_dout.mean + dL_doffset;
+        dL_din.center -= dL_doffset;
+        covariance_backward(in.q, in.log_scale, dL_dout.covariance, dL_din.q, dL_din.log_scale);
+        sigmoid_backward(sigmoid(in.opacity_logit), dL_dout.opacity, dL_din.opacity_logit);
+    }
+};
+
 namespace detail {
 
 template <int Degree, class T>
-struct StaticSplatForward {
+struct StaticInput {
     GaussiansView<const T> gaussians;
     Deferred<vec3<T>> center;
+
+    [[nodiscard]] GSH_HD typename StaticGaussian<Degree>::template Input<T> operator[](std::size_t i) const {
+        return {gaussians.means[i],          gaussians.quats[i],
+                gaussians.log_scales[i],     gaussians.opacity_logits[i],
+                gaussians.sh.data() + i * StaticGaussian<Degree>::basis_count, center()};
+    }
+};
+
+template <int Degree, class T>
+struct StaticSplatForward {
+    StaticInput<Degree, T> input;
     ColorClamp clamping;
     SplatView<T> splats;
 
     GSH_HD void operator()(std::size_t i) const {
-        const vec3<T>* sh = gaussians.sh.data() + i * static_cast<std::size_t>(sh_basis_count(Degree));
-        const vec3<T> mean = gaussians.means[i];
-        splats.means[i] = mean;
-        splats.covariances[i] = covariance(gaussians.quats[i], gaussians.log_scales[i]);
-        splats.opacities[i] = sigmoid(gaussians.opacity_logits[i]);
-        splats.colors[i] = shade<Degree>(sh, view_direction(mean, center()), T(1), clamping);
+        const auto out = StaticGaussian<Degree>::forward(input[i], clamping);
+        splats.means[i] = out.mean;
+        splats.covariances[i] = out.covariance;
+        splats.opacities[i] = out.opacity;
+        splats.colors[i] = out.color;
     }
 };
 
 template <int Degree, class T>
 struct StaticSplatBackward {
-    GaussiansView<const T> gaussians;
-    Deferred<vec3<T>> center;
+    StaticInput<Degree, T> input;
     ColorClamp clamping;
     SplatView<const T> dL_dsplats;
     GaussiansView<T> dL_dgaussians;
     Span<vec3<T>> dL_dcenters; // contribution of each Gaussian to dL_dcenter; may be empty
 
     GSH_HD void operator()(std::size_t i) const {
-        constexpr std::size_t basis_count = static_cast<std::size_t>(sh_basis_count(Degree));
-        const vec3<T>* sh = gaussians.sh.data() + i * basis_count;
-        const vec3<T> mean = gaussians.means[i], dir = view_direction(mean, center());
-
-        vec3<T> dL_dsh[basis_count], dL_ddir(T(0)), dL_doffset(T(0));
+        if (skip(i)) return;
+        constexpr std::size_t basis_count = StaticGaussian<Degree>::basis_count;
+        vec3<T> dL_dsh[basis_count];
         for (vec3<T>& value : dL_dsh) value = vec3<T>(T(0));
-        T dL_dao = T(0);
-        shade_backward<Degree>(sh, dir, T(1), clamping, dL_dsplats.colors[i], dL_dsh, dL_ddir, dL_dao);
-        view_direction_backward(mean, center(), dL_ddir, dL_doffset);
+        typename StaticGaussian<Degree>::template Gradient<T> gradient;
+        gradient.sh = dL_dsh;
+        StaticGaussian<Degree>::backward(
+            input[i], clamping,
+            {dL_dsplats.means[i], dL_dsplats.covariances[i], dL_dsplats.opacities[i], dL_dsplats.colors[i]}, gradient);
+        if (!dL_dgaussians.means.empty()) dL_dgaussians.means[i] += gradient.mean;
+        if (!dL_dgaussians.quats.empty()) dL_dgaussians.quats[i] += gradient.q;
+        if (!dL_dgaussians.log_scales.empty()) dL_dgaussians.log_scales[i] += gradient.log_scale;
+        if (!dL_dgaussians.opacity_logits.empty()) dL_dgaussians.opacity_logits[i] += gradient.opacity_logit;
         if (!dL_dgaussians.sh.empty())
             for (std::size_t k = 0; k < basis_count; ++k) dL_dgaussians.sh[i * basis_count + k] += dL_dsh[k];
-        if (!dL_dgaussians.means.empty()) dL_dgaussians.means[i] += dL_dsplats.means[i] + dL_doffset;
-        if (!dL_dcenters.empty()) dL_dcenters[i] = -dL_doffset;
+        if (!dL_dcenters.empty()) dL_dcenters[i] = gradient.center;
+    }
 
-        quat<T> dL_dq{T(0), T(0), T(0), T(0)};
-        vec3<T> dL_dlog_scale(T(0));
-        covariance_backward(gaussians.quats[i], gaussians.log_scales[i], dL_dsplats.covariances[i], dL_dq,
-                            dL_dlog_scale);
-        if (!dL_dgaussians.quats.empty()) dL_dgaussians.quats[i] += dL_dq;
-        if (!dL_dgaussians.log_scales.empty()) dL_dgaussians.log_scales[i] += dL_dlog_scale;
-        if (!dL_dgaussians.opacity_logits.empty())
-            sigmoid_backward(sigmoid(gaussians.opacity_logits[i]), dL_dsplats.opacities[i],
-                             dL_dgaussians.opacity_logits[i]);
+    /// True for a Gaussian without a gradient, whose contribution to the centre is then zero.
+    [[nodiscard]] GSH_HD bool skip(std::size_t i) const {
+        const bool zero = is_zero(dL_dsplats, i);
+        if (zero && !dL_dcenters.empty()) dL_dcenters[i] = vec3<T>(T(0));
+        return zero;
     }
 };
 
@@ -111,6 +185,20 @@ inline void check_degree(std::string_view where, int found, int expected) {
 }
 
 } // namespace detail
+
+/// Fallbacks for backends without an overload: each index is one Gaussian.
+template <Backend B, int Degree, class T>
+void static_splats_forward(B& backend, const detail::StaticSplatForward<Degree, T>& element) {
+    static_assert(!CpuBackend<B>, "StaticSplats: include its backend's overloads, "
+                                  "<gsh/gaussian/cpu/static_gaussian.hpp> or <gsh/cpu.hpp>");
+    backend.for_each(element.input.gaussians.size(), element);
+}
+template <Backend B, int Degree, class T>
+void static_splats_backward(B& backend, const detail::StaticSplatBackward<Degree, T>& element) {
+    static_assert(!CpuBackend<B>, "StaticSplats: include its backend's overloads, "
+                                  "<gsh/gaussian/cpu/static_gaussian.hpp> or <gsh/cpu.hpp>");
+    backend.for_each(element.input.gaussians.size(), element);
+}
 
 /// The settings of StaticSplats.
 struct StaticSplatsParams {
@@ -148,8 +236,8 @@ public:
         detail::check_splats(where, "splats", splats, gaussians.size());
         check_memory(*backend_, where, "gaussians", gaussians);
         check_memory(*backend_, where, "splats", splats);
-        backend_->for_each(gaussians.size(),
-                           detail::StaticSplatForward<Degree, T>{gaussians, center, params_.clamping, splats});
+        static_splats_forward(*backend_, detail::StaticSplatForward<Degree, T>{{gaussians, center}, params_.clamping,
+                                                                               splats});
     }
 
     /// Adjoint of forward: adds to the attributes of dL_dgaussians that are not empty. If dL_dcenter is given, it is
@@ -171,8 +259,9 @@ public:
         check_memory(*backend_, where, "dL_dcenter", dL_dcenter);
 
         cache.dL_dcenters.resize(dL_dcenter.empty() ? 0 : count);
-        backend_->for_each(count, detail::StaticSplatBackward<Degree, T>{gaussians, center, params_.clamping,
-                                                                         dL_dsplats, dL_dgaussians, cache.dL_dcenters});
+        static_splats_backward(
+            *backend_, detail::StaticSplatBackward<Degree, T>{{gaussians, center}, params_.clamping, dL_dsplats,
+                                                              dL_dgaussians, cache.dL_dcenters});
         if (!dL_dcenter.empty()) add_sum(*backend_, Span<const vec3<T>>(cache.dL_dcenters), dL_dcenter, cache.partials);
     }
 

@@ -12,6 +12,7 @@
 #include <gsh/math/dual_quat.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/math/wide.hpp>
+#include <gsh/math/wide_block.hpp>
 
 #include <concepts>
 #include <cstddef>
@@ -71,27 +72,17 @@ private:
     GSH_INLINE BoneRegisters() : x{}, y{}, z{} {}
 };
 
-/// Up to `width` Gaussians, one per lane. If there are fewer, the last one fills the other lanes.
 template <int Degree, class T, class D>
-struct SkinnedBlock {
-    using W = Wide<T>;
+struct SkinnedBlock : WideBlock<T> {
+    using typename WideBlock<T>::W;
+    using WideBlock<T>::count, WideBlock<T>::index, WideBlock<T>::width;
     using Gaussian = SkinnedGaussian<Degree, D>;
     using Bone = typename D::template Bone<T>;
     using Registers = BoneRegisters<T, Bone>;
-    static constexpr std::size_t width = W::width;
-
-    std::size_t index[width];
-    std::size_t count = 0;
-
-    /// Adds Gaussian i; true if the block is then full.
-    bool push(std::size_t i) {
-        index[count++] = i;
-        return count == width;
-    }
 
     void forward(const SkinnedSplatForward<Degree, T, D>& element) {
-        if (count == 0) return;
-        gather(element.input);
+        if (!this->fill()) return;
+        read(element.input);
         const auto out = Gaussian::forward(in_, element.clamping);
         const auto& splats = element.splats;
         for (std::size_t lane = 0; lane < count; ++lane) {
@@ -105,16 +96,13 @@ struct SkinnedBlock {
     }
 
     void backward(const SkinnedSplatBackward<Degree, T, D>& element, Span<Bone> dL_dbones, vec3<T>& dL_dcenter) {
-        if (count == 0) return;
-        gather(element.input);
+        if (!this->fill()) return;
+        read(element.input);
         const auto& splats = element.dL_dsplats;
-        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>) {
-            const std::size_t* i = index + lane;
-            put_lanes<T>(dL_dout_.mean, lane, [&](std::size_t j) -> auto& { return splats.means[i[j]]; });
-            put_lanes<T>(dL_dout_.covariance, lane, [&](std::size_t j) -> auto& { return splats.covariances[i[j]]; });
-            put_lanes<T>(dL_dout_.opacity, lane, [&](std::size_t j) -> auto& { return splats.opacities[i[j]]; });
-            put_lanes<T>(dL_dout_.color, lane, [&](std::size_t j) -> auto& { return splats.colors[i[j]]; });
-        }
+        this->gather(dL_dout_.mean, [&](std::size_t i) -> auto& { return splats.means[i]; });
+        this->gather(dL_dout_.covariance, [&](std::size_t i) -> auto& { return splats.covariances[i]; });
+        this->gather(dL_dout_.opacity, [&](std::size_t i) -> auto& { return splats.opacities[i]; });
+        this->gather(dL_dout_.color, [&](std::size_t i) -> auto& { return splats.colors[i]; });
         typename Gaussian::template Gradient<W> gradient;
         vec3<W> dL_dsh[Gaussian::basis_count];
         for (vec3<W>& value : dL_dsh) value = vec3<W>(W(T(0)));
@@ -148,28 +136,25 @@ private:
     typename Gaussian::template Output<W> dL_dout_;
     vec3<W> sh_[Gaussian::basis_count];
 
-    void gather(const SkinnedInput<Degree, T, D>& input) {
-        for (std::size_t lane = count; lane < width; ++lane) index[lane] = index[count - 1];
+    void read(const SkinnedInput<Degree, T, D>& input) {
         const auto& from = input.gaussians;
         in_.sh = sh_;
         in_.ao = W(T(1));
         const vec3<T> center = input.center();
         in_.center = vec3<W>(W(center.x), W(center.y), W(center.z));
-        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>) {
-            const std::size_t* i = index + lane;
-            put_lanes<T>(in_.mean, lane, [&](std::size_t j) -> auto& { return from.means[i[j]]; });
-            put_lanes<T>(in_.q, lane, [&](std::size_t j) -> auto& { return from.quats[i[j]]; });
-            put_lanes<T>(in_.log_scale, lane, [&](std::size_t j) -> auto& { return from.log_scales[i[j]]; });
-            put_lanes<T>(in_.opacity_logit, lane, [&](std::size_t j) -> auto& { return from.opacity_logits[i[j]]; });
-            if (!from.ao.empty()) put_lanes<T>(in_.ao, lane, [&](std::size_t j) -> auto& { return from.ao[i[j]]; });
-            put_lanes<T>(sh_, lane, [&](std::size_t j) -> const vec3<T>(&)[Gaussian::basis_count] {
-                return reinterpret_cast<const vec3<T>(&)[Gaussian::basis_count]>(from.sh[i[j] * input.sh_stride]);
-            });
-            Bone blends[lanes_per_store<T>];
-            for (std::size_t j = 0; j < lanes_per_store<T>; ++j)
-                blends[j] = blend_in<Registers>(from.weights, i[j], input.bones);
-            put_lanes<T>(in_.blend, lane, [&](std::size_t j) -> auto& { return blends[j]; });
-        }
+        this->gather(in_.mean, [&](std::size_t i) -> auto& { return from.means[i]; });
+        this->gather(in_.q, [&](std::size_t i) -> auto& { return from.quats[i]; });
+        this->gather(in_.log_scale, [&](std::size_t i) -> auto& { return from.log_scales[i]; });
+        this->gather(in_.opacity_logit, [&](std::size_t i) -> auto& { return from.opacity_logits[i]; });
+        if (!from.ao.empty()) this->gather(in_.ao, [&](std::size_t i) -> auto& { return from.ao[i]; });
+        this->gather(sh_, [&](std::size_t i) -> const vec3<T>(&)[Gaussian::basis_count] {
+            return reinterpret_cast<const vec3<T>(&)[Gaussian::basis_count]>(from.sh[i * input.sh_stride]);
+        });
+        Bone blends[width];
+        for (std::size_t lane = 0; lane < width; ++lane)
+            blends[lane] = blend_in<Registers>(from.weights, index[lane], input.bones);
+        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>)
+            put_lanes<T>(in_.blend, lane, [&](std::size_t j) -> auto& { return blends[lane + j]; });
     }
 };
 

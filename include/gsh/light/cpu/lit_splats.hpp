@@ -10,6 +10,7 @@
 #include <gsh/light/lit_splats.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/math/wide.hpp>
+#include <gsh/math/wide_block.hpp>
 
 #include <concepts>
 #include <cstddef>
@@ -31,31 +32,11 @@ using gsh::detail::LitVertexBackward;
 using gsh::detail::LitVertexForward;
 using gsh::detail::LitVertices;
 
-/// Indices of up to `width` elements, one per lane. If there are fewer, the last one fills the other lanes.
 template <class T>
-struct LitBlock {
-    using W = Wide<T>;
-    static constexpr std::size_t width = W::width;
-
-    std::size_t index[width];
-    std::size_t count = 0;
-
-    /// Adds element i; true if the block is then full.
-    bool push(std::size_t i) {
-        index[count++] = i;
-        return count == width;
-    }
-    /// False for an empty block.
-    bool fill() {
-        for (std::size_t lane = count; lane < width && count != 0; ++lane) index[lane] = index[count - 1];
-        return count != 0;
-    }
-    /// wides := value(index) in each lane.
-    template <class Wides, class Value>
-    void gather(Wides& wides, const Value& value) const {
-        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>)
-            put_lanes<T>(wides, lane, [&](std::size_t j) -> auto& { return value(index[lane + j]); });
-    }
+struct LitBlock : WideBlock<T> {
+    using typename WideBlock<T>::W;
+    using WideBlock<T>::count, WideBlock<T>::index, WideBlock<T>::width;
+    using WideBlock<T>::fill, WideBlock<T>::gather;
 
     // Vertices ------------------------------------------------------------------------------------------------------
 
