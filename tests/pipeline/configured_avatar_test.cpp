@@ -103,7 +103,7 @@ TEST_CASE("a configured avatar is bit-identical to the avatar of the same types"
     auto configured = tube.make(config);
     const auto points = std::make_shared<const CanonicalPoints<cpu::Serial>>(tube.backend, tube.samples.positions);
     using Appearance = SharedField<cpu::Serial, float, 2, 3, 2>;
-    using Shadow = PoseShadow<cpu::Serial, float, 2, 2>; // coarse levels
+    using Shadow = PoseShadow<cpu::Serial, float, 3, 2>;
     AvatarModel<cpu::Serial, Appearance, Shadow> typed(
         tube.backend, tube.rig, tube.samples, points,
         Appearance(tube.backend, points, appearance_params(config, tube_frames, tube_seed)),
@@ -116,7 +116,7 @@ TEST_CASE("a configured avatar is bit-identical to the avatar of the same types"
 }
 
 TEST_CASE("a configuration chooses the levels and sizes of the shadow's field") {
-    const AvatarConfig coarse = small_tube({.ao = AmbientOcclusion::time});
+    const AvatarConfig coarse = small_tube({.ao = AmbientOcclusion::time, .ao_levels = ShadowLevels::coarse});
     AvatarConfig all = coarse, wide = coarse, fine = coarse;
     all.ao_levels = ShadowLevels::all;
     wide.ao_width = 2 * coarse.ao_width;

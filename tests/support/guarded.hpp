@@ -16,6 +16,7 @@
 #include <gsh/field/features.hpp>
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/field/mlp.hpp>
+#include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/light/lit_splats.hpp>
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/loss/lpips_network.hpp>
@@ -196,6 +197,14 @@ void lpips_forward(Guarded&, const N& network, const I& image, const S& scaling,
 template <class N, class F>
 double lpips_distance(Guarded&, const N& network, const F& a, const F& b) {
     return GSH_GUARDED_OVERLOAD(lpips_distance, network, a, b);
+}
+template <int Degree, class T>
+void static_splats_forward(Guarded&, const gsh::detail::StaticSplatForward<Degree, T>& element) {
+    GSH_GUARDED_OVERLOAD(static_splats_forward, element);
+}
+template <int Degree, class T>
+void static_splats_backward(Guarded&, const gsh::detail::StaticSplatBackward<Degree, T>& element) {
+    GSH_GUARDED_OVERLOAD(static_splats_backward, element);
 }
 template <int Degree, class T, class D>
 void skinned_splats_pose(Guarded&, const gsh::detail::SkinnedSplatForward<Degree, T, D>& element) {

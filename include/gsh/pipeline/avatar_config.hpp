@@ -75,7 +75,7 @@ struct AvatarConfig {
     /// network learns to use the features. At 1 they dominate what the encoding learns point by point.
     double prior_scale = 0.1;
     AmbientOcclusion ao = AmbientOcclusion::none;
-    ShadowLevels ao_levels = ShadowLevels::coarse;
+    ShadowLevels ao_levels = ShadowLevels::all;
     double ao_growth = 1.6; ///< ratio of cells from one level of the shadow's grid to the next
     int ao_width = 32;      ///< neurons of a hidden layer of the shadow's network
     double ao_start = 0.1; ///< share of the run after which the shadow is used and learned; the paper: 0.4

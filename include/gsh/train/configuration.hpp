@@ -239,7 +239,6 @@ void for_each_setting(C& c, const F& f) {
         c.region_samples = c.depth_prior = c.normal_prior = false;
         c.fine_levels = FineLevels::everywhere;
         c.avatar.heads = Heads::separate;
-        c.avatar.ao_levels = ShadowLevels::all;
         c.avatar.ao_growth = 1.5;
         c.avatar.ao_width = 64;
         c.avatar.ao_table_size = 1u << 19;
