@@ -111,6 +111,7 @@ namespace detail {
     config.fine_levels = FineLevels::none;
     config.avatar.hash_sh = config.avatar.hash_displacement = false;
     config.avatar.initial_opacity = 0.6;
+    config.avatar.sh_start = 0.3; // as in `light`, which has gains, too
     config.avatar.rates = LearningRates{.joints = 0,
                                         .quats = 0,
                                         .log_scales = 3e-3,
