@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/memory.hpp>
+#include <gsh/core/config.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
@@ -60,7 +61,7 @@ void fill_zero(B& backend, const SplatView<T>& gradient) {
 /// Whether every number of the gradient of splat i is zero. Adjoints are linear, so such a splat contributes nothing.
 /// This holds for about half of the Gaussians of a body, which no pixel sees.
 template <class T>
-[[nodiscard]] GSH_HD bool is_zero(const SplatView<const T>& dL_dsplats, std::size_t i) {
+[[nodiscard]] GSH_INLINE GSH_HD bool is_zero(const SplatView<const T>& dL_dsplats, std::size_t i) {
     const vec3<T>&mean = dL_dsplats.means[i], &color = dL_dsplats.colors[i];
     const sym3<T>& cov = dL_dsplats.covariances[i];
     return dL_dsplats.opacities[i] == T(0) && mean.x == T(0) && mean.y == T(0) && mean.z == T(0) && color.x == T(0) &&

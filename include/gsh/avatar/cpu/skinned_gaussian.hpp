@@ -72,6 +72,7 @@ private:
     GSH_INLINE BoneRegisters() : x{}, y{}, z{} {}
 };
 
+/// A loop over lanes reads all attributes of a few Gaussians. One loop per attribute takes 6% longer.
 template <int Degree, class T, class D>
 struct SkinnedBlock : WideBlock<T> {
     using typename WideBlock<T>::W;
@@ -99,10 +100,13 @@ struct SkinnedBlock : WideBlock<T> {
         if (!this->fill()) return;
         read(element.input);
         const auto& splats = element.dL_dsplats;
-        this->gather(dL_dout_.mean, [&](std::size_t i) -> auto& { return splats.means[i]; });
-        this->gather(dL_dout_.covariance, [&](std::size_t i) -> auto& { return splats.covariances[i]; });
-        this->gather(dL_dout_.opacity, [&](std::size_t i) -> auto& { return splats.opacities[i]; });
-        this->gather(dL_dout_.color, [&](std::size_t i) -> auto& { return splats.colors[i]; });
+        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>) {
+            const std::size_t* i = index + lane;
+            put_lanes<T>(dL_dout_.mean, lane, [&](std::size_t j) -> auto& { return splats.means[i[j]]; });
+            put_lanes<T>(dL_dout_.covariance, lane, [&](std::size_t j) -> auto& { return splats.covariances[i[j]]; });
+            put_lanes<T>(dL_dout_.opacity, lane, [&](std::size_t j) -> auto& { return splats.opacities[i[j]]; });
+            put_lanes<T>(dL_dout_.color, lane, [&](std::size_t j) -> auto& { return splats.colors[i[j]]; });
+        }
         typename Gaussian::template Gradient<W> gradient;
         vec3<W> dL_dsh[Gaussian::basis_count];
         for (vec3<W>& value : dL_dsh) value = vec3<W>(W(T(0)));
@@ -142,19 +146,21 @@ private:
         in_.ao = W(T(1));
         const vec3<T> center = input.center();
         in_.center = vec3<W>(W(center.x), W(center.y), W(center.z));
-        this->gather(in_.mean, [&](std::size_t i) -> auto& { return from.means[i]; });
-        this->gather(in_.q, [&](std::size_t i) -> auto& { return from.quats[i]; });
-        this->gather(in_.log_scale, [&](std::size_t i) -> auto& { return from.log_scales[i]; });
-        this->gather(in_.opacity_logit, [&](std::size_t i) -> auto& { return from.opacity_logits[i]; });
-        if (!from.ao.empty()) this->gather(in_.ao, [&](std::size_t i) -> auto& { return from.ao[i]; });
-        this->gather(sh_, [&](std::size_t i) -> const vec3<T>(&)[Gaussian::basis_count] {
-            return reinterpret_cast<const vec3<T>(&)[Gaussian::basis_count]>(from.sh[i * input.sh_stride]);
-        });
-        Bone blends[width];
-        for (std::size_t lane = 0; lane < width; ++lane)
-            blends[lane] = blend_in<Registers>(from.weights, index[lane], input.bones);
-        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>)
-            put_lanes<T>(in_.blend, lane, [&](std::size_t j) -> auto& { return blends[lane + j]; });
+        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>) {
+            const std::size_t* i = index + lane;
+            put_lanes<T>(in_.mean, lane, [&](std::size_t j) -> auto& { return from.means[i[j]]; });
+            put_lanes<T>(in_.q, lane, [&](std::size_t j) -> auto& { return from.quats[i[j]]; });
+            put_lanes<T>(in_.log_scale, lane, [&](std::size_t j) -> auto& { return from.log_scales[i[j]]; });
+            put_lanes<T>(in_.opacity_logit, lane, [&](std::size_t j) -> auto& { return from.opacity_logits[i[j]]; });
+            if (!from.ao.empty()) put_lanes<T>(in_.ao, lane, [&](std::size_t j) -> auto& { return from.ao[i[j]]; });
+            put_lanes<T>(sh_, lane, [&](std::size_t j) -> const vec3<T>(&)[Gaussian::basis_count] {
+                return reinterpret_cast<const vec3<T>(&)[Gaussian::basis_count]>(from.sh[i[j] * input.sh_stride]);
+            });
+            Bone blends[lanes_per_store<T>];
+            for (std::size_t j = 0; j < lanes_per_store<T>; ++j)
+                blends[j] = blend_in<Registers>(from.weights, index[lane + j], input.bones);
+            put_lanes<T>(in_.blend, lane, [&](std::size_t j) -> auto& { return blends[j]; });
+        }
     }
 };
 
