@@ -10,6 +10,7 @@
 #include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/cpu/blend_shapes.hpp>
+#include <gsh/gaussian/cpu/gaussian_lanes.hpp>
 #include <gsh/gaussian/cpu/static_gaussian.hpp>
 #include <gsh/field/cpu/feature_rows.hpp>
 #include <gsh/field/cpu/gemm.hpp>

@@ -11,6 +11,7 @@
 #include <gsh/core/lane.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/covariance.hpp>
+#include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/math/activation.hpp>
@@ -56,12 +57,7 @@ struct SkinnedGaussian {
         vec3<T> center;
     };
     template <Lane T>
-    struct Output {
-        vec3<T> mean;
-        sym3<T> covariance;
-        T opacity;
-        vec3<T> color;
-    };
+    using Output = Splat<T>;
     /// Gradient with respect to an Input; sh points to the array to which its part is added.
     template <Lane T>
     struct Gradient {
@@ -172,13 +168,8 @@ struct SkinnedSplatForward {
     ColorClamp clamping;
     SplatView<T> splats;
 
-    GSH_HD void operator()(std::size_t i) const { store(i, SkinnedGaussian<Degree, D>::forward(input[i], clamping)); }
-
-    GSH_HD void store(std::size_t i, const typename SkinnedGaussian<Degree, D>::template Output<T>& out) const {
-        splats.means[i] = out.mean;
-        splats.covariances[i] = out.covariance;
-        splats.opacities[i] = out.opacity;
-        splats.colors[i] = out.color;
+    GSH_HD void operator()(std::size_t i) const {
+        splats.set(i, SkinnedGaussian<Degree, D>::forward(input[i], clamping));
     }
 };
 
@@ -198,21 +189,15 @@ struct SkinnedSplatBackward {
         gradient.sh = dL_dgaussians.sh.empty() ? unused : dL_dgaussians.sh.data() + i * dL_dsh_stride;
         if (dL_dgaussians.sh.empty())
             for (vec3<T>& value : unused) value = vec3<T>(T(0));
-        SkinnedGaussian<Degree, D>::backward(input[i], clamping, output_gradient(i), gradient);
+        SkinnedGaussian<Degree, D>::backward(input[i], clamping, dL_dsplats[i], gradient);
         add(i, gradient);
         if (!dL_dbones.empty()) blend_backward(input.gaussians.weights, i, input.bones, gradient.blend, dL_dbones);
         dL_dcenter += gradient.center;
     }
 
-    [[nodiscard]] GSH_HD typename SkinnedGaussian<Degree, D>::template Output<T> output_gradient(std::size_t i) const {
-        return {dL_dsplats.means[i], dL_dsplats.covariances[i], dL_dsplats.opacities[i], dL_dsplats.colors[i]};
-    }
     /// Adds to the Gaussian's own attributes, but for the coefficients.
     GSH_HD void add(std::size_t i, const typename SkinnedGaussian<Degree, D>::template Gradient<T>& gradient) const {
-        if (!dL_dgaussians.means.empty()) dL_dgaussians.means[i] += gradient.mean;
-        if (!dL_dgaussians.quats.empty()) dL_dgaussians.quats[i] += gradient.q;
-        if (!dL_dgaussians.log_scales.empty()) dL_dgaussians.log_scales[i] += gradient.log_scale;
-        if (!dL_dgaussians.opacity_logits.empty()) dL_dgaussians.opacity_logits[i] += gradient.opacity_logit;
+        add_attributes(gradient, dL_dgaussians, i);
         if (!dL_dgaussians.ao.empty()) dL_dgaussians.ao[i] += gradient.ao;
     }
 

@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/memory.hpp>
+#include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/quat.hpp>
@@ -45,6 +46,20 @@ struct GaussiansView {
         return {means, quats, log_scales, opacity_logits, sh, sh_degree};
     }
 };
+
+namespace detail {
+
+/// Adds a Gaussian's gradient, but for its coefficients, to the arrays of `to` that are not empty. `to` is a view with
+/// the names of GaussiansView, and `gradient` has those of one Gaussian.
+template <class Gradient, class View>
+GSH_HD void add_attributes(const Gradient& gradient, const View& to, std::size_t i) {
+    if (!to.means.empty()) to.means[i] += gradient.mean;
+    if (!to.quats.empty()) to.quats[i] += gradient.q;
+    if (!to.log_scales.empty()) to.log_scales[i] += gradient.log_scale;
+    if (!to.opacity_logits.empty()) to.opacity_logits[i] += gradient.opacity_logit;
+}
+
+} // namespace detail
 
 /// Sets every number of every attribute to zero, the initial value of a gradient or of a moment of Adam. The default
 /// quat{} is the identity rotation and would be wrong here.

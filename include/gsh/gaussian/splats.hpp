@@ -20,6 +20,15 @@ struct PixelFilter {
     bool compensate_opacity = false; ///< reduce the opacity so that dilation preserves a splat's total weight
 };
 
+/// One splat, in units and frame of a SplatView; also its gradient.
+template <class T>
+struct Splat {
+    vec3<T> mean;
+    sym3<T> covariance;
+    T opacity;
+    vec3<T> color;
+};
+
 /// Views of N Gaussians in world space; `SplatView<const T>` is an input, `SplatView<T>` an output or a gradient.
 ///
 /// Shapes  means [N], covariances [N], opacities [N], colors [N] RGB.
@@ -36,6 +45,17 @@ struct SplatView {
     Span<Like<vec3<Scalar>>> colors;
 
     [[nodiscard]] GSH_HD std::size_t size() const { return means.size(); }
+    [[nodiscard]] GSH_HD Splat<Scalar> operator[](std::size_t i) const {
+        return {means[i], covariances[i], opacities[i], colors[i]};
+    }
+    GSH_HD void set(std::size_t i, const Splat<Scalar>& splat) const
+        requires(!std::is_const_v<T>)
+    {
+        means[i] = splat.mean;
+        covariances[i] = splat.covariance;
+        opacities[i] = splat.opacity;
+        colors[i] = splat.color;
+    }
     /// `count` splats starting at index `first`, for instance one person's part of a scene.
     [[nodiscard]] GSH_HD SplatView subview(std::size_t first, std::size_t count) const {
         return {means.subspan(first, count), covariances.subspan(first, count), opacities.subspan(first, count),

@@ -66,12 +66,7 @@ struct StaticGaussian {
         vec3<T> center;
     };
     template <Lane T>
-    struct Output {
-        vec3<T> mean;
-        sym3<T> covariance;
-        T opacity;
-        vec3<T> color;
-    };
+    using Output = Splat<T>;
     /// Gradient with respect to an Input; sh points to the array to which its part is added.
     template <Lane T>
     struct Gradient {
@@ -126,11 +121,7 @@ struct StaticSplatForward {
     SplatView<T> splats;
 
     GSH_HD void operator()(std::size_t i) const {
-        const auto out = StaticGaussian<Degree>::forward(input[i], clamping);
-        splats.means[i] = out.mean;
-        splats.covariances[i] = out.covariance;
-        splats.opacities[i] = out.opacity;
-        splats.colors[i] = out.color;
+        splats.set(i, StaticGaussian<Degree>::forward(input[i], clamping));
     }
 };
 
@@ -149,13 +140,8 @@ struct StaticSplatBackward {
         for (vec3<T>& value : dL_dsh) value = vec3<T>(T(0));
         typename StaticGaussian<Degree>::template Gradient<T> gradient;
         gradient.sh = dL_dsh;
-        StaticGaussian<Degree>::backward(
-            input[i], clamping,
-            {dL_dsplats.means[i], dL_dsplats.covariances[i], dL_dsplats.opacities[i], dL_dsplats.colors[i]}, gradient);
-        if (!dL_dgaussians.means.empty()) dL_dgaussians.means[i] += gradient.mean;
-        if (!dL_dgaussians.quats.empty()) dL_dgaussians.quats[i] += gradient.q;
-        if (!dL_dgaussians.log_scales.empty()) dL_dgaussians.log_scales[i] += gradient.log_scale;
-        if (!dL_dgaussians.opacity_logits.empty()) dL_dgaussians.opacity_logits[i] += gradient.opacity_logit;
+        StaticGaussian<Degree>::backward(input[i], clamping, dL_dsplats[i], gradient);
+        add_attributes(gradient, dL_dgaussians, i);
         if (!dL_dgaussians.sh.empty())
             for (std::size_t k = 0; k < basis_count; ++k) dL_dgaussians.sh[i * basis_count + k] += dL_dsh[k];
         if (!dL_dcenters.empty()) dL_dcenters[i] = gradient.center;

@@ -8,6 +8,7 @@
 #include <gsh/body/skinning.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/gaussian/cpu/gaussian_lanes.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/dual_quat.hpp>
 #include <gsh/math/vec.hpp>
@@ -85,28 +86,15 @@ struct SkinnedBlock : WideBlock<T> {
         if (!this->fill()) return;
         read(element.input);
         const auto out = Gaussian::forward(in_, element.clamping);
-        const auto& splats = element.splats;
-        for (std::size_t lane = 0; lane < count; ++lane) {
-            const std::size_t i = index[lane];
-            get_lane<T>(out.mean, lane, splats.means[i]);
-            get_lane<T>(out.covariance, lane, splats.covariances[i]);
-            get_lane<T>(out.opacity, lane, splats.opacities[i]);
-            get_lane<T>(out.color, lane, splats.colors[i]);
-        }
+        for (std::size_t lane = 0; lane < count; ++lane) get_splat<T>(out, lane, element.splats, index[lane]);
         count = 0;
     }
 
     void backward(const SkinnedSplatBackward<Degree, T, D>& element, Span<Bone> dL_dbones, vec3<T>& dL_dcenter) {
         if (!this->fill()) return;
         read(element.input);
-        const auto& splats = element.dL_dsplats;
-        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>) {
-            const std::size_t* i = index + lane;
-            put_lanes<T>(dL_dout_.mean, lane, [&](std::size_t j) -> auto& { return splats.means[i[j]]; });
-            put_lanes<T>(dL_dout_.covariance, lane, [&](std::size_t j) -> auto& { return splats.covariances[i[j]]; });
-            put_lanes<T>(dL_dout_.opacity, lane, [&](std::size_t j) -> auto& { return splats.opacities[i[j]]; });
-            put_lanes<T>(dL_dout_.color, lane, [&](std::size_t j) -> auto& { return splats.colors[i[j]]; });
-        }
+        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>)
+            put_splats<T>(dL_dout_, lane, index + lane, element.dL_dsplats);
         typename Gaussian::template Gradient<W> gradient;
         vec3<W> dL_dsh[Gaussian::basis_count];
         for (vec3<W>& value : dL_dsh) value = vec3<W>(W(T(0)));
@@ -116,10 +104,7 @@ struct SkinnedBlock : WideBlock<T> {
         const auto& out = element.dL_dgaussians;
         for (std::size_t lane = 0; lane < count; ++lane) {
             const std::size_t i = index[lane];
-            if (!out.means.empty()) add_lane<T>(gradient.mean, lane, out.means[i]);
-            if (!out.quats.empty()) add_lane<T>(gradient.q, lane, out.quats[i]);
-            if (!out.log_scales.empty()) add_lane<T>(gradient.log_scale, lane, out.log_scales[i]);
-            if (!out.opacity_logits.empty()) add_lane<T>(gradient.opacity_logit, lane, out.opacity_logits[i]);
+            add_attributes<T>(gradient, lane, out, i);
             if (!out.ao.empty()) add_lane<T>(gradient.ao, lane, out.ao[i]);
             if (!out.sh.empty())
                 for (std::size_t k = 0; k < Gaussian::basis_count; ++k)
@@ -148,17 +133,14 @@ private:
         in_.center = vec3<W>(W(center.x), W(center.y), W(center.z));
         for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>) {
             const std::size_t* i = index + lane;
-            put_lanes<T>(in_.mean, lane, [&](std::size_t j) -> auto& { return from.means[i[j]]; });
-            put_lanes<T>(in_.q, lane, [&](std::size_t j) -> auto& { return from.quats[i[j]]; });
-            put_lanes<T>(in_.log_scale, lane, [&](std::size_t j) -> auto& { return from.log_scales[i[j]]; });
-            put_lanes<T>(in_.opacity_logit, lane, [&](std::size_t j) -> auto& { return from.opacity_logits[i[j]]; });
+            put_attributes<T>(in_, lane, i, from);
             if (!from.ao.empty()) put_lanes<T>(in_.ao, lane, [&](std::size_t j) -> auto& { return from.ao[i[j]]; });
             put_lanes<T>(sh_, lane, [&](std::size_t j) -> const vec3<T>(&)[Gaussian::basis_count] {
                 return reinterpret_cast<const vec3<T>(&)[Gaussian::basis_count]>(from.sh[i[j] * input.sh_stride]);
             });
             Bone blends[lanes_per_store<T>];
             for (std::size_t j = 0; j < lanes_per_store<T>; ++j)
-                blends[j] = blend_in<Registers>(from.weights, index[lane + j], input.bones);
+                blends[j] = blend_in<Registers>(from.weights, i[j], input.bones);
             put_lanes<T>(in_.blend, lane, [&](std::size_t j) -> auto& { return blends[j]; });
         }
     }
@@ -166,18 +148,9 @@ private:
 
 } // namespace detail
 
-/// The result of a lane depends on its own Gaussian alone, so the grouping of Gaussians into blocks does not change any
-/// result.
 template <CpuBackend B, int Degree, class T, class D>
 void skinned_splats_pose(B& backend, const gsh::detail::SkinnedSplatForward<Degree, T, D>& element) {
-    constexpr std::size_t grain = 1024;
-    backend.for_chunks(element.input.gaussians.size(), grain, [&](std::size_t, std::size_t begin, std::size_t end) {
-        const auto mine = element;
-        detail::SkinnedBlock<Degree, T, D> block;
-        for (std::size_t i = begin; i < end; ++i)
-            if (block.push(i)) block.forward(mine);
-        block.forward(mine);
-    });
+    detail::for_blocks<detail::SkinnedBlock<Degree, T, D>>(backend, element.input.gaussians.size(), element);
 }
 
 /// Adds the adjoints of all Gaussians with a gradient. Each fixed chunk sums its Gaussians, in order, into its own

@@ -104,7 +104,7 @@ struct PoseSkinned {
         if (!exists) return;
         vec3<T> sh[sh_basis_count(Degree)];
         Rows::get(shared.sh, sh);
-        element.store(i, SkinnedGaussian<Degree, D>::forward(element.input.with_sh(i, sh), element.clamping));
+        element.splats.set(i, SkinnedGaussian<Degree, D>::forward(element.input.with_sh(i, sh), element.clamping));
     }
 };
 
@@ -153,7 +153,7 @@ private:
         for (vec3<T>& value : dL_dsh) value = vec3<T>(T(0));
         typename Gaussian::template Gradient<T> gradient;
         gradient.sh = dL_dsh;
-        Gaussian::backward(element.input.with_sh(i, sh), element.clamping, element.output_gradient(i), gradient);
+        Gaussian::backward(element.input.with_sh(i, sh), element.clamping, element.dL_dsplats[i], gradient);
         Rows::put(shared.rows_then_sums, dL_dsh);
         element.add(i, gradient);
         dL_dblend = gradient.blend;

@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/gaussian/cpu/gaussian_lanes.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/light/lit_element.hpp>
 #include <gsh/light/lit_splats.hpp>
@@ -132,29 +133,11 @@ template <class T>
     return sum;
 }
 
-/// Runs an element over those of [0, count) that are not skipped, a block at a time. The result of a lane depends on
-/// its own index alone, so the grouping into blocks does not change any result.
-template <class T, CpuBackend B, class Element, class Skip>
-void for_lit_blocks(B& backend, std::size_t count, const Element& element, const Skip& skip) {
-    constexpr std::size_t grain = 1024;
-    backend.for_chunks(count, grain, [&](std::size_t, std::size_t begin, std::size_t end) {
-        const auto mine = element;
-        LitBlock<T> block;
-        const auto run = [&] {
-            if constexpr (requires { block.forward(mine); }) block.forward(mine);
-            else block.backward(mine);
-        };
-        for (std::size_t i = begin; i < end; ++i)
-            if (!skip(i) && block.push(i)) run();
-        run();
-    });
-}
-
 } // namespace detail
 
 template <CpuBackend B, class T>
 void lit_vertices_shade(B& backend, const gsh::detail::LitVertexForward<T>& element) {
-    detail::for_lit_blocks<T>(backend, element.shading.size(), element, [](std::size_t) { return false; });
+    detail::for_blocks<detail::LitBlock<T>>(backend, element.shading.size(), element);
 }
 
 /// The numbers of a chunk are transposed in the first-level cache. To load a register right after its lanes are stored
@@ -188,7 +171,7 @@ void lit_splats_color(B& backend, const gsh::detail::LitColorForward<T>& element
 /// A Gaussian whose colour has no gradient is left out of the blocks.
 template <CpuBackend B, class T>
 void lit_splats_color_backward(B& backend, const gsh::detail::LitColorBackward<T>& element) {
-    detail::for_lit_blocks<T>(backend, element.dL_dcolors.size(), element, [&](std::size_t i) {
+    detail::for_blocks<detail::LitBlock<T>>(backend, element.dL_dcolors.size(), element, [&](std::size_t i) {
         if (!element.unseen(i)) return false;
         element.dL_dshading[i] = LitShading<T>(T(0));
         return true;
