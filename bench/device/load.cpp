@@ -100,10 +100,7 @@ TrainingLoad make_training_load(const Configuration& configuration, std::size_t 
         load.light = even_light(static_cast<std::size_t>(configuration.avatar.light_points),
                                 static_cast<std::size_t>(configuration.avatar.light_directions), {0, 0, 0}, 4);
     load.photos = photos_of(capture, false);
-    for (Photo& photo : load.photos) { // the capture ends here
-        load.pixels.emplace_back(photo.rgba.begin(), photo.rgba.end());
-        photo.rgba = load.pixels.back();
-    }
+    for (Photo& photo : load.photos) load.pixels.push_back(crop_photo(photo)); // the capture ends here
     return load;
 }
 

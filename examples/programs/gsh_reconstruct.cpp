@@ -23,6 +23,7 @@
 #include "support/training.hpp"
 
 #include <cstdio>
+#include <utility>
 
 using namespace gsh;
 using namespace gsh::examples;
@@ -54,8 +55,9 @@ int reconstruct(const ReconstructOptions& options) {
     if (options.resume) check_checkpoint(options, run_text(source, configuration, options)); // before work is done
     if (options.refine && !options.no_registration)
         register_source(machine.host(), source, options.seed, options.refine_cameras);
-    const auto reconstruction =
-        make_reconstruction(machine, make_setup(machine, source, configuration, options));
+    ReconstructionSetup made = make_setup(machine, source, configuration, options);
+    take_photographs(made, source.capture);
+    const auto reconstruction = make_reconstruction(machine, std::move(made));
     const ReconstructionSetup& setup = reconstruction->setup;
     TrainingRecord record;
     if (options.resume) load_checkpoint(options, *reconstruction, record);

@@ -92,6 +92,7 @@
 #include <gsh/image/chroma.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
+#include <gsh/image/pixel_box.hpp>
 #include <gsh/image/reduce.hpp>
 #include <gsh/image/resample.hpp>
 #include <gsh/image/trimap.hpp>

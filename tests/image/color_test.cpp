@@ -7,7 +7,9 @@
 #include "support/gradient.hpp"
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -68,6 +70,41 @@ TEST_CASE("composite_rgba8 is c α + background (1 - α), exact at both ends") {
         }
         composite_rgba8(backend, bytes, h, w, std::as_const(picture).view(), over.view());
         CHECK(over.data == color.data);
+    }
+}
+
+TEST_CASE("composite_rgba8 of a box has the bits of the whole picture with alpha 0 outside") {
+    const int h = 31, w = 27;
+    cpu::Threads backend(2);
+    for (const PixelBox& box : {PixelBox{4, 7, 11, 9}, {0, 0, w, 5}, {20, 0, 7, h}, {3, 3, 0, 0}, {0, 0, w, h}}) {
+        std::vector<std::uint8_t> whole = random_bytes(std::size_t(4 * h * w), 8), part;
+        for (int y = 0; y < h; ++y)
+            for (int x = 0; x < w; ++x) {
+                std::uint8_t* pixel = whole.data() + 4 * (y * w + x);
+                if (box.contains(x, y)) part.insert(part.end(), pixel, pixel + 4);
+                else pixel[3] = 0;
+            }
+        Image<float> behind(3, h, w), color[2], alpha[2];
+        for (std::size_t i = 0; i < behind.data.size(); ++i) behind.data[i] = float(i % 97) / 97;
+        for (const bool plain : {true, false}) {
+            for (const int cropped : {0, 1}) {
+                color[cropped] = Image<float>(3, h, w), alpha[cropped] = Image<float>(1, h, w);
+                const Span<const std::uint8_t> bytes = cropped ? part : whole;
+                const std::optional<PixelBox> of = cropped ? std::optional(box) : std::nullopt;
+                if (plain)
+                    composite_rgba8(backend, bytes, h, w, {0.3f, 1, 0.7f}, color[cropped].view(), alpha[cropped].view(),
+                                    of);
+                else
+                    composite_rgba8(backend, bytes, h, w, std::as_const(behind).view(), color[cropped].view(),
+                                    alpha[cropped].view(), of);
+            }
+            CHECK(color[0].data == color[1].data);
+            CHECK(alpha[0].data == alpha[1].data);
+        }
+        CHECK_THROWS_AS(composite_rgba8(backend, part, h, w, {1, 1, 1}, color[0].view(), {}, PixelBox{0, 0, w, h - 1}),
+                        ShapeError);
+        CHECK_THROWS_AS(composite_rgba8(backend, part, h, w, {1, 1, 1}, color[0].view(), {}, PixelBox{1, 0, w, h}),
+                        ValueError);
     }
 }
 

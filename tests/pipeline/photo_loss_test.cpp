@@ -172,6 +172,55 @@ TEST_CASE("at unknown pixels the photograph stays as it is, and splats lie over 
     }
 }
 
+TEST_CASE("a cropped photograph gives the loss, the gradient and the pictures of the whole, bit for bit") {
+    for (const bool with_plate : {false, true}) {
+        CAPTURE(with_plate);
+        NoisyPhoto<cpu::Serial> noise(with_plate);
+        for (int y = 0; y < noise_height; ++y)
+            for (int x = 0; x < noise_width; ++x)
+                if (!PixelBox{6, 4, 9, 11}.contains(x, y)) noise.pixels[std::size_t(4 * (y * noise_width + x) + 3)] = 0;
+        const std::vector<UnknownPixel> unknown{{3 * noise_width + 7, {10, 20, 30}}, {205, {200, 100, 50}}};
+        noise.photo.unknown = unknown;
+        const auto results = [&] {
+            NoiseLoss loss(noise.backend, {.mask_weight = 0.3, .background = {0.2, 0.4, 0.6}});
+            Splats<cpu::Serial, double> gradient;
+            gradient.resize(noise.splats.means.size());
+            fill_zero(noise.backend, gradient.view());
+            std::vector<double> numbers{noise.loss(loss)};
+            loss.backward(noise.camera(), noise.view(), gradient.view());
+            Image<double> truth, mask;
+            loss.photograph(noise.photo, truth, mask);
+            for (const auto& more : {splat_numbers(gradient), truth.data, mask.data})
+                numbers.insert(numbers.end(), more.begin(), more.end());
+            return numbers;
+        };
+        const std::vector<double> whole = results();
+        const std::vector<std::uint8_t> before(noise.photo.rgba.begin(), noise.photo.rgba.end());
+        const std::vector<std::uint8_t> cropped = crop_photo(noise.photo);
+        CHECK(*noise.photo.box == PixelBox{6, 3, 9, 12}); // with the unknown pixel above the mask
+        CHECK(noise.photo.rgba.data() == cropped.data());
+        CHECK_NOTHROW(check_photo("test", noise.photo, 1));
+        noise.pixels.assign(noise.pixels.size(), 99); // the whole is not read any more
+        CHECK(results() == whole);
+        const std::vector<std::uint8_t> again = whole_photo(noise.photo);
+        for (std::size_t i = 0; i < before.size(); i += 4) {
+            const int x = static_cast<int>(i / 4) % noise_width, y = static_cast<int>(i / 4) / noise_width;
+            const bool inside = noise.photo.box->contains(x, y);
+            for (std::size_t c = i; c < i + 4; ++c) {
+                CHECK(again[c] == (inside ? before[c] : 0));
+                CHECK(noise.photo.pixel(x, y)[c - i] == again[c]);
+            }
+        }
+        CHECK_THROWS_AS((void)crop_photo(noise.photo), ShapeError); // it is no whole photograph
+        noise.photo.box->width += 1;
+        CHECK_THROWS_AS(check_photo("test", noise.photo, 1), ShapeError);
+        noise.photo.box = PixelBox{20, 3, 9, 12};
+        CHECK_THROWS_AS(check_photo("test", noise.photo, 1), ValueError);
+        noise.photo.box = PixelBox{6, 4, 9, 12};
+        CHECK_THROWS_AS(check_photo("test", noise.photo, 1), ValueError); // the first unknown pixel is outside
+    }
+}
+
 TEST_CASE("with half chroma the render is compared as the codec would have kept it") {
     NoisyPhoto<cpu::Serial> noise;
     NoiseLoss loss(noise.backend, {.ssim_weight = 0});

@@ -34,6 +34,18 @@ TEST_CASE("A reduced photograph shows each point at the reduced place, and keeps
     CHECK(small.frame == 3);
     CHECK(small.camera_index == 2);
     CHECK_FALSE(small.half_chroma);
+
+    for (std::size_t i = 0; i < image.size(); i += 4) image[i + 3] = i / 4 % 61 < 31 && i / 4 / 61 > 40 ? 180 : 0;
+    const ReducedPhotos masked(backend, Span<const Photo>(photos), 3);
+    std::vector<Photo> cropped = photos;
+    const std::vector<std::uint8_t> pixels = crop_photo(cropped[0]);
+    CHECK(pixels.size() < image.size() / 3);
+    const ReducedPhotos of_cropped(backend, Span<const Photo>(cropped), 3);
+    CHECK_NOTHROW(check_photo("test", of_cropped.photos().at(0), 4));
+    const auto bytes = [](const ReducedPhotos& from) {
+        return std::vector<std::uint8_t>(from.photos().at(0).rgba.begin(), from.photos().at(0).rgba.end());
+    };
+    CHECK(bytes(masked) == bytes(of_cropped));
     const vec3<double> point{0.3, -0.2, 0.1}, seen = photo.camera.R * point + photo.camera.t;
     const auto x = [&](const Camera<double>& camera) { return camera.fx * seen.x / seen.z + camera.cx; };
     const auto y = [&](const Camera<double>& camera) { return camera.fy * seen.y / seen.z + camera.cy; };

@@ -108,11 +108,12 @@ Image<float> truth_image(const Photo& photo) {
         for (int x = 0; x < image.width; ++x) {
             const std::size_t at =
                 4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x));
-            const float alpha = static_cast<float>(photo.rgba[at + 3]) / 255;
+            const std::uint8_t* pixel = photo.pixel(x, y);
+            const float alpha = static_cast<float>(pixel[3]) / 255;
             for (std::size_t c = 0; c < 3; ++c) {
                 const float behind = photo.plate.empty() ? 1.0f : static_cast<float>(photo.plate[at + c]) / 255;
                 image.at(static_cast<int>(c), y, x) =
-                    alpha * static_cast<float>(photo.rgba[at + c]) / 255 + (1 - alpha) * behind;
+                    alpha * static_cast<float>(pixel[c]) / 255 + (1 - alpha) * behind;
             }
         }
     return image;

@@ -38,11 +38,7 @@ class ReconstructionOn final : public Reconstruction {
 public:
     /// `backend` must outlive this object.
     ReconstructionOn(B& backend, ReconstructionSetup made)
-        : Reconstruction(std::move(made)), backend_(&backend), scene_(backend, cast()),
-          trainer_(backend, scene_, setup.photos, setup.seed, setup.configuration.train), timer_(backend) {
-        if (setup.light) light_people();
-        if (setup.refinement) refine_people();
-    }
+        : ReconstructionOn(backend, taken_priors(made), std::move(made)) {}
 
     void step(double progress) override { trainer_.step(progress, timer_); }
     void settle() override {
@@ -116,15 +112,33 @@ private:
         Model model;
         std::optional<Refinement> refinement, test_refinement; // of training frames; of test frames
 
-        Person(B& backend, const ReconstructionSetup::Person& from, const AvatarConfig& config)
+        Person(B& backend, const ReconstructionSetup::Person& from, const CanonicalPriors& priors,
+               const AvatarConfig& config)
             : model(make_avatar<B>(backend, from.rig, from.samples, from.motion.frame_count(), from.seed, config,
-                                   from.priors)) {}
+                                   priors)) {}
     };
+    using PriorsOfPeople = std::vector<CanonicalPriors>;
 
-    std::vector<CastMember<Model>> cast() {
+    ReconstructionOn(B& backend, const PriorsOfPeople& priors, ReconstructionSetup&& made)
+        : Reconstruction(std::move(made)), backend_(&backend), scene_(backend, cast(priors)),
+          trainer_(backend, scene_, setup.photos, setup.seed, setup.configuration.train), timer_(backend) {
+        if (setup.light) light_people();
+        if (setup.refinement) refine_people();
+    }
+
+    /// The models have copies of the priors, which are large, so the setup gives its own away.
+    static PriorsOfPeople taken_priors(ReconstructionSetup& made) {
+        PriorsOfPeople priors;
+        for (ReconstructionSetup::Person& person : made.people) priors.push_back(std::exchange(person.priors, {}));
+        return priors;
+    }
+    std::vector<CastMember<Model>> cast(const PriorsOfPeople& priors) {
         std::vector<CastMember<Model>> cast;
-        for (const ReconstructionSetup::Person& from : setup.people)
-            cast.push_back({&people_.emplace_back(*backend_, from, setup.configuration.avatar).model, &from.motion});
+        for (std::size_t p = 0; p < setup.people.size(); ++p) {
+            const ReconstructionSetup::Person& from = setup.people[p];
+            cast.push_back(
+                {&people_.emplace_back(*backend_, from, priors[p], setup.configuration.avatar).model, &from.motion});
+        }
         return cast;
     }
     void light_people() {

@@ -25,27 +25,24 @@ namespace gsh::examples {
 
 namespace {
 
-/// Bytes in the memory that --max-memory limits, which training needs beside the avatars. The host has the images of the
-/// whole capture. A GPU has the plates and three photographs at least (FetchAhead).
-std::size_t bytes_of_images(const Machine& machine, const Source& source, const std::vector<Photo>& training) {
-    std::size_t bytes = 0;
-    if (!machine.has_gpu()) {
-        for (const auto& image : source.capture.images) bytes += image.data.size();
-        return bytes;
-    }
-    std::size_t largest = 0;
+/// Bytes in the memory that --max-memory limits, which training needs beside the avatars: the plates and the cropped
+/// photographs. A GPU has three photographs at least (FetchAhead).
+std::size_t bytes_of_images(const Machine& machine, const ReconstructionSetup& setup) {
+    std::size_t bytes = 0, largest = 0, all = 0;
     std::set<const std::uint8_t*> known; // photographs share plates
-    for (const Photo& photo : training) {
-        if (known.insert(photo.plate.data()).second) bytes += photo.plate.size();
-        largest = std::max(largest, photo.rgba.size());
-    }
-    return bytes + 3 * largest;
+    for (const auto* photos : {&setup.photos, &setup.test_photos})
+        for (const Photo& photo : *photos) {
+            if (known.insert(photo.plate.data()).second) bytes += photo.plate.size();
+            const std::size_t size = 4 * box_of_photo(photo).size();
+            largest = std::max(largest, size), all += size;
+        }
+    return bytes + (machine.has_gpu() ? 3 * largest : all);
 }
 
 /// The number of Gaussians of each person: as requested, or as many as fit into --max-memory. What they leave of a GPU's
 /// memory is for photographs (TrainConfig::photo_memory).
 /// Errors  ValueError if less than a tenth of the requested number fits.
-std::size_t gaussians_within_memory(const Machine& machine, const Source& source, const std::vector<Photo>& training,
+std::size_t gaussians_within_memory(const Machine& machine, const Source& source, const ReconstructionSetup& setup,
                                     const ReconstructOptions& o, Configuration& configuration) {
     if (o.max_memory == 0) return o.gaussians;
     std::size_t pixels = 0;
@@ -53,7 +50,7 @@ std::size_t gaussians_within_memory(const Machine& machine, const Source& source
         pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) *
                                       static_cast<std::size_t>(camera.camera.height));
     const MemoryModel memory = training_memory<cpu::Threads>(
-        configuration.avatar, pixels, bytes_of_images(machine, source, training), source.people.size(),
+        configuration.avatar, pixels, bytes_of_images(machine, setup), source.people.size(),
         {.joint_count = source.body().joint_count(), .vertex_count = source.body().vertex_count()});
     const std::size_t count = std::min(o.gaussians, memory.gaussians_within(o.max_memory));
     if (count < o.gaussians / 10)
@@ -149,7 +146,7 @@ ReconstructionSetup make_setup(Machine& machine, const Source& source, const Con
         if (source.registration) photo.weight = source.registration->frame_weights[photo.frame];
     }
     setup.held_out_frames = source.capture.held_out_frames;
-    const std::size_t count = gaussians_within_memory(machine, source, setup.photos, o, setup.configuration);
+    const std::size_t count = gaussians_within_memory(machine, source, setup, o, setup.configuration);
     for (std::size_t p = 0; p < source.people.size(); ++p) {
         const CapturePerson& from = source.people[p];
         const std::uint64_t seed = p == 0 ? o.seed : random_bits(o.seed, p);
@@ -166,6 +163,15 @@ ReconstructionSetup make_setup(Machine& machine, const Source& source, const Con
     if (o.refine_cameras)
         for (const auto& camera : source.capture.cameras) setup.cameras.push_back(camera.camera);
     return setup;
+}
+
+void take_photographs(ReconstructionSetup& setup, Capture& capture) {
+    for (auto* photos : {&setup.photos, &setup.test_photos})
+        for (Photo& photo : *photos) {
+            setup.pixels.push_back(crop_photo(photo));
+            capture.image({photo.camera_index, photo.frame}) = {};
+        }
+    for (PixelImage& image : capture.images) image = {}; // those for neither training nor evaluation
 }
 
 } // namespace gsh::examples

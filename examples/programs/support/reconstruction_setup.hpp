@@ -8,6 +8,7 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/io/capture/capture_data.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/pipeline/photo.hpp>
@@ -34,7 +35,7 @@ struct ReconstructionSetup {
         Motion motion; ///< in the rig's joints
         SurfaceSamples samples;
         RigData rig;
-        CanonicalPriors priors;
+        CanonicalPriors priors; ///< until make_reconstruction
 
         [[nodiscard]] std::size_t gaussian_count() const { return samples.size(); }
     };
@@ -45,6 +46,7 @@ struct ReconstructionSetup {
     std::vector<Person> people;
     std::vector<Photo> photos, test_photos;     ///< of training; for evaluation
     std::vector<std::vector<UnknownPixel>> unknown; ///< of each photograph of training
+    std::vector<std::vector<std::uint8_t>> pixels;  ///< of the photographs, after take_photographs
     std::vector<std::size_t> held_out_frames;   ///< of the capture; empty if training leaves out no span of the motion
     std::optional<MotionSplit> motion_split;    ///< of test_photos, if a span is left out
     std::optional<LightData> light;             ///< with which the light starts, if there is one
@@ -67,5 +69,8 @@ std::string run_text(const Source& source, const Configuration& configuration, c
 ///         of make_canonical_setup.
 ReconstructionSetup make_setup(Machine& machine, const Source& source, const Configuration& configuration,
                                const ReconstructOptions& o);
+
+/// Crops the photographs (crop_photo), makes their pixels the setup's own, and drops the images of the capture.
+void take_photographs(ReconstructionSetup& setup, Capture& capture);
 
 } // namespace gsh::examples

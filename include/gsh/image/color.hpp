@@ -5,11 +5,13 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/image/image.hpp>
+#include <gsh/image/pixel_box.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string_view>
 #include <type_traits>
 
@@ -65,18 +67,32 @@ struct ImageBackground {
     }
 };
 
-/// One pixel: c α + background (1 - α). α = 0 gives exactly the background, α = 1 exactly the colour.
-template <class T, class Background>
+/// One pixel: c α + background (1 - α). α = 0 gives exactly the background, α = 1 exactly the colour. Outside of the box
+/// α = 0. Cropped: whether the box has fewer columns than the picture; without, loops over pixels are vectorised.
+template <bool Cropped, class T, class Background>
 struct CompositeRgba8 {
     const std::uint8_t* rgba;
+    PixelBox box;
     Background background;
     T *color, *alpha; // alpha may be null
     std::size_t plane;
+    std::uint32_t width;
 
     GSH_HD void operator()(std::size_t i) const {
-        const T a = T(rgba[4 * i + 3]) / T(255);
+        std::size_t at = i;
+        if constexpr (Cropped) {
+            const std::uint32_t row = static_cast<std::uint32_t>(i) / width;
+            const int y = static_cast<int>(row), x = static_cast<int>(static_cast<std::uint32_t>(i) - row * width);
+            if (!box.contains(x, y)) {
+                for (int c = 0; c < 3; ++c) color[static_cast<std::size_t>(c) * plane + i] = background(c, i);
+                if (alpha) alpha[i] = T(0);
+                return;
+            }
+            at = box.index(x, y);
+        }
+        const T a = T(rgba[4 * at + 3]) / T(255);
         for (int c = 0; c < 3; ++c) {
-            const T value = T(rgba[4 * i + static_cast<std::size_t>(c)]) / T(255);
+            const T value = T(rgba[4 * at + static_cast<std::size_t>(c)]) / T(255);
             color[static_cast<std::size_t>(c) * plane + i] = value * a + background(c, i) * (T(1) - a);
         }
         if (alpha) alpha[i] = a;
@@ -85,47 +101,54 @@ struct CompositeRgba8 {
 
 template <Backend B, class T, class Background>
 void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int width, const Background& background,
-                     const ImageView<T>& out_color, const ImageView<T>& out_alpha) {
+                     const ImageView<T>& out_color, const ImageView<T>& out_alpha, const PixelBox& box) {
     constexpr std::string_view where = "composite_rgba8";
     check_value(height >= 0 && width >= 0, where, "height and width must not be negative");
+    check_box(where, "box", box, height, width);
     check_image(where, "out_color", out_color, 3, height, width);
     const bool with_alpha = out_alpha.channels != 0;
     if (with_alpha) check_image(where, "out_alpha", out_alpha, 1, height, width);
     check_memory(backend, where, "rgba", rgba);
     check_memory(backend, where, "out_color", out_color);
     check_memory(backend, where, "out_alpha", out_alpha);
-    const std::size_t plane = out_color.plane_size();
-    check_size(where, "rgba", rgba.size(), 4 * plane, "give four bytes a pixel: red, green, blue, alpha");
-    backend.for_each(plane, CompositeRgba8<T, Background>{rgba.data(), background, out_color.data.data(),
-                                                          with_alpha ? out_alpha.data.data() : nullptr, plane});
+    check_size(where, "rgba", rgba.size(), 4 * box.size(), "give four bytes a pixel: red, green, blue, alpha");
+    const auto composite = [&]<bool Cropped>(std::bool_constant<Cropped>) {
+        const std::size_t plane = out_color.plane_size();
+        backend.for_each(plane, CompositeRgba8<Cropped, T, Background>{
+                                    rgba.data(), box, background, out_color.data.data(),
+                                    with_alpha ? out_alpha.data.data() : nullptr, plane,
+                                    static_cast<std::uint32_t>(width)});
+    };
+    if (box == whole_picture(height, width)) composite(std::false_type());
+    else composite(std::true_type());
 }
 
 } // namespace detail
 
 /// Composites straight-alpha bytes over a plain background: color = c α + background (1 - α). All values are
-/// display-referred sRGB, as in the renderer.
+/// display-referred sRGB, as in the renderer. With a box, the bytes are those of its pixels alone, and α is 0 outside.
 ///
-/// Shapes  rgba [height, width, 4] in the backend's memory; out_color [3, height, width]; out_alpha [1, height, width]
-///         or a default ImageView if it is not needed.
-/// Errors  ShapeError.
+/// Shapes  rgba [height, width, 4] in the backend's memory, or [box.height, box.width, 4]; out_color [3, height, width];
+///         out_alpha [1, height, width] or a default ImageView if it is not needed.
+/// Errors  ShapeError; ValueError for a box that is not inside of the picture.
 template <Backend B, std::floating_point T>
 void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int width,
                      const std::type_identity_t<vec3<T>>& background, const ImageView<T>& out_color,
-                     const ImageView<T>& out_alpha = {}) {
-    detail::composite_rgba8(backend, rgba, height, width, detail::PlainBackground<T>{background}, out_color,
-                            out_alpha);
+                     const ImageView<T>& out_alpha = {}, const std::optional<PixelBox>& box = {}) {
+    detail::composite_rgba8(backend, rgba, height, width, detail::PlainBackground<T>{background}, out_color, out_alpha,
+                            box.value_or(whole_picture(height, width)));
 }
 
 /// Composites over a background image [3, height, width].
 template <Backend B, std::floating_point T>
 void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int width,
                      const std::type_identity_t<ImageView<const T>>& background, const ImageView<T>& out_color,
-                     const ImageView<T>& out_alpha = {}) {
+                     const ImageView<T>& out_alpha = {}, const std::optional<PixelBox>& box = {}) {
     check_image("composite_rgba8", "background", background, 3, height, width);
     check_memory(backend, "composite_rgba8", "background", background);
     detail::composite_rgba8(backend, rgba, height, width,
                             detail::ImageBackground<T>{background.data.data(), background.plane_size()}, out_color,
-                            out_alpha);
+                            out_alpha, box.value_or(whole_picture(height, width)));
 }
 
 } // namespace gsh

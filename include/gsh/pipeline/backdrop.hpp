@@ -7,11 +7,13 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
+#include <gsh/image/pixel_box.hpp>
 #include <gsh/image/trimap.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/render/target.hpp>
 
 #include <array>
+#include <bit>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -20,12 +22,17 @@ namespace gsh {
 
 namespace detail {
 
+/// For how many pixels the kernels of unknown pixels run. Photographs with about as many have the same number, so that
+/// a recorded step (RepeatedStep) stays the same.
+[[nodiscard]] inline std::size_t unknown_slots(std::size_t unknown) { return unknown ? std::bit_ceil(unknown) : 0; }
+
 /// Writes the background of unknown pixels.
 template <class T>
 struct UnknownBackground {
     Span<const UnknownPixel> unknown;
     Span<T> plate; // [3, plane]
     GSH_HD void operator()(std::size_t i) const {
+        if (i >= unknown.size()) return;
         const UnknownPixel& pixel = unknown[i];
         for (std::size_t c = 0; c < 3; ++c)
             plate[c * (plate.size() / 3) + pixel.index] = T(pixel.background[c]) / T(255);
@@ -36,10 +43,14 @@ template <class T>
 struct UnknownColors {
     Span<const UnknownPixel> unknown;
     Span<const std::uint8_t> rgba;
+    PixelBox box; // of rgba
+    std::uint32_t width;
     Span<T> color; // [3, plane]
     GSH_HD void operator()(std::size_t i) const {
-        const std::size_t at = unknown[i].index;
-        for (std::size_t c = 0; c < 3; ++c) color[c * (color.size() / 3) + at] = T(rgba[4 * at + c]) / T(255);
+        if (i >= unknown.size()) return;
+        const std::uint32_t at = unknown[i].index;
+        const std::size_t pixel = box.index(static_cast<int>(at % width), static_cast<int>(at / width));
+        for (std::size_t c = 0; c < 3; ++c) color[c * (color.size() / 3) + at] = T(rgba[4 * pixel + c]) / T(255);
     }
 };
 
@@ -75,7 +86,7 @@ public:
             composite_rgba8(backend, plate, height, width, vec3<T>(T(0)), image);
         }
         check_memory(backend, "Backdrop", "unknown", unknown);
-        backend.for_each(unknown.size(), detail::UnknownBackground<T>{unknown, image.data});
+        backend.for_each(detail::unknown_slots(unknown.size()), detail::UnknownBackground<T>{unknown, image.data});
     }
     void clear_plate() { plate_.resize(0); }
 
@@ -84,16 +95,18 @@ public:
         return {.color = color_, .image = {plate_, 3, height_, width_}};
     }
 
-    /// Composites a photograph [height, width, 4] over its plate or the colour, into color [3, height, width]. At
-    /// unknown pixels it stays as it is. Its mask goes into alpha if that is given. All are in the backend's memory.
-    /// Errors  ShapeError for a photograph or plate of another size than color.
-    void photograph(B& backend, Span<const std::uint8_t> rgba, Span<const std::uint8_t> plate,
+    /// Composites a photograph over its plate or the colour, into color [3, height, width]. rgba has the pixels of the
+    /// box (Photo::pixels). At unknown pixels the photograph stays as it is. Its mask goes into alpha if that is given.
+    /// All are in the backend's memory.
+    /// Errors  ShapeError for pixels that are not those of the box, or a plate of another size than color.
+    void photograph(B& backend, Span<const std::uint8_t> rgba, const PixelBox& box, Span<const std::uint8_t> plate,
                     Span<const UnknownPixel> unknown, const ImageView<T>& color, const ImageView<T>& alpha = {}) {
         set_plate(backend, plate, unknown, color.height, color.width);
-        check_size("Backdrop", "rgba", rgba.size(), 4 * plane_size(), "the image must have its camera's size");
-        if (plate.empty()) composite_rgba8(backend, rgba, height_, width_, color_, color, alpha);
-        else composite_rgba8(backend, rgba, height_, width_, background().image, color, alpha);
-        backend.for_each(unknown.size(), detail::UnknownColors<T>{unknown, rgba, color.data});
+        if (plate.empty()) composite_rgba8(backend, rgba, height_, width_, color_, color, alpha, box);
+        else composite_rgba8(backend, rgba, height_, width_, background().image, color, alpha, box);
+        backend.for_each(
+            detail::unknown_slots(unknown.size()),
+            detail::UnknownColors<T>{unknown, rgba, box, static_cast<std::uint32_t>(width_), color.data});
     }
 
 private:

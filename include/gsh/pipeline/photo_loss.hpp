@@ -60,8 +60,7 @@ public:
         resize(photo.camera.height, photo.camera.width);
         halve_chroma_ = photo.half_chroma;
         weight_ = T(photo.weight);
-        backdrop_.photograph(*backend_, pixels.rgba, pixels.plate, pixels.unknown, view(truth_, 3),
-                             with_mask() ? in(mask_, 1) : ImageView<T>{});
+        put_photograph(pixels, with_mask() ? in(mask_, 1) : ImageView<T>{});
     }
     /// The same over Params::background.
     void set_photo(const Photo& photo, const typename PhotoPixels<B>::View& pixels) {
@@ -149,8 +148,7 @@ public:
         resize(photo.camera.height, photo.camera.width);
         backdrop_.set_color(params_.background);
         pixels_ = PhotoPixels<B>(*backend_, {photo});
-        backdrop_.photograph(*backend_, pixels_[0].rgba, pixels_[0].plate, pixels_[0].unknown, view(truth_, 3),
-                             in(mask_, 1));
+        put_photograph(pixels_[0], in(mask_, 1));
         color = download(truth_, 3);
         mask = download(mask_, 1);
     }
@@ -181,6 +179,9 @@ private:
         Image<T> host(channels, height_, width_);
         backend_->download(Span<const T>(buffer), Span<T>(host.data));
         return host;
+    }
+    void put_photograph(const typename PhotoPixels<B>::View& pixels, const ImageView<T>& mask) {
+        backdrop_.photograph(*backend_, pixels.rgba, pixels.box, pixels.plate, pixels.unknown, view(truth_, 3), mask);
     }
     void picture_from(const Camera<double>& camera, const SplatView<const T>& splats, Image<T>& color,
                       Image<T>* alpha) {

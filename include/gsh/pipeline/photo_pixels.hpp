@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/fetch_ahead.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/image/pixel_box.hpp>
 #include <gsh/image/trimap.hpp>
 #include <gsh/pipeline/photo.hpp>
 
@@ -26,8 +27,9 @@ class PhotoPixels {
 public:
     using Bytes = Span<const std::uint8_t>;
     struct View {
-        Bytes rgba;  ///< [height, width, 4]
-        Bytes plate; ///< likewise, or empty
+        Bytes rgba;   ///< Photo::rgba
+        PixelBox box; ///< whose pixels rgba has
+        Bytes plate;  ///< [height, width, 4] or empty
         Span<const UnknownPixel> unknown;
     };
     static constexpr std::uint64_t no_limit = std::numeric_limits<std::uint64_t>::max();
@@ -37,7 +39,7 @@ public:
     PhotoPixels(B& backend, const std::vector<Photo>& photos, std::uint64_t budget = no_limit) {
         views_.reserve(photos.size());
         if constexpr (B::host_memory) {
-            for (const Photo& photo : photos) views_.push_back({photo.rgba, photo.plate, photo.unknown});
+            for (const Photo& photo : photos) views_.push_back({photo.rgba, photo.pixels(), photo.plate, photo.unknown});
         } else {
             std::map<const std::uint8_t*, Bytes> plates;
             std::vector<Bytes> others;
@@ -48,7 +50,7 @@ public:
                 if (stays) budget -= photo.rgba.size();
                 places_.push_back(stays ? resident : others.size());
                 if (!stays) others.push_back(photo.rgba);
-                views_.push_back({stays ? upload(backend, photo.rgba, copies_) : Bytes{}, plate->second,
+                views_.push_back({stays ? upload(backend, photo.rgba, copies_) : Bytes{}, photo.pixels(), plate->second,
                                   upload(backend, photo.unknown, unknown_)});
             }
             if (!others.empty()) others_ = std::make_unique<FetchAhead<B>>(backend, std::move(others));

@@ -47,7 +47,8 @@ public:
                 reduce_rgba8(backend, rgba, height, width, factor, Span<std::uint8_t>(out));
                 return Span<const std::uint8_t>(out);
             };
-            photo.rgba = reduce(photo.rgba);
+            photo.rgba = photo.box ? reduce(whole_photo(photo)) : reduce(photo.rgba);
+            photo.box.reset();
             if (!photo.plate.empty()) photo.plate = reduce(photo.plate);
             photo.unknown = {};
             photo.half_chroma = false;

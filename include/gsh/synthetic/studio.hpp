@@ -140,22 +140,18 @@ void film_pixel(const LitMesh& mesh, const Camera<float>& camera, const vec3<flo
     rgba[3] = alpha;
 }
 
-/// Bounding box of the vertices in pixels; rays outside it are skipped.
-struct PixelBox {
-    int x0, x1, y0, y1;
-
-    PixelBox(Span<const vec3<double>> vertices, const Camera<double>& camera)
-        : x0(camera.width), x1(0), y0(camera.height), y1(0) {
-        for (const auto& p : vertices) {
-            const vec2<double> pixel = to_pixel(camera, to_camera(camera, p));
-            x0 = std::min(x0, static_cast<int>(std::floor(pixel.x)) - 1),
-            x1 = std::max(x1, static_cast<int>(std::ceil(pixel.x)) + 1);
-            y0 = std::min(y0, static_cast<int>(std::floor(pixel.y)) - 1),
-            y1 = std::max(y1, static_cast<int>(std::ceil(pixel.y)) + 1);
-        }
-        x0 = std::max(x0, 0), y0 = std::max(y0, 0), x1 = std::min(x1, camera.width), y1 = std::min(y1, camera.height);
+/// The pixels in which the vertices project, and one more on each side; rays outside are skipped.
+inline PixelBox box_of_vertices(Span<const vec3<double>> vertices, const Camera<double>& camera) {
+    double x0 = camera.width, x1 = 0, y0 = camera.height, y1 = 0;
+    for (const auto& p : vertices) {
+        const vec2<double> pixel = to_pixel(camera, to_camera(camera, p));
+        x0 = std::min(x0, std::floor(pixel.x) - 1), x1 = std::max(x1, std::ceil(pixel.x) + 1);
+        y0 = std::min(y0, std::floor(pixel.y) - 1), y1 = std::max(y1, std::ceil(pixel.y) + 1);
     }
-};
+    const auto within = [](double at, int size) { return static_cast<int>(std::clamp(at, 0.0, double(size))); };
+    const int left = within(x0, camera.width), top = within(y0, camera.height);
+    return {left, top, std::max(0, within(x1, camera.width) - left), std::max(0, within(y1, camera.height) - top)};
+}
 
 } // namespace detail
 
@@ -209,18 +205,18 @@ Capture film_people(E& executor, const std::vector<StudioActor>& actors, const S
     result.images.assign(cameras * frames, PixelImage(4, params.image_size, params.image_size));
     for (std::size_t t = 0; t < frames; ++t) {
         const LitMesh mesh(posed[t], canonical, faces, params.light);
-        std::vector<detail::PixelBox> boxes;
-        for (const auto& named : result.cameras) boxes.emplace_back(posed[t], named.camera);
+        std::vector<PixelBox> boxes;
+        for (const auto& named : result.cameras) boxes.push_back(detail::box_of_vertices(posed[t], named.camera));
         executor.for_chunks(cameras * size, 4, [&](std::size_t, std::size_t begin, std::size_t end) {
             for (std::size_t row = begin; row < end; ++row) {
                 const std::size_t c = row / size;
                 const int y = static_cast<int>(row % size);
-                if (y < boxes[c].y0 || y >= boxes[c].y1) continue;
+                if (y < boxes[c].y || y >= boxes[c].y + boxes[c].height) continue;
                 const Camera<double>& camera = result.cameras[c].camera;
                 const vec3<float> eye(camera.center());
                 const Camera<float> narrow = camera.cast<float>();
                 const std::size_t image = c * frames + t;
-                for (int x = boxes[c].x0; x < boxes[c].x1; ++x) {
+                for (int x = boxes[c].x; x < boxes[c].x + boxes[c].width; ++x) {
                     const std::uint64_t pixel =
                         (image * size + static_cast<std::size_t>(y)) * size + static_cast<std::size_t>(x);
                     detail::film_pixel(mesh, narrow, eye, x, y, random_bits(params.seed, pixel), params.samples, color,

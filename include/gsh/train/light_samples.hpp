@@ -168,10 +168,7 @@ inline constexpr std::uint8_t solid_alpha = 250;
     const int x = static_cast<int>(std::floor(pixel.x - 0.5)), y = static_cast<int>(std::floor(pixel.y - 0.5));
     const int width = photo.camera.width, height = photo.camera.height;
     if (x < margin || y < margin || x + 1 + margin >= width || y + 1 + margin >= height) return false;
-    const auto at = [&](int column, int row) {
-        return photo.rgba.data() + 4 * (static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
-                                        static_cast<std::size_t>(column));
-    };
+    const auto at = [&](int column, int row) { return photo.pixel(column, row); };
     for (const int dy : {-margin, 0, 1, 1 + margin})
         for (const int dx : {-margin, 0, 1, 1 + margin})
             if (at(x + dx, y + dy)[3] < solid_alpha) return false;

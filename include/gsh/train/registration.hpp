@@ -164,16 +164,19 @@ private:
 /// background has a variance of 1/12 about 1/2.
 [[nodiscard]] inline double empty_error(const Photo& photo) {
     double sum = 0;
-    const std::size_t pixels = photo.rgba.size() / 4;
-    for (std::size_t i = 0; i < pixels; ++i) {
-        const double alpha = photo.rgba[4 * i + 3] / 255.0;
-        for (std::size_t c = 4 * i; c < 4 * i + 3; ++c) {
-            const double behind = photo.plate.empty() ? 0.5 : photo.plate[c] / 255.0;
-            const double off = photo.rgba[c] / 255.0 - behind;
-            sum += alpha * alpha * (off * off + (photo.plate.empty() ? 1 / 12.0 : 0));
+    const int height = photo.camera.height, width = photo.camera.width;
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            const std::uint8_t* pixel = photo.pixel(x, y);
+            const double alpha = pixel[3] / 255.0;
+            for (std::size_t c = 0; c < 3; ++c) {
+                const double behind =
+                    photo.plate.empty() ? 0.5 : photo.plate[4 * detail::pixel_index(y, x, width) + c] / 255.0;
+                const double off = pixel[c] / 255.0 - behind;
+                sum += alpha * alpha * (off * off + (photo.plate.empty() ? 1 / 12.0 : 0));
+            }
         }
-    }
-    return sum / static_cast<double>(3 * pixels);
+    return sum / static_cast<double>(3 * whole_picture(height, width).size());
 }
 
 /// What one level trains on.

@@ -132,8 +132,7 @@ inline const std::uint8_t* pixel_of(const Photo& photo, const vec3<double>& poin
     if (!(p.z > 0)) return nullptr;
     const vec2<double> at = to_pixel(photo.camera, p);
     if (!(at.x >= 0 && at.y >= 0 && at.x < photo.camera.width && at.y < photo.camera.height)) return nullptr;
-    const auto x = static_cast<std::size_t>(at.x), y = static_cast<std::size_t>(at.y);
-    return photo.rgba.data() + 4 * (y * static_cast<std::size_t>(photo.camera.width) + x);
+    return photo.pixel(static_cast<int>(at.x), static_cast<int>(at.y));
 }
 
 /// Whether a point is inside the hull. Sets `color` to the mean of its pixels.

@@ -22,6 +22,7 @@
 #include <gsh/train/train_config.hpp>
 
 #include <array>
+#include <bit>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
@@ -102,13 +103,8 @@ public:
         const std::size_t index = photo_of_step(step_count_);
         progress_ = progress;
         scene_->set_progress(step_count_, progress);
-        const Camera<double>& camera = photos_[index].camera;
         pixels_.prepare(index);
-        const std::uint64_t half_chroma = photos_[index].half_chroma; // what a recorded step contains as constants
-        const auto weight = static_cast<std::uint64_t>(std::lround(255 * photos_[index].weight));
-        repeated_.run(half_chroma << 63 | weight << 55 | std::uint64_t(camera.height) << 32 |
-                          std::uint64_t(camera.width),
-                      [&] { compute_step(index, progress, observer); });
+        repeated_.run(step_shape(photos_[index]), [&] { compute_step(index, progress, observer); });
         ++step_count_;
         pixels_.fetch(photo_of_step(step_count_));
         observer.leave();
@@ -216,6 +212,16 @@ private:
         scene_->after_step(loss_.raster_cache());
     }
 
+    /// A number for what a recorded step (RepeatedStep) contains as constants. Steps with the same number repeat the same
+    /// kernels.
+    [[nodiscard]] static std::uint64_t step_shape(const Photo& photo) {
+        const Camera<double>& camera = photo.camera;
+        const bool cropped = photo.pixels() != whole_picture(camera.height, camera.width);
+        const auto weight = static_cast<std::uint64_t>(std::lround(255 * photo.weight)); // 8 bits
+        const auto unknown = static_cast<std::uint64_t>(std::bit_width(detail::unknown_slots(photo.unknown.size())));
+        return std::uint64_t(photo.half_chroma) << 63 | weight << 55 | std::uint64_t(cropped) << 54 | unknown << 48 |
+               std::uint64_t(camera.height) << 24 | std::uint64_t(camera.width);
+    }
     [[nodiscard]] static std::uint64_t photo_budget([[maybe_unused]] const B& backend, const TrainConfig& config) {
         if (config.photo_memory != 0) return config.photo_memory;
         if constexpr (requires { backend.free_memory(); }) return backend.free_memory() / 2;

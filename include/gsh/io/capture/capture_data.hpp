@@ -47,6 +47,7 @@ struct Capture {
     [[nodiscard]] const PixelImage& image(CaptureView view) const {
         return images[view.camera * frame_count() + view.frame];
     }
+    [[nodiscard]] PixelImage& image(CaptureView view) { return images[view.camera * frame_count() + view.frame]; }
     /// Whether the image was taken. Before images are loaded, all count as taken.
     [[nodiscard]] bool is_taken(CaptureView view) const { return images.empty() || !image(view).data.empty(); }
     /// The camera's background; null if there is none.
