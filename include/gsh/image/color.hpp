@@ -67,8 +67,8 @@ struct ImageBackground {
     }
 };
 
-/// One pixel: c α + background (1 - α). α = 0 gives exactly the background, α = 1 exactly the colour. Outside of the box
-/// α = 0. Cropped: whether the box has fewer columns than the picture; without, loops over pixels are vectorised.
+/// One pixel: c α + background (1 - α). α = 0 gives exactly the background, α = 1 exactly the colour. Outside of the
+/// box α = 0. Cropped: whether the box is not the whole picture; if it is, loops over pixels are vectorised.
 template <bool Cropped, class T, class Background>
 struct CompositeRgba8 {
     const std::uint8_t* rgba;
@@ -128,8 +128,8 @@ void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int 
 /// Composites straight-alpha bytes over a plain background: color = c α + background (1 - α). All values are
 /// display-referred sRGB, as in the renderer. With a box, the bytes are those of its pixels alone, and α is 0 outside.
 ///
-/// Shapes  rgba [height, width, 4] in the backend's memory, or [box.height, box.width, 4]; out_color [3, height, width];
-///         out_alpha [1, height, width] or a default ImageView if it is not needed.
+/// Shapes  rgba [height, width, 4] in the backend's memory, or [box.height, box.width, 4]; out_color
+///         [3, height, width]; out_alpha [1, height, width] or a default ImageView if it is not needed.
 /// Errors  ShapeError; ValueError for a box that is not inside of the picture.
 template <Backend B, std::floating_point T>
 void composite_rgba8(B& backend, Span<const std::uint8_t> rgba, int height, int width,

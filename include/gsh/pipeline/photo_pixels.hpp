@@ -39,7 +39,8 @@ public:
     PhotoPixels(B& backend, const std::vector<Photo>& photos, std::uint64_t budget = no_limit) {
         views_.reserve(photos.size());
         if constexpr (B::host_memory) {
-            for (const Photo& photo : photos) views_.push_back({photo.rgba, photo.pixels(), photo.plate, photo.unknown});
+            for (const Photo& photo : photos)
+                views_.push_back({photo.rgba, photo.pixels(), photo.plate, photo.unknown});
         } else {
             std::map<const std::uint8_t*, Bytes> plates;
             std::vector<Bytes> others;

@@ -212,8 +212,8 @@ private:
         scene_->after_step(loss_.raster_cache());
     }
 
-    /// A number for what a recorded step (RepeatedStep) contains as constants. Steps with the same number repeat the same
-    /// kernels.
+    /// A number for what a recorded step (RepeatedStep) contains as constants. Steps with the same number repeat the
+    /// same kernels.
     [[nodiscard]] static std::uint64_t step_shape(const Photo& photo) {
         const Camera<double>& camera = photo.camera;
         const bool cropped = photo.pixels() != whole_picture(camera.height, camera.width);
