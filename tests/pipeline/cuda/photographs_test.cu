@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Photographs on a GPU: cropped, with unknown pixels, and in a step that is recorded once.
+#include <gsh/backend/serial.hpp>
+#include <gsh/core/rng.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/pipeline/backdrop.hpp>
+#include <gsh/pipeline/photo_pixels.hpp>
+
+#include <gsh/cuda.cuh>
+
+#include <doctest/doctest.h>
+
+#include "support/cuda_device.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsh::photographs_on_device {
+namespace {
+
+constexpr int height = 45, width = 64;
+constexpr std::size_t plane = height * width;
+
+/// Photographs whose masks are boxes in several places, the first `unknown[k]` pixels of which are not believed.
+struct Photographs {
+    std::vector<std::vector<std::uint8_t>> images, cropped;
+    std::vector<std::vector<UnknownPixel>> unknown;
+    std::vector<Photo> photos;
+
+    explicit Photographs(const std::vector<std::size_t>& unknown_counts) {
+        Rng rng(3);
+        const auto byte = [&] { return static_cast<std::uint8_t>(rng.below(256)); };
+        for (std::size_t k = 0; k < unknown_counts.size(); ++k) {
+            const int shift = static_cast<int>(k);
+            const PixelBox mask{4 + shift, 3, 40 + shift, 36 - shift};
+            std::vector<std::uint8_t>& image = images.emplace_back(4 * plane);
+            for (std::size_t i = 0; i < 4 * plane; ++i) image[i] = byte();
+            std::vector<UnknownPixel>& doubted = unknown.emplace_back();
+            for (int y = 0; y < height; ++y)
+                for (int x = 0; x < width; ++x) {
+                    const std::size_t at = whole_picture(height, width).index(x, y);
+                    if (!mask.contains(x, y)) image[4 * at + 3] = 0;
+                    else if (doubted.size() < unknown_counts[k])
+                        doubted.push_back({static_cast<std::uint32_t>(at), {byte(), byte(), byte()}});
+                }
+            Photo photo{.name = std::to_string(k), .camera = {}, .rgba = Span<const std::uint8_t>(image)};
+            photo.camera.height = height, photo.camera.width = width;
+            photo.unknown = Span<const UnknownPixel>(doubted);
+            cropped.push_back(crop_photo(photo));
+            photos.push_back(std::move(photo));
+        }
+    }
+};
+
+/// What a step of training does with a photograph first.
+template <class B>
+struct Shown {
+    template <class U>
+    using Buffer = typename B::template Buffer<U>;
+    PhotoPixels<B> pixels;
+    Backdrop<B, float> backdrop{{0.2, 0.5, 0.9}};
+    Buffer<float> color = Buffer<float>(3 * plane), mask = Buffer<float>(plane);
+
+    Shown(B& backend, const Photographs& from) : pixels(backend, from.photos) {}
+    void show(B& backend, std::size_t photo) {
+        const auto& view = pixels[photo];
+        backdrop.photograph(backend, view.rgba, view.box, view.plate, view.unknown, {color, 3, height, width},
+                            {mask, 1, height, width});
+    }
+    std::vector<float> picture(B& backend) {
+        std::vector<float> host(4 * plane);
+        backend.download(Span<const float>(color), Span<float>(host).subspan(0, 3 * plane));
+        backend.download(Span<const float>(mask), Span<float>(host).subspan(3 * plane, plane));
+        return host;
+    }
+};
+
+} // namespace
+
+TEST_CASE("photographs of different boxes and numbers of unknown pixels repeat one recorded step, with the host's bits") {
+    if (test::skip_without_device()) return;
+    cuda::Device device;
+    cpu::Serial host;
+    const Photographs photographs({520, 1024, 700, 1000}); // blocks of threads would differ
+    Shown<cuda::Device> shown(device, photographs);
+    Shown<cpu::Serial> expected(host, photographs);
+    shown.show(device, 0); // buffers grow
+    cuda::StepGraph graph(device);
+    for (int turn = 0; turn < 2; ++turn)
+        for (std::size_t k = 0; k < photographs.photos.size(); ++k) {
+            graph.run([&] { shown.show(device, k); });
+            expected.show(host, k);
+            CHECK(shown.picture(device) == expected.picture(host));
+        }
+    CHECK(graph.counts().captures == 1);
+    CHECK(graph.counts().launches == 8);
+}
+
+} // namespace gsh::photographs_on_device
