@@ -45,7 +45,8 @@ template <Backend B, std::floating_point T = float>
                                           std::size_t people = 1, const AvatarInputs& inputs = {}) {
     constexpr std::uint64_t program = 150'000'000; // code, body model, copies for checkpoints
     constexpr std::uint64_t per_pixel = 100;       // render, photograph, gradients, loss terms
-    constexpr std::uint64_t per_gaussian = 884;    // splats, their gradients, gains, bones, tiles
+    constexpr std::uint64_t per_gaussian = 884 +   // splats, their gradients, gains, bones, tiles
+                                           480;    // in the end, the avatar that is exported and filled points
     const PartSize avatar = avatar_size<B, T>(config, inputs.joint_count, inputs.priors);
     MemoryModel memory{.fixed = program + held + per_pixel * pixels + people * sizeof(T) * avatar.fixed(),
                        .per_gaussian = people * (per_gaussian + sizeof(T) * avatar.per_point())};
