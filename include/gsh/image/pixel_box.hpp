@@ -65,9 +65,8 @@ inline void check_box(std::string_view where, std::string_view name, const Pixel
     check_size("box_of_mask", "rgba", rgba.size(),
                4 * static_cast<std::size_t>(height) * static_cast<std::size_t>(width), "give four bytes a pixel");
     PixelBox box;
-    const std::uint8_t* alpha = rgba.data() + 3;
-    for (int y = 0; y < height; ++y, alpha += 4 * static_cast<std::size_t>(width)) {
-        const auto at = [&](int x) { return alpha[4 * static_cast<std::size_t>(x)]; };
+    for (int y = 0; y < height; ++y) {
+        const auto at = [&](int x) { return rgba[4 * whole_picture(height, width).index(x, y) + 3]; };
         int first = 0, last = width - 1;
         while (first < width && at(first) == 0) ++first;
         if (first == width) continue;
