@@ -75,18 +75,21 @@ template <class Scene>
     using T = typename Scene::Scalar;
     auto& model = scene.model(person);
     if (!model.appearance().reads_time()) frames.resize(1); // all frames are equal
-    GaussianCloud<T> mean;
-    for (std::size_t k = 0; k < frames.size(); ++k) {
-        model.update_canonical(frames[k]);
-        GaussianCloud<T> cloud = canonical_gaussians(scene.backend(), model);
-        const T share = T(1) / static_cast<T>(k + 1);
-        const auto approach = [&](std::vector<vec3<T>>& means, const std::vector<vec3<T>>& values) {
-            for (std::size_t i = 0; i < means.size(); ++i) means[i] += (values[i] - means[i]) * share;
-        };
-        if (k == 0) mean = std::move(cloud);
-        else approach(mean.means, cloud.means), approach(mean.sh, cloud.sh);
+    GaussianCloud<T> cloud;
+    std::vector<vec3<double>> means, sh;
+    const auto add = [](const std::vector<vec3<T>>& values, std::vector<vec3<double>>& sums) {
+        sums.resize(values.size(), vec3<double>(0));
+        for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += vec3<double>(values[i]);
+    };
+    for (const std::size_t frame : frames) {
+        model.update_canonical(frame);
+        cloud = canonical_gaussians(scene.backend(), model);
+        add(cloud.means, means), add(cloud.sh, sh);
     }
-    return mean;
+    const auto count = static_cast<double>(frames.size());
+    for (std::size_t i = 0; i < means.size(); ++i) cloud.means[i] = vec3<T>(means[i] / count);
+    for (std::size_t i = 0; i < sh.size(); ++i) cloud.sh[i] = vec3<T>(sh[i] / count);
+    return cloud;
 }
 
 /// Each Gaussian's mean irradiance over `frames`, for formats without light, with the shadows of all people. Of more
