@@ -38,7 +38,7 @@ struct AvatarInputs {
 /// The memory of training the avatar of a configuration, for images of `pixels` pixels, with `held` bytes (the capture)
 /// in memory already. Learned arrays and the activations of fields are counted exactly, from the sizes that the parts
 /// state (avatar_size). The other buffers are estimated. For 170,000 Gaussians and 210 photographs of 540² the result
-/// is 1.00 times the peak of `paper`, and 1.10 times those of `no-ao` and `light`. A budget therefore needs a margin of
+/// is 0.96 times the peak of `paper`, and 1.10 times those of `no-ao` and `light`. A budget therefore needs a margin of
 /// its own. Each of several people has own fields; the number of Gaussians is that of one person.
 template <Backend B, std::floating_point T = float>
 [[nodiscard]] MemoryModel training_memory(const AvatarConfig& config, std::size_t pixels, std::uint64_t held,
