@@ -166,6 +166,16 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
 
 namespace {
 
+void write_avatars(OutputFolder& out, Reconstruction& reconstruction) {
+    const std::vector<AvatarData> avatars = reconstruction.avatars();
+    for (std::size_t p = 0; p < avatars.size(); ++p) {
+        const std::string name = result_name(reconstruction.setup, "avatar", p);
+        save_avatar(out.file(name + ".gsh"), avatars[p]);
+        write_gaussian_ply(out.file(name + ".ply"), shaded_cloud(avatars[p]),
+                           {.up = UpAxis::minus_y, .filter = avatars[p].filter});
+    }
+}
+
 /// Adds the gains that photographs have learned to the figures, the page and the findings.
 void add_gains(const Reconstruction& reconstruction, Json& json, Report& report, std::vector<std::string>& findings) {
     if (reconstruction.setup.configuration.train.gain.rate == 0) return;
@@ -271,7 +281,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     const ReconstructionSetup& setup = reconstruction.setup;
     Judge judge(machine.host(), source, o);
     const std::vector<std::size_t> unseen = reconstruction.fill_unseen();
-    const std::vector<AvatarData> avatars = reconstruction.avatars(); // before poses are fitted to test images
+    write_avatars(out, reconstruction); // before poses are fitted to test images
     const std::size_t people = setup.people.size();
     if (o.refine && !reconstruction.refine_test_poses()) return std::nullopt;
     out.own("test");
@@ -305,14 +315,8 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     const std::vector<RegionMean> regions = mean_regions(scores);
     if (split) figures.motion = seen_and_new(scores, *split);
 
-    for (std::size_t p = 0; p < people; ++p) {
-        save_avatar(out.file(result_name(setup, "avatar", p) + ".gsh"), avatars[p]);
-        write_gaussian_ply(out.file(result_name(setup, "avatar", p) + ".ply"), shaded_cloud(avatars[p]),
-                           {.up = UpAxis::minus_y, .filter = avatars[p].filter});
-        if (o.refine)
-            save_motion(out.file(result_name(setup, "poses_refined", p) + ".npz"),
-                        reconstruction.refined_motion(p));
-    }
+    for (std::size_t p = 0; o.refine && p < people; ++p)
+        save_motion(out.file(result_name(setup, "poses_refined", p) + ".npz"), reconstruction.refined_motion(p));
 
     const std::string protocol = protocol_of(o, source, setup, judge);
     Json json;

@@ -5,6 +5,7 @@
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/rig.hpp>
+#include <gsh/backend/backend.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -28,12 +29,47 @@ namespace gsh {
     return frames;
 }
 
+namespace detail {
+
+/// Calls f(first, values) for an array in a backend's memory, piece by piece on the host. `first` is the index of a
+/// piece's first element. The copy of a piece is small, where that of all coefficients takes tens of megabytes.
+template <Backend B, class Element, class F>
+void for_each_piece(B& backend, Span<const Element> array, const F& f) {
+    constexpr std::size_t size = 1 << 14;
+    std::vector<Element> host(std::min(size, array.size()));
+    for (std::size_t first = 0; first < array.size(); first += size) {
+        const Span<const Element> piece = array.subspan(first, std::min(size, array.size() - first));
+        backend.download(piece, Span<Element>(host).subspan(0, piece.size()));
+        f(first, Span<const Element>(host).subspan(0, piece.size()));
+    }
+}
+
+/// Finds a model's coefficients of spherical harmonics in a cloud, whose rows have no padding.
+struct ShRows {
+    std::size_t stride; ///< of the model's rows
+    std::size_t used;   ///< coefficients of a row; further bands are still what they began as
+    std::size_t basis;  ///< of the cloud's rows
+
+    template <class Model>
+    explicit ShRows(const Model& model)
+        : stride(model.gaussians().sh_stride), used(model.is_view_dependent() ? sh_basis_count(Model::sh_degree) : 1),
+          basis(sh_basis_count(Model::sh_degree)) {}
+
+    /// The model's coefficient `index` in the cloud; nullptr for one that the cloud does not have.
+    template <class T>
+    [[nodiscard]] vec3<T>* find(GaussianCloud<T>& cloud, std::size_t index) const {
+        const std::size_t column = index % stride;
+        return column < used ? &cloud.sh[index / stride * basis + column] : nullptr;
+    }
+};
+
+} // namespace detail
+
 /// The canonical Gaussians of a model's last update_canonical, on the host.
 template <class B, class Model>
 [[nodiscard]] GaussianCloud<typename Model::Scalar> canonical_gaussians(B& backend, const Model& model) {
     using T = typename Model::Scalar;
-    const std::size_t N = model.size(), basis = sh_basis_count(Model::sh_degree);
-    const std::size_t present = model.is_view_dependent() ? basis : 1; // the others are still what they began as
+    const std::size_t N = model.size();
     const SkinnedView<const T> gaussians = model.gaussians();
     GaussianCloud<T> cloud(N, Model::sh_degree);
     typename B::template Buffer<vec3<T>> means(N);
@@ -42,11 +78,11 @@ template <class B, class Model>
     backend.download(gaussians.quats, Span<quat<T>>(cloud.quats));
     backend.download(gaussians.log_scales, Span<vec3<T>>(cloud.log_scales));
     backend.download(gaussians.opacity_logits, Span<T>(cloud.opacity_logits));
-    std::vector<vec3<T>> sh(gaussians.sh.size());
-    backend.download(gaussians.sh, Span<vec3<T>>(sh));
-    for (std::size_t i = 0; i < N; ++i)
-        std::copy_n(sh.begin() + static_cast<std::ptrdiff_t>(i * gaussians.sh_stride), present,
-                    cloud.sh.begin() + static_cast<std::ptrdiff_t>(i * basis));
+    const detail::ShRows rows(model);
+    detail::for_each_piece(backend, gaussians.sh, [&](std::size_t first, Span<const vec3<T>> sh) {
+        for (std::size_t i = 0; i < sh.size(); ++i)
+            if (vec3<T>* to = rows.find(cloud, first + i)) *to = sh[i];
+    });
     return cloud;
 }
 
@@ -73,22 +109,29 @@ template <class Scene>
 [[nodiscard]] GaussianCloud<typename Scene::Scalar> mean_gaussians(Scene& scene, std::vector<std::size_t> frames,
                                                                    std::size_t person = 0) {
     using T = typename Scene::Scalar;
+    using B = typename Scene::BackendType;
     auto& model = scene.model(person);
     if (!model.appearance().reads_time()) frames.resize(1); // all frames are equal
-    GaussianCloud<T> cloud;
-    std::vector<vec3<double>> means, sh;
-    const auto add = [](const std::vector<vec3<T>>& values, std::vector<vec3<double>>& sums) {
+    B& backend = scene.backend();
+    std::vector<vec3<double>> means, sh; // sums
+    const auto add = [&](Span<const vec3<T>> values, std::vector<vec3<double>>& sums) {
         sums.resize(values.size(), vec3<double>(0));
-        for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += vec3<double>(values[i]);
+        detail::for_each_piece(backend, values, [&](std::size_t first, Span<const vec3<T>> piece) {
+            for (std::size_t i = 0; i < piece.size(); ++i) sums[first + i] += vec3<double>(piece[i]);
+        });
     };
+    typename B::template Buffer<vec3<T>> of_frame(model.size());
     for (const std::size_t frame : frames) {
         model.update_canonical(frame);
-        cloud = canonical_gaussians(scene.backend(), model);
-        add(cloud.means, means), add(cloud.sh, sh);
+        model.write_means(of_frame);
+        add(Span<const vec3<T>>(of_frame), means), add(model.gaussians().sh, sh);
     }
+    GaussianCloud<T> cloud = canonical_gaussians(backend, model); // what does not depend on the time
+    const detail::ShRows rows(model);
     const auto count = static_cast<double>(frames.size());
     for (std::size_t i = 0; i < means.size(); ++i) cloud.means[i] = vec3<T>(means[i] / count);
-    for (std::size_t i = 0; i < sh.size(); ++i) cloud.sh[i] = vec3<T>(sh[i] / count);
+    for (std::size_t i = 0; i < sh.size(); ++i)
+        if (vec3<T>* to = rows.find(cloud, i)) *to = vec3<T>(sh[i] / count);
     return cloud;
 }
 
