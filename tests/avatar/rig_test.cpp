@@ -83,6 +83,49 @@ TEST_CASE("a rig carries surface points as the body model carries its vertices")
     }
 }
 
+TEST_CASE_TEMPLATE("a prepared pose gives the same bits", B, cpu::Serial, cpu::Threads) {
+    Fixture f;
+    B backend;
+    Rig<B, double> rig(backend, f.data);
+    test::Rng rng(11);
+    const std::vector<Affine<double>> dL_dbones(4, {mat3<double>(rng.vec(), rng.vec(), rng.vec()), rng.vec()});
+    const auto dL_dpoints = rng.vecs(rig.point_count());
+    RigPose<B, double> pose;
+    typename Rig<B, double>::Cache cache;
+    const auto results = [&] {
+        rig.forward(pose, f.data.joints, cache);
+        auto points = f.samples.positions;
+        rig.add_offsets(cache, points);
+        std::vector<vec3<double>> dL_djoints(4, vec3<double>(0.0)), dL_dangles = dL_djoints;
+        std::vector<double> dL_dcoefficients(rig.coefficient_count(), 0);
+        rig.backward(pose, cache, dL_dbones, dL_dpoints, dL_djoints,
+                     {.pose = dL_dangles, .coefficients = dL_dcoefficients, .transl = {}});
+        std::vector<double> all = dL_dcoefficients;
+        for (const auto& bone : cache.bones)
+            for (int c = 0; c < 3; ++c) all.insert(all.end(), &bone.linear[c].x, &bone.linear[c].x + 3);
+        for (const auto* vectors : {&points, &dL_djoints, &dL_dangles})
+            for (const auto& v : *vectors) all.insert(all.end(), {v.x, v.y, v.z});
+        return all;
+    };
+    rig.upload_pose(f.motion, 0, pose);
+    const auto expected = results();
+    rig.prepare(pose);
+    CHECK(rig.shape_bytes() == sizeof(double) * (9 * 4 + pose.shape.coefficients.size() +
+                                                 3 * pose.shape.vertex_offsets.size()));
+    cache = {};
+    CHECK(results() == expected);
+    CHECK(cache.shape.empty()); // it was read from the pose
+
+    f.motion.pose[1] = rng.vec(); // another pose: upload_pose forgets the shape of the last one
+    rig.upload_pose(f.motion, 0, pose);
+    CHECK(pose.shape.empty());
+    CHECK(results() != expected);
+
+    rig.prepare(pose);
+    pose.shape.vertex_offsets.resize(3);
+    CHECK_THROWS_AS(rig.forward(pose, f.data.joints, cache), ShapeError);
+}
+
 TEST_CASE_TEMPLATE("Rig::backward is the gradient of forward", B, cpu::Serial, cpu::Threads) {
     Fixture f;
     B backend;

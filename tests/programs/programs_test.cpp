@@ -292,7 +292,10 @@ TEST_CASE("a reconstruction keeps to time and memory") {
         AvatarConfig config = named_configuration(name).avatar;
         config.hash_table_size = config.ao_table_size = 4096;
         const MemoryModel memory = training_memory<cpu::Serial>(
-            config, 64 * 64, held, 1, {.joint_count = s.body.joint_count(), .vertex_count = s.body.vertex_count()});
+            config, 64 * 64, held, 1,
+            {.joint_count = s.body.joint_count(),
+             .vertex_count = s.body.vertex_count(),
+             .frame_count = s.capture.frame_count()});
         const auto budget = [&](std::size_t gaussians) { return std::to_string(memory.bytes(gaussians)); };
         const test::Outcome fewer =
             run(s.reconstruct(small.path, {"--config", name, "--steps", "1", "--max-memory", budget(1000)}));

@@ -99,6 +99,15 @@ TEST_CASE("the activations of a network grow with its width and depth") {
     CHECK(activations(deep) - activations(plain) == 64 + 32);
 }
 
+TEST_CASE("poses take memory as long as they are kept") {
+    const auto of = [](std::size_t frames, std::size_t people) {
+        return training_memory<cpu::Serial>({}, 100, 1000, people, {.vertex_count = 1000, .frame_count = frames}).fixed;
+    };
+    CHECK(of(30, 1) - of(0, 1) == 30 * 1000 * 3 * sizeof(float));
+    CHECK(of(30, 2) - of(0, 2) == 2 * (of(30, 1) - of(0, 1)));
+    CHECK(of(most_pose_memory / (1000 * 3 * sizeof(float)) + 1, 1) == of(0, 1));
+}
+
 TEST_CASE("light takes memory for the mesh, for the maps of its shadows, and with each Gaussian") {
     const AvatarConfig config{.light = true}, without{};
     AvatarConfig unshadowed = config;

@@ -362,6 +362,40 @@ TEST_CASE("a person's pose is found while somebody else stands in the way") {
     CHECK(error(refinement.motion()) < 0.7 * error(estimate));
 }
 
+TEST_CASE("poses that do not learn are prepared once, those of a refinement or of a very long motion never") {
+    const SmallScene scene;
+    Cast<cpu::Serial> cast(scene, {scene.motion}, scene.photos);
+    const Rig<cpu::Serial, float>& rig = cast.models[0].rig();
+    const auto list = [](const auto& buffer) { return std::vector(buffer.data(), buffer.data() + buffer.size()); };
+    const auto* first = &cast.people.pose(1);
+    CHECK(!first->shape.empty());
+    CHECK(list(cast.people.pose(0).pose) != list(first->pose));
+    CHECK(&cast.people.pose(1) == first);
+    RigPose<cpu::Serial> expected;
+    rig.upload_pose(scene.motion, 1, expected);
+    rig.prepare(expected);
+    CHECK(list(first->shape.vertex_offsets) == list(expected.shape.vertex_offsets));
+    CHECK(list(first->shape.rotations) == list(expected.shape.rotations));
+    CHECK_THROWS_AS((void)cast.people.pose(scene.motion.frame_count()), ValueError);
+
+    MotionRefinement<cpu::Serial> refinement(cast.backend, cast.rigs[0], scene.motion, {}, test_time_config());
+    cast.people.refine(refinement);
+    CHECK(cast.people.pose(1).shape.empty());
+
+    Motion longer = scene.motion;
+    for (std::size_t f = most_pose_memory / rig.shape_bytes(); f > 0; --f) {
+        const auto pose = scene.motion.pose_at(0);
+        longer.pose.insert(longer.pose.end(), pose.begin(), pose.end());
+        const auto expression = scene.motion.expression_at(0);
+        longer.expression.insert(longer.expression.end(), expression.begin(), expression.end());
+        longer.transl.push_back(scene.motion.transl[0]);
+        longer.timestamps.push_back(longer.timestamps.back() + 1);
+    }
+    Cast<cpu::Serial> marathon(scene, {longer}, scene.photos);
+    CHECK(marathon.people.pose(1).shape.empty());
+    CHECK(list(marathon.people.pose(1).pose) == list(expected.pose));
+}
+
 TEST_CASE("people that do not fit together are refused") {
     const SmallScene scene;
     using SceneType = Cast<cpu::Serial>::SceneType;

@@ -51,7 +51,9 @@ std::size_t gaussians_within_memory(const Machine& machine, const Source& source
                                       static_cast<std::size_t>(camera.camera.height));
     const MemoryModel memory = training_memory<cpu::Threads>(
         configuration.avatar, pixels, bytes_of_images(machine, setup), source.people.size(),
-        {.joint_count = source.body().joint_count(), .vertex_count = source.body().vertex_count()});
+        {.joint_count = source.body().joint_count(),
+         .vertex_count = source.body().vertex_count(),
+         .frame_count = source.capture.frame_count()});
     const std::size_t count = std::min(o.gaussians, memory.gaussians_within(o.max_memory));
     if (count < o.gaussians / 10)
         throw ValueError("--max-memory " + std::to_string(o.max_memory) + " is too little: training " +

@@ -72,6 +72,19 @@ struct RigData {
     return motion;
 }
 
+/// What a pose does to a body wherever its joints rest: rotations of the joints, and offsets of the vertices.
+///
+/// Shapes  rotations [J], of each joint against its parent; coefficients [S + E + 9 (J - 1)]: β - β_init, ψ and
+///         vec(R - I); vertex_offsets [V], metres, canonical frame.
+template <Backend B, std::floating_point T = float>
+struct RigShape {
+    typename B::template Buffer<mat3<T>> rotations;
+    typename B::template Buffer<T> coefficients;
+    typename B::template Buffer<vec3<T>> vertex_offsets;
+
+    [[nodiscard]] bool empty() const { return rotations.size() == 0; }
+};
+
 /// One frame's pose in a backend's memory.
 ///
 /// Shapes  pose [J] axis-angle; coefficients [S + E], betas (absolute) then expression; transl [1].
@@ -80,6 +93,9 @@ struct RigPose {
     typename B::template Buffer<vec3<T>> pose;
     typename B::template Buffer<T> coefficients;
     typename B::template Buffer<vec3<T>> transl;
+    /// The shape of this pose, if Rig::prepare has computed it: Rig::forward then reads it. Otherwise empty. Whoever
+    /// changes the pose in place must call prepare again.
+    RigShape<B, T> shape;
 };
 
 /// Gradient with respect to a RigPose; the parts with an empty span are not computed.
@@ -124,13 +140,15 @@ public:
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
-    /// Results of forward, which `add_offsets` and `backward` need.
+    /// Results of forward, which `add_offsets` and `backward` need. The views are valid as long as this cache, and the
+    /// pose if it was prepared.
     struct Cache {
-        Buffer<mat3<T>> rotations;        // [J]
-        Buffer<T> coefficients;           // [S + E + 9 (J - 1)]: β - β_init, ψ, vec(R - I)
+        Span<const mat3<T>> rotations;    // [J], as in RigShape
+        Span<const T> coefficients;
+        Span<const vec3<T>> vertex_offsets;
         Buffer<vec3<T>> joints;           // [J] at this frame
         Buffer<Affine<T>> bones;          // [J]
-        Buffer<vec3<T>> vertex_offsets;   // [V]
+        RigShape<B, T> shape;             // of a pose that was not prepared
         // working storage of backward
         Buffer<mat3<T>> dL_drotations;
         Buffer<T> dL_dcoefficients;
@@ -199,30 +217,33 @@ public:
         backend_->upload(Span<const vec3<T>>(angles), pose.pose);
         backend_->upload(Span<const T>(coefficients), pose.coefficients);
         backend_->upload(Span<const vec3<T>>(&transl, 1), pose.transl);
+        pose.shape = {};
+    }
+
+    /// Computes the shape of a pose, so that forward does not. For poses that are used more than once.
+    void prepare(RigPose<B, T>& pose) const { compute_shape(pose, pose.shape); }
+    /// The memory of a pose's shape.
+    [[nodiscard]] std::size_t shape_bytes() const {
+        return sizeof(mat3<T>) * joint_count_ + sizeof(T) * (coefficient_count() + feature_count_) +
+               sizeof(vec3<T>) * vertex_count_;
     }
 
     /// Bones and offsets of one frame. joints [J]: the learned rest positions J_learned.
     void forward(const RigPose<B, T>& pose, Span<const vec3<T>> joints, Cache& cache) const {
         check_size("Rig::forward", "joints", joints.size(), joint_count_, "store one per joint");
-        check_size("Rig::forward", "coefficients", pose.coefficients.size(), coefficient_count());
         check_memory(*backend_, "Rig::forward", "joints", joints);
-        cache.rotations.resize(joint_count_);
+        if (pose.shape.empty()) compute_shape(pose, cache.shape);
+        const RigShape<B, T>& shape = pose.shape.empty() ? cache.shape : pose.shape;
+        check_size("Rig::forward", "pose.shape.vertex_offsets", shape.vertex_offsets.size(), vertex_count_,
+                   "prepare the pose with this rig");
+        cache.rotations = shape.rotations;
+        cache.coefficients = shape.coefficients;
+        cache.vertex_offsets = shape.vertex_offsets;
         cache.joints.resize(joint_count_);
         cache.bones.resize(joint_count_);
-        cache.coefficients.resize(coefficient_count() + feature_count_);
-        cache.vertex_offsets.resize(vertex_count_);
-
-        skeleton_.rotations(pose.pose, cache.rotations);
-        const Span<T> coefficients = cache.coefficients;
-        backend_->for_each(coefficient_count(),
-                           detail::Difference<T>{pose.coefficients, initial_, coefficients});
-        if (feature_count_)
-            skeleton_.feature(cache.rotations, coefficients.subspan(coefficient_count(), feature_count_));
         backend_->copy(joints, cache.joints);
-        joint_shapes_.forward(coefficients.subspan(0, coefficient_count()), cache.joints);
+        joint_shapes_.forward(cache.coefficients.subspan(0, coefficient_count()), cache.joints);
         skeleton_.bones(cache.rotations, cache.joints, pose.transl, cache.bones);
-        backend_->fill(Span<vec3<T>>(cache.vertex_offsets), vec3<T>(T(0)));
-        vertex_shapes_.forward(coefficients, cache.vertex_offsets);
     }
 
     /// points[i] += the offset of point i at the frame of `cache`.
@@ -278,6 +299,20 @@ public:
     }
 
 private:
+    void compute_shape(const RigPose<B, T>& pose, RigShape<B, T>& shape) const {
+        check_size("Rig", "pose.coefficients", pose.coefficients.size(), coefficient_count());
+        shape.rotations.resize(joint_count_);
+        shape.coefficients.resize(coefficient_count() + feature_count_);
+        shape.vertex_offsets.resize(vertex_count_);
+        skeleton_.rotations(pose.pose, shape.rotations);
+        const Span<T> coefficients = shape.coefficients;
+        backend_->for_each(coefficient_count(), detail::Difference<T>{pose.coefficients, initial_, coefficients});
+        if (feature_count_)
+            skeleton_.feature(shape.rotations, coefficients.subspan(coefficient_count(), feature_count_));
+        backend_->fill(Span<vec3<T>>(shape.vertex_offsets), vec3<T>(T(0)));
+        vertex_shapes_.forward(coefficients, shape.vertex_offsets);
+    }
+
     B* backend_;
     std::size_t joint_count_, point_count_, shape_count_, expression_count_, vertex_count_, feature_count_, influences_;
     std::vector<double> betas_;

@@ -44,6 +44,10 @@ struct CastMember {
 /// casters, so a person far outside of the cameras' view would otherwise make its texels too large.
 inline constexpr double shadow_reach = 4;
 
+/// Bytes that the prepared poses of one person may take: 500 frames of SMPL-X. Those of longer motions are computed in
+/// each step.
+inline constexpr std::size_t most_pose_memory = 64 << 20;
+
 /// People in the frames of their motions. They share only photographs and frames. Each has a model, a motion, and
 /// perhaps a refinement of the motion.
 ///
@@ -89,12 +93,18 @@ public:
     }
     /// A person's poses as they were before any refinement.
     [[nodiscard]] const Motion& motion(std::size_t person = 0) const { return *at(person).motion; }
-    /// A person's present pose at a frame. The reference is valid until the next call for the same person.
+    /// A person's present pose at a frame. The reference is valid until the next call for the same person. Poses that
+    /// do not learn are prepared once and kept, unless all of a person's would take more than most_pose_memory.
     [[nodiscard]] const RigPose<B, T>& pose(std::size_t frame, std::size_t person = 0) {
         Person& of = at(person);
-        of.refinement ? of.refinement->pose(frame, of.pose)
-                      : of.model->rig().upload_pose(*of.motion, frame, of.pose);
-        return of.pose;
+        if (of.refinement) {
+            of.refinement->pose(frame, of.pose);
+        } else if (keeps_poses(of)) {
+            keep_poses(of, frame);
+        } else {
+            of.model->rig().upload_pose(*of.motion, frame, of.pose);
+        }
+        return present_pose(of, frame);
     }
 
     /// From now on `refinement` provides the person's poses, and the cameras if it has any. They learn with the
@@ -147,7 +157,8 @@ public:
             const RigPoseGradient<T> dL_dpose = refinement && refinement->learns_motion(frame)
                                                     ? refinement->pose_gradient()
                                                     : RigPoseGradient<T>();
-            person.model->backward(person.pose, frame, center, part(p, dL_dsplats), dL_dpose, dL_dcenter);
+            person.model->backward(present_pose(person, frame), frame, center, part(p, dL_dsplats), dL_dpose,
+                                   dL_dcenter);
             if (!dL_dpose.empty()) refinement->accumulate(frame, dL_dpose);
         }
     }
@@ -199,9 +210,31 @@ private:
         Model* model = nullptr;
         const Motion* motion = nullptr;
         std::size_t first_splat = 0;
-        RigPose<B, T> pose;
+        std::vector<RigPose<B, T>> poses; // by frame, prepared; empty until the first is asked for
+        RigPose<B, T> pose;               // of a refinement, or of a motion that is too long to be kept
         MotionRefinement<B, T>* refinement = nullptr;
     };
+    [[nodiscard]] static bool keeps_poses(const Person& of) {
+        return of.motion->frame_count() * of.model->rig().shape_bytes() <= most_pose_memory;
+    }
+    /// Prepares the pose of a frame unless that was done before. On a device all frames are prepared at once, because
+    /// recorded steps, which follow, must not allocate.
+    void keep_poses(Person& of, std::size_t frame) const {
+        const Rig<B, T>& rig = of.model->rig();
+        const std::size_t frames = of.motion->frame_count();
+        check_frame("AvatarScene::pose", frame, frames);
+        of.poses.resize(frames);
+        const std::size_t first = B::host_memory ? frame : 0, end = B::host_memory ? frame + 1 : frames;
+        if (!of.poses[frame].shape.empty()) return;
+        for (std::size_t f = first; f < end; ++f) {
+            rig.upload_pose(*of.motion, f, of.poses[f]);
+            rig.prepare(of.poses[f]);
+        }
+    }
+    /// The pose that the last call of pose() for this frame returned.
+    [[nodiscard]] static const RigPose<B, T>& present_pose(const Person& of, std::size_t frame) {
+        return of.refinement || !keeps_poses(of) ? of.pose : of.poses[frame];
+    }
     void check_person(std::size_t person) const {
         if (person >= people_.size())
             throw ValueError("AvatarScene: person " + std::to_string(person) + " does not exist; the scene has " +

@@ -4,10 +4,12 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/light/shadow_map.hpp>
+#include <gsh/math/vec.hpp>
 #include <gsh/pipeline/avatar_config.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/pipeline/part_size.hpp>
+#include <gsh/train/avatar_scene.hpp>
 
 #include <concepts>
 #include <cstddef>
@@ -32,7 +34,8 @@ struct MemoryModel {
 struct AvatarInputs {
     std::size_t joint_count = 55;
     PriorInputs priors{.feature_count = 10, .has_region = true};
-    std::size_t vertex_count = 10475; ///< of the mesh, for light
+    std::size_t vertex_count = 10475; ///< of the mesh, for light and prepared poses
+    std::size_t frame_count = 0;      ///< of the motion
 };
 
 /// The memory of training the avatar of a configuration, for images of `pixels` pixels, with `held` bytes (the capture)
@@ -50,6 +53,8 @@ template <Backend B, std::floating_point T = float>
     const PartSize avatar = avatar_size<B, T>(config, inputs.joint_count, inputs.priors);
     MemoryModel memory{.fixed = program + held + per_pixel * pixels + people * sizeof(T) * avatar.fixed(),
                        .per_gaussian = people * (per_gaussian + sizeof(T) * avatar.per_point())};
+    const std::uint64_t poses = std::uint64_t(inputs.frame_count) * inputs.vertex_count * sizeof(vec3<T>);
+    memory.fixed += people * (poses <= most_pose_memory ? poses : 0);
     if (config.light) {
         // The posed mesh, its normals, their gradients, the caster; normal offsets with gradient and moments.
         const std::uint64_t per_vertex = 160 + (config.rates.light_normals > 0 ? 60 : 0);
