@@ -115,6 +115,19 @@ TEST_CASE("training learns") {
     CHECK(training.trainer.last_psnr() > 15);
 }
 
+TEST_CASE("a trainer that has released its memory goes on with the same bits") {
+    const SmallScene scene;
+    SmallTraining<cpu::Serial> whole(scene), released(scene);
+    whole.steps(8), released.steps(5);
+    released.trainer.release_memory();
+    Image<float> picture; // results are written from here
+    released.trainer.render(scene.photos[0], picture);
+    CHECK(*std::max_element(picture.data.begin(), picture.data.end()) > 0);
+    released.steps(3);
+    CHECK(released.parameters() == whole.parameters());
+    CHECK(released.trainer.last_loss().loss == whole.trainer.last_loss().loss);
+}
+
 TEST_CASE("the history has loss and PSNR of each step since it was read") {
     const SmallScene scene;
     SmallTraining<cpu::Serial> training(scene);

@@ -57,6 +57,9 @@ public:
     /// False if a step is over when step() returns.
     [[nodiscard]] virtual bool queues_steps() const = 0;
 
+    /// Trainer::release_memory, at the end of the training.
+    virtual void release_memory() = 0;
+
     /// gsh::compare: a photograph and its render.
     [[nodiscard]] virtual Comparison<float> compare(const Photo& photo) = 0;
 

@@ -53,6 +53,7 @@ public:
         return trainer_.history();
     }
     bool queues_steps() const override { return !B::host_memory; }
+    void release_memory() override { trainer_.release_memory(); }
     Comparison<float> compare(const Photo& photo) override { return gsh::compare(trainer_, photo); }
 
     std::vector<AvatarData> avatars() override {

@@ -280,6 +280,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
                                          const TrainingRecord& record) {
     const ReconstructionSetup& setup = reconstruction.setup;
     Judge judge(machine.host(), source, o);
+    reconstruction.release_memory();
     const std::vector<std::size_t> unseen = reconstruction.fill_unseen();
     write_avatars(out, reconstruction); // before poses are fitted to test images
     const std::size_t people = setup.people.size();

@@ -87,7 +87,8 @@ template <Backend B>
 /// the last call that were: the caller mends the cause, takes back what its host code has counted, and goes on from the
 /// step that failed.
 ///
-/// `kind` distinguishes steps that launch other work, for instance because images have another size.
+/// `kind` distinguishes steps that launch other work, for instance because images have another size. forget() drops the
+/// records, before memory is freed whose addresses they contain.
 template <Backend B>
 class RepeatedStep {
 public:
@@ -97,6 +98,7 @@ public:
         step();
     }
     [[nodiscard]] std::uint64_t settle() { return 0; }
+    void forget() {}
 };
 
 /// Calls branch(0) to branch(count - 1). None may read or write what another one writes: a device that records its step

@@ -164,24 +164,24 @@ template <class Scene>
 /// A shadow that follows the pose is also exported as an occlusion field, and a light with its numbers and the mean
 /// irradiance. `filter` is that of training.
 template <class Scene>
-[[nodiscard]] AvatarData export_avatar(Scene& scene, RigData rig, const std::vector<std::size_t>& frames,
+[[nodiscard]] AvatarData export_avatar(Scene& scene, const RigData& rig, const std::vector<std::size_t>& frames,
                                        const PixelFilter& filter, std::size_t person = 0) {
     auto& model = scene.model(person);
     std::vector<vec3<float>> joints(rig.joint_count());
-    AvatarData avatar{.rig = {},
-                      .gaussians = mean_gaussians(scene, frames, person),
+    GaussianCloud<float> gaussians = mean_gaussians(scene, frames, person); // takes most memory, so it comes first
+    AvatarData avatar{.rig = rig,
+                      .gaussians = std::move(gaussians),
                       .clamping = model.params().clamping,
                       .filter = filter,
                       .deformation = model.params().deformation};
     scene.backend().download(model.joints(), Span<vec3<float>>(joints));
-    for (std::size_t j = 0; j < joints.size(); ++j) rig.joints[j] = vec3<double>(joints[j]);
+    for (std::size_t j = 0; j < joints.size(); ++j) avatar.rig.joints[j] = vec3<double>(joints[j]);
     if (model.light()) {
         avatar.light = model.light()->data();
         avatar.normal_offsets.resize(model.normal_offsets().size());
         scene.backend().download(model.normal_offsets(), Span<vec3<float>>(avatar.normal_offsets));
-        avatar.light_place = place_of(scene.motion(person), rig.joints[0], frames);
+        avatar.light_place = place_of(scene.motion(person), avatar.rig.joints[0], frames);
     }
-    avatar.rig = std::move(rig);
     avatar.ao = mean_ao(scene, frames, person);
     if (!avatar.ao.empty()) avatar.occlusion_field = baked_field(model.shadow());
     avatar.mean_irradiance = mean_irradiance(scene, frames, person);

@@ -135,6 +135,16 @@ public:
         scene_->set_progress(step_count_, progress_);
     }
 
+    /// Settles, and frees what steps keep for the next one: splats, render, their gradients, and scratch of the
+    /// rasterizer and the loss. For the end of a training whose results are then written. last_loss and last_psnr need
+    /// another step, which allocates all of it again.
+    void release_memory() {
+        settle();
+        loss_ = PhotoLoss<B, T>(*backend_, loss_.params());
+        splats_ = {}, dL_dsplats_ = {};
+        repeated_.forget(); // recorded steps contain addresses
+    }
+
     /// On a backend that records its steps, the times of the last step's kernels, which are repeated for it
     /// (RepeatedStep::time_kernels): for benches. Settles first.
     [[nodiscard]] auto time_kernels(int repeats = 20)

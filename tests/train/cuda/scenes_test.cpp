@@ -83,6 +83,26 @@ TEST_CASE("a step is one graph that waits for nothing, also in a light, with ref
 }
 #endif
 
+TEST_CASE("a trainer that has released its memory on the device goes on with the same bits") {
+    if (skip_without_device()) return;
+    const SmallScene scene;
+    const auto train = [&](bool releases) {
+        SmallTraining<Device> training(scene, [] { return Device(); }, 3, {.ao = AmbientOcclusion::time});
+        auto& trainer = training.trainer;
+        const auto train_to = [&](std::uint64_t steps) {
+            while (trainer.step_count() < steps) {
+                while (trainer.step_count() < steps) trainer.step(0.5);
+                trainer.settle(); // goes back where buffers overflowed
+            }
+        };
+        train_to(3 * scene.photos.size());
+        if (releases) trainer.release_memory();
+        train_to(5 * scene.photos.size());
+        return training.parameters();
+    };
+    CHECK(train(true) == train(false));
+}
+
 TEST_CASE("a pose is fitted on the device as on the CPU") {
     if (skip_without_device()) return;
     const PosedScene scene;

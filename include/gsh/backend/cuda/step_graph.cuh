@@ -115,6 +115,10 @@ public:
         restart();
         return lost;
     }
+    void forget() {
+        graphs_.clear();
+        last_ = nullptr;
+    }
 
 private:
     void restart() {
