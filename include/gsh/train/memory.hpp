@@ -41,15 +41,15 @@ struct AvatarInputs {
 /// The memory of training the avatar of a configuration, for images of `pixels` pixels, with `held` bytes (the capture)
 /// in memory already. Learned arrays and the activations of fields are counted exactly, from the sizes that the parts
 /// state (avatar_size). The other buffers are estimated. For 170,000 Gaussians and 210 photographs of 540² the result
-/// is 0.96 times the peak of `paper`, and 1.10 times those of `no-ao` and `light`. A budget therefore needs a margin of
+/// is 1.00 times the peak of `paper`, and 1.03 times those of `no-ao` and `light`. A budget therefore needs a margin of
 /// its own. Each of several people has own fields; the number of Gaussians is that of one person.
 template <Backend B, std::floating_point T = float>
 [[nodiscard]] MemoryModel training_memory(const AvatarConfig& config, std::size_t pixels, std::uint64_t held,
                                           std::size_t people = 1, const AvatarInputs& inputs = {}) {
-    constexpr std::uint64_t program = 150'000'000; // code, body model, copies for checkpoints
-    constexpr std::uint64_t per_pixel = 100;       // render, photograph, gradients, loss terms
-    constexpr std::uint64_t per_gaussian = 884 +   // splats, their gradients, gains, bones, tiles
-                                           480;    // in the end, the avatar that is exported and filled points
+    constexpr std::uint64_t program = 85'000'000; // code, body model, copies for checkpoints
+    constexpr std::uint64_t per_pixel = 100;      // render, photograph, gradients, loss terms
+    // Splats, their gradients, gains, bones, tiles; in the end, the avatar that is exported and filled points.
+    constexpr std::uint64_t per_gaussian = 914;
     const PartSize avatar = avatar_size<B, T>(config, inputs.joint_count, inputs.priors);
     MemoryModel memory{.fixed = program + held + per_pixel * pixels + people * sizeof(T) * avatar.fixed(),
                        .per_gaussian = people * (per_gaussian + sizeof(T) * avatar.per_point())};
