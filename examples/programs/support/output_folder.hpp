@@ -45,8 +45,8 @@ public:
     void own(const std::string& subfolder) { owned_.push_back(subfolder); }
 
     void commit() {
+        for (const std::string& name : names_) make((folder_ / name).parent_path()); // before any file is moved
         for (const std::string& name : names_) {
-            make((folder_ / name).parent_path());
             std::error_code error;
             std::filesystem::rename(staging_ / name, folder_ / name, error);
             if (error) throw IoError((folder_ / name).string() + ": cannot be written: " + error.message());
