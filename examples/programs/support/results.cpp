@@ -166,6 +166,7 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
 
 namespace {
 
+/// Writes each person's avatar, for gsh and for viewers of splats.
 void write_avatars(OutputFolder& out, Reconstruction& reconstruction) {
     const std::vector<AvatarData> avatars = reconstruction.avatars();
     for (std::size_t p = 0; p < avatars.size(); ++p) {

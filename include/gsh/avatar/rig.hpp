@@ -93,8 +93,8 @@ struct RigPose {
     typename B::template Buffer<vec3<T>> pose;
     typename B::template Buffer<T> coefficients;
     typename B::template Buffer<vec3<T>> transl;
-    /// The shape of this pose, if Rig::prepare has computed it: Rig::forward then reads it. Otherwise empty. Whoever
-    /// changes the pose in place must call prepare again.
+    /// The shape of this pose after Rig::prepare, for Rig::forward to read; otherwise empty. A pose that is changed in
+    /// place must be prepared again.
     RigShape<B, T> shape;
 };
 

@@ -100,7 +100,7 @@ public:
         if (of.refinement) {
             of.refinement->pose(frame, of.pose);
         } else if (keeps_poses(of)) {
-            keep_poses(of, frame);
+            prepare_pose(of, frame);
         } else {
             of.model->rig().upload_pose(*of.motion, frame, of.pose);
         }
@@ -219,13 +219,13 @@ private:
     }
     /// Prepares the pose of a frame unless that was done before. On a device all frames are prepared at once, because
     /// recorded steps, which follow, must not allocate.
-    void keep_poses(Person& of, std::size_t frame) const {
+    static void prepare_pose(Person& of, std::size_t frame) {
         const Rig<B, T>& rig = of.model->rig();
         const std::size_t frames = of.motion->frame_count();
         check_frame("AvatarScene::pose", frame, frames);
         of.poses.resize(frames);
-        const std::size_t first = B::host_memory ? frame : 0, end = B::host_memory ? frame + 1 : frames;
         if (!of.poses[frame].shape.empty()) return;
+        const std::size_t first = B::host_memory ? frame : 0, end = B::host_memory ? frame + 1 : frames;
         for (std::size_t f = first; f < end; ++f) {
             rig.upload_pose(*of.motion, f, of.poses[f]);
             rig.prepare(of.poses[f]);
