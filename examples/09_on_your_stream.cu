@@ -56,7 +56,7 @@ __global__ void count_frame(std::uint32_t* frame) {
     *frame += 1;
 }
 
-/// Launches a kernel of the application, `count` threads. Who compiles with nvcc alone writes kernel<<<…>>>(…).
+/// Launches a kernel of the application, `count` threads. Code for nvcc alone writes kernel<<<…>>>(…).
 template <class... Parameters, class... Arguments>
 void launch(cudaStream_t stream, std::size_t count, void (*kernel)(Parameters...), const Arguments&... arguments) {
     cudaLaunchConfig_t config{};

@@ -4,6 +4,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -24,6 +25,10 @@ std::vector<std::string> lines_of(const fs::path& path) {
     std::ifstream file(path);
     for (std::string line; std::getline(file, line);) lines.push_back(line);
     return lines;
+}
+
+std::ptrdiff_t characters(const std::string& line) { // UTF-8
+    return std::ranges::count_if(line, [](char c) { return (c & 0xC0) != 0x80; });
 }
 
 std::vector<std::string> page() { return lines_of(fs::path(GSH_SOURCE_DIR) / "docs" / "architecture.md"); }
@@ -199,10 +204,28 @@ TEST_CASE("each header begins with licence, sentence and guard") {
 TEST_CASE("no line of a header is longer than 120 characters") {
     for (const auto& header : headers())
         for (std::size_t i = 0; i < header.lines.size(); ++i) {
-            const auto bytes_of_characters = [](char c) { return (c & 0xC0) != 0x80; }; // UTF-8
-            const auto length = std::ranges::count_if(header.lines[i], bytes_of_characters);
+            const auto length = characters(header.lines[i]);
             CHECK_MESSAGE(length <= 120, header.at(static_cast<int>(i) + 1), length, " characters");
         }
+}
+
+TEST_CASE("no line of prose on a page is longer than 120 characters") { // tables, code and pictures may be
+    std::vector<fs::path> pages{fs::path(GSH_SOURCE_DIR) / "README.md",
+                                fs::path(GSH_SOURCE_DIR) / "examples" / "README.md"};
+    for (const auto& entry : fs::recursive_directory_iterator(fs::path(GSH_SOURCE_DIR) / "docs"))
+        if (entry.path().extension() == ".md") pages.push_back(entry.path());
+    CHECK(pages.size() > 50);
+    for (const fs::path& path : pages) {
+        bool fenced = false;
+        int number = 0;
+        for (const std::string& line : lines_of(path)) {
+            ++number;
+            if (line.starts_with("```")) fenced = !fenced;
+            if (fenced || line.starts_with("    ") || line.find_first_of("|!") == line.find_first_not_of(' ')) continue;
+            const auto length = characters(line);
+            CHECK_MESSAGE(length <= 120, path.string(), ":", number, ": ", length, " characters");
+        }
+    }
 }
 
 TEST_CASE("what the CPU backends run lies in the inline namespace of its instruction set") {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The renderer of the programs on a backend. Who includes it also includes the backend's overloads.
+/// @file  The renderer of the programs on a backend. A file that includes it also includes the backend's overloads.
 #pragma once
 
 #include "support/renderer.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A static scene in training on a backend. Who includes it also includes the backend's overloads.
+/// @file  A static scene in training on a backend. A file that includes it also includes the backend's overloads.
 #pragma once
 
 #include "support/static_reconstruction.hpp"

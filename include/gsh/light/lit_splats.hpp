@@ -224,8 +224,8 @@ void lit_vertices_accumulate(B&, const Arguments&...) {
 /// are interpolated at the foot of each Gaussian, in the triangle on which it stands, where LitColor takes the colour.
 /// A body has a tenth as many vertices as Gaussians, and light changes little between two of them.
 ///
-/// Only the product of base colours and intensities is observable, up to the gloss. Who learns both fixes one number of
-/// the scale; the gradient here is the full one, whatever the caller fixes.
+/// Only the product of base colours and intensities is observable, up to the gloss. Code that learns both fixes one
+/// number of the scale; the gradient here is the full one, whatever the caller fixes.
 ///
 /// Errors  ShapeError, MemoryError before any work starts.
 template <Backend B, std::floating_point T = float>

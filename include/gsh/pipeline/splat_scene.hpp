@@ -42,6 +42,10 @@ struct CameraGradientView {
 ///     after_step(raster_cache)            makes changes that are due after the step; only here may size() change
 ///
 /// forward may be called several times after one prepare. Every frame is below frame_count().
+///
+/// A scene may also have take_back(steps), which Trainer::settle calls. A device that runs ahead of the host can find
+/// after some steps that a buffer was too small; the last `steps` steps have then changed nothing on the device, and
+/// are run again. A scene that counts its steps on the host, outside of set_progress, must subtract them here.
 template <class S, class B, class T>
 concept SplatScene = requires(S& scene, const Photo& photo, std::size_t frame, std::uint64_t step, double progress,
                               const Deferred<vec3<T>>& center, const SplatView<T>& splats,

@@ -49,7 +49,7 @@ struct LpipsNormalise {
     __device__ void operator()(std::size_t pixel) const {
         for (int c = 0; c < 3; ++c) {
             const T value = image.data[std::size_t(c) * image.plane_size() + pixel];
-            if (!(value - value == T(0))) failed[0] = 1; // whoever writes it, writes the same
+            if (!(value - value == T(0))) failed[0] = 1; // all threads write the same value
             out[3 * pixel + std::size_t(c)] = (value * stretch + offset - shift[c]) / scale[c];
         }
     }

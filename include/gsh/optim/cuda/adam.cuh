@@ -15,7 +15,7 @@ namespace gsh::cuda {
 namespace detail {
 
 /// `Count` consecutive elements of one step. The kernels move at most 32 bytes per element and compute little, so they
-/// are as fast as memory. The word that tells a halted device is loaded together with the numbers (or the row), not
+/// are as fast as memory. The word that is set on a halted device is loaded together with the numbers (or the row), not
 /// before them: one wait instead of two.
 template <class T, unsigned Count>
 struct AdamRun {
