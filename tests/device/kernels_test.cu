@@ -178,7 +178,7 @@ using Bodies = Types<
     gsh::detail::AdamStep<T>, Skin<T, Affine<T>>, Skin<T, dual_quat<T>>, HashTableBackward<T>,
     gsh::detail::TurnedPose<T>, gsh::detail::TurnedPoseBackward<T>, gsh::detail::Incremented<T>,
     gsh::detail::PullGradient<T>, gsh::detail::MovedCamera<T>, gsh::detail::MovedCameraBackward<T>,
-    gsh::detail::RowStep<T>,
+    gsh::detail::RowSteps<T>,
     gsh::detail::SequenceGradient<RotationSequence<T>, vec3<T>>, gsh::detail::SequenceGradient<NumberSequence<T>, T>,
     gsh::detail::PoseVertex<T>, gsh::detail::TriangleCross<T>, gsh::detail::VertexNormal<T>,
     gsh::detail::VertexNormalBackward<T>, gsh::detail::PoseVertexBackward<T>, gsh::detail::BonePieceBackward<T>,

@@ -18,8 +18,10 @@
 #include <gsh/render/rasterizer.hpp>
 
 #include <array>
+#include <bit>
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 
 namespace gsh {
 
@@ -73,6 +75,15 @@ public:
         set_photo(photo, pixels_[0], background);
     }
     void set_photo(const Photo& photo) { set_photo(photo, params_.background); }
+
+    /// A number for the kernels that a photograph needs: the `kind` of a recorded step (RepeatedStep).
+    [[nodiscard]] static std::uint64_t kind(const Photo& photo) {
+        const Camera<double>& camera = photo.camera;
+        const bool cropped = photo.pixels() != whole_picture(camera.height, camera.width);
+        const auto unknown = static_cast<std::uint64_t>(std::bit_width(detail::unknown_slots(photo.unknown.size())));
+        return std::uint64_t(photo.half_chroma) << 63 | std::uint64_t(cropped) << 62 | unknown << 48 |
+               std::uint64_t(camera.height) << 24 | std::uint64_t(camera.width);
+    }
 
     /// Renders the splats. `camera` is the photograph's camera, as it was calibrated or as refinement has moved it.
     void render(const Deferred<Camera<T>>& camera, const SplatView<const T>& splats) {

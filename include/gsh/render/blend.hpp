@@ -15,14 +15,6 @@ namespace gsh::detail {
 template <std::floating_point T>
 inline constexpr T largest_cut = sizeof(T) == 4 ? T(120) : T(1000);
 
-/// Enlarges a cut slightly, so that rounding in the choice of tiles and of blocks of pixels never loses a pixel that
-/// the blend would draw.
-template <Lane T>
-[[nodiscard]] GSH_HD constexpr T generous(T cut) {
-    using S = ScalarOf<T>;
-    return cut * T(S(1.0001)) + T(S(1e-3));
-}
-
 /// The scalar limits of RasterParams, by value.
 template <class T>
 struct BlendLimits {
@@ -33,6 +25,14 @@ struct BlendLimits {
 };
 
 inline namespace GSH_ISA { // roundings depend on the instruction set
+
+/// Enlarges a cut slightly, so that rounding in the choice of tiles and of blocks of pixels never loses a pixel that
+/// the blend would draw.
+template <Lane T>
+[[nodiscard]] GSH_HD T generous(T cut) {
+    using S = ScalarOf<T>;
+    return multiply_add(cut, T(S(1.0001)), T(S(1e-3)));
+}
 
 /// The effect of a splat on a pixel; bit-identical in both passes.
 ///

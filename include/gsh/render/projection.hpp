@@ -53,7 +53,9 @@ struct ProjectionFrame {
                            const ProjectionParams<S>& params) {
         p = to_camera(camera, mean);
         in_front = p.z > T(params.near_plane);
-        p.z = select(in_front, p.z, T(S(1)));
+        // Behind the plane, this avoids a division by zero. A backend may decide in_front in higher precision than the
+        // adjoint, which then must not differ for a splat that lies within rounding of the plane.
+        p.z = max(p.z, T(params.near_plane));
         inverse_z = T(S(1)) / p.z;
         x = p.x * inverse_z;
         y = p.y * inverse_z;

@@ -25,8 +25,9 @@ namespace gsh {
 
 /// A scene in which only a motion learns. The motion takes its own steps, in after_step, so learned() is empty.
 template <class S, class B, class T>
-concept FrozenScene = SplatScene<S, B, T> && requires(S& scene) {
+concept FrozenScene = SplatScene<S, B, T> && requires(S& scene, std::uint64_t steps) {
     { scene.motion() } -> std::same_as<MotionRefinement<B, T>&>;
+    scene.take_back(steps);
 };
 
 /// The common part of frozen scenes: the motion that learns. It must outlive the scene.

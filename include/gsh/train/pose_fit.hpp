@@ -9,12 +9,14 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/pipeline/photo_loss.hpp>
+#include <gsh/pipeline/photo_pixels.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/refinement.hpp>
 
 #include <array>
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <string_view>
@@ -56,7 +58,8 @@ public:
         : backend_(&backend), params_(params), loss_(backend, {.filter = filter,
                                                                .ssim_weight = params.ssim_weight,
                                                                .mask_weight = params.mask_weight,
-                                                               .background = params.background}) {}
+                                                               .background = params.background}),
+          repeated_(backend) {}
 
     /// Takes params.steps steps, over the photographs in turn. Rates fall from their first value to final_rate. If the
     /// loss at the end is not below that at the beginning, the pose at the beginning is restored, also if the fit was
@@ -70,20 +73,27 @@ public:
                     "frame " + std::to_string(frame) +
                         " does not learn; is it left out, or does it start later? see test_time_config");
         scene.prepare(frame);
+        const PhotoPixels<B> pixels(*backend_, photos);
         PoseFitReport report;
-        report.loss_before = mean_loss_of(scene, frame, photos);
+        report.loss_before = mean_loss_of(scene, frame, photos, pixels);
         remember(motion, frame);
-        for (; report.steps < params_.steps && !(params_.stop && params_.stop()); ++report.steps) {
+        const auto settle = [&] {
+            const std::uint64_t lost = repeated_.settle();
+            if (lost == 0) return;
+            loss_.mend();
+            scene.take_back(lost);
+            report.steps -= lost;
+        };
+        while (report.steps < params_.steps && !(params_.stop && params_.stop())) {
             scene.set_progress(report.steps, static_cast<double>(report.steps) / static_cast<double>(params_.steps));
-            const Photo& photo = photos[report.steps % photos.size()];
-            const Camera<T> camera = render(scene, frame, photo);
-            dL_dsplats_.resize(scene.size());
-            fill_zero(*backend_, dL_dsplats_.view());
-            loss_.backward(camera, std::as_const(splats_).view(), dL_dsplats_.view());
-            scene.backward(frame, camera.center(), std::as_const(dL_dsplats_).view(), {});
-            scene.after_step(loss_.raster_cache());
+            const std::size_t index = report.steps % photos.size();
+            repeated_.run(PhotoLoss<B, T>::kind(photos[index]),
+                          [&] { step(scene, frame, photos[index], pixels[index]); });
+            ++report.steps;
+            if (report.steps % steps_between_waits == 0 || report.steps == params_.steps) settle();
         }
-        report.loss_after = mean_loss_of(scene, frame, photos);
+        settle();
+        report.loss_after = mean_loss_of(scene, frame, photos, pixels);
         report.kept = report.loss_after < report.loss_before;
         if (!report.kept) {
             report.loss_after = report.loss_before;
@@ -97,10 +107,12 @@ public:
     [[nodiscard]] double mean_loss(Scene& scene, std::size_t frame, const std::vector<Photo>& photos) {
         check(photos, "PoseFit::mean_loss");
         scene.prepare(frame);
-        return mean_loss_of(scene, frame, photos);
+        return mean_loss_of(scene, frame, photos, PhotoPixels<B>(*backend_, photos));
     }
 
 private:
+    /// A device is waited for so often; the motion remembers more steps than that (RefinementTables).
+    static constexpr std::size_t steps_between_waits = 100;
     static constexpr std::array groups{RefinementGroup::pose, RefinementGroup::transl, RefinementGroup::expression,
                                        RefinementGroup::betas};
 
@@ -110,19 +122,28 @@ private:
     }
 
     /// Computes splats, picture and loss at the frame's present pose. Returns the photograph's camera.
-    Camera<T> render(auto& scene, std::size_t frame, const Photo& photo) {
+    Camera<T> render(auto& scene, std::size_t frame, const Photo& photo, const typename PhotoPixels<B>::View& pixels) {
         const Camera<T> camera = photo.camera.template cast<T>();
-        loss_.set_photo(photo);
+        loss_.set_photo(photo, pixels);
         splats_.resize(scene.size());
         scene.forward(frame, camera.center(), splats_.view());
         loss_.render(camera, std::as_const(splats_).view());
         loss_.compare();
         return camera;
     }
-    [[nodiscard]] double mean_loss_of(auto& scene, std::size_t frame, const std::vector<Photo>& photos) {
+    void step(auto& scene, std::size_t frame, const Photo& photo, const typename PhotoPixels<B>::View& pixels) {
+        const Camera<T> camera = render(scene, frame, photo, pixels);
+        dL_dsplats_.resize(scene.size());
+        fill_zero(*backend_, dL_dsplats_.view());
+        loss_.backward(camera, std::as_const(splats_).view(), dL_dsplats_.view());
+        scene.backward(frame, camera.center(), std::as_const(dL_dsplats_).view(), {});
+        scene.after_step(loss_.raster_cache());
+    }
+    [[nodiscard]] double mean_loss_of(auto& scene, std::size_t frame, const std::vector<Photo>& photos,
+                                      const PhotoPixels<B>& pixels) {
         double sum = 0;
-        for (const Photo& photo : photos) {
-            render(scene, frame, photo);
+        for (std::size_t i = 0; i < photos.size(); ++i) {
+            render(scene, frame, photos[i], pixels[i]);
             sum += loss_.loss();
         }
         return sum / static_cast<double>(photos.size());
@@ -146,6 +167,7 @@ private:
     B* backend_;
     Params params_;
     PhotoLoss<B, T> loss_;
+    RepeatedStep<B> repeated_;
     Splats<B, T> splats_, dL_dsplats_;
     std::array<typename B::template Buffer<T>, groups.size()> remembered_;
 };

@@ -199,6 +199,7 @@ public:
             tables_.step(group, row, config_.adam, config_[group].rate * decay,
                          pose ? Span<const T>(joint_rates_) : Span<const T>());
         });
+        tables_.end_step();
         frames_touched_.clear();
         cameras_touched_.clear();
         ++steps_;

@@ -31,13 +31,32 @@ struct RowStep {
     Span<T> parameters, gradients, m, v;
     Span<const T> rates; // a factor for every three numbers, or empty
     AdamCoefficients<T> coefficients;
+    bool learns; // otherwise the gradients are cleared, and nothing else happens
+    GSH_HD void apply(std::size_t i) const {
+        if (learns) {
+            AdamCoefficients<T> mine = coefficients;
+            if (!rates.empty()) mine.step_size *= rates[i / 3];
+            adam_update(parameters[i], gradients[i], m[i], v[i], mine);
+        }
+        gradients[i] = T(0);
+    }
+};
+
+/// The steps of several rows. A step of training visits about ten short ones; on a device a launch each would take
+/// longer than their work.
+template <class T>
+struct RowSteps {
+    static constexpr std::size_t capacity = 12;
+    RowStep<T> rows[capacity];
+    std::size_t ends[capacity]; // row r has the indices from ends[r - 1] to ends[r]
+    std::size_t count;
     Span<const std::uint32_t> halt; // halt_word
+    [[nodiscard]] std::size_t size() const { return count == 0 ? 0 : ends[count - 1]; }
     GSH_HD void operator()(std::size_t i) const {
         if (is_halted(halt)) return;
-        AdamCoefficients<T> mine = coefficients;
-        if (!rates.empty()) mine.step_size *= rates[i / 3];
-        adam_update(parameters[i], gradients[i], m[i], v[i], mine);
-        gradients[i] = T(0);
+        std::size_t row = 0, begin = 0;
+        while (i >= ends[row]) begin = ends[row++];
+        rows[row].apply(i - begin);
     }
 };
 
@@ -118,26 +137,27 @@ public:
         return {gradient(RefinementGroup::camera_rotation, camera).data(), camera_width};
     }
 
-    /// A step of Adam for one row. Its gradient is zero afterwards. rates: a factor for every three numbers, or empty.
-    void step(RefinementGroup group, std::size_t row, const Adam& adam, double rate, Span<const T> rates = {}) {
-        const std::size_t update = table(group).first_update + row;
-        if (!history_.empty()) history_.back().push_back(update);
-        const auto visit = static_cast<std::int64_t>(++updates_[update]);
-        const Span<T> numbers = increments(group, row);
-        backend_->for_each(numbers.size(),
-                           detail::RowStep<T>{numbers,
-                                              gradient(group, row),
-                                              at(Span<T>(first_moment_), group, row),
-                                              at(Span<T>(second_moment_), group, row),
-                                              rates,
-                                              adam.coefficients<T>(rate, visit),
-                                              halt_word(*backend_)});
-    }
-
-    /// Marks the beginning of a step of several rows.
+    /// Begins a step of several rows.
     void begin_step() {
         if (history_.size() == remembered_steps) history_.pop_front();
         history_.emplace_back();
+    }
+    /// A step of Adam for one row. Its gradient is zero afterwards. rates: a factor for every three numbers, or empty.
+    void step(RefinementGroup group, std::size_t row, const Adam& adam, double rate, Span<const T> rates = {}) {
+        const std::size_t update = table(group).first_update + row;
+        history_.back().push_back(update);
+        const auto visit = static_cast<std::int64_t>(++updates_[update]);
+        add_row(group, row, rates, adam.coefficients<T>(rate, visit), true);
+    }
+    /// No step for a row: only its gradient is zero afterwards.
+    void forget_gradient(RefinementGroup group, std::size_t row) {
+        add_row(group, row, {}, detail::AdamCoefficients<T>{}, false);
+    }
+    /// Ends the step, which happens now.
+    void end_step() {
+        steps_.halt = halt_word(*backend_);
+        backend_->for_each(steps_.size(), steps_);
+        steps_ = detail::RowSteps<T>{};
     }
     /// Takes back the counts of the last `steps` steps, which have changed nothing because the backend had halted, and
     /// clears the gradients that they have left.
@@ -150,8 +170,6 @@ public:
         }
         backend_->fill(Span<T>(gradient_), T(0));
     }
-
-    void forget_gradient(RefinementGroup group, std::size_t row) { backend_->fill(gradient(group, row), T(0)); }
 
     /// All increments on the host, row by row.
     class HostIncrements {
@@ -221,7 +239,22 @@ private:
         return numbers.subspan(t.offset + row * t.stride, t.width);
     }
 
+    void add_row(RefinementGroup group, std::size_t row, Span<const T> rates,
+                 const detail::AdamCoefficients<T>& coefficients, bool learns) {
+        if (steps_.count == detail::RowSteps<T>::capacity) end_step();
+        const Span<T> numbers = increments(group, row);
+        steps_.ends[steps_.count] = steps_.size() + numbers.size();
+        steps_.rows[steps_.count++] = detail::RowStep<T>{numbers,
+                                                         gradient(group, row),
+                                                         at(Span<T>(first_moment_), group, row),
+                                                         at(Span<T>(second_moment_), group, row),
+                                                         rates,
+                                                         coefficients,
+                                                         learns};
+    }
+
     B* backend_;
+    detail::RowSteps<T> steps_{}; // of rows that have been visited since begin_step
     std::array<Table, refinement_group_count> tables_;
     Buffer increments_, gradient_, first_moment_, second_moment_;
     std::vector<std::uint64_t> updates_; ///< number of steps of each row of each group

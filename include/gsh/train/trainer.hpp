@@ -22,7 +22,6 @@
 #include <gsh/train/train_config.hpp>
 
 #include <array>
-#include <bit>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
@@ -104,7 +103,7 @@ public:
         progress_ = progress;
         scene_->set_progress(step_count_, progress);
         pixels_.prepare(index);
-        repeated_.run(step_shape(photos_[index]), [&] { compute_step(index, progress, observer); });
+        repeated_.run(PhotoLoss<B, T>::kind(photos_[index]), [&] { compute_step(index, progress, observer); });
         ++step_count_;
         pixels_.fetch(photo_of_step(step_count_));
         observer.leave();
@@ -222,16 +221,6 @@ private:
         scene_->after_step(loss_.raster_cache());
     }
 
-    /// A number for what a recorded step (RepeatedStep) contains as constants. Steps with the same number repeat the
-    /// same kernels.
-    [[nodiscard]] static std::uint64_t step_shape(const Photo& photo) {
-        const Camera<double>& camera = photo.camera;
-        const bool cropped = photo.pixels() != whole_picture(camera.height, camera.width);
-        const auto weight = static_cast<std::uint64_t>(std::lround(255 * photo.weight)); // 8 bits
-        const auto unknown = static_cast<std::uint64_t>(std::bit_width(detail::unknown_slots(photo.unknown.size())));
-        return std::uint64_t(photo.half_chroma) << 63 | weight << 55 | std::uint64_t(cropped) << 54 | unknown << 48 |
-               std::uint64_t(camera.height) << 24 | std::uint64_t(camera.width);
-    }
     [[nodiscard]] static std::uint64_t photo_budget([[maybe_unused]] const B& backend, const TrainConfig& config) {
         if (config.photo_memory != 0) return config.photo_memory;
         if constexpr (requires { backend.free_memory(); }) return backend.free_memory() / 2;

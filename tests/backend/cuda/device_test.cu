@@ -112,7 +112,7 @@ TEST_CASE("Device distinguishes its memory from the host's") {
                          MemoryError);
 }
 
-TEST_CASE("A buffer copies its contents and keeps its memory when it shrinks") {
+TEST_CASE("A buffer keeps its memory when it shrinks and when it moves") {
     if (test::skip_without_device()) return;
     Device device;
     Device::Buffer<int> a(100);
@@ -121,12 +121,43 @@ TEST_CASE("A buffer copies its contents and keeps its memory when it shrinks") {
     a.resize(10);
     a.resize(100);
     CHECK(a.data() == memory);
-    device.synchronize();
-    const Device::Buffer<int> b = a;
-    CHECK(b.data() != a.data());
-    CHECK(fetch(device, b) == std::vector<int>(100, 3));
-    Device::Buffer<int> moved = std::move(a);
+    Device::Buffer<int> moved = std::move(a), other(5);
     CHECK(moved.data() == memory);
+    other = std::move(moved);
+    CHECK(other.data() == memory);
+    CHECK(moved.empty());
+    CHECK(fetch(device, other) == std::vector<int>(100, 3));
+}
+
+TEST_CASE("Host memory may change as soon as an upload returns, whatever its kind") {
+    if (test::skip_without_device()) return;
+    Device device;
+    const std::size_t n = 1 << 20;
+    int* pinned = nullptr;
+    REQUIRE(cudaMallocHost(&pinned, n * sizeof(int)) == cudaSuccess);
+    std::vector<int> pageable(n);
+    for (const Span<int> host : {Span<int>(pinned, n), Span<int>(pageable)}) {
+        Device::Buffer<int> buffer(n);
+        for (int round = 0; round < 3; ++round) {
+            std::fill(host.begin(), host.end(), round);
+            device.upload(Span<const int>(host), Span<int>(buffer));
+            std::fill(host.begin(), host.end(), -1);
+            CHECK(fetch(device, buffer) == std::vector<int>(n, round));
+        }
+    }
+    REQUIRE(cudaFreeHost(pinned) == cudaSuccess);
+}
+
+TEST_CASE("Memory of the GPU is refused where the host's is due") {
+    if (test::skip_without_device()) return;
+    Device device;
+    Device::Buffer<float> a(10), b(10);
+    CHECK_THROWS_WITH_AS(device.upload(Span<const float>(a), Span<float>(b)),
+                         "gsh::cuda::Device::upload: from is memory of a GPU, expected host memory; Device::copy copies "
+                         "within the GPU",
+                         MemoryError);
+    CHECK_THROWS_WITH_AS(device.download(Span<const float>(a), Span<float>(b)),
+                         doctest::Contains("download: to is memory of a GPU"), MemoryError);
 }
 
 TEST_CASE("Device works on the caller's stream and waits for its events") {

@@ -162,3 +162,24 @@ TEST_CASE("A kernel that fails is found at the next wait, and every call after i
     CHECK_THROWS_WITH_AS(device.synchronize(),
                          "gsh::cuda::Device::synchronize: cudaErrorLaunchFailure: cudaErrorLaunchFailure", DeviceError);
 }
+
+TEST_CASE("A kernel that fails inside a recorded step is one error, which gives the step up") {
+    Machine machine;
+    std::vector<int> host(10);
+    Device device;
+    Device::Buffer<int> numbers(10);
+    cuda::StepGraph graph(device);
+    const auto step = [&](bool fails) {
+        device.fill(Span<int>(numbers), 1);
+        if (fails) machine.is.next_error = cudaErrorLaunchFailure;
+        device.download(Span<const int>(numbers), Span<int>(host)); // ends a graph; the next cannot begin
+        device.fill(Span<int>(numbers), 2);
+    };
+    CHECK_THROWS_WITH_AS(graph.run([&] { step(true); }), doctest::Contains("download: cudaErrorLaunchFailure"),
+                         DeviceError);
+    CHECK_FALSE(device.deferring());
+    machine.is.next_error = cudaSuccess;
+    for (int k = 0; k < 2; ++k) graph.run([&] { step(false); });
+    device.download(Span<const int>(numbers), Span<int>(host));
+    CHECK(host == std::vector<int>(10, 2));
+}

@@ -502,10 +502,6 @@ inline cudaError_t cudaMemcpyAsync(void* to, const void* from, std::size_t bytes
     auto& machine = gsh::test::CudaEmulation::instance();
     return machine.copy(to, from, bytes, kind, machine.stream(stream));
 }
-inline cudaError_t cudaMemcpy(void* to, const void* from, std::size_t bytes, cudaMemcpyKind kind) {
-    const cudaError_t error = cudaMemcpyAsync(to, from, bytes, kind, nullptr);
-    return error != cudaSuccess ? error : cudaDeviceSynchronize();
-}
 inline cudaError_t cudaMemsetAsync(void* memory, int value, std::size_t bytes, cudaStream_t stream) {
     auto& machine = gsh::test::CudaEmulation::instance();
     if (bytes != 0 && !machine.is_device(memory, bytes)) return cudaErrorInvalidValue;
@@ -615,6 +611,7 @@ cudaError_t cudaLaunchKernelEx(const cudaLaunchConfig_t* config, void (*kernel)(
 
 inline cudaError_t cudaStreamBeginCapture(cudaStream_t stream, cudaStreamCaptureMode mode) {
     auto& machine = gsh::test::CudaEmulation::instance();
+    if (machine.next_error != cudaSuccess) return machine.next_error;
     if (!stream || stream->capture) return cudaErrorStreamCaptureUnsupported;
     stream->capture = std::make_unique<gsh::test::EmulatedGraph>();
     stream->strict = mode != cudaStreamCaptureModeRelaxed;

@@ -115,14 +115,20 @@ TEST_CASE("events time the stages of steps, and change no result") {
     CHECK(timer.steps() == 3);
     for (const double seconds : timer.seconds()) CHECK(seconds > 0);
     CHECK(timed.parameters() == plain.parameters());
+    StageTimer<Device> second(timed.backend); // a recorded step must not keep the events of the first one
+    timed.trainer.step(0.5, second);
+    plain.trainer.step(0.5);
+    second.sample();
+    CHECK(second.steps() == 1);
+    for (const double seconds : second.seconds()) CHECK(seconds > 0);
     const std::vector<cuda::KernelTime> kernels = timed.trainer.time_kernels(1);
     REQUIRE_FALSE(kernels.empty());
     CHECK(kernels.back().stage == "update");
     CHECK(kernels.back().kernel == "CountStep");
-    CHECK(timed.trainer.step_count() == 3);
+    CHECK(timed.trainer.step_count() == 4);
     timed.trainer.step(0.5);
     timed.trainer.settle();
-    CHECK(timed.trainer.step_count() == 4); // the repeats were not counted as steps
+    CHECK(timed.trainer.step_count() == 5); // the repeats were not counted as steps
 }
 
 } // namespace cuda_training

@@ -16,6 +16,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <exception>
 #include <functional>
 #include <limits>
 #include <string>
@@ -140,11 +141,14 @@ public:
         }
     }
 
-    /// Queues a copy; `from` may change as soon as the call returns. Inside a capture of the caller's, 8 KiB at most.
+    /// Queues a copy; `from` may change as soon as the call returns. A copy from page-locked memory is therefore waited
+    /// for. Inside a capture of the caller's, 8 KiB at most.
+    /// Errors  MemoryError unless `from` is host memory.
     template <class T>
     void upload(Span<const T> from, Span<std::type_identity_t<T>> to) {
         check_size("gsh::cuda::Device::upload", "destination", to.size(), from.size());
         if (from.empty()) return;
+        const cudaMemoryType kind = host_memory_kind("gsh::cuda::Device::upload", "from", from.data());
         constexpr std::size_t most = most_small_uploads * detail::SmallUpload::capacity;
         const std::size_t bytes = from.size() * sizeof(T);
         if (bytes <= most && deferring()) {
@@ -159,12 +163,16 @@ public:
         const Cut cut(recorder_);
         check(cudaMemcpyAsync(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice, stream_),
               "gsh::cuda::Device::upload");
+        if (kind != cudaMemoryTypeUnregistered) // the copy reads it later, not through a buffer of the driver's
+            check(cudaStreamSynchronize(stream_), "gsh::cuda::Device::upload");
     }
     /// Waits for all work before it.
+    /// Errors  MemoryError unless `to` is host memory.
     template <class T>
     void download(Span<const T> from, Span<std::type_identity_t<T>> to) {
         check_size("gsh::cuda::Device::download", "destination", to.size(), from.size());
         if (from.empty()) return;
+        (void)host_memory_kind("gsh::cuda::Device::download", "to", to.data());
         const Cut cut(recorder_);
         if (is_captured())
             throw DeviceError(
@@ -217,19 +225,21 @@ private:
     static constexpr std::string_view where = "gsh::cuda::Device";
     static constexpr std::size_t most_small_uploads = 4;
 
-    /// Work that cannot be recorded runs during the lifetime of a cut.
+    /// Work that cannot be recorded runs during the lifetime of a cut. After an exception the step is given up
+    /// (StepGraph), so nothing is resumed: on a device that has failed, this would throw a second exception.
     class Cut {
     public:
-        explicit Cut(detail::Recorder* recorder) : recorder_(recorder) {
+        explicit Cut(detail::Recorder* recorder) : recorder_(recorder), exceptions_(std::uncaught_exceptions()) {
             if (recorder_ != nullptr) recorder_->cut();
         }
         Cut(const Cut&) = delete;
         ~Cut() noexcept(false) {
-            if (recorder_ != nullptr) recorder_->resume();
+            if (recorder_ != nullptr && std::uncaught_exceptions() == exceptions_) recorder_->resume();
         }
 
     private:
         detail::Recorder* recorder_;
+        int exceptions_;
     };
 
     static void check_driver(cudaError_t error) {
@@ -263,6 +273,19 @@ private:
         const cudaError_t error = cudaPointerGetAttributes(&attributes, memory);
         if (error != cudaSuccess) (void)cudaGetLastError();
         return error == cudaSuccess && attributes.type == cudaMemoryTypeDevice && attributes.device == ordinal_;
+    }
+    /// What kind of host memory it is.
+    /// Errors  MemoryError for memory of a GPU.
+    static cudaMemoryType host_memory_kind(std::string_view function, std::string_view argument, const void* memory) {
+        cudaPointerAttributes attributes;
+        if (cudaPointerGetAttributes(&attributes, memory) != cudaSuccess) {
+            (void)cudaGetLastError();
+            return cudaMemoryTypeUnregistered;
+        }
+        if (attributes.type == cudaMemoryTypeDevice)
+            throw MemoryError(std::string(function) + ": " + std::string(argument) +
+                              " is memory of a GPU, expected host memory; Device::copy copies within the GPU");
+        return attributes.type;
     }
     /// Whether the caller captures the stream.
     [[nodiscard]] bool is_captured() const { return recorder_ == nullptr && detail::is_capturing(stream_); }

@@ -64,7 +64,8 @@ private:
 } // namespace detail
 
 /// Owning array of trivially copyable T in the memory of the current device. resize leaves the contents unspecified.
-/// Shrinking keeps the memory, so a step that repeats its sizes allocates nothing. The host cannot access elements.
+/// Shrinking keeps the memory, so a step that repeats its sizes allocates nothing. The host cannot access elements. It
+/// cannot be copied, because a copy needs a place in the order of the work on a stream: Device::copy.
 ///
 /// Errors  DeviceError: the device has too little free memory (the message gives both numbers), or memory would have to
 ///         grow inside a capture of the caller's.
@@ -74,13 +75,9 @@ class Buffer {
 public:
     Buffer() = default;
     explicit Buffer(std::size_t size) { resize(size); }
-    Buffer(const Buffer& other) : Buffer(other.size_) {
-        if (size_ != 0)
-            check(cudaMemcpy(data_, other.data_, size_ * sizeof(T), cudaMemcpyDeviceToDevice), "gsh::cuda::Buffer");
-    }
     Buffer(Buffer&& other) noexcept { swap(other); }
-    Buffer& operator=(Buffer other) noexcept {
-        swap(other);
+    Buffer& operator=(Buffer&& other) noexcept {
+        Buffer(std::move(other)).swap(*this);
         return *this;
     }
     ~Buffer() { clear(); }

@@ -155,8 +155,9 @@ public:
         }
         enter(place_);
         work(stream_);
-        segments_[segment_].nodes.push_back(
-            {nullptr, 0, 0, nullptr, nullptr, nullptr, stage_, std::string(key), work, place_});
+        Segment& segment = segments_[segment_];
+        segment.nodes.push_back(
+            {nullptr, 0, segment.arguments.size(), nullptr, nullptr, nullptr, stage_, std::string(key), work, place_});
     }
 
     /// What branch(i) launches is a branch, for each i below count. Forks do not nest: a fork inside a branch is a part
@@ -249,7 +250,7 @@ private:
     struct Node {
         const void* function; // null: work of another library
         unsigned blocks;
-        std::size_t first; // its arguments begin here
+        std::size_t first; // its arguments begin here; those of the nodes before it end here
         cudaGraphNode_t node;
         void (*launch)(cudaStream_t, unsigned, const unsigned char*);
         std::string (*name)();
@@ -343,6 +344,7 @@ private:
         begin_capture();
         Segment& segment = segments_.back();
         segment.arguments = old.arguments;
+        if (next_ < old.nodes.size()) segment.arguments.resize(old.nodes[next_].first);
         for (std::size_t i = 0; i < next_; ++i) {
             Node& node = old.nodes[i];
             enter(node.place);

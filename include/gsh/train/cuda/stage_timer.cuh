@@ -10,8 +10,10 @@
 #include <cuda_runtime.h>
 
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <string_view>
 
 namespace gsh {
@@ -32,7 +34,7 @@ public:
     void enter(Stage stage) {
         const auto s = static_cast<std::size_t>(stage);
         device_->mark(stage_names[s]);
-        device_->call(stage_names[s], [event = events_[s]](cudaStream_t stream) {
+        device_->call(keys_[s], [event = events_[s]](cudaStream_t stream) {
             const bool in_graph = cuda::detail::is_capturing(stream);
             cuda::check(cudaEventRecordWithFlags(event, stream, in_graph ? cudaEventRecordExternal : cudaEventDefault),
                         where);
@@ -61,7 +63,17 @@ public:
 private:
     static constexpr std::string_view where = "gsh::StageTimer";
 
+    /// Names of the stages that no other timer has: a recorded step must not keep the events of another timer.
+    [[nodiscard]] static std::array<std::string, stage_names.size()> new_keys() {
+        static std::atomic<std::uint64_t> timers{0};
+        const std::string timer = " (timer " + std::to_string(++timers) + ")";
+        std::array<std::string, stage_names.size()> keys;
+        for (std::size_t s = 0; s < keys.size(); ++s) keys[s] = std::string(stage_names[s]) + timer;
+        return keys;
+    }
+
     cuda::Device* device_;
+    std::array<std::string, stage_names.size()> keys_ = new_keys();
     cuda::TimingEvents events_{stage_names.size() + 1}; // at the beginning of each stage, and at the end
     std::array<double, stage_names.size()> seconds_{};
     std::uint64_t steps_ = 0;
