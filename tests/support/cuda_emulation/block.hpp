@@ -206,8 +206,9 @@ private:
     }
 
     [[nodiscard]] static bool same(const Thread& a, const Thread& b) {
+        const char *const file = a.where.file_name(), *const other = b.where.file_name(); // mostly the same literal
         return a.kind == b.kind && a.mask == b.mask && a.where.line() == b.where.line() &&
-               a.where.column() == b.where.column() && std::string_view(a.where.file_name()) == b.where.file_name();
+               a.where.column() == b.where.column() && (file == other || std::string_view(file) == other);
     }
 
     /// Lets those go on whose whole group waits at one place. False if there are none.
@@ -237,16 +238,16 @@ private:
         return released;
     }
     void release_group(std::size_t first, std::size_t count, std::uint32_t mask) {
-        Records records(count);
+        records_.assign(count, nullptr);
         Combine combine = nullptr;
         for (std::size_t i = 0; i < count; ++i) {
             if (count <= 32 && (mask >> i & 1u) == 0) continue;
             Thread& thread = threads_[first + i];
-            records[i] = thread.record;
+            records_[i] = thread.record;
             combine = thread.combine;
             thread.kind = nullptr;
         }
-        if (combine) combine(records);
+        if (combine) combine(records_);
     }
 
     /// Nobody can go on: says who waits where.
@@ -285,6 +286,7 @@ private:
     std::vector<std::unique_ptr<Fiber>> fibers_;
     const std::function<void()>* body_ = nullptr;
     Thread* thread_ = nullptr;
+    Records records_; // of the group that is released
     std::exception_ptr failure_;
     std::uint64_t serial_ = 0;
     std::uint32_t epoch_ = 1;

@@ -4,7 +4,9 @@
 
 #include "support/cuda_emulation/block.hpp"
 
+#include <array>
 #include <bit>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <source_location>
@@ -95,6 +97,24 @@ struct WarpVote {
         }
     }
 };
+/// The values of all lanes of a warp, for stand-ins of its matrix instructions.
+template <class T>
+struct WarpValues {
+    T value;
+    std::array<T, 32> all{};
+    static void combine(const Block::Records& records) {
+        std::array<T, 32> values{};
+        for (std::size_t i = 0; i < records.size(); ++i) values[i] = static_cast<WarpValues*>(records[i])->value;
+        for (void* record : records) static_cast<WarpValues*>(record)->all = values;
+    }
+};
+template <class T>
+std::array<T, 32> values_of_warp(const T& value,
+                                 const std::source_location& where = std::source_location::current()) {
+    WarpValues<T> mine{value};
+    Block::current()->wait_for_warp("values_of_warp", where, ~0u, &mine, &WarpValues<T>::combine);
+    return mine.all;
+}
 template <class T>
 WarpVote<T> warp_vote(const char* kind, unsigned mask, T value, const std::source_location& where) {
     WarpVote<T> mine{value};

@@ -30,6 +30,40 @@ struct MatrixC {
     float values[4];
 };
 
+namespace detail {
+
+/// A lane's part of both operands.
+struct MatrixOperands {
+    MatrixA a;
+    MatrixB b;
+};
+
+/// c += a b for this lane. of_lane(l) has the operands of lane l. All lanes call it the same number of times.
+template <class OfLane>
+__device__ void multiply_add_lane(MatrixC& c, const OfLane& of_lane) {
+    const unsigned g = threadIdx.x % warp_size / 4, t = threadIdx.x % 4;
+    for (unsigned k = 0; k < 8; ++k) { // pairs of inner numbers
+        std::uint32_t rows[2], columns[2];
+        for (unsigned i = 0; i < 2; ++i) {
+            rows[i] = of_lane(4 * g + k % 4, [&](const MatrixOperands& o) { return o.a.words[i + k / 4 * 2]; });
+            columns[i] = of_lane(4 * (2 * t + i) + k % 4, [&](const MatrixOperands& o) { return o.b.words[k / 4]; });
+        }
+        for (unsigned i = 0; i < 4; ++i)
+            c.values[i] +=
+                low_bf16(rows[i / 2]) * low_bf16(columns[i % 2]) + high_bf16(rows[i / 2]) * high_bf16(columns[i % 2]);
+    }
+}
+
+/// The same for devices without the instruction: lanes exchange word by word.
+__device__ inline void multiply_add_by_shuffles(MatrixC& c, const MatrixA& a, const MatrixB& b) {
+    const MatrixOperands mine{a, b};
+    multiply_add_lane(c, [&](unsigned lane, const auto& word) {
+        return __shfl_sync(all_lanes, word(mine), static_cast<int>(lane));
+    });
+}
+
+} // namespace detail
+
 /// c += a b. All lanes take part.
 __device__ inline void multiply_add(MatrixC& c, const MatrixA& a, const MatrixB& b) {
 #if defined(GSH_TENSOR_CORES)
@@ -37,18 +71,11 @@ __device__ inline void multiply_add(MatrixC& c, const MatrixA& a, const MatrixB&
         "{%0, %1, %2, %3};"
         : "+f"(c.values[0]), "+f"(c.values[1]), "+f"(c.values[2]), "+f"(c.values[3])
         : "r"(a.words[0]), "r"(a.words[1]), "r"(a.words[2]), "r"(a.words[3]), "r"(b.words[0]), "r"(b.words[1]));
+#elif defined(GSH_CUDA_EMULATION) // one exchange instead of 32, which take most of the time of tests
+    const auto lanes = test::values_of_warp(detail::MatrixOperands{a, b});
+    detail::multiply_add_lane(c, [&](unsigned lane, const auto& word) { return word(lanes[lane]); });
 #else
-    const unsigned g = threadIdx.x % warp_size / 4, t = threadIdx.x % 4;
-    for (unsigned k = 0; k < 8; ++k) { // pairs of inner numbers
-        std::uint32_t rows[2], columns[2];
-        for (unsigned i = 0; i < 2; ++i) {
-            rows[i] = __shfl_sync(all_lanes, a.words[i + k / 4 * 2], static_cast<int>(4 * g + k % 4));
-            columns[i] = __shfl_sync(all_lanes, b.words[k / 4], static_cast<int>(4 * (2 * t + i) + k % 4));
-        }
-        for (unsigned i = 0; i < 4; ++i)
-            c.values[i] +=
-                low_bf16(rows[i / 2]) * low_bf16(columns[i % 2]) + high_bf16(rows[i / 2]) * high_bf16(columns[i % 2]);
-    }
+    detail::multiply_add_by_shuffles(c, a, b);
 #endif
 }
 
