@@ -143,6 +143,7 @@
 #include <gsh/avatar/facing_weights.hpp>
 #include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/moving_pieces.hpp>
+#include <gsh/avatar/mutual_shadows.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/poser.hpp>
 #include <gsh/avatar/rig.hpp>

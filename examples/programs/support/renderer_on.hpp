@@ -6,6 +6,7 @@
 #include "support/shown_people.hpp"
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/mutual_shadows.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -57,22 +58,21 @@ public:
 
     Image<float> render(std::size_t frame, const Camera<double>& camera, const vec3<float>& background) override {
         const Camera<float> view = camera.cast<float>();
-        std::vector<std::pair<std::size_t, ShadowCaster<float>>> casters; // with the person
+        std::vector<vec3<double>> roots;
         for (std::size_t p = 0; p < avatars_.size(); ++p) {
             avatars_[p].rig().upload_pose(people_->motions[p], frame, poses_[p]);
-            // Posing later computes the same vertices in the same memory, so that the caster stays valid.
-            if (avatars_.size() > 1 && avatars_[p].is_lit())
-                casters.emplace_back(p, avatars_[p].caster(poses_[p], caches_[p]));
+            roots.push_back(people_->motions[p].transl[frame]);
         }
+        // Posing computes the same vertices in the same memory, so that a caster stays as it is.
+        const auto caster = [&](std::size_t p) {
+            return avatars_[p].is_lit() ? avatars_[p].caster(poses_[p], caches_[p]) : ShadowCaster<float>();
+        };
         std::size_t first = 0;
-        for (std::size_t p = 0; p < avatars_.size(); ++p) {
-            std::vector<ShadowCaster<float>> others;
-            for (const auto& [person, caster] : casters)
-                if (person != p) others.push_back(caster);
+        pose_people<float>(roots, caster, [&](std::size_t p, Span<const ShadowCaster<float>> others) {
             avatars_[p].pose(poses_[p], view.center(), splats_.view().subview(first, avatars_[p].size()), caches_[p],
                              others);
             first += avatars_[p].size();
-        }
+        });
         return painter_.draw(view, std::as_const(splats_).view(), background);
     }
 

@@ -5,6 +5,7 @@
 #include "view/view_scene.hpp"
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/mutual_shadows.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -64,22 +65,21 @@ public:
 private:
     void pose_people(const ViewRequest& request, const vec3<float>& center) {
         turn_light(request.light_turn);
-        std::vector<std::pair<std::size_t, ShadowCaster<float>>> casters; // with the person
+        std::vector<vec3<double>> roots;
         for (std::size_t p = 0; p < avatars_.size(); ++p) {
             const auto& light = scene_->people->data[p].light;
             avatars_[p].set_shadows(request.shadows && (!light || light->shadows));
             avatars_[p].rig().upload_pose(request.people[p], 0, poses_[p]);
-            if (avatars_.size() > 1 && avatars_[p].is_lit())
-                casters.emplace_back(p, avatars_[p].caster(poses_[p], caches_[p]));
+            roots.push_back(request.people[p].transl[0]);
         }
+        const auto caster = [&](std::size_t p) {
+            return avatars_[p].is_lit() ? avatars_[p].caster(poses_[p], caches_[p]) : ShadowCaster<float>();
+        };
         std::size_t first = 0;
-        for (std::size_t p = 0; p < avatars_.size(); ++p) {
-            std::vector<ShadowCaster<float>> others;
-            for (const auto& [person, caster] : casters)
-                if (person != p) others.push_back(caster);
+        gsh::pose_people<float>(roots, caster, [&](std::size_t p, Span<const ShadowCaster<float>> others) {
             avatars_[p].pose(poses_[p], center, splats_.view().subview(first, avatars_[p].size()), caches_[p], others);
             first += avatars_[p].size();
-        }
+        });
     }
 
     void turn_light(double angle) {

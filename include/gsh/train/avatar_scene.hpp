@@ -2,6 +2,7 @@
 /// @file  A scene of trainable avatars in their motions: one person, or several people in the same photographs.
 #pragma once
 
+#include <gsh/avatar/mutual_shadows.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/motion.hpp>
@@ -39,10 +40,6 @@ struct CastMember {
 [[nodiscard]] inline std::string person_prefix(std::size_t person) {
     return person == 0 ? std::string() : "person" + std::to_string(person) + "/";
 }
-
-/// Metres between the roots of two people, beyond which they do not cast shadows on each other. A depth map covers all
-/// casters, so a person far outside of the cameras' view would otherwise make its texels too large.
-inline constexpr double shadow_reach = 4;
 
 /// Bytes that the prepared poses of one person may take: 500 frames of SMPL-X. Those of longer motions are computed in
 /// each step.
@@ -132,22 +129,15 @@ public:
         for (Person& person : people_) person.model->update_canonical(frame);
     }
     void forward(std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<T>& splats) {
-        const auto casts = [&](std::size_t p) {
+        std::vector<vec3<double>> roots;
+        for (const Person& person : people_) roots.push_back(person.motion->transl[frame]);
+        const auto caster = [&](std::size_t p) {
             const auto& light = people_[p].model->light();
-            return light && light->shadows();
+            return light && light->shadows() ? people_[p].model->caster(pose(frame, p)) : ShadowCaster<T>();
         };
-        const auto near = [&](std::size_t a, std::size_t b) {
-            return length(people_[a].motion->transl[frame] - people_[b].motion->transl[frame]) < shadow_reach;
-        };
-        std::vector<ShadowCaster<T>> casters(people_.size()); // those with a light; of the others, nothing
-        for (std::size_t p = 0; p < people_.size() && people_.size() > 1; ++p)
-            if (casts(p)) casters[p] = people_[p].model->caster(pose(frame, p));
-        for (std::size_t p = 0; p < people_.size(); ++p) {
-            std::vector<ShadowCaster<T>> others;
-            for (std::size_t k = 0; k < people_.size(); ++k)
-                if (k != p && !casters[k].triangles.empty() && near(k, p)) others.push_back(casters[k]);
+        pose_people<T>(roots, caster, [&](std::size_t p, Span<const ShadowCaster<T>> others) {
             people_[p].model->pose(pose(frame, p), frame, center, part(p, splats), others);
-        }
+        });
     }
     void backward(std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<const T>& dL_dsplats,
                   Span<vec3<T>> dL_dcenter) {
