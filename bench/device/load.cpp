@@ -8,15 +8,21 @@
 #include <gsh/cpu.hpp>
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
+#include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/io/capture/photos.hpp>
+#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/splat/ply.hpp>
+#include <gsh/math/principal_axes.hpp>
+#include <gsh/math/rotation.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <utility>
 
@@ -58,6 +64,51 @@ CloudLoad read_cloud_load(const std::string& ply, const std::string& cameras) {
             std::as_const(gaussians).view(), load.cameras.begin()->second[0].center(), splats, cache);
     });
     return load;
+}
+
+void write_cloud_load(const std::string& ply, const std::string& cameras, const SplatView<const float>& splats,
+                      const std::vector<Camera<float>>& views) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const Camera<float>& camera : views) {
+        const vec3<float> center = camera.center();
+        nlohmann::json to_camera = nlohmann::json::array(), to_world = nlohmann::json::array();
+        for (int i = 0; i < 3; ++i) {
+            to_camera.push_back({camera.R[0][i], camera.R[1][i], camera.R[2][i], camera.t[i]});
+            to_world.push_back({camera.R[i][0], camera.R[i][1], camera.R[i][2]});
+        }
+        to_camera.push_back({0, 0, 0, 1});
+        list.push_back({{"id", list.size()},
+                        {"img_name", "v" + std::to_string(list.size()) + "_" + std::to_string(camera.width)},
+                        {"width", camera.width},
+                        {"height", camera.height},
+                        {"fx", camera.fx},
+                        {"fy", camera.fy},
+                        {"cx", camera.cx},
+                        {"cy", camera.cy},
+                        {"position", {center.x, center.y, center.z}},
+                        {"rotation", to_world},
+                        {"world_to_camera", to_camera},
+                        {"znear", 0.1},
+                        {"zfar", 100},
+                        {"background", {0, 0, 0}}});
+    }
+    write_file(cameras, list.dump(1) + "\n");
+
+    GaussianCloud<float> cloud(splats.size(), 0);
+    for (std::size_t i = 0; i < splats.size(); ++i) {
+        const sym3<float>& c = splats.covariances[i];
+        // Axes of C Cᵀ are those of C, and lengths along them are the squares of the scales.
+        const auto axes = principal_axes(mat3<double>(vec3<double>(c.xx, c.xy, c.xz), vec3<double>(c.xy, c.yy, c.yz),
+                                                      vec3<double>(c.xz, c.yz, c.zz)));
+        const quat<double> q = quat_from_rotation(axes.R);
+        cloud.means[i] = splats.means[i];
+        cloud.quats[i] = {float(q.w), float(q.x), float(q.y), float(q.z)};
+        for (int k = 0; k < 3; ++k)
+            cloud.log_scales[i][k] = static_cast<float>(0.5 * std::log(std::max(axes.lengths[k], 1e-12)));
+        cloud.opacity_logits[i] = std::log(splats.opacities[i] / (1 - splats.opacities[i]));
+        cloud.sh[i] = sh_of_color(splats.colors[i]);
+    }
+    write_gaussian_ply(ply, std::move(cloud), {.pad_to_degree = 0});
 }
 
 AvatarData make_avatar_load(std::size_t gaussians, AvatarKind kind) {

@@ -33,6 +33,12 @@ struct CloudLoad {
 /// Errors  IoError, ValueError: a file that is missing or not of this kind.
 [[nodiscard]] CloudLoad read_cloud_load(const std::string& ply, const std::string& cameras);
 
+/// Writes both files, with colours that are the same from all directions. Values of the camera file that
+/// read_cloud_load ignores are for other programs.
+/// Errors  IoError.
+void write_cloud_load(const std::string& ply, const std::string& cameras, const SplatView<const float>& splats,
+                      const std::vector<Camera<float>>& views);
+
 enum class AvatarKind { plain, pose_directions, light };
 
 /// The actor with Gaussians of random attributes on its surface. With pose directions, random ones, 9 for each joint

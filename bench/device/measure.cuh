@@ -2,6 +2,7 @@
 /// @file  Measures kernels and steps on a GPU with events, and prints a JSON line for each case.
 #pragma once
 
+#include <gsh/backend/backend.hpp>
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/error.cuh>
 #include <gsh/backend/cuda/step_graph.cuh>
@@ -18,15 +19,17 @@
 #include <exception>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 namespace gsh::bench {
 
 /// What a case cannot avoid: bytes of global memory, multiplications and additions. The larger of both times is the
-/// case's floor. Launches come on top, but are the implementation's choice.
+/// case's floor. Launches come on top, but are the implementation's choice. Work{} is unknown: the case has no floor.
 struct Work {
     double bytes = 0, flops = 0;
+    [[nodiscard]] bool is_known() const { return bytes > 0 || flops > 0; }
 };
 
 struct Arguments {
@@ -38,6 +41,15 @@ struct Arguments {
     std::size_t gaussians = 170000; ///< of a person
     int size = 540;                 ///< of images, in pixels
     std::string ply, cameras;       ///< a load from files, for bench_device_raster
+    std::string write;              ///< the folder that bench_device_raster writes such files to, instead of measuring
+};
+
+/// The device has halted while a case was measured. It then skips the work of all later runs, which look fast.
+class Halted : public std::runtime_error {
+public:
+    explicit Halted(const std::string& name)
+        : std::runtime_error(name + ": the device has halted, so times are too short: a run needs larger buffers than "
+                                    "those before it, or has a number that is not finite") {}
 };
 
 /// The cases of a program.
@@ -71,6 +83,8 @@ public:
                 arguments_.ply = next();
             else if (option == "--cameras")
                 arguments_.cameras = next();
+            else if (option == "--write")
+                arguments_.write = next();
             else
                 usage();
         }
@@ -91,17 +105,24 @@ public:
     }
 
     /// Measures run(k), k = 0, 1, …, as one graph each. `run` should use other inputs for other k, so that they are not
-    /// in the cache from the run before.
+    /// in the cache from the run before; it has at most 20 of them, which take turns.
+    ///
+    /// Errors  Halted.
     template <class Run>
     void measure(const std::string& name, const Work& work, const Run& run) {
         cuda::StepGraph graph(device());
-        run(0); // directly: buffers grow
+        // Directly: buffers grow to what each input needs. In a graph they cannot, and the device would halt. All k are
+        // below twice the number of runs.
+        for (int k = 0; k < std::min(most_inputs, 2 * arguments_.runs); ++k) run(k);
         measure_runs(
             name, work, [&](int k) { graph.run([&] { run(k); }); },
             [&](int repeats) { return graph.time_kernels(repeats); });
     }
 
-    /// Measures runs that queue their graph themselves. time_kernels returns the times of a run's kernels.
+    /// Measures runs that queue their graph themselves; their buffers have grown before. time_kernels(n) returns the
+    /// times of the last run's kernels, medians of n repeats.
+    ///
+    /// Errors  Halted. Nothing has been printed then.
     template <class Run, class TimeKernels>
     void measure_runs(const std::string& name, const Work& work, const Run& run, const TimeKernels& time_kernels) {
         const int warm_up = std::min(20, arguments_.runs);
@@ -125,28 +146,79 @@ public:
             device().record(events[static_cast<std::size_t>(k) + 1]);
         }
         device().synchronize();
+        check_halted(name); // before anything settles, which clears it
         std::vector<double> times;
         for (std::size_t k = 0; k + 1 < events.size(); ++k) times.push_back(events.microseconds(k, k + 1));
 
-        const std::vector<cuda::KernelTime> kernels = time_kernels(std::min(20, arguments_.runs));
+        const Kernels kernels = measure_kernels(name, run, time_kernels);
         const double median = quantile(times, 0.5), floor = floor_of(work);
+        std::string of_floor = "\"floor_us\": null, \"floor_percent\": null";
+        if (work.is_known())
+            of_floor = "\"floor_us\": " + decimal(floor, 2) +
+                       ", \"floor_percent\": " + decimal(median > 0 ? 100 * floor / median : 0, 1);
         std::printf("{\"case\": \"%s\", \"us\": %.2f, \"p10\": %.2f, \"p90\": %.2f, \"runs\": %d, \"host_us\": %.2f, "
-                    "\"launches\": %zu, \"floor_us\": %.2f, \"floor_percent\": %.1f, \"gpu\": \"%s\"}\n",
+                    "\"launches\": %zu, %s, \"gpu\": \"%s\"}\n",
                     name.c_str(), median, quantile(times, 0.1), quantile(times, 0.9), arguments_.runs,
-                    quantile(host, 0.5), kernels.size(), floor, median > 0 ? 100 * floor / median : 0,
-                    device().gpu().c_str());
+                    quantile(host, 0.5), kernels.medians.size(), of_floor.c_str(), device().gpu().c_str());
         if (arguments_.kernels)
-            for (const cuda::KernelTime& kernel : kernels)
-                std::printf("{\"case\": \"%s\", \"stage\": \"%s\", \"kernel\": \"%s\", \"us\": %.2f}\n", name.c_str(),
-                            kernel.stage.c_str(), kernel.kernel.c_str(), kernel.microseconds);
+            for (const cuda::KernelTime& kernel : kernels.medians)
+                std::printf("{\"case\": \"%s\", \"stage\": \"%s\", \"kernel\": \"%s\", \"us\": %.2f, \"runs\": %zu}\n",
+                            name.c_str(), kernel.stage.c_str(), kernel.kernel.c_str(), kernel.microseconds,
+                            kernels.runs);
         std::fflush(stdout);
     }
 
 private:
+    static constexpr int most_inputs = 20;
+
+    void check_halted(const std::string& name) {
+        if (has_halted(device())) throw Halted(name);
+    }
+
+    /// Medians over `runs` runs.
+    struct Kernels {
+        std::vector<cuda::KernelTime> medians;
+        std::size_t runs = 0;
+    };
+    /// Each run is timed once, so that the medians are over all inputs. If not all runs have the same kernels, those of
+    /// most runs are reported. Without --kernels, one run tells how many there are.
+    template <class Run, class TimeKernels>
+    Kernels measure_kernels(const std::string& name, const Run& run, const TimeKernels& time_kernels) {
+        struct Sequence {
+            std::vector<cuda::KernelTime> kernels;
+            std::vector<std::vector<double>> times; // of each kernel
+        };
+        const auto is_same = [](const cuda::KernelTime& a, const cuda::KernelTime& b) {
+            return a.kernel == b.kernel && a.stage == b.stage;
+        };
+        std::vector<Sequence> sequences;
+        for (int k = 0; k < (arguments_.kernels ? arguments_.runs : 1); ++k) {
+            run(k);
+            check_halted(name);
+            const std::vector<cuda::KernelTime> timed = time_kernels(1);
+            check_halted(name);
+            if (timed.empty()) return {};
+            auto of = std::find_if(sequences.begin(), sequences.end(), [&](const Sequence& known) {
+                return std::equal(known.kernels.begin(), known.kernels.end(), timed.begin(), timed.end(), is_same);
+            });
+            if (of == sequences.end()) {
+                sequences.push_back({timed, std::vector<std::vector<double>>(timed.size())});
+                of = sequences.end() - 1;
+            }
+            for (std::size_t i = 0; i < timed.size(); ++i) of->times[i].push_back(timed[i].microseconds);
+        }
+        const auto runs_of = [](const Sequence& sequence) { return sequence.times[0].size(); };
+        const auto is_rarer = [&](const Sequence& a, const Sequence& b) { return runs_of(a) < runs_of(b); };
+        Sequence& most = *std::max_element(sequences.begin(), sequences.end(), is_rarer);
+        for (std::size_t i = 0; i < most.kernels.size(); ++i)
+            most.kernels[i].microseconds = quantile(most.times[i], 0.5);
+        return {most.kernels, runs_of(most)};
+    }
+
     [[noreturn]] static void usage() {
         std::fputs(
             "options: [--list] [--case NAME] [--filter TEXT] [--kernels] [--runs N] [--gaussians N] [--size PIXELS] "
-            "[--ply FILE --cameras FILE]\n",
+            "[--ply FILE --cameras FILE] [--write FOLDER]\n",
             stderr);
         std::exit(2);
     }
@@ -154,6 +226,11 @@ private:
         if (values.empty()) return 0;
         std::sort(values.begin(), values.end());
         return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+    }
+    static std::string decimal(double value, int digits) {
+        char text[64];
+        std::snprintf(text, sizeof text, "%.*f", digits, value);
+        return text;
     }
 
     /// µs at this GPU's copy rate, which is measured once, and at its peak rate of multiply-adds.

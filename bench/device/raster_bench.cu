@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Bench of rasterizing on a GPU: a person, many transparent layers, a room, or a .ply file from given cameras.
+///        --write FOLDER writes the room as such a file, for other programs: room.ply and cameras.json.
 #include "load.hpp"
 #include "measure.cuh"
 
@@ -12,7 +13,9 @@
 
 #include <cmath>
 #include <cstddef>
+#include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace gsh::bench {
@@ -103,12 +106,18 @@ void cases(Bench& bench) {
         for (const auto& [name, cameras] : load.cameras) measure(bench, "raster/" + name, load.view(), cameras);
         return;
     }
+    const std::size_t many = 12 * options.gaussians; // of a room
+    if (!options.write.empty()) {
+        std::filesystem::create_directories(options.write);
+        write_cloud_load(options.write + "/room.ply", options.write + "/cameras.json", make_room(many).view(),
+                         panorama(2 * options.size));
+        return;
+    }
     const CapsuleLoad person = make_person(options.gaussians), layers = make_layers(options.gaussians);
     for (const int size : {options.size, 2 * options.size}) {
         measure(bench, "raster/person/" + std::to_string(size), person.view(), ring(size));
         measure(bench, "raster/layers/" + std::to_string(size), layers.view(), ring(size));
     }
-    const std::size_t many = 12 * options.gaussians;
     if (options.list || bench.wants("raster/room/" + std::to_string(2 * options.size)))
         measure(bench, "raster/room/" + std::to_string(2 * options.size),
                 options.list ? person.view() : make_room(many).view(), panorama(2 * options.size));

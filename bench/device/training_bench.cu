@@ -8,6 +8,8 @@
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/trainer.hpp>
 
+#include <algorithm>
+#include <cstddef>
 #include <memory>
 #include <string>
 #include <utility>
@@ -31,10 +33,22 @@ void measure_steps(Bench& bench, const std::string& name, const Configuration& c
     Scene scene(device, {{&model, &load.setup.motion}});
     if (load.light) model.set_light(load.setup.rig, std::make_shared<LearnedLight<Device>>(device, *load.light), true);
     Trainer<Device, Scene> trainer(device, scene, load.photos, 1, configuration.train);
-    trainer.step(0.5); // directly: buffers grow
-    trainer.settle();
-    bench.measure_runs(
-        name, {}, [&](int) { trainer.step(0.5); }, [&](int repeats) { return trainer.time_kernels(repeats); });
+    // Each photograph once, but no more often than there are runs. A step that needs larger buffers than those before
+    // it is taken again after they have grown.
+    const std::size_t steps = std::min(load.photos.size(), static_cast<std::size_t>(bench.arguments().runs));
+    while (trainer.step_count() < steps) {
+        for (int k = 0; k < 20 && trainer.step_count() < steps; ++k) trainer.step(0.5);
+        trainer.settle();
+    }
+    for (int attempts_left = 2;; --attempts_left) // Gaussians may grow while they learn: then it is measured again
+        try {
+            bench.measure_runs(
+                name, {}, [&](int) { trainer.step(0.5); }, [&](int repeats) { return trainer.time_kernels(repeats); });
+            return;
+        } catch (const Halted&) {
+            if (attempts_left == 0) throw;
+            trainer.settle();
+        }
 }
 
 void cases(Bench& bench) {

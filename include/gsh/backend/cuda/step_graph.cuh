@@ -100,12 +100,15 @@ public:
     }
     /// StepGraph::time_kernels of the last step, which must not have been the first of its kind. The repeated steps are
     /// not counted.
+    /// Errors  ValueError if a repeated step halts the device: its kernels then did not do their work.
     [[nodiscard]] std::vector<cuda::KernelTime> time_kernels(int repeats = 20) {
         check_value(last_ != nullptr, "gsh::RepeatedStep::time_kernels", "no step has been recorded yet");
         const std::uint64_t lost = settle();
         check_value(lost == 0, "gsh::RepeatedStep::time_kernels", "the last steps failed; settle first");
         std::vector<cuda::KernelTime> times = last_->time_kernels(repeats);
+        const bool halted = has_halted(*device_);
         restart();
+        check_value(!halted, "gsh::RepeatedStep::time_kernels", "a repeated step halted the device");
         return times;
     }
     [[nodiscard]] std::uint64_t settle() {
