@@ -26,9 +26,9 @@ void count(benchmark::State& state, const Mlp& mlp, double passes) {
                                                   benchmark::Counter::kIsRate);
 }
 
-/// The avatar's networks, with 64 features level by level. Arguments: outputs (27: spherical harmonics, 3: displacement,
-/// 30: both); further inputs of each point, which have no gradient (10: the priors of depths and normals); whether in
-/// mixed precision; backward, the percentage of rows with a gradient.
+/// The avatar's networks, with 64 features level by level. Arguments: outputs (27: spherical harmonics, 3:
+/// displacement, 30: both); further inputs of each point, which have no gradient (10: the priors of depths and
+/// normals); whether in mixed precision; backward, the percentage of rows with a gradient.
 template <class B>
 struct Setup {
     B backend;

@@ -126,7 +126,7 @@ void occlusion_backward(B& backend, const Network& network, Span<const T> weight
             tile.forward(scratch.packed.data(), first, count, end);
             const T* dL_dx = detail::mlp_tile_backward(layout, scratch.packed.data() + forward_size, tile.active(),
                                                        {dL_dlogits.data() + first, 1}, count, tile.hidden(),
-                                                       layout.pitch(count), gradients, unused, true,
+                                                       layout.pitch(count), gradients, unused, W,
                                                        detail::NothingAhead<T>{});
             for (std::size_t r = 0; r < count; ++r)
                 for (std::size_t o = 0; o < W; ++o)

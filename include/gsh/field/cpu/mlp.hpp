@@ -173,12 +173,13 @@ void mlp_tile_forward(const MlpLayout<T, Network>& layout, const T* packed, type
     }
 }
 
-/// The adjoint for one tile: adds to `sums` (in the layout of pack_padded). Returns dL_dx as padded rows, which lie in
-/// one of the two scratch tiles, or null unless wants_inputs. hidden, pitch: as in mlp_tile_forward.
+/// The adjoint for one tile: adds to `sums` (in the layout of pack_padded). Returns dL_dx of the first `wanted` inputs
+/// in rows of padded_in(0), which lie in one of the two scratch tiles, or null if none is wanted. hidden, pitch: as in
+/// mlp_tile_forward.
 template <class T, class Network, class Ahead>
 const T* mlp_tile_backward(const MlpLayout<T, Network>& layout, const T* packed, typename Gemm<T>::Right x,
                            typename Gemm<T>::Right dL_dy, std::size_t count, const T* hidden, std::size_t pitch,
-                           T* const (&scratch)[2], T* sums, bool wants_inputs, const Ahead& ahead) {
+                           T* const (&scratch)[2], T* sums, std::size_t wanted, const Ahead& ahead) {
     using G = Gemm<T>;
     for (std::size_t l = layout.layers(); l-- > 0;) {
         const std::size_t stride = layout.padded_in(l);
@@ -187,10 +188,10 @@ const T* mlp_tile_backward(const MlpLayout<T, Network>& layout, const T* packed,
         G::product(layout.out(l), layout.in(l), count, {dL_dy.data, 1, dL_dy.stride},
                    l ? typename G::Right{activations, stride} : x, {sums + layout.padded_offset(l), stride},
                    typename G::Add{});
-        if (l == 0 && !wants_inputs) return nullptr;
+        if (l == 0 && wanted == 0) return nullptr;
         // dL_dx = dL_dy W, through the ReLU that made x
         const auto multiply = [&](const auto& epilogue) {
-            G::product(count, layout.in(l), layout.out(l), {dL_dy.data, dL_dy.stride, 1},
+            G::product(count, l ? layout.in(l) : wanted, layout.out(l), {dL_dy.data, dL_dy.stride, 1},
                        {packed + layout.padded_offset(l), stride}, {scratch[l % 2], stride}, epilogue, ahead[l]);
         };
         l ? multiply(typename G::WhereActive{activations}) : multiply(typename G::Assign{});
@@ -369,7 +370,7 @@ void mlp_backward(B& backend, const Network& network, Span<const T> weights, con
         const auto backward = [&](const auto& of_tile, const T* hidden, std::size_t pitch, const T* dL_dy) {
             const T* dL_dx = detail::mlp_tile_backward(
                 layout, scratch.packed.data(), detail::input_tile(layout, inputs, of_tile, tile.count(), input_copy),
-                {dL_dy, outputs}, tile.count(), hidden, pitch, gradients, sums, !dL_dfeatures.empty(), ahead);
+                {dL_dy, outputs}, tile.count(), hidden, pitch, gradients, sums, dL_dfeatures.columns, ahead);
             if (dL_dx)
                 detail::rows_to_features(dL_dx, layout.padded_in(0), of_tile, tile.count(), dL_dfeatures,
                                          features_mode);
