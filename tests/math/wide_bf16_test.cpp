@@ -43,6 +43,7 @@ TEST_CASE("registers of bf16 hold what the scalar functions give") {
         }
         if (repeat == 0) a[0] = std::nanf(""), a[1] = std::numeric_limits<float>::infinity(), a[2] = 0, b[2] = -0.0f;
         const auto words = bf16_words(W::load(a), W::load(b)), next = bf16_neighbours(W::load(a), W::load(b));
+        const auto zipped = zip_bf16(words, next);
         const W low = low_bf16(words), high = high_bf16(words), sum = dot_bf16(W::load(c), words, words);
         for (std::size_t i = 0; i < n; ++i) {
             const auto same = [](float x, float y) { return (std::isnan(x) && std::isnan(y)) || x == y; };
@@ -51,6 +52,10 @@ TEST_CASE("registers of bf16 hold what the scalar functions give") {
             const float first = 2 * i < n ? a[2 * i] : b[2 * i - n], second = 2 * i < n ? a[2 * i + 1] : b[2 * i + 1 - n];
             CHECK(same(std::bit_cast<float>(next[i] << 16), value(bf16_bits(first))));
             CHECK(same(std::bit_cast<float>(next[i] & 0xffff0000u), value(bf16_bits(second))));
+            const auto pair = i < n / 2 ? zipped.first : zipped.second; // word i has numbers 2 i and 2 i + 1 of each
+            const std::size_t at = 2 * i % n;
+            CHECK(pair[at] == ((words[i] & 0xffffu) | next[i] << 16));
+            CHECK(pair[at + 1] == (words[i] >> 16 | (next[i] & 0xffff0000u)));
             const double exact = double(c[i]) + double(low[i]) * low[i] + double(high[i]) * high[i];
             if (std::isfinite(exact)) CHECK(sum[i] == doctest::Approx(exact).epsilon(1e-6));
         }

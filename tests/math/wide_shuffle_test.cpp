@@ -24,7 +24,7 @@ TEST_CASE_TEMPLATE("numbers of registers change places", S, float, double, std::
     }
 }
 
-TEST_CASE_TEMPLATE("rows become columns", S, float, std::uint32_t) {
+TEST_CASE_TEMPLATE("rows become columns", S, float, double, std::uint32_t, std::uint64_t) {
     constexpr std::size_t n = Wide<S>::width;
     Wide<S> rows[n];
     for (std::size_t i = 0; i < n; ++i)

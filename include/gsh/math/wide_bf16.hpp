@@ -51,6 +51,22 @@ inline namespace GSH_ISA {
     return bf16_words(both.first, both.second);
 #endif
 }
+/// Words with a number of `first` and the number of `second` at the same place, in two registers.
+[[nodiscard]] GSH_INLINE WidePair<std::uint32_t> zip_bf16(Wide<std::uint32_t> first, Wide<std::uint32_t> second) {
+    using Words = Wide<std::uint32_t>;
+#if defined(__AVX512BF16__)
+    typedef std::uint16_t Halves __attribute__((vector_size(64)));
+    const auto a = reinterpret_cast<Halves>(first.v), b = reinterpret_cast<Halves>(second.v);
+    return {Words(reinterpret_cast<Words::Vector>(__builtin_shufflevector(
+                a, b, 0, 32, 1, 33, 2, 34, 3, 35, 4, 36, 5, 37, 6, 38, 7, 39, 8, 40, 9, 41, 10, 42, 11, 43, 12, 44, 13,
+                45, 14, 46, 15, 47))),
+            Words(reinterpret_cast<Words::Vector>(__builtin_shufflevector(
+                a, b, 16, 48, 17, 49, 18, 50, 19, 51, 20, 52, 21, 53, 22, 54, 23, 55, 24, 56, 25, 57, 26, 58, 27, 59,
+                28, 60, 29, 61, 30, 62, 31, 63)))};
+#else
+    return zip((first & Words(0xffffu)) | second << 16, first >> 16 | (second & Words(0xffff0000u)));
+#endif
+}
 [[nodiscard]] GSH_INLINE Wide<float> low_bf16(Wide<std::uint32_t> words) { return bits_as<Wide<float>>(words << 16); }
 [[nodiscard]] GSH_INLINE Wide<float> high_bf16(Wide<std::uint32_t> words) {
     return bits_as<Wide<float>>(words & Wide<std::uint32_t>(0xffff0000u));

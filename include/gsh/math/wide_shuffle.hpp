@@ -73,6 +73,20 @@ GSH_INLINE void transpose(Wide<S> (&rows)[Wide<S>::width]) {
     }
 }
 
+template <class S>
+    requires(sizeof(S) == 8)
+GSH_INLINE void transpose(Wide<S> (&rows)[Wide<S>::width]) {
+    constexpr std::size_t n = Wide<S>::width;
+    for (std::size_t done = 1; done < n; done *= 2) {
+        Wide<S> next[n];
+        for (std::size_t r = 0; r < n / 2; ++r) {
+            const WidePair<S> both = zip(rows[r], rows[r + n / 2]);
+            next[2 * r] = both.first, next[2 * r + 1] = both.second;
+        }
+        for (std::size_t r = 0; r < n; ++r) rows[r] = next[r];
+    }
+}
+
 /// Adds neighbouring runs of `Run` numbers: of each 2 Run numbers of a, then of b, the first Run plus the others.
 template <int Run, class S>
 [[nodiscard]] GSH_INLINE Wide<S> add_runs(Wide<S> a, Wide<S> b) {

@@ -85,25 +85,6 @@ void gather_features(const FeatureView<const T>& from, const Rows& rows, std::si
     });
 }
 
-/// The reverse: writes the first rows of a view to `count` rows of another.
-template <class T, class Rows>
-void scatter_features(const FeatureView<const T>& from, const Rows& rows, std::size_t count, const FeatureView<T>& to,
-                      Write mode) {
-    with_block(to.block, [&](auto block) {
-        for (std::size_t c = 0; c < to.columns; c += block) {
-            const T* const source = from.column(c);
-            T* const target = to.column(c);
-            if (mode == Write::assign) {
-                for (std::size_t r = 0; r < count; ++r)
-                    for (std::size_t j = 0; j < block; ++j) target[rows(r) * block + j] = source[r * block + j];
-            } else {
-                for (std::size_t r = 0; r < count; ++r)
-                    for (std::size_t j = 0; j < block; ++j) target[rows(r) * block + j] += source[r * block + j];
-            }
-        }
-    });
-}
-
 /// Copies `count` rows of `columns` numbers.
 template <class T, class Rows>
 void copy_rows(const T* from, std::size_t columns, const Rows& rows, std::size_t count, T* to) {

@@ -23,7 +23,7 @@ struct MlpScratch<B, T> {
     typename B::template Buffer<T> packed;   ///< weights in the layout of the products
     typename B::template Buffer<T> tiles;    ///< each chunk's tiles of inputs, activations, outputs or gradients
     typename B::template Buffer<T> partials; ///< each chunk's sum of dL_dweights
-    typename B::template Buffer<std::uint32_t> packed_words, tile_words; ///< of packed and tiles in mixed precision
+    typename B::template Buffer<std::uint32_t> hidden_words, packed_words, tile_words; ///< those in mixed precision
 };
 
 namespace cpu::inline GSH_ISA {
@@ -228,12 +228,37 @@ void mlp_join(B& backend, const Layout& layout, Span<const T> weights, const T* 
                                  partials[p * sums_size + layout.padded_offset(0) + o * layout.padded_in(0) + own];
 }
 
+/// Activations of all points in mixed precision, with room for whole tiles. The words are null where backward computes
+/// the activations again.
+template <CpuBackend B, class Network>
+MixedHidden mixed_hidden(const MixedLayout<Network>& layout, std::size_t rows, MlpScratch<B, float>& scratch) {
+    const std::size_t stride = layout.hidden_words(), pitch = chunk_count(rows, mixed_tile) * mixed_tile * stride;
+    if (ProductBf16::on_tiles()) return {nullptr, stride, pitch};
+    scratch.hidden_words.resize(layout.hidden_layers() * pitch);
+    return {scratch.hidden_words.data(), stride, pitch};
+}
+
+/// Data that backward reads next, as AheadOfLayers.
+struct AheadOfMixedLayers {
+    FeatureView<const float> inputs;
+    MixedHidden hidden;
+    const GradientRows<float>& tile;
+
+    void operator()(std::size_t layer, std::size_t first, std::size_t count) const {
+        if (layer == 0) return tile.ahead(inputs)(first, count);
+        if (hidden.words)
+            tile.ahead(row_major(Span<const std::uint32_t>(hidden.layer(layer - 1), hidden.pitch), hidden.stride))(
+                first, count);
+    }
+};
+
 template <CpuBackend B, class Network>
 void mixed_forward(B& backend, const Network& network, Span<const float> weights, const MlpInputs<float>& inputs,
                    Span<float> outputs, MlpScratch<B, float>& scratch) {
     const MixedLayout<Network> layout{network, inputs.shared};
     using Tile = MixedTile<Network>;
     const std::size_t rows = inputs.features.rows, grain = mlp_chunk_rows(rows), chunks = chunk_count(rows, grain);
+    const MixedHidden hidden = mixed_hidden(layout, rows, scratch);
     scratch.packed_words.resize(layout.packed_size());
     scratch.packed.resize(mixed_padded(layout.out(0)));
     scratch.tile_words.resize(chunks * Tile::word_count(layout));
@@ -245,9 +270,10 @@ void mixed_forward(B& backend, const Network& network, Span<const float> weights
                   scratch.tiles.data() + chunk * Tile::number_count(layout));
         for (std::size_t first = begin; first < end; first += mixed_tile) {
             const std::size_t count = std::min(mixed_tile, end - first), next = first + count;
-            Ahead<float, RowsFrom>{inputs.features, {next}, std::min(mixed_tile, end - next)}(0, mixed_tile);
             tile.load(inputs, first, count);
-            tile.hidden_layers();
+            if (hidden.words) tile.use_hidden(hidden.from(first));
+            tile.compute_hidden(
+                Ahead<float, RowsFrom>{inputs.features, {next}, std::min(mixed_tile, end - next)});
             tile.outputs(count, outputs.data() + first * network.outputs());
         }
     });
@@ -260,11 +286,12 @@ void mixed_backward(B& backend, const Network& network, Span<const float> weight
     const MixedLayout<Network> layout{network, inputs.shared};
     using Tile = MixedTile<Network>;
     const std::size_t rows = inputs.features.rows, grain = mlp_chunk_rows(rows), chunks = chunk_count(rows, grain);
-    const std::size_t sums_size = layout.padded_offset(layout.layers()), outputs = network.outputs();
-    // Tiles of a chunk: the tile's own, and copies of features, further inputs, and dL_doutputs.
+    const std::size_t sums_size = layout.padded_offset(layout.layers());
+    const MixedHidden hidden = mixed_hidden(layout, rows, scratch);
+    // Tiles of a chunk: the tile's own, and copies of features and further inputs.
     const std::size_t columns = inputs.features.columns, own = layout.row_inputs() - columns;
     const std::size_t tile_numbers = Tile::number_count(layout),
-                      chunk_tiles = tile_numbers + mixed_tile * (columns + own + outputs);
+                      chunk_tiles = tile_numbers + mixed_tile * (columns + own);
     scratch.partials.resize(chunks * sums_size);
     scratch.tiles.resize(chunks * chunk_tiles);
     backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
@@ -274,29 +301,34 @@ void mixed_backward(B& backend, const Network& network, Span<const float> weight
         const FeatureView<float> features({numbers + tile_numbers, mixed_tile * columns}, mixed_tile, columns,
                                           inputs.features.block);
         const Span<float> points(features.values.end(), mixed_tile * own);
-        float* const dL_dy = points.end();
         float* const sums = scratch.partials.data() + chunk * sums_size;
         std::fill_n(sums, sums_size, 0.0f);
-        GradientRows<float> rows_of_tile(dL_doutputs, outputs, dL_dfeatures, features_mode, begin, end);
+        GradientRows<float> rows_of_tile(dL_doutputs, network.outputs(), dL_dfeatures, features_mode, begin, end);
+        const AheadOfMixedLayers ahead{inputs.features, hidden, rows_of_tile};
         while (rows_of_tile.next()) {
-            rows_of_tile.ahead(inputs.features)(0, mixed_tile);
-            const std::size_t count = rows_of_tile.count(), first = rows_of_tile.rows()(0);
-            const bool copies = !rows_of_tile.consecutive();
-            if (copies) {
-                gather_features<float>(inputs.features, rows_of_tile.rows(), count, features);
-                copy_rows(inputs.points.data(), own, rows_of_tile.rows(), count, points.data());
-                copy_rows(dL_doutputs.data(), outputs, rows_of_tile.rows(), count, dL_dy);
-                tile.load({features, points, inputs.shared}, 0, count);
-            } else {
+            const RowsOf tile_rows = rows_of_tile.rows();
+            const std::size_t count = rows_of_tile.count(), first = tile_rows(0);
+            const bool consecutive = rows_of_tile.consecutive();
+            if (consecutive) {
                 tile.load(inputs, first, count);
+            } else {
+                gather_features<float>(inputs.features, tile_rows, count, features);
+                copy_rows(inputs.points.data(), own, tile_rows, count, points.data());
+                tile.load({features, points, inputs.shared}, 0, count);
             }
-            tile.hidden_layers();
-            tile.load_gradient(copies ? dL_dy : dL_doutputs.data() + first * outputs, count);
-            tile.backward(sums, !dL_dfeatures.empty());
+            if (!hidden.words)
+                tile.compute_hidden(Gemm<float>::Nothing());
+            else if (consecutive && count == mixed_tile)
+                tile.use_hidden(hidden.from(first));
+            else
+                tile.copy_hidden(hidden, tile_rows, count);
+            tile.load_gradient(dL_doutputs.data(), tile_rows, count);
+            const FloatMatrix dL_dx = tile.backward(sums, dL_dfeatures.columns, ahead);
             if (dL_dfeatures.empty()) continue;
-            tile.store_features(copies ? features : dL_dfeatures, copies ? 0 : first, count,
-                                copies ? Write::assign : features_mode);
-            if (copies) scatter_features<float>(features, rows_of_tile.rows(), count, dL_dfeatures, features_mode);
+            const auto store = [&](const auto& of_tile) {
+                rows_to_features<float>(dL_dx.numbers, dL_dx.stride, of_tile, count, dL_dfeatures, features_mode);
+            };
+            consecutive ? store(RowsFrom{first}) : store(tile_rows);
         }
     });
     mlp_join(backend, layout, weights, scratch.partials.data(), chunks, dL_dweights, dL_dshared);
