@@ -26,6 +26,10 @@ TEST_CASE("the scalar functions are those of std") {
     CHECK(LaneTraits<float>::to_index(3.9f) == 3u);
     CHECK(any(true));
     CHECK_FALSE(any(false));
+    CHECK(bits_as<std::uint32_t>(1.0f) == 0x3f800000u);
+    CHECK(bits_as<double>(std::uint64_t(0x4000000000000000u)) == 2);
+    CHECK(multiply_add(2.0, 3.0, 4.0) == 10);
+    CHECK(horner(2.0, 1.0, 3.0, 5.0) == 1 + 3 * 2 + 5 * 4);
 }
 
 namespace {

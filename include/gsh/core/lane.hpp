@@ -89,6 +89,45 @@ template <std::floating_point T>
 [[nodiscard]] GSH_HD T floor(T x) {
     return std::floor(x);
 }
+
+/// The same bits as another type of the same size. The overload for registers is in math/wide_register.hpp, since nvcc
+/// refuses registers in functions of the device.
+template <class To, class From>
+    requires(std::is_arithmetic_v<From> && sizeof(To) == sizeof(From))
+[[nodiscard]] GSH_INLINE GSH_HD To bits_as(From from) {
+    return __builtin_bit_cast(To, from); // std::bit_cast is a host function
+}
+
+inline namespace GSH_ISA { // what is fused depends on the instruction set
+
+/// a b + c, rounded once where the machine has an instruction for it. Elsewhere it is rounded twice, since a fused
+/// operation would be a library call.
+template <std::floating_point T>
+[[nodiscard]] GSH_HD inline T multiply_add(T a, T b, T c) {
+#if defined(__CUDA_ARCH__)
+    if constexpr (sizeof(T) == 4)
+        return __fmaf_rn(a, b, c);
+    else
+        return __fma_rn(a, b, c);
+#elif defined(FP_FAST_FMA) || defined(__FMA__) || defined(__ARM_FEATURE_FMA)
+    return std::fma(a, b, c);
+#else
+    return a * b + c;
+#endif
+}
+
+/// c0 + c1 x + c2 x² + …, by Horner's scheme.
+#if defined(__NVCC__)
+#pragma nv_exec_check_disable // a register's operations are host functions
+#endif
+template <Lane T, std::same_as<ScalarOf<T>>... Rest>
+[[nodiscard]] GSH_INLINE GSH_HD T horner(T x, ScalarOf<T> c0, Rest... rest) {
+    if constexpr (sizeof...(rest) == 0) return T(c0);
+    else return multiply_add(x, horner(x, rest...), T(c0));
+}
+
+} // namespace GSH_ISA
+
 /// x^exponent for a positive normal x, where the result is a normal number, too. Lane types may have overloads that are
 /// faster than exp and log.
 template <Lane T>

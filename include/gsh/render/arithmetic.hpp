@@ -8,19 +8,11 @@
 #include <gsh/core/config.hpp>
 #include <gsh/core/lane.hpp>
 
-#include <cmath>
 #include <concepts>
 #include <cstdint>
 #include <type_traits>
 
 namespace gsh::detail {
-
-/// The same bits as another type.
-template <class To, class From>
-    requires(sizeof(To) == sizeof(From))
-[[nodiscard]] GSH_HD inline To bits_as(From x) {
-    return __builtin_bit_cast(To, x); // std::bit_cast is a host function
-}
 
 /// a * b, rounded, which nvcc does not fuse with a sum.
 template <Lane T>
@@ -36,32 +28,6 @@ template <Lane T>
 }
 
 inline namespace GSH_ISA { // what is fused depends on the instruction set
-
-/// a * b + c, rounded once where the machine has an instruction for it. Elsewhere it is rounded twice, since a fused
-/// operation would be a library call.
-template <std::floating_point T>
-[[nodiscard]] GSH_HD inline T multiply_add(T a, T b, T c) {
-#if defined(__CUDA_ARCH__)
-    if constexpr (sizeof(T) == 4)
-        return __fmaf_rn(a, b, c);
-    else
-        return __fma_rn(a, b, c);
-#elif defined(FP_FAST_FMA) || defined(__FMA__) || defined(__ARM_FEATURE_FMA)
-    return std::fma(a, b, c);
-#else
-    return a * b + c;
-#endif
-}
-
-/// c0 + c1 x + c2 x² + …
-template <Lane T>
-[[nodiscard]] GSH_INLINE GSH_HD T horner(T, ScalarOf<T> c0) {
-    return T(c0);
-}
-template <Lane T, std::same_as<ScalarOf<T>>... Rest>
-[[nodiscard]] GSH_INLINE GSH_HD T horner(T x, ScalarOf<T> c0, Rest... rest) {
-    return multiply_add(x, horner(x, rest...), T(c0));
-}
 
 /// Unsigned integers of the size of the numbers of a lane type.
 template <Lane T>

@@ -5,15 +5,12 @@
 #include <gsh/core/config.hpp>
 #include <gsh/render/arithmetic.hpp>
 
-#include <bit>
-#include <cstdint>
 
 namespace gsh::cpu::inline GSH_ISA {
 
 using gsh::detail::exp2_minus;
 using gsh::detail::max_positive;
 using gsh::detail::min_positive;
-using gsh::detail::multiply_add;
 using gsh::detail::rough_sqrt;
 
 } // namespace gsh::cpu

@@ -48,17 +48,17 @@ struct alignas(16) ScreenSplat {
             low = 0;
     }
     [[nodiscard]] GSH_HD T x_low() const {
-        if constexpr (sizeof(T) == 4) return gsh::detail::bits_as<T>(low & 0xFFFF0000u);
+        if constexpr (sizeof(T) == 4) return bits_as<T>(low & 0xFFFF0000u);
         return T(0);
     }
     [[nodiscard]] GSH_HD T y_low() const {
-        if constexpr (sizeof(T) == 4) return gsh::detail::bits_as<T>(low << 16);
+        if constexpr (sizeof(T) == 4) return bits_as<T>(low << 16);
         return T(0);
     }
 
 private:
     [[nodiscard]] GSH_HD static std::uint32_t upper_half(float x) {
-        return (gsh::detail::bits_as<std::uint32_t>(x) + 0x8000u) & 0xFFFF0000u;
+        return (bits_as<std::uint32_t>(x) + 0x8000u) & 0xFFFF0000u;
     }
 };
 
@@ -84,7 +84,7 @@ struct SortKey {
         return depth < o.depth || (depth == o.depth && slot < o.slot);
     }
     [[nodiscard]] GSH_HD static SortKey of(T depth, std::uint32_t slot) {
-        return {gsh::detail::bits_as<std::uint64_t>(depth), slot};
+        return {bits_as<std::uint64_t>(depth), slot};
     }
     [[nodiscard]] GSH_HD static SortKey last() { return {~std::uint64_t(0), ~0u}; }
 };
@@ -93,7 +93,7 @@ struct SortKey<float> {
     std::uint64_t depth_and_slot;
     [[nodiscard]] GSH_HD bool operator<(const SortKey& o) const { return depth_and_slot < o.depth_and_slot; }
     [[nodiscard]] GSH_HD static SortKey of(float depth, std::uint32_t slot) {
-        return {static_cast<std::uint64_t>(gsh::detail::bits_as<std::uint32_t>(depth)) << 32 | slot};
+        return {static_cast<std::uint64_t>(bits_as<std::uint32_t>(depth)) << 32 | slot};
     }
     [[nodiscard]] GSH_HD static SortKey last() { return {~std::uint64_t(0)}; }
 };

@@ -22,8 +22,8 @@ namespace gsh::cuda::detail {
 
 using gsh::detail::BlendLimits;
 using gsh::detail::BlendStep;
-using gsh::detail::multiply_add;
 using gsh::detail::product;
+using gsh::multiply_add;
 
 inline constexpr unsigned block_lanes = 16; // pixels of a 4x4 block
 
