@@ -6,6 +6,7 @@
 #include <gsh/math/wide.hpp>
 #include <gsh/math/wide_bf16.hpp>
 #include <gsh/math/wide_block.hpp>
+#include <gsh/math/wide_register.hpp>
 #include <gsh/math/wide_shuffle.hpp>
 #include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/threads.hpp>

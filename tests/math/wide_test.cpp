@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <type_traits>
 #include <vector>
 
 using namespace gsh;
@@ -185,6 +186,59 @@ TEST_CASE_TEMPLATE("a mask as bits, and the first lanes of a register", S, float
     CHECK_FALSE(any(x < W(S(0))));
     x.template store_first<W::width - 1>(out);
     for (std::size_t i = 0; i < W::width; ++i) CHECK(out[i] == (i + 1 < W::width ? numbers[i] : S(-1)));
+}
+
+TEST_CASE_TEMPLATE("a row of a fixed number of lanes computes like a whole register", S, float, double) {
+    const S numbers[] = {S(1.5), S(-2), S(3), S(-0.25)}, others[] = {S(2), S(-3), S(3), S(0.5)};
+    const auto check = [&]<std::size_t Lanes>(std::integral_constant<std::size_t, Lanes>) {
+        using Row = Wide<S, Lanes>;
+        static_assert(Row::width == Lanes && sizeof(Row) == Lanes * sizeof(S));
+        const Row a = Row::load(numbers), b = Row::load(others);
+        const Row counted = Row::generate([](std::size_t i) { return i; });
+        const Row sum = a + b, scaled = a * S(3), least = min(a, b), most = max(a, b), chosen = select(a > b, a, -b);
+        for (std::size_t i = 0; i < Lanes; ++i) {
+            CHECK(sum[i] == numbers[i] + others[i]);
+            CHECK(scaled[i] == numbers[i] * S(3));
+            CHECK(least[i] == std::min(numbers[i], others[i]));
+            CHECK(most[i] == std::max(numbers[i], others[i]));
+            CHECK(chosen[i] == (numbers[i] > others[i] ? numbers[i] : -others[i]));
+            CHECK(counted[i] == static_cast<S>(i));
+        }
+        S out[] = {S(9), S(9), S(9), S(9)};
+        a.store(out);
+        for (std::size_t i = 0; i < 4; ++i) CHECK(out[i] == (i < Lanes ? numbers[i] : S(9)));
+    };
+    check(std::integral_constant<std::size_t, 1>()), check(std::integral_constant<std::size_t, 2>());
+    check(std::integral_constant<std::size_t, 4>());
+}
+
+TEST_CASE_TEMPLATE("the first lanes of a row are read and written, and the others read as 0", S, float, double) {
+    using Row = Wide<S, 4>;
+    const S numbers[] = {S(5), S(6), S(7), S(8)};
+    S out[] = {S(9), S(9), S(9), S(9)};
+    const Row first = Row::template load_first<3>(numbers);
+    first.template store_first<2>(out);
+    for (std::size_t i = 0; i < 4; ++i) {
+        CHECK(first[i] == (i < 3 ? numbers[i] : S(0)));
+        CHECK(out[i] == (i < 2 ? numbers[i] : S(9)));
+    }
+}
+
+TEST_CASE_TEMPLATE("numbers and masks convert to those of another type with as many lanes", S, float, double) {
+    using Ints = Wide<std::int32_t, 4>;
+    using Row = Wide<S, 4>;
+    const Ints whole = Ints::generate([](std::size_t i) { return static_cast<int>(i) * 3 - 4; });
+    const Row row(whole);
+    const Ints back(row + Row(S(0.5)));
+    const auto negative = static_cast<typename Row::Mask>(whole < Ints(0));
+    const Ints halved = whole >> 1; // of signed numbers, rounded down
+    for (std::size_t i = 0; i < 4; ++i) {
+        const int number = static_cast<int>(i) * 3 - 4;
+        CHECK(row[i] == static_cast<S>(number));
+        CHECK(back[i] == static_cast<int>(static_cast<S>(number) + S(0.5)));
+        CHECK(negative[i] == (number < 0));
+        CHECK(halved[i] == number >> 1);
+    }
 }
 
 TEST_CASE("a rough inverse root is within 10⁻⁴") {

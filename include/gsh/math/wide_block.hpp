@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Elements of arrays, one in each lane of a vector register.
+/// @file  Elements of arrays, one in each lane of vector registers: reading, writing, and blocks of them.
 #pragma once
 
 #include <gsh/core/config.hpp>
@@ -8,6 +8,43 @@
 #include <cstddef>
 
 namespace gsh::inline GSH_ISA {
+
+/// Number of lanes that put_lanes writes.
+template <class S>
+inline constexpr std::size_t lanes_per_store = 16 / sizeof(S);
+
+/// Writes a struct of S (a vector, a matrix, …) to each of the lanes [lane, lane + lanes_per_store) of the same struct
+/// of Wide<S>; numbers(j) is the struct of lane + j. Several lanes share one store, since stores limit the speed of
+/// such a transpose.
+template <class S, class Wides, class F>
+GSH_INLINE void put_lanes(Wides& wides, std::size_t lane, const F& numbers) {
+    constexpr std::size_t lanes = lanes_per_store<S>;
+    constexpr std::size_t bytes = sizeof(numbers(0)), count = bytes / sizeof(S);
+    static_assert(sizeof(Wides) == count * sizeof(Wide<S>) && Wide<S>::width % lanes == 0);
+    const S* first[lanes];
+    for (std::size_t j = 0; j < lanes; ++j) first[j] = reinterpret_cast<const S*>(&numbers(j));
+    for (std::size_t k = 0; k < count; ++k)
+        Wide<S, lanes>::generate([&](std::size_t j) { return first[j][k]; })
+            .store(reinterpret_cast<S*>(&wides) + k * Wide<S>::width + lane);
+}
+
+/// Copies one lane of `wides` to `numbers`.
+template <class S, class Wides, class Numbers>
+GSH_INLINE void get_lane(const Wides& wides, std::size_t lane, Numbers& numbers) {
+    constexpr std::size_t count = sizeof(Numbers) / sizeof(S);
+    static_assert(sizeof(Wides) == count * sizeof(Wide<S>));
+    for (std::size_t k = 0; k < count; ++k)
+        reinterpret_cast<S*>(&numbers)[k] = reinterpret_cast<const Wide<S>*>(&wides)[k][lane];
+}
+
+/// Adds one lane of `wides` to `numbers`.
+template <class S, class Wides, class Numbers>
+GSH_INLINE void add_lane(const Wides& wides, std::size_t lane, Numbers& numbers) {
+    constexpr std::size_t count = sizeof(Numbers) / sizeof(S);
+    static_assert(sizeof(Wides) == count * sizeof(Wide<S>));
+    for (std::size_t k = 0; k < count; ++k)
+        reinterpret_cast<S*>(&numbers)[k] += reinterpret_cast<const Wide<S>*>(&wides)[k][lane];
+}
 
 /// Indices of up to `width` elements, one per lane. If there are fewer, the last one fills the other lanes.
 template <class T>

@@ -21,7 +21,6 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <type_traits>
 
 namespace gsh {
@@ -111,23 +110,10 @@ void for_hash_blocks(const Grid& grid, std::size_t l, const Query& query, std::s
     }
 }
 
-/// The features of an entry in a small register. There is no fused multiply-add: sums are the same on every machine.
+/// The features of an entry in the first lanes of a row. Sums of them do without multiply_add, so they are the same on
+/// every machine.
 template <class T, std::size_t Features>
-struct HashRow {
-    using Vector = typename gsh::detail::VectorRegister<T, std::bit_ceil(Features) * sizeof(T)>::type;
-    Vector v{};
-
-    [[nodiscard]] GSH_INLINE static HashRow load(const T* from) {
-        HashRow row;
-        std::memcpy(&row.v, from, Features * sizeof(T));
-        return row;
-    }
-    GSH_INLINE void store(T* to) const { std::memcpy(to, &v, Features * sizeof(T)); }
-
-    [[nodiscard]] GSH_INLINE friend HashRow operator+(HashRow a, HashRow b) { return {a.v + b.v}; }
-    [[nodiscard]] GSH_INLINE friend HashRow operator-(HashRow a, HashRow b) { return {a.v - b.v}; }
-    [[nodiscard]] GSH_INLINE friend HashRow operator*(T factor, HashRow a) { return {factor * a.v}; }
-};
+using HashRow = Wide<T, std::bit_ceil(Features)>;
 
 /// Features of points [begin, end) on level l. out is the address for point `begin`; consecutive points are `stride`
 /// numbers apart.
@@ -146,21 +132,23 @@ void hash_encode(const Grid& grid, std::size_t l, const T* entries, const Query&
                 T* const to = out + (first - begin) * stride;
                 const auto write = [&](std::size_t i, const Row& row) {
                     T* const at = to + i * stride;
-                    (adds ? Row::load(at) + row : row).store(at);
+                    (adds ? Row::template load_first<width>(at) + row : row).template store_first<width>(at);
                 };
                 for (std::size_t run = 0; run < block.run_count; ++run) {
                     block.template prefetch_ahead<width>(entries, run);
                     const std::size_t start = block.starts[run], after = block.starts[run + 1];
                     if (!block.counts(start)) {
                         if constexpr (!adds)
-                            for (std::size_t i = start; i < after; ++i) Row().store(to + i * stride);
+                            for (std::size_t i = start; i < after; ++i)
+                                Row(T(0)).template store_first<width>(to + i * stride);
                         continue;
                     }
+                    const auto entry = [&](int corner) {
+                        return Row::template load_first<width>(entries + block.index[corner][start] * width);
+                    };
                     Row low[4], rise[4]; // of the edges along x, in the order y, z
-                    for (int edge = 0; edge < 4; ++edge) {
-                        low[edge] = Row::load(entries + block.index[2 * edge][start] * width);
-                        rise[edge] = Row::load(entries + block.index[2 * edge + 1][start] * width) - low[edge];
-                    }
+                    for (int edge = 0; edge < 4; ++edge)
+                        low[edge] = entry(2 * edge), rise[edge] = entry(2 * edge + 1) - low[edge];
                     for (std::size_t i = start; i < after; ++i) {
                         const T x = block.fraction[0][i], y = block.fraction[1][i], z = block.fraction[2][i];
                         Row edges[4];
@@ -175,7 +163,7 @@ void hash_encode(const Grid& grid, std::size_t l, const T* entries, const Query&
             [&](std::size_t first, std::size_t count) {
                 if constexpr (!adds)
                     for (std::size_t i = 0; i < count; ++i)
-                        Row().store(out + (first - begin + i) * stride);
+                        Row(T(0)).template store_first<width>(out + (first - begin + i) * stride);
             });
     };
     mode == Write::add ? encode(std::true_type()) : encode(std::false_type());
@@ -196,10 +184,10 @@ void hash_scatter(const Grid& grid, std::size_t l, T* dL_dentries, const Query& 
                 block.template prefetch_ahead<width>(dL_dentries, run);
                 const std::size_t start = block.starts[run], after = block.starts[run + 1];
                 if (!block.counts(start)) continue;
-                Row sum[4], high[4]; // of both ends of the edges along x, and of their upper ends
+                Row sum[4] = {}, high[4] = {}; // of both ends of the edges along x, and of their upper ends
                 for (std::size_t i = start; i < after; ++i) {
                     const T x = block.fraction[0][i], y = block.fraction[1][i], z = block.fraction[2][i];
-                    Row gradient = Row::load(from + i * stride);
+                    Row gradient = Row::template load_first<width>(from + i * stride);
                     if (block.level_weight) gradient = block.level_weight[i] * gradient;
                     const Row far = z * gradient, near = gradient - far;
                     Row edges[4];
@@ -212,7 +200,7 @@ void hash_scatter(const Grid& grid, std::size_t l, T* dL_dentries, const Query& 
                 }
                 const auto add = [&](int corner, const Row& row) {
                     T* const to = dL_dentries + block.index[corner][start] * width;
-                    (Row::load(to) + row).store(to);
+                    (Row::template load_first<width>(to) + row).template store_first<width>(to);
                 };
                 for (int edge = 0; edge < 4; ++edge) {
                     add(2 * edge, sum[edge] - high[edge]);

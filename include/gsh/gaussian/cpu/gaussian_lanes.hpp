@@ -6,6 +6,7 @@
 #include <gsh/core/config.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/math/wide.hpp>
+#include <gsh/math/wide_block.hpp>
 
 #include <cstddef>
 
