@@ -17,7 +17,6 @@
 
 #include <concepts>
 #include <cstddef>
-#include <cstring>
 
 namespace gsh {
 
@@ -40,37 +39,27 @@ using gsh::detail::SkinnedInput;
 using gsh::detail::SkinnedSplatBackward;
 using gsh::detail::SkinnedSplatForward;
 
-/// The numbers of a bone (twelve of an affine map, eight of a dual quaternion) as vectors of four, so that sums over
-/// any number of bones stay in registers. It is a Sum of blend_in and blend_backward_in, body/skinning.hpp.
+/// The numbers of a bone (twelve of an affine map, eight of a dual quaternion) as rows of four, so that sums over any
+/// number of bones stay in registers. It is a Sum of blend_in and blend_backward_in, body/skinning.hpp.
 template <class T, class Bone>
 struct BoneRegisters {
-    typedef T Four __attribute__((vector_size(4 * sizeof(T))));
-    static constexpr std::size_t count = sizeof(Bone) / sizeof(Four);
-    static_assert(sizeof(Bone) == count * sizeof(Four) && (count == 2 || count == 3));
-    Four x, y, z; // z is unused where count is 2
+    using Row = Wide<T, 4>;
+    static constexpr std::size_t count = sizeof(Bone) / (4 * sizeof(T));
+    static_assert(sizeof(Bone) == count * 4 * sizeof(T));
+    Row rows[count];
 
-    [[nodiscard]] GSH_INLINE static BoneRegisters zero() { return BoneRegisters(); }
+    [[nodiscard]] GSH_INLINE static BoneRegisters zero() { return BoneRegisters(Bone::zero()); }
     GSH_INLINE explicit BoneRegisters(const Bone& bone) {
-        const char* numbers = reinterpret_cast<const char*>(&bone);
-        std::memcpy(&x, numbers, sizeof(Four));
-        std::memcpy(&y, numbers + sizeof(Four), sizeof(Four));
-        if constexpr (count == 3) std::memcpy(&z, numbers + 2 * sizeof(Four), sizeof(Four));
+        for (std::size_t k = 0; k < count; ++k) rows[k] = Row::load(reinterpret_cast<const T*>(&bone) + 4 * k);
     }
     [[nodiscard]] GSH_INLINE explicit operator Bone() const {
         Bone bone;
-        char* numbers = reinterpret_cast<char*>(&bone);
-        std::memcpy(numbers, &x, sizeof(Four));
-        std::memcpy(numbers + sizeof(Four), &y, sizeof(Four));
-        if constexpr (count == 3) std::memcpy(numbers + 2 * sizeof(Four), &z, sizeof(Four));
+        for (std::size_t k = 0; k < count; ++k) rows[k].store(reinterpret_cast<T*>(&bone) + 4 * k);
         return bone;
     }
     GSH_INLINE void add_scaled(const BoneRegisters& other, T scale) {
-        x += other.x * scale, y += other.y * scale;
-        if constexpr (count == 3) z += other.z * scale;
+        for (std::size_t k = 0; k < count; ++k) rows[k] += other.rows[k] * scale;
     }
-
-private:
-    GSH_INLINE BoneRegisters() : x{}, y{}, z{} {}
 };
 
 /// A loop over lanes reads all attributes of a few Gaussians. One loop per attribute takes 6% longer.

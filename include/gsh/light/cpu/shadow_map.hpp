@@ -14,7 +14,6 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 
 namespace gsh {
 
@@ -37,10 +36,9 @@ GSH_INLINE void draw_shadow_triangle(const ShadowVertex<T>& a, const ShadowVerte
                                      std::int32_t stride) {
     ShadowTriangle<T> triangle;
     if (!triangle.place(a, b, c, closed, row_begin, row_end)) return;
-    typedef std::int32_t Ints __attribute__((vector_size(16)));
-    typedef T Numbers __attribute__((vector_size(4 * sizeof(T))));
-    using Mask = decltype(Numbers{} < Numbers{});
-    constexpr Ints lanes{0, 1, 2, 3};
+    using Ints = Wide<std::int32_t, 4>;
+    using Row = Wide<T, 4>;
+    const Ints lanes = Ints::generate([](std::size_t lane) { return lane; });
     const auto &bc = triangle.bc, &ca = triangle.ca, &ab = triangle.ab;
     Ints row_bc = bc.at + lanes * bc.column_step, row_ca = ca.at + lanes * ca.column_step,
          row_ab = ab.at + lanes * ab.column_step;
@@ -50,13 +48,10 @@ GSH_INLINE void draw_shadow_triangle(const ShadowVertex<T>& a, const ShadowVerte
         T* texels = map + static_cast<std::ptrdiff_t>(row) * stride + triangle.left;
         Ints at_bc = row_bc, at_ca = row_ca, at_ab = row_ab;
         for (std::int32_t column = triangle.left; column < triangle.right; column += 4, texels += 4) {
-            const Mask inside = __builtin_convertvector((at_bc | at_ca | at_ab) >= 0, Mask);
-            const Numbers nearness = triangle.at_a + __builtin_convertvector(at_ca, Numbers) * triangle.to_b +
-                                     __builtin_convertvector(at_ab, Numbers) * triangle.to_c;
-            Numbers texel;
-            std::memcpy(&texel, texels, sizeof texel);
-            texel = (inside & (nearness > texel)) ? nearness : texel;
-            std::memcpy(texels, &texel, sizeof texel);
+            const auto inside = static_cast<typename Row::Mask>((at_bc | at_ca | at_ab) >= 0);
+            const Row nearness = triangle.at_a + Row(at_ca) * triangle.to_b + Row(at_ab) * triangle.to_c;
+            const Row texel = Row::load(texels);
+            select(inside & (nearness > texel), nearness, texel).store(texels);
             at_bc += 4 * bc.column_step, at_ca += 4 * ca.column_step, at_ab += 4 * ab.column_step;
         }
         row_bc += bc.row_step, row_ca += ca.row_step, row_ab += ab.row_step;
@@ -67,23 +62,17 @@ GSH_INLINE void draw_shadow_triangle(const ShadowVertex<T>& a, const ShadowVerte
 template <class T>
 [[nodiscard]] GSH_INLINE T filter_shadow(const ShadowFrame<T>& frame, const T* map, T left, T top, T nearness, T length,
                                          T scale) {
-    typedef T Four __attribute__((vector_size(4 * sizeof(T))));
-    static_assert(gsh::detail::shadow_taps == 4);
+    using Row = Wide<T, gsh::detail::shadow_taps>;
     const auto column = static_cast<std::int32_t>(left), row = static_cast<std::int32_t>(top);
-    Four across, down;
-    const auto weigh = [&](T from, Four& weights) { // filter_weights
-        const Four begins{0, 1, 2, 3}, ends{1, 2, 3, 4}, start = from - Four{}, stop = (from + length) - Four{};
-        const Four share = (stop < ends ? stop : ends) - (begins < start ? start : begins);
-        weights = (share < Four{} ? Four{} : share) * scale;
+    const auto weights = [&](T from) { // filter_weights
+        const Row begins = Row::generate([](std::size_t lane) { return lane; });
+        return max(min(begins + T(1), Row(from + length)) - max(begins, Row(from)), Row(T(0))) * scale;
     };
-    weigh(left - static_cast<T>(column), across), weigh(top - static_cast<T>(row), down);
+    const Row across = weights(left - static_cast<T>(column)), down = weights(top - static_cast<T>(row));
     const T* texels = map + static_cast<std::ptrdiff_t>(row) * frame.stride + column;
-    Four hidden{};
-    for (int j = 0; j < 4; ++j, texels += frame.stride) {
-        Four texel;
-        std::memcpy(&texel, texels, sizeof texel);
-        hidden += texel > nearness ? down[j] - Four{} : Four{};
-    }
+    Row hidden(T(0));
+    for (std::size_t j = 0; j < Row::width; ++j, texels += frame.stride)
+        hidden += select(Row::load(texels) > nearness, Row(down[j]), Row(T(0)));
     hidden *= across;
     return clamp(T(1) - ((hidden[0] + hidden[1]) + (hidden[2] + hidden[3])), T(0), T(1));
 }

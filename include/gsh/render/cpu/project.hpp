@@ -21,7 +21,6 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 
 namespace gsh::cpu::inline GSH_ISA {
@@ -71,16 +70,11 @@ template <class W>
 /// As many numbers as a register of double holds, in double; and back.
 template <std::floating_point T>
 [[nodiscard]] GSH_INLINE Wide<double> widened(const T* numbers) {
-    typedef T Numbers __attribute__((vector_size(Wide<double>::width * sizeof(T))));
-    Numbers few;
-    std::memcpy(&few, numbers, sizeof few);
-    return Wide<double>(__builtin_convertvector(few, Wide<double>::Vector));
+    return Wide<double>(Wide<T, Wide<double>::width>::load(numbers));
 }
 template <class T> // a floating-point type, or int for whole numbers
 GSH_INLINE void store_narrowed(Wide<double> numbers, T* to) {
-    typedef T Numbers __attribute__((vector_size(Wide<double>::width * sizeof(T))));
-    const Numbers few = __builtin_convertvector(numbers.v, Numbers);
-    std::memcpy(to, &few, sizeof few);
+    Wide<T, Wide<double>::width>(numbers).store(to);
 }
 
 /// Projects splats in batches: arithmetic in registers first, branches second, so that a misprediction does not stall
