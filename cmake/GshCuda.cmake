@@ -36,18 +36,20 @@ set(gsh_nvcc_command
     ${GSH_NVCC} -std=c++20 ${gsh_nvcc_architectures} --Werror all-warnings -Xcompiler -Wall,-Wextra,-Werror
     -I${PROJECT_SOURCE_DIR}/include "-isystem=$<JOIN:${gsh_eigen_includes},$<SEMICOLON>-isystem=>")
 
-# gsh_add_device_code(target sources...): compiles .cu files with nvcc into objects of a target. Host code in them is
-# compiled like that of gsh_project, because the linker merges the functions that both compilers emit.
+# Host code beside device code is compiled like that of gsh_project, because the linker merges the functions that both
+# compilers emit. This follows -Xcompiler.
+set(gsh_host_options -ffp-contract=off,-fno-math-errno)
+if(GSH_NATIVE)
+  string(APPEND gsh_host_options ",-march=native")
+endif()
+
+# gsh_add_device_code(target sources...): compiles .cu files with nvcc into objects of a target.
 function(gsh_add_device_code target)
-  set(host_options -ffp-contract=off,-fno-math-errno)
-  if(GSH_NATIVE)
-    string(APPEND host_options ",-march=native")
-  endif()
   foreach(source IN LISTS ARGN)
     set(object ${CMAKE_CURRENT_BINARY_DIR}/${source}.o)
     add_custom_command(
       OUTPUT ${object}
-      COMMAND ${gsh_nvcc_report} ${object}.kernels ${gsh_nvcc_command} -O3 -Xcompiler ${host_options}
+      COMMAND ${gsh_nvcc_report} ${object}.kernels ${gsh_nvcc_command} -O3 -Xcompiler ${gsh_host_options}
               $<$<CONFIG:Release>:-DNDEBUG>
               -I${CMAKE_CURRENT_SOURCE_DIR} -MD -MF ${object}.d -MT ${object}
               -c ${CMAKE_CURRENT_SOURCE_DIR}/${source} -o ${object}

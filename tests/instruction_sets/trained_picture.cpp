@@ -9,7 +9,7 @@
 
 #define DOCTEST_CONFIG_IMPLEMENT // shared test code needs doctest's implementation; main is below
 
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/io/file/npy.hpp>
 
 #include "support/small_training.hpp"

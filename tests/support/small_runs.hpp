@@ -15,6 +15,7 @@
 #include "support/small_cast.hpp"
 #include "support/small_training.hpp"
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -28,20 +29,21 @@ struct Outcome {
     std::vector<Image<float>> pictures;
     std::vector<double> losses;
     std::vector<float> learned;
-    int failed_steps = 0; ///< that were taken again
+    int failures = 0; ///< how often steps failed and were taken again
 };
 
-/// Takes steps until `count` are done. progress rises from `from`. Returns how many steps failed and were taken again.
+/// Takes steps until `count` are done. progress rises from `from`. Returns how often steps failed and were taken again.
 template <class TrainerType>
-int take_steps(TrainerType& trainer, int count, double from) {
-    int failed = 0;
-    while (trainer.step_count() < static_cast<std::uint64_t>(count)) {
-        while (trainer.step_count() < static_cast<std::uint64_t>(count))
-            trainer.step(from + (1 - from) * static_cast<double>(trainer.step_count()) / count);
+int take_steps(TrainerType& trainer, std::uint64_t count, double from) {
+    int failures = 0;
+    while (trainer.step_count() < count) {
+        const std::uint64_t stop = std::min(count, trainer.step_count() + 10); // as a program that reports now and then
+        while (trainer.step_count() < stop)
+            trainer.step(from + (1 - from) * static_cast<double>(trainer.step_count()) / static_cast<double>(count));
         trainer.settle(); // may go back to a step that failed
-        failed += trainer.step_count() < static_cast<std::uint64_t>(count);
+        failures += trainer.step_count() < stop;
     }
-    return failed;
+    return failures;
 }
 
 /// Buffers of a rasterizer grow in the first step, and later where a step would need larger ones.
@@ -139,7 +141,7 @@ Outcome train_people(const SmallScene& scene, int steps, FirstView view = FirstV
                  [] { return B(); }, {.ao = AmbientOcclusion::time});
     Outcome outcome;
     enlarge_buffers(view, cast.trainer, photos);
-    outcome.failed_steps = take_steps(cast.trainer, steps, 0.1);
+    outcome.failures = take_steps(cast.trainer, steps, 0.1);
     observe(cast.trainer, photos[1], outcome);
     for (std::size_t person = 0; person < 2; ++person) {
         const std::vector<float> learned = cast.parameters(person);
@@ -160,8 +162,8 @@ inline GaussianCloud<float> start_cloud() {
 }
 
 template <class B>
-Outcome train_static(const SmallScene& scene, FirstView view = FirstView::usual) {
-    StaticConfig config = static_config(30);
+Outcome train_static(const SmallScene& scene, int steps, FirstView view = FirstView::usual) {
+    StaticConfig config = static_config(steps);
     config.density.start = 4, config.density.stop = 30, config.density.interval = 5;
     config.density.reset_interval = 12, config.density.gradient_threshold = 1e-6;
     config.sh_degree = 1, config.sh_interval = 8, config.extent = 2;
@@ -174,9 +176,10 @@ Outcome train_static(const SmallScene& scene, FirstView view = FirstView::usual)
     Trainer<B, StaticModel<B>> trainer(backend, scene_model, photos, static_order_seed(5), train_config_of(config));
     Outcome outcome;
     enlarge_buffers(view, trainer, photos);
-    outcome.failed_steps = take_steps(trainer, 20, 0);
+    outcome.failures = take_steps(trainer, steps, 0);
     observe(trainer, photos[0], outcome);
     append(outcome.learned, scene_model.cloud());
+    CHECK(scene_model.size() > 4 * start_cloud().size()); // a change at most doubles it, so there were several
     CHECK(scene_model.total_change().split > 0);
     CHECK(scene_model.total_change().cloned > 0);
     CHECK(scene_model.total_change().pruned > 0);

@@ -3,8 +3,6 @@
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
-#include <gsh/cpu.hpp>
-#include <gsh/io/image/image_file.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/train/avatar_export.hpp>
 #include <gsh/train/avatar_scene.hpp>
@@ -13,13 +11,9 @@
 #include "support/bodies.hpp"
 #include "support/learned.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
-#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -45,68 +39,11 @@ struct SmallScene {
     std::vector<double> betas{0.2, -0.3};
     Motion motion;
     std::vector<Camera<double>> cameras;
-    std::vector<PixelImage> images;
-    std::vector<Photo> photos;
+    std::vector<std::vector<std::uint8_t>> images; // [camera, frame] RGBA
+    std::vector<Photo> photos;                     // they refer to the images
 
-    SmallScene() {
-        Rng rng(21);
-        motion.joint_count = 4;
-        motion.expression_count = 2;
-        motion.betas = betas;
-        for (int frame = 0; frame < 2; ++frame) {
-            for (const auto& angle : rng.vecs(4, -0.4, 0.4)) motion.pose.push_back(angle);
-            motion.expression.insert(motion.expression.end(), {0.2 * frame, 0.5});
-            motion.transl.push_back(vec3<double>(0.0));
-            motion.timestamps.push_back(frame);
-        }
-        for (const double side : {-0.7, 0.8})
-            cameras.push_back(look_at<double>({side, 1.0, 3.5}, {0, 0.8, 0}, {0, 1, 0}, 0.5, size, size));
-        const auto samples =
-            sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 400.0), 4);
-        const RigData rig = make_rig(body, betas, samples);
-        cpu::Serial backend;
-        Rig<cpu::Serial, double> mover(backend, rig);
-        RigPose<cpu::Serial, double> pose;
-        typename Rig<cpu::Serial, double>::Cache cache;
-        for (std::size_t c = 0; c < cameras.size(); ++c)
-            for (std::size_t f = 0; f < 2; ++f) {
-                mover.upload_pose(motion, f, pose);
-                mover.forward(pose, rig.joints, cache);
-                auto points = samples.positions;
-                mover.add_offsets(cache, points);
-                images.push_back(photograph(cameras[c], points, samples, mover, cache));
-            }
-        for (std::size_t c = 0; c < cameras.size(); ++c)
-            for (std::size_t f = 0; f < 2; ++f)
-                photos.push_back(
-                    {"cam" + std::to_string(c) + "_" + std::to_string(f), cameras[c], f, images[2 * c + f].data, c});
-    }
-
-private:
-    template <class RigType>
-    PixelImage photograph(const Camera<double>& camera, const std::vector<vec3<double>>& canonical,
-                          const SurfaceSamples& samples, const RigType& mover,
-                          const typename RigType::Cache& cache) const {
-        PixelImage image(4, size, size);
-        std::vector<double> depth(size * size, 1e9);
-        for (std::size_t i = 0; i < canonical.size(); ++i) {
-            const auto p =
-                to_camera(camera, blend(mover.skin(), i, Span<const Affine<double>>(cache.bones))(canonical[i]));
-            const auto at = to_pixel(camera, p);
-            const int x = static_cast<int>(std::floor(at.x)), y = static_cast<int>(std::floor(at.y));
-            if (x < 0 || y < 0 || x >= size || y >= size) continue;
-            double& nearest = depth[static_cast<std::size_t>(y * size + x)];
-            if (p.z >= nearest) continue;
-            nearest = p.z;
-            const double stripe = 0.5 + 0.4 * std::sin(20 * samples.positions[i].y);
-            std::uint8_t* pixel = image.pixel(y, x);
-            pixel[0] = static_cast<std::uint8_t>(255 * stripe);
-            pixel[1] = static_cast<std::uint8_t>(120);
-            pixel[2] = static_cast<std::uint8_t>(255 * (1 - stripe));
-            pixel[3] = 255;
-        }
-        return image;
-    }
+    /// In small_training.cpp, because it poses the body on cpu::Serial, whose kernels nvcc does not compile.
+    SmallScene();
 };
 
 /// Learning rates with which the small scene is learned quickly.

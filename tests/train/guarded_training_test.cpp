@@ -67,7 +67,7 @@ TEST_CASE("so does an avatar in a light, with its poses, and so is it shown") {
 
 TEST_CASE("so do a static scene and its density control") {
     const SmallScene scene;
-    check_equal(train_static<Guarded>(scene), train_static<cpu::Serial>(scene));
+    check_equal(train_static<Guarded>(scene, 20), train_static<cpu::Serial>(scene, 20));
 }
 
 TEST_CASE("so do poses, shape and cameras") {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/cpu.hpp>
 #include <gsh/body/joint_error.hpp>
+#include <gsh/io/image/image_file.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/refinement.hpp>
 #include <gsh/train/trainer.hpp>
@@ -393,10 +394,10 @@ TEST_CASE("over plates the same person is learned as over white, and the room st
 
 TEST_CASE("somebody in the background's colour becomes opaque where the background changes, and only there") {
     SmallScene scene;
-    for (PixelImage& image : scene.images) // the photographs refer to these
-        for (std::size_t i = 0; i < image.data.size(); ++i)
-            if (i % 4 < 3) image.data[i] = 255; // a white person on white
-    const auto opacity = [&](bool random) {     // mean alpha where the masks are full
+    for (std::vector<std::uint8_t>& rgba : scene.images) // the photographs refer to these
+        for (std::size_t i = 0; i < rgba.size(); ++i)
+            if (i % 4 < 3) rgba[i] = 255;   // a white person on white
+    const auto opacity = [&](bool random) { // mean alpha where the masks are full
         SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {}, {.random_background = random});
         training.steps(60);
         double sum = 0;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/train/avatar_export.hpp>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/backend/serial.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/io/model/checkpoint.hpp>
 #include <gsh/train/refinement.hpp>
 

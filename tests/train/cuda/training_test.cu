@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Avatars are trained and shown on the CUDA backend as on cpu::Serial.
-#include <gsh/backend/serial.hpp>
 #include <gsh/cuda.cuh>
 #include <gsh/train/stage.hpp>
 
 #include "support/cuda_device.hpp"
 #include "support/cuda_outcomes.hpp"
 #include "support/device_arrays.hpp"
+#include "support/serial_runs.hpp"
 #include "support/small_runs.hpp"
 
 #include <cmath>
