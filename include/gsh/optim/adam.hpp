@@ -30,7 +30,7 @@ struct AdamCoefficients {
 
 /// Updates m, v and the parameter of one element (per lane).
 template <Lane T>
-GSH_HD void adam_update(T& parameter, T gradient, T& m, T& v, const AdamCoefficients<ScalarOf<T>>& c) {
+GSH_INLINE GSH_HD void adam_update(T& parameter, T gradient, T& m, T& v, const AdamCoefficients<ScalarOf<T>>& c) {
     m = T(c.beta1) * m + T(c.one_minus_beta1) * gradient;
     v = T(c.beta2) * v + T(c.one_minus_beta2) * gradient * gradient;
     parameter -= T(c.step_size) * m / (sqrt(v) * T(c.inverse_root_correction2) + T(c.epsilon));

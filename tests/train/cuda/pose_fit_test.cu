@@ -57,6 +57,7 @@ private:
     std::uint64_t from_, step_ = 0;
 };
 
+#if defined(GSH_CUDA_EMULATION)
 TEST_CASE("the steps of a fit do not wait for the device") {
     const PosedScene scene;
     const auto waits = [&](std::size_t steps) {
@@ -71,8 +72,10 @@ TEST_CASE("the steps of a fit do not wait for the device") {
     };
     CHECK(waits(12) == waits(6));
 }
+#endif
 
 TEST_CASE("a fit whose buffers overflow takes the failed steps again, with the bits of large buffers") {
+    if (skip_without_device()) return;
     const PosedScene scene;
     const std::uint64_t from = 4, steps = 10;
     const auto fitted = [&](bool large_from_the_start) {
