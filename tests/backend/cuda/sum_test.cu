@@ -115,6 +115,8 @@ TEST_CASE_TEMPLATE("add_sum adds the sum", T, float, double, vec3<float>, vec3<d
     }
     Device::Buffer<T> two(2);
     CHECK_THROWS_AS(add_sum(device, Span<const T>(two), Span<T>(two), partials), ShapeError);
+    const std::vector<T> host(3);
+    CHECK_THROWS_AS(add_sum(device, Span<const T>(host), Span<T>(two).subspan(0, 1), partials), MemoryError);
 }
 
 #if defined(GSH_CUDA_EMULATION)

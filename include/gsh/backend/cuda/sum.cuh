@@ -4,6 +4,7 @@
 
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/reduce.cuh>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 
@@ -40,9 +41,12 @@ struct SumOfChunks {
 /// result[0] += sum of values. One kernel sums chunks of fixed length, a second one their sums.
 ///
 /// Shapes  values [N]; result [1]; partials is scratch that the caller keeps, so that a repeated sum allocates nothing.
+/// Errors  ShapeError; MemoryError for host memory.
 template <class T>
 void add_sum(Device& device, Span<const T> values, Span<T> result, Device::Buffer<T>& partials) {
     check_size("add_sum", "result", result.size(), 1);
+    check_memory(device, "add_sum", "values", values);
+    check_memory(device, "add_sum", "result", result);
     constexpr std::size_t chunk = 1024; // four values per thread; 170,000 values then occupy all of a large GPU
     const std::size_t chunks = chunk_count(values.size(), chunk);
     if (chunks == 0) return;
