@@ -2,11 +2,11 @@
 /// @file  The renderer of the programs on a backend. A file that includes it also includes the backend's overloads.
 #pragma once
 
+#include "support/pose_avatars.hpp"
 #include "support/renderer.hpp"
 #include "support/shown_people.hpp"
 
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/avatar/mutual_shadows.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -63,16 +63,7 @@ public:
             avatars_[p].rig().upload_pose(people_->motions[p], frame, poses_[p]);
             roots.push_back(people_->motions[p].transl[frame]);
         }
-        // Posing computes the same vertices in the same memory, so that a caster stays as it is.
-        const auto caster = [&](std::size_t p) {
-            return avatars_[p].is_lit() ? avatars_[p].caster(poses_[p], caches_[p]) : ShadowCaster<float>();
-        };
-        std::size_t first = 0;
-        pose_people<float>(roots, caster, [&](std::size_t p, Span<const ShadowCaster<float>> others) {
-            avatars_[p].pose(poses_[p], view.center(), splats_.view().subview(first, avatars_[p].size()), caches_[p],
-                             others);
-            first += avatars_[p].size();
-        });
+        pose_avatars<B>(avatars_, poses_, roots, view.center(), splats_.view(), caches_);
         return painter_.draw(view, std::as_const(splats_).view(), background);
     }
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "view/view_painter.hpp"
 
+#include "support/pose_avatars.hpp"
 #include "view/ellipsoids.hpp"
 #include "view/view_scene.hpp"
 
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/avatar/mutual_shadows.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -72,14 +72,7 @@ private:
             avatars_[p].rig().upload_pose(request.people[p], 0, poses_[p]);
             roots.push_back(request.people[p].transl[0]);
         }
-        const auto caster = [&](std::size_t p) {
-            return avatars_[p].is_lit() ? avatars_[p].caster(poses_[p], caches_[p]) : ShadowCaster<float>();
-        };
-        std::size_t first = 0;
-        gsh::pose_people<float>(roots, caster, [&](std::size_t p, Span<const ShadowCaster<float>> others) {
-            avatars_[p].pose(poses_[p], center, splats_.view().subview(first, avatars_[p].size()), caches_[p], others);
-            first += avatars_[p].size();
-        });
+        pose_avatars<B>(avatars_, poses_, roots, center, splats_.view(), caches_);
     }
 
     void turn_light(double angle) {

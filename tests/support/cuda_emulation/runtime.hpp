@@ -269,11 +269,11 @@ public:
     void count_strict_captures(int change) { strict_captures_ += change; }
 
     /// The error of a wait: one that a test has set, or success.
-    cudaError_t wait(EmulatedStream* stream_or_all) {
+    cudaError_t wait(EmulatedStream& stream) {
         ++waits;
-        if (stream_or_all && stream_or_all->capture) return cudaErrorStreamCaptureUnsupported;
+        if (stream.capture) return cudaErrorStreamCaptureUnsupported;
         if (next_error != cudaSuccess) return next_error; // sticky
-        stream_or_all ? finish(*stream_or_all) : finish_all();
+        finish(stream);
         return cudaSuccess;
     }
 
@@ -305,7 +305,7 @@ public:
             const char* const first = static_cast<const char*>(from);
             queue(stream, [=, staged = std::vector<char>(first, first + bytes)] { move(staged.data()); });
         }
-        if (from_device && !to_device && !is_pinned(to) && !stream.capture) return wait(&stream); // pageable: it waits
+        if (from_device && !to_device && !is_pinned(to) && !stream.capture) return wait(stream); // pageable: it waits
         return cudaSuccess;
     }
 
@@ -491,10 +491,7 @@ inline cudaError_t cudaStreamGetDevice(cudaStream_t stream, int* device) {
 }
 inline cudaError_t cudaStreamSynchronize(cudaStream_t stream) {
     auto& machine = gsh::test::CudaEmulation::instance();
-    return machine.wait(&machine.stream(stream));
-}
-inline cudaError_t cudaDeviceSynchronize() {
-    return gsh::test::CudaEmulation::instance().wait(nullptr);
+    return machine.wait(machine.stream(stream));
 }
 
 inline cudaError_t cudaMemcpyAsync(void* to, const void* from, std::size_t bytes, cudaMemcpyKind kind,

@@ -268,24 +268,25 @@ private:
               "GPU " + std::to_string(ordinal_) + " has compute capability " + std::to_string(major) + "." +
                   std::to_string(minor) + "; compile with nvcc -arch=sm_" + std::to_string(10 * major + minor));
     }
+    /// Those of unregistered memory where CUDA does not answer.
+    [[nodiscard]] static cudaPointerAttributes attributes_of(const void* memory) {
+        cudaPointerAttributes attributes{};
+        if (cudaPointerGetAttributes(&attributes, memory) == cudaSuccess) return attributes;
+        (void)cudaGetLastError();
+        return cudaPointerAttributes{};
+    }
     [[nodiscard]] bool is_here(const void* memory) const {
-        cudaPointerAttributes attributes;
-        const cudaError_t error = cudaPointerGetAttributes(&attributes, memory);
-        if (error != cudaSuccess) (void)cudaGetLastError();
-        return error == cudaSuccess && attributes.type == cudaMemoryTypeDevice && attributes.device == ordinal_;
+        const cudaPointerAttributes attributes = attributes_of(memory);
+        return attributes.type == cudaMemoryTypeDevice && attributes.device == ordinal_;
     }
     /// What kind of host memory it is.
     /// Errors  MemoryError for memory of a GPU.
     static cudaMemoryType host_memory_kind(std::string_view function, std::string_view argument, const void* memory) {
-        cudaPointerAttributes attributes;
-        if (cudaPointerGetAttributes(&attributes, memory) != cudaSuccess) {
-            (void)cudaGetLastError();
-            return cudaMemoryTypeUnregistered;
-        }
-        if (attributes.type == cudaMemoryTypeDevice)
+        const cudaMemoryType kind = attributes_of(memory).type;
+        if (kind == cudaMemoryTypeDevice)
             throw MemoryError(std::string(function) + ": " + std::string(argument) +
                               " is memory of a GPU, expected host memory; Device::copy copies within the GPU");
-        return attributes.type;
+        return kind;
     }
     /// Whether the caller captures the stream.
     [[nodiscard]] bool is_captured() const { return recorder_ == nullptr && detail::is_capturing(stream_); }

@@ -38,7 +38,7 @@ struct MatrixOperands {
     MatrixB b;
 };
 
-/// c += a b for this lane. of_lane(l) has the operands of lane l. All lanes call it the same number of times.
+/// c += a b for this lane. of_lane(l, word) is word(operands of lane l); `word` reads the same word in all lanes.
 template <class OfLane>
 __device__ void multiply_add_lane(MatrixC& c, const OfLane& of_lane) {
     const unsigned g = threadIdx.x % warp_size / 4, t = threadIdx.x % 4;
