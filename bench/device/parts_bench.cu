@@ -123,10 +123,12 @@ void adam_cases(Bench& bench) {
                       });
 }
 
-/// The plan of density control for a million Gaussians, most of which stay. It waits for the device to learn how many
-/// there will be, so it is no graph, and its time is the host's.
+/// The plan of density control for a million Gaussians, most of which stay, with and without a limit that half of the
+/// changes exceed. It waits for the device to learn how many there will be, so it is no graph, and its time is the
+/// host's.
 void density_cases(Bench& bench) {
-    if (!bench.wants("density/plan")) return;
+    const bool free = bench.wants("density/plan"), limited = bench.wants("density/limited plan");
+    if (!free && !limited) return;
     const std::size_t n = 6 * bench.arguments().gaussians;
     Device& device = bench.device();
     std::vector<Fate> fates;
@@ -141,12 +143,16 @@ void density_cases(Bench& bench) {
     const auto values = uploaded(device, gradients);
     detail::DescentBuffers<Device> plan;
     const double bytes = static_cast<double>(n) * (2 * sizeof(Fate) + sizeof(std::uint32_t) + sizeof(gsh::detail::Kin));
-    bench.measure_runs(
-        "density/plan", {bytes},
-        [&](int) {
-            (void)plan_descent(device, Span<const Fate>(of_device), Span<const float>(values), 2, 2 * n, plan);
-        },
-        [](int) { return std::vector<cuda::KernelTime>(); });
+    const auto measure = [&](const std::string& name, std::size_t most) {
+        bench.measure_runs(
+            name, {bytes},
+            [&](int) {
+                (void)plan_descent(device, Span<const Fate>(of_device), Span<const float>(values), 2, most, plan);
+            },
+            [](int) { return std::vector<cuda::KernelTime>(); });
+    };
+    if (free) measure("density/plan", 2 * n);
+    if (limited) measure("density/limited plan", n);
 }
 
 void cases(Bench& bench) {

@@ -25,17 +25,17 @@ struct Plan {
     std::vector<Kin> kin;
 };
 
-template <class B>
-Plan plan(const std::vector<Fate>& fates, const std::vector<float>& gradients, std::size_t split_count,
+template <class B, class T>
+Plan plan(const std::vector<Fate>& fates, const std::vector<T>& gradients, std::size_t split_count,
           std::size_t most) {
     B backend;
     typename B::template Buffer<Fate> f(fates.size());
-    typename B::template Buffer<float> g(gradients.size());
+    typename B::template Buffer<T> g(gradients.size());
     backend.upload(Span<const Fate>(fates), Span<Fate>(f));
-    backend.upload(Span<const float>(gradients), Span<float>(g));
+    backend.upload(Span<const T>(gradients), Span<T>(g));
     detail::DescentBuffers<B> to;
     using detail::plan_descent;
-    Plan result{.change = plan_descent(backend, Span<const Fate>(f), Span<const float>(g), split_count, most, to),
+    Plan result{.change = plan_descent(backend, Span<const Fate>(f), Span<const T>(g), split_count, most, to),
                 .parents = std::vector<std::uint32_t>(to.parents.size()),
                 .kin = std::vector<Kin>(to.kin.size())};
     backend.download(Span<const std::uint32_t>(to.parents), Span<std::uint32_t>(result.parents));
@@ -43,7 +43,8 @@ Plan plan(const std::vector<Fate>& fates, const std::vector<float>& gradients, s
     return result;
 }
 
-void check_equal(const std::vector<Fate>& fates, const std::vector<float>& gradients, std::size_t split_count,
+template <class T>
+void check_equal(const std::vector<Fate>& fates, const std::vector<T>& gradients, std::size_t split_count,
                  std::size_t most) {
     CAPTURE(fates.size());
     CAPTURE(most);
@@ -78,14 +79,32 @@ TEST_CASE("the children of Gaussians are those that the host plans, for any numb
 TEST_CASE("a limit leaves the same Gaussians unchanged as on the host") {
     if (test::skip_without_device()) return;
     Rng rng(5);
-    std::vector<Fate> fates;
-    std::vector<float> gradients;
-    for (std::size_t i = 0; i < 3000; ++i) {
-        fates.push_back(static_cast<Fate>(rng.below(4)));
-        gradients.push_back(static_cast<float>(rng.below(20))); // many ties
+    for (const std::uint64_t gradients_of : {1u, 20u, 1'000'000u}) { // all equal, many ties, hardly any
+        std::vector<Fate> fates;
+        std::vector<double> gradients;
+        for (std::size_t i = 0; i < 5000; ++i) {
+            fates.push_back(static_cast<Fate>(rng.below(4)));
+            gradients.push_back((rng.below(2) ? -1 : 1) * 1e-6 * static_cast<double>(rng.below(gradients_of)));
+        }
+        const std::vector<float> rounded(gradients.begin(), gradients.end());
+        for (const std::size_t split_count : {1u, 2u, 3u, 6u})
+            for (const std::size_t most : {0u, 3750u, 3751u, 3752u, 3753u, 4000u, 4500u, 6000u, 8000u, 20000u}) {
+                CAPTURE(gradients_of);
+                check_equal(fates, rounded, split_count, most);
+                check_equal(fates, gradients, split_count, most);
+            }
     }
-    for (const std::size_t most : {0u, 1000u, 2250u, 2500u, 2999u, 3000u, 4000u})
-        check_equal(fates, gradients, 2, most);
+}
+
+TEST_CASE("clones take the room that is too small for a split") {
+    if (test::skip_without_device()) return;
+    const std::vector<Fate> fates = {Fate::clone, Fate::split, Fate::clone, Fate::split, Fate::clone, Fate::keep};
+    const std::vector<float> gradients = {1, 5, 3, 4, 2, 9};
+    for (std::size_t most = 0; most < 16; ++most) check_equal(fates, gradients, 4, most);
+    const Plan eleven = plan<Device>(fates, gradients, 4, 11); // the first split takes three places of five
+    CHECK(eleven.change.split == 1);
+    CHECK(eleven.change.cloned == 2);
+    CHECK(eleven.parents == std::vector<std::uint32_t>{0, 1, 1, 1, 1, 2, 2, 3, 4, 4, 5});
 }
 
 } // namespace gsh::density_descent_on_device

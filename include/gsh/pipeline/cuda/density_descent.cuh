@@ -8,8 +8,11 @@
 #include <gsh/backend/cuda/memory.cuh>
 #include <gsh/backend/cuda/scan.cuh>
 #include <gsh/core/span.hpp>
+#include <gsh/pipeline/cuda/density_limit.cuh>
+#include <gsh/pipeline/cuda/descent_tile.cuh>
 #include <gsh/pipeline/density_descent.hpp>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -20,20 +23,9 @@ namespace detail {
 
 using gsh::detail::Kin;
 
-/// What is common to the passes: a block counts the children of 2,048 Gaussians, a thread of eight in a row.
-struct DescentTile {
-    static constexpr unsigned threads = 256, items = 8, size = threads * items;
-    struct Shared {
-        SharedArray<std::uint32_t, threads / warp_size> warps;
-    };
-
-    [[nodiscard]] __device__ static std::size_t first() {
-        return std::size_t(blockIdx.x) * size + std::size_t(threadIdx.x) * items;
-    }
-    [[nodiscard]] GSH_HD static std::uint32_t children(Fate fate, std::uint32_t split_count) {
-        return fate == Fate::prune ? 0 : fate == Fate::clone ? 2 : fate == Fate::split ? split_count : 1;
-    }
-};
+[[nodiscard]] GSH_HD inline std::uint32_t children_of(Fate fate, std::uint32_t split_count) {
+    return fate == Fate::prune ? 0 : fate == Fate::clone ? 2 : fate == Fate::split ? split_count : 1;
+}
 
 /// The number of children of each block, and the numbers of clones, splits and pruned.
 struct CountDescent {
@@ -45,42 +37,16 @@ struct CountDescent {
     Span<std::uint32_t> changes; ///< [4], by fate; zero before. Fate::keep is not counted.
 
     __device__ void operator()(Shared& shared) const {
-        const std::size_t begin = DescentTile::first();
         std::uint32_t children = 0, of_fate[4] = {};
-        for (unsigned k = 0; k < DescentTile::items && begin + k < fates.size(); ++k) {
-            const Fate fate = fates[begin + k];
-            children += DescentTile::children(fate, split_count);
-            of_fate[static_cast<unsigned>(fate)] += 1;
-        }
+        DescentTile::for_each(fates.size(), [&](std::size_t i) {
+            children += children_of(fates[i], split_count);
+            of_fate[static_cast<unsigned>(fates[i])] += 1;
+        });
         for (unsigned f = 1; f < 4; ++f) // not those that are kept: they are many
             if (of_fate[f] != 0) atomicAdd(&changes[f], of_fate[f]);
         std::uint32_t total = 0;
         (void)block_scan<block_size>(shared.warps, children, total);
         if (threadIdx.x == 0) block_counts[blockIdx.x] = total;
-    }
-};
-
-/// Each block's first child, in one block; the last number is that of all children.
-struct ScanDescent {
-    static constexpr unsigned block_size = 1024;
-    struct Shared {
-        SharedArray<std::uint32_t, block_size / warp_size> warps;
-    };
-    Span<const std::uint32_t> block_counts; ///< [blocks]
-    Span<std::uint32_t> block_begin;        ///< [blocks + 1]
-
-    __device__ void operator()(Shared& shared) const {
-        std::uint32_t before = 0;
-        for (std::size_t first = 0; first < block_counts.size(); first += block_size) {
-            const std::size_t i = first + threadIdx.x;
-            std::uint32_t total = 0;
-            const std::uint32_t begin =
-                block_scan<block_size>(shared.warps, i < block_counts.size() ? block_counts[i] : 0u, total);
-            if (i < block_counts.size()) block_begin[i] = before + begin;
-            before += total;
-            __syncthreads(); // shared.warps is used again
-        }
-        if (threadIdx.x == 0) block_begin[block_counts.size()] = before;
     }
 };
 
@@ -95,26 +61,42 @@ struct FillDescent {
     Span<Kin> kin;
 
     __device__ void operator()(Shared& shared) const {
-        const std::size_t begin = DescentTile::first();
         std::uint32_t children = 0, total = 0;
-        for (unsigned k = 0; k < DescentTile::items && begin + k < fates.size(); ++k)
-            children += DescentTile::children(fates[begin + k], split_count);
+        DescentTile::for_each(fates.size(), [&](std::size_t i) { children += children_of(fates[i], split_count); });
         std::size_t r = block_begin[blockIdx.x] + block_scan<block_size>(shared.warps, children, total);
-        for (unsigned k = 0; k < DescentTile::items && begin + k < fates.size(); ++k) {
-            const Fate fate = fates[begin + k];
-            const std::uint32_t count = DescentTile::children(fate, split_count);
+        DescentTile::for_each(fates.size(), [&](std::size_t i) {
+            const std::uint32_t count = children_of(fates[i], split_count);
             for (std::uint32_t c = 0; c < count; ++c, ++r) {
-                parents[r] = static_cast<std::uint32_t>(begin + k);
-                kin[r] = fate == Fate::split ? Kin::part : c == 0 ? Kin::self : Kin::copy;
+                parents[r] = static_cast<std::uint32_t>(i);
+                kin[r] = fates[i] == Fate::split ? Kin::part : c == 0 ? Kin::self : Kin::copy;
             }
-        }
+        });
     }
 };
 
+/// The number of children, and of Gaussians of each fate.
+struct DescentCounts {
+    std::uint32_t children = 0, of_fate[4] = {};
+    [[nodiscard]] std::size_t operator[](Fate fate) const { return of_fate[static_cast<unsigned>(fate)]; }
+};
+
+inline DescentCounts count_descent(Device& device, Span<const Fate> fates, std::uint32_t split_count,
+                                   Span<std::uint32_t> block_begin) {
+    const std::size_t blocks = block_begin.size() - 1;
+    Buffer<std::uint32_t> block_counts(blocks), changes(4);
+    device.fill(Span<std::uint32_t>(changes), 0u);
+    device.launch(blocks, CountDescent{fates, split_count, block_counts, changes});
+    device.launch(1, ScanDescent{block_counts, block_begin});
+    DescentCounts counts;
+    device.download(Span<const std::uint32_t>(changes), Span<std::uint32_t>(counts.of_fate, 4));
+    device.download(Span<const std::uint32_t>(block_begin).subspan(blocks, 1),
+                    Span<std::uint32_t>(&counts.children, 1));
+    return counts;
+}
+
 } // namespace detail
 
-/// The overload of DensityControl's plan. Four numbers come to the host. A change that `most` limits is planned there,
-/// because it needs the order of all gradients.
+/// The overload of DensityControl's plan. Five numbers come to the host, ten if `most` limits the change.
 template <class T>
 DensityChange plan_descent(Device& device, Span<const Fate> fates, Span<const T> gradients, std::size_t split_count,
                            std::size_t most, gsh::detail::DescentBuffers<Device>& to) {
@@ -123,20 +105,21 @@ DensityChange plan_descent(Device& device, Span<const Fate> fates, Span<const T>
         return gsh::detail::plan_descent_on_host(device, fates, gradients, split_count, most, to);
     const std::size_t blocks = chunk_count(fates.size(), detail::DescentTile::size);
     const auto parts = static_cast<std::uint32_t>(split_count);
-    Buffer<std::uint32_t> block_counts(blocks), block_begin(blocks + 1), changes(4);
-    device.fill(Span<std::uint32_t>(changes), 0u);
-    device.launch(blocks, detail::CountDescent{fates, parts, block_counts, changes});
-    device.launch(1, detail::ScanDescent{block_counts, block_begin});
-    std::uint32_t total = 0, of_fate[4] = {};
-    device.download(Span<const std::uint32_t>(changes), Span<std::uint32_t>(of_fate, 4));
-    device.download(Span<const std::uint32_t>(block_begin).subspan(blocks, 1), Span<std::uint32_t>(&total, 1));
-    if (total > most) return gsh::detail::plan_descent_on_host(device, fates, gradients, split_count, most, to);
-
-    const auto number = [&](Fate fate) { return std::size_t(of_fate[static_cast<unsigned>(fate)]); };
-    to.parents.resize(total);
-    to.kin.resize(total);
+    Buffer<std::uint32_t> block_begin(blocks + 1);
+    Buffer<Fate> granted;
+    detail::DescentCounts counts = detail::count_descent(device, fates, parts, block_begin);
+    if (counts.children > most) {
+        const std::size_t kept = fates.size() - counts[Fate::prune];
+        granted.resize(fates.size());
+        detail::limit_growth(device, fates, gradients, parts, static_cast<std::uint32_t>(most - std::min(most, kept)),
+                             Span<Fate>(granted));
+        fates = granted;
+        counts = detail::count_descent(device, fates, parts, block_begin);
+    }
+    to.parents.resize(counts.children);
+    to.kin.resize(counts.children);
     device.launch(blocks, detail::FillDescent{fates, parts, block_begin, to.parents, to.kin});
-    return {.cloned = number(Fate::clone), .split = number(Fate::split), .pruned = number(Fate::prune)};
+    return {.cloned = counts[Fate::clone], .split = counts[Fate::split], .pruned = counts[Fate::prune]};
 }
 
 } // namespace gsh::cuda
