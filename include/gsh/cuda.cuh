@@ -18,6 +18,7 @@
 #include <gsh/backend/cuda/sum.cuh>
 #include <gsh/backend/cuda/timing_events.cuh>
 #include <gsh/backend/cuda/unroll.cuh>
+#include <gsh/backend/cuda/zero_fills.cuh>
 #include <gsh/body/cuda/blend_shapes.cuh>
 #include <gsh/body/cuda/bone_transforms.cuh>
 #include <gsh/body/cuda/posed_surface.cuh>

@@ -344,6 +344,45 @@ TEST_CASE("The kernels of the last step are timed one by one, with their names a
     CHECK(fetch(device, sums)[0] == 65.0f);
 }
 
+TEST_CASE("Arrays that a step zeroes one after the other share a launch") {
+    if (test::skip_without_device()) return;
+    Device device;
+    cuda::StepGraph graph(device);
+    Device::Buffer<float> a(10), b(10), large(5000), empty;
+    Device::Buffer<double> wide(3);
+    Device::Buffer<std::uint8_t> bytes(7);
+    std::vector<Device::Buffer<float>> many;
+    for (std::size_t i = 0; i < 9; ++i) many.emplace_back(1024 + i);
+    for (int k = 0; k < 3; ++k) {
+        for (auto* buffer : {&a, &b, &large}) device.fill(Span<float>(*buffer), 5.0f);
+        for (auto& buffer : many) device.fill(Span<float>(buffer), 6.0f);
+        device.fill(Span<double>(wide), 7.0);
+        graph.run([&] {
+            device.fill(Span<float>(a).subspan(1, 8), 0.0f);
+            device.fill(Span<float>(empty), 0.0f);
+            device.fill(Span<double>(wide), 0.0);
+            device.fill(Span<float>(large), 0.0f);
+            device.for_each(10, Line{a, b, 2.0f}); // reads zeros
+            device.fill(Span<float>(a), -0.0f);    // has a bit that is set
+            device.fill(Span<std::uint8_t>(bytes), std::uint8_t(0)); // no words
+            for (auto& buffer : many) device.fill(Span<float>(buffer), 0.0f);
+            device.for_each_branch(2, [&](std::size_t branch) {
+                device.fill(Span<float>(large).subspan(branch, 1), 0.0f);
+            });
+        });
+        CHECK(fetch(device, b)[0] == 10.0f); // 2 · 5 + 0
+        CHECK(fetch(device, b)[5] == 5.0f);  // 2 · 0 + 5
+        const std::vector<cuda::KernelTime> times = graph.time_kernels(1);
+        std::vector<std::string> names;
+        for (const cuda::KernelTime& time : times) names.push_back(time.kernel);
+        CHECK(names == std::vector<std::string>{"ZeroFills", "Line", "Fill<float>", "Fill<unsigned char>", "ZeroFills",
+                                                "ZeroFills", "ZeroFills", "ZeroFills"}); // 8 arrays, 1, a branch each
+        CHECK(fetch(device, wide) == std::vector<double>(3, 0.0));
+        CHECK(fetch(device, large) == std::vector<float>(5000, 0.0f));
+        for (auto& buffer : many) CHECK(fetch(device, buffer) == std::vector<float>(buffer.size(), 0.0f));
+    }
+}
+
 TEST_CASE("An exception inside a step leaves the device usable") {
     if (test::skip_without_device()) return;
     Device device;

@@ -123,7 +123,10 @@ public:
     }
     template <class T>
     void fill(Span<T> values, std::type_identity_t<T> value) {
-        for_each(values.size(), detail::Fill<T>{values, value});
+        if (recorder_ != nullptr && detail::ZeroFills::is_zero(value))
+            recorder_->zero(values);
+        else
+            for_each(values.size(), detail::Fill<T>{values, value});
     }
     template <class T>
     void copy(Span<const T> from, Span<std::type_identity_t<T>> to) {

@@ -6,6 +6,7 @@
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/memory.cuh>
 #include <gsh/backend/cuda/timing_events.cuh>
+#include <gsh/backend/cuda/zero_fills.cuh>
 
 #include <cuda_runtime.h>
 
@@ -106,42 +107,26 @@ public:
             capturing_ = false;
         }
         segments_.clear();
+        zero_fills_ = {};
         recording_ = false;
         FreedMemory::instance().release();
     }
 
     template <class Kernel>
-    void launch(unsigned blocks, Kernel kernel) {
-        static_assert(std::is_trivially_copyable_v<Kernel>);
-        clear_padding(kernel); // for the comparison of bytes
-        const void* const function = reinterpret_cast<const void*>(&run_kernel<Kernel>);
-        if (!capturing_) {
-            Segment& segment = segments_[segment_];
-            if (next_ < segment.nodes.size()) {
-                Node& node = segment.nodes[next_];
-                if (node.function == function && node.blocks == blocks && node.place == place_) {
-                    ++next_;
-                    unsigned char* const known = segment.arguments.data() + node.first;
-                    if (std::memcmp(known, &kernel, sizeof kernel) == 0) return;
-                    std::memcpy(known, &kernel, sizeof kernel);
-                    set_arguments(segment, node, known, Kernel::block_size);
-                    return;
-                }
-            }
-            capture_again();
-        }
-        enter(place_);
-        launch_on(stream_, blocks, kernel);
-        Segment& segment = segments_[segment_];
-        const std::size_t first = segment.arguments.size();
-        segment.arguments.resize(first + (sizeof kernel + 15) / 16 * 16);
-        std::memcpy(segment.arguments.data() + first, &kernel, sizeof kernel);
-        segment.nodes.push_back(
-            {function, blocks, first, last_node(), &launch_copy<Kernel>, &kernel_name<Kernel>, stage_, {}, {}, place_});
+    void launch(unsigned blocks, const Kernel& kernel) {
+        launch_zero_fills();
+        add(blocks, kernel);
+    }
+    /// Sets an array to zero. Arrays without other work between them share a launch.
+    template <class T>
+    void zero(Span<T> values) {
+        if (zero_fills_.full()) launch_zero_fills();
+        zero_fills_.add(values);
     }
 
     /// Work of another library on the stream, which is the same as before if `key` is.
     void call(std::string_view key, const std::function<void(cudaStream_t)>& work) {
+        launch_zero_fills();
         if (!capturing_) {
             Segment& segment = segments_[segment_];
             if (next_ < segment.nodes.size()) {
@@ -165,16 +150,24 @@ public:
     template <class Branch>
     void fork(std::size_t count, const Branch& branch) {
         const bool is_nested = place_.fork != 0;
+        const auto move_to = [&](const Place& place) {
+            if (is_nested) return;
+            launch_zero_fills(); // where they were asked for
+            place_ = place;
+        };
         if (!is_nested) ++forks_;
         for (std::size_t i = 0; i < count; ++i) {
-            if (!is_nested) place_ = {forks_, i};
+            move_to({forks_, i});
             branch(i);
         }
-        if (!is_nested) place_ = {};
+        move_to({});
     }
 
     /// Later launches belong to this stage. A literal, since it is kept.
-    void mark(std::string_view stage) { stage_ = stage; }
+    void mark(std::string_view stage) {
+        launch_zero_fills();
+        stage_ = stage;
+    }
 
     /// Launches what has been recorded so far; then other work may use the stream directly, until `resume`.
     void cut() { cut_segment(); }
@@ -291,6 +284,41 @@ private:
         launch_on(stream, blocks, *reinterpret_cast<const Kernel*>(copy));
     }
 
+    template <class Kernel>
+    void add(unsigned blocks, Kernel kernel) {
+        static_assert(std::is_trivially_copyable_v<Kernel>);
+        clear_padding(kernel); // for the comparison of bytes
+        const void* const function = reinterpret_cast<const void*>(&run_kernel<Kernel>);
+        if (!capturing_) {
+            Segment& segment = segments_[segment_];
+            if (next_ < segment.nodes.size()) {
+                Node& node = segment.nodes[next_];
+                if (node.function == function && node.blocks == blocks && node.place == place_) {
+                    ++next_;
+                    unsigned char* const known = segment.arguments.data() + node.first;
+                    if (std::memcmp(known, &kernel, sizeof kernel) == 0) return;
+                    std::memcpy(known, &kernel, sizeof kernel);
+                    set_arguments(segment, node, known, Kernel::block_size);
+                    return;
+                }
+            }
+            capture_again();
+        }
+        enter(place_);
+        launch_on(stream_, blocks, kernel);
+        Segment& segment = segments_[segment_];
+        const std::size_t first = segment.arguments.size();
+        segment.arguments.resize(first + (sizeof kernel + 15) / 16 * 16);
+        std::memcpy(segment.arguments.data() + first, &kernel, sizeof kernel);
+        segment.nodes.push_back(
+            {function, blocks, first, last_node(), &launch_copy<Kernel>, &kernel_name<Kernel>, stage_, {}, {}, place_});
+    }
+    void launch_zero_fills() {
+        if (zero_fills_.count == 0) return;
+        const ZeroFills fills = std::exchange(zero_fills_, {});
+        if (fills.blocks != 0) add(fills.blocks, fills);
+    }
+
     void begin_segment() {
         next_ = 0;
         if (segment_ < segments_.size()) return; // compare with the one of the step before
@@ -358,6 +386,7 @@ private:
         }
     }
     void cut_segment() {
+        launch_zero_fills();
         if (!capturing_ && next_ != segments_[segment_].nodes.size()) capture_again();
         Segment& segment = segments_[segment_];
         if (capturing_) {
@@ -400,6 +429,7 @@ private:
     std::size_t forks_ = 0;         // of the step so far
     std::vector<cudaGraphNode_t> before_, ends_; // of the captured fork: what its branches wait for, and their ends
     std::string_view stage_;
+    ZeroFills zero_fills_; // asked for, and not launched yet
     Counts counts_;
 };
 
