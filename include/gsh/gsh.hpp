@@ -91,6 +91,7 @@
 
 #include <gsh/image/chroma.hpp>
 #include <gsh/image/color.hpp>
+#include <gsh/image/composite_picture.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/image/pixel_box.hpp>
 #include <gsh/image/reduce.hpp>

@@ -67,8 +67,14 @@ struct ImageBackground {
     }
 };
 
-/// One pixel: c α + background (1 - α). α = 0 gives exactly the background, α = 1 exactly the colour. Outside of the
-/// box α = 0. Cropped: whether the box is not the whole picture; if it is, loops over pixels are vectorised.
+/// c α + background (1 - α). α = 0 gives exactly the background, α = 1 exactly the colour.
+template <class T>
+[[nodiscard]] GSH_HD T composite_over(T color, T alpha, T background) {
+    return color * alpha + background * (T(1) - alpha);
+}
+
+/// One pixel. Outside of the box α = 0. Cropped: whether the box is a part of the picture. Loops over the pixels of a
+/// whole picture are vectorised.
 template <bool Cropped, class T, class Background>
 struct CompositeRgba8 {
     const std::uint8_t* rgba;
@@ -93,7 +99,7 @@ struct CompositeRgba8 {
         const T a = T(rgba[4 * at + 3]) / T(255);
         for (int c = 0; c < 3; ++c) {
             const T value = T(rgba[4 * at + static_cast<std::size_t>(c)]) / T(255);
-            color[static_cast<std::size_t>(c) * plane + i] = value * a + background(c, i) * (T(1) - a);
+            color[static_cast<std::size_t>(c) * plane + i] = composite_over(value, a, background(c, i));
         }
         if (alpha) alpha[i] = a;
     }

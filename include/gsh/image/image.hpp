@@ -31,7 +31,12 @@ struct ImageView {
                               static_cast<std::size_t>(y)) *
                                  static_cast<std::size_t>(width);
     }
-    [[nodiscard]] GSH_HD T& at(int channel, int y, int x) const { return row(channel, y)[x]; }
+    [[nodiscard]] GSH_HD T& at(int channel, int y, int x) const {
+        return data[(static_cast<std::size_t>(channel) * static_cast<std::size_t>(height) +
+                     static_cast<std::size_t>(y)) *
+                        static_cast<std::size_t>(width) +
+                    static_cast<std::size_t>(x)];
+    }
 
     template <std::same_as<T> U> // a template, because nvcc warns about a conversion to the same type
         requires(!std::is_const_v<T>)
@@ -66,17 +71,28 @@ struct Image {
     [[nodiscard]] const T& at(int channel, int y, int x) const { return view().at(channel, y, x); }
 };
 
+namespace detail {
+
+/// `Picture`: ImageView, or another with the same members channels, height and width.
+template <class Picture>
+void check_shape(std::string_view where, std::string_view argument, const Picture& picture, int channels, int height,
+                 int width) {
+    const auto text = [](int c, int h, int w) {
+        return std::to_string(c) + "x" + std::to_string(h) + "x" + std::to_string(w);
+    };
+    if (picture.channels != channels || picture.height != height || picture.width != width)
+        throw ShapeError(std::string(where) + ": " + std::string(argument) + " is " +
+                         text(picture.channels, picture.height, picture.width) + ", expected " +
+                         text(channels, height, width) + " (channels x height x width)");
+}
+
+} // namespace detail
+
 /// Throws ShapeError unless the image has the given channels and size.
 template <class T>
 void check_image(std::string_view where, std::string_view argument, const ImageView<T>& image, int channels,
                  int height, int width) {
-    const auto text = [](int c, int h, int w) {
-        return std::to_string(c) + "x" + std::to_string(h) + "x" + std::to_string(w);
-    };
-    if (image.channels != channels || image.height != height || image.width != width)
-        throw ShapeError(std::string(where) + ": " + std::string(argument) + " is " +
-                         text(image.channels, image.height, image.width) + ", expected " +
-                         text(channels, height, width) + " (channels x height x width)");
+    detail::check_shape(where, argument, image, channels, height, width);
     check_size(where, argument, image.data.size(), image.size());
 }
 

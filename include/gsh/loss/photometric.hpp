@@ -3,8 +3,8 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
-#include <gsh/backend/memory.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/image/composite_picture.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/photometric_cache.hpp>
 
@@ -38,7 +38,6 @@ class PhotometricLoss {
 public:
     using Params = PhotometricParams<T>;
     using Cache = PhotometricCache<B, T>;
-
     explicit PhotometricLoss(B& backend, Params params = {}) : backend_(&backend), params_(params) {
         check_value(params.ssim_weight >= T(0) && params.ssim_weight <= T(1), "PhotometricLoss",
                     "ssim_weight is " + std::to_string(params.ssim_weight) + ", expected a number in [0, 1]");
@@ -46,29 +45,26 @@ public:
 
     /// Stores the loss and its parts in the cache, in the memory of the backend; values() copies them to the host.
     void forward(const ImageView<const T>& render, const ImageView<const T>& truth, Cache& cache) const {
-        check_image("PhotometricLoss::forward", "render", render, render.channels, render.height, render.width);
-        check_image("PhotometricLoss::forward", "truth", truth, render.channels, render.height, render.width);
-        check_memory(*backend_, "PhotometricLoss::forward", "render", render);
-        check_memory(*backend_, "PhotometricLoss::forward", "truth", truth);
-        cache.channels = render.channels, cache.height = render.height, cache.width = render.width;
-        cache.with_ssim = params_.ssim_weight != T(0);
-        cache.values.resize(PhotometricValues::count);
-        photometric_forward(*backend_, render, truth, params_, cache); // the backend's own overload
+        compare(render, truth, cache);
+    }
+    /// The same for a photograph that is not written out, where the backend can read it so. Elsewhere composite_rgba8
+    /// writes it first.
+    void forward(const ImageView<const T>& render, const CompositePicture<T>& truth, Cache& cache) const
+        requires photometric_composites<B>
+    {
+        compare(render, truth, cache);
     }
 
     /// Adds dL_dloss times the gradient of the loss to dL_drender. The derivative of |x| at 0 is taken as 0.
     void backward(const ImageView<const T>& render, const ImageView<const T>& truth, T dL_dloss, const Cache& cache,
                   const ImageView<T>& dL_drender) const {
-        constexpr std::string_view where = "PhotometricLoss::backward";
-        check_image(where, "render", render, cache.channels, cache.height, cache.width);
-        check_image(where, "truth", truth, cache.channels, cache.height, cache.width);
-        check_image(where, "dL_drender", dL_drender, cache.channels, cache.height, cache.width);
-        check_memory(*backend_, where, "render", render);
-        check_memory(*backend_, where, "truth", truth);
-        check_memory(*backend_, where, "dL_drender", dL_drender);
-        check_value(cache.with_ssim == (params_.ssim_weight != T(0)), where,
-                    "cache comes from a loss with another ssim_weight; use one cache per loss");
-        photometric_backward(*backend_, render, truth, dL_dloss, params_, cache, dL_drender);
+        differentiate(render, truth, dL_dloss, cache, dL_drender);
+    }
+    void backward(const ImageView<const T>& render, const CompositePicture<T>& truth, T dL_dloss, const Cache& cache,
+                  const ImageView<T>& dL_drender) const
+        requires photometric_composites<B>
+    {
+        differentiate(render, truth, dL_dloss, cache, dL_drender);
     }
 
     /// Copies the values of the last forward to the host; waits for the backend.
@@ -85,6 +81,29 @@ public:
 private:
     B* backend_;
     Params params_;
+
+    template <class Truth>
+    void compare(const ImageView<const T>& render, const Truth& truth, Cache& cache) const {
+        constexpr std::string_view where = "PhotometricLoss::forward";
+        check_picture(*backend_, where, "render", render, render.channels, render.height, render.width);
+        check_picture(*backend_, where, "truth", truth, render.channels, render.height, render.width);
+        cache.channels = render.channels, cache.height = render.height, cache.width = render.width;
+        cache.with_ssim = params_.ssim_weight != T(0);
+        cache.values.resize(PhotometricValues::count);
+        photometric_forward(*backend_, render, truth, params_, cache); // the backend's own overload
+    }
+
+    template <class Truth>
+    void differentiate(const ImageView<const T>& render, const Truth& truth, T dL_dloss, const Cache& cache,
+                       const ImageView<T>& dL_drender) const {
+        constexpr std::string_view where = "PhotometricLoss::backward";
+        check_picture(*backend_, where, "render", render, cache.channels, cache.height, cache.width);
+        check_picture(*backend_, where, "truth", truth, cache.channels, cache.height, cache.width);
+        check_picture(*backend_, where, "dL_drender", dL_drender, cache.channels, cache.height, cache.width);
+        check_value(cache.with_ssim == (params_.ssim_weight != T(0)), where,
+                    "cache comes from a loss with another ssim_weight; use one cache per loss");
+        photometric_backward(*backend_, render, truth, dL_dloss, params_, cache, dL_drender);
+    }
 };
 
 /// The mean absolute difference alone.

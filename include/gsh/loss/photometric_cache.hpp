@@ -29,6 +29,10 @@ struct PhotometricValues {
     }
 };
 
+/// Whether the overloads of a backend read a CompositePicture, too.
+template <class B>
+inline constexpr bool photometric_composites = false;
+
 /// Private storage of a backend, for instance partial derivatives of the SSIM term and sums of each tile. Each backend
 /// specialises it beside its overloads.
 template <Backend B, std::floating_point T>

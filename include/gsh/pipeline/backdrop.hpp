@@ -6,6 +6,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/image/color.hpp>
+#include <gsh/image/composite_picture.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/image/pixel_box.hpp>
 #include <gsh/image/trimap.hpp>
@@ -95,6 +96,14 @@ public:
         return {.color = color_, .image = {plate_, 3, height_, width_}};
     }
 
+    /// The photograph over its plate or the colour, composited where it is read. It has no unknown pixels. All are in
+    /// the backend's memory, and the plate's picture in this object.
+    [[nodiscard]] CompositePicture<T> composite(B& backend, Span<const std::uint8_t> rgba, const PixelBox& box,
+                                                Span<const std::uint8_t> plate, int height, int width) {
+        set_plate(backend, plate, {}, height, width);
+        return {.rgba = rgba, .box = box, .color = color_, .image = background().image, .height = height,
+                .width = width};
+    }
     /// Composites a photograph over its plate or the colour, into color [3, height, width]. rgba has the pixels of the
     /// box (Photo::pixels). At unknown pixels the photograph stays as it is. Its mask goes into alpha if that is given.
     /// All are in the backend's memory.

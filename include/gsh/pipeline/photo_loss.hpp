@@ -9,6 +9,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/chroma.hpp>
+#include <gsh/image/composite_picture.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
@@ -54,7 +55,7 @@ public:
 
     [[nodiscard]] const Params& params() const { return params_; }
 
-    /// Composites the photograph over its plate or, without one, over `background`. render and compare use both from
+    /// The photograph is compared over its plate or, without one, over `background`. render and compare use both from
     /// now on. `pixels` are those of the photograph in the backend's memory (PhotoPixels).
     void set_photo(const Photo& photo, const typename PhotoPixels<B>::View& pixels,
                    const std::array<double, 3>& background) {
@@ -62,7 +63,13 @@ public:
         resize(photo.camera.height, photo.camera.width);
         halve_chroma_ = photo.half_chroma;
         weight_ = T(photo.weight);
-        put_photograph(pixels, with_mask() ? in(mask_, 1) : ImageView<T>{});
+        is_composited_ = composites && pixels.unknown.empty();
+        if (is_composited_) {
+            composite_ = backdrop_.composite(*backend_, pixels.rgba, pixels.box, pixels.plate, height_, width_);
+            check_picture(*backend_, "PhotoLoss::set_photo", photo.name, composite_, 3, height_, width_);
+        } else {
+            put_photograph(pixels, with_mask() ? in(mask_, 1) : ImageView<T>{});
+        }
     }
     /// The same over Params::background.
     void set_photo(const Photo& photo, const typename PhotoPixels<B>::View& pixels) {
@@ -99,8 +106,10 @@ public:
     /// Compares the render with the photograph.
     void compare() {
         if (halve_chroma_) half_chroma_.forward(view(render_, 3), view(render_, 3));
-        photometric_.forward(view(render_, 3), view(truth_, 3), photometric_cache_);
-        if (with_mask()) mask_loss_.forward(view(alpha_, 1), view(mask_, 1), mask_cache_);
+        with_truth([&](const auto& truth, const auto& mask) {
+            photometric_.forward(view(render_, 3), truth, photometric_cache_);
+            if (with_mask()) mask_loss_.forward(view(alpha_, 1), mask, mask_cache_);
+        });
     }
 
     /// The loss of the last compare(). Waits for the backend.
@@ -120,17 +129,16 @@ public:
     void backward(const Deferred<Camera<T>>& camera, const SplatView<const T>& splats, const SplatView<T>& dL_dsplats,
                   Span<CameraGradient<T>> dL_dcamera = {}) {
         const ImageView<T> dL_drender = in(dL_drender_, 3);
+        const ImageView<T> dL_dalpha = with_mask() ? in(dL_dalpha_, 1) : ImageView<T>{};
         backend_->fill(dL_drender.data, T(0));
-        photometric_.backward(view(render_, 3), view(truth_, 3), weight_, photometric_cache_, dL_drender);
+        backend_->fill(dL_dalpha.data, T(0));
+        with_truth([&](const auto& truth, const auto& mask) {
+            photometric_.backward(view(render_, 3), truth, weight_, photometric_cache_, dL_drender);
+            if (with_mask())
+                mask_loss_.backward(view(alpha_, 1), mask, T(params_.mask_weight) * weight_, mask_cache_, dL_dalpha);
+        });
         if (halve_chroma_) half_chroma_.backward(dL_drender);
-        RenderGradient<T> dL_dtarget{.color = dL_drender};
-        if (with_mask()) {
-            const ImageView<T> dL_dalpha = in(dL_dalpha_, 1);
-            backend_->fill(dL_dalpha.data, T(0));
-            mask_loss_.backward(view(alpha_, 1), view(mask_, 1), T(params_.mask_weight) * weight_, mask_cache_,
-                                dL_dalpha);
-            dL_dtarget.alpha = dL_dalpha;
-        }
+        const RenderGradient<T> dL_dtarget{.color = dL_drender, .alpha = dL_dalpha};
         rasterizer_.backward(camera, splats, backdrop_.background(), dL_dtarget, raster_cache_, dL_dsplats, dL_dcamera);
     }
 
@@ -166,6 +174,7 @@ public:
 
 private:
     using Buffer = typename B::template Buffer<T>;
+    static constexpr bool composites = photometric_composites<B>;
 
     [[nodiscard]] static RasterParams<T> raster_params_of(const Params& params) {
         RasterParams<T> of_raster = raster_params<T>(params.filter);
@@ -178,7 +187,7 @@ private:
     }
     void resize(int height, int width) {
         height_ = height, width_ = width;
-        for (Buffer* buffer : {&render_, &truth_}) buffer->resize(3 * plane_size());
+        render_.resize(3 * plane_size());
     }
     [[nodiscard]] ImageView<T> view(Buffer& buffer, int channels) const { return {buffer, channels, height_, width_}; }
     /// The same after resizing the buffer.
@@ -191,8 +200,16 @@ private:
         backend_->download(Span<const T>(buffer), Span<T>(host.data));
         return host;
     }
+    /// use(photograph, mask): images, or composited where they are read.
+    template <class Use>
+    void with_truth(const Use& use) {
+        if constexpr (composites) {
+            if (is_composited_) return use(composite_, composite_.mask());
+        }
+        use(view(truth_, 3), with_mask() ? view(mask_, 1) : ImageView<T>{});
+    }
     void put_photograph(const typename PhotoPixels<B>::View& pixels, const ImageView<T>& mask) {
-        backdrop_.photograph(*backend_, pixels.rgba, pixels.box, pixels.plate, pixels.unknown, view(truth_, 3), mask);
+        backdrop_.photograph(*backend_, pixels.rgba, pixels.box, pixels.plate, pixels.unknown, in(truth_, 3), mask);
     }
     void picture_from(const Camera<double>& camera, const SplatView<const T>& splats, Image<T>& color,
                       Image<T>* alpha) {
@@ -217,6 +234,8 @@ private:
     bool halve_chroma_ = false;             // of the render, before it is compared
     T weight_ = T(1);                       // of the photograph
     int height_ = 0, width_ = 0;            // of the current photograph or picture
+    bool is_composited_ = false;            // the photograph is read from composite_, not from truth_ and mask_
+    CompositePicture<T> composite_;
     Buffer render_, truth_, dL_drender_;    // [3, height, width]; they keep the memory of the largest
     Buffer alpha_, mask_, dL_dalpha_;       // [height, width], or empty
     typename Rasterizer<B, T>::Cache raster_cache_;

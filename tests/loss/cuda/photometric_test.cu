@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  The photometric loss on the GPU.
 #include <gsh/backend/serial.hpp>
+#include <gsh/image/color.hpp>
+#include <gsh/image/composite_picture.hpp>
 #include <gsh/loss/cpu/photometric.hpp>
 #include <gsh/loss/cuda/photometric.cuh>
 #include <gsh/loss/photometric.hpp>
@@ -154,6 +156,60 @@ TEST_CASE_TEMPLATE("leaving out equal tiles changes no bit, nor does a cache of 
         CHECK(with.gradient == without.gradient);
         if (radius < 0) CHECK(with.values.ssim == 1);
     }
+}
+
+TEST_CASE_TEMPLATE("a photograph that is composited where it is read is compared like the written one", T, float,
+                   double) {
+    if (test::skip_without_device()) return;
+    Device device;
+    const int height = 70, width = 83;
+    const auto plate = as<T>(random_image({3, height, width}, 5));
+    for (const PixelBox& box : {PixelBox{0, 0, width, height}, {9, 5, 60, 33}, {3, 3, 0, 0}})
+        for (const bool plain : {true, false}) {
+            CAPTURE(plain);
+            test::Rng rng(6);
+            std::vector<std::uint8_t> bytes;
+            for (std::size_t i = 0; i < 4 * box.size(); ++i)
+                bytes.push_back(static_cast<std::uint8_t>(i % 8 == 3 ? 255 : 256 * rng.uniform()));
+            Device::Buffer<std::uint8_t> rgba(bytes.size());
+            Device::Buffer<T> of_plate(plate.data.size()), written(plate.data.size()), alpha(plate.data.size() / 3);
+            device.upload(Span<const std::uint8_t>(bytes), Span<std::uint8_t>(rgba));
+            device.upload(Span<const T>(plate.data), Span<T>(of_plate));
+            CompositePicture<T> picture{
+                .rgba = rgba, .box = box, .color = {0.2, 0.5, 0.9}, .height = height, .width = width};
+            const ImageView<T> color{written, 3, height, width}, mask{alpha, 1, height, width};
+            if (plain) {
+                composite_rgba8(device, rgba, height, width, picture.color, color, mask, box);
+            } else {
+                picture.image = {of_plate, 3, height, width};
+                composite_rgba8(device, rgba, height, width, picture.image, color, mask, box);
+            }
+            Device::Buffer<T> render(plate.data.size());
+            const auto rendered = as<T>(random_image({3, height, width}, 7));
+            device.upload(Span<const T>(rendered.data), Span<T>(render));
+            const auto compare = [&](const auto& truth) {
+                const PhotometricLoss<Device, T> loss(device);
+                PhotometricCache<Device, T> cache;
+                const std::size_t size = alpha.size() * std::size_t(truth.channels);
+                Device::Buffer<T> gradient(size);
+                const ImageView<const T> seen{Span<const T>(render).subspan(0, size), truth.channels, height, width};
+                const ImageView<T> dL_dseen{gradient, truth.channels, height, width};
+                device.fill(Span<T>(gradient), T(0));
+                loss.forward(seen, truth, cache);
+                loss.backward(seen, truth, T(1), cache, dL_dseen);
+                Result<T> result{loss.values(cache), std::vector<T>(size)};
+                device.download(Span<const T>(gradient), Span<T>(result.gradient));
+                return result;
+            };
+            // The compiler may fuse multiplications and sums of the two kernels in different ways.
+            const double tolerance = 100 * double(std::numeric_limits<T>::epsilon());
+            const auto check = [&](const Result<T>& found, const Result<T>& expected) {
+                CHECK(found.values.loss == doctest::Approx(expected.values.loss).epsilon(tolerance));
+                CHECK(test::relative_distance(found.gradient, expected.gradient) < tolerance);
+            };
+            check(compare(picture), compare(ImageView<const T>(color)));
+            check(compare(picture.mask()), compare(ImageView<const T>(mask)));
+        }
 }
 
 TEST_CASE("a second backward doubles, and a gradient of zero adds nothing") {

@@ -19,6 +19,9 @@
 
 namespace gsh {
 
+template <>
+inline constexpr bool photometric_composites<cuda::Device> = true;
+
 template <std::floating_point T>
 struct PhotometricScratch<cuda::Device, T> {
     cuda::Device::Buffer<T> partials;          ///< [3, channels, height, width] of the SSIM term; unspecified in tiles
@@ -32,8 +35,8 @@ namespace cuda {
 
 namespace detail {
 
-/// Sums and partial derivatives of one tile.
-template <class T>
+/// Sums and partial derivatives of one tile. Truth: ImageView<const T>, or CompositePicture<T>.
+template <class T, class Truth>
 struct PhotometricForward {
     using Tiles = PhotometricTiles<T>;
     static constexpr unsigned block_size = Tiles::threads;
@@ -45,7 +48,8 @@ struct PhotometricForward {
         SharedArray<T, block_size / warp_size> l1, dssim, squares;
     };
 
-    ImageView<const T> render, truth;
+    ImageView<const T> render;
+    Truth truth;
     Tiles tiles;
     bool with_ssim, skip_equal;
     SsimWindow<T> window;
@@ -88,7 +92,7 @@ private:
         for (int k = 0; k < Tiles::loads_of_thread; ++k) {
             const auto at = tile.load(k);
             a[k] = at.inside ? render.data[tile.pixel(at.y, at.x)] : T(0);
-            b[k] = at.inside ? truth.data[tile.pixel(at.y, at.x)] : T(0);
+            b[k] = at.inside ? truth.at(tile.channel, at.y, at.x) : T(0);
         }
         bool differ = false;
         for (int k = 0; k < Tiles::loads_of_thread; ++k) {
@@ -147,7 +151,7 @@ struct PhotometricJoin {
 };
 
 /// Gradient of one tile: the partials around it, filtered by the same (symmetric) window.
-template <class T>
+template <class T, class Truth>
 struct PhotometricBackward {
     using Tiles = PhotometricTiles<T>;
     static constexpr unsigned block_size = Tiles::threads;
@@ -158,7 +162,8 @@ struct PhotometricBackward {
         SharedArray<T, maps * Tiles::along_size> along;
     };
 
-    ImageView<const T> render, truth;
+    ImageView<const T> render;
+    Truth truth;
     ImageView<T> dL_drender;
     Tiles tiles;
     T ssim_scale, l1_scale;
@@ -175,7 +180,8 @@ struct PhotometricBackward {
         for (int r = 0; r < Tiles::rows_of_thread; ++r) { // early, so that they arrive while the maps are filtered
             if (!tile.inside(r)) continue;
             const std::size_t at = tile.pixel(tile.y + r, tile.x);
-            a[r] = render.data[at], b[r] = truth.data[at], gradient[r] = dL_drender.data[at];
+            a[r] = render.data[at], gradient[r] = dL_drender.data[at];
+            b[r] = truth.at(tile.channel, tile.y + r, tile.x);
         }
         T filtered[maps][Tiles::rows_of_thread] = {};
         if (ssim_scale != T(0)) {
@@ -232,43 +238,32 @@ private:
 } // namespace detail
 
 /// Fills the cache with values and partial derivatives.
-template <std::floating_point T>
-void photometric_forward(Device& device, const ImageView<const T>& render, const ImageView<const T>& truth,
+template <std::floating_point T, class Truth>
+void photometric_forward(Device& device, const ImageView<const T>& render, const Truth& truth,
                          const PhotometricParams<T>& params, PhotometricCache<Device, T>& cache) {
     const detail::PhotometricTiles<T> tiles(render.channels, render.height, render.width);
     PhotometricScratch<Device, T>& scratch = cache.scratch;
     scratch.active.resize(tiles.count());
     scratch.sums.resize(3 * tiles.count());
     scratch.partials.resize(cache.with_ssim ? 3 * render.size() : 0);
-    device.launch(tiles.count(), detail::PhotometricForward<T>{render,
-                                                               truth,
-                                                               tiles,
-                                                               cache.with_ssim,
-                                                               params.skip_equal,
-                                                               {},
-                                                               scratch.partials,
-                                                               scratch.active,
-                                                               scratch.sums});
+    device.launch(tiles.count(), detail::PhotometricForward<T, Truth>{render, truth, tiles, cache.with_ssim,
+                                                                      params.skip_equal, {}, scratch.partials,
+                                                                      scratch.active, scratch.sums});
     device.launch(1, detail::PhotometricJoin<T>{scratch.sums, double(std::max<std::size_t>(render.size(), 1)),
                                                 double(params.ssim_weight), std::numeric_limits<double>::quiet_NaN(),
                                                 cache.with_ssim, cache.values});
 }
 
-template <std::floating_point T>
-void photometric_backward(Device& device, const ImageView<const T>& render, const ImageView<const T>& truth, T dL_dloss,
+template <std::floating_point T, class Truth>
+void photometric_backward(Device& device, const ImageView<const T>& render, const Truth& truth, T dL_dloss,
                           const PhotometricParams<T>& params, const PhotometricCache<Device, T>& cache,
                           const ImageView<T>& dL_drender) {
     const detail::PhotometricTiles<T> tiles(render.channels, render.height, render.width);
     const T per_element = dL_dloss / T(std::max<std::size_t>(render.size(), 1));
-    device.launch(tiles.count(), detail::PhotometricBackward<T>{render,
-                                                                truth,
-                                                                dL_drender,
-                                                                tiles,
-                                                                params.ssim_weight * per_element,
-                                                                (T(1) - params.ssim_weight) * per_element,
-                                                                {},
-                                                                cache.scratch.partials,
-                                                                cache.scratch.active});
+    device.launch(tiles.count(), detail::PhotometricBackward<T, Truth>{
+                                     render, truth, dL_drender, tiles, params.ssim_weight * per_element,
+                                     (T(1) - params.ssim_weight) * per_element, {}, cache.scratch.partials,
+                                     cache.scratch.active});
 }
 
 } // namespace cuda
