@@ -76,7 +76,7 @@ TEST_CASE("each source moves at its own rate, and stored bands at theirs") {
     cpu::Serial backend;
     const auto points = test::scattered_points(backend);
     AppearanceParams params = test::small_appearance();
-    params.sh_rate = 1, params.displacement_rate = 2, params.stored_sh_rate = 3, params.stored_sh_band_rate = 4;
+    params.sh_rate = 1, params.displacement_rate = 2, params.stored_sh_rate = 3, params.stored_sh_bands = 0.5;
     params.stored_displacement_rate = 5;
     FieldsApart<cpu::Serial> fields(backend, points, params);
     BothStored<cpu::Serial> both(backend, points, params);
@@ -89,7 +89,7 @@ TEST_CASE("each source moves at its own rate, and stored bands at theirs") {
     CHECK(sh.other.where == LearnedArray<double>::OtherRate::Where::columns);
     CHECK(sh.other.width == 27);
     CHECK(sh.other.first == 3);
-    CHECK(sh.other.rate == 4);
+    CHECK(sh.other.rate == 1.5);
 }
 
 TEST_CASE("stored attributes start at zero and do not read the time") {

@@ -39,7 +39,7 @@ struct LearningRates {
     double displacement = 5e-4;           ///< of a displacement field, or of the joint network's rows for displacements
     double sh = 2e-3;                     ///< of table and network of the colour field, or of the joint field
     double stored_displacements = 1.6e-4; ///< of stored δx, metres; as 3DGS moves means
-    double stored_sh = 2.5e-3; ///< of stored constant colours; the bands above have a 20th of it
+    double stored_sh = 2.5e-3; ///< of stored constant colours; the bands above have sh_band_share of it
     double ao = 5e-3;          ///< of table and network of the shadow
     LightRates light = {};
     double light_normals = 0;  ///< of offsets of the mesh's unit normals, say 5e-3; 0: its own normals

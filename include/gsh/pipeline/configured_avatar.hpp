@@ -48,7 +48,6 @@ using ConfiguredAvatar = AvatarModel<B, AnyAppearance<T, Degree>, AnyShadow<B, T
             .sh_rate = config.rates.sh,
             .displacement_rate = config.rates.displacement,
             .stored_sh_rate = config.rates.stored_sh,
-            .stored_sh_band_rate = config.rates.stored_sh / 20,
             .stored_displacement_rate = config.rates.stored_displacements,
             .seed = seed};
 }

@@ -9,6 +9,7 @@
 #include <gsh/math/vec.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/pipeline/frame_codes.hpp>
+#include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/learned_field.hpp>
 
 #include <concepts>
@@ -30,7 +31,7 @@ struct AppearanceParams {
     double sh_rate = 2e-3;                     ///< of table and network of a field with colours
     double displacement_rate = 5e-4;           ///< of a displacement field, or a shared field's rows for them; metres
     double stored_sh_rate = 2.5e-3;            ///< of stored constant colours
-    double stored_sh_band_rate = 2.5e-3 / 20;  ///< of stored bands above them
+    double stored_sh_bands = sh_band_share;    ///< of stored bands above them, as a share of stored_sh_rate
     double stored_displacement_rate = 1.6e-4;  ///< of stored δx; as 3DGS moves means
     std::uint64_t seed = 0;
 };

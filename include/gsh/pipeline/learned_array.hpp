@@ -17,6 +17,10 @@
 
 namespace gsh {
 
+/// The learning rate of stored spherical harmonics above the constant colour, as a share of the rate of the constant.
+/// Source  Kerbl et al., "3D Gaussian Splatting", 2023: a 20th.
+inline constexpr double sh_band_share = 0.05;
+
 /// One learned array: its numbers, their gradient, Adam's moments, and its learning rate. A part of a model announces
 /// it and owns the memory. The views are valid until that part changes its size or is moved.
 ///

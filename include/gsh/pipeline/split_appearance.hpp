@@ -79,7 +79,7 @@ public:
     static constexpr bool is_field = false;
 
     StoredColors(B& backend, const CanonicalPoints<B, T>& points, const AppearanceParams& params)
-        : rate_(params.stored_sh_rate), band_rate_(params.stored_sh_band_rate),
+        : rate_(params.stored_sh_rate), band_rate_(params.stored_sh_rate * params.stored_sh_bands),
           sh_(backend, std::vector<vec3<T>>(stride * points.size(), vec3<T>(T(0)))) {}
     [[nodiscard]] static PartSize size(const AppearanceParams&, const PriorInputs&) {
         return {.learned = {{.name = "sh", .per_point = 3 * stride}}};

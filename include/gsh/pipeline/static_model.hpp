@@ -37,8 +37,8 @@ struct StaticRates {
     double quats = 1e-3;
     double log_scales = 5e-3;
     double opacity_logits = 0.05;
-    double sh = 2.5e-3;        ///< of the constant coefficient
-    double sh_bands = 0.05;    ///< of higher bands, as a share of sh
+    double sh = 2.5e-3;               ///< of the constant coefficient
+    double sh_bands = sh_band_share;  ///< of higher bands, as a share of sh
 };
 
 /// The settings of Kerbl et al., "3D Gaussian Splatting", 2023, for a run of 30,000 steps. static_config(steps) adapts
