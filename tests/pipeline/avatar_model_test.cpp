@@ -313,7 +313,7 @@ TEST_CASE("colours depend on the direction from sh_start on") {
 
 TEST_CASE("the canonical body starts whole, whatever the priors say") {
     Chain<cpu::Serial> chain;
-    for (const Heads heads : {Heads::joint, Heads::separate}) {
+    for (const Heads heads : {Heads::shared, Heads::separate}) {
         auto priors = Chain<cpu::Serial>::priors(chain.samples.size());
         for (double& feature : priors.features) feature *= 10;
         auto model = Chain<cpu::Serial>::make(chain.backend, chain.rig, chain.samples, {.heads = heads}, priors);

@@ -42,7 +42,7 @@ TEST_CASE("the stated size of an avatar is that of the arrays that it announces,
     const AvatarConfig plain{.hash_base = 3, .hash_growth = 1.4, .hash_table_size = 256, .mlp_width = 8,
                              .ao_table_size = 128};
     std::vector<AvatarConfig> configs;
-    for (const Heads heads : {Heads::joint, Heads::separate})
+    for (const Heads heads : {Heads::shared, Heads::separate})
         for (const bool sh : {true, false})
             for (const bool displacement : {true, false})
                 for (const auto ao : {AmbientOcclusion::none, AmbientOcclusion::time, AmbientOcclusion::pose}) {
@@ -88,7 +88,7 @@ TEST_CASE("a budget has the stated sizes, what is held, and pictures; people mul
 }
 
 TEST_CASE("the activations of a network grow with its width and depth") {
-    const AvatarConfig plain{.ao = AmbientOcclusion::time}; // two fields: the joint head's and ambient occlusion's
+    const AvatarConfig plain{.ao = AmbientOcclusion::time}; // two fields: the shared field's and ambient occlusion's
     AvatarConfig wide = plain, deep = plain;
     wide.mlp_width = 2 * plain.mlp_width, wide.ao_width = 2 * plain.ao_width;
     deep.mlp_hidden_layers = plain.mlp_hidden_layers + 1;

@@ -11,9 +11,9 @@
 
 namespace gsh {
 
-/// Which networks give colours and displacements.
+/// Which fields give colours and displacements.
 enum class Heads {
-    joint,   ///< one network for both, as in the paper
+    shared,  ///< one field for both, as in the paper
     separate ///< a field for each, as in its direct baseline
 };
 
@@ -36,8 +36,8 @@ struct LearningRates {
     double quats = 1e-3;
     double log_scales = 5e-3;
     double opacity_logits = 0.05;
-    double displacement = 5e-4;           ///< of a displacement field, or of the joint network's rows for displacements
-    double sh = 2e-3;                     ///< of table and network of the colour field, or of the joint field
+    double displacement = 5e-4;           ///< of a displacement field, or of a shared field's rows for displacements
+    double sh = 2e-3;                     ///< of table and network of a colour field, or of a shared field
     double stored_displacements = 1.6e-4; ///< of stored δx, metres; as 3DGS moves means
     double stored_sh = 2.5e-3; ///< of stored constant colours; the bands above have sh_band_share of it
     double ao = 5e-3;          ///< of table and network of the shadow
@@ -63,7 +63,7 @@ struct AvatarConfig {
     std::uint32_t hash_table_size = 1u << 17; ///< largest number of entries of a level
     int mlp_width = 64;                       ///< neurons of a hidden layer
     int mlp_hidden_layers = 2;
-    Heads heads = Heads::joint;
+    Heads heads = Heads::shared;
     bool hash_displacement = true; ///< δx from a field; if false, stored with each Gaussian
     bool hash_sh = true;           ///< SH from a field; if false, stored with each Gaussian
     /// The heads also read γ(t), so that colours and displacements change with the frame. A new motion has their mean.
@@ -102,8 +102,8 @@ struct AvatarConfig {
     ColorClamp clamping = ColorClamp::both;
     LearningRates rates = {};
 
-    /// Whether one field gives both colours and displacements: the head is joint, and neither is stored.
-    [[nodiscard]] bool has_joint_head() const { return heads == Heads::joint && hash_sh && hash_displacement; }
+    /// Whether one field gives both colours and displacements: it is shared, and neither is stored.
+    [[nodiscard]] bool has_shared_field() const { return heads == Heads::shared && hash_sh && hash_displacement; }
 };
 
 } // namespace gsh

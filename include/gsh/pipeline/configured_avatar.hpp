@@ -77,7 +77,7 @@ using ConfiguredAvatar = AvatarModel<B, AnyAppearance<T, Degree>, AnyShadow<B, T
 /// Calls use(std::type_identity<A>()) with the appearance A of a configuration.
 template <Backend B, std::floating_point T, int Levels, int Features, int Degree, class Use>
 auto with_appearance_type(const AvatarConfig& config, const Use& use) {
-    if (config.has_joint_head()) return use(std::type_identity<SharedField<B, T, Degree, Levels, Features>>());
+    if (config.has_shared_field()) return use(std::type_identity<SharedField<B, T, Degree, Levels, Features>>());
     if (config.hash_sh && config.hash_displacement)
         return use(std::type_identity<SeparateFields<B, T, Degree, Levels, Features>>());
     if (config.hash_sh)

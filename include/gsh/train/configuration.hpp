@@ -89,7 +89,7 @@ struct EnumNames<FineLevels> {
     static constexpr std::array<std::string_view, 3> names{"region", "everywhere", "none"};
 };
 template <>
-struct EnumNames<Heads> {
+struct EnumNames<Heads> { // files and options have "joint" for Heads::shared
     static constexpr std::array<std::string_view, 2> names{"joint", "separate"};
 };
 template <>
