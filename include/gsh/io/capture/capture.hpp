@@ -8,7 +8,7 @@
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
-#include <gsh/io/capture/capture_warnings.hpp>
+#include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 #include <gsh/io/motion/motion_file.hpp>
@@ -56,7 +56,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
     MotionFileOptions motion_options{options.hands, list.fps};
     motion_options.person = options.person;
     capture.motion = load_any_motion(poses, body, motion_options, warnings);
-    const std::size_t frames = capture.frame_count(), count = capture.cameras.size() * frames;
+    const std::size_t frames = capture.frame_count();
     std::vector<std::filesystem::path> images, masks;
     for (const NamedCamera& camera : capture.cameras) {
         const auto append = [&](const char* kind, std::vector<std::filesystem::path>& files) {
@@ -73,21 +73,10 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
     check_value(!capture.views(false).empty(), (folder / "cameras.json").string(),
                 "no view is left for training; give a camera the role train, and leave frames out of test_frames");
 
-    capture.images.resize(count);
-    detail::load_all(executor, count, [&](std::size_t i) {
-        const NamedCamera& camera = capture.cameras[i / frames];
-        PixelImage image = read_image(images[i]);
-        detail::check_image_size(images[i], image, camera);
-        if (!masks.empty()) {
-            const PixelImage mask = read_image(masks[i]);
-            detail::check_image_size(masks[i], mask, camera);
-            detail::apply_mask(mask, image);
-        }
-        if (!options.empty_masks) detail::check_mask(masks.empty() ? images[i] : masks[i], image);
-        capture.images[i] = camera.distortion ? detail::straighten(image, camera) : std::move(image);
-    });
+    const std::vector<NamedCamera> distorted = capture.cameras;
+    detail::load_photos(executor, images, masks, 1, options, folder, capture);
     if (std::filesystem::is_directory(folder / "backgrounds"))
-        for (const NamedCamera& camera : capture.cameras) {
+        for (const NamedCamera& camera : distorted) {
             const auto path = detail::image_path(folder / "backgrounds", camera.name);
             PixelImage image = read_image(path);
             detail::check_image_size(path, image, camera);
@@ -99,12 +88,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
             }
             capture.backgrounds.push_back(std::move(image));
         }
-    for (NamedCamera& camera : capture.cameras) camera.distortion.reset();
-    if (options.hold_out) hold_out_motion(capture, *options.hold_out);
-
-    if (warnings)
-        for (const std::string& text : capture_warnings(capture, body))
-            warnings->push_back(folder.string() + ": " + text);
+    detail::finish_capture(capture, body, options, folder, warnings);
     return capture;
 }
 

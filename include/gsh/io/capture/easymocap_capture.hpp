@@ -8,8 +8,9 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
-#include <gsh/io/capture/capture.hpp>
-#include <gsh/io/capture/people_snapshot.hpp>
+#include <gsh/io/capture/capture_data.hpp>
+#include <gsh/io/capture/capture_images.hpp>
+#include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 #include <gsh/io/motion/easymocap_file.hpp>
@@ -123,7 +124,7 @@ Capture load_easymocap_capture(E& executor, const std::filesystem::path& folder,
                     throw IoError((place / camera.name).string() + ": the image of frame " +
                                   std::to_string(number) + " is missing");
             images.push_back(photo->second);
-            masks.push_back(cover->second);
+            if (masked) masks.push_back(cover->second);
         }
         if (camera.camera.width == 0) {
             const PixelImage first = read_image(images[images.size() - F]);
@@ -132,25 +133,8 @@ Capture load_easymocap_capture(E& executor, const std::filesystem::path& folder,
         if (camera.distortion)
             check_distortion((folder / "intri.yml").string(), camera.name, camera.camera, *camera.distortion);
     }
-    const int factor = std::max(1, options.downscale);
-    const std::vector<NamedCamera> full = capture.cameras;
-    for (NamedCamera& camera : capture.cameras) {
-        camera.camera = detail::shrink(camera.camera, factor, folder.string());
-        camera.distortion.reset();
-    }
-    capture.images.resize(C * F);
-    detail::load_all(executor, C * F, [&](std::size_t i) {
-        PixelImage image = read_image(images[i]);
-        detail::check_image_size(images[i], image, full[i / F]);
-        if (masked) detail::apply_mask_file(masks[i], image);
-        if (!options.empty_masks) detail::check_mask(masks[i], image);
-        if (full[i / F].distortion) image = detail::straighten(image, full[i / F]);
-        capture.images[i] = detail::shrink(image, factor);
-    });
-    if (options.hold_out) hold_out_motion(capture, *options.hold_out);
-    if (warnings)
-        for (const std::string& text : capture_warnings(capture, body))
-            warnings->push_back(folder.string() + ": " + text);
+    detail::load_photos(executor, images, masks, std::max(1, options.downscale), options, folder, capture);
+    detail::finish_capture(capture, body, options, folder, warnings);
     return capture;
 }
 

@@ -9,7 +9,9 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/io/capture/camera_file.hpp>
-#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/capture/capture_data.hpp>
+#include <gsh/io/capture/capture_images.hpp>
+#include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/file/number_lines.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
@@ -277,12 +279,9 @@ GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, cons
     });
     check_value(!capture.views(false).empty(), folder.string(),
                 "no view is left for training; name another test camera");
-    if (options.hold_out) hold_out_motion(capture, *options.hold_out);
     const BodyModel& body = motions.bodies.empty() ? scene.rig.body
                                                    : motions.bodies[std::min(person, motions.bodies.size() - 1)];
-    if (warnings)
-        for (const std::string& text : capture_warnings(capture, body))
-            warnings->push_back(folder.string() + ": " + text);
+    detail::finish_capture(capture, body, options, folder, warnings);
     return scene;
 }
 

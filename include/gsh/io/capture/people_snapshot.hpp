@@ -8,10 +8,11 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
-#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/capture/capture_data.hpp>
+#include <gsh/io/capture/capture_images.hpp>
+#include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/npz.hpp>
-#include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/people_snapshot_poses.hpp>
@@ -107,30 +108,6 @@ inline std::vector<std::filesystem::path> list_masks(const std::filesystem::path
         throw IoError(folder.string() + ": cannot be listed: " + error.message() + "; expected a folder of masks");
     std::sort(files.begin(), files.end());
     return files.empty() ? list_images(folder) : files;
-}
-
-/// Sets alpha from a mask: an array of 0 and 1 (or up to 255), or an image.
-inline void apply_mask_file(const std::filesystem::path& path, PixelImage& image) {
-    const auto fail = [&](const std::string& found) {
-        throw ShapeError(path.string() + ": is " + found + " pixels, expected " + std::to_string(image.width) + " x " +
-                         std::to_string(image.height));
-    };
-    if (path.extension() != ".npy") {
-        const PixelImage mask = read_image(path);
-        if (mask.width != image.width || mask.height != image.height)
-            fail(std::to_string(mask.width) + " x " + std::to_string(mask.height));
-        return apply_mask(mask, image);
-    }
-    const NpyArray<float> mask = read_npy<float>(path, Numbers::any);
-    const std::size_t pixels = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
-    const bool fits =
-        mask.size() == pixels && mask.shape.size() >= 2 && mask.dim(0) == static_cast<std::size_t>(image.height);
-    if (!fits) fail("an array " + shape_text(mask.shape) + " of");
-    const auto [low, high] = std::minmax_element(mask.data.begin(), mask.data.end());
-    check_value(*low >= 0 && *high <= 255, path.string(),
-                "holds " + std::to_string(*low < 0 ? *low : *high) + ", expected 0 to 1, or 0 to 255");
-    const float scale = *high <= 1 ? 255.0f : 1.0f;
-    for (std::size_t i = 0; i < pixels; ++i) image.data[4 * i + 3] = static_cast<std::uint8_t>(mask[i] * scale + 0.5f);
 }
 
 /// The camera of cameras.npz at full size, with pixel coordinates counted from the image's corner.
@@ -259,24 +236,15 @@ Capture load_people_snapshot(E& executor, const std::filesystem::path& folder, c
     }
 
     // Load their images.
-    const NamedCamera full = named;
-    named.camera = detail::shrink(named.camera, factor, folder.string());
     capture.cameras.push_back(named);
-    for (std::size_t i = 0; i < frames.size(); ++i)
+    std::vector<std::filesystem::path> chosen_images, chosen_masks;
+    for (std::size_t i = 0; i < frames.size(); ++i) {
         if (frames[i].test) capture.test_frames.push_back(static_cast<int>(i));
-    capture.images.resize(frames.size());
-    detail::load_all(executor, frames.size(), [&](std::size_t i) {
-        const auto frame = static_cast<std::size_t>(frames[i].number);
-        PixelImage image = read_image(images[frame]);
-        detail::check_image_size(images[frame], image, full);
-        detail::apply_mask_file(masks[frame], image);
-        if (!options.empty_masks) detail::check_mask(masks[frame], image);
-        capture.images[i] = detail::shrink(image, factor);
-    });
-    if (options.hold_out) hold_out_motion(capture, *options.hold_out);
-    if (warnings)
-        for (const std::string& text : capture_warnings(capture, body))
-            warnings->push_back(folder.string() + ": " + text);
+        chosen_images.push_back(images[static_cast<std::size_t>(frames[i].number)]);
+        chosen_masks.push_back(masks[static_cast<std::size_t>(frames[i].number)]);
+    }
+    detail::load_photos(executor, chosen_images, chosen_masks, factor, options, folder, capture);
+    detail::finish_capture(capture, body, options, folder, warnings);
     return capture;
 }
 
