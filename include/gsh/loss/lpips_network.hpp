@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -147,9 +148,41 @@ struct LpipsFeatures {
         typename B::template Buffer<T> values; ///< [height, width, channels]
 
         [[nodiscard]] std::size_t pixel_count() const { return std::size_t(height) * std::size_t(width); }
+        void resize(int new_height, int new_width, int new_channels) {
+            height = new_height, width = new_width, channels = new_channels;
+            values.resize(pixel_count() * std::size_t(channels));
+        }
     };
     int height = 0, width = 0; ///< of the image
     std::vector<Map> maps;
 };
+
+namespace detail {
+
+/// Runs a network's steps over an image of the features' size. begin(out) writes the image as a map of three channels;
+/// convolve(in, step, weights, out) and pool(in, step, out) fill the map of a step. Maps that are compared are those of
+/// `features`, and the others alternate between two buffers.
+template <Backend B, std::floating_point T, class Begin, class Convolve, class Pool>
+void run_lpips_steps(const LpipsWeights<B, T>& network, LpipsFeatures<B, T>& features, const Begin& begin,
+                     const Convolve& convolve, const Pool& pool) {
+    using Map = typename LpipsFeatures<B, T>::Map;
+    Map work[2];
+    Map* in = &work[0];
+    in->resize(features.height, features.width, 3);
+    begin(*in);
+    std::size_t convolution = 0, compared = 0;
+    for (const LpipsStep& step : network.steps) {
+        Map& out = step.compared ? features.maps[compared++] : work[in == &work[0] ? 1 : 0];
+        out.resize(step.output(in->height), step.output(in->width),
+                   step.is_convolution() ? step.channels : in->channels);
+        if (step.is_convolution())
+            convolve(std::as_const(*in), step, network.convolutions[convolution++], out);
+        else
+            pool(std::as_const(*in), step, out);
+        in = &out;
+    }
+}
+
+} // namespace detail
 
 } // namespace gsh

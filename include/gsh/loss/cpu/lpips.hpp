@@ -12,7 +12,6 @@
 #include <atomic>
 #include <cmath>
 #include <cstddef>
-#include <utility>
 #include <vector>
 
 namespace gsh::cpu::inline GSH_ISA {
@@ -137,40 +136,24 @@ T direction_difference(const T* a, const T* b, const T* w, std::size_t channels)
 template <CpuBackend B, class T>
 void lpips_forward(B& backend, const LpipsWeights<B, T>& network, const ImageView<const T>& image,
                    LpipsScaling scaling, LpipsFeatures<B, T>& features) {
-    using View = detail::LpipsMapView<T>;
-    typename B::template Buffer<T> work[2]; // maps that are not compared alternate between two buffers
-    int turn = 0;
-    const auto fresh = [&](int height, int width, int channels) -> View {
-        auto& buffer = work[turn = 1 - turn];
-        buffer.resize(std::size_t(height) * std::size_t(width) * std::size_t(channels));
-        return {buffer.data(), height, width, channels};
+    const auto written = [](auto& map) {
+        return detail::LpipsMapView<T>{map.values.data(), map.height, map.width, map.channels};
     };
-
-    View in = fresh(image.height, image.width, 3);
-    check_value(detail::normalise_image(backend, image, network, scaling, in), "Lpips::forward",
-                "image holds a NaN or an infinity, expected numbers in [0, 1]");
-    std::size_t convolution = 0, compared = 0;
-    for (const LpipsStep& step : network.steps) {
-        const int channels = step.is_convolution() ? step.channels : in.channels;
-        const int height = step.output(in.height), width = step.output(in.width);
-        View out;
-        if (step.compared) {
-            auto& map = features.maps[compared++];
-            map.height = height, map.width = width, map.channels = channels;
-            map.values.resize(map.pixel_count() * std::size_t(channels));
-            out = {map.values.data(), height, width, channels};
-        } else {
-            out = fresh(height, width, channels);
-        }
-        const detail::LpipsMapView<const T> from{in.data, in.height, in.width, in.channels};
-        if (step.is_convolution()) {
-            const auto& weights = network.convolutions[convolution++];
-            detail::convolve_relu(backend, from, step, weights.weight.data(), weights.bias.data(), out);
-        } else {
-            detail::max_pool(backend, from, step, out);
-        }
-        in = out;
-    }
+    const auto read = [](const auto& map) {
+        return detail::LpipsMapView<const T>{map.values.data(), map.height, map.width, map.channels};
+    };
+    gsh::detail::run_lpips_steps(
+        network, features,
+        [&](auto& out) {
+            check_value(detail::normalise_image(backend, image, network, scaling, written(out)), "Lpips::forward",
+                        "image holds a NaN or an infinity, expected numbers in [0, 1]");
+        },
+        [&](const auto& in, const LpipsStep& step, const auto& weights, auto& out) {
+            detail::convolve_relu(backend, read(in), step, weights.weight.data(), weights.bias.data(), written(out));
+        },
+        [&](const auto& in, const LpipsStep& step, auto& out) {
+            detail::max_pool(backend, read(in), step, written(out));
+        });
 }
 
 /// Sum over maps of the mean over pixels of the weighted squared difference of directions.

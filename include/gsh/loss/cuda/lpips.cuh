@@ -222,54 +222,33 @@ struct LpipsDifference {
 template <class T>
 void lpips_forward(Device& device, const LpipsWeights<Device, T>& network, const ImageView<const T>& image,
                    LpipsScaling scaling, LpipsFeatures<Device, T>& features) {
-    using View = detail::LpipsMapView<T>;
-    Device::Buffer<T> work[2]; // maps that are not compared alternate between two buffers
-    int turn = 0;
-    const auto size = [](int height, int width, int channels) {
-        return std::size_t(height) * std::size_t(width) * std::size_t(channels);
+    const auto written = [](auto& map) {
+        return detail::LpipsMapView<T>{map.values, map.height, map.width, map.channels};
     };
-    const auto fresh = [&](int height, int width, int channels) -> View {
-        auto& buffer = work[turn = 1 - turn];
-        buffer.resize(size(height, width, channels));
-        return {buffer, height, width, channels};
+    const auto read = [](const auto& map) {
+        return detail::LpipsMapView<const T>{map.values, map.height, map.width, map.channels};
     };
-
-    View in = fresh(image.height, image.width, 3);
-    const bool stretched = scaling == LpipsScaling::correct;
-    const auto rgb = [](const auto& values) { return vec3<T>(values[0], values[1], values[2]); };
-    Device::Buffer<std::uint32_t> failed(1);
-    device.fill(Span<std::uint32_t>(failed), 0u);
-    device.for_each(image.plane_size(),
-                    detail::LpipsNormalise<T>{image, T(stretched ? 2 : 1), T(stretched ? -1 : 0), rgb(network.shift),
-                                              rgb(network.scale), in.values, failed});
-    std::uint32_t refused = 0;
-    device.download(Span<const std::uint32_t>(failed), Span<std::uint32_t>(&refused, 1));
-    check_value(refused == 0, "Lpips::forward", "image holds a NaN or an infinity, expected numbers in [0, 1]");
-
-    std::size_t convolution = 0, compared = 0;
-    for (const LpipsStep& step : network.steps) {
-        const int channels = step.is_convolution() ? step.channels : in.channels;
-        const int height = step.output(in.height), width = step.output(in.width);
-        View out;
-        if (step.compared) {
-            auto& map = features.maps[compared++];
-            map.height = height, map.width = width, map.channels = channels;
-            map.values.resize(size(height, width, channels));
-            out = {map.values, height, width, channels};
-        } else {
-            out = fresh(height, width, channels);
-        }
-        const detail::LpipsMapView<const T> from{in.values, in.height, in.width, in.channels};
-        if (step.is_convolution()) {
-            const auto& weights = network.convolutions[convolution++];
-            const detail::LpipsConvolution<T> kernel{
-                from, out, step.kernel, step.stride, step.padding, weights.weight, weights.bias};
-            device.launch(kernel.tiles(), kernel);
-        } else {
-            device.for_each(out.values.size(), detail::LpipsMaxPool<T>{from, out, step.kernel, step.stride});
-        }
-        in = out;
-    }
+    const auto begin = [&](auto& out) {
+        const bool stretched = scaling == LpipsScaling::correct;
+        const auto rgb = [](const auto& values) { return vec3<T>(values[0], values[1], values[2]); };
+        Device::Buffer<std::uint32_t> failed(1);
+        device.fill(Span<std::uint32_t>(failed), 0u);
+        device.for_each(image.plane_size(),
+                        detail::LpipsNormalise<T>{image, T(stretched ? 2 : 1), T(stretched ? -1 : 0),
+                                                  rgb(network.shift), rgb(network.scale), out.values, failed});
+        std::uint32_t refused = 0;
+        device.download(Span<const std::uint32_t>(failed), Span<std::uint32_t>(&refused, 1));
+        check_value(refused == 0, "Lpips::forward", "image holds a NaN or an infinity, expected numbers in [0, 1]");
+    };
+    const auto convolve = [&](const auto& in, const LpipsStep& step, const auto& weights, auto& out) {
+        const detail::LpipsConvolution<T> kernel{read(in),     written(out),   step.kernel, step.stride,
+                                                 step.padding, weights.weight, weights.bias};
+        device.launch(kernel.tiles(), kernel);
+    };
+    const auto pool = [&](const auto& in, const LpipsStep& step, auto& out) {
+        device.for_each(out.values.size(), detail::LpipsMaxPool<T>{read(in), written(out), step.kernel, step.stride});
+    };
+    gsh::detail::run_lpips_steps(network, features, begin, convolve, pool);
 }
 
 /// Sum over maps of the mean over pixels of the weighted squared difference of directions. Waits for the result.
