@@ -43,7 +43,7 @@ struct CameraGradientView {
 ///
 /// forward may be called several times after one prepare. Every frame is below frame_count().
 ///
-/// A scene may also have take_back(steps), which Trainer::settle calls. A device that runs ahead of the host can find
+/// A scene may also have take_back(steps), which PhotoLoss::settle calls. A device that runs ahead of the host can find
 /// after some steps that a buffer was too small; the last `steps` steps have then changed nothing on the device, and
 /// are run again. A scene that counts its steps on the host, outside of set_progress, must subtract them here.
 template <class S, class B, class T>

@@ -44,6 +44,9 @@ struct CastMember {
 /// Bytes that the prepared poses of one person may take: 500 frames of SMPL-X. Those of longer motions are computed in
 /// each step.
 inline constexpr std::size_t most_pose_memory = 64 << 20;
+[[nodiscard]] constexpr bool keeps_poses(std::size_t frame_count, std::size_t pose_bytes) {
+    return frame_count * pose_bytes <= most_pose_memory;
+}
 
 /// People in the frames of their motions. They share only photographs and frames. Each has a model, a motion, and
 /// perhaps a refinement of the motion.
@@ -205,7 +208,7 @@ private:
         MotionRefinement<B, T>* refinement = nullptr;
     };
     [[nodiscard]] static bool keeps_poses(const Person& of) {
-        return of.motion->frame_count() * of.model->rig().shape_bytes() <= most_pose_memory;
+        return gsh::keeps_poses(of.motion->frame_count(), of.model->rig().shape_bytes());
     }
     /// Prepares the pose of a frame unless that was done before. On a device all frames are prepared at once, because
     /// recorded steps, which follow, must not allocate.

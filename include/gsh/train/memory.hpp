@@ -53,8 +53,8 @@ template <Backend B, std::floating_point T = float>
     const PartSize avatar = avatar_size<B, T>(config, inputs.joint_count, inputs.priors);
     MemoryModel memory{.fixed = program + held + per_pixel * pixels + people * sizeof(T) * avatar.fixed(),
                        .per_gaussian = people * (per_gaussian + sizeof(T) * avatar.per_point())};
-    const std::uint64_t poses = std::uint64_t(inputs.frame_count) * inputs.vertex_count * sizeof(vec3<T>);
-    memory.fixed += people * (poses <= most_pose_memory ? poses : 0);
+    const std::size_t pose = inputs.vertex_count * sizeof(vec3<T>);
+    if (keeps_poses(inputs.frame_count, pose)) memory.fixed += people * inputs.frame_count * pose;
     if (config.light) {
         // The posed mesh, its normals, their gradients, the caster; normal offsets with gradient and moments.
         const std::uint64_t per_vertex = 160 + (config.rates.light_normals > 0 ? 60 : 0);

@@ -16,7 +16,6 @@
 #include <array>
 #include <concepts>
 #include <cstddef>
-#include <cstdint>
 #include <functional>
 #include <string>
 #include <string_view>
@@ -77,13 +76,7 @@ public:
         PoseFitReport report;
         report.loss_before = mean_loss_of(scene, frame, photos, pixels);
         remember(motion, frame);
-        const auto settle = [&] {
-            const std::uint64_t lost = repeated_.settle();
-            if (lost == 0) return;
-            loss_.mend();
-            scene.take_back(lost);
-            report.steps -= lost;
-        };
+        const auto settle = [&] { loss_.settle(repeated_, scene, report.steps); };
         while (report.steps < params_.steps && !(params_.stop && params_.stop())) {
             scene.set_progress(report.steps, static_cast<double>(report.steps) / static_cast<double>(params_.steps));
             const std::size_t index = report.steps % photos.size();

@@ -123,14 +123,10 @@ public:
     /// now on, or the error is thrown. Nothing has changed since that step.
     /// Errors  those of Rasterizer::forward.
     void settle() {
-        const std::uint64_t lost = repeated_.settle();
-        if (lost == 0) return;
-        loss_.mend();
+        if (loss_.settle(repeated_, *scene_, step_count_) == 0) return;
         for (const LearnedArray<T>& array : scene_->learned()) // no step has used what the lost ones added
             backend_->fill(array.gradient, T(0));
         gains_.forget_gradient();
-        step_count_ -= lost;
-        if constexpr (requires { scene_->take_back(lost); }) scene_->take_back(lost);
         scene_->set_progress(step_count_, progress_);
     }
 
