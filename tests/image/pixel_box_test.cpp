@@ -45,6 +45,19 @@ TEST_CASE("a box numbers its pixels row by row, and contains no others") {
     CHECK(grown == box);
 }
 
+TEST_CASE("a box's pixels are copied between pictures of other boxes, and nothing else changes") {
+    const PixelBox from_box{1, 2, 5, 4}, to_box{2, 0, 3, 7}, box{2, 3, 3, 2};
+    std::vector<std::uint8_t> from(4 * from_box.size()), to(4 * to_box.size(), 200);
+    for (std::size_t i = 0; i < from.size(); ++i) from[i] = std::uint8_t(i);
+    copy_pixels(box, from, from_box, to, to_box);
+    for (int y = 0; y < 7; ++y)
+        for (int x = 2; x < 5; ++x)
+            for (std::size_t c = 0; c < 4; ++c)
+                CHECK(to[4 * to_box.index(x, y) + c] ==
+                      (box.contains(x, y) ? from[4 * from_box.index(x, y) + c] : 200));
+    copy_pixels({}, {}, {}, {}, {});
+}
+
 TEST_CASE("a box outside of the picture is refused with its columns and rows") {
     CHECK_NOTHROW(check_box("here", "box", {0, 0, 5, 4}, 4, 5));
     CHECK_NOTHROW(check_box("here", "box", {5, 4, 0, 0}, 4, 5));

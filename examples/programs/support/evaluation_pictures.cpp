@@ -6,6 +6,7 @@
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/region_mask.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/image/pixel_box.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -106,8 +107,7 @@ Image<float> truth_image(const Photo& photo) {
     Image<float> image(3, photo.camera.height, photo.camera.width);
     for (int y = 0; y < image.height; ++y)
         for (int x = 0; x < image.width; ++x) {
-            const std::size_t at =
-                4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x));
+            const std::size_t at = 4 * whole_picture(image.height, image.width).index(x, y);
             const std::uint8_t* pixel = photo.pixel(x, y);
             const float alpha = static_cast<float>(pixel[3]) / 255;
             for (std::size_t c = 0; c < 3; ++c) {

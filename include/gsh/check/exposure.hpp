@@ -11,6 +11,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/image/color.hpp>
+#include <gsh/image/pixel_box.hpp>
 #include <gsh/io/capture/capture.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/math/linalg.hpp>
@@ -172,8 +173,7 @@ template <HostExecutor E>
                 const vec2<double> pixel = to_pixel(camera, place);
                 const int x = static_cast<int>(std::floor(pixel.x)), y = static_cast<int>(std::floor(pixel.y));
                 if (pixel.x < 1 || pixel.y < 1 || x >= camera.width - 1 || y >= camera.height - 1) continue;
-                const auto index = static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) +
-                                   static_cast<std::size_t>(x);
+                const std::size_t index = whole_picture(camera.height, camera.width).index(x, y);
                 const auto hidden = [&](const MeshImage& body) {
                     return body.covers(index) && body.depth[index] < place.z - 0.01;
                 };

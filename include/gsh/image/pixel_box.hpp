@@ -57,6 +57,16 @@ inline void check_box(std::string_view where, std::string_view name, const Pixel
                     ", expected some of a picture of " + std::to_string(width) + " x " + std::to_string(height));
 }
 
+/// Copies a box's pixels, four bytes each, between two pictures that have the pixels of from_box and of to_box. Both
+/// contain `box`.
+inline void copy_pixels(const PixelBox& box, Span<const std::uint8_t> from, const PixelBox& from_box,
+                        Span<std::uint8_t> to, const PixelBox& to_box) {
+    if (box.size() == 0) return;
+    for (int row = box.y; row < box.y + box.height; ++row)
+        std::copy_n(from.data() + 4 * from_box.index(box.x, row), 4 * static_cast<std::size_t>(box.width),
+                    to.data() + 4 * to_box.index(box.x, row));
+}
+
 /// The smallest box with all pixels whose alpha is not 0; without any, an empty one.
 ///
 /// Shapes  rgba [height, width, 4].

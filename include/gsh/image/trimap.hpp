@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/image/pixel_box.hpp>
 
 #include <algorithm>
 #include <array>
@@ -33,14 +34,10 @@ struct UnknownPixel {
 
 namespace detail {
 
-[[nodiscard]] inline std::size_t pixel_index(int y, int x, int width) {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
-}
-
 /// Pixels at most `radius` from one on the other side of the mask's outline: 1, all others 0.
 [[nodiscard]] inline std::vector<std::uint8_t> pixels_near_outline(Span<const std::uint8_t> rgba, int height, int width,
                                                                    double radius) {
-    const auto at = [&](int y, int x) { return pixel_index(y, x, width); };
+    const auto at = [whole = whole_picture(height, width)](int y, int x) { return whole.index(x, y); };
     const auto inside = [&](int y, int x) { return rgba[4 * at(y, x) + 3] >= 128; };
     std::vector<std::uint8_t> near(rgba.size() / 4, 0);
     const int reach = static_cast<int>(radius);
@@ -123,7 +120,7 @@ struct ColorRange {
         const int y = static_cast<int>(i) / width, x = static_cast<int>(i) % width;
         for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height - 1); ++v)
             for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width - 1); ++u)
-                visit(detail::pixel_index(v, u, width));
+                visit(whole_picture(height, width).index(u, v));
     };
     std::vector<UnknownPixel> result;
     result.reserve(open.size());

@@ -8,7 +8,6 @@
 #include <gsh/image/pixel_box.hpp>
 #include <gsh/image/trimap.hpp>
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -90,13 +89,9 @@ inline void check_photo(std::string_view where, const Photo& photo, std::size_t 
 ///
 /// Errors  those of box_of_photo.
 [[nodiscard]] inline std::vector<std::uint8_t> crop_photo(Photo& photo) {
-    const int width = photo.camera.width;
     const PixelBox box = box_of_photo(photo);
     std::vector<std::uint8_t> pixels(4 * box.size());
-    for (int row = 0; row < box.height; ++row)
-        std::copy_n(photo.rgba.data() + 4 * detail::pixel_index(box.y + row, box.x, width),
-                    4 * static_cast<std::size_t>(box.width),
-                    pixels.data() + 4 * box.index(box.x, box.y + row));
+    copy_pixels(box, photo.rgba, photo.pixels(), pixels, box);
     photo.rgba = Span<const std::uint8_t>(pixels);
     photo.box = box;
     return pixels;
@@ -104,12 +99,9 @@ inline void check_photo(std::string_view where, const Photo& photo, std::size_t 
 
 /// The pixels [height, width, 4] of a photograph that may be cropped. What was cropped is black and transparent.
 [[nodiscard]] inline std::vector<std::uint8_t> whole_photo(const Photo& photo) {
-    const int height = photo.camera.height, width = photo.camera.width;
-    std::vector<std::uint8_t> pixels(4 * whole_picture(height, width).size(), 0);
-    const PixelBox box = photo.pixels();
-    for (int row = box.y; row < box.y + box.height && box.width > 0; ++row)
-        std::copy_n(photo.pixel(box.x, row), 4 * static_cast<std::size_t>(box.width),
-                    pixels.data() + 4 * detail::pixel_index(row, box.x, width));
+    const PixelBox whole = whole_picture(photo.camera.height, photo.camera.width), box = photo.pixels();
+    std::vector<std::uint8_t> pixels(4 * whole.size(), 0);
+    copy_pixels(box, photo.rgba, box, pixels, whole);
     return pixels;
 }
 

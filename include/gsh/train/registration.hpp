@@ -8,6 +8,7 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/image/pixel_box.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/pipeline/reduced_photos.hpp>
@@ -164,19 +165,18 @@ private:
 /// background has a variance of 1/12 about 1/2.
 [[nodiscard]] inline double empty_error(const Photo& photo) {
     double sum = 0;
-    const int height = photo.camera.height, width = photo.camera.width;
-    for (int y = 0; y < height; ++y)
-        for (int x = 0; x < width; ++x) {
+    const PixelBox whole = whole_picture(photo.camera.height, photo.camera.width);
+    for (int y = 0; y < whole.height; ++y)
+        for (int x = 0; x < whole.width; ++x) {
             const std::uint8_t* pixel = photo.pixel(x, y);
             const double alpha = pixel[3] / 255.0;
             for (std::size_t c = 0; c < 3; ++c) {
-                const double behind =
-                    photo.plate.empty() ? 0.5 : photo.plate[4 * detail::pixel_index(y, x, width) + c] / 255.0;
+                const double behind = photo.plate.empty() ? 0.5 : photo.plate[4 * whole.index(x, y) + c] / 255.0;
                 const double off = pixel[c] / 255.0 - behind;
                 sum += alpha * alpha * (off * off + (photo.plate.empty() ? 1 / 12.0 : 0));
             }
         }
-    return sum / static_cast<double>(3 * whole_picture(height, width).size());
+    return sum / static_cast<double>(3 * whole.size());
 }
 
 /// What one level trains on.
