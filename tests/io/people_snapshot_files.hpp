@@ -5,7 +5,7 @@
 #include "io/sample_files.hpp"
 
 #include <gsh/camera/pinhole.hpp>
-#include <gsh/io/file/npz.hpp>
+#include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/image/image_file.hpp>
 
 #include <cstddef>

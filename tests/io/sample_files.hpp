@@ -5,7 +5,7 @@
 #include "io/temporary.hpp"
 
 #include <gsh/io/capture/capture.hpp>
-#include <gsh/io/file/npz.hpp>
+#include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/image/image_file.hpp>
 
 #include <algorithm>

@@ -4,7 +4,7 @@
 
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/io/file/npz.hpp>
+#include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/image/image_file.hpp>
 
 #include <nlohmann/json.hpp>

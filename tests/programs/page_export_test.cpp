@@ -12,7 +12,7 @@
 #include "view/view_request.hpp"
 #include "view/view_scene.hpp"
 
-#include <gsh/io/file/npz.hpp>
+#include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/splat/ply.hpp>
 
 #include <nlohmann/json.hpp>

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/model/lpips_file.hpp>
 
+#include <gsh/io/file/npz_writer.hpp>
+
 #include "io/safetensors_files.hpp"
 #include "io/temporary.hpp"
 #include "loss/lpips_networks.hpp"

@@ -6,6 +6,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/compact_arrays.hpp>
 #include <gsh/io/file/npz.hpp>
+#include <gsh/io/file/npz_writer.hpp>
 
 #include <array>
 #include <cmath>

@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/npz.hpp>
+#include <gsh/io/file/npz_writer.hpp>
 
 #include <cstddef>
 #include <cstring>

@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/io/file/npz.hpp>
+#include <gsh/io/file/npz_writer.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -7,6 +7,7 @@
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/npz.hpp>
+#include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/motion/motion_options.hpp>
 #include <gsh/io/motion/motion_table.hpp>
 
