@@ -9,7 +9,7 @@
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/crc32.hpp>
-#include <gsh/io/file/npy.hpp>
+#include <gsh/io/image/depth_map_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/image/normal_map_file.hpp>
 #include <gsh/prior/estimated_view.hpp>
@@ -150,31 +150,6 @@ inline PriorCamera crop_camera(const PriorCamera& whole, const std::vector<doubl
         whole);
 }
 
-inline PriorMap read_prior_depth(const std::filesystem::path& path, bool behind_counts) {
-    const std::string name = path.string();
-    check_value(path.extension() == ".npy", name, "is no .npy file, as depths are: camera z in metres");
-    const NpyHeader header = npy_header_of(path);
-    if (header.shape.size() != 2)
-        throw ShapeError(name + " has shape " + shape_text(header.shape) + ", expected (height, width)");
-    check_pixel_count(name, static_cast<std::int64_t>(header.shape[1]), static_cast<std::int64_t>(header.shape[0]));
-    const int height = static_cast<int>(header.shape[0]), width = static_cast<int>(header.shape[1]);
-    PriorMap map{Image<double>(1, height, width), Image<std::uint8_t>(1, height, width)};
-    const auto fill = [&]<class T>(T, Numbers numbers) {
-        const auto array = read_npy<T>(path, numbers);
-        for (std::size_t i = 0; i < array.size(); ++i) {
-            const auto depth = static_cast<double>(array[i]);
-            if (!std::isfinite(depth) || depth == 0 || (depth < 0 && !behind_counts)) continue;
-            map.values.data[i] = depth;
-            map.mask.data[i] = 1;
-        }
-    };
-    if (header.is_real() && header.width == 8)
-        fill(double(), Numbers::exact);
-    else
-        fill(float(), header.is_real() && header.width == 4 ? Numbers::exact : Numbers::same_kind);
-    return map;
-}
-
 /// Removes the pixels outside the mask of a file.
 inline void restrict_prior(PriorMap& map, const std::filesystem::path& path) {
     const PixelImage mask = read_image(path);
@@ -247,7 +222,7 @@ public:
         if (object_.has("depth")) {
             const auto file = folder_ / object_.text("depth");
             const bool orthographic = std::holds_alternative<OrthographicCamera>(camera_);
-            PriorMap map = read_for(object_.where(), [&] { return read_prior_depth(file, orthographic); });
+            PriorMap map = read_for(object_.where(), [&] { return read_depth_map(file, orthographic); });
             priors.depths.emplace_back(view(std::move(map), file), frame_, object_.where());
         }
     }

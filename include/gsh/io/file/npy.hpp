@@ -16,6 +16,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <limits>
 #include <memory>
 #include <string>
@@ -187,6 +188,21 @@ std::vector<T> read_npy_numbers(const ByteSource& source, const NpyHeader& heade
         if (header.width == 8) is_signed ? convert(std::int64_t()) : convert(std::uint64_t());
     }
     return header.fortran_order && header.shape.size() > 1 ? to_c_order(data, header.shape) : std::move(data);
+}
+
+/// The header of an .npy file.
+inline NpyHeader npy_header_of(const std::filesystem::path& path) {
+    const std::string name = path.string();
+    std::ifstream file(path, std::ios::binary);
+    std::error_code error;
+    const std::size_t size = std::filesystem::file_size(path, error);
+    if (!file || error) throw IoError(name + ": cannot be opened; is the path right?");
+    return read_npy_header(
+        [&](void* data, std::size_t count) {
+            file.read(static_cast<char*>(data), static_cast<std::streamsize>(count));
+            return static_cast<std::size_t>(file.gcount());
+        },
+        size, name);
 }
 
 } // namespace detail

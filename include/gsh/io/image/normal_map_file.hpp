@@ -16,7 +16,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <memory>
 #include <string>
@@ -107,21 +106,6 @@ inline RawNormals read_normal_png(const std::filesystem::path& path) {
     else
         fill(stbi_load_from_memory(data, size, &width, &height, &channels, 4), 255);
     return raw;
-}
-
-/// The header of an .npy file.
-inline NpyHeader npy_header_of(const std::filesystem::path& path) {
-    const std::string name = path.string();
-    std::ifstream file(path, std::ios::binary);
-    std::error_code error;
-    const std::size_t size = std::filesystem::file_size(path, error);
-    if (!file || error) throw IoError(name + ": cannot be opened; is the path right?");
-    return read_npy_header(
-        [&](void* data, std::size_t count) {
-            file.read(static_cast<char*>(data), static_cast<std::streamsize>(count));
-            return static_cast<std::size_t>(file.gcount());
-        },
-        size, name);
 }
 
 inline RawNormals read_normal_npy(const std::filesystem::path& path) {
