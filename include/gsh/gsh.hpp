@@ -181,6 +181,7 @@
 
 #include <gsh/train/avatar_export.hpp>
 #include <gsh/train/avatar_scene.hpp>
+#include <gsh/train/camera_increments.hpp>
 #include <gsh/train/canonical_setup.hpp>
 #include <gsh/train/configuration.hpp>
 #include <gsh/train/estimated_motion.hpp>

@@ -5,6 +5,7 @@
 #include "support/gradient.hpp"
 
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -90,6 +91,28 @@ TEST_CASE("The gradient reaches the frame and the bias, as central differences s
                 CHECK(scene.tables.gradient(group, row)[i] == doctest::Approx((above - below) / (2 * h)).epsilon(1e-7));
             }
     }
+}
+
+TEST_CASE("a frame that is left out lies between its neighbours in time, or is as the nearest one") {
+    Tables scene(true);
+    const auto pose = [&](std::size_t frame) {
+        const Span<const double> row = std::as_const(scene.tables).increments(RefinementGroup::pose, frame);
+        return std::vector<double>(row.begin(), row.end());
+    };
+    const std::vector<double> first = pose(0), last = pose(2), bias = [&] {
+        const Span<const double> row = std::as_const(scene.tables).increments(RefinementGroup::pose_bias, 0);
+        return std::vector<double>(row.begin(), row.end());
+    }();
+    carry_increments(scene.tables, {0, 0.1, 0.4}, {false, true, false});
+    for (std::size_t i = 0; i < 6; ++i) CHECK(pose(1)[i] == doctest::Approx(0.75 * first[i] + 0.25 * last[i]));
+    CHECK(pose(0) == first);
+    CHECK(scene.tables.increments(RefinementGroup::pose_bias, 0)[0] == bias[0]);
+    const std::vector<double> middle = pose(1);
+    carry_increments(scene.tables, {0, 0.1, 0.4}, {true, false, true});
+    CHECK(pose(0) == middle);
+    CHECK(pose(2) == middle);
+    carry_increments(scene.tables, {0, 0.1, 0.4}, {true, true, true}); // nothing to take them from
+    CHECK(pose(1) == middle);
 }
 
 } // namespace gsh

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The increments with which a frame is posed: the frame's own and those that all frames share, with adjoint.
+/// @file  The increments with which a frame is posed: its own and those that all frames share, with adjoint.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -9,9 +9,11 @@
 #include <gsh/train/refinement_config.hpp>
 #include <gsh/train/refinement_tables.hpp>
 
+#include <algorithm>
 #include <array>
 #include <concepts>
 #include <cstddef>
+#include <vector>
 
 namespace gsh {
 
@@ -70,5 +72,31 @@ private:
     B* backend_;
     Buffer pose_, transl_, dL_dpose_, dL_dtransl_; // one frame's
 };
+
+/// Gives frames that are left out the increments of their neighbours in time that are not: linear between two
+/// neighbours, those of the nearer one at the ends.
+///
+/// Shapes  times, left_out [frames]; times in seconds.
+template <Backend B, std::floating_point T>
+void carry_increments(RefinementTables<B, T>& tables, const std::vector<double>& times,
+                      const std::vector<bool>& left_out) {
+    std::vector<std::size_t> kept;
+    for (std::size_t t = 0; t < times.size(); ++t)
+        if (!left_out[t]) kept.push_back(t);
+    if (kept.empty()) return;
+    std::sort(kept.begin(), kept.end(), [&](std::size_t a, std::size_t b) { return times[a] < times[b]; });
+    auto host = tables.host_increments();
+    for (std::size_t t = 0; t < times.size(); ++t) {
+        if (!left_out[t]) continue;
+        const auto later = std::find_if(kept.begin(), kept.end(), [&](std::size_t k) { return times[k] > times[t]; });
+        const std::size_t b = later == kept.end() ? kept.back() : *later, a = later == kept.begin() ? b : *(later - 1);
+        const double share = a == b ? 0 : (times[t] - times[a]) / (times[b] - times[a]);
+        for (const auto group : frame_groups) {
+            const Span<T> mine = host(group, t), before = host(group, a), after = host(group, b);
+            for (std::size_t i = 0; i < mine.size(); ++i) mine[i] = T(1 - share) * before[i] + T(share) * after[i];
+        }
+    }
+    tables.set_increments(host);
+}
 
 } // namespace gsh

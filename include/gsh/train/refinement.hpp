@@ -5,13 +5,13 @@
 #include <gsh/avatar/rig.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/motion.hpp>
-#include <gsh/camera/camera_increment.hpp>
 #include <gsh/camera/camera_input.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/loss/motion_terms.hpp>
 #include <gsh/math/vec.hpp>
+#include <gsh/train/camera_increments.hpp>
 #include <gsh/train/estimated_motion.hpp>
 #include <gsh/train/frame_increments.hpp>
 #include <gsh/train/refinement_config.hpp>
@@ -55,7 +55,8 @@ public:
     /// returns all of them.
     MotionRefinement(B& backend, const RigData& rig, const Motion& motion, std::vector<Camera<double>> cameras,
                      const RefinementConfig& config = {})
-        : backend_(&backend), config_(config), estimate_(backend, rig, motion), cameras_(std::move(cameras)),
+        : backend_(&backend), config_(config), estimate_(backend, rig, motion),
+          cameras_(backend, std::move(cameras), mean_root(estimate_.motion(), rig)),
           tables_(backend, {.frames = frame_count(),
                             .joints = estimate_.joint_count(),
                             .expression = estimate_.expression_count(),
@@ -67,7 +68,7 @@ public:
         constexpr std::string_view where = "MotionRefinement";
         validate(config_, estimate_.joint_count(), cameras_.size(), where);
         for (std::size_t c = 0; c < cameras_.size(); ++c)
-            check_camera(where, "camera " + std::to_string(c), cameras_[c]);
+            check_camera(where, "camera " + std::to_string(c), cameras_.initial(c));
         const Motion& initial = estimate_.motion();
         const std::vector<FrameLink> links = link_frames(initial.timestamps, config_.left_out, config_.longest_gap);
         left_out_.assign(frame_count(), false);
@@ -75,8 +76,6 @@ public:
         fixed_camera_.assign(cameras_.size(), false);
         for (const std::size_t camera : config_.fixed_cameras)
             if (camera < cameras_.size()) fixed_camera_[camera] = true;
-        for (const vec3<double>& transl : initial.transl)
-            pivot_ += (transl + rig.joints[0]) * (1 / static_cast<double>(frame_count()));
         put(links, links_);
         put(std::vector<T>(config_.joint_rates.begin(), config_.joint_rates.end()), joint_rates_);
     }
@@ -118,25 +117,13 @@ public:
     template <std::floating_point U = T>
     [[nodiscard]] Camera<U> camera(std::size_t camera) const {
         check_camera_index("camera", camera);
-        std::array<T, RefinementTables<B, T>::camera_width> host{};
-        backend_->download(tables_.camera_increments(camera), Span<T>(host));
-        const CameraIncrement<U> increment{{U(host[0]), U(host[1]), U(host[2])},
-                                           {U(host[3]), U(host[4]), U(host[5])},
-                                           U(host[6]),
-                                           {U(host[7]), U(host[8])}};
-        return moved_camera(cameras_[camera].template cast<U>(), vec3<U>(pivot_), increment);
+        return cameras_.template download<U>(tables_, camera);
     }
 
     /// The same for work on the backend. It is computed there, without a wait, and holds until the next call or step.
     [[nodiscard]] CameraInput<T> camera_input(std::size_t camera) const {
         check_camera_index("camera_input", camera);
-        const Camera<T> initial = cameras_[camera].template cast<T>();
-        moved_camera_.resize(1), moved_center_.resize(1);
-        backend_->for_each(
-            1, detail::MovedCamera<T>{initial, vec3<T>(pivot_),
-                                      view_as<const CameraIncrement<T>>(tables_.camera_increments(camera)),
-                                      moved_camera_, moved_center_});
-        return {{initial, moved_camera_}, {vec3<T>(T(0)), moved_center_}};
+        return cameras_.forward(tables_, camera);
     }
 
     /// Zeros to which a model's backward adds; empty for what does not learn. Pass the result to accumulate.
@@ -178,10 +165,7 @@ public:
         check_size(where, "dL_dcamera", dL_dcamera.size(), 1, "a camera at a time");
         if (!dL_dcenter.empty()) check_size(where, "dL_dcenter", dL_dcenter.size(), 1, "one vector, or none");
         if (fixed_camera_[camera]) return;
-        backend_->for_each(1, detail::MovedCameraBackward<T>{
-                                  cameras_[camera].template cast<T>(), vec3<T>(pivot_),
-                                  view_as<const CameraIncrement<T>>(tables_.camera_increments(camera)), dL_dcamera,
-                                  dL_dcenter, view_as<CameraIncrement<T>>(tables_.camera_gradient(camera))});
+        cameras_.backward(tables_, camera, dL_dcamera, dL_dcenter);
         touch(cameras_touched_, camera);
     }
 
@@ -231,28 +215,7 @@ public:
 
     /// Gives frames that are left out the increments of their neighbours in time: linear between two neighbours, those
     /// of the nearer one at the ends. This corrects the estimator's errors without using these frames' photographs.
-    void carry_to_left_out() {
-        std::vector<std::size_t> kept;
-        for (std::size_t t = 0; t < frame_count(); ++t)
-            if (!left_out_[t]) kept.push_back(t);
-        if (kept.empty()) return;
-        const auto& times = estimate_.motion().timestamps;
-        std::sort(kept.begin(), kept.end(), [&](std::size_t a, std::size_t b) { return times[a] < times[b]; });
-        auto host = tables_.host_increments();
-        for (std::size_t t = 0; t < frame_count(); ++t) {
-            if (!left_out_[t]) continue;
-            const auto later =
-                std::find_if(kept.begin(), kept.end(), [&](std::size_t k) { return times[k] > times[t]; });
-            const std::size_t b = later == kept.end() ? kept.back() : *later,
-                              a = later == kept.begin() ? b : *(later - 1);
-            const double share = a == b ? 0 : (times[t] - times[a]) / (times[b] - times[a]);
-            for (const auto group : frame_groups) {
-                const Span<T> mine = host(group, t), before = host(group, a), after = host(group, b);
-                for (std::size_t i = 0; i < mine.size(); ++i) mine[i] = T(1 - share) * before[i] + T(share) * after[i];
-            }
-        }
-        tables_.set_increments(host);
-    }
+    void carry_to_left_out() { carry_increments(tables_, estimate_.motion().timestamps, left_out_); }
 
     /// The present motion, in double. Estimates of rows that never moved are bit-identical to the input.
     [[nodiscard]] Motion motion() const {
@@ -298,8 +261,14 @@ public:
 private:
     static constexpr std::array shared_groups{RefinementGroup::betas, RefinementGroup::pose_bias,
                                               RefinementGroup::transl_bias}; ///< of all frames
-    static constexpr std::array camera_groups{RefinementGroup::camera_rotation, RefinementGroup::camera_translation,
-                                              RefinementGroup::camera_focal, RefinementGroup::camera_principal_point};
+
+    /// The mean position of the root, about which cameras turn.
+    static vec3<double> mean_root(const Motion& motion, const RigData& rig) {
+        vec3<double> mean(0);
+        for (const vec3<double>& transl : motion.transl)
+            mean += (transl + rig.joints[0]) * (1 / static_cast<double>(motion.frame_count()));
+        return mean;
+    }
 
     template <class From, class To>
     void put(const std::vector<From>& from, To& to) {
@@ -356,18 +325,15 @@ private:
     B* backend_;
     RefinementConfig config_;
     EstimatedMotion<B, T> estimate_;
-    std::vector<Camera<double>> cameras_;
+    mutable CameraIncrements<B, T> cameras_;
     RefinementTables<B, T> tables_;
     mutable FrameIncrements<B, T> frame_increments_;
     std::vector<bool> left_out_, fixed_camera_;
-    vec3<double> pivot_ = vec3<double>(0); ///< centre of the cameras' turns: the mean position of the root
 
     Buffer<FrameLink> links_; // [T]
     Buffer<T> joint_rates_;   // [J], or empty
     Buffer<vec3<T>> dL_dpose_, dL_dtransl_; // one frame's
     Buffer<T> dL_dcoefficients_, scratch_;
-    mutable Buffer<Camera<T>> moved_camera_;  // [1]
-    mutable Buffer<vec3<T>> moved_center_;    // [1]
     std::vector<std::size_t> frames_touched_, cameras_touched_;
     std::uint64_t steps_ = 0;
     double progress_ = 0;
