@@ -7,6 +7,7 @@
 #include <gsh/backend/cuda/fetch_ahead.cuh>
 #include <gsh/backend/cuda/half.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
+#include <gsh/backend/cuda/kernel_times.cuh>
 #include <gsh/backend/cuda/lane_sums.cuh>
 #include <gsh/backend/cuda/matrix.cuh>
 #include <gsh/backend/cuda/memory.cuh>

@@ -14,6 +14,7 @@
 /// One __global__ function runs all of them, so a kernel can be copied, compared and repeated with other arguments.
 #pragma once
 
+#include <gsh/backend/cuda/error.cuh>
 #include <gsh/core/span.hpp>
 
 #include <cuda_runtime.h>
@@ -69,6 +70,16 @@ __global__ void __launch_bounds__(Kernel::block_size, least_blocks<Kernel>())
     } else {
         kernel();
     }
+}
+
+/// Launches a kernel on a stream.
+template <class Kernel>
+void launch_on(cudaStream_t stream, unsigned blocks, const Kernel& kernel) {
+    cudaLaunchConfig_t config{};
+    config.gridDim = dim3(blocks);
+    config.blockDim = dim3(Kernel::block_size);
+    config.stream = stream;
+    check(cudaLaunchKernelEx(&config, &run_kernel<Kernel>, kernel), "gsh::cuda::Device::launch");
 }
 
 /// body(i) for each index, one thread each.

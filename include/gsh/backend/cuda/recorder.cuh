@@ -4,14 +4,12 @@
 
 #include <gsh/backend/cuda/error.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
+#include <gsh/backend/cuda/kernel_times.cuh>
 #include <gsh/backend/cuda/memory.cuh>
-#include <gsh/backend/cuda/timing_events.cuh>
 #include <gsh/backend/cuda/zero_fills.cuh>
 
 #include <cuda_runtime.h>
 
-#include <algorithm>
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -22,26 +20,7 @@
 #include <utility>
 #include <vector>
 
-namespace gsh::cuda {
-
-/// The time of one kernel of a recorded step.
-struct KernelTime {
-    std::string kernel;      ///< its type, "BlendBackward<float>"
-    std::string stage;       ///< Device::mark, if it was called
-    double microseconds = 0; ///< on the device, with about 1 µs for the event that ends it
-};
-
-namespace detail {
-
-/// Launches a kernel on a stream.
-template <class Kernel>
-void launch_on(cudaStream_t stream, unsigned blocks, const Kernel& kernel) {
-    cudaLaunchConfig_t config{};
-    config.gridDim = dim3(blocks);
-    config.blockDim = dim3(Kernel::block_size);
-    config.stream = stream;
-    check(cudaLaunchKernelEx(&config, &run_kernel<Kernel>, kernel), "gsh::cuda::Device::launch");
-}
+namespace gsh::cuda::detail {
 
 /// Zeroes the bytes between the members of a kernel, which any copy may have filled with anything. A compiler that has
 /// no means for it leaves them: the recorder then replaces arguments that are the same.
@@ -176,65 +155,22 @@ public:
     /// Runs the kernels of the last step `repeats` times more, each after the one before it as in the graph, and
     /// returns the median time of each. What a cut did in between is left out.
     [[nodiscard]] std::vector<KernelTime> time_kernels(int repeats) {
-        std::vector<KernelTime> times;
+        std::vector<TimedLaunch> launches;
         for (const Segment& segment : segments_)
-            for (const Node& node : segment.nodes)
-                times.push_back({node.function != nullptr ? node.name() : node.key, std::string(node.stage), 0});
-        const TimingEvents events(times.size() + 1);
-        std::vector<std::vector<double>> runs(times.size());
-        for (int run = 0; run < repeats; ++run) {
-            StreamGate gate(stream_); // the host is slower than short kernels: the device begins when all are queued
-            std::size_t at = 0;
-            check(cudaEventRecord(events[at], stream_), "gsh::cuda::Recorder");
-            for (const Segment& segment : segments_)
-                for (const Node& node : segment.nodes) {
-                    if (node.function != nullptr)
-                        node.launch(stream_, node.blocks, segment.arguments.data() + node.first);
-                    else
-                        node.work(stream_);
-                    check(cudaEventRecord(events[++at], stream_), "gsh::cuda::Recorder");
-                    if (at == most_queued) gate.open(); // a full queue would block the host
-                }
-            gate.open();
-            check(cudaStreamSynchronize(stream_), "gsh::cuda::Recorder");
-            for (std::size_t i = 0; i < times.size(); ++i) runs[i].push_back(events.microseconds(i, i + 1));
-        }
-        for (std::size_t i = 0; i < times.size(); ++i) {
-            std::vector<double>& of = runs[i];
-            if (of.empty()) continue;
-            const auto middle = of.begin() + static_cast<std::ptrdiff_t>(of.size() / 2);
-            std::nth_element(of.begin(), middle, of.end());
-            times[i].microseconds = *middle;
-        }
-        return times;
+            for (const Node& node : segment.nodes) {
+                const unsigned char* const kernel = segment.arguments.data() + node.first;
+                const std::string stage(node.stage);
+                if (node.function != nullptr)
+                    launches.push_back({node.name(), stage, [&node, kernel](cudaStream_t stream) {
+                                            node.launch(stream, node.blocks, kernel);
+                                        }});
+                else
+                    launches.push_back({node.key, stage, node.work});
+            }
+        return time_launches(stream_, launches, repeats);
     }
 
 private:
-    static constexpr std::size_t most_queued = 200;
-
-    /// Holds a stream until it is opened. Its destructor opens it and waits.
-    class StreamGate {
-    public:
-        explicit StreamGate(cudaStream_t stream) : stream_(stream) {
-            check(cudaLaunchHostFunc(stream, &wait, &is_open_), "gsh::cuda::Recorder");
-        }
-        StreamGate(const StreamGate&) = delete;
-        ~StreamGate() {
-            open();
-            (void)cudaStreamSynchronize(stream_);
-        }
-        void open() {
-            is_open_.store(true);
-            is_open_.notify_one();
-        }
-
-    private:
-        static void wait(void* is_open) { static_cast<std::atomic<bool>*>(is_open)->wait(false); }
-
-        cudaStream_t stream_;
-        std::atomic<bool> is_open_{false};
-    };
-
     /// Where a kernel is: fork 0 is outside of all forks.
     struct Place {
         std::size_t fork = 0, branch = 0;
@@ -433,6 +369,4 @@ private:
     Counts counts_;
 };
 
-} // namespace detail
-
-} // namespace gsh::cuda
+} // namespace gsh::cuda::detail
