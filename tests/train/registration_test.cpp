@@ -11,6 +11,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -50,12 +51,31 @@ struct RoughTurn {
         const RegisteredPerson person{&body, &estimate, std::move(keypoints)};
         return register_motions(on, Span<const RegisteredPerson>(&person, 1), Span<const Photo>(used), 7, params);
     }
+    /// Of all photographs, with the default settings: computed once.
+    [[nodiscard]] const Registration& of_all_photos() {
+        if (!of_all_) of_all_ = registered(backend, photos);
+        return *of_all_;
+    }
+    /// Of the photographs of all frames but 4: computed once.
+    [[nodiscard]] const Registration& of_all_but_one() {
+        if (!of_some_) of_some_ = registered(backend, all_but_one());
+        return *of_some_;
+    }
+    [[nodiscard]] std::vector<Photo> all_but_one() const {
+        std::vector<Photo> some;
+        for (const Photo& photo : photos)
+            if (photo.frame != 4) some.push_back(photo);
+        return some;
+    }
     /// Mean distance of the first 22 joints, relative to the root, of some frames.
     [[nodiscard]] double error(const Motion& motion) const {
         std::vector<std::size_t> joints;
         for (std::size_t j = 0; j < 22; ++j) joints.push_back(j);
         return joint_errors(body, motion, truth, RootAlignment::position).mean_of_mm(joints);
     }
+
+private:
+    std::optional<Registration> of_all_, of_some_;
 };
 
 RoughTurn& rough_turn() {
@@ -67,7 +87,7 @@ RoughTurn& rough_turn() {
 
 TEST_CASE("Registration corrects poses that are wrong in all frames alike, seen by one camera") {
     RoughTurn& scene = rough_turn();
-    const Registration found = scene.registered(scene.backend, scene.photos);
+    const Registration& found = scene.of_all_photos();
     const double before = scene.error(scene.estimate), after = scene.error(found.motions[0]);
     MESSAGE("joints: " << before << " mm before, " << after << " mm after");
     CHECK(before > 30);
@@ -96,7 +116,7 @@ TEST_CASE("Keypoints with errors of a detector bring the joints nearer") {
         }
     }
     keypoints[3][0].points[0].pixel += vec2<double>(60, -60); // an ankle that is somewhere else
-    const double without = scene.error(scene.registered(scene.backend, scene.photos).motions[0]);
+    const double without = scene.error(scene.of_all_photos().motions[0]);
     const double with = scene.error(scene.registered(scene.backend, scene.photos, keypoints).motions[0]);
     MESSAGE("joints: " << without << " mm without keypoints, " << with << " mm with them");
     CHECK(with < 0.9 * without);
@@ -148,11 +168,8 @@ TEST_CASE("Where several cameras see each frame, smoothness does not flatten a f
 
 TEST_CASE("The same seed gives the same bits on one thread and on two; frames without photographs follow the others") {
     RoughTurn& scene = rough_turn();
-    std::vector<Photo> some;
-    for (const Photo& photo : scene.photos)
-        if (photo.frame != 4) some.push_back(photo);
     cpu::Threads one(1);
-    const Registration a = scene.registered(scene.backend, some), b = scene.registered(one, some);
+    const Registration &a = scene.of_all_but_one(), b = scene.registered(one, scene.all_but_one());
     CHECK(a.motions[0].pose == b.motions[0].pose);
     CHECK(a.motions[0].transl == b.motions[0].transl);
     CHECK(a.motions[0].betas == b.motions[0].betas);
@@ -166,15 +183,13 @@ TEST_CASE("The same seed gives the same bits on one thread and on two; frames wi
 
 TEST_CASE("A frame whose photograph shows something else is named, and harms no other") {
     RoughTurn& scene = rough_turn();
-    std::vector<Photo> some, wrong = scene.photos;
-    for (const Photo& photo : scene.photos)
-        if (photo.frame != 4) some.push_back(photo);
+    std::vector<Photo> wrong = scene.photos;
     std::vector<std::uint8_t> upside_down(wrong[4].rgba.begin(), wrong[4].rgba.end());
     for (std::size_t a = 0, b = upside_down.size() - 4; a < b; a += 4, b -= 4)
         for (std::size_t c = 0; c < 4; ++c) std::swap(upside_down[a + c], upside_down[b + c]);
     REQUIRE(wrong[4].frame == 4);
     wrong[4].rgba = upside_down;
-    const Registration with = scene.registered(scene.backend, wrong), without = scene.registered(scene.backend, some);
+    const Registration with = scene.registered(scene.backend, wrong), &without = scene.of_all_but_one();
     const std::vector<double> weights = frame_weights(with.frame_fit);
     for (std::size_t t = 0; t < weights.size(); ++t) CHECK((weights[t] < 0.25) == (t == 4));
     const auto others = [&](const Motion& motion) {
