@@ -34,32 +34,47 @@ template <Lane T>
     return multiply_add(cut, T(S(1.0001)), T(S(1e-3)));
 }
 
+/// The part of a BlendStep that does not depend on the splats in front.
+///
+/// A splat has the members u, v (of the centre of the tile's first pixel), ux, uy, vy (Whitening), opacity and
+/// cut = log2(opacity / alpha_min); x and y count pixels within the tile.
+template <Lane T>
+struct BlendShape {
+    T u, v, raw, alpha; ///< raw: before the limits of alpha
+
+    template <class Splat>
+    GSH_INLINE GSH_HD BlendShape(const Splat& s, const BlendLimits<ScalarOf<T>>& limits, T x, T y) {
+        u = multiply_add(T(s.ux), x, multiply_add(T(s.uy), y, T(s.u)));
+        v = multiply_add(T(s.vy), y, T(s.v));
+        const T square = multiply_add(u, u, product(v, v));
+        raw = product(T(s.opacity), exp2_minus(square));
+        alpha = select(square <= T(s.cut), min_positive(raw, T(limits.alpha_max)), T(ScalarOf<T>(0)));
+    }
+};
+
 /// The effect of a splat on a pixel; bit-identical in both passes.
 ///
 /// The product of (1 - alpha) continues after a pixel has stopped. It only falls, so a splat is blended exactly if the
 /// product after it is not below the limit. No pixel needs a branch.
 ///
-/// T is one pixel's number, or a register of those of several pixels. A splat has the members u, v (of the centre of
-/// the tile's first pixel), ux, uy, vy (Whitening), opacity and cut = log2(opacity / alpha_min); x and y count pixels
-/// within the tile; `before` is the product before the splat.
+/// T is one pixel's number, or a register of those of several pixels; `before` is the product before the splat.
 template <Lane T>
-struct BlendStep {
-    T u, v, raw, alpha, keep, after, weight;
+struct BlendStep : BlendShape<T> {
+    T keep, after, weight;
     MaskOf<T> live; ///< the pixel has not stopped: the splat is blended, or has no effect
 
     template <class Splat>
-    GSH_INLINE GSH_HD BlendStep(const Splat& s, const BlendLimits<ScalarOf<T>>& limits, T x, T y, T before) {
+    GSH_INLINE GSH_HD BlendStep(const Splat& s, const BlendLimits<ScalarOf<T>>& limits, T x, T y, T before)
+        : BlendStep(BlendShape<T>(s, limits, x, y), limits, before) {}
+
+    GSH_INLINE GSH_HD BlendStep(const BlendShape<T>& shape, const BlendLimits<ScalarOf<T>>& limits, T before)
+        : BlendShape<T>(shape) {
         using S = ScalarOf<T>;
         constexpr S least = sizeof(S) == 4 ? S(1e-36) : S(1e-300); // so that the product never becomes denormal
-        u = multiply_add(T(s.ux), x, multiply_add(T(s.uy), y, T(s.u)));
-        v = multiply_add(T(s.vy), y, T(s.v));
-        const T square = multiply_add(u, u, product(v, v));
-        raw = product(T(s.opacity), exp2_minus(square));
-        alpha = select(square <= T(s.cut), min_positive(raw, T(limits.alpha_max)), T(S(0)));
-        keep = T(S(1)) - alpha;
+        keep = T(S(1)) - this->alpha;
         after = max_positive(product(before, keep), T(least));
         live = after >= T(limits.transmittance_min);
-        weight = select(live, product(alpha, before), T(S(0)));
+        weight = select(live, product(this->alpha, before), T(S(0)));
     }
 };
 

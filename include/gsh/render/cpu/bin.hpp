@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/prefetch.hpp>
 #include <gsh/render/cpu/project.hpp>
 #include <gsh/render/cpu/radix_sort.hpp>
 #include <gsh/render/cpu/raster_scratch.hpp>
@@ -60,37 +61,30 @@ void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
     const std::size_t n = order.size(), tiles = scratch.grid.size();
     const std::size_t grain = std::max<std::size_t>(4096, (n + 31) / 32), chunks = chunk_count(n, grain);
     scratch.instances.resize(cache.status[0].pairs);
+    scratch.pair_places.resize(cache.status[0].pairs);
     scratch.tile_begin.resize(tiles + 1);
     scratch.tile_order.resize(tiles);
     scratch.tile_used.resize(tiles);
     scratch.histograms.resize(chunks * tiles);
     const Span<std::uint32_t> counts = scratch.histograms;
 
-    // In depth order, the covers are scattered in memory. A loop without branches fetches several at once, so that the
-    // cache misses overlap.
     const auto for_each_pair = [&](std::size_t begin, std::size_t end, const auto& visit) {
-        constexpr std::size_t batch = 64;
-        TileCover covers[batch];
-        std::uint32_t slots[batch];
-        for (std::size_t first = begin; first < end; first += batch) {
-            const std::size_t count = std::min(batch, end - first);
-            for (std::size_t i = 0; i < count; ++i) {
-                const std::uint32_t splat = order[first + i].splat;
-                covers[i] = scratch.covers[splat];
-                slots[i] = scratch.slot_begin[splat];
+        constexpr std::size_t ahead = 32; // in depth order, the covers are scattered in memory
+        for (std::size_t i = begin; i < end; ++i) {
+            if (i + ahead < end) {
+                const std::uint32_t later = order[i + ahead].splat;
+                prefetch(&scratch.covers[later]), prefetch(&scratch.pair_begin[later]);
             }
-            for (std::size_t i = 0; i < count; ++i) {
-                const std::uint32_t splat = order[first + i].splat;
-                std::uint32_t slot = slots[i];
-                detail::for_each_tile(scratch.splats[splat], covers[i], scratch.grid,
-                                      [&](std::uint32_t tile) { visit(tile, TileInstance{splat, slot++}); });
-            }
+            const std::uint32_t splat = order[i].splat;
+            std::uint32_t pair = scratch.pair_begin[splat];
+            detail::for_each_tile(scratch.splats[splat], scratch.covers[splat], scratch.grid,
+                                  [&](std::uint32_t tile) { visit(tile, splat, pair++); });
         }
     };
     backend.for_chunks(n, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         std::uint32_t* const count = counts.data() + chunk * tiles;
         std::fill(count, count + tiles, 0u);
-        for_each_pair(begin, end, [&](std::uint32_t tile, TileInstance) { ++count[tile]; });
+        for_each_pair(begin, end, [&](std::uint32_t tile, std::uint32_t, std::uint32_t) { ++count[tile]; });
     });
     std::uint32_t sum = 0; // counts become start positions: by tile, then by chunk
     for (std::size_t tile = 0; tile < tiles; ++tile) {
@@ -105,8 +99,11 @@ void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
     scratch.tile_begin[tiles] = sum;
     backend.for_chunks(n, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         std::uint32_t* const place = counts.data() + chunk * tiles;
-        for_each_pair(begin, end,
-                      [&](std::uint32_t tile, TileInstance instance) { scratch.instances[place[tile]++] = instance; });
+        for_each_pair(begin, end, [&](std::uint32_t tile, std::uint32_t splat, std::uint32_t pair) {
+            const std::uint32_t to = place[tile]++;
+            scratch.instances[to] = splat;
+            scratch.pair_places[pair] = to;
+        });
     });
 
     // Long lists come first, in classes of powers of two. The last tasks are then small, and all threads finish at

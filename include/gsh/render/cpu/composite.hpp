@@ -112,7 +112,7 @@ template <class T>
 /// `used` is, for each block, the length of the part of the list that had an effect; returns the largest. `touched` are
 /// the blocks that each splat of that part may touch.
 template <bool Depth, class T>
-std::uint32_t blend_tile(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const TileInstance> list,
+std::uint32_t blend_tile(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const std::uint32_t> list,
                          const BlendLimits<T>& limits, BlendBlock<T>* blocks, std::uint32_t* used,
                          std::uint16_t* touched) {
     std::uint32_t live = 0;
@@ -149,7 +149,7 @@ void blend_tiles(B& backend, const Background<T>& background, const RasterParams
     const bool with_depth = !target.expected_depth.empty() || !target.median_depth.empty();
     const detail::BlendLimits<T> limits(params);
     const Span<const ScreenSplat<T>> splats = scratch.splats;
-    const Span<const TileInstance> instances = scratch.instances;
+    const Span<const std::uint32_t> instances = scratch.instances;
     constexpr std::size_t record = detail::pixel_channels * detail::tile_pixels;
     scratch.pixels.resize(scratch.active_tiles * record);
     scratch.touched.resize(instances.size());
@@ -158,7 +158,7 @@ void blend_tiles(B& backend, const Background<T>& background, const RasterParams
     detail::run_queue(backend, scratch.active_tiles, [&](std::size_t rank) {
         const std::uint32_t index = scratch.tile_order[rank], begin = scratch.tile_begin[index];
         const detail::TilePlace tile(scratch.grid, index);
-        const Span<const TileInstance> list = instances.subspan(begin, scratch.tile_begin[index + 1] - begin);
+        const Span<const std::uint32_t> list = instances.subspan(begin, scratch.tile_begin[index + 1] - begin);
         detail::BlendBlock<T> blocks[detail::blocks_of_tile];
         std::uint32_t* const used = scratch.block_used.data() + rank * detail::blocks_of_tile;
         std::uint16_t* const touched = scratch.touched.data() + begin;

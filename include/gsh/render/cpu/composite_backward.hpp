@@ -31,31 +31,51 @@ struct alignas(64) GradientBlock {
     Lanes<T> product, minus_behind, dL_dred, dL_dgreen, dL_dblue, dL_ddepth, dL_dmedian;
 };
 
-/// One splat's share of the gradient in the blocks of the set bits, summed over their pixels: writes its slot. Returns
-/// those of the blocks in which too little light reaches the splat to pass a gradient to it, or to any splat behind it.
+/// A splat of a batch, and the blocks in which it may get a gradient.
+struct BatchPair {
+    std::uint32_t splat, blocks;
+};
+
+/// Writes the gradients of splats of a batch, summed over the pixels of their blocks, to their slots: those of the
+/// first `count` pairs, of which each has a block. The pair after them is read, too.
+///
+/// A splat's shape in its next block is computed before its gradient in this one, so that the one does not wait for the
+/// other: each alone is a long chain of dependent operations. Narrow registers are too few for that.
 template <bool Depth, class T>
-std::uint32_t blend_backward([[maybe_unused]] const TileSplat<T>& splat,
-                             [[maybe_unused]] const BlendLimits<T>& bounds, [[maybe_unused]] std::uint32_t bits,
-                             [[maybe_unused]] GradientBlock<T>* blocks, [[maybe_unused]] T* slot) {
-    std::uint32_t dark = 0;
+void blend_backward([[maybe_unused]] const Batch<T>& batch, [[maybe_unused]] const BatchPair* pairs,
+                    [[maybe_unused]] std::size_t count, [[maybe_unused]] const BlendLimits<T>& bounds,
+                    [[maybe_unused]] GradientBlock<T>* blocks, [[maybe_unused]] T* slots) {
 #if !defined(__CUDA_ARCH__) // in its pass for the device, nvcc parses host code, too, and refuses vectors of registers
     using W = Wide<T>;
-    const TileSplat<T> s = splat; // local copies: the stores below cannot alias them
-    const BlendLimits<T> limits = bounds;
+    constexpr std::size_t size = slot_size<Depth>;
+    constexpr bool in_advance = W::width == block_lanes;
+    const BlendLimits<T> limits = bounds; // a local copy: the stores below cannot alias it
     const W zero(T(0));
-    W sums[slot_size<Depth>];
+    const auto shape_in = [&](std::size_t splat, std::size_t b, std::size_t l) {
+        const TileSplat<T> s = batch[splat];
+        const W x = W::load(&pixel_coordinates<T, false>[b][l]), y = W::load(&pixel_coordinates<T, true>[b][l]);
+        return BlendShape<W>(s, limits, x, y);
+    };
+    const auto first_of = [](std::uint32_t bits) { return static_cast<std::size_t>(std::countr_zero(bits)); };
+    W sums[size];
     for (W& sum : sums) sum = zero;
-    for (; bits != 0; bits &= bits - 1) {
-        const auto b = static_cast<std::size_t>(std::countr_zero(bits));
+    std::uint32_t bits = pairs->blocks;
+    BlendShape<W> next_shape = shape_in(pairs->splat, first_of(bits), 0);
+    for (const BatchPair* const end = pairs + count; pairs != end;) {
+        const std::size_t splat = pairs->splat, b = first_of(bits);
+        const TileSplat<T> s = batch[splat];
         GradientBlock<T>& block = blocks[b];
-        dark |= 1u << b;
+        BlendShape<W> shape = next_shape;
+        bits &= bits - 1;
+        const bool last = bits == 0;
+        pairs += last ? 1 : 0;
+        bits = last ? pairs->blocks : bits;
+        if constexpr (in_advance) next_shape = shape_in(pairs->splat, first_of(bits), 0);
         for (std::size_t l = 0; l < block_lanes; l += W::width) {
+            if constexpr (!in_advance) shape = shape_in(splat, b, l);
             const W before = W::load(&block.product[l]);
             const auto lit = before >= W(limits.gradient_transmittance_min);
-            if (!any(lit)) continue;
-            dark &= ~(1u << b);
-            const W x = W::load(&pixel_coordinates<T, false>[b][l]), y = W::load(&pixel_coordinates<T, true>[b][l]);
-            const BlendStep<W> step(s, limits, x, y, before);
+            const BlendStep<W> step(shape, limits, before);
             step.after.store(&block.product[l]);
             const W weight = select(lit, step.weight, zero);
 
@@ -84,12 +104,14 @@ std::uint32_t blend_backward([[maybe_unused]] const TileSplat<T>& splat,
                                                  select(crosses, W::load(&block.dL_dmedian[l]), zero));
             }
         }
+        if (!last) continue;
+        T* const slot = slots + splat * size;
+        constexpr int whole = size / W::width * W::width, rest = size - whole;
+        for (int i = 0; i < whole; i += W::width) sums_of_rows<W::width>(sums + i).store(slot + i);
+        if constexpr (rest > 0) sums_of_rows<rest>(sums + whole).template store_first<rest>(slot + whole);
+        for (W& sum : sums) sum = zero;
     }
-    constexpr int whole = slot_size<Depth> / W::width * W::width, rest = slot_size<Depth> - whole;
-    for (int i = 0; i < whole; i += W::width) sums_of_rows<W::width>(sums + i).store(slot + i);
-    if constexpr (rest > 0) sums_of_rows<rest>(sums + whole).template store_first<rest>(slot + whole);
 #endif
-    return dark;
 }
 
 /// One plane of an image in block order; zero where the plane is empty or the tile extends beyond the image.
@@ -105,9 +127,22 @@ void read_tile(const TilePlace& tile, const ImageView<const T>& image, int chann
     }
 }
 
+/// The blocks of `bits` in which some pixel still passes a gradient.
+template <class T>
+[[nodiscard]] std::uint32_t lit_blocks(std::uint32_t bits, const GradientBlock<T>* blocks, T transmittance_min) {
+    std::uint32_t lit = 0;
+    for (; bits != 0; bits &= bits - 1) {
+        const int b = std::countr_zero(bits);
+        bool any_lit = false;
+        for (const T product : blocks[b].product) any_lit |= product >= transmittance_min;
+        lit |= (any_lit ? 1u : 0u) << b;
+    }
+    return lit;
+}
+
 /// Second sweep over a tile's list: writes the sums of each splat to its slot. `used` and `touched` are blend_tile's.
 template <bool Depth, class T>
-void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const TileInstance> list,
+void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const std::uint32_t> list,
                          const BlendLimits<T>& limits, const std::uint32_t* used, const std::uint16_t* touched,
                          GradientBlock<T>* blocks, T* slots) {
     constexpr std::size_t slot = slot_size<Depth>;
@@ -115,17 +150,21 @@ void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splat
     std::uint32_t lit = (1u << blocks_of_tile) - 1; // blocks in which splats still get a gradient
     for (std::size_t begin = 0; begin < list.size(); begin += batch.size) {
         batch.load(splats, list, begin, tile);
-        for (std::size_t j = 0; j < batch.size; ++j) prefetch_for_write(slots + list[begin + j].slot * slot);
         std::uint16_t bits[batch_size];
         std::copy_n(touched + begin, batch.size, bits);
         for (std::size_t b = 0; b < blocks_of_tile; ++b)
             for (std::size_t j = used[b] < begin ? 0 : used[b] - begin; j < batch.size; ++j)
                 bits[j] = static_cast<std::uint16_t>(bits[j] & ~(1u << b));
-        for (std::size_t j = 0; j < batch.size; ++j) {
-            T* const sums = slots + list[begin + j].slot * slot;
-            if ((bits[j] & lit) == 0) std::fill_n(sums, slot, T(0));
-            else lit &= ~blend_backward<Depth>(batch[j], limits, bits[j] & lit, blocks, sums);
+        lit = lit_blocks(lit, blocks, limits.gradient_transmittance_min);
+        BatchPair pairs[batch_size + 1];
+        std::uint32_t count = 0;
+        for (std::uint32_t j = 0; j < batch.size; ++j) {
+            pairs[count] = {j, bits[j] & lit};
+            if (pairs[count].blocks == 0) std::fill_n(slots + (begin + j) * slot, slot, T(0));
+            else ++count;
         }
+        pairs[count] = {0, 1};
+        if (count != 0) blend_backward<Depth>(batch, pairs, count, limits, blocks, slots + begin * slot);
     }
 }
 
@@ -142,7 +181,7 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
     const bool with_depth = !dL_dtarget.expected_depth.empty() || !dL_dtarget.median_depth.empty();
     const BlendLimits<T> limits(params);
     const Span<const ScreenSplat<T>> splats = scratch.splats;
-    const Span<const TileInstance> instances = scratch.instances;
+    const Span<const std::uint32_t> instances = scratch.instances;
     constexpr std::size_t record = pixel_channels * tile_pixels;
     const std::size_t slot = with_depth ? slot_size<true> : slot_size<false>;
     scratch.slot_size = slot;
@@ -201,16 +240,15 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
         }
         const std::uint32_t begin = scratch.tile_begin[index], end = scratch.tile_begin[index + 1];
         const std::uint32_t used = scratch.tile_used[index];
-        const Span<const TileInstance> list = instances.subspan(begin, used);
+        const Span<const std::uint32_t> list = instances.subspan(begin, used);
         const std::uint32_t* const block_used = scratch.block_used.data() + rank * blocks_of_tile;
         const std::uint16_t* const touched = scratch.touched.data() + begin;
-        T* const slots = scratch.slots.data();
+        T* const slots = scratch.slots.data() + begin * slot;
         if (with_depth)
             blend_tile_backward<true>(tile, splats, list, limits, block_used, touched, blocks, slots);
         else
             blend_tile_backward<false>(tile, splats, list, limits, block_used, touched, blocks, slots);
-        for (std::uint32_t i = begin + used; i < end; ++i)
-            std::fill_n(scratch.slots.data() + instances[i].slot * slot, slot, T(0));
+        std::fill(slots + used * slot, slots + (end - begin) * slot, T(0));
     });
     if (!dL_dbackground.color.empty()) {
         vec3<double> sum(0);

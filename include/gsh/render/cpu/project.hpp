@@ -183,8 +183,8 @@ private:
 
 } // namespace detail
 
-/// First stage: screen splats, their tiles, their gradient slots, and sort items of the visible ones. Returns false if
-/// cache.status reports an error.
+/// First stage: screen splats, their tiles, and sort items of the visible ones. Returns false if cache.status reports
+/// an error.
 template <CpuBackend B, std::floating_point T>
 [[nodiscard]] bool project_splats(B& backend, const Camera<T>& camera, const SplatView<const T>& splats,
                                   const RasterParams<T>& params, RasterCache<B, T>& cache) {
@@ -196,7 +196,7 @@ template <CpuBackend B, std::floating_point T>
     cache.visible.resize(n);
     scratch.splats.resize(n);
     scratch.covers.resize(n);
-    scratch.slot_begin.resize(n + 1);
+    scratch.pair_begin.resize(n + 1);
     scratch.items.resize(n);
     scratch.items_scratch.resize(n);
     scratch.chunk_status.resize(chunks);
@@ -219,7 +219,7 @@ template <CpuBackend B, std::floating_point T>
                     tiles = detail::cover_tiles(scratch.splats[i], rect, scratch.grid, scratch.covers[i]);
                 }
                 cache.visible[i] = tiles != 0;
-                scratch.slot_begin[i] = static_cast<std::uint32_t>(status.pairs);
+                scratch.pair_begin[i] = static_cast<std::uint32_t>(status.pairs);
                 status.pairs += tiles;
                 if (tiles == 0) continue;
                 const Key key = std::bit_cast<Key>(scratch.splats[i].depth); // positive floats sort like their bits
@@ -241,11 +241,11 @@ template <CpuBackend B, std::floating_point T>
     cache.status[0] = total;
     if (total.nonfinite != 0 || total.pairs > params.max_pairs) return false;
 
-    scratch.slot_begin[n] = static_cast<std::uint32_t>(total.pairs);
+    scratch.pair_begin[n] = static_cast<std::uint32_t>(total.pairs);
     backend.for_chunks(n, detail::splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         const RasterStatus& before = scratch.chunk_status[chunk];
         const auto base = static_cast<std::uint32_t>(before.pairs);
-        for (std::size_t i = begin; i < end; ++i) scratch.slot_begin[i] += base;
+        for (std::size_t i = begin; i < end; ++i) scratch.pair_begin[i] += base;
         const std::size_t next = chunk + 1 < chunks ? scratch.chunk_status[chunk + 1].visible : total.visible;
         std::copy_n(scratch.items_scratch.data() + begin, next - before.visible, scratch.items.data() + before.visible);
     });

@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/prefetch.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/math/sym.hpp>
@@ -138,6 +139,11 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
     const std::size_t n = splats.size(), chunks = chunk_count(n, splat_grain);
     const Camera<double> camera_in_double = camera.template cast<double>();
     const bool skips_dark = params.gradient_transmittance_min > T(0);
+    const bool with_depth = scratch.slot_size == slot_size<true>;
+    const std::size_t pairs = scratch.pair_places.size();
+    const auto slot_of = [&](std::size_t pair) {
+        return scratch.slots.data() + scratch.pair_places[pair] * scratch.slot_size;
+    };
     cache.screen_gradient_norms.resize(n);
     cache.screen_radii.resize(n);
     scratch.chunk_camera.resize(dL_dcamera.empty() ? 0 : chunks);
@@ -159,9 +165,13 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
             cache.screen_gradient_norms[i] = cache.screen_radii[i] = T(0);
             if (!cache.visible[i]) continue;
             T sum[slot_size<true>] = {};
-            for (std::size_t slot = scratch.slot_begin[i]; slot < scratch.slot_begin[i + 1]; ++slot)
-                for (std::size_t k = 0; k < scratch.slot_size; ++k)
-                    sum[k] += scratch.slots[slot * scratch.slot_size + k];
+            for (std::size_t pair = scratch.pair_begin[i]; pair < scratch.pair_begin[i + 1]; ++pair) {
+                constexpr std::size_t ahead = 32; // the slots of a splat are scattered in memory
+                if (pair + ahead < pairs) prefetch(slot_of(pair + ahead)), prefetch(slot_of(pair + ahead) + slot_blue);
+                const T* const share = slot_of(pair);
+                for (std::size_t k = 0; k < slot_size<false>; ++k) sum[k] += share[k];
+                if (with_depth) sum[slot_depth] += share[slot_depth];
+            }
             const ScreenSplat<T>& s = scratch.splats[i];
             if (skips_dark && std::all_of(sum, sum + slot_size<true>, [](T number) { return number == T(0); })) {
                 cache.screen_radii[i] = static_cast<T>(screen_radius(s.w));

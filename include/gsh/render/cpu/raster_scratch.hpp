@@ -37,11 +37,6 @@ struct SortItem {
     std::uint32_t splat;
 };
 
-/// One splat in one tile; the tile writes its share of the gradient of the splat to `slot`.
-struct TileInstance {
-    std::uint32_t splat, slot;
-};
-
 } // namespace cpu
 
 template <CpuBackend B, std::floating_point T>
@@ -54,9 +49,10 @@ struct RasterScratch<B, T> {
     TileGrid grid;
     Buffer<cpu::ScreenSplat<T>> splats;        // [N]
     Buffer<TileCover> covers;                  // [N]
-    Buffer<std::uint32_t> slot_begin;          // [N + 1] slots of a splat, in the order of its tiles
+    Buffer<std::uint32_t> pair_begin;          // [N + 1] pairs of a splat and a tile, in the order of its tiles
+    Buffer<std::uint32_t> pair_places;         // [pairs] places in `instances`
     Buffer<std::uint32_t> tile_begin;          // [tiles + 1]
-    Buffer<cpu::TileInstance> instances;       // [pairs] by tile, front to back
+    Buffer<std::uint32_t> instances;           // [pairs] splats by tile, front to back
     Buffer<std::uint32_t> tile_order;          // [tiles] long lists first, empty tiles last
     Buffer<std::uint32_t> tile_used;           // [tiles] length of the part of the list that had an effect
     Buffer<std::uint16_t> touched;             // [pairs] bit b: the splat may touch block b of the tile
@@ -68,7 +64,7 @@ struct RasterScratch<B, T> {
     Buffer<cpu::SortItem<Key>> items, items_scratch; // [N]
     Buffer<std::uint32_t> histograms;
     Buffer<RasterStatus> chunk_status;
-    Buffer<T> slots; // [pairs, slot_size]
+    Buffer<T> slots; // [pairs, slot_size] share of each tile in the gradient of each of its splats, as in `instances`
     std::size_t slot_size = 0;
     Buffer<vec3<double>> tile_background;
     Buffer<CameraGradient<double>> chunk_camera;

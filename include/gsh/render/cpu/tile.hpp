@@ -27,6 +27,7 @@
 namespace gsh::cpu::inline GSH_ISA::detail {
 
 using gsh::detail::BlendLimits;
+using gsh::detail::BlendShape;
 using gsh::detail::BlendStep;
 
 inline constexpr int block_lanes = 16;      // pixels of a 4x4 block
@@ -86,15 +87,15 @@ struct Batch {
     std::size_t size = 0;
 
     /// Copies the list's splats from `begin` on, and prefetches those of the next batch.
-    void load(Span<const ScreenSplat<T>> from, Span<const TileInstance> list, std::size_t begin,
+    void load(Span<const ScreenSplat<T>> from, Span<const std::uint32_t> list, std::size_t begin,
               const TilePlace& tile) {
         size = std::min(batch_size, list.size() - begin);
-        const TileInstance* const instances = list.data() + begin;
+        const std::uint32_t* const instances = list.data() + begin;
         const std::size_t ahead = std::min(batch_size, list.size() - begin - size);
-        for (std::size_t j = 0; j < ahead; ++j) prefetch(&from[instances[size + j].splat]);
+        for (std::size_t j = 0; j < ahead; ++j) prefetch(&from[instances[size + j]]);
         // Padding repeats the last splat, so that loops go over whole registers.
         const auto splat = [&](std::size_t j) -> const ScreenSplat<T>& {
-            return from[instances[j < size ? j : size - 1].splat];
+            return from[instances[j < size ? j : size - 1]];
         };
         const double x = tile.x + 0.5, y = tile.y + 0.5;
         if constexpr (sizeof(T) == 4)
