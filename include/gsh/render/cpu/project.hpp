@@ -38,11 +38,9 @@ template <std::floating_point T>
 }
 
 /// The tiles of a rectangle that the ellipse inside it touches; returns their number.
-template <std::floating_point T>
-[[nodiscard]] std::uint32_t cover_tiles(const ScreenSplat<T>& splat, const TileRect& rect, const TileGrid& grid,
-                                        TileCover& cover) {
+[[nodiscard]] inline std::uint32_t cover_tiles(const Ellipse<double>& ellipse, const TileRect& rect,
+                                               const TileGrid& grid, TileCover& cover) {
     cover = gsh::detail::cover_of(rect);
-    const Ellipse<double> ellipse = ellipse_of(splat);
     if (gsh::detail::fits_mask(cover)) return gsh::detail::set_mask(ellipse, grid, cover);
     std::uint32_t count = 0;
     for (int y = rect.y0; y < rect.y1; ++y) {
@@ -100,9 +98,17 @@ public:
     }
 
     [[nodiscard]] TileRect rect(std::size_t k) const { return {x0[k], y0[k], x1[k], y1[k]}; }
-    [[nodiscard]] ScreenSplat<T> splat(std::size_t k, const vec3<T>& color) const {
-        return {{x[k], y[k]}, {ux[k], uy[k], vy[k]}, static_cast<T>(opacity[k]), static_cast<T>(depth[k]), color,
-                static_cast<T>(cut[k])};
+    /// As ellipse_of the splat.
+    [[nodiscard]] Ellipse<double> ellipse(std::size_t k) const {
+        return {x[k], y[k], {ux[k], uy[k], vy[k]}, generous(static_cast<double>(static_cast<T>(cut[k])))};
+    }
+    /// Member by member: GCC 12 would copy a whole splat through a register, which waits for the stores of its members.
+    void put_splat(std::size_t k, const vec3<T>& color, ScreenSplat<T>& to) const {
+        to.mean2d.x = x[k], to.mean2d.y = y[k];
+        to.w.ux = ux[k], to.w.uy = uy[k], to.w.vy = vy[k];
+        to.opacity = static_cast<T>(opacity[k]), to.depth = static_cast<T>(depth[k]);
+        to.color.x = color.x, to.color.y = color.y, to.color.z = color.z;
+        to.cut = static_cast<T>(cut[k]);
     }
 
 private:
@@ -215,14 +221,14 @@ template <CpuBackend B, std::floating_point T>
                 if (!(batch.nonfinite[k] == 0)) {
                     if (status.nonfinite++ == 0) status.first_nonfinite = static_cast<std::uint32_t>(i);
                 } else if (!rect.empty()) {
-                    scratch.splats[i] = batch.splat(k, splats.colors[i]);
-                    tiles = detail::cover_tiles(scratch.splats[i], rect, scratch.grid, scratch.covers[i]);
+                    batch.put_splat(k, splats.colors[i], scratch.splats[i]);
+                    tiles = detail::cover_tiles(batch.ellipse(k), rect, scratch.grid, scratch.covers[i]);
                 }
                 cache.visible[i] = tiles != 0;
                 scratch.pair_begin[i] = static_cast<std::uint32_t>(status.pairs);
                 status.pairs += tiles;
                 if (tiles == 0) continue;
-                const Key key = std::bit_cast<Key>(scratch.splats[i].depth); // positive floats sort like their bits
+                const Key key = std::bit_cast<Key>(static_cast<T>(batch.depth[k])); // positive: sorts like its bits
                 scratch.items_scratch[begin + status.visible++] = {key, static_cast<std::uint32_t>(i)};
             }
         }
