@@ -11,12 +11,14 @@
 #include <cstdint>
 #include <vector>
 
-namespace {
+namespace cuda_kernel_times { // joined builds: other tests have helpers of the same names
 
 using namespace gsh;
 using cuda::Device;
 
-/// Adds a number, alone.
+namespace {
+
+/// Adds 1, by one thread.
 struct AddOne {
     static constexpr unsigned block_size = 32;
     Span<std::uint32_t> sum;
@@ -78,3 +80,5 @@ TEST_CASE("work behind a gate has run when the gate is gone") {
     device.download(Span<const std::uint32_t>(sum), Span<std::uint32_t>(&runs, 1));
     CHECK(runs == 1);
 }
+
+} // namespace cuda_kernel_times

@@ -79,7 +79,7 @@ struct MlpLayout {
     /// Numbers of a hidden layer's activations (all hidden layers are as wide as the first).
     [[nodiscard]] std::size_t pitch(std::size_t rows) const { return rows * padded_out(0); }
     /// Address of a row's activations of the first hidden layer; null without hidden layers.
-    [[nodiscard]] T* activations(Span<T> hidden, std::size_t row) const {
+    [[nodiscard]] T* first_activation(Span<T> hidden, std::size_t row) const {
         return hidden_layers() ? hidden.data() + pitch(row) : nullptr;
     }
     /// A hidden layer's activations of all rows.
@@ -360,7 +360,7 @@ void mlp_forward(B& backend, const Network& network, Span<const T> weights, cons
             const std::size_t next = first + count, next_count = std::min(detail::mlp_tile_rows, end - next);
             detail::mlp_tile_forward(layout, scratch.packed.data(),
                                      detail::input_tile(layout, inputs, detail::RowsFrom{first}, count, input_copy),
-                                     count, layout.activations(scratch.hidden, first), layout.pitch(rows),
+                                     count, layout.first_activation(scratch.hidden, first), layout.pitch(rows),
                                      output_copy,
                                      detail::Ahead<T, detail::RowsFrom>{inputs.features, {next}, next_count});
             for (std::size_t r = 0; r < count; ++r)
@@ -410,7 +410,7 @@ void mlp_backward(B& backend, const Network& network, Span<const T> weights, con
         while (tile.next()) {
             if (tile.consecutive()) {
                 const std::size_t first = tile.rows()(0);
-                backward(detail::RowsFrom{first}, layout.activations(scratch.hidden, first), layout.pitch(rows),
+                backward(detail::RowsFrom{first}, layout.first_activation(scratch.hidden, first), layout.pitch(rows),
                          dL_doutputs.data() + first * outputs);
             } else {
                 const std::size_t pitch = layout.pitch(tile.count());
