@@ -63,8 +63,8 @@ public:
         resize(photo.camera.height, photo.camera.width);
         halve_chroma_ = photo.half_chroma;
         weight_ = T(photo.weight);
-        is_composited_ = composites && pixels.unknown.empty();
-        if (is_composited_) {
+        if (composites && pixels.unknown.empty()) {
+            is_composited_ = true;
             composite_ = backdrop_.composite(*backend_, pixels.rgba, pixels.box, pixels.plate, height_, width_);
             check_picture(*backend_, "PhotoLoss::set_photo", photo.name, composite_, 3, height_, width_);
         } else {
@@ -218,10 +218,12 @@ private:
         use(view(truth_, 3), with_mask() ? view(mask_, 1) : ImageView<T>{});
     }
     void put_photograph(const typename PhotoPixels<B>::View& pixels, const ImageView<T>& mask) {
+        is_composited_ = false;
         backdrop_.photograph(*backend_, pixels.rgba, pixels.box, pixels.plate, pixels.unknown, in(truth_, 3), mask);
     }
     void picture_from(const Camera<double>& camera, const SplatView<const T>& splats, Image<T>& color,
                       Image<T>* alpha) {
+        is_composited_ = false; // its pixels or its plate may be gone
         resize(camera.height, camera.width);
         backdrop_.set_color(params_.background);
         rasterizer_.forward(camera.template cast<T>(), splats, backdrop_.background(),
