@@ -3,6 +3,7 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/gaussian/cpu/static_gaussian.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 
 #include <benchmark/benchmark.h>
