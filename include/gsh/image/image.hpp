@@ -26,16 +26,14 @@ struct ImageView {
     }
     [[nodiscard]] GSH_HD std::size_t size() const { return plane_size() * static_cast<std::size_t>(channels); }
     [[nodiscard]] GSH_HD bool empty() const { return size() == 0; }
-    [[nodiscard]] GSH_HD T* row(int channel, int y) const {
-        return data.data() + (static_cast<std::size_t>(channel) * static_cast<std::size_t>(height) +
-                              static_cast<std::size_t>(y)) *
-                                 static_cast<std::size_t>(width);
+    /// The index of a row's first pixel.
+    [[nodiscard]] GSH_HD std::size_t row_begin(int channel, int y) const {
+        return (static_cast<std::size_t>(channel) * static_cast<std::size_t>(height) + static_cast<std::size_t>(y)) *
+               static_cast<std::size_t>(width);
     }
+    [[nodiscard]] GSH_HD T* row(int channel, int y) const { return data.data() + row_begin(channel, y); }
     [[nodiscard]] GSH_HD T& at(int channel, int y, int x) const {
-        return data[(static_cast<std::size_t>(channel) * static_cast<std::size_t>(height) +
-                     static_cast<std::size_t>(y)) *
-                        static_cast<std::size_t>(width) +
-                    static_cast<std::size_t>(x)];
+        return data[row_begin(channel, y) + static_cast<std::size_t>(x)];
     }
 
     template <std::same_as<T> U> // a template, because nvcc warns about a conversion to the same type

@@ -102,22 +102,36 @@ struct FindDigit {
     }
 };
 
-/// The growth of the candidates with the gradient that was found, for each block.
+/// The candidates with the gradient that was found, among which the index decides.
+template <class T>
+struct TiedCandidates {
+    GrowthCandidates<T> candidates;
+    Span<const GrowthSearch<typename GrowthCandidates<T>::Key>> search;
+
+    /// The growth of a tied candidate; 0 for all others.
+    [[nodiscard]] __device__ std::uint32_t growth(std::size_t i) const {
+        const std::uint32_t growth = candidates.growth(i);
+        return growth != 0 && !search[0].all_fit && candidates.key(i) == search[0].key ? growth : 0;
+    }
+    /// Summed over the Gaussians of the running thread.
+    [[nodiscard]] __device__ std::uint32_t growth_of_thread() const {
+        std::uint32_t sum = 0;
+        DescentTile::for_each(candidates.wishes.size(), [&](std::size_t i) { sum += growth(i); });
+        return sum;
+    }
+};
+
+/// The growth of tied candidates, for each block.
 template <class T>
 struct SumTies {
     static constexpr unsigned block_size = DescentTile::threads;
     using Shared = DescentTile::Shared;
-    GrowthCandidates<T> candidates;
-    Span<const GrowthSearch<typename GrowthCandidates<T>::Key>> search;
+    TiedCandidates<T> ties;
     Span<std::uint32_t> block_sums;
 
     __device__ void operator()(Shared& shared) const {
-        std::uint32_t sum = 0, total = 0;
-        DescentTile::for_each(candidates.wishes.size(), [&](std::size_t i) {
-            const std::uint32_t growth = candidates.growth(i);
-            if (growth != 0 && candidates.key(i) == search[0].key) sum += growth;
-        });
-        (void)block_scan<block_size>(shared.warps, sum, total);
+        std::uint32_t total = 0;
+        (void)block_scan<block_size>(shared.warps, ties.growth_of_thread(), total);
         if (threadIdx.x == 0) block_sums[blockIdx.x] = total;
     }
 };
@@ -127,30 +141,24 @@ template <class T>
 struct GrantRoom {
     static constexpr unsigned block_size = DescentTile::threads;
     using Shared = DescentTile::Shared;
-    GrowthCandidates<T> candidates;
-    Span<const GrowthSearch<typename GrowthCandidates<T>::Key>> search;
+    TiedCandidates<T> ties;
     Span<const std::uint32_t> block_begin; ///< sums of ties in the blocks before
     Span<Fate> granted;
     Span<std::uint32_t> room_left;
 
     __device__ void operator()(Shared& shared) const {
-        const auto found = search[0];
-        const auto is_tie = [&](std::uint32_t growth, std::size_t i) {
-            return growth != 0 && !found.all_fit && candidates.key(i) == found.key;
-        };
-        std::uint32_t sum = 0, total = 0;
+        const GrowthCandidates<T>& candidates = ties.candidates;
+        const auto found = ties.search[0];
+        std::uint32_t total = 0;
+        std::uint32_t before =
+            block_begin[blockIdx.x] + block_scan<block_size>(shared.warps, ties.growth_of_thread(), total);
         DescentTile::for_each(candidates.wishes.size(), [&](std::size_t i) {
-            const std::uint32_t growth = candidates.growth(i);
-            if (is_tie(growth, i)) sum += growth;
-        });
-        std::uint32_t before = block_begin[blockIdx.x] + block_scan<block_size>(shared.warps, sum, total);
-        DescentTile::for_each(candidates.wishes.size(), [&](std::size_t i) {
-            const std::uint32_t growth = candidates.growth(i);
+            const std::uint32_t growth = candidates.growth(i), tied = ties.growth(i);
             bool fits = growth != 0 && (found.all_fit || candidates.key(i) > found.key);
-            if (is_tie(growth, i)) {
-                fits = before + growth <= found.room;
+            if (tied != 0) {
+                fits = before + tied <= found.room;
                 if (before <= found.room && !fits) room_left[0] = found.room - before; // the first that does not fit
-                before += growth;
+                before += tied;
             }
             if (growth != 0) granted[i] = fits ? candidates.wishes[i] : Fate::keep;
             else if (!candidates.refused_clones) granted[i] = candidates.wishes[i];
@@ -172,9 +180,10 @@ void grant_in_order(Device& device, const GrowthCandidates<T>& candidates, std::
         device.launch(chunk_count(count, SumDigits<T>::block_size), SumDigits<T>{candidates, search, shift, sums});
         device.launch(1, FindDigit<Key>{search, shift, sums});
     }
-    device.launch(blocks, SumTies<T>{candidates, search, block_sums});
+    const TiedCandidates<T> ties{candidates, search};
+    device.launch(blocks, SumTies<T>{ties, block_sums});
     device.launch(1, ScanDescent{block_sums, block_begin});
-    device.launch(blocks, GrantRoom<T>{candidates, search, block_begin, granted, room_left});
+    device.launch(blocks, GrantRoom<T>{ties, block_begin, granted, room_left});
 }
 
 /// The fates of Gaussians when only `room` may be added. `fates` would add more.
