@@ -115,20 +115,18 @@ TEST_CASE("a configured avatar is bit-identical to the avatar of the same types"
     CHECK(tube.pass(typed) == tube.pass(configured));
 }
 
-TEST_CASE("a configuration chooses the levels and sizes of the shadow's field") {
-    const AvatarConfig coarse = small_tube({.ao = AmbientOcclusion::time, .ao_levels = ShadowLevels::coarse});
-    AvatarConfig all = coarse, wide = coarse, fine = coarse;
-    all.ao_levels = ShadowLevels::all;
-    wide.ao_width = 2 * coarse.ao_width;
-    fine.ao_growth = 2 * coarse.ao_growth;
-    const auto size = [](const AvatarConfig& config) {
-        return avatar_size<cpu::Serial, float, 3, 2>(config, 4, {}).fixed();
+TEST_CASE("a configuration chooses the sizes of the shadow's field") {
+    const AvatarConfig config = small_tube({.ao = AmbientOcclusion::time});
+    AvatarConfig wide = config, fine = config;
+    wide.ao_width = 2 * config.ao_width;
+    fine.ao_growth = 2 * config.ao_growth;
+    const auto size = [](const AvatarConfig& c) {
+        return avatar_size<cpu::Serial, float, 3, 2>(c, 4, {}).fixed();
     };
-    CHECK(size(all) > size(coarse));
-    CHECK(size(wide) > size(coarse));
-    CHECK(shadow_params(fine, 0).field.growth == 2 * coarse.ao_growth);
-    CHECK(shadow_params(wide, 0).field.width == 2 * coarse.ao_width);
-    CHECK(appearance_params(wide, 1, 0).field.width == coarse.mlp_width);
+    CHECK(size(wide) > size(config));
+    CHECK(shadow_params(fine, 0).field.growth == 2 * config.ao_growth);
+    CHECK(shadow_params(wide, 0).field.width == 2 * config.ao_width);
+    CHECK(appearance_params(wide, 1, 0).field.width == config.mlp_width);
 }
 
 TEST_CASE("rates are those of the configuration") {

@@ -24,12 +24,6 @@ enum class AmbientOcclusion {
     pose  ///< the joints' rotations relative to their parents; ao is also right in a new motion
 };
 
-/// The levels of a shadow's hash grid.
-enum class ShadowLevels {
-    coarse, ///< three quarters as many as the grid of colours and displacements has: light changes slowly over a body
-    all     ///< as many
-};
-
 /// Learning rates, in metres for joints and displacements, else without a unit.
 struct LearningRates {
     double joints = 5e-4;
@@ -75,7 +69,6 @@ struct AvatarConfig {
     /// network learns to use the features. At 1 they dominate what the encoding learns point by point.
     double prior_scale = 0.1;
     AmbientOcclusion ao = AmbientOcclusion::none;
-    ShadowLevels ao_levels = ShadowLevels::all;
     double ao_growth = 1.6; ///< ratio of cells from one level of the shadow's grid to the next
     int ao_width = 32;      ///< neurons of a hidden layer of the shadow's network
     double ao_start = 0.1; ///< share of the run after which the shadow is used and learned; the paper: 0.4

@@ -96,18 +96,13 @@ struct ShadowInputCounts {
 /// use(std::type_identity<NoShadow<B, T>>()).
 template <Backend B, std::floating_point T, int Levels, int Features, class Use>
 auto with_shadow_type(const AvatarConfig& config, const ShadowInputCounts& counts, const Use& use) {
-    const auto with_levels = [&]<int L>(std::integral_constant<int, L>) {
-        switch (config.ao) {
-        case AmbientOcclusion::time: return use(std::type_identity<TimeShadow<B, T, L, Features>>(), counts.frames);
-        case AmbientOcclusion::pose:
-            return use(std::type_identity<PoseShadow<B, T, L, Features>>(), counts.pose_features);
-        case AmbientOcclusion::none: break;
-        }
-        return use(std::type_identity<NoShadow<B, T>>());
-    };
-    constexpr int coarse = Levels < 2 ? 1 : 3 * Levels / 4;
-    if (config.ao_levels == ShadowLevels::coarse) return with_levels(std::integral_constant<int, coarse>());
-    return with_levels(std::integral_constant<int, Levels>());
+    switch (config.ao) {
+    case AmbientOcclusion::time: return use(std::type_identity<TimeShadow<B, T, Levels, Features>>(), counts.frames);
+    case AmbientOcclusion::pose:
+        return use(std::type_identity<PoseShadow<B, T, Levels, Features>>(), counts.pose_features);
+    case AmbientOcclusion::none: break;
+    }
+    return use(std::type_identity<NoShadow<B, T>>());
 }
 
 /// Makes the avatar that a configuration describes, from a rig and the samples of which the rig was made. `frame_count`

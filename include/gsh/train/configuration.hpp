@@ -97,10 +97,6 @@ struct EnumNames<AmbientOcclusion> {
     static constexpr std::array<std::string_view, 3> names{"none", "time", "pose"};
 };
 template <>
-struct EnumNames<ShadowLevels> {
-    static constexpr std::array<std::string_view, 2> names{"coarse", "all"};
-};
-template <>
 struct EnumNames<Deformation> {
     static constexpr std::array<std::string_view, 3> names{"linear", "polar", "dual_quaternion"};
 };
@@ -157,7 +153,6 @@ void for_each_setting(C& c, const F& f) {
     f("sh_dc_scale", c.avatar.sh_dc_scale, any);
     f("sh_start", c.avatar.sh_start, share);
     f("ao", c.avatar.ao, any);
-    f("ao.levels", c.avatar.ao_levels, any);
     f("ao.growth", c.avatar.ao_growth, R::at_least(1));
     f("ao.width", c.avatar.ao_width, R::at_least(1));
     f("ao.table_size", c.avatar.ao_table_size, R::power_of_two());
