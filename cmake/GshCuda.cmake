@@ -45,12 +45,14 @@ endif()
 
 # gsh_add_device_code(target sources...): compiles .cu files with nvcc into objects of a target.
 function(gsh_add_device_code target)
+  # Off, because nvcc.sh takes any output for a failure.
+  list(TRANSFORM gsh_inlining_warnings REPLACE "^-Wno-error=" "-Xcompiler=-Wno-" OUTPUT_VARIABLE host_warnings)
   foreach(source IN LISTS ARGN)
     set(object ${CMAKE_CURRENT_BINARY_DIR}/${source}.o)
     add_custom_command(
       OUTPUT ${object}
       COMMAND ${gsh_nvcc_report} ${object}.kernels ${gsh_nvcc_command} -O3 -Xcompiler ${gsh_host_options}
-              $<$<CONFIG:Release>:-DNDEBUG>
+              ${host_warnings} $<$<CONFIG:Release>:-DNDEBUG>
               -I${CMAKE_CURRENT_SOURCE_DIR} -MD -MF ${object}.d -MT ${object}
               -c ${CMAKE_CURRENT_SOURCE_DIR}/${source} -o ${object}
       DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${source}

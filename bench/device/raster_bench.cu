@@ -118,9 +118,9 @@ void cases(Bench& bench) {
         measure(bench, "raster/person/" + std::to_string(size), person.view(), ring(size));
         measure(bench, "raster/layers/" + std::to_string(size), layers.view(), ring(size));
     }
-    if (options.list || bench.wants("raster/room/" + std::to_string(2 * options.size)))
-        measure(bench, "raster/room/" + std::to_string(2 * options.size),
-                options.list ? person.view() : make_room(many).view(), panorama(2 * options.size));
+    const std::string room = "raster/room/" + std::to_string(2 * options.size);
+    const bool shown = bench.wants(room + "/forward"), learned = bench.wants(room + "/forward+backward");
+    if (shown || learned) measure(bench, room, make_room(many).view(), panorama(2 * options.size));
 }
 
 } // namespace

@@ -130,9 +130,13 @@ template <class Kernel>
     const std::unique_ptr<char, void (*)(void*)> readable(
         abi::__cxa_demangle(typeid(Kernel).name(), nullptr, nullptr, &status), &std::free);
     std::string name = status == 0 ? readable.get() : typeid(Kernel).name();
+    // Not std::string::replace, of which GCC 12 warns (-Wrestrict).
     const auto replace = [&name](std::string_view from, std::string_view to) {
-        for (std::size_t at = 0; (at = name.find(from, at)) != std::string::npos; at += to.size())
-            name.replace(at, from.size(), to);
+        std::string result;
+        std::size_t begin = 0;
+        for (std::size_t at; (at = name.find(from, begin)) != std::string::npos; begin = at + from.size())
+            result.append(name, begin, at - begin).append(to);
+        name = result.append(name, begin);
     };
     for (const std::string_view space : {"gsh::", "cuda::", "detail::", "(anonymous namespace)::"}) replace(space, "");
     replace("glm::vec<3, float, (glm::qualifier)0>", "vec3<float>");
