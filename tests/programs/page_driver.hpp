@@ -46,7 +46,7 @@ const shoot = async (name) => {
   await send("picture " + name, await view.picture());
 };
 const until = async (what) => {
-  for (let n = 0; n < 400; ++n) {
+  for (let n = 0; n < 1200; ++n) {
     if (what()) return true;
     await new Promise((done) => setTimeout(done, 25));
   }
