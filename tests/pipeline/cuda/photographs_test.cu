@@ -25,7 +25,11 @@ namespace {
 
 constexpr int height = 45, width = 64;
 constexpr std::size_t plane = height * width;
-constexpr float rounding = 5e-7f; // of a colour up to 1: a GPU fuses products and sums
+#if defined(GSH_CUDA_EMULATION)
+constexpr float rounding = 0; // the host's bits
+#else
+constexpr float rounding = 5e-7f; // of a colour up to 1: nvcc fuses products and sums
+#endif
 
 /// Photographs whose masks are boxes in several places, the first `unknown[k]` pixels of which are not believed.
 struct Photographs {
