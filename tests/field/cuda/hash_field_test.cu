@@ -192,10 +192,9 @@ TEST_CASE("steps of HashField are repeated as one graph") {
 
 namespace {
 
-/// Networks of this width are the paper's.
-Problem<float> mixed_problem(std::size_t count, bool with_inputs, bool multi_scale, bool separate) {
-    return with_inputs ? Problem<float>(count, 3, 5, multi_scale, separate, 64)
-                       : Problem<float>(count, 0, 0, multi_scale, separate, 64);
+Problem<float> mixed_problem(std::size_t count, bool with_inputs, bool multi_scale, bool separate, int width = 64) {
+    return with_inputs ? Problem<float>(count, 3, 5, multi_scale, separate, width)
+                       : Problem<float>(count, 0, 0, multi_scale, separate, width);
 }
 
 struct MixedResults {
@@ -281,6 +280,7 @@ TEST_CASE("HashField in mixed precision rounds tables to fp16, features and oper
         compare(mixed_problem(n, n % 2 == 1, false, false));
     }
     for (const bool separate : {false, true}) compare(mixed_problem(150, true, true, separate));
+    compare(mixed_problem(150, true, true, false, 32)); // as the field of shadows
 }
 
 TEST_CASE("HashField in mixed precision has the same bits twice and in any order of blocks and threads") {
@@ -298,9 +298,9 @@ TEST_CASE("HashField in mixed precision has the same bits twice and in any order
 #endif
 }
 
-TEST_CASE("HashField in mixed precision keeps the network in float where it is not the paper's") {
+TEST_CASE("HashField in mixed precision keeps a network of wide layers in float") {
     if (test::skip_without_device()) return;
-    Problem<float> p(100, 2, 5, true, false);
+    Problem<float> p(100, 2, 5, true, false, 72);
     const MixedResults found = run_mixed(p);
     for (float& x : p.table) x = static_cast<float>(test::as_fp16(double(x)));
     Device device;

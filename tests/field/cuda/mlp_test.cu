@@ -295,12 +295,17 @@ Results<float> run_rounded(const Problem<float>& p) {
     return r;
 }
 
-/// Features and points; 80 inputs; the head of shadows; few and many outputs.
+/// Features and points; 80 inputs; few and many outputs; narrow layers: the field of shadows, and numbers that fill no
+/// tile.
 constexpr Shape mixed_shapes[] = {{64, 4, 0, 0, 30, 64, 2},
                                   {64, 4, 10, 6, 30, 64, 2},
                                   {64, 4, 16, 0, 64, 64, 2},
                                   {8, 8, 3, 2, 1, 64, 2},
-                                  {20, 4, 0, 12, 17, 64, 2}};
+                                  {20, 4, 0, 12, 17, 64, 2},
+                                  {64, 4, 0, 20, 1, 32, 2},
+                                  {12, 4, 3, 2, 5, 24, 2},
+                                  {8, 4, 0, 3, 3, 9, 2},
+                                  {16, 4, 1, 0, 20, 48, 2}};
 
 } // namespace
 
@@ -321,7 +326,7 @@ TEST_CASE("mixed precision rounds the operands of products to bf16, and nothing 
         }
 }
 
-TEST_CASE("mixed precision is near float, and float where the network is not the paper's") {
+TEST_CASE("mixed precision is near float, and float for networks of other depths and larger ones") {
     if (test::skip_without_device()) return;
     for (const Shape& shape : mixed_shapes) {
         const Problem<float> p(shape, 150);
@@ -333,7 +338,7 @@ TEST_CASE("mixed precision is near float, and float where the network is not the
         check_close(found.dL_dshared, expected.dL_dshared, 0.1);
     }
     for (const Shape& shape :
-         {Shape{16, 4, 0, 0, 5, 32, 2}, Shape{64, 4, 0, 0, 5, 64, 1}, Shape{64, 4, 20, 0, 5, 64, 2}}) {
+         {Shape{16, 4, 0, 0, 5, 72, 2}, Shape{64, 4, 0, 0, 5, 64, 1}, Shape{64, 4, 20, 0, 5, 64, 2}}) {
         const Problem<float> p(shape, 70);
         const Results<float> found = run_device(p, {.precision = Precision::mixed}), expected = run_device(p);
         CHECK(found.outputs == expected.outputs);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The MLP on a GPU, in the arithmetic of its numbers; the paper's network also in mixed precision.
+/// @file  The MLP on a GPU, in the arithmetic of its numbers; networks like the paper's also in mixed precision.
 ///
 /// A pass is two launches: weights in the layout of the products, then all layers of a tile of rows in one kernel
 /// (mlp_forward.cuh); or all layers in reverse (mlp_backward.cuh), then the sum of the blocks' gradients. Shared inputs
@@ -205,8 +205,9 @@ void mixed_forward(Device& device, const MlpShape& network, Span<const float> we
     using Kernel = MixedForward<Inputs>;
     const MixedShape shape(network);
     scratch.packed.resize(shape.words());
-    scratch.bias.resize(shape.shared ? MixedShape::width : 0);
-    const unsigned bias_blocks = static_cast<unsigned>(scratch.bias.size()) / MixedPack::numbers_per_block;
+    scratch.bias.resize(network.shared ? shape.width : 0);
+    const unsigned bias_blocks =
+        static_cast<unsigned>(chunk_count(scratch.bias.size(), MixedPack::numbers_per_block));
     device.launch(bias_blocks + chunk_count(shape.words(), MixedPack::block_size),
                   MixedPack{network, shape, bias_blocks, weights, shared, scratch.packed, scratch.bias});
     device.launch(chunk_count(rows, Kernel::block_rows),
@@ -222,7 +223,7 @@ void mixed_backward(Device& device, const MlpShape& network, Span<const float> w
     const MixedShape shape(network);
     const unsigned blocks = std::min(static_cast<unsigned>(chunk_count(rows, Kernel::tile_rows)), most_blocks);
     scratch.sums.resize(std::size_t(blocks) * shape.sums_size());
-    scratch.dL_dbias.resize(shape.shared ? MixedShape::width : 0);
+    scratch.dL_dbias.resize(network.shared ? shape.width : 0);
     device.launch(blocks,
                   Kernel{{shape, inputs, scratch.packed, scratch.bias}, dL_doutputs, dL_dfeatures, scratch.sums});
     if (blocks != 0)

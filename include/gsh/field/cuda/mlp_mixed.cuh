@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The paper's network in mixed precision: operands in bf16 on tensor cores, sums and masters in float.
+/// @file  Networks of two hidden layers in mixed precision: operands in bf16 on tensor cores, sums and masters in float.
 ///
 /// A warp takes 16 rows through all layers without shared memory: the result of a layer has the layout of the next
 /// one's operand. Nothing but the outputs is stored; backward computes the activations again. Its gradients of the
-/// weights stay in registers over all rows of a block: each warp has a quarter of the outputs, and receives rows of the
-/// other warps through shared memory.
+/// weights stay in registers over all rows of a block: each warp has 16 of the outputs, and receives rows of the other
+/// warps through shared memory.
+///
+/// Hidden layers have up to 64 numbers, as the paper's do; registers and shared memory are those of 64.
 ///
 /// Features are in float, or already in bf16, as a hash grid writes them (field/cuda/hash_field.cuh).
 #pragma once
@@ -31,18 +33,18 @@ namespace gsh::cuda::detail {
     return number;
 }
 
-/// Offsets of a network of two hidden layers of 64, in fragments: what the 32 lanes hold of a right operand, two words
-/// each. The number of inner tiles of 16 comes first, then that of column tiles of 8.
+/// Offsets of a network of two hidden layers, in fragments: what the 32 lanes hold of a right operand, two words each.
+/// The number of inner tiles of 16 comes first, then that of column tiles of 8.
 struct MixedShape {
-    static constexpr unsigned width = 64, most_inputs = 80, most_outputs = 64;
+    static constexpr unsigned most_width = 64, most_inputs = 80, most_outputs = 64;
     static constexpr unsigned layers = 3, fragment = 2 * warp_size; // words
-    unsigned inputs = 0, outputs = 0, shared = 0;
+    unsigned inputs = 0, outputs = 0, width = 0;
 
     [[nodiscard]] static bool fits(const MlpShape& shape) {
-        return shape.layers == layers && shape.width == width && shape.inputs <= most_inputs &&
+        return shape.layers == layers && shape.width <= most_width && shape.inputs <= most_inputs &&
                shape.outputs <= most_outputs;
     }
-    explicit MixedShape(const MlpShape& shape) : inputs(shape.inputs), outputs(shape.outputs), shared(shape.shared) {}
+    explicit MixedShape(const MlpShape& shape) : inputs(shape.inputs), outputs(shape.outputs), width(shape.width) {}
 
     [[nodiscard]] GSH_HD unsigned in(unsigned layer) const { return layer ? width : inputs; }
     [[nodiscard]] GSH_HD unsigned out(unsigned layer) const { return layer + 1 < layers ? width : outputs; }
@@ -61,7 +63,7 @@ struct MixedShape {
     }
     [[nodiscard]] GSH_HD unsigned words() const { return 2 * forward_offset(layers) * fragment; }
 
-    /// Sums of a block: of each layer [out_tiles][2 in_tiles][32 lanes][4], then the bias [64].
+    /// Sums of a block: of each layer [out_tiles][2 in_tiles][32 lanes][4], then the bias [width].
     [[nodiscard]] GSH_HD unsigned sums_offset(unsigned layer) const { return forward_offset(layer) * 4 * warp_size; }
     [[nodiscard]] GSH_HD unsigned sums_size() const { return sums_offset(layers) + width; }
 };
@@ -87,7 +89,7 @@ private:
     __device__ void sum_shared() const {
         const unsigned o = blockIdx.x * numbers_per_block + threadIdx.x / warp_size, lane = threadIdx.x % warp_size;
         const float sum = mlp_bias(network, weights, shared, o);
-        if (lane == 0) bias[o] = sum;
+        if (lane == 0 && o < bias.size()) bias[o] = sum;
     }
     __device__ void pack(unsigned word) const {
         if (word >= packed.size()) return;
@@ -204,18 +206,21 @@ struct MixedRows {
         return x;
     }
 
-    /// A hidden layer: 64 numbers of each row after ReLU, as the next layer's operand.
+    /// A hidden layer: its numbers of each row after ReLU, as the next layer's operand; zeros up to 64.
     template <unsigned Tiles>
     __device__ void hidden(unsigned layer, const MatrixA (&x)[Tiles], MatrixA (&y)[4]) const {
+        const unsigned out_tiles = shape.out_tiles(layer), offset = shape.forward_offset(layer);
         for (unsigned tile = 0; tile < 4; ++tile) {
+            y[tile] = {};
+            if (tile >= out_tiles) continue; // not break: loops over arrays must have a constant length
             MatrixC sums[2];
             for (unsigned n = 0; n < 2; ++n)
                 for (unsigned i = 0; i < 4; ++i)
-                    sums[n].values[i] = layer == 0 && !bias.empty() ? bias[16 * tile + 8 * n + pair() + i % 2] : 0.0f;
+                    sums[n].values[i] = layer == 0 ? bias_of(16 * tile + 8 * n + pair() + i % 2) : 0.0f;
             for (unsigned k = 0; k < Tiles; ++k)
                 for (unsigned n = 0; n < 2; ++n)
                     if (k < shape.in_tiles(layer))
-                        multiply_add(sums[n], x[k], weights(shape.forward_offset(layer) + k * 8 + 2 * tile + n));
+                        multiply_add(sums[n], x[k], weights(offset + k * 2 * out_tiles + 2 * tile + n));
             for (unsigned n = 0; n < 2; ++n)
                 for (unsigned i = 0; i < 2; ++i)
                     y[tile].words[2 * n + i] =
@@ -224,6 +229,7 @@ struct MixedRows {
     }
 
 private:
+    [[nodiscard]] __device__ float bias_of(unsigned output) const { return output < bias.size() ? bias[output] : 0.0f; }
     [[nodiscard]] __device__ static float positive(float x) { return x > 0.0f ? x : 0.0f; }
 };
 
@@ -246,7 +252,8 @@ struct MixedForward {
         for (unsigned n = 0; n < columns; ++n) {
             MatrixC sums{};
             for (unsigned k = 0; k < 4; ++k)
-                multiply_add(sums, second[k], network.weights(shape.forward_offset(2) + k * columns + n));
+                if (k < shape.in_tiles(2))
+                    multiply_add(sums, second[k], network.weights(shape.forward_offset(2) + k * columns + n));
             for (unsigned i = 0; i < 4; ++i) {
                 const unsigned row = first_row + Rows::group() + i / 2 * 8, column = 8 * n + Rows::pair() + i % 2;
                 if (row < network.inputs.rows() && column < shape.outputs)
@@ -262,11 +269,11 @@ struct MixedBackward {
     using Rows = MixedRows<Inputs>;
     static constexpr unsigned block_size = 128, warps = block_size / warp_size, tile_rows = warps * Rows::rows;
     static constexpr unsigned stride = tile_rows / 2 + 4; ///< words between columns: eight columns in different banks
-    static constexpr unsigned bias_parts = MixedShape::width / 4;
+    static constexpr unsigned bias_parts = MixedShape::most_width / 4;
     struct Shared {
-        SharedArray<std::uint32_t, MixedShape::width * stride> gradients;    ///< [column][rows, two in a word]
-        SharedArray<std::uint32_t, MixedShape::most_inputs * stride> inputs; ///< likewise
-        SharedArray<float, bias_parts * block_size> bias;                    ///< each thread's sums
+        SharedArray<std::uint32_t, MixedShape::most_width * stride> gradients; ///< [column][rows, two in a word]
+        SharedArray<std::uint32_t, MixedShape::most_inputs * stride> inputs;   ///< likewise
+        SharedArray<float, bias_parts * block_size> bias;                      ///< each thread's sums
     };
 
     Rows network;
@@ -275,7 +282,6 @@ struct MixedBackward {
     Span<float> sums; ///< [blocks][MixedShape::sums_size()]
 
     __device__ void operator()(Shared& shared) const {
-        const MixedShape& shape = network.shape;
         MatrixC first[2 * Rows::most_in_tiles] = {}, second[8] = {}, third[8] = {}; // this warp's 16 outputs
         for (unsigned n = 0; n < bias_parts; ++n) shared.bias[n * block_size + threadIdx.x] = 0;
         for (unsigned tile = first_tile(blockIdx.x); tile < first_tile(blockIdx.x + 1); ++tile) {
@@ -284,14 +290,14 @@ struct MixedBackward {
             compute_hidden(row, h1, h2);
             load_gradient(row, gradient);
 
-            add_weights<4>(shared, gradient, [&](unsigned k) { return h2[k]; }, shape.out_tiles(2), 4, third);
+            add_weights<4>(shared, gradient, [&](unsigned k) { return h2[k]; }, 2, third);
             through<4>(2, gradient, h2);
-            add_weights<4>(shared, gradient, [&](unsigned k) { return h1[k]; }, 4, 4, second);
+            add_weights<4>(shared, gradient, [&](unsigned k) { return h1[k]; }, 1, second);
             through<4>(1, gradient, h1);
             if (!network.bias.empty()) add_bias(shared, gradient);
             const unsigned again = computed_anew(row); // meanwhile, registers are scarce
             const auto input = [&](unsigned k) { return network.input_tile(again, k); };
-            add_weights<Rows::most_in_tiles>(shared, gradient, input, 4, shape.in_tiles(0), first);
+            add_weights<Rows::most_in_tiles>(shared, gradient, input, 0, first);
             if (dL_dfeatures.wanted()) write_features(row, gradient);
         }
         store(0, first), store(1, second), store(2, third);
@@ -328,12 +334,14 @@ private:
             to[(16 * tile + w / 2 * 8 + Rows::group()) * stride + row + w % 2 * 4] = transposed(from.words[w]);
     }
 
-    /// dL/dW += dL/dyᵀ x over the block's 64 rows, for 16 outputs a warp. x(k) are 16 columns.
+    /// dL/dW += dL/dyᵀ x over the block's 64 rows, for 16 outputs of a layer a warp. x(k) are 16 columns.
     template <unsigned Tiles, class Input>
-    __device__ void add_weights(Shared& shared, const MatrixA (&gradient)[4], const Input& x,
-                                unsigned out_tiles, unsigned in_tiles, MatrixC (&to)[2 * Tiles]) const {
+    __device__ void add_weights(Shared& shared, const MatrixA (&gradient)[4], const Input& x, unsigned layer,
+                                MatrixC (&to)[2 * Tiles]) const {
+        const unsigned out_tiles = network.shape.out_tiles(layer), in_tiles = network.shape.in_tiles(layer);
         __syncthreads(); // the arrays are still read
-        for (unsigned k = 0; k < 4; ++k) spread(shared.gradients, k, gradient[k]);
+        for (unsigned k = 0; k < 4; ++k)
+            if (k < out_tiles) spread(shared.gradients, k, gradient[k]);
         for (unsigned k = 0; k < Tiles; ++k)
             if (k < in_tiles) spread(shared.inputs, k, x(k));
         __syncthreads();
@@ -356,13 +364,16 @@ private:
     /// The gradient of a layer's inputs, through the ReLU that made them, in the place of that of its outputs.
     template <unsigned Tiles>
     __device__ void through(unsigned layer, MatrixA (&gradient)[4], const MatrixA (&x)[Tiles]) const {
-        const unsigned inner = network.shape.out_tiles(layer), offset = network.shape.backward_offset(layer);
-        MatrixA result[4];
+        const unsigned inner = network.shape.out_tiles(layer), tiles = network.shape.in_tiles(layer),
+                       offset = network.shape.backward_offset(layer);
+        MatrixA result[4] = {};
         for (unsigned tile = 0; tile < 4; ++tile)
             for (unsigned n = 0; n < 2; ++n) {
+                if (tile >= tiles) continue;
                 MatrixC sum{};
                 for (unsigned k = 0; k < 4; ++k)
-                    if (k < inner) multiply_add(sum, gradient[k], network.weights(offset + k * 8 + 2 * tile + n));
+                    if (k < inner)
+                        multiply_add(sum, gradient[k], network.weights(offset + k * 2 * tiles + 2 * tile + n));
                 for (unsigned i = 0; i < 2; ++i) {
                     const std::uint32_t value = x[tile].words[2 * n + i];
                     result[tile].words[2 * n + i] = pack_bf16((value & 0xFFFFu) != 0 ? sum.values[2 * i] : 0.0f,
@@ -386,7 +397,9 @@ private:
         const unsigned columns = 2 * network.shape.in_tiles(0), offset = network.shape.backward_offset(0);
         for (unsigned n = 0; n < columns; ++n) {
             MatrixC sum{};
-            for (unsigned k = 0; k < 4; ++k) multiply_add(sum, gradient[k], network.weights(offset + k * columns + n));
+            for (unsigned k = 0; k < 4; ++k)
+                if (k < network.shape.out_tiles(0))
+                    multiply_add(sum, gradient[k], network.weights(offset + k * columns + n));
             for (unsigned i = 0; i < 2; ++i) {
                 const unsigned row = first_row + Rows::group() + i * 8, column = 8 * n + Rows::pair();
                 if (row < network.inputs.rows())
@@ -409,7 +422,7 @@ private:
     /// A thread sums one column over the eight threads of each warp that have rows of it.
     __device__ void store_bias(Shared& shared) const {
         __syncthreads();
-        if (threadIdx.x >= MixedShape::width) return;
+        if (threadIdx.x >= network.shape.width) return;
         const unsigned column = threadIdx.x, part = column / 8 * 2 + column % 2, t = column % 8 / 2;
         float sum = 0;
         for (unsigned warp = 0; warp < warps; ++warp)
