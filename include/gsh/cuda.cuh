@@ -45,10 +45,12 @@
 #include <gsh/render/cuda/composite.cuh>
 #include <gsh/render/cuda/composite_backward.cuh>
 #include <gsh/render/cuda/float_pair.cuh>
+#include <gsh/render/cuda/pixel_sums.cuh>
 #include <gsh/render/cuda/project.cuh>
 #include <gsh/render/cuda/project_backward.cuh>
 #include <gsh/render/cuda/raster_scratch.cuh>
 #include <gsh/render/cuda/rasterizer.cuh>
+#include <gsh/render/cuda/segments.cuh>
 #include <gsh/render/cuda/tile.cuh>
 #include <gsh/render/cuda/tile_sort.cuh>
 #include <gsh/loss/cuda/lpips.cuh>

@@ -52,6 +52,14 @@ struct BlendShape {
     }
 };
 
+/// The product of (1 - alpha) after further splats, of which `keep` is the product. It never becomes denormal.
+template <Lane T>
+[[nodiscard]] GSH_INLINE GSH_HD T next_product(T before, T keep) {
+    using S = ScalarOf<T>;
+    constexpr S least = sizeof(S) == 4 ? S(1e-36) : S(1e-300);
+    return max_positive(product(before, keep), T(least));
+}
+
 /// The effect of a splat on a pixel; bit-identical in both passes.
 ///
 /// The product of (1 - alpha) continues after a pixel has stopped. It only falls, so a splat is blended exactly if the
@@ -70,9 +78,8 @@ struct BlendStep : BlendShape<T> {
     GSH_INLINE GSH_HD BlendStep(const BlendShape<T>& shape, const BlendLimits<ScalarOf<T>>& limits, T before)
         : BlendShape<T>(shape) {
         using S = ScalarOf<T>;
-        constexpr S least = sizeof(S) == 4 ? S(1e-36) : S(1e-300); // so that the product never becomes denormal
         keep = T(S(1)) - this->alpha;
-        after = max_positive(product(before, keep), T(least));
+        after = next_product(before, keep);
         live = after >= T(limits.transmittance_min);
         weight = select(live, product(this->alpha, before), T(S(0)));
     }

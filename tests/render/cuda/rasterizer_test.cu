@@ -136,6 +136,33 @@ TEST_CASE("Lists longer than what a thread block sorts") {
     }
 }
 
+TEST_CASE("Lists longer than what a thread block blends: pixels stop in the first segment, in a later one, or never") {
+    if (test::skip_without_device()) return;
+    test::Rng rng(5);
+    for (const std::size_t n : {1024u, 1025u, 2048u, 2049u, 3300u}) {
+        CAPTURE(n);
+        auto scene = test::make_scene(rng, n, 16, 16, 0.15);
+        for (std::size_t i = 0; i < n; ++i) {
+            const double x = scene.means[i].x;
+            scene.opacities[i] *= x < -0.1 ? 0.004 : x < 0.1 ? 0.03 : 0.2;
+        }
+        RasterParams<double> params;
+        params.alpha_min = 1e-4;
+        check_double(scene, params);
+        params.gradient_transmittance_min = 0.05;
+        check_double(scene, params, {.depth = false, .alpha = false, .background_image = true, .camera = false});
+
+        Device device; // the scene must do what this test is for
+        const auto found = raster::run(device, scene, test::random_weights(rng, scene.camera),
+                                       raster::random_image(rng, scene.camera), params);
+        const auto& alpha = found.images.alpha;
+        const auto [least, most] = std::minmax_element(alpha.data.begin(), alpha.data.end());
+        CHECK(found.status.pairs > n - n / 16); // one tile's list
+        CHECK(*least < 0.5);
+        CHECK(*most > 0.999);
+    }
+}
+
 TEST_CASE("In float, images are those of Serial but where a decision hangs by a thread, and so are gradients") {
     if (test::skip_without_device()) return;
     test::Rng rng(4);

@@ -33,10 +33,10 @@ TEST_CASE_TEMPLATE("Lists of any length are sorted by depth, then by slot", T, f
     const std::vector<std::uint32_t> lengths = {5000, 4609, 4608, 2305, 2304, 2303, 300, 257, 256, 255, 33, 32,
                                                 31,   19,   18,   17,   10,   9,    8,   2,   1,   0,   0};
     const std::size_t tiles = lengths.size();
-    std::vector<std::uint32_t> begin(tiles + 1), extra(tiles + 1), order(tiles), owners;
+    std::vector<std::uint32_t> begin(tiles + 1), further(tiles + 1), order(tiles), owners;
     for (std::size_t t = 0; t < tiles; ++t) {
         begin[t + 1] = begin[t] + lengths[t];
-        extra[t + 1] = extra[t] + (lengths[t] == 0 ? 0 : (lengths[t] - 1) / cuda::sorted_at_once);
+        further[t + 1] = further[t] + (lengths[t] == 0 ? 0 : (lengths[t] - 1) / cuda::sorted_at_once);
         order[t] = static_cast<std::uint32_t>((t * 5 + 3) % tiles);
     }
     const std::size_t n = begin[tiles];
@@ -52,14 +52,16 @@ TEST_CASE_TEMPLATE("Lists of any length are sorted by depth, then by slot", T, f
     }
     cuda::Device device;
     cuda::Buffer<Key> on_keys = on_device(device, keys);
-    const auto on_begin = on_device(device, begin), on_extra = on_device(device, extra);
+    const auto on_begin = on_device(device, begin), on_further = on_device(device, further);
     const auto on_order = on_device(device, order), on_owners = on_device(device, owners);
     const auto refused = on_device(device, std::vector<std::uint32_t>(1, 0));
     cuda::Buffer<cuda::TileInstance> instances(n);
-    const std::size_t extras = n / cuda::sorted_at_once; // at least as many as there are
-    device.launch(tiles + extras,
-                  cuda::detail::SortTiles<T>{refused, on_order, on_begin, on_extra, on_keys, on_owners, instances});
-    device.launch(extras, cuda::detail::MergeTiles<T>{refused, on_begin, on_extra, on_keys, on_owners, instances});
+    const cuda::detail::Segments segments{on_order, on_begin, on_further, cuda::sorted_at_once,
+                                          static_cast<std::uint32_t>(n / cuda::sorted_at_once)};
+    using Merge = cuda::detail::MergeTiles<T>;
+    device.launch(segments.blocks(),
+                  cuda::detail::SortTiles<T>{refused, segments, on_keys, on_owners, instances});
+    device.launch(segments.further * Merge::blocks_of_segment, Merge{refused, segments, on_keys, on_owners, instances});
     std::vector<cuda::TileInstance> found(n);
     device.download(Span<const cuda::TileInstance>(instances), Span<cuda::TileInstance>(found));
     for (std::size_t t = 0; t < tiles; ++t) {

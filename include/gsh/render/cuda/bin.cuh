@@ -33,7 +33,7 @@ struct ScanCounts {
     static constexpr unsigned warps = block_size / warp_size;
     struct Shared {
         SharedArray<std::uint64_t, warps> pairs;
-        SharedArray<std::uint32_t, warps> a, b, c;
+        SharedArray<std::uint32_t, warps> a, b, c, d;
     };
 
     Span<const BlockCount> block_counts;
@@ -43,7 +43,7 @@ struct ScanCounts {
     std::uint64_t max_pairs, capacity;
 
     Span<const std::uint32_t> tile_counts;
-    Span<std::uint32_t> classes, tile_begin, tile_end, tile_order, extra_begin;
+    Span<std::uint32_t> classes, tile_begin, tile_end, tile_order, sort_begin, blend_begin;
 
     __device__ void operator()(Shared& shared) const {
         if (blockIdx.x == 0)
@@ -100,26 +100,28 @@ private:
 
     __device__ void scan_tiles(Shared& shared) const {
         const std::size_t tiles = tile_order.size();
-        std::uint32_t entries = 0, extras = 0, idle = 0;
+        std::uint32_t entries = 0, to_sort = 0, to_blend = 0, idle = 0; // of the tiles before
         for (std::size_t base = 0; base < tiles; base += block_size) {
             const std::size_t tile = base + threadIdx.x;
             const std::uint32_t count = tile < tiles ? tile_counts[tile] : 0;
-            const std::uint32_t extra = count == 0 ? 0 : (count - 1) / sorted_at_once;
+            const std::uint32_t sorts = count == 0 ? 0 : (count - 1) / sorted_at_once; // further segments
+            const std::uint32_t blends = count == 0 ? 0 : (count - 1) / blended_at_once;
             const std::uint32_t empty = tile < tiles && count == 0;
-            std::uint32_t all_entries, all_extras, all_empty;
+            std::uint32_t all_entries, all_sorts, all_blends, all_empty;
             const std::uint32_t begin = entries + block_scan<block_size>(shared.a, count, all_entries);
-            const std::uint32_t first_extra = extras + block_scan<block_size>(shared.b, extra, all_extras);
+            const std::uint32_t first_sort = to_sort + block_scan<block_size>(shared.b, sorts, all_sorts);
+            const std::uint32_t first_blend = to_blend + block_scan<block_size>(shared.d, blends, all_blends);
             const std::uint32_t before = idle + block_scan<block_size>(shared.c, empty, all_empty);
             if (tile < tiles) {
                 tile_begin[tile] = tile_end[tile] = begin;
-                extra_begin[tile] = first_extra;
+                sort_begin[tile] = first_sort, blend_begin[tile] = first_blend;
             }
             if (empty != 0) tile_order[tiles - 1 - before] = static_cast<std::uint32_t>(tile);
             if (count != 0) atomicAdd(&classes[tile_class(count)], 1u);
-            entries += all_entries, extras += all_extras, idle += all_empty;
+            entries += all_entries, to_sort += all_sorts, to_blend += all_blends, idle += all_empty;
             __syncthreads();
         }
-        if (threadIdx.x == 0) tile_begin[tiles] = entries, extra_begin[tiles] = extras;
+        if (threadIdx.x == 0) tile_begin[tiles] = entries, sort_begin[tiles] = to_sort, blend_begin[tiles] = to_blend;
 
         // Where the classes begin, long lists first. Tiles of one class may come in any order.
         const bool mine = threadIdx.x < tile_classes;
@@ -143,10 +145,10 @@ struct AppendKey {
     T depth;
     std::uint32_t splat, slot_begin;
 
-    __device__ void operator()(std::uint32_t tile, std::uint32_t k) const {
-        const std::uint32_t slot = slot_begin + k;
-        keys[atomicAdd(&tile_end[tile], 1u)] = SortKey<T>::of(depth, slot);
-        owners[slot] = splat;
+    __device__ void operator()(std::uint32_t tile, std::uint32_t k) const { put(atomicAdd(&tile_end[tile], 1u), k); }
+    __device__ void together(std::uint32_t tile, std::uint32_t k) const {
+        const std::uint32_t place = add_one(tile_end, tile);
+        if (tile != no_tile) put(place, k);
     }
     [[nodiscard]] __device__ AppendKey of_lane(int lane) const {
         return {tile_end,
@@ -155,6 +157,13 @@ struct AppendKey {
                 __shfl_sync(all_lanes, depth, lane),
                 __shfl_sync(all_lanes, splat, lane),
                 __shfl_sync(all_lanes, slot_begin, lane)};
+    }
+
+private:
+    __device__ void put(std::uint32_t place, std::uint32_t k) const {
+        const std::uint32_t slot = slot_begin + k;
+        keys[place] = SortKey<T>::of(depth, slot);
+        owners[slot] = splat;
     }
 };
 

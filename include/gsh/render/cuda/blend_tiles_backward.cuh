@@ -7,7 +7,9 @@
 #include <gsh/backend/cuda/scan.cuh>
 #include <gsh/math/vec.hpp>
 #include <gsh/render/cuda/float_pair.cuh>
+#include <gsh/render/cuda/pixel_sums.cuh>
 #include <gsh/render/cuda/raster_scratch.cuh>
+#include <gsh/render/cuda/segments.cuh>
 #include <gsh/render/cuda/tile.cuh>
 #include <gsh/render/target.hpp>
 
@@ -32,7 +34,7 @@ enum SlotEntry : unsigned {
     slot_entries
 };
 
-/// One thread block per tile. Per batch of its list:
+/// One thread block per segment of a tile's list. Per batch of it:
 ///
 /// 1. Pixels are the threads. Each blends its block's splats again, front to back, and leaves two numbers per splat in
 ///    shared memory: G and the weight.
@@ -63,11 +65,13 @@ struct BlendTilesBackward {
     };
 
     TileGrid grid;
-    Span<const std::uint32_t> refused, tile_order, tile_begin, tile_used, used;
+    Span<const std::uint32_t> refused;
+    Segments segments;
+    Span<const std::uint32_t> segment_used, used;
     Span<const TileInstance> instances;
     Span<const ScreenSplat<T>> screen;
     Span<const T> pixels;
-    std::size_t channels; // of pixels
+    bool has_depth; // sums over depths are in `pixels`
     BlendLimits<T> limits;
     Background<T> background;
     RenderGradient<T> dL_dtarget;
@@ -76,24 +80,22 @@ struct BlendTilesBackward {
     Span<Slot<T>> slots;
 
     __device__ void operator()(Shared& shared) const {
-        if (refused[0] != 0) return;
-        const TilePixel pixel(grid, tile_order[blockIdx.x]);
-        const std::uint32_t begin = tile_begin[pixel.tile], length = tile_begin[pixel.tile + 1] - begin;
-        if (length == 0 && tile_background.empty() && dL_dbackground.data.empty()) return;
+        Segment segment;
+        if (refused[0] != 0 || !segments.find(blockIdx.x, segment)) return;
+        if (segment.length == 0 && tile_background.empty() && dL_dbackground.data.empty()) return;
+        const TilePixel pixel(grid, segment.tile);
         if (threadIdx.x == 0) shared.splats[batch] = TileSplat<T>::none();
         State state;
-        const vec3<T> dL_dbehind = start(shared, pixel, state, length != 0);
-        if (!tile_background.empty()) {
-            const vec3<T> sum = block_sum<block_size>(shared.sums, dL_dbehind);
-            if (threadIdx.x == 0) tile_background[pixel.tile] = sum;
+        const vec3<T> dL_dbehind = start(shared, pixel, segment, state);
+        if (segment.number == 0) add_to_background(shared, pixel, dL_dbehind);
+        std::uint32_t entry = segment.from;
+        const std::uint32_t end = entry + segment_used[segment.place];
+        while (entry < end) {
+            const std::uint32_t left = end - entry < batch ? end - entry : batch;
+            entry += add_batch(shared, pixel, segment, state, entry, left);
         }
-        const std::uint32_t end = tile_used[pixel.tile];
-        for (std::uint32_t done = 0; done < end;) {
-            const std::uint32_t left = end - done < batch ? end - done : batch;
-            done += add_batch(shared, pixel, state, begin, done, left);
-        }
-        for (std::uint32_t i = end + threadIdx.x; i < length; i += block_size) // behind the last pixel that stopped
-            slots[instances[begin + i].slot] = Slot<T>{};
+        for (std::uint32_t i = end + threadIdx.x; i < segment.to; i += block_size) // behind the last pixel that stopped
+            slots[instances[segment.list + i].slot] = Slot<T>{};
     }
 
 private:
@@ -112,37 +114,43 @@ private:
         return image.data[static_cast<std::size_t>(channel) * image.plane_size() + pixel.index];
     }
 
-    /// Reads the pixel; returns the gradient with respect to its background.
-    __device__ vec3<T> start(Shared& shared, const TilePixel& pixel, State& state, bool active) const {
-        const unsigned i = threadIdx.x, at = pixel.lane * blocks_of_tile + pixel.block;
-        const auto stored = [&](std::size_t channel) {
-            return pixels[(pixel.tile * channels + channel) * tile_pixels + i];
-        };
-        const T end = active ? stored(3) : T(1);
-        const T dL_dcolor[3] = {read(dL_dtarget.color, pixel, 0), read(dL_dtarget.color, pixel, 1),
-                                read(dL_dtarget.color, pixel, 2)};
-        state.red = dL_dcolor[0], state.green = dL_dcolor[1], state.blue = dL_dcolor[2];
-        const vec3<T> dL_dbehind =
-            pixel.inside ? vec3<T>(end * state.red, end * state.green, end * state.blue) : vec3<T>(T(0));
-        if (!dL_dbackground.data.empty() && pixel.inside)
-            for (int c = 0; c < 3; ++c)
-                dL_dbackground.data[static_cast<std::size_t>(c) * dL_dbackground.plane_size() + pixel.index] +=
-                    dL_dbehind[c];
-        if (!active) return dL_dbehind;
+    /// What the forward pass left at a pixel; without depth sums, they are 0.
+    [[nodiscard]] __device__ PixelSums<T, true> sums(std::size_t segment) const {
+        if (has_depth) return PixelSums<T, true>::load(pixels, segment);
+        const auto without = PixelSums<T, false>::load(pixels, segment);
+        return {without.red, without.green, without.blue, without.transmittance, T(0), T(0)};
+    }
 
-        T value = -end * read(dL_dtarget.alpha, pixel);
+    /// Reads the pixel; returns the gradient with respect to its background.
+    __device__ vec3<T> start(Shared& shared, const TilePixel& pixel, const Segment& segment, State& state) const {
+        const unsigned at = pixel.lane * blocks_of_tile + pixel.block;
+        PixelSums<T, true> whole;
+        if (segment.length != 0) whole = sums(segment.tile);
+        state.red = read(dL_dtarget.color, pixel, 0), state.green = read(dL_dtarget.color, pixel, 1);
+        state.blue = read(dL_dtarget.color, pixel, 2);
+        const vec3<T> dL_dcolor(state.red, state.green, state.blue);
+        const vec3<T> dL_dbehind = pixel.inside ? whole.transmittance * dL_dcolor : vec3<T>(T(0));
+        if (segment.length == 0) return dL_dbehind;
+
+        state.product = pixel.inside ? T(1) : T(0);
         if constexpr (Depth) {
             state.depth = read(dL_dtarget.expected_depth, pixel);
             state.median = read(dL_dtarget.median_depth, pixel);
-            if (channels > 4) value += state.depth * stored(4);
             shared.depth[at] = state.depth;
             shared.median[at] = state.median;
         }
+        if (segment.number != 0) {
+            const PixelSums<T, true> in_front = sums(segment.place);
+            state.product = in_front.transmittance;
+            whole.red -= in_front.red, whole.green -= in_front.green, whole.blue -= in_front.blue;
+            whole.depth -= in_front.depth;
+        }
+        T value = state.depth * whole.depth - whole.transmittance * read(dL_dtarget.alpha, pixel);
+        const T from_splats[3] = {whole.red, whole.green, whole.blue};
         for (int c = 0; c < 3; ++c) {
             const T behind = background.image.data.empty() ? background.color[c] : read(background.image, pixel, c);
-            value += dL_dcolor[c] * (stored(static_cast<std::size_t>(c)) + end * behind);
+            value += dL_dcolor[c] * (from_splats[c] + whole.transmittance * behind);
         }
-        state.product = pixel.inside ? T(1) : T(0);
         state.behind = value;
         shared.red[at] = state.red;
         shared.green[at] = state.green;
@@ -150,16 +158,26 @@ private:
         return dL_dbehind;
     }
 
-    /// Up to `left` entries of the list from `done` on, as many as fit; returns their number.
-    __device__ std::uint32_t add_batch(Shared& shared, const TilePixel& pixel, State& state, std::uint32_t begin,
-                                       std::uint32_t done, std::uint32_t left) const {
+    __device__ void add_to_background(Shared& shared, const TilePixel& pixel, const vec3<T>& dL_dbehind) const {
+        if (!dL_dbackground.data.empty() && pixel.inside)
+            for (int c = 0; c < 3; ++c)
+                dL_dbackground.data[static_cast<std::size_t>(c) * dL_dbackground.plane_size() + pixel.index] +=
+                    dL_dbehind[c];
+        if (tile_background.empty()) return;
+        const vec3<T> sum = block_sum<block_size>(shared.sums, dL_dbehind);
+        if (threadIdx.x == 0) tile_background[pixel.tile] = sum;
+    }
+
+    /// Up to `left` entries of the list from `entry` on, as many as fit; returns their number.
+    __device__ std::uint32_t add_batch(Shared& shared, const TilePixel& pixel, const Segment& segment, State& state,
+                                       std::uint32_t entry, std::uint32_t left) const {
         const unsigned i = threadIdx.x;
         TileInstance instance{0, 0};
         std::uint32_t mask = 0;
         __syncthreads(); // the batch before has been read
         if (i < left) {
-            instance = instances[begin + done + i];
-            mask = blocks_of(pixel, begin, done + i);
+            instance = instances[segment.list + entry + i];
+            mask = blocks_of(segment, entry + i);
             if (mask != 0) shared.splats[i] = TileSplat<T>(screen[instance.splat], pixel);
         }
         std::uint32_t all;
@@ -183,9 +201,8 @@ private:
     }
 
     /// The blocks to which entry i of the list came.
-    [[nodiscard]] __device__ std::uint32_t blocks_of(const TilePixel& pixel, std::uint32_t begin,
-                                                     std::uint32_t i) const {
-        const std::size_t group = RasterScratch<Device, T>::group_begin(pixel.tile, begin) + i / 32;
+    [[nodiscard]] __device__ std::uint32_t blocks_of(const Segment& segment, std::uint32_t i) const {
+        const std::size_t group = RasterScratch<Device, T>::group_begin(segment.tile, segment.list) + i / 32;
         std::uint32_t mask = 0;
         for (unsigned b = 0; b < blocks_of_tile; ++b) mask |= (used[group * blocks_of_tile + b] >> i % 32 & 1u) << b;
         return mask;

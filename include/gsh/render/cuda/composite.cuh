@@ -41,10 +41,10 @@ void project_splats(Device& device, const Deferred<Camera<T>>& camera, const Spl
     scratch.block_begin.resize(blocks);
     scratch.counters.resize(tiles + tile_classes);
     scratch.tile_begin.resize(tiles + 1);
-    scratch.extra_begin.resize(tiles + 1);
+    scratch.sort_begin.resize(tiles + 1);
+    scratch.blend_begin.resize(tiles + 1);
     scratch.tile_end.resize(tiles);
     scratch.tile_order.resize(tiles);
-    scratch.tile_used.resize(tiles);
 
     const Span<std::uint32_t> counters(scratch.counters);
     device.fill(counters, 0u);
@@ -57,22 +57,22 @@ void project_splats(Device& device, const Deferred<Camera<T>>& camera, const Spl
                                 deferring ? device.halted() : Span<std::uint32_t>{}, params.max_pairs,
                                 deferring ? scratch.capacity() : std::numeric_limits<std::uint64_t>::max(),
                                 counters.subspan(0, tiles), counters.subspan(tiles, tile_classes), scratch.tile_begin,
-                                scratch.tile_end, scratch.tile_order, scratch.extra_begin});
+                                scratch.tile_end, scratch.tile_order, scratch.sort_begin, scratch.blend_begin});
 }
 
 /// Second and third stage: the tile lists.
 template <std::floating_point T>
 void list_splats(Device& device, RasterCache<Device, T>& cache) {
     RasterScratch<Device, T>& scratch = cache.scratch;
-    const std::size_t tiles = scratch.grid.size(), extras = scratch.capacity() / sorted_at_once;
+    const Segments segments = scratch.segments_to_sort();
     device.launch(scratch.block_counts.size(),
                   DistributeSplats<T>{scratch.refused, scratch.splats, scratch.covers, scratch.grid,
                                       scratch.block_begin, cache.status, scratch.slot_begin, scratch.tile_end,
                                       scratch.keys, scratch.owners});
-    device.launch(tiles + extras, SortTiles<T>{scratch.refused, scratch.tile_order, scratch.tile_begin,
-                                               scratch.extra_begin, scratch.keys, scratch.owners, scratch.instances});
-    device.launch(extras, MergeTiles<T>{scratch.refused, scratch.tile_begin, scratch.extra_begin, scratch.keys,
-                                        scratch.owners, scratch.instances});
+    device.launch(segments.blocks(),
+                  SortTiles<T>{scratch.refused, segments, scratch.keys, scratch.owners, scratch.instances});
+    device.launch(segments.further * MergeTiles<T>::blocks_of_segment,
+                  MergeTiles<T>{scratch.refused, segments, scratch.keys, scratch.owners, scratch.instances});
 }
 
 /// Fourth stage: the images.
@@ -81,12 +81,20 @@ void blend_tiles(Device& device, const Background<T>& background, const RasterPa
                  const RenderTarget<T>& target, RasterCache<Device, T>& cache) {
     RasterScratch<Device, T>& scratch = cache.scratch;
     const std::size_t tiles = scratch.grid.size();
-    scratch.pixel_channels = Depth ? 5 : 4;
-    scratch.pixels.resize(tiles * scratch.pixel_channels * tile_pixels);
+    const Segments segments = scratch.segments_to_blend();
+    const ListSweep<T> sweep{scratch.instances, scratch.splats, BlendLimits<T>(params)};
+    scratch.has_depth = Depth;
+    scratch.pixels.resize(segments.blocks() * PixelSums<T, Depth>::channels * tile_pixels);
+    scratch.products.resize(segments.further * std::size_t(tile_pixels));
+    scratch.segment_used.resize(segments.blocks());
     scratch.used.resize((scratch.capacity() / 32 + tiles + 1) * blocks_of_tile);
-    device.launch(tiles, BlendTiles<T, Depth>{scratch.grid, scratch.refused, scratch.tile_order, scratch.tile_begin,
-                                              scratch.instances, scratch.splats, BlendLimits<T>(params), background,
-                                              target, scratch.tile_used, scratch.used, scratch.pixels});
+    device.launch(segments.further,
+                  SegmentProducts<T>{scratch.grid, scratch.refused, segments, sweep, scratch.products});
+    device.launch(segments.blocks(),
+                  BlendTiles<T, Depth>{scratch.grid, scratch.refused, segments, sweep, scratch.products, background,
+                                       target, scratch.segment_used, scratch.used, scratch.pixels});
+    device.launch(tiles, JoinSegments<T, Depth>{scratch.grid, scratch.refused, segments, scratch.products, background,
+                                                target, scratch.pixels});
 }
 
 } // namespace detail

@@ -18,20 +18,20 @@ namespace gsh::cuda {
 
 namespace detail {
 
-/// First stage: each tile writes its share of the gradients of its splats to their slots.
+/// First stage: each segment of a tile's list writes its share of the gradients of its splats to their slots.
 template <bool Depth, std::floating_point T>
 void blend_tiles_backward(Device& device, const Background<T>& background, const RasterParams<T>& params,
                           const RenderGradient<T>& dL_dtarget, RasterCache<Device, T>& cache,
                           const BackgroundGradient<T>& dL_dbackground) {
     RasterScratch<Device, T>& scratch = cache.scratch;
-    const std::size_t tiles = scratch.grid.size();
+    const Segments segments = scratch.segments_to_blend();
     scratch.slots.resize(scratch.capacity());
-    scratch.tile_background.resize(dL_dbackground.color.empty() ? 0 : tiles);
-    device.launch(
-        tiles, BlendTilesBackward<T, Depth>{scratch.grid, scratch.refused, scratch.tile_order, scratch.tile_begin,
-                                            scratch.tile_used, scratch.used, scratch.instances, scratch.splats,
-                                            scratch.pixels, scratch.pixel_channels, BlendLimits<T>(params), background,
-                                            dL_dtarget, dL_dbackground.image, scratch.tile_background, scratch.slots});
+    scratch.tile_background.resize(dL_dbackground.color.empty() ? 0 : scratch.grid.size());
+    device.launch(segments.blocks(), BlendTilesBackward<T, Depth>{
+                                         scratch.grid, scratch.refused, segments, scratch.segment_used, scratch.used,
+                                         scratch.instances, scratch.splats, scratch.pixels, scratch.has_depth,
+                                         BlendLimits<T>(params), background, dL_dtarget, dL_dbackground.image,
+                                         scratch.tile_background, scratch.slots});
 }
 
 /// Second stage: sums the slots of each splat, and carries the gradient through the projection.

@@ -28,18 +28,40 @@ using gsh::detail::fits_mask;
 using gsh::detail::largest_cut;
 using gsh::detail::set_mask;
 
-/// Calls visit(tile, k) for the k-th tile of a cover with a mask, by rows; returns the number of tiles.
+inline constexpr std::uint32_t no_tile = ~0u;
+
+/// Adds 1 to counts[tile] for each lane, and returns the count that the lane found. Lanes with the same tile share one
+/// atomic operation: neighbours on a surface lie in the same tile, and thousands of operations on one number would wait
+/// for each other. All lanes take part; for no_tile nothing is added.
+[[nodiscard]] __device__ inline std::uint32_t add_one(Span<std::uint32_t> counts, std::uint32_t tile) {
+    const unsigned lane = threadIdx.x % warp_size, same = __match_any_sync(all_lanes, tile);
+    const int first = __ffs(static_cast<int>(same)) - 1;
+    std::uint32_t found = 0;
+    if (tile != no_tile && static_cast<int>(lane) == first)
+        found = atomicAdd(&counts[tile], static_cast<std::uint32_t>(__popc(same)));
+    const auto before = static_cast<std::uint32_t>(__popc(same & ((1u << lane) - 1)));
+    return __shfl_sync(all_lanes, found, first) + before;
+}
+
+/// Calls visit.together(tile, k) on all lanes at once, for the k-th tile of each lane's cover with a mask, by rows; tile
+/// is no_tile on lanes that have no more. Returns the number of tiles of this lane's.
 template <class Visit>
 __device__ std::uint32_t visit_mask(const TileCover& cover, const TileGrid& grid, const Visit& visit) {
     std::uint32_t k = 0;
-    for (std::uint64_t bits = cover.mask; bits != 0; bits &= bits - 1) {
-        const int bit = __ffsll(static_cast<long long>(bits)) - 1;
-        visit(static_cast<std::uint32_t>((cover.y0 + (bit >> 3)) * grid.columns() + cover.x0 + (bit & 7)), k++);
+    for (std::uint64_t bits = cover.mask; __any_sync(all_lanes, bits != 0) != 0;) {
+        std::uint32_t tile = no_tile;
+        const std::uint32_t of_lane = k;
+        if (bits != 0) {
+            const int bit = __ffsll(static_cast<long long>(bits)) - 1;
+            tile = static_cast<std::uint32_t>((cover.y0 + (bit >> 3)) * grid.columns() + cover.x0 + (bit & 7));
+            bits &= bits - 1, ++k;
+        }
+        visit.together(tile, of_lane);
     }
     return k;
 }
 
-/// The same for a cover without a mask, by all lanes of a warp: each takes a row at a time. All lanes give the same
+/// Calls visit(tile, k) for the k-th tile of a cover without a mask, by all lanes of a warp: each takes a row at a time. All lanes give the same
 /// arguments; returns the number of tiles.
 template <class T, class Visit>
 __device__ std::uint32_t visit_rows(const Ellipse<T>& ellipse, const TileCover& cover, const TileGrid& grid,
@@ -80,7 +102,7 @@ template <class T, class Visit>
 __device__ std::uint32_t visit_tiles(const Ellipse<T>& ellipse, const TileCover& cover, const TileGrid& grid,
                                      const Visit& visit) {
     const bool large = !fits_mask(cover);
-    std::uint32_t count = large ? 0 : visit_mask(cover, grid, visit);
+    std::uint32_t count = visit_mask(cover, grid, visit); // a large cover has no mask
     for (unsigned waiting = __ballot_sync(all_lanes, large); waiting != 0; waiting &= waiting - 1) {
         const int lane = __ffs(static_cast<int>(waiting)) - 1;
         const std::uint32_t tiles = visit_rows(of_lane(ellipse, lane), of_lane(cover, lane), grid, visit.of_lane(lane));
@@ -92,6 +114,7 @@ __device__ std::uint32_t visit_tiles(const Ellipse<T>& ellipse, const TileCover&
 struct CountTile {
     Span<std::uint32_t> counts;
     __device__ void operator()(std::uint32_t tile, std::uint32_t) const { atomicAdd(&counts[tile], 1u); }
+    __device__ void together(std::uint32_t tile, std::uint32_t) const { (void)add_one(counts, tile); }
     [[nodiscard]] __device__ CountTile of_lane(int) const { return *this; }
 };
 

@@ -8,6 +8,7 @@
 #include <gsh/render/arithmetic.hpp>
 #include <gsh/render/blend.hpp>
 #include <gsh/render/cover.hpp>
+#include <gsh/render/cuda/segments.cuh>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/render/tiles.hpp>
 
@@ -24,6 +25,7 @@ inline constexpr unsigned splats_of_block = 128; // of the kernels with one thre
 inline constexpr unsigned tile_pixels = 256;     // threads of the kernels with one thread per pixel of a tile
 inline constexpr unsigned blocks_of_tile = 16;   // blocks of 4x4 pixels, each the work of half a warp
 inline constexpr unsigned sorted_at_once = 2304; // entries that one thread block sorts: nine for each of its threads
+inline constexpr unsigned blended_at_once = 1024; // entries that one thread block blends
 inline constexpr unsigned tile_classes = 128;    // lengths of lists in steps of a quarter of an octave
 
 /// A projected splat, three loads of 16 bytes. The distance of a pixel from a splat is a small difference of large
@@ -134,12 +136,13 @@ struct RasterScratch<cuda::Device, T> {
     Buffer<std::uint32_t> slot_begin;     // [N + 1] slots of a splat, in the order of its tiles
     Buffer<std::uint32_t> tile_begin;     // [tiles + 1]
     Buffer<std::uint32_t> tile_order;     // [tiles] long lists first, empty tiles last
-    Buffer<std::uint32_t> tile_used;      // [tiles] length of the part of the list that was read
+    Buffer<std::uint32_t> blend_begin;    // [tiles + 1] further segments to blend, of the lists before
+    Buffer<std::uint32_t> segment_used;   // [segments to blend] length of the part of the segment that was read
     Buffer<cuda::TileInstance> instances; // [capacity] by tile, front to back
     Buffer<std::uint32_t> used;           // [instances / 32, 16] by block: bit i is set where the splat came to it
-    Buffer<T> pixels;                     // [tiles, channels, 256] red, green, blue, final transmittance, depth sums
+    Buffer<T> pixels;                     // [segments to blend, channels, 256] PixelSums
     Buffer<std::uint32_t> refused;        // [1] not 0: this forward pass has no result
-    std::size_t pixel_channels = 0;       // 4, or 5 with depth sums
+    bool has_depth = false;               // of pixels
 
     // Used within one pass.
     Buffer<TileCover> covers;               // [N]
@@ -147,9 +150,10 @@ struct RasterScratch<cuda::Device, T> {
     Buffer<std::uint32_t> block_begin;      // likewise: slots of the blocks before
     Buffer<std::uint32_t> counters;         // [tiles + classes] splats of a tile, tiles of a class
     Buffer<std::uint32_t> tile_end;         // [tiles] where the next entry of a list goes
-    Buffer<std::uint32_t> extra_begin;      // [tiles + 1] segments of long lists, but for the first of each list
+    Buffer<std::uint32_t> sort_begin;       // [tiles + 1] further segments to sort, of the lists before
     Buffer<cuda::SortKey<T>> keys;          // [capacity]
     Buffer<std::uint32_t> owners;           // [capacity] splat of a slot
+    Buffer<T> products;                     // [further segments to blend, 256] of (1 - alpha) of the segment before
     Buffer<cuda::Slot<T>> slots;            // [capacity]
     Buffer<vec3<T>> tile_background;        // [tiles]
     Buffer<CameraGradient<T>> block_camera; // [ceil(N / 128)]
@@ -162,9 +166,19 @@ struct RasterScratch<cuda::Device, T> {
         const std::size_t wanted = pairs + pairs / 4;
         keys.resize(wanted), owners.resize(wanted), instances.resize(wanted);
     }
+    [[nodiscard]] cuda::detail::Segments segments_to_sort() const { return segments(sort_begin, cuda::sorted_at_once); }
+    [[nodiscard]] cuda::detail::Segments segments_to_blend() const {
+        return segments(blend_begin, cuda::blended_at_once);
+    }
     /// First group of 32 instances of a tile in `used`: groups of different tiles never overlap.
     [[nodiscard]] GSH_HD static std::size_t group_begin(std::uint32_t tile, std::uint32_t tile_begin) {
         return tile_begin / 32 + std::size_t(tile);
+    }
+
+private:
+    [[nodiscard]] cuda::detail::Segments segments(const Buffer<std::uint32_t>& begin, std::size_t size) const {
+        return {tile_order, tile_begin, begin, static_cast<std::uint32_t>(size),
+                static_cast<std::uint32_t>(capacity() / size)};
     }
 };
 

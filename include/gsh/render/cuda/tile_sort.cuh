@@ -13,26 +13,13 @@
 
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/render/cuda/raster_scratch.cuh>
+#include <gsh/render/cuda/segments.cuh>
 
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
 
 namespace gsh::cuda::detail {
-
-/// The tile whose list has the extra segment `extra`: the last one that begins there or before.
-[[nodiscard]] __device__ inline std::uint32_t tile_of_extra(Span<const std::uint32_t> extra_begin,
-                                                            std::uint32_t extra) {
-    std::size_t low = 0, high = extra_begin.size() - 1; // extra_begin[low] <= extra < extra_begin[high]
-    while (high - low > 1) {
-        const std::size_t middle = (low + high) / 2;
-        if (extra_begin[middle] <= extra)
-            low = middle;
-        else
-            high = middle;
-    }
-    return static_cast<std::uint32_t>(low);
-}
 
 /// Merge sort of one segment of a list: nine entries per thread, then pairs of runs, of which each thread merges the
 /// part that it writes. Nine is odd, so the lanes of a warp read different banks.
@@ -46,29 +33,20 @@ struct SortTiles {
         SharedArray<Key, sorted_at_once> keys;
     };
 
-    Span<const std::uint32_t> refused, tile_order, tile_begin, extra_begin;
+    Span<const std::uint32_t> refused;
+    Segments segments;
     Span<Key> keys;
     Span<const std::uint32_t> owners;
     Span<TileInstance> instances;
 
     __device__ void operator()(Shared& shared) const {
-        if (refused[0] != 0) return;
-        const auto tiles = static_cast<std::uint32_t>(tile_order.size());
-        std::uint32_t tile, segment = 0;
-        if (blockIdx.x < tiles) {
-            tile = tile_order[blockIdx.x];
-        } else {
-            const std::uint32_t extra = blockIdx.x - tiles;
-            if (extra >= extra_begin[tiles]) return;
-            tile = tile_of_extra(extra_begin, extra);
-            segment = extra - extra_begin[tile] + 1;
-        }
-        const std::uint32_t begin = tile_begin[tile] + segment * sorted_at_once, end = tile_begin[tile + 1];
-        const std::uint32_t n = end - begin < sorted_at_once ? end - begin : sorted_at_once;
+        Segment segment;
+        if (refused[0] != 0 || !segments.find(blockIdx.x, segment)) return;
+        const std::uint32_t begin = segment.list + segment.from, n = segment.to - segment.from;
         for (std::uint32_t i = threadIdx.x; i < n; i += block_size) shared.keys[i] = keys[begin + i];
         __syncthreads();
         sort(shared, n);
-        const bool alone = end - tile_begin[tile] <= sorted_at_once;
+        const bool alone = segment.length <= sorted_at_once;
         for (std::uint32_t i = threadIdx.x; i < n; i += block_size) {
             const Key key = shared.keys[i];
             if (alone) {
@@ -140,34 +118,33 @@ private:
     }
 };
 
-/// Joins the sorted segments of long lists. A thread block takes one extra segment; that of a list's second segment
-/// takes its first, too.
+/// Joins the sorted segments of long lists: each thread finds the place of one entry. The thread blocks of a list's
+/// second segment take its first, too.
 template <std::floating_point T>
 struct MergeTiles {
     static constexpr unsigned block_size = 256;
+    static constexpr unsigned blocks_of_segment = sorted_at_once / block_size;
 
-    Span<const std::uint32_t> refused, tile_begin, extra_begin;
+    Span<const std::uint32_t> refused;
+    Segments segments;
     Span<const SortKey<T>> keys;
     Span<const std::uint32_t> owners;
     Span<TileInstance> instances;
 
     __device__ void operator()() const {
-        if (refused[0] != 0) return;
-        const std::size_t tiles = extra_begin.size() - 1;
-        if (blockIdx.x >= extra_begin[tiles]) return;
-        const std::uint32_t tile = tile_of_extra(extra_begin, blockIdx.x);
-        const std::uint32_t segment = blockIdx.x - extra_begin[tile] + 1;
-        const std::uint32_t begin = tile_begin[tile], length = tile_begin[tile + 1] - begin;
-        const std::uint32_t from = segment == 1 ? 0 : segment * sorted_at_once;
-        const std::uint32_t limit = (segment + 1) * sorted_at_once, to = length < limit ? length : limit;
-        for (std::uint32_t i = from + threadIdx.x; i < to; i += block_size) {
-            const SortKey<T> key = keys[begin + i];
+        Segment segment;
+        if (refused[0] != 0 || !segments.find(blockIdx.x / blocks_of_segment, segment)) return;
+        const std::uint32_t from = segment.number == 1 ? 0 : segment.from;
+        const std::uint32_t list_end = segment.list + segment.length;
+        for (std::uint32_t i = from + blockIdx.x % blocks_of_segment * block_size + threadIdx.x; i < segment.to;
+             i += sorted_at_once) {
+            const SortKey<T> key = keys[segment.list + i];
             const std::uint32_t own = i / sorted_at_once * sorted_at_once;
             std::uint32_t rank = i - own;
-            for (std::uint32_t other = 0; other < length; other += sorted_at_once)
-                if (other != own) rank += smaller(key, begin + other, begin + length);
+            for (std::uint32_t other = 0; other < segment.length; other += sorted_at_once)
+                if (other != own) rank += smaller(key, segment.list + other, list_end);
             const std::uint32_t slot = slot_of(key);
-            instances[begin + rank] = {owners[slot], slot};
+            instances[segment.list + rank] = {owners[slot], slot};
         }
     }
 
