@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Networks of two hidden layers in mixed precision: operands in bf16 on tensor cores, sums and masters in float.
+/// @file  Networks of two hidden layers in mixed precision: operands in bf16 on tensor cores, sums and masters in fp32.
 ///
 /// A warp takes 16 rows through all layers without shared memory: the result of a layer has the layout of the next
 /// one's operand. Nothing but the outputs is stored; backward computes the activations again. Its gradients of the

@@ -43,8 +43,8 @@ inline constexpr std::uint32_t no_tile = ~0u;
     return __shfl_sync(all_lanes, found, first) + before;
 }
 
-/// Calls visit.together(tile, k) on all lanes at once, for the k-th tile of each lane's cover with a mask, by rows; tile
-/// is no_tile on lanes that have no more. Returns the number of tiles of this lane's.
+/// Calls visit.together(tile, k) on all lanes at once, for the k-th tile of each lane's cover with a mask, by rows. The
+/// tile is no_tile on lanes that have no more. Returns the number of tiles of this lane's cover.
 template <class Visit>
 __device__ std::uint32_t visit_mask(const TileCover& cover, const TileGrid& grid, const Visit& visit) {
     std::uint32_t k = 0;
@@ -61,8 +61,8 @@ __device__ std::uint32_t visit_mask(const TileCover& cover, const TileGrid& grid
     return k;
 }
 
-/// Calls visit(tile, k) for the k-th tile of a cover without a mask, by all lanes of a warp: each takes a row at a time. All lanes give the same
-/// arguments; returns the number of tiles.
+/// Calls visit(tile, k) for the k-th tile of a cover without a mask, by all lanes of a warp: each takes rows, one after
+/// the other. All lanes give the same arguments. Returns the number of tiles.
 template <class T, class Visit>
 __device__ std::uint32_t visit_rows(const Ellipse<T>& ellipse, const TileCover& cover, const TileGrid& grid,
                                     const Visit& visit) {
