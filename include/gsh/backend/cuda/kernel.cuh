@@ -49,6 +49,13 @@ struct SharedArray {
 };
 #endif
 
+/// In front of a loop that must not be unrolled, because its copies would take too many registers.
+#if defined(GSH_CUDA_EMULATION)
+#define GSH_NO_UNROLL
+#else
+#define GSH_NO_UNROLL _Pragma("unroll 1")
+#endif
+
 namespace detail {
 
 template <class Kernel>

@@ -112,6 +112,7 @@ private:
 
 /// Features and points in float, which are rounded as they are read. Words have two neighbouring columns.
 struct MixedFloatInputs {
+    static constexpr unsigned least_blocks = 1; ///< a second one would leave too few registers for the indexes
     MlpRowInputs<float> numbers;
 
     /// Where the gradient of the features goes.
@@ -145,6 +146,7 @@ struct MixedFloatInputs {
 template <unsigned Columns, unsigned Block>
     requires(Block % 2 == 0 && Columns % Block == 0)
 struct MixedWordInputs {
+    static constexpr unsigned least_blocks = 2; ///< one computes while the other loads
     /// Words of features, two numbers each.
     template <class Word>
     struct Words {
@@ -263,17 +265,16 @@ struct MixedForward {
     }
 };
 
-/// A block takes a fixed range of tiles of 64 rows, 16 for each warp.
+/// A block takes a fixed range of tiles of 128 rows, 16 for each warp.
 template <class Inputs>
 struct MixedBackward {
     using Rows = MixedRows<Inputs>;
-    static constexpr unsigned block_size = 128, warps = block_size / warp_size, tile_rows = warps * Rows::rows;
+    static constexpr unsigned block_size = 256, warps = block_size / warp_size, tile_rows = warps * Rows::rows;
+    static constexpr unsigned least_blocks = Inputs::least_blocks;
     static constexpr unsigned stride = tile_rows / 2 + 4; ///< words between columns: eight columns in different banks
-    static constexpr unsigned bias_parts = MixedShape::most_width / 4;
     struct Shared {
         SharedArray<std::uint32_t, MixedShape::most_width * stride> gradients; ///< [column][rows, two in a word]
         SharedArray<std::uint32_t, MixedShape::most_inputs * stride> inputs;   ///< likewise
-        SharedArray<float, bias_parts * block_size> bias;                      ///< each thread's sums
     };
 
     Rows network;
@@ -282,37 +283,57 @@ struct MixedBackward {
     Span<float> sums; ///< [blocks][MixedShape::sums_size()]
 
     __device__ void operator()(Shared& shared) const {
-        MatrixC first[2 * Rows::most_in_tiles] = {}, second[8] = {}, third[8] = {}; // this warp's 16 outputs
-        for (unsigned n = 0; n < bias_parts; ++n) shared.bias[n * block_size + threadIdx.x] = 0;
+        MatrixC first[Rows::most_in_tiles] = {}, second[4] = {}, third[4] = {}, bias = {}; // this warp's shares
         for (unsigned tile = first_tile(blockIdx.x); tile < first_tile(blockIdx.x + 1); ++tile) {
             const unsigned row = tile * tile_rows + threadIdx.x / warp_size * Rows::rows;
-            MatrixA h1[4], h2[4], gradient[4];
-            compute_hidden(row, h1, h2);
-            load_gradient(row, gradient);
+            MatrixA h1[4], gradient[4];
+            // Addresses are computed anew in each part, because registers are scarce.
+            const std::uint32_t passed = compute_hidden(shared, row, h1);
+            load_gradient(computed_anew(row), gradient);
+            add_weights(shared, gradient, 2, third);
+            through(2, gradient, passed);
 
-            add_weights<4>(shared, gradient, [&](unsigned k) { return h2[k]; }, 2, third);
-            through<4>(2, gradient, h2);
-            add_weights<4>(shared, gradient, [&](unsigned k) { return h1[k]; }, 1, second);
-            through<4>(1, gradient, h1);
-            if (!network.bias.empty()) add_bias(shared, gradient);
-            const unsigned again = computed_anew(row); // meanwhile, registers are scarce
-            const auto input = [&](unsigned k) { return network.input_tile(again, k); };
-            add_weights<Rows::most_in_tiles>(shared, gradient, input, 0, first);
-            if (dL_dfeatures.wanted()) write_features(row, gradient);
+            put_inputs<4>(shared, [&](unsigned k) { return h1[k]; }, 1);
+            add_weights(shared, gradient, 1, second);
+            through(1, gradient, active(h1));
+
+            const unsigned again = computed_anew(row);
+            put_inputs<Rows::most_in_tiles>(shared, [&](unsigned k) { return network.input_tile(again, k); }, 0);
+            add_weights(shared, gradient, 0, first);
+            if (!network.bias.empty()) add_bias(shared, bias);
+            if (dL_dfeatures.wanted()) write_features(computed_anew(row), gradient);
         }
         store(0, first), store(1, second), store(2, third);
-        if (!network.bias.empty()) store_bias(shared);
+        if (!network.bias.empty()) store_bias(bias);
     }
 
 private:
+    /// Each warp sums the gradients of 16 outputs of a layer, for every second group of 8 inputs.
+    [[nodiscard]] __device__ static unsigned share_outputs() { return threadIdx.x / warp_size % 4; }
+    [[nodiscard]] __device__ static unsigned share_inputs() { return threadIdx.x / warp_size / 4; }
+
     [[nodiscard]] __device__ unsigned first_tile(unsigned block) const {
         return mlp_first_tile(network.inputs.rows(), tile_rows, block);
     }
-    __device__ void compute_hidden(unsigned row, MatrixA (&h1)[4], MatrixA (&h2)[4]) const {
-        MatrixA x[Rows::most_in_tiles];
+    /// The first hidden layer. The second becomes the inputs of the last layer's products; returns what passed its ReLU.
+    [[nodiscard]] __device__ std::uint32_t compute_hidden(Shared& shared, unsigned row, MatrixA (&h1)[4]) const {
+        MatrixA x[Rows::most_in_tiles], h2[4];
         for (unsigned k = 0; k < Rows::most_in_tiles; ++k) x[k] = network.input_tile(row, k);
         network.hidden(0, x, h1);
         network.hidden(1, h1, h2);
+        put_inputs<4>(shared, [&](unsigned k) { return h2[k]; }, 2);
+        return active(h2);
+    }
+    /// A bit for each of a lane's 32 numbers that ReLU passes, two for each word. A bit takes less than the number.
+    [[nodiscard]] __device__ static std::uint32_t active(const MatrixA (&x)[4]) {
+        std::uint32_t bits = 0;
+        for (unsigned k = 0; k < 4; ++k)
+            for (unsigned w = 0; w < 4; ++w) {
+                const std::uint32_t word = x[k].words[w];
+                bits |= ((word & 0xFFFFu) != 0 ? 1u : 0u) << (8 * k + 2 * w);
+                bits |= (word >> 16 != 0 ? 2u : 0u) << (8 * k + 2 * w);
+            }
+        return bits;
     }
     [[nodiscard]] __device__ float output_gradient(unsigned row, unsigned column) const {
         const bool inside = row < network.inputs.rows() && column < network.shape.outputs;
@@ -333,37 +354,54 @@ private:
         for (unsigned w = 0; w < 4; ++w)
             to[(16 * tile + w / 2 * 8 + Rows::group()) * stride + row + w % 2 * 4] = transposed(from.words[w]);
     }
+    /// The gradients of this warp's outputs for the k-th 16 rows, as a left operand.
+    [[nodiscard]] __device__ static MatrixA share_gradients(const Shared& shared, unsigned k) {
+        MatrixA a;
+        for (unsigned w = 0; w < 4; ++w)
+            a.words[w] = shared.gradients[(16 * share_outputs() + w % 2 * 8 + Rows::group()) * stride + 8 * k +
+                                          w / 2 * 4 + threadIdx.x % 4];
+        return a;
+    }
 
-    /// dL/dW += dL/dyᵀ x over the block's 64 rows, for 16 outputs of a layer a warp. x(k) are 16 columns.
+    /// The inputs of a layer, for its products. x(k) are 16 columns.
     template <unsigned Tiles, class Input>
-    __device__ void add_weights(Shared& shared, const MatrixA (&gradient)[4], const Input& x, unsigned layer,
-                                MatrixC (&to)[2 * Tiles]) const {
-        const unsigned out_tiles = network.shape.out_tiles(layer), in_tiles = network.shape.in_tiles(layer);
+    __device__ void put_inputs(Shared& shared, const Input& x, unsigned layer) const {
         __syncthreads(); // the arrays are still read
+        for (unsigned k = 0; k < Tiles; ++k)
+            if (k < network.shape.in_tiles(layer)) spread(shared.inputs, k, x(k));
+    }
+    /// dL/dW += dL/dyᵀ x over the block's rows, for this warp's share of a layer, after put_inputs().
+    template <std::size_t Tiles>
+    __device__ void add_weights(Shared& shared, const MatrixA (&gradient)[4], unsigned layer,
+                                MatrixC (&to)[Tiles]) const {
+        const unsigned out_tiles = network.shape.out_tiles(layer), in_tiles = network.shape.in_tiles(layer);
         for (unsigned k = 0; k < 4; ++k)
             if (k < out_tiles) spread(shared.gradients, k, gradient[k]);
-        for (unsigned k = 0; k < Tiles; ++k)
-            if (k < in_tiles) spread(shared.inputs, k, x(k));
         __syncthreads();
-        const unsigned warp = threadIdx.x / warp_size;
-        if (warp >= out_tiles) return; // no barrier follows before all warps are back
-        const unsigned t = threadIdx.x % 4, g = Rows::group();
+        if (share_outputs() >= out_tiles) return; // no barrier follows before all warps are back
+        GSH_NO_UNROLL
         for (unsigned k = 0; k < tile_rows / 16; ++k) {
-            MatrixA a;
-            for (unsigned w = 0; w < 4; ++w)
-                a.words[w] = shared.gradients[(16 * warp + w % 2 * 8 + g) * stride + 8 * k + w / 2 * 4 + t];
-            for (unsigned n = 0; n < 2 * Tiles; ++n) {
-                if (n >= 2 * in_tiles) continue; // not break: the loop must have a constant length
+            const MatrixA a = share_gradients(shared, k);
+            for (unsigned n = 0; n < Tiles; ++n) {
+                if (n >= in_tiles) continue; // not break: the loop must have a constant length
+                const unsigned column = 8 * (2 * n + share_inputs()) + Rows::group();
                 MatrixB b;
-                for (unsigned w = 0; w < 2; ++w) b.words[w] = shared.inputs[(8 * n + g) * stride + 8 * k + w * 4 + t];
+                for (unsigned w = 0; w < 2; ++w)
+                    b.words[w] = shared.inputs[column * stride + 8 * k + w * 4 + threadIdx.x % 4];
                 multiply_add(to[n], a, b);
             }
         }
     }
+    /// The first layer's bias is the weight of an input that is 1 in every row.
+    __device__ void add_bias(const Shared& shared, MatrixC& bias) const {
+        if (share_inputs() != 0 || share_outputs() >= network.shape.out_tiles(0)) return;
+        const std::uint32_t ones = pack_bf16(1.0f, 1.0f);
+        GSH_NO_UNROLL
+        for (unsigned k = 0; k < tile_rows / 16; ++k) multiply_add(bias, share_gradients(shared, k), {{ones, ones}});
+    }
 
-    /// The gradient of a layer's inputs, through the ReLU that made them, in the place of that of its outputs.
-    template <unsigned Tiles>
-    __device__ void through(unsigned layer, MatrixA (&gradient)[4], const MatrixA (&x)[Tiles]) const {
+    /// The gradient of a layer's inputs, where the ReLU that made them passed, in the place of that of its outputs.
+    __device__ void through(unsigned layer, MatrixA (&gradient)[4], std::uint32_t active) const {
         const unsigned inner = network.shape.out_tiles(layer), tiles = network.shape.in_tiles(layer),
                        offset = network.shape.backward_offset(layer);
         MatrixA result[4] = {};
@@ -375,22 +413,12 @@ private:
                     if (k < inner)
                         multiply_add(sum, gradient[k], network.weights(offset + k * 2 * tiles + 2 * tile + n));
                 for (unsigned i = 0; i < 2; ++i) {
-                    const std::uint32_t value = x[tile].words[2 * n + i];
-                    result[tile].words[2 * n + i] = pack_bf16((value & 0xFFFFu) != 0 ? sum.values[2 * i] : 0.0f,
-                                                              value >> 16 != 0 ? sum.values[2 * i + 1] : 0.0f);
+                    const std::uint32_t bits = active >> (8 * tile + 2 * (2 * n + i));
+                    result[tile].words[2 * n + i] = pack_bf16((bits & 1) != 0 ? sum.values[2 * i] : 0.0f,
+                                                              (bits & 2) != 0 ? sum.values[2 * i + 1] : 0.0f);
                 }
             }
         for (unsigned tile = 0; tile < 4; ++tile) gradient[tile] = result[tile];
-    }
-
-    /// Each thread sums its own rows of its 16 columns, in shared memory to save registers.
-    __device__ static void add_bias(Shared& shared, const MatrixA (&gradient)[4]) {
-        for (unsigned n = 0; n < bias_parts / 2; ++n) {
-            const std::uint32_t upper = gradient[n / 2].words[n % 2 * 2], lower = gradient[n / 2].words[n % 2 * 2 + 1];
-            const unsigned at = 2 * n * block_size + threadIdx.x;
-            shared.bias[at] = shared.bias[at] + (low_bf16(upper) + low_bf16(lower));
-            shared.bias[at + block_size] = shared.bias[at + block_size] + (high_bf16(upper) + high_bf16(lower));
-        }
     }
 
     __device__ void write_features(unsigned first_row, const MatrixA (&gradient)[4]) const {
@@ -410,24 +438,24 @@ private:
 
     template <std::size_t N>
     __device__ void store(unsigned layer, const MatrixC (&from)[N]) const {
-        const unsigned warp = threadIdx.x / warp_size, columns = 2 * network.shape.in_tiles(layer);
-        if (warp >= network.shape.out_tiles(layer)) return;
+        const unsigned in_tiles = network.shape.in_tiles(layer);
+        if (share_outputs() >= network.shape.out_tiles(layer)) return;
         const unsigned begin = blockIdx.x * network.shape.sums_size() + network.shape.sums_offset(layer);
         for (unsigned n = 0; n < N; ++n) {
-            if (n >= columns) continue;
+            if (n >= in_tiles) continue;
+            const unsigned tile = share_outputs() * 2 * in_tiles + 2 * n + share_inputs();
             for (unsigned i = 0; i < 4; ++i) // neighbouring lanes write neighbouring numbers
-                sums[begin + ((warp * columns + n) * 4 + i) * warp_size + threadIdx.x % warp_size] = from[n].values[i];
+                sums[begin + (tile * 4 + i) * warp_size + threadIdx.x % warp_size] = from[n].values[i];
         }
     }
-    /// A thread sums one column over the eight threads of each warp that have rows of it.
-    __device__ void store_bias(Shared& shared) const {
-        __syncthreads();
-        if (threadIdx.x >= network.shape.width) return;
-        const unsigned column = threadIdx.x, part = column / 8 * 2 + column % 2, t = column % 8 / 2;
-        float sum = 0;
-        for (unsigned warp = 0; warp < warps; ++warp)
-            for (unsigned g = 0; g < 8; ++g) sum += shared.bias[part * block_size + warp * warp_size + 4 * g + t];
-        sums[blockIdx.x * network.shape.sums_size() + network.shape.sums_offset(MixedShape::layers) + column] = sum;
+    /// All columns of the result are the same; a lane writes what it has of the first.
+    __device__ void store_bias(const MatrixC& bias) const {
+        if (share_inputs() != 0 || Rows::pair() != 0) return;
+        const unsigned begin = blockIdx.x * network.shape.sums_size() + network.shape.sums_offset(MixedShape::layers);
+        for (unsigned i = 0; i < 2; ++i) {
+            const unsigned column = 16 * share_outputs() + Rows::group() + i * 8;
+            if (column < network.shape.width) sums[begin + column] = bias.values[2 * i];
+        }
     }
 };
 
