@@ -17,6 +17,7 @@ namespace cuda_matrix { // joined builds: other tests have helpers of the same n
 
 using namespace gsh;
 using cuda::Device;
+using cuda::SharedArray;
 
 /// A bf16 number that has few bits, so that sums of products are exact.
 float small_number(test::Rng& rng) {
@@ -54,11 +55,23 @@ struct MultiplyAdd {
     }
 };
 
-/// words [32] of an 8 x 8 matrix, a word of lane 4 g + t has (row g, columns 2 t and 2 t + 1).
+/// Stores rows of 16 words in shared memory, and reads the transposes of four 8 x 8 matrices: rows from 8 m on, columns
+/// from 8 (3 - m) on.
 struct Transpose {
-    static constexpr unsigned block_size = 32;
-    Span<std::uint32_t> words;
-    __device__ void operator()() const { words[threadIdx.x] = cuda::transposed(words[threadIdx.x]); }
+    static constexpr unsigned block_size = 32, stride = 20; // words
+    struct Shared {
+        alignas(16) SharedArray<std::uint32_t, 32 * stride> rows;
+    };
+    Span<const std::uint32_t> from; ///< [32][16]
+    Span<std::uint32_t> to;         ///< [32 lanes][4]
+
+    __device__ void operator()(Shared& shared) const {
+        for (unsigned i = 0; i < 16; ++i) shared.rows[threadIdx.x * stride + i] = from[threadIdx.x * 16 + i];
+        __syncthreads();
+        const cuda::MatrixA result =
+            cuda::load_transposed(shared.rows, threadIdx.x * stride + 4 * (3 - threadIdx.x / 8));
+        for (unsigned m = 0; m < 4; ++m) to[threadIdx.x * 4 + m] = result.words[m];
+    }
 };
 
 TEST_CASE("a warp multiplies matrices of bf16 and adds, by its instruction and by shuffles") {
@@ -91,22 +104,25 @@ TEST_CASE("a warp multiplies matrices of bf16 and adds, by its instruction and b
     }
 }
 
-TEST_CASE("a warp transposes a matrix of 16-bit numbers") {
+TEST_CASE("a warp transposes four matrices of 16-bit numbers in shared memory") {
     if (test::skip_without_device()) return;
     Device device;
-    std::vector<std::uint32_t> words(32);
-    for (std::uint32_t row = 0; row < 8; ++row)
-        for (std::uint32_t pair = 0; pair < 4; ++pair) {
-            const std::uint32_t number = 8 * row + 2 * pair;
-            words[4 * row + pair] = number | (number + 1) << 16;
+    const auto number = [](std::uint32_t row, std::uint32_t column) { return 256 * row + column; };
+    std::vector<std::uint32_t> words, found(32 * 4);
+    for (std::uint32_t row = 0; row < 32; ++row)
+        for (std::uint32_t column = 0; column < 32; column += 2)
+            words.push_back(number(row, column) | number(row, column + 1) << 16);
+    Device::Buffer<std::uint32_t> from(words.size()), to(found.size());
+    device.upload(Span<const std::uint32_t>(words), Span<std::uint32_t>(from));
+    device.launch(1, Transpose{from, to});
+    device.download(Span<const std::uint32_t>(to), Span<std::uint32_t>(found));
+    for (std::uint32_t lane = 0; lane < 32; ++lane)
+        for (std::uint32_t m = 0; m < 4; ++m) {
+            CAPTURE(lane);
+            CAPTURE(m);
+            const std::uint32_t g = lane / 4, t = lane % 4, column = 8 * (3 - m) + g, row = 8 * m + 2 * t;
+            CHECK(found[4 * lane + m] == (number(row, column) | number(row + 1, column) << 16));
         }
-    Device::Buffer<std::uint32_t> buffer(32);
-    device.upload(Span<const std::uint32_t>(words), Span<std::uint32_t>(buffer));
-    device.launch(1, Transpose{buffer});
-    device.download(Span<const std::uint32_t>(buffer), Span<std::uint32_t>(words));
-    for (std::uint32_t row = 0; row < 8; ++row)
-        for (std::uint32_t column = 0; column < 8; ++column)
-            CHECK((words[4 * row + column / 2] >> (16 * (column % 2)) & 0xFFFF) == 8 * column + row);
 }
 
 } // namespace cuda_matrix

@@ -7,6 +7,7 @@
 #include <gsh/backend/cuda/half.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 
+#include <cstddef>
 #include <cstdint>
 
 #if !defined(GSH_CUDA_EMULATION) && defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
@@ -23,6 +24,10 @@ struct MatrixA {
 /// The right operand, 16 x 8: words (rows 2t and 2t + 1, column g), (rows 2t + 8 and 2t + 9, column g).
 struct MatrixB {
     std::uint32_t words[2];
+};
+/// Two right operands side by side, 16 x 16. A lane reads its part from memory in one piece.
+struct alignas(16) MatrixB2 {
+    MatrixB halves[2];
 };
 /// The result, 16 x 8: (row g, column 2t), (row g, column 2t + 1), (row g + 8, column 2t), (row g + 8, column 2t + 1).
 /// Two results side by side, packed, have the layout of a MatrixA.
@@ -79,18 +84,26 @@ __device__ inline void multiply_add(MatrixC& c, const MatrixA& a, const MatrixB&
 #endif
 }
 
-/// The transpose of an 8 x 8 matrix of which a lane has the word (row g, columns 2t and 2t + 1). All lanes take part.
-[[nodiscard]] __device__ inline std::uint32_t transposed(std::uint32_t word) {
-#if defined(GSH_TENSOR_CORES)
-    std::uint32_t result;
-    asm("movmatrix.sync.aligned.m8n8.trans.b16 %0, %1;" : "=r"(result) : "r"(word));
-    return result;
+/// The transposes of four 8 x 8 matrices in shared memory, of which lane 8 m + r gives the index of row r of matrix m:
+/// a multiple of 4, where four words begin. Word m has (row g, columns 2t and 2t + 1) of the m-th transpose, so that a
+/// result has the layout of a MatrixA. All lanes take part.
+template <std::size_t N>
+[[nodiscard]] __device__ MatrixA load_transposed(const SharedArray<std::uint32_t, N>& array, unsigned index) {
+    MatrixA result;
+#if !defined(GSH_CUDA_EMULATION)
+    asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0, %1, %2, %3}, [%4];"
+                 : "=r"(result.words[0]), "=r"(result.words[1]), "=r"(result.words[2]), "=r"(result.words[3])
+                 : "r"(static_cast<unsigned>(__cvta_generic_to_shared(&array[index])))
+                 : "memory");
 #else
+    const MatrixA row{{array[index], array[index + 1], array[index + 2], array[index + 3]}};
+    const auto rows = test::values_of_warp(row);
     const unsigned g = threadIdx.x % warp_size / 4, t = threadIdx.x % 4;
-    const std::uint32_t first = __shfl_sync(all_lanes, word, static_cast<int>(4 * (2 * t) + g / 2)),
-                        second = __shfl_sync(all_lanes, word, static_cast<int>(4 * (2 * t + 1) + g / 2));
-    return g % 2 == 0 ? (first & 0xFFFFu) | second << 16 : first >> 16 | (second & 0xFFFF0000u);
+    const auto number = [&](unsigned r) { return rows[r].words[g / 2] >> (16 * (g % 2)) & 0xFFFFu; };
+    for (unsigned m = 0; m < 4; ++m)
+        result.words[m] = number(8 * m + 2 * t) | number(8 * m + 2 * t + 1) << 16;
 #endif
+    return result;
 }
 
 } // namespace gsh::cuda

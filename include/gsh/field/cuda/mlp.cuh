@@ -36,7 +36,7 @@ struct MlpScratch<cuda::Device, T> {
     cuda::Device::Buffer<T> bias;                              ///< what the shared inputs add to the first layer
     cuda::Device::Buffer<T> sums, dL_dbias;                    ///< of each block; of all
     cuda::Device::Buffer<T> wide;               ///< gradients of layers with more than 64 columns, of each block
-    cuda::Device::Buffer<std::uint32_t> packed; ///< mixed precision: the weights in bf16, for both passes
+    cuda::Device::Buffer<cuda::MatrixB2> packed; ///< mixed precision: the weights in bf16, for both passes
     cuda::Device::Buffer<std::uint32_t> features, dL_dfeatures; ///< mixed precision: of a hash grid, in bf16
 };
 
@@ -204,11 +204,11 @@ void mixed_forward(Device& device, const MlpShape& network, Span<const float> we
                    MlpScratch<Device, float>& scratch) {
     using Kernel = MixedForward<Inputs>;
     const MixedShape shape(network);
-    scratch.packed.resize(shape.words());
+    scratch.packed.resize(MixedPack::size);
     scratch.bias.resize(network.shared ? shape.width : 0);
     const unsigned bias_blocks =
         static_cast<unsigned>(chunk_count(scratch.bias.size(), MixedPack::numbers_per_block));
-    device.launch(bias_blocks + chunk_count(shape.words(), MixedPack::block_size),
+    device.launch(bias_blocks + chunk_count(MixedPack::size, MixedPack::block_size),
                   MixedPack{network, shape, bias_blocks, weights, shared, scratch.packed, scratch.bias});
     device.launch(chunk_count(rows, Kernel::block_rows),
                   Kernel{{shape, inputs, scratch.packed, scratch.bias}, outputs});

@@ -33,11 +33,10 @@ namespace gsh::cuda::detail {
     return number;
 }
 
-/// Offsets of a network of two hidden layers, in fragments: what the 32 lanes hold of a right operand, two words each.
-/// The number of inner tiles of 16 comes first, then that of column tiles of 8.
+/// A network of two hidden layers in tiles of 16 x 16 weights, of which each lane has a MatrixB2. Tiles lie where those of
+/// the largest network would, inner ones first: then addresses are constants, and what a smaller one lacks is zero.
 struct MixedShape {
-    static constexpr unsigned most_width = 64, most_inputs = 80, most_outputs = 64;
-    static constexpr unsigned layers = 3, fragment = 2 * warp_size; // words
+    static constexpr unsigned most_width = 64, most_inputs = 80, most_outputs = 64, layers = 3;
     unsigned inputs = 0, outputs = 0, width = 0;
 
     [[nodiscard]] static bool fits(const MlpShape& shape) {
@@ -50,32 +49,44 @@ struct MixedShape {
     [[nodiscard]] GSH_HD unsigned out(unsigned layer) const { return layer + 1 < layers ? width : outputs; }
     [[nodiscard]] GSH_HD unsigned in_tiles(unsigned layer) const { return (in(layer) + 15) / 16; }
     [[nodiscard]] GSH_HD unsigned out_tiles(unsigned layer) const { return (out(layer) + 15) / 16; }
-
+    [[nodiscard]] GSH_HD static constexpr unsigned most_in_tiles(unsigned layer) {
+        return (layer ? most_width : most_inputs) / 16;
+    }
+    [[nodiscard]] GSH_HD static constexpr unsigned most_out_tiles(unsigned layer) {
+        return (layer + 1 < layers ? most_width : most_outputs) / 16;
+    }
+    [[nodiscard]] GSH_HD static constexpr unsigned first_tile(unsigned layer) {
+        unsigned tile = 0;
+        for (unsigned l = 0; l < layer; ++l) tile += most_in_tiles(l) * most_out_tiles(l);
+        return tile;
+    }
     /// y = x Wᵀ: inner tiles over the inputs.
-    [[nodiscard]] GSH_HD unsigned forward_offset(unsigned layer) const {
+    [[nodiscard]] GSH_HD static constexpr unsigned forward_tile(unsigned layer, unsigned in, unsigned out) {
+        return first_tile(layer) + in * most_out_tiles(layer) + out;
+    }
+    /// dL/dx = dL/dy W: inner tiles over the outputs.
+    [[nodiscard]] GSH_HD static constexpr unsigned backward_tile(unsigned layer, unsigned out, unsigned in) {
+        return first_tile(layers) + first_tile(layer) + out * most_in_tiles(layer) + in;
+    }
+
+    /// Sums of a block: of each layer [out_tiles][2 in_tiles][4][32 lanes], then the bias [width].
+    [[nodiscard]] GSH_HD unsigned sums_offset(unsigned layer) const {
         unsigned offset = 0;
-        for (unsigned l = 0; l < layer; ++l) offset += in_tiles(l) * 2 * out_tiles(l);
+        for (unsigned l = 0; l < layer; ++l) offset += in_tiles(l) * out_tiles(l) * 256;
         return offset;
     }
-    /// dL/dx = dL/dy W: inner tiles over the outputs. The number of fragments is the same.
-    [[nodiscard]] GSH_HD unsigned backward_offset(unsigned layer) const {
-        return forward_offset(layers) + forward_offset(layer);
-    }
-    [[nodiscard]] GSH_HD unsigned words() const { return 2 * forward_offset(layers) * fragment; }
-
-    /// Sums of a block: of each layer [out_tiles][2 in_tiles][32 lanes][4], then the bias [width].
-    [[nodiscard]] GSH_HD unsigned sums_offset(unsigned layer) const { return forward_offset(layer) * 4 * warp_size; }
     [[nodiscard]] GSH_HD unsigned sums_size() const { return sums_offset(layers) + width; }
 };
 
-/// Packs the weights for both passes, a thread per word; and the first layer's bias, a warp per number.
+/// Packs the weights for both passes, a thread per MatrixB2; and the first layer's bias, a warp per number.
 struct MixedPack {
     static constexpr unsigned block_size = 256, numbers_per_block = block_size / warp_size;
+    static constexpr unsigned size = 2 * MixedShape::first_tile(MixedShape::layers) * warp_size; ///< of `packed`
     MlpShape network;
     MixedShape shape;
     unsigned bias_blocks;
     Span<const float> weights, shared;
-    Span<std::uint32_t> packed;
+    Span<MatrixB2> packed; ///< [tiles of both passes][32 lanes]
     Span<float> bias;
 
     __device__ void operator()() const {
@@ -91,22 +102,28 @@ private:
         const float sum = mlp_bias(network, weights, shared, o);
         if (lane == 0 && o < bias.size()) bias[o] = sum;
     }
-    __device__ void pack(unsigned word) const {
-        if (word >= packed.size()) return;
-        const unsigned half = shape.words() / 2, at = word % half;
-        const bool backward = word >= half;
-        const unsigned fragment = at / MixedShape::fragment, lane = at / 2 % warp_size, upper = at % 2;
+    __device__ void pack(unsigned at) const {
+        if (at >= packed.size()) return;
+        constexpr unsigned tiles = MixedShape::first_tile(MixedShape::layers);
+        const unsigned lane = at % warp_size, tile = at / warp_size % tiles;
+        const bool backward = at / warp_size >= tiles;
         unsigned layer = 0;
-        while (layer + 1 < MixedShape::layers && fragment >= shape.forward_offset(layer + 1)) ++layer;
-        const unsigned columns = 2 * (backward ? shape.in_tiles(layer) : shape.out_tiles(layer));
-        const unsigned tile = fragment - shape.forward_offset(layer);
-        const unsigned inner = tile / columns * 16 + 8 * upper + 2 * (lane % 4), column = tile % columns * 8 + lane / 4;
-        const auto weight = [&](unsigned k) {
+        while (layer + 1 < MixedShape::layers && tile >= MixedShape::first_tile(layer + 1)) ++layer;
+        const unsigned in_layer = tile - MixedShape::first_tile(layer),
+                       columns = backward ? MixedShape::most_in_tiles(layer) : MixedShape::most_out_tiles(layer);
+        const auto weight = [&](unsigned k, unsigned column) {
             const unsigned o = backward ? k : column, i = backward ? column : k;
             const bool inside = o < shape.out(layer) && i < shape.in(layer);
             return inside ? weights[network.weights_offset(layer) + o * network.weights_stride(layer) + i] : 0.0f;
         };
-        packed[word] = pack_bf16(weight(inner), weight(inner + 1));
+        MatrixB2 words;
+        for (unsigned n = 0; n < 2; ++n)
+            for (unsigned w = 0; w < 2; ++w) {
+                const unsigned inner = in_layer / columns * 16 + 8 * w + 2 * (lane % 4),
+                               column = in_layer % columns * 16 + 8 * n + lane / 4;
+                words.halves[n].words[w] = pack_bf16(weight(inner, column), weight(inner + 1, column));
+            }
+        packed[at] = words;
     }
 };
 
@@ -185,20 +202,15 @@ struct MixedWordInputs {
 /// What both passes do with the 16 rows of a warp.
 template <class Inputs>
 struct MixedRows {
-    static constexpr unsigned rows = 16, most_in_tiles = MixedShape::most_inputs / 16;
+    static constexpr unsigned rows = 16, most_in_tiles = MixedShape::most_in_tiles(0);
 
     MixedShape shape;
     Inputs inputs;
-    Span<const std::uint32_t> packed;
+    Span<const MatrixB2> packed;
     Span<const float> bias;
 
     [[nodiscard]] __device__ static unsigned group() { return threadIdx.x % warp_size / 4; }
     [[nodiscard]] __device__ static unsigned pair() { return 2 * (threadIdx.x % 4); }
-
-    [[nodiscard]] __device__ MatrixB weights(unsigned fragment) const {
-        const unsigned at = fragment * MixedShape::fragment + 2 * (threadIdx.x % warp_size);
-        return {{packed[at], packed[at + 1]}};
-    }
 
     /// Columns [16 k, 16 k + 16) of the inputs.
     [[nodiscard]] __device__ MatrixA input_tile(unsigned first_row, unsigned k) const {
@@ -208,21 +220,33 @@ struct MixedRows {
         return x;
     }
 
+    /// sums += x W over the first `inner` of x's tiles, for 16 columns; tile_of(k) is the place of W's k-th tile.
+    ///
+    /// There is a branch for two tiles, not for each: products wait for loads behind the same branch together.
+    template <unsigned Tiles, class TileOf>
+    __device__ void add_products(MatrixC (&sums)[2], const MatrixA (&x)[Tiles], unsigned inner,
+                                 const TileOf& tile_of) const {
+        for (unsigned k = 0; k < Tiles; k += 2) {
+            if (k >= inner) continue; // not break: loops over arrays must have a constant length
+            for (unsigned l = k; l < k + 2 && l < Tiles; ++l) {
+                const MatrixB2 weights = packed[tile_of(l) * warp_size + computed_anew(threadIdx.x) % warp_size];
+                for (unsigned n = 0; n < 2; ++n) multiply_add(sums[n], x[l], weights.halves[n]);
+            }
+        }
+    }
+
     /// A hidden layer: its numbers of each row after ReLU, as the next layer's operand; zeros up to 64.
     template <unsigned Tiles>
     __device__ void hidden(unsigned layer, const MatrixA (&x)[Tiles], MatrixA (&y)[4]) const {
-        const unsigned out_tiles = shape.out_tiles(layer), offset = shape.forward_offset(layer);
         for (unsigned tile = 0; tile < 4; ++tile) {
             y[tile] = {};
-            if (tile >= out_tiles) continue; // not break: loops over arrays must have a constant length
+            if (tile >= shape.out_tiles(layer)) continue;
             MatrixC sums[2];
             for (unsigned n = 0; n < 2; ++n)
                 for (unsigned i = 0; i < 4; ++i)
                     sums[n].values[i] = layer == 0 ? bias_of(16 * tile + 8 * n + pair() + i % 2) : 0.0f;
-            for (unsigned k = 0; k < Tiles; ++k)
-                for (unsigned n = 0; n < 2; ++n)
-                    if (k < shape.in_tiles(layer))
-                        multiply_add(sums[n], x[k], weights(offset + k * 2 * out_tiles + 2 * tile + n));
+            add_products(sums, x, shape.in_tiles(layer),
+                         [&](unsigned k) { return MixedShape::forward_tile(layer, k, tile); });
             for (unsigned n = 0; n < 2; ++n)
                 for (unsigned i = 0; i < 2; ++i)
                     y[tile].words[2 * n + i] =
@@ -250,17 +274,17 @@ struct MixedForward {
         network.hidden(0, x, first);
         network.hidden(1, first, second);
         const MixedShape& shape = network.shape;
-        const unsigned columns = 2 * shape.out_tiles(2);
-        for (unsigned n = 0; n < columns; ++n) {
-            MatrixC sums{};
-            for (unsigned k = 0; k < 4; ++k)
-                if (k < shape.in_tiles(2))
-                    multiply_add(sums, second[k], network.weights(shape.forward_offset(2) + k * columns + n));
-            for (unsigned i = 0; i < 4; ++i) {
-                const unsigned row = first_row + Rows::group() + i / 2 * 8, column = 8 * n + Rows::pair() + i % 2;
-                if (row < network.inputs.rows() && column < shape.outputs)
-                    outputs[row * shape.outputs + column] = sums.values[i];
-            }
+        for (unsigned tile = 0; tile < shape.out_tiles(2); ++tile) {
+            MatrixC sums[2] = {};
+            network.add_products(sums, second, shape.in_tiles(2),
+                                 [&](unsigned k) { return MixedShape::forward_tile(2, k, tile); });
+            for (unsigned n = 0; n < 2; ++n)
+                for (unsigned i = 0; i < 4; ++i) {
+                    const unsigned row = first_row + Rows::group() + i / 2 * 8,
+                                   column = 16 * tile + 8 * n + Rows::pair() + i % 2;
+                    if (row < network.inputs.rows() && column < shape.outputs)
+                        outputs[row * shape.outputs + column] = sums[n].values[i];
+                }
         }
     }
 };
@@ -271,10 +295,12 @@ struct MixedBackward {
     using Rows = MixedRows<Inputs>;
     static constexpr unsigned block_size = 256, warps = block_size / warp_size, tile_rows = warps * Rows::rows;
     static constexpr unsigned least_blocks = Inputs::least_blocks;
-    static constexpr unsigned stride = tile_rows / 2 + 4; ///< words between columns: eight columns in different banks
+    // Words of a row. Four more than its numbers take: eight rows then lie in different banks.
+    static constexpr unsigned gradient_stride = MixedShape::most_width / 2 + 4,
+                              input_stride = MixedShape::most_inputs / 2 + 4;
     struct Shared {
-        SharedArray<std::uint32_t, MixedShape::most_width * stride> gradients; ///< [column][rows, two in a word]
-        SharedArray<std::uint32_t, MixedShape::most_inputs * stride> inputs;   ///< likewise
+        alignas(16) SharedArray<std::uint32_t, tile_rows * gradient_stride> gradients; ///< [row][two columns in a word]
+        alignas(16) SharedArray<std::uint32_t, tile_rows * input_stride> inputs;       ///< likewise
     };
 
     Rows network;
@@ -288,7 +314,7 @@ struct MixedBackward {
             const unsigned row = tile * tile_rows + threadIdx.x / warp_size * Rows::rows;
             MatrixA h1[4], gradient[4];
             // Addresses are computed anew in each part, because registers are scarce.
-            const std::uint32_t passed = compute_hidden(shared, row, h1);
+            const std::uint32_t passed = compute_hidden(shared, computed_anew(row), h1);
             load_gradient(computed_anew(row), gradient);
             add_weights(shared, gradient, 2, third);
             through(2, gradient, passed);
@@ -347,20 +373,24 @@ private:
             }
     }
 
-    /// Writes 16 rows of 16 columns, column after column.
+    /// Writes this warp's 16 rows of 16 columns.
     template <std::size_t N>
-    __device__ static void spread(SharedArray<std::uint32_t, N>& to, unsigned tile, const MatrixA& from) {
-        const unsigned row = threadIdx.x / warp_size * (Rows::rows / 2) + threadIdx.x % 4; // in words
+    __device__ static void put(SharedArray<std::uint32_t, N>& to, unsigned stride, unsigned tile, const MatrixA& from) {
+        const unsigned row = threadIdx.x / warp_size * Rows::rows + Rows::group();
         for (unsigned w = 0; w < 4; ++w)
-            to[(16 * tile + w / 2 * 8 + Rows::group()) * stride + row + w % 2 * 4] = transposed(from.words[w]);
+            to[(row + w % 2 * 8) * stride + 8 * tile + w / 2 * 4 + threadIdx.x % 4] = from.words[w];
     }
     /// The gradients of this warp's outputs for the k-th 16 rows, as a left operand.
     [[nodiscard]] __device__ static MatrixA share_gradients(const Shared& shared, unsigned k) {
-        MatrixA a;
-        for (unsigned w = 0; w < 4; ++w)
-            a.words[w] = shared.gradients[(16 * share_outputs() + w % 2 * 8 + Rows::group()) * stride + 8 * k +
-                                          w / 2 * 4 + threadIdx.x % 4];
-        return a;
+        const unsigned lane = threadIdx.x % warp_size, row = 16 * k + lane / 16 * 8 + lane % 8;
+        return load_transposed(shared.gradients, row * gradient_stride + 8 * share_outputs() + lane / 8 % 2 * 4);
+    }
+    /// The k-th 16 rows of this warp's n-th and m-th groups of 8 inputs.
+    [[nodiscard]] __device__ static MatrixB2 share_inputs(const Shared& shared, unsigned k, unsigned n, unsigned m) {
+        const unsigned lane = threadIdx.x % warp_size, row = 16 * k + lane / 8 % 2 * 8 + lane % 8;
+        const MatrixA words =
+            load_transposed(shared.inputs, row * input_stride + 4 * (2 * (lane / 16 ? m : n) + share_inputs()));
+        return {{{{words.words[0], words.words[1]}}, {{words.words[2], words.words[3]}}}};
     }
 
     /// The inputs of a layer, for its products. x(k) are 16 columns.
@@ -368,7 +398,7 @@ private:
     __device__ void put_inputs(Shared& shared, const Input& x, unsigned layer) const {
         __syncthreads(); // the arrays are still read
         for (unsigned k = 0; k < Tiles; ++k)
-            if (k < network.shape.in_tiles(layer)) spread(shared.inputs, k, x(k));
+            if (k < network.shape.in_tiles(layer)) put(shared.inputs, input_stride, k, x(k));
     }
     /// dL/dW += dL/dyᵀ x over the block's rows, for this warp's share of a layer, after put_inputs().
     template <std::size_t Tiles>
@@ -376,19 +406,18 @@ private:
                                 MatrixC (&to)[Tiles]) const {
         const unsigned out_tiles = network.shape.out_tiles(layer), in_tiles = network.shape.in_tiles(layer);
         for (unsigned k = 0; k < 4; ++k)
-            if (k < out_tiles) spread(shared.gradients, k, gradient[k]);
+            if (k < out_tiles) put(shared.gradients, gradient_stride, k, gradient[k]);
         __syncthreads();
         if (share_outputs() >= out_tiles) return; // no barrier follows before all warps are back
         GSH_NO_UNROLL
         for (unsigned k = 0; k < tile_rows / 16; ++k) {
             const MatrixA a = share_gradients(shared, k);
-            for (unsigned n = 0; n < Tiles; ++n) {
+            for (unsigned n = 0; n < Tiles; n += 2) {
                 if (n >= in_tiles) continue; // not break: the loop must have a constant length
-                const unsigned column = 8 * (2 * n + share_inputs()) + Rows::group();
-                MatrixB b;
-                for (unsigned w = 0; w < 2; ++w)
-                    b.words[w] = shared.inputs[column * stride + 8 * k + w * 4 + threadIdx.x % 4];
-                multiply_add(to[n], a, b);
+                const bool both = n + 1 < Tiles;
+                const MatrixB2 b = share_inputs(shared, k, n, n + 1 < in_tiles ? n + 1 : n);
+                multiply_add(to[n], a, b.halves[0]);
+                if (both) multiply_add(to[n + 1], a, b.halves[1]);
             }
         }
     }
@@ -402,37 +431,33 @@ private:
 
     /// The gradient of a layer's inputs, where the ReLU that made them passed, in the place of that of its outputs.
     __device__ void through(unsigned layer, MatrixA (&gradient)[4], std::uint32_t active) const {
-        const unsigned inner = network.shape.out_tiles(layer), tiles = network.shape.in_tiles(layer),
-                       offset = network.shape.backward_offset(layer);
         MatrixA result[4] = {};
-        for (unsigned tile = 0; tile < 4; ++tile)
-            for (unsigned n = 0; n < 2; ++n) {
-                if (tile >= tiles) continue;
-                MatrixC sum{};
-                for (unsigned k = 0; k < 4; ++k)
-                    if (k < inner)
-                        multiply_add(sum, gradient[k], network.weights(offset + k * 2 * tiles + 2 * tile + n));
+        for (unsigned tile = 0; tile < 4; ++tile) {
+            if (tile >= network.shape.in_tiles(layer)) continue;
+            MatrixC sums[2] = {};
+            network.add_products(sums, gradient, network.shape.out_tiles(layer),
+                                 [&](unsigned k) { return MixedShape::backward_tile(layer, k, tile); });
+            for (unsigned n = 0; n < 2; ++n)
                 for (unsigned i = 0; i < 2; ++i) {
                     const std::uint32_t bits = active >> (8 * tile + 2 * (2 * n + i));
-                    result[tile].words[2 * n + i] = pack_bf16((bits & 1) != 0 ? sum.values[2 * i] : 0.0f,
-                                                              (bits & 2) != 0 ? sum.values[2 * i + 1] : 0.0f);
+                    result[tile].words[2 * n + i] = pack_bf16((bits & 1) != 0 ? sums[n].values[2 * i] : 0.0f,
+                                                              (bits & 2) != 0 ? sums[n].values[2 * i + 1] : 0.0f);
                 }
-            }
+        }
         for (unsigned tile = 0; tile < 4; ++tile) gradient[tile] = result[tile];
     }
 
     __device__ void write_features(unsigned first_row, const MatrixA (&gradient)[4]) const {
-        const unsigned columns = 2 * network.shape.in_tiles(0), offset = network.shape.backward_offset(0);
-        for (unsigned n = 0; n < columns; ++n) {
-            MatrixC sum{};
-            for (unsigned k = 0; k < 4; ++k)
-                if (k < network.shape.out_tiles(0))
-                    multiply_add(sum, gradient[k], network.weights(offset + k * columns + n));
-            for (unsigned i = 0; i < 2; ++i) {
-                const unsigned row = first_row + Rows::group() + i * 8, column = 8 * n + Rows::pair();
-                if (row < network.inputs.rows())
-                    dL_dfeatures.write(row, column, sum.values[2 * i], sum.values[2 * i + 1]);
-            }
+        for (unsigned tile = 0; tile < network.shape.in_tiles(0); ++tile) {
+            MatrixC sums[2] = {};
+            network.add_products(sums, gradient, network.shape.out_tiles(0),
+                                 [&](unsigned k) { return MixedShape::backward_tile(0, k, tile); });
+            for (unsigned n = 0; n < 2; ++n)
+                for (unsigned i = 0; i < 2; ++i) {
+                    const unsigned row = first_row + Rows::group() + i * 8, column = 16 * tile + 8 * n + Rows::pair();
+                    if (row < network.inputs.rows())
+                        dL_dfeatures.write(row, column, sums[n].values[2 * i], sums[n].values[2 * i + 1]);
+                }
         }
     }
 
