@@ -123,3 +123,28 @@ TEST_CASE("fp16 ends at its largest number, and what is no number stays none") {
     for (const float x : unpacked<true>(packed<true>({none, -none}))) CHECK(std::isnan(x));
     CHECK(unpacked<true>(packed<true>({infinity, -infinity})) == std::vector<float>{infinity, -infinity});
 }
+
+namespace {
+
+struct MaskPositive {
+    Span<std::uint32_t> words;
+    __device__ void operator()(std::size_t i) const { words[i] = cuda::mask_of_positive_bf16(words[i]); }
+};
+
+} // namespace
+
+TEST_CASE("the mask of two bf16 numbers has all bits of the positive ones") {
+    if (test::skip_without_device()) return;
+    std::vector<std::uint32_t> words, expected;
+    for (std::uint32_t number = 0; number <= 0x7F80; ++number) { // up to infinity
+        const std::uint32_t mask = number != 0 ? 0xFFFFu : 0;
+        words.insert(words.end(), {number, number << 16, number | number << 16});
+        expected.insert(expected.end(), {mask, mask << 16, mask | mask << 16});
+    }
+    cuda::Device device;
+    cuda::Buffer<std::uint32_t> buffer(words.size());
+    device.upload(Span<const std::uint32_t>(words), Span<std::uint32_t>(buffer));
+    device.for_each(words.size(), MaskPositive{buffer});
+    device.download(Span<const std::uint32_t>(buffer), Span<std::uint32_t>(words));
+    CHECK(words == expected);
+}

@@ -42,15 +42,31 @@ struct ShRows {
     static constexpr unsigned block_size = sizeof(T) == 8 && Degree > 2 ? 64 : 128; ///< rows fit in shared memory
     static constexpr unsigned size = block_size * pitch;
 
-    /// move(index in the warp's rows in shared memory, Gaussian, number) for each number of the rows of the warp whose
-    /// bits are set.
-    template <class Move>
-    __device__ static void for_each(unsigned rows, const Move& move) {
-        const std::size_t first = std::size_t(blockIdx.x) * block_size + threadIdx.x / warp_size * warp_size;
-        const unsigned shared_row = threadIdx.x / warp_size * warp_size;
-        for (unsigned n = threadIdx.x % warp_size; n < warp_size * length; n += warp_size) {
-            const unsigned row = n / length, number = n % length;
-            if (rows >> row & 1u) move((shared_row + row) * pitch + number, first + row, number);
+    /// A number of a row of the block.
+    struct Place {
+        unsigned row, number;
+        [[nodiscard]] __device__ unsigned in_shared() const { return row * pitch + number; }
+        [[nodiscard]] __device__ std::size_t in(std::size_t stride) const {
+            return 3 * (std::size_t(blockIdx.x) * block_size + row) * stride + number;
+        }
+    };
+
+    /// read(at), then write(at, number) for each number of the rows of the warp whose bits are set. A lane reads a batch
+    /// before it writes any of it, so that it waits for memory once a batch.
+    template <class Read, class Write>
+    __device__ static void move(unsigned rows, const Read& read, const Write& write) {
+        constexpr unsigned batch = 3 * (Degree + 1); // of Degree + 1 batches
+        const unsigned first = threadIdx.x / warp_size * warp_size; // row of the block
+        for (unsigned begin = 0; begin < length; begin += batch) {
+            T numbers[batch];
+            const auto for_each = [&](const auto& body) {
+                for (unsigned b = 0; b < batch; ++b) {
+                    const unsigned n = (begin + b) * warp_size + threadIdx.x % warp_size, row = n / length;
+                    if (rows >> row & 1u) body(Place{first + row, n % length}, numbers[b]);
+                }
+            };
+            for_each([&](const Place& at, T& number) { number = read(at); });
+            for_each([&](const Place& at, const T& number) { write(at, number); });
         }
     }
     /// Fills the warp's rows; `stride` is that of the vectors of `sh`.
@@ -58,18 +74,22 @@ struct ShRows {
     __device__ static void load(SharedArray<T, Size>& shared, unsigned rows, Span<const vec3<T>> sh,
                                 std::size_t stride) {
         const Span<const T> numbers = view_as<const T>(sh);
-        for_each(rows,
-                 [&](unsigned to, std::size_t i, unsigned number) { shared[to] = numbers[3 * i * stride + number]; });
+        move(
+            rows, [&](const Place& at) { return numbers[at.in(stride)]; },
+            [&](const Place& at, T number) { shared[at.in_shared()] = number; });
     }
     /// Adds the warp's rows to `sh`.
     template <std::size_t Size>
     __device__ static void add(const SharedArray<T, Size>& shared, unsigned rows, Span<vec3<T>> sh,
                                std::size_t stride) {
         const Span<T> numbers = view_as<T>(sh);
-        for_each(rows, [&](unsigned from, std::size_t i, unsigned number) {
-            const T value = shared[from];
-            numbers[3 * i * stride + number] += value;
-        });
+        move(
+            rows,
+            [&](const Place& at) {
+                const T number = shared[at.in_shared()];
+                return numbers[at.in(stride)] + number;
+            },
+            [&](const Place& at, T number) { numbers[at.in(stride)] = number; });
     }
     /// The thread's own row.
     template <std::size_t Size>

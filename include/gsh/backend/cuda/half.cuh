@@ -32,6 +32,10 @@ namespace gsh::cuda {
     return rounded(low) | rounded(high) << 16;
 #endif
 }
+/// All bits of those of two bf16 numbers that are positive, none of those that are +0. The numbers are not negative.
+[[nodiscard]] __device__ inline std::uint32_t mask_of_positive_bf16(std::uint32_t word) {
+    return ((word + 0x7FFF7FFFu) >> 15 & 0x00010001u) * 0xFFFFu;
+}
 
 namespace detail {
 

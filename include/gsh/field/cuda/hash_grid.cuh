@@ -195,7 +195,7 @@ private:
     }
 };
 
-/// Adds its list to each entry, by 4 or 32 threads. Gradients are rows of T or of 16 bits.
+/// Adds its list to each entry, by the threads of its task. Gradients are rows of T or of 16 bits.
 template <class T, std::size_t F, class Gradient>
 struct HashGather {
     static constexpr unsigned block_size = 128;

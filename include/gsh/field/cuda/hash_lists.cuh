@@ -46,7 +46,13 @@ template <std::floating_point T, std::size_t Levels>
 struct HashLists {
     // A segment is a few steps of eight threads; more would take longer than the rest of the pass.
     static constexpr std::size_t segment_size = 64, segment_lanes = 8, segments_per_block = 32;
-    static constexpr std::size_t gather_block = 128, short_list = 64, short_lanes = 4, long_lanes = 32;
+    static constexpr std::size_t gather_block = 128;
+    /// Threads that share a list of up to so many items. Most lists have a few, and one thread reads them in one turn
+    /// (HashGather::ahead) or two.
+    struct Lanes {
+        std::size_t lanes, most_items;
+    };
+    static constexpr Lanes classes[3] = {{1, 8}, {4, 64}, {32, std::numeric_limits<std::size_t>::max()}};
     static constexpr std::size_t least_points_of_cell = 3; ///< on average, for which a level is summed per cell
 
     std::vector<std::uint32_t> touched;
@@ -152,10 +158,11 @@ private:
             if (rank[e] != none) touched.push_back(level.offset + e);
 
         std::vector<std::uint32_t> next(entry.size()); // where the next item of an entry goes
-        for (const bool is_long : {false, true}) {
-            const std::size_t first = entries.size(), lanes = is_long ? long_lanes : short_lanes;
+        std::size_t least_items = 1;
+        for (const auto& [lanes, most_items] : classes) {
+            const std::size_t first = entries.size();
             for (std::size_t r = 0; r < entry.size(); ++r) {
-                if ((count[r] > short_list) != is_long) continue;
+                if (count[r] < least_items || count[r] > most_items) continue;
                 next[r] = item_begin.back();
                 entries.push_back(entry[r]);
                 item_begin.push_back(next[r] + count[r]);
@@ -165,6 +172,7 @@ private:
                 gather_tasks.push_back({static_cast<std::uint32_t>(e),
                                         static_cast<std::uint32_t>(std::min(groups, entries.size() - e)),
                                         static_cast<std::uint16_t>(l), static_cast<std::uint8_t>(lanes), summed});
+            least_items = most_items + 1;
         }
         items.resize(item_begin.back());
         visit([&](std::uint32_t e, std::uint32_t row, T weight) {

@@ -226,10 +226,11 @@ struct MixedRows {
     template <unsigned Tiles, class TileOf>
     __device__ void add_products(MatrixC (&sums)[2], const MatrixA (&x)[Tiles], unsigned inner,
                                  const TileOf& tile_of) const {
+        const unsigned lane = computed_anew(threadIdx.x) % warp_size;
         for (unsigned k = 0; k < Tiles; k += 2) {
-            if (k >= inner) continue; // not break: loops over arrays must have a constant length
+            if (k != 0 && k >= inner) continue; // not break: loops over arrays must have a constant length
             for (unsigned l = k; l < k + 2 && l < Tiles; ++l) {
-                const MatrixB2 weights = packed[tile_of(l) * warp_size + computed_anew(threadIdx.x) % warp_size];
+                const MatrixB2 weights = packed[std::size_t(tile_of(l)) * warp_size + lane];
                 for (unsigned n = 0; n < 2; ++n) multiply_add(sums[n], x[l], weights.halves[n]);
             }
         }
@@ -314,14 +315,14 @@ struct MixedBackward {
             const unsigned row = tile * tile_rows + threadIdx.x / warp_size * Rows::rows;
             MatrixA h1[4], gradient[4];
             // Addresses are computed anew in each part, because registers are scarce.
-            const std::uint32_t passed = compute_hidden(shared, computed_anew(row), h1);
+            compute_hidden(shared, row, h1);
             load_gradient(computed_anew(row), gradient);
             add_weights(shared, gradient, 2, third);
-            through(2, gradient, passed);
+            through(2, gradient, [&](unsigned k) { return get_inputs(shared, k); });
 
             put_inputs<4>(shared, [&](unsigned k) { return h1[k]; }, 1);
             add_weights(shared, gradient, 1, second);
-            through(1, gradient, active(h1));
+            through(1, gradient, [&](unsigned k) { return h1[k]; });
 
             const unsigned again = computed_anew(row);
             put_inputs<Rows::most_in_tiles>(shared, [&](unsigned k) { return network.input_tile(again, k); }, 0);
@@ -341,44 +342,43 @@ private:
     [[nodiscard]] __device__ unsigned first_tile(unsigned block) const {
         return mlp_first_tile(network.inputs.rows(), tile_rows, block);
     }
-    /// The first hidden layer. The second becomes the inputs of the last layer's products; returns what passed its ReLU.
-    [[nodiscard]] __device__ std::uint32_t compute_hidden(Shared& shared, unsigned row, MatrixA (&h1)[4]) const {
+    /// The first hidden layer. The second becomes the inputs of the last layer's products.
+    __device__ void compute_hidden(Shared& shared, unsigned row, MatrixA (&h1)[4]) const {
         MatrixA x[Rows::most_in_tiles], h2[4];
         for (unsigned k = 0; k < Rows::most_in_tiles; ++k) x[k] = network.input_tile(row, k);
         network.hidden(0, x, h1);
         network.hidden(1, h1, h2);
         put_inputs<4>(shared, [&](unsigned k) { return h2[k]; }, 2);
-        return active(h2);
-    }
-    /// A bit for each of a lane's 32 numbers that ReLU passes, two for each word. A bit takes less than the number.
-    [[nodiscard]] __device__ static std::uint32_t active(const MatrixA (&x)[4]) {
-        std::uint32_t bits = 0;
-        for (unsigned k = 0; k < 4; ++k)
-            for (unsigned w = 0; w < 4; ++w) {
-                const std::uint32_t word = x[k].words[w];
-                bits |= ((word & 0xFFFFu) != 0 ? 1u : 0u) << (8 * k + 2 * w);
-                bits |= (word >> 16 != 0 ? 2u : 0u) << (8 * k + 2 * w);
-            }
-        return bits;
     }
     [[nodiscard]] __device__ float output_gradient(unsigned row, unsigned column) const {
         const bool inside = row < network.inputs.rows() && column < network.shape.outputs;
         return inside ? dL_doutputs[row * network.shape.outputs + column] : 0.0f;
     }
     __device__ void load_gradient(unsigned first_row, MatrixA (&gradient)[4]) const {
-        for (unsigned k = 0; k < 4; ++k)
+        for (unsigned k = 0; k < 4; ++k) {
+            gradient[k] = {};
+            if (k >= network.shape.out_tiles(2)) continue;
             for (unsigned w = 0; w < 4; ++w) {
                 const unsigned row = first_row + Rows::group() + w % 2 * 8, column = 16 * k + w / 2 * 8 + Rows::pair();
                 gradient[k].words[w] = pack_bf16(output_gradient(row, column), output_gradient(row, column + 1));
             }
+        }
     }
 
-    /// Writes this warp's 16 rows of 16 columns.
+    /// Where a word of this warp's 16 rows of 16 columns lies.
+    [[nodiscard]] __device__ static unsigned place(unsigned stride, unsigned tile, unsigned w) {
+        const unsigned row = threadIdx.x / warp_size * Rows::rows + Rows::group();
+        return (row + w % 2 * 8) * stride + 8 * tile + w / 2 * 4 + threadIdx.x % 4;
+    }
     template <std::size_t N>
     __device__ static void put(SharedArray<std::uint32_t, N>& to, unsigned stride, unsigned tile, const MatrixA& from) {
-        const unsigned row = threadIdx.x / warp_size * Rows::rows + Rows::group();
-        for (unsigned w = 0; w < 4; ++w)
-            to[(row + w % 2 * 8) * stride + 8 * tile + w / 2 * 4 + threadIdx.x % 4] = from.words[w];
+        for (unsigned w = 0; w < 4; ++w) to[place(stride, tile, w)] = from.words[w];
+    }
+    /// What this warp wrote with put_inputs().
+    [[nodiscard]] __device__ static MatrixA get_inputs(const Shared& shared, unsigned tile) {
+        MatrixA words;
+        for (unsigned w = 0; w < 4; ++w) words.words[w] = shared.inputs[place(input_stride, tile, w)];
+        return words;
     }
     /// The gradients of this warp's outputs for the k-th 16 rows, as a left operand.
     [[nodiscard]] __device__ static MatrixA share_gradients(const Shared& shared, unsigned k) {
@@ -429,20 +429,21 @@ private:
         for (unsigned k = 0; k < tile_rows / 16; ++k) multiply_add(bias, share_gradients(shared, k), {{ones, ones}});
     }
 
-    /// The gradient of a layer's inputs, where the ReLU that made them passed, in the place of that of its outputs.
-    __device__ void through(unsigned layer, MatrixA (&gradient)[4], std::uint32_t active) const {
+    /// The gradient of a layer's inputs x, where the ReLU that made them passed, in the place of that of its outputs.
+    /// x(k) are 16 columns.
+    template <class Input>
+    __device__ void through(unsigned layer, MatrixA (&gradient)[4], const Input& x) const {
         MatrixA result[4] = {};
         for (unsigned tile = 0; tile < 4; ++tile) {
             if (tile >= network.shape.in_tiles(layer)) continue;
             MatrixC sums[2] = {};
             network.add_products(sums, gradient, network.shape.out_tiles(layer),
                                  [&](unsigned k) { return MixedShape::backward_tile(layer, k, tile); });
+            const MatrixA made = x(tile);
             for (unsigned n = 0; n < 2; ++n)
-                for (unsigned i = 0; i < 2; ++i) {
-                    const std::uint32_t bits = active >> (8 * tile + 2 * (2 * n + i));
-                    result[tile].words[2 * n + i] = pack_bf16((bits & 1) != 0 ? sums[n].values[2 * i] : 0.0f,
-                                                              (bits & 2) != 0 ? sums[n].values[2 * i + 1] : 0.0f);
-                }
+                for (unsigned i = 0; i < 2; ++i)
+                    result[tile].words[2 * n + i] = pack_bf16(sums[n].values[2 * i], sums[n].values[2 * i + 1]) &
+                                                    mask_of_positive_bf16(made.words[2 * n + i]);
         }
         for (unsigned tile = 0; tile < 4; ++tile) gradient[tile] = result[tile];
     }
