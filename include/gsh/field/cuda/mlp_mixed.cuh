@@ -436,28 +436,29 @@ private:
         MatrixA result[4] = {};
         for (unsigned tile = 0; tile < 4; ++tile) {
             if (tile >= network.shape.in_tiles(layer)) continue;
-            MatrixC sums[2] = {};
-            network.add_products(sums, gradient, network.shape.out_tiles(layer),
+            MatrixC products[2] = {};
+            network.add_products(products, gradient, network.shape.out_tiles(layer),
                                  [&](unsigned k) { return MixedShape::backward_tile(layer, k, tile); });
             const MatrixA made = x(tile);
             for (unsigned n = 0; n < 2; ++n)
                 for (unsigned i = 0; i < 2; ++i)
-                    result[tile].words[2 * n + i] = pack_bf16(sums[n].values[2 * i], sums[n].values[2 * i + 1]) &
-                                                    mask_of_positive_bf16(made.words[2 * n + i]);
+                    result[tile].words[2 * n + i] =
+                        pack_bf16(products[n].values[2 * i], products[n].values[2 * i + 1]) &
+                        mask_of_positive_bf16(made.words[2 * n + i]);
         }
         for (unsigned tile = 0; tile < 4; ++tile) gradient[tile] = result[tile];
     }
 
     __device__ void write_features(unsigned first_row, const MatrixA (&gradient)[4]) const {
         for (unsigned tile = 0; tile < network.shape.in_tiles(0); ++tile) {
-            MatrixC sums[2] = {};
-            network.add_products(sums, gradient, network.shape.out_tiles(0),
+            MatrixC products[2] = {};
+            network.add_products(products, gradient, network.shape.out_tiles(0),
                                  [&](unsigned k) { return MixedShape::backward_tile(0, k, tile); });
             for (unsigned n = 0; n < 2; ++n)
                 for (unsigned i = 0; i < 2; ++i) {
                     const unsigned row = first_row + Rows::group() + i * 8, column = 16 * tile + 8 * n + Rows::pair();
                     if (row < network.inputs.rows())
-                        dL_dfeatures.write(row, column, sums[n].values[2 * i], sums[n].values[2 * i + 1]);
+                        dL_dfeatures.write(row, column, products[n].values[2 * i], products[n].values[2 * i + 1]);
                 }
         }
     }
