@@ -51,8 +51,8 @@ struct ShRows {
         }
     };
 
-    /// read(at), then write(at, number) for each number of the rows of the warp whose bits are set. A lane reads a batch
-    /// before it writes any of it, so that it waits for memory once a batch.
+    /// read(at), then write(at, number) for each number of the rows of the warp whose bits are set. A lane reads a
+    /// batch before it writes any of it, so that it waits for memory once a batch.
     template <class Read, class Write>
     __device__ static void move(unsigned rows, const Read& read, const Write& write) {
         constexpr unsigned batch = 3 * (Degree + 1); // of Degree + 1 batches

@@ -33,8 +33,8 @@ namespace gsh::cuda::detail {
     return number;
 }
 
-/// A network of two hidden layers in tiles of 16 x 16 weights, of which each lane has a MatrixB2. Tiles lie where those of
-/// the largest network would, inner ones first: then addresses are constants, and what a smaller one lacks is zero.
+/// A network of two hidden layers in tiles of 16 x 16 weights, of which each lane has a MatrixB2. Tiles lie where those
+/// of the largest network would, inner ones first: then addresses are constants, and what a smaller one lacks is zero.
 struct MixedShape {
     static constexpr unsigned most_width = 64, most_inputs = 80, most_outputs = 64, layers = 3;
     unsigned inputs = 0, outputs = 0, width = 0;
