@@ -32,6 +32,7 @@
 #include <gsh/field/cuda/mlp_backward.cuh>
 #include <gsh/field/cuda/mlp_forward.cuh>
 #include <gsh/field/cuda/mlp_mixed.cuh>
+#include <gsh/field/cuda/mlp_products.cuh>
 #include <gsh/field/cuda/mlp_shape.cuh>
 #include <gsh/field/cuda/mlp_sums.cuh>
 #include <gsh/field/cuda/mlp_tile.cuh>

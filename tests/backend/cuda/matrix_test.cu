@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Products of small matrices by a warp, and transposes, by tensor cores or what stands in for them.
+/// @file  Products of small matrices of bf16 and float by a warp, and transposes.
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/matrix.cuh>
 
@@ -8,6 +8,7 @@
 #include "support/cuda_device.hpp"
 #include "support/gradient.hpp"
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -52,6 +53,28 @@ struct MultiplyAdd {
             cuda::multiply_add(sum, left, right);
         c[first] = sum.values[0], c[first + 1] = sum.values[1];
         c[second] = sum.values[2], c[second + 1] = sum.values[3];
+    }
+};
+
+/// One warp multiplies matrices of floats stored by rows: a [32, 8], b [8, 16], c [32, 16].
+struct MultiplyAddFloats {
+    static constexpr unsigned block_size = 32;
+    Span<const float> a, b;
+    Span<float> c;
+
+    __device__ void operator()() const {
+        const unsigned g = threadIdx.x / 4, t = threadIdx.x % 4;
+        float left[2][4], right[2][2], sums[4][4];
+        for (unsigned m = 0; m < 2; ++m)
+            for (unsigned i = 0; i < 4; ++i) left[m][i] = a[8 * (16 * m + g + i % 2 * 8) + t + i / 2 * 4];
+        for (unsigned n = 0; n < 2; ++n)
+            for (unsigned i = 0; i < 2; ++i) right[n][i] = b[16 * (t + 4 * i) + 8 * n + g];
+        const auto place = [&](unsigned i, unsigned j) { return 16 * (8 * i + g) + j / 2 * 8 + 2 * t + j % 2; };
+        for (unsigned i = 0; i < 4; ++i)
+            for (unsigned j = 0; j < 4; ++j) sums[i][j] = c[place(i, j)];
+        cuda::multiply_add<2, 2>(sums, left, right);
+        for (unsigned i = 0; i < 4; ++i)
+            for (unsigned j = 0; j < 4; ++j) c[place(i, j)] = sums[i][j];
     }
 };
 
@@ -102,6 +125,30 @@ TEST_CASE("a warp multiplies matrices of bf16 and adds, by its instruction and b
         device.download(Span<const float>(device_c), Span<float>(found));
         CHECK(found == expected);
     }
+}
+
+TEST_CASE("a warp multiplies matrices of floats and adds, to 2^-20 of the products") {
+    if (test::skip_without_device()) return;
+    Device device;
+    test::Rng rng(13);
+    std::vector<float> a(32 * 8), b(8 * 16), c(32 * 16), found(c.size());
+    for (auto* numbers : {&a, &b, &c})
+        for (float& x : *numbers) x = static_cast<float>(rng.uniform(-2, 2));
+    Device::Buffer<float> device_a(a.size()), device_b(b.size()), device_c(c.size());
+    device.upload(Span<const float>(a), Span<float>(device_a));
+    device.upload(Span<const float>(b), Span<float>(device_b));
+    device.upload(Span<const float>(c), Span<float>(device_c));
+    device.launch(1, MultiplyAddFloats{device_a, device_b, device_c});
+    device.download(Span<const float>(device_c), Span<float>(found));
+    for (std::size_t row = 0; row < 32; ++row)
+        for (std::size_t column = 0; column < 16; ++column) {
+            double sum = double(c[16 * row + column]), size = std::abs(sum);
+            for (std::size_t k = 0; k < 8; ++k) {
+                const double product = double(a[8 * row + k]) * double(b[16 * k + column]);
+                sum += product, size += std::abs(product);
+            }
+            CHECK(std::abs(double(found[16 * row + column]) - sum) <= std::ldexp(size, -20));
+        }
 }
 
 TEST_CASE("a warp transposes four matrices of 16-bit numbers in shared memory") {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Products of small matrices by a warp: bf16 operands, sums in float, on tensor cores from sm_80 on.
+/// @file  Products of small matrices of bf16 or float by a warp, with sums in float, on tensor cores from sm_80 on.
 ///
 /// A word holds two numbers of bf16 (backend/cuda/half.cuh). In what follows, lane = 4 g + t.
 #pragma once
@@ -81,6 +81,84 @@ __device__ inline void multiply_add(MatrixC& c, const MatrixA& a, const MatrixB&
     detail::multiply_add_lane(c, [&](unsigned lane, const auto& word) { return word(lanes[lane]); });
 #else
     detail::multiply_add_by_shuffles(c, a, b);
+#endif
+}
+
+namespace detail {
+
+/// Parts of both operands of products of floats: M left ones of 16 x 8, N right ones of 8 x 8.
+template <unsigned M, unsigned N>
+struct FloatOperands {
+    float a[M][4], b[N][2];
+};
+
+/// A float as the sum of two numbers of TF32, which has the range of float and 11 bits of mantissa; to 2^-22 of it.
+struct SplitFloat {
+    std::uint32_t high, low;
+
+    __device__ explicit SplitFloat(float x) {
+        high = (__float_as_uint(x) + 0x1000u) & 0xFFFFE000u; // to the nearest
+        low = __float_as_uint(x - __uint_as_float(high));    // the instruction ignores what is beyond its bits
+    }
+};
+
+} // namespace detail
+
+/// c += a b for 2 M x 2 N numbers of each lane, where a are M matrices of 16 x 8 and b are N of 8 x 8, on tensor cores
+/// to about 2^-21 of each product: a number is the sum of two of TF32, and the product of the small parts is left out.
+///
+/// With lane = 4 g + t, a[m] has (row g, column t), (g + 8, t), (g, t + 4), (g + 8, t + 4); b[n] has (row t, column g),
+/// (t + 4, g); c[2 m + h][2 n + e] is (row g + 8 h, column 2 t + e) of the product of a[m] and b[n]. All lanes take
+/// part.
+template <unsigned M, unsigned N>
+__device__ void multiply_add(float (&c)[2 * M][2 * N], const float (&a)[M][4], const float (&b)[N][2]) {
+#if defined(GSH_TENSOR_CORES)
+    using detail::SplitFloat;
+    const auto multiply = [&](unsigned m, unsigned n, const std::uint32_t (&left)[4], const std::uint32_t (&right)[2]) {
+        asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, "
+            "{%0, %1, %2, %3};"
+            : "+f"(c[2 * m][2 * n]), "+f"(c[2 * m][2 * n + 1]), "+f"(c[2 * m + 1][2 * n]),
+              "+f"(c[2 * m + 1][2 * n + 1])
+            : "r"(left[0]), "r"(left[1]), "r"(left[2]), "r"(left[3]), "r"(right[0]), "r"(right[1]));
+    };
+    std::uint32_t high[M][4], low[M][4];
+    for (unsigned m = 0; m < M; ++m)
+        for (unsigned i = 0; i < 4; ++i) {
+            const SplitFloat split(a[m][i]);
+            high[m][i] = split.high, low[m][i] = split.low;
+        }
+    for (unsigned n = 0; n < N; ++n) {
+        const SplitFloat first(b[n][0]), second(b[n][1]);
+        const std::uint32_t right_high[2] = {first.high, second.high}, right_low[2] = {first.low, second.low};
+        for (unsigned m = 0; m < M; ++m) multiply(m, n, low[m], right_high);
+        for (unsigned m = 0; m < M; ++m) multiply(m, n, high[m], right_low);
+        for (unsigned m = 0; m < M; ++m) multiply(m, n, high[m], right_high);
+    }
+#else
+    detail::FloatOperands<M, N> mine;
+    for (unsigned m = 0; m < M; ++m)
+        for (unsigned i = 0; i < 4; ++i) mine.a[m][i] = a[m][i];
+    for (unsigned n = 0; n < N; ++n)
+        for (unsigned i = 0; i < 2; ++i) mine.b[n][i] = b[n][i];
+    const unsigned g = threadIdx.x % warp_size / 4, t = threadIdx.x % 4;
+#if defined(GSH_CUDA_EMULATION)
+    const auto lanes = test::values_of_warp(mine);
+    const auto value = [&](unsigned lane, const auto& number) { return number(lanes[lane]); };
+#else
+    const auto value = [&](unsigned lane, const auto& number) {
+        return __shfl_sync(all_lanes, number(mine), static_cast<int>(lane));
+    };
+#endif
+    using Operands = detail::FloatOperands<M, N>;
+    for (unsigned k = 0; k < 8; ++k) {
+        float right[2 * N];
+        for (unsigned j = 0; j < 2 * N; ++j)
+            right[j] = value(4 * (2 * t + j % 2) + k % 4, [&](const Operands& o) { return o.b[j / 2][k / 4]; });
+        for (unsigned i = 0; i < 2 * M; ++i) {
+            const float left = value(4 * g + k % 4, [&](const Operands& o) { return o.a[i / 2][k / 4 * 2 + i % 2]; });
+            for (unsigned j = 0; j < 2 * N; ++j) c[i][j] += left * right[j];
+        }
+    }
 #endif
 }
 

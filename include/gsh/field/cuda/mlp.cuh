@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The MLP on a GPU, in the arithmetic of its numbers; networks like the paper's also in mixed precision.
+/// @file  The MLP on a GPU, in float or double; networks like the paper's also in mixed precision.
+///
+/// Products of floats are sums of three products of TF32 on tensor cores, right to about 2^-21 of each product.
 ///
 /// A pass is two launches: weights in the layout of the products, then all layers of a tile of rows in one kernel
 /// (mlp_forward.cuh); or all layers in reverse (mlp_backward.cuh), then the sum of the blocks' gradients. Shared inputs
@@ -73,15 +75,15 @@ private:
         const unsigned forward_size = static_cast<unsigned>(forward.size());
         if (e < forward_size) {
             const unsigned layer = shape.layer_of(e, shape.forward_size(0), shape.middle_size());
-            const unsigned columns = mlp_groups(shape.out(layer)) * mlp_columns;
-            const unsigned at = e - shape.forward_offset(layer);
-            forward[e] = weight(layer, at % columns, at / columns);
+            const auto [inner, column] =
+                MlpTile<T>::packed(e - shape.forward_offset(layer), mlp_groups(shape.out(layer)));
+            forward[e] = weight(layer, column, inner);
         } else if (e - forward_size < backward.size()) {
             e -= forward_size;
             const unsigned layer = shape.layer_of(e, shape.backward_size(0), shape.middle_size());
-            const unsigned columns = mlp_groups(shape.in(layer)) * mlp_columns;
-            const unsigned at = e - shape.backward_offset(layer);
-            backward[e] = weight(layer, at / columns, at % columns);
+            const auto [inner, column] =
+                MlpTile<T>::packed(e - shape.backward_offset(layer), mlp_groups(shape.in(layer)));
+            backward[e] = weight(layer, inner, column);
         }
     }
     [[nodiscard]] __device__ T weight(unsigned layer, unsigned o, unsigned i) const {
@@ -93,6 +95,7 @@ private:
 /// Adds the blocks' sums to the gradient of the weights.
 template <class T>
 struct MlpJoin {
+    using Tile = MlpTile<T>;
     using Sum = MlpSumOfBlocks<T>;
     using Shared = typename Sum::Shared;
     static constexpr unsigned numbers = Sum::numbers, block_size = Sum::block_size;
@@ -109,33 +112,23 @@ struct MlpJoin {
             const unsigned o = at - bias_begin();
             if (o < dL_dbias.size()) to = &dL_dbias[o];
         } else {
-            const Share share = share_of(at);
-            if (share.first_out >= shape.out(share.layer) || share.first_in >= shape.in(share.layer))
-                return; // all threads of the block: a share has 128 numbers
-            const unsigned thread = at % MlpTile<T>::threads;
-            const unsigned o = share.first_out + MlpTile<T>::row_group(thread),
-                           i = share.first_in + MlpTile<T>::column_group(thread);
-            if (o < shape.out(share.layer) && i < shape.in(share.layer))
-                to = &dL_dweights[shape.weights_offset(share.layer) + o * shape.weights_stride(share.layer) + i];
+            const unsigned piece = at / (mlp_columns * mlp_columns), layer = layer_of(piece),
+                           in_layer = piece - shape.first_piece(layer), groups = mlp_groups(shape.in(layer));
+            const unsigned first_out = in_layer / groups * mlp_columns, first_in = in_layer % groups * mlp_columns;
+            const auto [out, in] = Tile::weight(at / Tile::threads % Tile::thread_weights, at % Tile::threads,
+                                                mlp_share(mlp_count(shape.in(layer), in_layer % groups)));
+            const unsigned o = first_out + out, i = first_in + in;
+            if (out < mlp_columns && o < shape.out(layer) && i < shape.in(layer))
+                to = &dL_dweights[shape.weights_offset(layer) + o * shape.weights_stride(layer) + i];
         }
         const T sum = Sum::sum(shared, sums, shape.sums_size(), blocks, to != nullptr);
         if (to != nullptr && Sum::receives()) *to = is_bias ? sum : *to + sum;
     }
 
 private:
-    /// The weights of which MlpBackward's threads have one each.
-    struct Share {
-        unsigned layer, first_out, first_in;
-    };
     [[nodiscard]] __device__ unsigned bias_begin() const { return shape.piece_count() * mlp_columns * mlp_columns; }
-    [[nodiscard]] __device__ Share share_of(unsigned at) const {
-        const unsigned piece = at / (mlp_columns * mlp_columns),
-                       share = at % (mlp_columns * mlp_columns) / MlpTile<T>::threads;
-        const unsigned layer =
-            shape.layer_of(piece, shape.pieces(0), mlp_groups(shape.width) * mlp_groups(shape.width));
-        const unsigned groups = mlp_groups(shape.in(layer)), in_layer = piece - shape.first_piece(layer);
-        return {layer, in_layer / groups * mlp_columns + 16 * (share / 8),
-                in_layer % groups * mlp_columns + 8 * (share % 8)};
+    [[nodiscard]] __device__ unsigned layer_of(unsigned piece) const {
+        return shape.layer_of(piece, shape.pieces(0), mlp_groups(shape.width) * mlp_groups(shape.width));
     }
 };
 

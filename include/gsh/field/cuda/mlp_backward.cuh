@@ -5,6 +5,7 @@
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/reduce.cuh>
 #include <gsh/core/span.hpp>
+#include <gsh/field/cuda/mlp_products.cuh>
 #include <gsh/field/cuda/mlp_shape.cuh>
 #include <gsh/field/cuda/mlp_sums.cuh>
 #include <gsh/field/cuda/mlp_tile.cuh>
@@ -66,9 +67,10 @@ private:
     [[nodiscard]] __device__ unsigned hidden_offset(unsigned tile, unsigned layer, unsigned column) const {
         return ((tile * (shape.layers - 1) + layer) * shape.width + column) * (Tile::rows / 4);
     }
-    /// A row of a layer's weights, from the column group on, in fours.
-    [[nodiscard]] __device__ unsigned weights_offset(unsigned layer, unsigned group, unsigned row) const {
-        return shape.backward_offset(layer) / 4 + (row * mlp_groups(shape.in(layer)) + group) * (mlp_columns / 4);
+    /// Where the weights of groups of a layer's outputs and inputs begin, in fours.
+    [[nodiscard]] __device__ unsigned weights_offset(unsigned layer, unsigned group, unsigned out) const {
+        return shape.backward_offset(layer) / 4 + out * mlp_columns * mlp_groups(shape.in(layer)) * (mlp_columns / 4) +
+               group * Tile::packed_group;
     }
     /// The gradient of a layer's outputs.
     [[nodiscard]] __device__ unsigned wide_offset(unsigned layer, unsigned column) const {
@@ -84,10 +86,19 @@ private:
                                                       Tile::rows / 4, count, 8 * mlp_share(count));
             return;
         }
-        for (MlpWalk at(count); at.row < Tile::rows; at.step()) {
-            const unsigned row = first_row(tile) + at.row;
-            shared.tile[at.column * Tile::stride + at.row] =
-                row < inputs.rows() ? dL_doutputs[row * shape.outputs + first_column + at.column] : T(0);
+        for (MlpWalk at(count); at.row < Tile::rows;) {
+            T numbers[8]; // all are read before the first is written
+            MlpWalk from = at;
+            for (T& number : numbers) {
+                const unsigned row = first_row(tile) + from.row;
+                const bool inside = from.row < Tile::rows && row < inputs.rows();
+                number = inside ? dL_doutputs[row * shape.outputs + first_column + from.column] : T(0);
+                from.step();
+            }
+            for (const T& number : numbers) {
+                if (at.row < Tile::rows) shared.tile[at.column * Tile::stride + at.row] = number;
+                at.step();
+            }
         }
         for (unsigned e = threadIdx.x; e < Tile::rows * (8 * mlp_share(count) - count); e += block_size)
             shared.tile[(count + e / Tile::rows) * Tile::stride + e % Tile::rows] = T(0);
@@ -104,34 +115,55 @@ private:
         }
     }
 
-    // Not inlined: registers would not suffice for the state of both products.
+    // Neither product is inlined: registers would not suffice for the state of both.
     [[gnu::noinline]] __device__ void add_piece(Shared& shared, unsigned tile, unsigned layer, unsigned out,
                                                 unsigned in, bool first) const {
         const unsigned count = mlp_count(shape.in(layer), in), share = mlp_share(count),
                        output_share = mlp_share(mlp_count(shape.out(layer), out));
-        T piece[4][8] = {};
-        for (unsigned r = 0; r < Tile::rows; r += Tile::depth) {
-            __syncthreads();
-            if (layer == 0)
-                inputs.template load<Tile::depth, Tile::side_stride>(shared.side, first_row(tile) + r, in * mlp_columns,
-                                                                     count, 8 * share);
-            else
-                load_columns<Tile::depth, Tile::side_stride, T>(
-                    shared.side, hidden, hidden_offset(tile, layer - 1, in * mlp_columns) + r / 4, Tile::rows / 4,
-                    count, 8 * share);
-            __syncthreads();
-            multiply_over_rows<T>(shared, r, output_share, share, piece);
+        typename Tile::WeightSums piece = {};
+        if constexpr (Tile::by_matrices) {
+            __syncthreads(); // the tile is complete
+            if (layer == 0) {
+                const auto rows_of = [&](unsigned c, unsigned r) {
+                    Row<T, 4> four{};
+                    for (unsigned u = 0; u < 4; ++u)
+                        if (c < count && first_row(tile) + r + u < inputs.rows())
+                            four[u] = inputs(first_row(tile) + r + u, in * mlp_columns + c);
+                    return four;
+                };
+                multiply_over_rows(shared, output_share, share, rows_of, piece);
+            } else {
+                const unsigned begin = hidden_offset(tile, layer - 1, in * mlp_columns);
+                const auto rows_of = [&](unsigned c, unsigned r) {
+                    return c < count ? hidden[begin + (c * Tile::rows + r) / 4] : Row<T, 4>{};
+                };
+                multiply_over_rows(shared, output_share, share, rows_of, piece);
+            }
+        } else {
+            for (unsigned r = 0; r < Tile::rows; r += Tile::depth) {
+                __syncthreads();
+                if (layer == 0)
+                    inputs.template load<Tile::depth, Tile::side_stride>(shared.side, first_row(tile) + r,
+                                                                         in * mlp_columns, count, 8 * share);
+                else
+                    load_columns<Tile::depth, Tile::side_stride, T>(
+                        shared.side, hidden, hidden_offset(tile, layer - 1, in * mlp_columns) + r / 4, Tile::rows / 4,
+                        count, 8 * share);
+                __syncthreads();
+                multiply_over_rows(shared, r, output_share, share, piece);
+            }
         }
         // Each thread's numbers at a distance of the block, so that neighbouring threads write neighbouring numbers.
         const unsigned begin =
             blockIdx.x * shape.sums_size() +
             (shape.first_piece(layer) + out * mlp_groups(shape.in(layer)) + in) * mlp_columns * mlp_columns;
-        for (unsigned i = 0; i < 4; ++i)
-            for (unsigned j = 0; j < 8; ++j) {
-                if (2 * i >= output_share || j >= share) continue;
-                T& sum = sums[begin + (i * 8 + j) * block_size + threadIdx.x];
-                sum = first ? piece[i][j] : sum + piece[i][j];
-            }
+        T before[Tile::thread_weights] = {}; // all are read before the first is written
+        const auto for_each = [&](const auto& body) {
+            for (unsigned n = 0; n < Tile::thread_weights; ++n)
+                if (Tile::has_weight(n, output_share, share)) body(n, sums[begin + n * block_size + threadIdx.x]);
+        };
+        if (!first) for_each([&](unsigned n, const T& sum) { before[n] = sum; });
+        for_each([&](unsigned n, T& sum) { sum = before[n] + piece[n / 8][n / 4 % 2][n % 4]; });
     }
 
     /// The gradient of the first layer's bias: a warp sums one column of the tile after the other.
@@ -149,39 +181,35 @@ private:
     }
 
     /// dL/dx = dL/dy W for 64 columns of x, or the rest; through the ReLU that made x.
-    __device__ void run_layer(Shared& shared, unsigned tile, unsigned layer, unsigned group) const {
+    [[gnu::noinline]] __device__ void run_layer(Shared& shared, unsigned tile, unsigned layer, unsigned group) const {
         const unsigned share = mlp_share(mlp_count(columns(layer), group));
-        T dL_dx[Tile::thread_rows][8] = {};
+        typename Tile::Sums dL_dx = {};
         const bool held = group == 0 && shape.out(layer) <= mlp_columns; // from add_weights
         for (unsigned out = 0; out < mlp_groups(shape.out(layer)); ++out) {
             const unsigned inner = mlp_count(shape.out(layer), out);
             if (!held) load_gradient(shared, tile, layer, out);
-            for (unsigned k = 0; k < inner; k += Tile::depth) {
-                const unsigned depth = inner - k < Tile::depth ? inner - k : Tile::depth;
-                __syncthreads();
-                load_weights<T>(shared.side, packed, weights_offset(layer, group, out * mlp_columns + k),
-                                mlp_groups(shape.in(layer)) * (mlp_columns / 4), depth);
-                __syncthreads();
-                multiply<T>(shared, k, depth, share, dL_dx);
-            }
+            multiply<T>(shared, packed, weights_offset(layer, group, out),
+                        mlp_groups(shape.in(layer)) * (mlp_columns / 4), inner, share, dL_dx);
         }
         const bool stays = layer == 0 || shape.width <= mlp_columns, saved = layer != 0 && !wide.empty();
         if (stays) __syncthreads(); // the tile is still read
         const unsigned first_column = group * mlp_columns, count = mlp_count(columns(layer), group);
-        for (unsigned j = 0; j < 8; ++j) {
-            if (j >= share) break;
-            const unsigned c = Tile::column(j, share);
-            for (unsigned i = 0; i < Tile::thread_rows; i += 4) {
-                const unsigned at = (c * Tile::rows + Tile::row(i)) / 4;
+        for (unsigned first = 0; first < Tile::thread_columns; first += 4) {
+            if (first >= Tile::columns(share)) break;
+            const auto place = [&](unsigned j) { return (Tile::column(j, share) * Tile::rows + Tile::row(0)) / 4; };
+            Row<T, 4> x[4] = {}; // all are read before the first gradient is written
+            for (unsigned j = 0; j < 4; ++j)
+                if (layer != 0 && Tile::column(first + j, share) < count)
+                    x[j] = hidden[hidden_offset(tile, layer - 1, first_column) + place(first + j)];
+            for (unsigned j = 0; j < 4; ++j) {
+                if (first + j >= Tile::columns(share)) continue;
+                const unsigned c = Tile::column(first + j, share);
                 Row<T, 4> four;
-                for (unsigned u = 0; u < 4; ++u) four[u] = dL_dx[i + u][j];
-                if (layer != 0 && c < count) {
-                    const Row<T, 4> x = hidden[hidden_offset(tile, layer - 1, first_column) + at];
-                    for (unsigned u = 0; u < 4; ++u) four[u] = x[u] > T(0) ? four[u] : T(0);
-                }
+                for (unsigned i = 0; i < 4; ++i)
+                    four[i] = layer == 0 || c >= count || x[j][i] > T(0) ? dL_dx[i][first + j] : T(0);
                 if (stays)
-                    for (unsigned u = 0; u < 4; ++u) shared.tile[c * Tile::stride + Tile::row(i) + u] = four[u];
-                if (saved && c < count) wide[wide_offset(layer - 1, first_column) + at] = four;
+                    for (unsigned i = 0; i < 4; ++i) shared.tile[c * Tile::stride + Tile::row(i)] = four[i];
+                if (saved && c < count) wide[wide_offset(layer - 1, first_column) + place(first + j)] = four;
             }
         }
         if (layer == 0) write_features(shared, tile, group * mlp_columns, count);

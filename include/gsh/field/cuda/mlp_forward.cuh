@@ -4,6 +4,7 @@
 
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/core/span.hpp>
+#include <gsh/field/cuda/mlp_products.cuh>
 #include <gsh/field/cuda/mlp_shape.cuh>
 #include <gsh/field/cuda/mlp_tile.cuh>
 #include <gsh/field/cuda/row.cuh>
@@ -33,7 +34,7 @@ struct MlpForward {
     }
 
 private:
-    using Sums = T[Tile::thread_rows][8];
+    using Sums = typename Tile::Sums;
 
     [[nodiscard]] __device__ static unsigned first_row() { return blockIdx.x * Tile::rows; }
     /// Where the activations behind a layer begin, in fours.
@@ -47,24 +48,17 @@ private:
         const unsigned share = mlp_share(count);
         const unsigned length = mlp_groups(shape.out(layer)) * (mlp_columns / 4);
         Sums sums;
-        for (unsigned j = 0; j < 8; ++j) {
-            const bool biased = layer == 0 && !bias.empty() && j < share;
+        for (unsigned j = 0; j < Tile::thread_columns; ++j) {
+            const bool biased = layer == 0 && !bias.empty() && j < Tile::columns(share);
             const T start = biased ? bias[first_column + Tile::column(j, share)] : T(0);
-            for (unsigned i = 0; i < Tile::thread_rows; ++i) sums[i][j] = start;
+            for (unsigned i = 0; i < 4; ++i) sums[i][j] = start;
         }
         const bool held = layer != 0 && group == 0 && shape.width <= mlp_columns; // from the layer before
-        unsigned weights = shape.forward_offset(layer) / 4 + group * (mlp_columns / 4);
+        const unsigned weights = shape.forward_offset(layer) / 4 + group * Tile::packed_group;
         for (unsigned in = 0; in < mlp_groups(shape.in(layer)); ++in) {
             const unsigned inner = mlp_count(shape.in(layer), in);
             if (!held) load_inputs(shared, layer, in, inner);
-            for (unsigned k = 0; k < inner; k += Tile::depth) {
-                const unsigned depth = inner - k < Tile::depth ? inner - k : Tile::depth;
-                __syncthreads();
-                load_weights<T>(shared.side, packed, weights, length, depth);
-                __syncthreads();
-                multiply<T>(shared, k, depth, share, sums);
-                weights += depth * length;
-            }
+            multiply<T>(shared, packed, weights + in * mlp_columns * length, length, inner, share, sums);
         }
         if (layer + 1 < shape.layers)
             keep(shared, layer, first_column, count, sums);
@@ -75,10 +69,11 @@ private:
     __device__ void load_inputs(Shared& shared, unsigned layer, unsigned in, unsigned count) const {
         __syncthreads();
         if (layer == 0)
-            inputs.template load<Tile::rows, Tile::stride>(shared.tile, first_row(), in * mlp_columns, count, count);
+            inputs.template load<Tile::rows, Tile::stride>(shared.tile, first_row(), in * mlp_columns, count,
+                                                               mlp_padded(count));
         else
             load_columns<Tile::rows, Tile::stride, T>(shared.tile, hidden, hidden_offset(layer - 1, in * mlp_columns),
-                                                      Tile::rows / 4, count, count);
+                                                      Tile::rows / 4, count, mlp_padded(count));
     }
 
     __device__ void keep(Shared& shared, unsigned layer, unsigned first_column, unsigned count,
@@ -87,16 +82,14 @@ private:
         const bool stays = shape.width <= mlp_columns;
         const unsigned begin = hidden_offset(layer, first_column);
         if (stays) __syncthreads(); // the tile is still read
-        for (unsigned j = 0; j < 8; ++j) {
-            if (j >= share) break;
+        for (unsigned j = 0; j < Tile::thread_columns; ++j) {
+            if (j >= Tile::columns(share)) break;
             const unsigned c = Tile::column(j, share);
-            for (unsigned i = 0; i < Tile::thread_rows; i += 4) {
-                Row<T, 4> four;
-                for (unsigned u = 0; u < 4; ++u) four[u] = sums[i + u][j] > T(0) ? sums[i + u][j] : T(0);
-                if (c < count) hidden[begin + (c * Tile::rows + Tile::row(i)) / 4] = four;
-                if (stays)
-                    for (unsigned u = 0; u < 4; ++u) shared.tile[c * Tile::stride + Tile::row(i) + u] = four[u];
-            }
+            Row<T, 4> four;
+            for (unsigned i = 0; i < 4; ++i) four[i] = sums[i][j] > T(0) ? sums[i][j] : T(0);
+            if (c < count) hidden[begin + (c * Tile::rows + Tile::row(0)) / 4] = four;
+            if (stays)
+                for (unsigned i = 0; i < 4; ++i) shared.tile[c * Tile::stride + Tile::row(i)] = four[i];
         }
     }
 
@@ -104,9 +97,9 @@ private:
     __device__ void write_outputs(Shared& shared, unsigned first_column, unsigned count, const Sums& sums) const {
         const unsigned share = mlp_share(count);
         __syncthreads();
-        for (unsigned j = 0; j < 8; ++j) {
-            if (j >= share) break;
-            for (unsigned i = 0; i < Tile::thread_rows; ++i)
+        for (unsigned j = 0; j < Tile::thread_columns; ++j) {
+            if (j >= Tile::columns(share)) break;
+            for (unsigned i = 0; i < 4; ++i)
                 shared.tile[Tile::column(j, share) * Tile::stride + Tile::row(i)] = sums[i][j];
         }
         __syncthreads();

@@ -12,6 +12,10 @@ inline constexpr unsigned mlp_columns = 64;
 [[nodiscard]] GSH_HD constexpr unsigned mlp_groups(unsigned columns) {
     return (columns + mlp_columns - 1) / mlp_columns;
 }
+/// Inner numbers of a product, with zeros up to the step of a matrix instruction.
+[[nodiscard]] GSH_HD constexpr unsigned mlp_padded(unsigned inner) {
+    return (inner + 7) / 8 * 8;
+}
 
 /// A network without the inputs that all rows share: their contribution to the first layer is the same for every row,
 /// and becomes its bias.
@@ -31,16 +35,16 @@ struct MlpShape {
         return layer ? (weights_stride(0))*out(0) + (layer - 1) * width * width : 0;
     }
 
-    /// Right operand of forward, [in][groups of out * 64].
+    /// Right operand of forward, [padded in][groups of out * 64].
     [[nodiscard]] GSH_HD unsigned forward_size(unsigned layer) const {
-        return (in(layer))*mlp_groups(out(layer)) * mlp_columns;
+        return mlp_padded(in(layer)) * mlp_groups(out(layer)) * mlp_columns;
     }
     [[nodiscard]] GSH_HD unsigned forward_offset(unsigned layer) const {
         return layer ? forward_size(0) + (layer - 1) * middle_size() : 0;
     }
-    /// Right operand of backward, [out][groups of in * 64].
+    /// Right operand of backward, [padded out][groups of in * 64].
     [[nodiscard]] GSH_HD unsigned backward_size(unsigned layer) const {
-        return (out(layer))*mlp_groups(in(layer)) * mlp_columns;
+        return mlp_padded(out(layer)) * mlp_groups(in(layer)) * mlp_columns;
     }
     [[nodiscard]] GSH_HD unsigned backward_offset(unsigned layer) const {
         return layer ? backward_size(0) + (layer - 1) * middle_size() : 0;
@@ -68,7 +72,7 @@ struct MlpShape {
         const Size layer = 1 + (index - first) / middle;
         return static_cast<unsigned>(layer < layers - 1 ? layer : layers - 1);
     }
-    [[nodiscard]] GSH_HD unsigned middle_size() const { return (width)*mlp_groups(width) * mlp_columns; }
+    [[nodiscard]] GSH_HD unsigned middle_size() const { return mlp_padded(width) * mlp_groups(width) * mlp_columns; }
 };
 
 } // namespace gsh::cuda::detail

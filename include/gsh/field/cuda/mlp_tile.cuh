@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A tile of rows of the MLP in shared memory: what is loaded into it, and the products on it.
+/// @file  A tile of rows of the MLP in shared memory, a thread's share of its products, and what is loaded into it.
 ///
 /// A tile is kept column after column, so that a thread reads four rows of a column with one instruction. Columns are
-/// four numbers longer than the tile has rows. Eight neighbouring columns then begin in different banks. Indexes have
-/// 32 bits, to save registers; the overloads check the sizes.
+/// a few numbers longer than the tile has rows, so that neighbouring lanes read different banks. Indexes have 32 bits,
+/// to save registers; the overloads check the sizes.
 #pragma once
 
 #include <gsh/backend/cuda/kernel.cuh>
@@ -13,41 +13,93 @@
 #include <gsh/field/features.hpp>
 
 #include <cstddef>
-#include <type_traits>
 
 namespace gsh::cuda::detail {
 
-/// Sizes of a tile, and a thread's share of its products. There are 128 threads: 16 groups by rows times 8 by columns.
-/// A thread makes 8 x 8 numbers (in double 4 x 8) of a product, from 16 that it reads, so that almost nine of ten
-/// instructions are arithmetic. Four blocks of float fit a multiprocessor, by registers and by shared memory; while one
-/// loads, the others compute.
+/// Sizes of a tile, and a thread's share of its products: 4 rows of 16 columns in float, of 8 columns in double.
+///
+/// Products of floats are taken by matrix instructions (backend/cuda/matrix.cuh), of 32 rows by a warp. With lane
+/// = 4 g + t, a thread reads 4 rows of a column at once, which are rows g and g + 8 of two left operands. Products of
+/// doubles are taken number by number. Four blocks of float fit a multiprocessor, by registers and by shared memory;
+/// while one loads, the others compute.
 template <class T>
 struct MlpTile {
+    static constexpr bool by_matrices = sizeof(T) == 4;
     static constexpr unsigned threads = 128;
     static constexpr unsigned rows = 512 / sizeof(T);  // 128 floats
     static constexpr unsigned depth = 128 / sizeof(T); // inner numbers of a product that are loaded at a time
-    static constexpr unsigned stride = rows + 4, side_stride = depth + 4;
-    static constexpr unsigned thread_rows = rows / 16;
-    static constexpr unsigned least_blocks = sizeof(T) == 4 ? 4 : 2;
+    static constexpr unsigned stride = rows + (by_matrices ? 8 : 4), side_stride = depth + 4; // for different banks
+    static constexpr unsigned thread_columns = by_matrices ? 16 : 8;
+    static constexpr unsigned least_blocks = by_matrices ? 4 : 2;
 
     struct Shared {
-        alignas(16) SharedArray<T, mlp_columns * stride> tile;      ///< [64][stride]: 64 columns of the rows
-        alignas(16) SharedArray<T, mlp_columns * side_stride> side; ///< weights [depth][64], or columns of depth rows
+        alignas(16) SharedArray<T, mlp_columns * stride> tile; ///< [64][stride]: 64 columns of the rows
+        /// In double: weights [depth][64], or columns of depth rows.
+        alignas(16) SharedArray<T, by_matrices ? 1 : mlp_columns * side_stride> side;
     };
+    using Sums = T[4][thread_columns];
+    using WeightSums = T[4][2][4]; ///< of a thread's weights in a piece of 64 x 64
+    static constexpr unsigned thread_weights = 32;
 
-    // Neighbouring threads have neighbouring rows: eight of them write 128 contiguous bytes of a column, and all that
-    // read the same columns of the other operand are in one half of the warps.
-    [[nodiscard]] __device__ static unsigned row_group(unsigned thread) { return thread / 32 % 2 * 8 + thread % 8; }
-    [[nodiscard]] __device__ static unsigned column_group(unsigned thread) { return thread / 64 * 4 + thread % 32 / 8; }
-    [[nodiscard]] __device__ static unsigned row_group() { return row_group(threadIdx.x); }
-    [[nodiscard]] __device__ static unsigned column_group() { return column_group(threadIdx.x); }
-
-    /// A thread's j-th row. Rows come in fours.
-    [[nodiscard]] __device__ static unsigned row(unsigned j) { return j / 4 * 64 + row_group() * 4 + j % 4; }
-    /// A thread's j-th column, where it has `share` of them. Columns come in fours, too, if there are so many.
-    [[nodiscard]] __device__ static unsigned column(unsigned j, unsigned share) {
-        return j / 4 * 32 + column_group() * (share < 4 ? share : 4) + j % 4;
+    /// A number of a packed matrix of `groups` groups of 64 columns: rows of it in double, in float tiles of 8 x 64 in
+    /// the order of the lanes, of which each has 8 right operands.
+    struct Packed {
+        unsigned inner, column;
+    };
+    [[nodiscard]] __device__ static Packed packed(unsigned at, unsigned groups) {
+        const unsigned columns = groups * mlp_columns;
+        if constexpr (!by_matrices) return {at / columns, at % columns};
+        const unsigned tile = at / (8 * mlp_columns), lane = at / 16 % warp_size, n = at / 2 % 8;
+        return {tile / groups * 8 + at % 2 * 4 + lane % 4, tile % groups * mlp_columns + 8 * n + lane / 4};
     }
+    /// From a group of columns to the next, in fours.
+    static constexpr unsigned packed_group = (by_matrices ? 8 : 1) * mlp_columns / 4;
+    /// A thread's j-th row. They follow each other.
+    [[nodiscard]] __device__ static unsigned row(unsigned j) { return 4 * row_group(threadIdx.x) + j; }
+    /// The number of a thread's columns in a product of 8 `share` columns.
+    [[nodiscard]] __device__ static unsigned columns(unsigned share) { return share * (thread_columns / 8); }
+    /// A thread's j-th column.
+    [[nodiscard]] __device__ static unsigned column(unsigned j, unsigned share) {
+        if constexpr (by_matrices) return j / 2 * 8 + threadIdx.x % 4 * 2 + j % 2;
+        return j / 4 * 32 + column_group(threadIdx.x) * (share < 4 ? share : 4) + j % 4;
+    }
+
+    /// A weight's place in a piece: the n-th of a thread's WeightSums in a product of 8 `share` inputs. What a thread
+    /// has no weight for lies beyond the piece.
+    struct Weight {
+        unsigned out, in;
+    };
+    [[nodiscard]] __device__ static Weight weight(unsigned n, unsigned thread, unsigned share) {
+        if constexpr (!by_matrices) return {row_group(thread) + n / 8 * 16, column_group(thread) + n % 8 * 8};
+        const unsigned lane = thread % warp_size;
+        return {16 * output_tile(n / 8, thread, share) + n / 4 % 2 * 8 + output_of(lane / 4),
+                16 * input_pair(thread, share) + n / 2 % 2 * 8 + input_of(lane % 4 * 2 + n % 2)};
+    }
+    /// Whether a product of 8 `outputs` by 8 `share` weights has it.
+    [[nodiscard]] __device__ static bool has_weight(unsigned n, unsigned outputs, unsigned share) {
+        if constexpr (!by_matrices) return n / 8 * 2 < outputs && n % 8 < share;
+        return n / 8 < share / 2 && 2 * output_tile(n / 8, threadIdx.x, share) < outputs;
+    }
+
+    // Gradients of weights by matrices: a warp has a pair of tiles of 8 inputs and some tiles of 16 outputs. All four
+    // warps have work, however few tiles there are.
+    [[nodiscard]] __device__ static unsigned input_pair(unsigned thread, unsigned share) {
+        return thread / warp_size % (share / 2);
+    }
+    [[nodiscard]] __device__ static unsigned output_tile(unsigned slot, unsigned thread, unsigned share) {
+        return thread / warp_size / (share / 2) + slot * (8 / share);
+    }
+    /// The order of rows and columns of a tile of gradients, for which neighbouring lanes read different banks.
+    [[nodiscard]] __device__ static unsigned output_of(unsigned g) { return (g & 4u) | (g & 1u) << 1 | (g >> 1 & 1u); }
+    [[nodiscard]] __device__ static unsigned input_of(unsigned g) { return (g & 1u) << 2 | g >> 1; }
+
+    // In double, neighbouring threads have neighbouring rows: eight of them write contiguous numbers of a column, and
+    // all that read the same columns of the other operand are in one half of the warps.
+    [[nodiscard]] __device__ static unsigned row_group(unsigned thread) {
+        if constexpr (by_matrices) return thread / 4;
+        return thread / 32 % 2 * 8 + thread % 8;
+    }
+    [[nodiscard]] __device__ static unsigned column_group(unsigned thread) { return thread / 64 * 4 + thread % 32 / 8; }
 };
 
 /// The number of columns in a group.
@@ -56,8 +108,8 @@ struct MlpTile {
     return rest < mlp_columns ? rest : mlp_columns;
 }
 
-/// A thread's share of a product with `count` columns: 2, 4 or 8, which makes products of 16, 32 or 64 columns. Fewer
-/// would save little, since the 128 threads read all of the other operand anyway.
+/// The share of a product with `count` columns: 2, 4 or 8, which makes products of 16, 32 or 64 columns. Fewer would
+/// save little, since the threads read all of the other operand anyway.
 [[nodiscard]] __device__ inline unsigned mlp_share(unsigned count) {
     return count > 32 ? 8 : count > 16 ? 4 : 2;
 }
@@ -105,14 +157,28 @@ struct MlpRowInputs {
         unsigned from = 0; // of the columns that follow
         if (!features.by_four.empty() && column < features.columns) {
             from = count < features.columns - column ? count : features.columns - column;
-            for (unsigned c = 4 * part; c < from; c += 4 * step) {
-                Row<T, 4> four{};
-                if (inside) four = features.by_four[features.index(first_row + r, column + c) / 4];
-                for (unsigned j = 0; j < 4; ++j) to[(c + j) * Stride + r] = four[j];
+            for (unsigned begin = 4 * part; begin < from; begin += 16 * step) {
+                Row<T, 4> fours[4] = {}; // all are read before the first is written
+                for (unsigned b = 0; b < 4; ++b) {
+                    const unsigned c = begin + b * 4 * step;
+                    if (inside && c < from) fours[b] = features.by_four[features.index(first_row + r, column + c) / 4];
+                }
+                for (unsigned b = 0; b < 4; ++b) {
+                    const unsigned c = begin + b * 4 * step;
+                    if (c >= from) continue;
+                    for (unsigned j = 0; j < 4; ++j) to[(c + j) * Stride + r] = fours[b][j];
+                }
             }
         }
-        for (unsigned c = from + part; c < padded; c += step)
-            to[c * Stride + r] = inside && c < count ? (*this)(first_row + r, column + c) : T(0);
+        for (unsigned begin = from + part; begin < padded; begin += 8 * step) {
+            T numbers[8]; // all are read before the first is written
+            for (unsigned b = 0; b < 8; ++b) {
+                const unsigned c = begin + b * step;
+                numbers[b] = inside && c < count ? (*this)(first_row + r, column + c) : T(0);
+            }
+            for (unsigned b = 0; b < 8; ++b)
+                if (begin + b * step < padded) to[(begin + b * step) * Stride + r] = numbers[b];
+        }
     }
 };
 
@@ -145,84 +211,6 @@ __device__ void load_columns(Array& to, Span<const Row<T, 4>> from, unsigned fir
         if (c < count) four = from[first + c * length + r];
         for (unsigned j = 0; j < 4; ++j) to[c * Stride + 4 * r + j] = four[j];
     }
-}
-
-/// Weights of `depth` rows of a packed matrix, 64 columns of each.
-template <class T, class Array>
-__device__ void load_weights(Array& to, Span<const Row<T, 4>> from, unsigned first, unsigned length, unsigned depth) {
-    for (unsigned e = threadIdx.x; e < depth * (mlp_columns / 4); e += 128) {
-        const unsigned k = e / (mlp_columns / 4), c = e % (mlp_columns / 4);
-        const Row<T, 4> four = from[first + k * length + c];
-        for (unsigned j = 0; j < 4; ++j) to[k * mlp_columns + 4 * c + j] = four[j];
-    }
-}
-
-/// sums[i][j] += sum over k < depth of tile[first + k][row i] side[k][column j], for j < Share.
-template <class T, unsigned Share>
-__device__ void multiply(const typename MlpTile<T>::Shared& shared, unsigned first, unsigned depth,
-                         T (&sums)[MlpTile<T>::thread_rows][8]) {
-    using Tile = MlpTile<T>;
-    const auto step = [&](unsigned k) {
-        T a[Tile::thread_rows], b[Share];
-        for (unsigned i = 0; i < Tile::thread_rows; ++i) a[i] = shared.tile[(first + k) * Tile::stride + Tile::row(i)];
-        for (unsigned j = 0; j < Share; ++j) b[j] = shared.side[k * mlp_columns + Tile::column(j, Share)];
-        for (unsigned i = 0; i < Tile::thread_rows; ++i)
-            for (unsigned j = 0; j < Share; ++j) sums[i][j] += a[i] * b[j];
-    };
-    unsigned k = 0;
-    for (; k + 2 <= depth; k += 2) step(k), step(k + 1);
-    if (k < depth) step(k);
-}
-/// For a share that is known when running. All else around a product is written once, for eight columns.
-template <class T>
-__device__ void multiply(const typename MlpTile<T>::Shared& shared, unsigned first, unsigned depth, unsigned share,
-                         T (&sums)[MlpTile<T>::thread_rows][8]) {
-    if (share == 8)
-        multiply<T, 8>(shared, first, depth, sums);
-    else if (share == 4)
-        multiply<T, 4>(shared, first, depth, sums);
-    else
-        multiply<T, 2>(shared, first, depth, sums);
-}
-
-/// sums[i][j] += sum over rows r < depth of tile[o_i][first + r] side[c_j][r], with o_i = row group + 16 i and
-/// c_j = column group + 8 j: neighbouring threads read neighbouring columns, and these lie in different banks.
-template <class T, unsigned Outputs, unsigned Inputs>
-__device__ void multiply_over_rows(const typename MlpTile<T>::Shared& shared, unsigned first, T (&sums)[4][8]) {
-    using Tile = MlpTile<T>;
-    for (unsigned r = 0; r < Tile::depth; r += 4) {
-        T a[Outputs][4];
-        for (unsigned i = 0; i < Outputs; ++i)
-            for (unsigned u = 0; u < 4; ++u)
-                a[i][u] = shared.tile[(Tile::row_group() + 16 * i) * Tile::stride + first + r + u];
-        for (unsigned j = 0; j < Inputs; ++j) {
-            T b[4];
-            for (unsigned u = 0; u < 4; ++u)
-                b[u] = shared.side[(Tile::column_group() + 8 * j) * Tile::side_stride + r + u];
-            for (unsigned u = 0; u < 4; ++u)
-                for (unsigned i = 0; i < Outputs; ++i) sums[i][j] += a[i][u] * b[u];
-        }
-    }
-}
-/// For shares of outputs (times two) and inputs that are known when running.
-template <class T>
-__device__ void multiply_over_rows(const typename MlpTile<T>::Shared& shared, unsigned first, unsigned outputs,
-                                   unsigned inputs, T (&sums)[4][8]) {
-    const auto for_outputs = [&](auto share) {
-        constexpr unsigned N = decltype(share)::value;
-        if (inputs == 8)
-            multiply_over_rows<T, N, 8>(shared, first, sums);
-        else if (inputs == 4)
-            multiply_over_rows<T, N, 4>(shared, first, sums);
-        else
-            multiply_over_rows<T, N, 2>(shared, first, sums);
-    };
-    if (outputs == 8)
-        for_outputs(std::integral_constant<unsigned, 4>());
-    else if (outputs == 4)
-        for_outputs(std::integral_constant<unsigned, 2>());
-    else
-        for_outputs(std::integral_constant<unsigned, 1>());
 }
 
 } // namespace gsh::cuda::detail
