@@ -14,7 +14,7 @@
 #include <gsh/field/cuda/half_row.cuh>
 #include <gsh/field/cuda/hash_grid.cuh>
 #include <gsh/field/cuda/mlp.cuh>
-#include <gsh/field/cuda/mlp_mixed.cuh>
+#include <gsh/field/cuda/mlp_mixed_rows.cuh>
 #include <gsh/field/features.hpp>
 #include <gsh/field/hash_field.hpp>
 

@@ -15,7 +15,10 @@
 #include <gsh/core/span.hpp>
 #include <gsh/field/cuda/mlp_backward.cuh>
 #include <gsh/field/cuda/mlp_forward.cuh>
-#include <gsh/field/cuda/mlp_mixed.cuh>
+#include <gsh/field/cuda/mlp_mixed_backward.cuh>
+#include <gsh/field/cuda/mlp_mixed_forward.cuh>
+#include <gsh/field/cuda/mlp_mixed_rows.cuh>
+#include <gsh/field/cuda/mlp_mixed_shape.cuh>
 #include <gsh/field/cuda/mlp_shape.cuh>
 #include <gsh/field/cuda/mlp_sums.cuh>
 #include <gsh/field/cuda/mlp_tile.cuh>

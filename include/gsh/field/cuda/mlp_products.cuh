@@ -44,8 +44,8 @@ __device__ void multiply(const MlpTile<double>::Shared& shared, unsigned first, 
     for (; k + 2 <= depth; k += 2) step(k), step(k + 1);
     if (k < depth) step(k);
 }
-/// sums[i][j] += sum over k < inner of tile[k][row i] weights[k][column j], for 8 Share columns of a packed matrix, whose
-/// rows are `length` fours long.
+/// sums[i][j] += sum over k < inner of tile[k][row i] weights[k][column j], for 8 Share columns of a packed matrix,
+/// whose rows are `length` fours long.
 template <unsigned Share>
 __device__ void multiply(MlpTile<double>::Shared& shared, Span<const Row<double, 4>> packed, unsigned first,
                          unsigned length, unsigned inner, MlpTile<double>::Sums& sums) {
