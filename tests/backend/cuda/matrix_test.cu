@@ -64,17 +64,18 @@ struct MultiplyAddFloats {
 
     __device__ void operator()() const {
         const unsigned g = threadIdx.x / 4, t = threadIdx.x % 4;
-        float left[2][4], right[2][2], sums[4][4];
+        constexpr unsigned first = 2; // rows of the sums that are not the product's
+        float left[2][4], right[2][2], sums[first + 4][4];
         for (unsigned m = 0; m < 2; ++m)
             for (unsigned i = 0; i < 4; ++i) left[m][i] = a[8 * (16 * m + g + i % 2 * 8) + t + i / 2 * 4];
         for (unsigned n = 0; n < 2; ++n)
             for (unsigned i = 0; i < 2; ++i) right[n][i] = b[16 * (t + 4 * i) + 8 * n + g];
         const auto place = [&](unsigned i, unsigned j) { return 16 * (8 * i + g) + j / 2 * 8 + 2 * t + j % 2; };
         for (unsigned i = 0; i < 4; ++i)
-            for (unsigned j = 0; j < 4; ++j) sums[i][j] = c[place(i, j)];
-        cuda::multiply_add<2, 2>(sums, left, right);
+            for (unsigned j = 0; j < 4; ++j) sums[first + i][j] = c[place(i, j)];
+        cuda::multiply_add(sums, left, right, first);
         for (unsigned i = 0; i < 4; ++i)
-            for (unsigned j = 0; j < 4; ++j) c[place(i, j)] = sums[i][j];
+            for (unsigned j = 0; j < 4; ++j) c[place(i, j)] = sums[first + i][j];
     }
 };
 

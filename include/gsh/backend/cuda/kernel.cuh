@@ -49,6 +49,15 @@ struct SharedArray {
 };
 #endif
 
+/// The same number, as if the compiler did not know it: what follows from it is computed anew, and not kept in
+/// registers from before.
+[[nodiscard]] __device__ inline unsigned computed_anew(unsigned number) {
+#if !defined(GSH_CUDA_EMULATION) && defined(__CUDA_ARCH__)
+    asm volatile("" : "+r"(number));
+#endif
+    return number;
+}
+
 /// In front of a loop that must not be unrolled, because its copies would take too many registers.
 #if defined(GSH_CUDA_EMULATION)
 #define GSH_NO_UNROLL

@@ -106,34 +106,41 @@ struct SplitFloat {
 
 /// c += a b for 2 M x 2 N numbers of each lane, where a are M matrices of 16 x 8 and b are N of 8 x 8, on tensor cores
 /// to about 2^-21 of each product: a number is the sum of two of TF32, and the product of the small parts is left out.
+/// c are the rows of `sums` from `first` on, which must be a constant for the compiler.
 ///
 /// With lane = 4 g + t, a[m] has (row g, column t), (g + 8, t), (g, t + 4), (g + 8, t + 4); b[n] has (row t, column g),
 /// (t + 4, g); c[2 m + h][2 n + e] is (row g + 8 h, column 2 t + e) of the product of a[m] and b[n]. All lanes take
 /// part.
-template <unsigned M, unsigned N>
-__device__ void multiply_add(float (&c)[2 * M][2 * N], const float (&a)[M][4], const float (&b)[N][2]) {
+template <unsigned M, unsigned N, std::size_t Rows>
+    requires(2 * M <= Rows)
+__device__ void multiply_add(float (&sums)[Rows][2 * N], const float (&a)[M][4], const float (&b)[N][2],
+                             unsigned first = 0) {
 #if defined(GSH_TENSOR_CORES)
     using detail::SplitFloat;
     const auto multiply = [&](unsigned m, unsigned n, const std::uint32_t (&left)[4], const std::uint32_t (&right)[2]) {
         asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, "
             "{%0, %1, %2, %3};"
-            : "+f"(c[2 * m][2 * n]), "+f"(c[2 * m][2 * n + 1]), "+f"(c[2 * m + 1][2 * n]),
-              "+f"(c[2 * m + 1][2 * n + 1])
+            : "+f"(sums[first + 2 * m][2 * n]), "+f"(sums[first + 2 * m][2 * n + 1]),
+              "+f"(sums[first + 2 * m + 1][2 * n]), "+f"(sums[first + 2 * m + 1][2 * n + 1])
             : "r"(left[0]), "r"(left[1]), "r"(left[2]), "r"(left[3]), "r"(right[0]), "r"(right[1]));
     };
-    std::uint32_t high[M][4], low[M][4];
+    std::uint32_t high[M][4], low[M][4], right_high[N][2], right_low[N][2];
     for (unsigned m = 0; m < M; ++m)
         for (unsigned i = 0; i < 4; ++i) {
             const SplitFloat split(a[m][i]);
             high[m][i] = split.high, low[m][i] = split.low;
         }
-    for (unsigned n = 0; n < N; ++n) {
-        const SplitFloat first(b[n][0]), second(b[n][1]);
-        const std::uint32_t right_high[2] = {first.high, second.high}, right_low[2] = {first.low, second.low};
-        for (unsigned m = 0; m < M; ++m) multiply(m, n, low[m], right_high);
-        for (unsigned m = 0; m < M; ++m) multiply(m, n, high[m], right_low);
-        for (unsigned m = 0; m < M; ++m) multiply(m, n, high[m], right_high);
-    }
+    for (unsigned n = 0; n < N; ++n)
+        for (unsigned i = 0; i < 2; ++i) {
+            const SplitFloat split(b[n][i]);
+            right_high[n][i] = split.high, right_low[n][i] = split.low;
+        }
+    // Products of the same sum are far apart, because each waits for the one before.
+    const auto multiply_all = [&](const std::uint32_t (&left)[M][4], const std::uint32_t (&right)[N][2]) {
+        for (unsigned n = 0; n < N; ++n)
+            for (unsigned m = 0; m < M; ++m) multiply(m, n, left[m], right[n]);
+    };
+    multiply_all(low, right_high), multiply_all(high, right_low), multiply_all(high, right_high);
 #else
     detail::FloatOperands<M, N> mine;
     for (unsigned m = 0; m < M; ++m)
@@ -156,7 +163,7 @@ __device__ void multiply_add(float (&c)[2 * M][2 * N], const float (&a)[M][4], c
             right[j] = value(4 * (2 * t + j % 2) + k % 4, [&](const Operands& o) { return o.b[j / 2][k / 4]; });
         for (unsigned i = 0; i < 2 * M; ++i) {
             const float left = value(4 * g + k % 4, [&](const Operands& o) { return o.a[i / 2][k / 4 * 2 + i % 2]; });
-            for (unsigned j = 0; j < 2 * N; ++j) c[i][j] += left * right[j];
+            for (unsigned j = 0; j < 2 * N; ++j) sums[first + i][j] += left * right[j];
         }
     }
 #endif

@@ -115,29 +115,33 @@ private:
         }
     }
 
-    // Neither product is inlined: registers would not suffice for the state of both.
-    [[gnu::noinline]] __device__ void add_piece(Shared& shared, unsigned tile, unsigned layer, unsigned out,
-                                                unsigned in, bool first) const {
+    __device__ void add_piece(Shared& shared, unsigned tile, unsigned layer, unsigned out, unsigned in,
+                              bool first) const {
         const unsigned count = mlp_count(shape.in(layer), in), share = mlp_share(count),
                        output_share = mlp_share(mlp_count(shape.out(layer), out));
         typename Tile::WeightSums piece = {};
         if constexpr (Tile::by_matrices) {
             __syncthreads(); // the tile is complete
             if (layer == 0) {
-                const auto rows_of = [&](unsigned c, unsigned r) {
-                    Row<T, 4> four{};
-                    for (unsigned u = 0; u < 4; ++u)
-                        if (c < count && first_row(tile) + r + u < inputs.rows())
-                            four[u] = inputs(first_row(tile) + r + u, in * mlp_columns + c);
-                    return four;
+                const auto column_of = [&](unsigned c) {
+                    const auto column = inputs.column(in * mlp_columns + c);
+                    const unsigned begin = first_row(tile), rows = c < count ? inputs.rows() : 0;
+                    return [=](unsigned r) {
+                        Row<T, 4> four{};
+                        for (unsigned u = 0; u < 4; ++u)
+                            if (begin + r + u < rows) four[u] = column[begin + r + u];
+                        return four;
+                    };
                 };
-                multiply_over_rows(shared, output_share, share, rows_of, piece);
+                multiply_over_rows(shared, output_share, share, column_of, piece);
             } else {
                 const unsigned begin = hidden_offset(tile, layer - 1, in * mlp_columns);
-                const auto rows_of = [&](unsigned c, unsigned r) {
-                    return c < count ? hidden[begin + (c * Tile::rows + r) / 4] : Row<T, 4>{};
+                const auto column_of = [&](unsigned c) {
+                    return [from = hidden, top = begin + c * (Tile::rows / 4), wanted = c < count](unsigned r) {
+                        return wanted ? from[top + r / 4] : Row<T, 4>{};
+                    };
                 };
-                multiply_over_rows(shared, output_share, share, rows_of, piece);
+                multiply_over_rows(shared, output_share, share, column_of, piece);
             }
         } else {
             for (unsigned r = 0; r < Tile::rows; r += Tile::depth) {
@@ -163,7 +167,7 @@ private:
                 if (Tile::has_weight(n, output_share, share)) body(n, sums[begin + n * block_size + threadIdx.x]);
         };
         if (!first) for_each([&](unsigned n, const T& sum) { before[n] = sum; });
-        for_each([&](unsigned n, T& sum) { sum = before[n] + piece[n / 8][n / 4 % 2][n % 4]; });
+        for_each([&](unsigned n, T& sum) { sum = before[n] + piece[n / 4][n % 4]; });
     }
 
     /// The gradient of the first layer's bias: a warp sums one column of the tile after the other.
@@ -181,7 +185,7 @@ private:
     }
 
     /// dL/dx = dL/dy W for 64 columns of x, or the rest; through the ReLU that made x.
-    [[gnu::noinline]] __device__ void run_layer(Shared& shared, unsigned tile, unsigned layer, unsigned group) const {
+    __device__ void run_layer(Shared& shared, unsigned tile, unsigned layer, unsigned group) const {
         const unsigned share = mlp_share(mlp_count(columns(layer), group));
         typename Tile::Sums dL_dx = {};
         const bool held = group == 0 && shape.out(layer) <= mlp_columns; // from add_weights
@@ -194,21 +198,24 @@ private:
         const bool stays = layer == 0 || shape.width <= mlp_columns, saved = layer != 0 && !wide.empty();
         if (stays) __syncthreads(); // the tile is still read
         const unsigned first_column = group * mlp_columns, count = mlp_count(columns(layer), group);
+        const unsigned thread = computed_anew(threadIdx.x); // places are not kept from layer to layer
         for (unsigned first = 0; first < Tile::thread_columns; first += 4) {
             if (first >= Tile::columns(share)) break;
-            const auto place = [&](unsigned j) { return (Tile::column(j, share) * Tile::rows + Tile::row(0)) / 4; };
+            const auto place = [&](unsigned j) {
+                return (Tile::column(j, share, thread) * Tile::rows + Tile::row(0, thread)) / 4;
+            };
             Row<T, 4> x[4] = {}; // all are read before the first gradient is written
             for (unsigned j = 0; j < 4; ++j)
-                if (layer != 0 && Tile::column(first + j, share) < count)
+                if (layer != 0 && Tile::column(first + j, share, thread) < count)
                     x[j] = hidden[hidden_offset(tile, layer - 1, first_column) + place(first + j)];
             for (unsigned j = 0; j < 4; ++j) {
                 if (first + j >= Tile::columns(share)) continue;
-                const unsigned c = Tile::column(first + j, share);
+                const unsigned c = Tile::column(first + j, share, thread);
                 Row<T, 4> four;
                 for (unsigned i = 0; i < 4; ++i)
                     four[i] = layer == 0 || c >= count || x[j][i] > T(0) ? dL_dx[i][first + j] : T(0);
                 if (stays)
-                    for (unsigned i = 0; i < 4; ++i) shared.tile[c * Tile::stride + Tile::row(i)] = four[i];
+                    for (unsigned i = 0; i < 4; ++i) shared.tile[c * Tile::stride + Tile::row(i, thread)] = four[i];
                 if (saved && c < count) wide[wide_offset(layer - 1, first_column) + place(first + j)] = four;
             }
         }
@@ -217,11 +224,11 @@ private:
 
     __device__ void write_features(Shared& shared, unsigned tile, unsigned first_column, unsigned count) const {
         __syncthreads();
-        const unsigned row = first_row(tile) + threadIdx.x % Tile::rows;
+        const unsigned thread = computed_anew(threadIdx.x), row = first_row(tile) + thread % Tile::rows;
         if (row >= inputs.rows()) return; // no barrier follows before all threads are back
         constexpr unsigned step = block_size / Tile::rows;
-        const unsigned part = threadIdx.x / Tile::rows;
-        const auto value = [&](unsigned c) -> T { return shared.tile[c * Tile::stride + threadIdx.x % Tile::rows]; };
+        const unsigned part = thread / Tile::rows;
+        const auto value = [&](unsigned c) -> T { return shared.tile[c * Tile::stride + thread % Tile::rows]; };
         if (!dL_dfeatures.by_four.empty()) {
             for (unsigned c = 4 * part; c < count; c += 4 * step) {
                 Row<T, 4>& to = dL_dfeatures.by_four[dL_dfeatures.index(row, first_column + c) / 4];

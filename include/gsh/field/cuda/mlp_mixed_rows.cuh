@@ -17,15 +17,6 @@
 
 namespace gsh::cuda::detail {
 
-/// The same number, as if the compiler did not know it: what follows from it is computed anew, and not kept in
-/// registers from before.
-[[nodiscard]] __device__ inline unsigned computed_anew(unsigned number) {
-#if !defined(GSH_CUDA_EMULATION) && defined(__CUDA_ARCH__)
-    asm volatile("" : "+r"(number));
-#endif
-    return number;
-}
-
 /// Features and points in float, which are rounded as they are read. Words have two neighbouring columns.
 struct MixedFloatInputs {
     static constexpr unsigned least_blocks = 1; ///< a second one would leave too few registers for the indexes

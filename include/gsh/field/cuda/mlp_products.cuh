@@ -81,7 +81,7 @@ __device__ void multiply(MlpTile<float>::Shared& shared, Span<const Row<float, 4
         for (unsigned p = 0; p < Share / 2; ++p) {
             const Row<float, 4> weights = packed[first + k * length + 4 * lane + p];
             const float b[2][2] = {{weights[0], weights[1]}, {weights[2], weights[3]}};
-            multiply_add<2, 2>(part[p], a, b);
+            multiply_add(part[p], a, b);
         }
     }
     for (unsigned p = 0; p < Share / 2; ++p)
@@ -111,7 +111,7 @@ __device__ inline void multiply_over_rows(const MlpTile<double>::Shared& shared,
             for (unsigned j = 0; j < M; ++j)
                 for (unsigned u = 0; u < 4; ++u) {
                     const double b = shared.side[(c + 8 * j) * Tile::side_stride + r + u];
-                    for (unsigned i = 0; i < N; ++i) sums[i][j / 4][j % 4] += a[i][u] * b;
+                    for (unsigned i = 0; i < N; ++i) sums[2 * i + j / 4][j % 4] += a[i][u] * b;
                 }
         }
     };
@@ -120,42 +120,54 @@ __device__ inline void multiply_over_rows(const MlpTile<double>::Shared& shared,
     });
 }
 
-/// The same over all rows of a tile. rows_of(i, r) are rows r to r + 3 of input i.
-template <unsigned Share, class RowsOf>
-__device__ void multiply_over_rows(const MlpTile<float>::Shared& shared, unsigned outputs, const RowsOf& rows_of,
-                                   MlpTile<float>::WeightSums& sums) {
+/// The same over all rows of a tile. column_of(i)(r) are rows r to r + 3 of input i.
+template <unsigned Share, class ColumnOf>
+__device__ void multiply_over_rows(const MlpTile<float>::Shared& shared, unsigned outputs,
+                                   const ColumnOf& column_of, MlpTile<float>::WeightSums& sums) {
     using Tile = MlpTile<float>;
     const unsigned g = threadIdx.x % warp_size / 4, t = threadIdx.x % 4;
     const unsigned input = 16 * Tile::input_pair(threadIdx.x, Share) + Tile::input_of(g);
     if (2 * Tile::output_tile(0, threadIdx.x, Share) >= outputs) return; // the same for the warp
     // Lane t has four rows that follow each other: rows t and t + 4 of two products.
-    Row<float, 4> next[2] = {rows_of(input, 4 * t), rows_of(input + 8, 4 * t)};
+    const auto first = column_of(input), second = column_of(input + 8);
+    Row<float, 4> next[2] = {first(4 * t), second(4 * t)};
     GSH_NO_UNROLL
     for (unsigned r = 0; r < Tile::rows; r += 16) {
         const Row<float, 4> b[2] = {next[0], next[1]};
         if (r + 16 < Tile::rows) // while these are multiplied
-            for (unsigned n = 0; n < 2; ++n) next[n] = rows_of(input + 8 * n, r + 16 + 4 * t);
-        for (unsigned slot = 0; slot < Share / 2; ++slot) {
-            const unsigned tile = Tile::output_tile(slot, threadIdx.x, Share);
-            if (2 * tile >= outputs) continue;
-            float a[2][4];
-            for (unsigned h = 0; h < 2; ++h) {
-                const unsigned o = 16 * tile + 8 * h + Tile::output_of(g);
-                for (unsigned u = 0; u < 4; ++u) a[h][u] = shared.tile[o * Tile::stride + r + 4 * t + u];
-            }
-            for (unsigned s = 0; s < 4; s += 2) {
-                const float left[1][4] = {{a[0][s], a[1][s], a[0][s + 1], a[1][s + 1]}},
-                            right[2][2] = {{b[0][s], b[0][s + 1]}, {b[1][s], b[1][s + 1]}};
-                multiply_add<1, 2>(sums[slot], left, right);
-            }
+            next[0] = first(r + 16 + 4 * t), next[1] = second(r + 16 + 4 * t);
+        // Two tiles of outputs at a time: products of the same sum wait for each other.
+        constexpr unsigned together = Share > 2 ? 2 : 1;
+        for (unsigned slot = 0; slot < Share / 2; slot += together) {
+            const auto of_tiles = [&](auto count) {
+                constexpr unsigned M = decltype(count)::value;
+                float a[2 * M][4];
+                for (unsigned h = 0; h < 2 * M; ++h) {
+                    const unsigned o = 16 * Tile::output_tile(slot + h / 2, threadIdx.x, Share) + h % 2 * 8 +
+                                       Tile::output_of(g);
+                    for (unsigned u = 0; u < 4; ++u) a[h][u] = shared.tile[o * Tile::stride + r + 4 * t + u];
+                }
+                for (unsigned s = 0; s < 4; s += 2) {
+                    float left[M][4];
+                    for (unsigned m = 0; m < M; ++m)
+                        for (unsigned i = 0; i < 4; ++i) left[m][i] = a[2 * m + i % 2][s + i / 2];
+                    const float right[2][2] = {{b[0][s], b[0][s + 1]}, {b[1][s], b[1][s + 1]}};
+                    multiply_add(sums, left, right, 2 * slot);
+                }
+            };
+            const auto has = [&](unsigned of) { return 2 * Tile::output_tile(of, threadIdx.x, Share) < outputs; };
+            if (together == 2 && has(slot + 1))
+                of_tiles(std::integral_constant<unsigned, together>());
+            else if (has(slot))
+                of_tiles(std::integral_constant<unsigned, 1>());
         }
     }
 }
-template <class RowsOf>
+template <class ColumnOf>
 __device__ void multiply_over_rows(const MlpTile<float>::Shared& shared, unsigned outputs, unsigned share,
-                                   const RowsOf& rows_of, MlpTile<float>::WeightSums& sums) {
+                                   const ColumnOf& column_of, MlpTile<float>::WeightSums& sums) {
     with_mlp_share(share, [&](auto constant) {
-        multiply_over_rows<decltype(constant)::value>(shared, outputs, rows_of, sums);
+        multiply_over_rows<decltype(constant)::value>(shared, outputs, column_of, sums);
     });
 }
 

@@ -13,6 +13,7 @@
 #include <gsh/field/features.hpp>
 
 #include <cstddef>
+#include <cstdint>
 
 namespace gsh::cuda::detail {
 
@@ -38,7 +39,7 @@ struct MlpTile {
         alignas(16) SharedArray<T, by_matrices ? 1 : mlp_columns * side_stride> side;
     };
     using Sums = T[4][thread_columns];
-    using WeightSums = T[4][2][4]; ///< of a thread's weights in a piece of 64 x 64
+    using WeightSums = T[8][4]; ///< of a thread's weights in a piece of 64 x 64
     static constexpr unsigned thread_weights = 32;
 
     /// A number of a packed matrix of `groups` groups of 64 columns: rows of it in double, in float tiles of 8 x 64 in
@@ -55,13 +56,15 @@ struct MlpTile {
     /// From a group of columns to the next, in fours.
     static constexpr unsigned packed_group = (by_matrices ? 8 : 1) * mlp_columns / 4;
     /// A thread's j-th row. They follow each other.
-    [[nodiscard]] __device__ static unsigned row(unsigned j) { return 4 * row_group(threadIdx.x) + j; }
+    [[nodiscard]] __device__ static unsigned row(unsigned j, unsigned thread = threadIdx.x) {
+        return 4 * row_group(thread) + j;
+    }
     /// The number of a thread's columns in a product of 8 `share` columns.
     [[nodiscard]] __device__ static unsigned columns(unsigned share) { return share * (thread_columns / 8); }
     /// A thread's j-th column.
-    [[nodiscard]] __device__ static unsigned column(unsigned j, unsigned share) {
-        if constexpr (by_matrices) return j / 2 * 8 + threadIdx.x % 4 * 2 + j % 2;
-        return j / 4 * 32 + column_group(threadIdx.x) * (share < 4 ? share : 4) + j % 4;
+    [[nodiscard]] __device__ static unsigned column(unsigned j, unsigned share, unsigned thread = threadIdx.x) {
+        if constexpr (by_matrices) return j / 2 * 8 + thread % 4 * 2 + j % 2;
+        return j / 4 * 32 + column_group(thread) * (share < 4 ? share : 4) + j % 4;
     }
 
     /// A weight's place in a piece: the n-th of a thread's WeightSums in a product of 8 `share` inputs. What a thread
@@ -114,24 +117,48 @@ struct MlpTile {
     return count > 32 ? 8 : count > 16 ? 4 : 2;
 }
 
+/// Division by a number that is the same for a whole kernel, as a multiplication by its reciprocal: one instruction
+/// instead of twenty.
+struct MlpDivisor {
+    static constexpr std::size_t limit = 1u << 16; ///< of both numbers of a division, which is exact below
+    unsigned number = 1, reciprocal = 0;           ///< 2^32 / number, rounded up; not used for 1
+
+    MlpDivisor() = default;
+    explicit MlpDivisor(std::size_t divisor)
+        : number(static_cast<unsigned>(divisor)),
+          reciprocal(divisor > 1 ? static_cast<unsigned>(((1ull << 32) + divisor - 1) / divisor) : 0) {}
+    [[nodiscard]] __device__ unsigned quotient(unsigned n) const {
+        return number == 1 ? n : static_cast<unsigned>(std::uint64_t(n) * reciprocal >> 32);
+    }
+};
+
+/// A column of a matrix in memory.
+template <class T>
+struct MlpColumn {
+    Span<T> values;
+    unsigned first, step; ///< place of the first row; from a row to the next
+    [[nodiscard]] __device__ T& operator[](unsigned row) const { return values[first + row * step]; }
+};
+
 /// A FeatureView, of which a thread takes four numbers of a row at once where their place in memory permits.
 template <class T>
 struct MlpColumns {
     Span<T> values;
     Span<RowOf<4, T>> by_four; ///< empty if they cannot be taken so
     std::size_t rows = 0;
-    unsigned columns = 0, block = 1;
+    unsigned columns = 0;
+    MlpDivisor block;
 
     MlpColumns() = default;
     MlpColumns(const FeatureView<T>& view)
-        : values(view.values), rows(view.rows), columns(static_cast<unsigned>(view.columns)),
-          block(static_cast<unsigned>(view.block)) {
+        : values(view.values), rows(view.rows), columns(static_cast<unsigned>(view.columns)), block(view.block) {
         if (view.block % 4 == 0 && has_rows<4>(values)) by_four = as_rows<4>("Mlp", values);
     }
     [[nodiscard]] __device__ unsigned index(unsigned row, unsigned column) const {
-        const unsigned group = block == 4 ? column / 4 : column / block;
-        return (group * static_cast<unsigned>(rows) + row) * block + (column - group * block);
+        const unsigned group = block.quotient(column);
+        return (group * static_cast<unsigned>(rows) + row) * block.number + (column - group * block.number);
     }
+    [[nodiscard]] __device__ MlpColumn<T> column(unsigned c) const { return {values, index(0, c), block.number}; }
 };
 
 /// Inputs of the network that differ from row to row: features, then the points' own.
@@ -142,10 +169,11 @@ struct MlpRowInputs {
     std::size_t own; ///< numbers of each point
 
     [[nodiscard]] __device__ unsigned rows() const { return static_cast<unsigned>(features.rows); }
-    [[nodiscard]] __device__ T operator()(unsigned row, unsigned column) const {
-        return column < features.columns ? features.values[features.index(row, column)]
-                                         : points[row * static_cast<unsigned>(own) + (column - features.columns)];
+    [[nodiscard]] __device__ MlpColumn<const T> column(unsigned c) const {
+        if (c < features.columns) return features.column(c);
+        return {points, c - features.columns, static_cast<unsigned>(own)};
     }
+    [[nodiscard]] __device__ T operator()(unsigned row, unsigned c) const { return column(c)[row]; }
 
     /// Columns [column, column + count) of Rows rows, column after column at distance Stride; zeros beyond the last row
     /// and up to `padded` columns.
@@ -188,8 +216,8 @@ struct MlpWalk {
     unsigned columns, row, column;
 
     __device__ explicit MlpWalk(unsigned count)
-        : columns(count), row(threadIdx.x / count), column(threadIdx.x - row * count), rows_of_step_(128 / count),
-          columns_of_step_(128 - rows_of_step_ * count) {}
+        : columns(count), row(computed_anew(threadIdx.x) / count), column(threadIdx.x - row * count),
+          rows_of_step_(128 / count), columns_of_step_(128 - rows_of_step_ * count) {}
     __device__ void step() {
         row += rows_of_step_, column += columns_of_step_;
         if (column >= columns) column -= columns, ++row;
@@ -205,7 +233,7 @@ template <unsigned Rows, unsigned Stride, class T, class Array>
 __device__ void load_columns(Array& to, Span<const Row<T, 4>> from, unsigned first, unsigned length, unsigned count,
                              unsigned padded) {
     constexpr unsigned fours = Rows / 4;
-    for (unsigned e = threadIdx.x; e < padded * fours; e += 128) {
+    for (unsigned e = computed_anew(threadIdx.x); e < padded * fours; e += 128) {
         const unsigned c = e / fours, r = e % fours;
         Row<T, 4> four{};
         if (c < count) four = from[first + c * length + r];
