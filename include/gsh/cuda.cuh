@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/divisor.cuh>
 #include <gsh/backend/cuda/error.cuh>
 #include <gsh/backend/cuda/fetch_ahead.cuh>
 #include <gsh/backend/cuda/half.cuh>

@@ -166,9 +166,9 @@ TEST_CASE("lists name every use of the table once, and the tests' problems have 
     std::size_t entries = 0;
     for (const auto& task : lists.gather_tasks) {
         (task.summed ? summed : direct) = true;
-        (task.lanes == 32 ? is_long : is_short) = true;
+        (task.lane_bits == 5 ? is_long : is_short) = true;
         CHECK(task.first == entries);
-        CHECK(task.count * task.lanes <= 128);
+        CHECK((task.count << task.lane_bits) <= 128);
         entries += task.count;
         for (std::size_t e = task.first; e < task.first + task.count; ++e)
             for (std::size_t k = lists.item_begin[e]; k < lists.item_begin[e + 1]; ++k) {

@@ -169,28 +169,6 @@ TEST_CASE_TEMPLATE("Mlp on the device takes any number of rows", T, float, doubl
     }
 }
 
-/// The quotients of 0 to limit - 1.
-struct Quotients {
-    cuda::detail::MlpDivisor divisor;
-    Span<std::uint32_t> quotients;
-    __device__ void operator()(std::size_t i) const { quotients[i] = divisor.quotient(static_cast<unsigned>(i)); }
-};
-
-TEST_CASE("divisions by a reciprocal are exact") {
-    if (test::skip_without_device()) return;
-    Device device;
-    Device::Buffer<std::uint32_t> quotients(cuda::detail::MlpDivisor::limit);
-    std::vector<std::uint32_t> found(quotients.size());
-    for (const std::uint32_t divisor : {1u, 2u, 3u, 4u, 5u, 7u, 64u, 74u, 255u, 32767u, 32769u, 65534u, 65535u}) {
-        CAPTURE(divisor);
-        device.for_each(quotients.size(), Quotients{cuda::detail::MlpDivisor(divisor), quotients});
-        device.download(Span<const std::uint32_t>(quotients), Span<std::uint32_t>(found));
-        std::size_t wrong = 0;
-        for (std::uint32_t n = 0; n < found.size(); ++n) wrong += found[n] != n / divisor;
-        CHECK(wrong == 0);
-    }
-}
-
 TEST_CASE_TEMPLATE("gradients of many tiles are summed by few blocks", T, float, double) {
     if (test::skip_without_device()) return;
     const Problem<T> p({8, 4, 1, 3, 5, 9, 1}, 400);

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <gsh/backend/cuda/device.cuh>
+#include <gsh/backend/cuda/divisor.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/core/span.hpp>
 #include <gsh/field/cuda/half_row.cuh>
@@ -46,18 +47,20 @@ namespace detail {
 template <class R>
 struct HashRows {
     Span<R> rows;
-    std::size_t points;
-    std::size_t stride; ///< between the points, in rows
+    std::uint32_t points;
+    Divisor levels; ///< of a group of columns
 
     template <class T, std::size_t F>
     static HashRows of(std::string_view where, const FeatureView<T>& view) {
-        return {as_rows<F>(where, view.values), view.rows, view.block / F};
+        return {as_rows<F>(where, view.values), static_cast<std::uint32_t>(view.rows),
+                Divisor(static_cast<std::uint32_t>(view.block / F))};
     }
-    /// Index of the first point's row; the next follow at distance `stride`.
+    /// Index of the first point's row; the next follow at distance stride(). As FeatureView::column.
     [[nodiscard]] __device__ std::size_t begin(unsigned level) const {
-        const unsigned of_group = static_cast<unsigned>(stride); // as FeatureView::column, with divisions of 32 bits
-        return level / of_group * stride * points + level % of_group;
+        const unsigned group = levels.quotient(level);
+        return group * stride() * points + levels.remainder(level, group);
     }
+    [[nodiscard]] __device__ std::size_t stride() const { return levels.number; }
 };
 
 /// LevelWeights without padding. A recorded step compares the bytes of its kernels with those of the step before.
@@ -112,11 +115,11 @@ struct HashEncode {
     HashWeights<T> weights;
     HashRows<Feature> features;
     Write mode;
-    unsigned chunks; ///< blocks per level
+    Divisor chunks; ///< blocks per level
 
     __device__ void operator()() const {
-        const unsigned l = blockIdx.x / chunks;
-        const std::size_t i = std::size_t(blockIdx.x % chunks) * block_size + threadIdx.x;
+        const unsigned l = chunks.quotient(blockIdx.x);
+        const std::size_t i = std::size_t(chunks.remainder(blockIdx.x, l)) * block_size + threadIdx.x;
         if (i >= x.size()) return;
         const T level_weight = weights(l, i);
         if (level_weight == T(0) && mode == Write::add) return;
@@ -132,7 +135,7 @@ struct HashEncode {
                 for (int f = 0; f < Grid::feature_count; ++f) sum[f] += weight * entry[f];
             }
         }
-        Feature& to = features.rows[features.begin(l) + i * features.stride];
+        Feature& to = features.rows[features.begin(l) + i * features.stride()];
         if (mode == Write::add) {
             const R before = wide(to);
             for (int f = 0; f < Grid::feature_count; ++f) sum[f] += before[f];
@@ -166,7 +169,7 @@ struct HashSumCells {
             for (; k < end; k += 8) {
                 const std::uint32_t i = next;
                 if (k + 8 < end) next = points[k + 8]; // while this point is read
-                const R gradient = wide(gradients.rows[first_row + i * gradients.stride]);
+                const R gradient = wide(gradients.rows[first_row + i * gradients.stride()]);
                 const HashCell<T> cell = level.cell(vec3<T>(x[i], y[i], z[i]));
                 const T level_weight = weights(task.level, i);
                 for (int c = 0; c < 8; ++c) {
@@ -210,7 +213,8 @@ struct HashGather {
 
     __device__ void operator()() const {
         const HashTask task = tasks[blockIdx.x];
-        const unsigned group = threadIdx.x / task.lanes, lane = threadIdx.x % task.lanes;
+        const unsigned group = threadIdx.x >> task.lane_bits, lanes = 1u << task.lane_bits;
+        const unsigned lane = threadIdx.x & (lanes - 1);
         const bool active = group < task.count;
         const std::size_t e = std::size_t(task.first) + group;
         const std::size_t first_row = gradients.begin(task.level);
@@ -219,20 +223,20 @@ struct HashGather {
         if (active && lane == 0) before = dL_dtable[entry = entries[e]]; // while the items are read
         if (active) {
             const std::uint32_t end = item_begin[e + 1];
-            for (std::uint32_t first = item_begin[e] + lane; first < end; first += ahead * task.lanes) {
+            for (std::uint32_t first = item_begin[e] + lane; first < end; first += ahead * lanes) {
                 HashItem<T> some[ahead]{};
                 R row[ahead]{};
                 for (unsigned n = 0; n < ahead; ++n)
-                    if (first + n * task.lanes < end) some[n] = items[first + n * task.lanes];
+                    if (first + n * lanes < end) some[n] = items[first + n * lanes];
                 for (unsigned n = 0; n < ahead; ++n)
-                    if (first + n * task.lanes < end)
+                    if (first + n * lanes < end)
                         row[n] = task.summed ? sums[some[n].row]
-                                             : wide(gradients.rows[first_row + some[n].row * gradients.stride]);
+                                             : wide(gradients.rows[first_row + some[n].row * gradients.stride()]);
                 for (unsigned n = 0; n < ahead; ++n)
                     for (std::size_t f = 0; f < F; ++f) sum[f] += some[n].weight * row[n][f];
             }
         }
-        for (int distance = task.lanes / 2; distance > 0; distance /= 2)
+        for (int distance = static_cast<int>(lanes / 2); distance > 0; distance /= 2)
             for (std::size_t f = 0; f < F; ++f) sum[f] += __shfl_xor_sync(all_lanes, sum[f], distance);
         if (!active || lane != 0) return;
         for (std::size_t f = 0; f < F; ++f) sum[f] += before[f];
@@ -292,7 +296,7 @@ void hash_encode(Device& device, const Grid& grid, Span<const Entry> table, cons
     const std::size_t chunks = chunk_count(query.size(), Kernel::block_size);
     device.launch(Grid::level_count * chunks,
                   Kernel{grid, query.x, query.y, query.z, table, HashWeights<T>(query.weights()), features, mode,
-                         static_cast<unsigned>(chunks)});
+                         Divisor(static_cast<std::uint32_t>(chunks))});
 }
 
 /// In mixed precision, from the table in fp16.

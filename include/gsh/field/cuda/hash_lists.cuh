@@ -36,7 +36,7 @@ struct alignas(2 * sizeof(T)) HashItem { // one read
 struct HashTask {
     std::uint32_t first, count; ///< segments of cells, or entries
     std::uint16_t level;
-    std::uint8_t lanes; ///< threads per entry
+    std::uint8_t lane_bits; ///< 2^lane_bits threads per entry
     bool summed;        ///< the entries' items are sums of cells
 };
 
@@ -45,14 +45,16 @@ struct HashTask {
 template <std::floating_point T, std::size_t Levels>
 struct HashLists {
     // A segment is a few steps of eight threads; more would take longer than the rest of the pass.
-    static constexpr std::size_t segment_size = 64, segment_lanes = 8, segments_per_block = 32;
+    static constexpr std::size_t segment_size = 64, segments_per_block = 32;
+    static constexpr std::uint8_t segment_lane_bits = 3;
     static constexpr std::size_t gather_block = 128;
     /// Threads that share a list of up to so many items. Most lists have a few, and one thread reads them in one turn
     /// (HashGather::ahead) or two.
     struct Lanes {
-        std::size_t lanes, most_items;
+        std::uint8_t bits;
+        std::size_t most_items;
     };
-    static constexpr Lanes classes[3] = {{1, 8}, {4, 64}, {32, std::numeric_limits<std::size_t>::max()}};
+    static constexpr Lanes classes[3] = {{0, 8}, {2, 64}, {5, std::numeric_limits<std::size_t>::max()}};
     static constexpr std::size_t least_points_of_cell = 3; ///< on average, for which a level is summed per cell
 
     std::vector<std::uint32_t> touched;
@@ -115,7 +117,7 @@ private:
         for (std::size_t s = first; s < last; s += segments_per_block)
             sum_tasks.push_back({static_cast<std::uint32_t>(s),
                                  static_cast<std::uint32_t>(std::min(segments_per_block, last - s)),
-                                 static_cast<std::uint16_t>(l), segment_lanes, true});
+                                 static_cast<std::uint16_t>(l), segment_lane_bits, true});
         add_entries(level, l, true, [&](const auto& add) {
             for (std::size_t s = first; s < last; ++s) {
                 const HashCell<T> cell = level.cell(positions[points[segments[s]]]);
@@ -159,7 +161,7 @@ private:
 
         std::vector<std::uint32_t> next(entry.size()); // where the next item of an entry goes
         std::size_t least_items = 1;
-        for (const auto& [lanes, most_items] : classes) {
+        for (const auto& [lane_bits, most_items] : classes) {
             const std::size_t first = entries.size();
             for (std::size_t r = 0; r < entry.size(); ++r) {
                 if (count[r] < least_items || count[r] > most_items) continue;
@@ -167,11 +169,11 @@ private:
                 entries.push_back(entry[r]);
                 item_begin.push_back(next[r] + count[r]);
             }
-            const std::size_t groups = gather_block / lanes;
+            const std::size_t groups = gather_block >> lane_bits;
             for (std::size_t e = first; e < entries.size(); e += groups)
                 gather_tasks.push_back({static_cast<std::uint32_t>(e),
                                         static_cast<std::uint32_t>(std::min(groups, entries.size() - e)),
-                                        static_cast<std::uint16_t>(l), static_cast<std::uint8_t>(lanes), summed});
+                                        static_cast<std::uint16_t>(l), lane_bits, summed});
             least_items = most_items + 1;
         }
         items.resize(item_begin.back());

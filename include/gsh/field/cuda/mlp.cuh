@@ -173,8 +173,7 @@ template <class T, class Network>
     const std::size_t width = hidden ? network.layer_outputs(0) : 0, groups = width / mlp_columns + 1,
                       columns = std::max(network.inputs(), network.outputs());
     const std::size_t pieces = (hidden * groups + 1) * (groups + columns / mlp_columns) * mlp_columns * mlp_columns;
-    check_value(std::max({padded * columns, padded * width * hidden / 4, mlp_most_blocks * pieces}) < (1ull << 32) &&
-                    columns < MlpDivisor::limit,
+    check_value(std::max({padded * columns, padded * width * hidden / 4, mlp_most_blocks * pieces}) < (1ull << 32),
                 where, "the batch or the network is too large for the CUDA backend, which counts numbers in 32 bits");
     const auto number = [](std::size_t n) { return static_cast<unsigned>(n); };
     return {.inputs = number(network.inputs() - shared),

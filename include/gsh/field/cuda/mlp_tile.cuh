@@ -6,6 +6,7 @@
 /// to save registers; the overloads check the sizes.
 #pragma once
 
+#include <gsh/backend/cuda/divisor.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/core/span.hpp>
 #include <gsh/field/cuda/mlp_shape.cuh>
@@ -13,7 +14,6 @@
 #include <gsh/field/features.hpp>
 
 #include <cstddef>
-#include <cstdint>
 
 namespace gsh::cuda::detail {
 
@@ -117,21 +117,6 @@ struct MlpTile {
     return count > 32 ? 8 : count > 16 ? 4 : 2;
 }
 
-/// Division by a number that is the same for a whole kernel, as a multiplication by its reciprocal: one instruction
-/// instead of twenty.
-struct MlpDivisor {
-    static constexpr std::size_t limit = 1u << 16; ///< of both numbers of a division, which is exact below
-    unsigned number = 1, reciprocal = 0;           ///< 2^32 / number, rounded up; not used for 1
-
-    MlpDivisor() = default;
-    explicit MlpDivisor(std::size_t divisor)
-        : number(static_cast<unsigned>(divisor)),
-          reciprocal(divisor > 1 ? static_cast<unsigned>(((1ull << 32) + divisor - 1) / divisor) : 0) {}
-    [[nodiscard]] __device__ unsigned quotient(unsigned n) const {
-        return number == 1 ? n : static_cast<unsigned>(std::uint64_t(n) * reciprocal >> 32);
-    }
-};
-
 /// A column of a matrix in memory.
 template <class T>
 struct MlpColumn {
@@ -147,16 +132,17 @@ struct MlpColumns {
     Span<RowOf<4, T>> by_four; ///< empty if they cannot be taken so
     std::size_t rows = 0;
     unsigned columns = 0;
-    MlpDivisor block;
+    Divisor block;
 
     MlpColumns() = default;
     MlpColumns(const FeatureView<T>& view)
-        : values(view.values), rows(view.rows), columns(static_cast<unsigned>(view.columns)), block(view.block) {
+        : values(view.values), rows(view.rows), columns(static_cast<unsigned>(view.columns)),
+          block(static_cast<unsigned>(view.block)) {
         if (view.block % 4 == 0 && has_rows<4>(values)) by_four = as_rows<4>("Mlp", values);
     }
     [[nodiscard]] __device__ unsigned index(unsigned row, unsigned column) const {
         const unsigned group = block.quotient(column);
-        return (group * static_cast<unsigned>(rows) + row) * block.number + (column - group * block.number);
+        return (group * static_cast<unsigned>(rows) + row) * block.number + block.remainder(column, group);
     }
     [[nodiscard]] __device__ MlpColumn<T> column(unsigned c) const { return {values, index(0, c), block.number}; }
 };
