@@ -84,8 +84,8 @@ template <Backend B>
 ///
 /// A device specialises it: it records what the step launches and repeats the record, and it does not wait for errors.
 /// Steps after an error then change nothing that is learned. settle() waits, and returns how many of the steps since
-/// the last call that were: the caller mends the cause, takes back what its host code has counted, and goes on from the
-/// step that failed.
+/// its last call have changed nothing. The caller then mends the cause, takes back what its host code has counted, and
+/// goes on from the step that failed.
 ///
 /// `kind` distinguishes steps that launch other work, for instance because images have another size. forget() drops the
 /// records, before memory is freed whose addresses they contain.

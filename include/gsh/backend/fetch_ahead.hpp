@@ -44,7 +44,7 @@ public:
         backend_->upload(arrays_[array], Span<std::uint8_t>(copy_));
         return copy_;
     }
-    /// Announces the array that get will be asked for next. The work on the present one has been queued.
+    /// Announces the array that the next call of get returns. The work on the present one has been queued.
     void fetch(std::size_t array) { detail::check_fetched(array, arrays_.size()); }
 
 private:

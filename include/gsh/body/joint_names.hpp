@@ -33,7 +33,7 @@ inline constexpr std::array<std::string_view, 55> smplx_joint_names = {
 /// own, or joint_0, joint_1, …
 [[nodiscard]] inline std::vector<std::string> joint_names_of(const BodyModel& model);
 
-/// What a joint's name says, regardless of the program that wrote it: "mixamorig:LeftForeArm", "lowerarm_l" and
+/// What a joint's name means, regardless of the program that wrote it: "mixamorig:LeftForeArm", "lowerarm_l" and
 /// "J_Bip_L_LowerArm" have side 'l' and parts "forearm" and "lowerarm".
 struct JointWords {
     char side = 0;    ///< 'l', 'r', or 0

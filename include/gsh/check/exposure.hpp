@@ -103,7 +103,7 @@ exposures(const std::vector<std::vector<SeenColor>>& points, const std::vector<s
                 Y.transpose() * weighted - sum * mean_Y.transpose() * mean_Y;
             right.bottomRows(at(light)) += weighted.transpose() * stops;
         }
-        // Weak pulls to 0 decide what no colour says, such as what all images have in common.
+        // Weak pulls to 0 determine what no colour does, such as what all images have in common.
         normal.diagonal().array() += 1e-6 * std::max(1.0, normal.diagonal().maxCoeff());
         found = normal.ldlt().solve(right);
         for (std::size_t p = 0; p < points.size(); ++p) {

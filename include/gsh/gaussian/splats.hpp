@@ -79,7 +79,7 @@ void fill_zero(B& backend, const SplatView<T>& gradient) {
 }
 
 /// Whether every number of the gradient of splat i is zero. Adjoints are linear, so such a splat contributes nothing.
-/// This holds for about half of the Gaussians of a body, which no pixel sees.
+/// Splats outside of the picture are of this kind, and hidden ones with RasterParams::gradient_transmittance_min.
 template <class T>
 [[nodiscard]] GSH_INLINE GSH_HD bool is_zero(const SplatView<const T>& dL_dsplats, std::size_t i) {
     const vec3<T>&mean = dL_dsplats.means[i], &color = dL_dsplats.colors[i];

@@ -79,8 +79,9 @@ struct ColorRange {
 ///
 /// A pixel inside of the mask is known after all if its colour differs from all the background that it was continued
 /// from, by over 24 of 255 in a channel, and if the same is true of its eight neighbours or they are deeper inside.
-/// Without this, parts of a person that are narrower than the region (soles of shoes) would have no pixel that says
-/// that they are opaque. The neighbours keep out pixels that are mixed of both, or blurred by a JPEG file.
+/// Without this, parts of a person that are narrower than the region (soles of shoes) would have no known pixel, so
+/// nothing would keep them opaque. The condition on the neighbours excludes pixels that are mixed of both, or blurred
+/// by a JPEG file.
 ///
 /// With it, a photograph can be compared where its mask is wrong by a few pixels: there it is compared as it is, and
 /// the render lies over the estimated background.

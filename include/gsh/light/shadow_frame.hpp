@@ -166,7 +166,7 @@ struct AimShadowMaps {
             if (!(extent[k] >= T(0) && extent[k] < T(1e6))) extent[k] = low[k] = T(0); // no casters, or not finite
         }
 
-        // A texel need not be smaller than the filter asks for.
+        // A texel need not be smaller than the filter requires.
         const T finest = softness[kind] / (T(1.5) * view.distance);
         const T texel = max(max(extent[0], extent[1]) / T(frame.stride - shadow_margins - 1), max(finest, T(1e-6)));
         const T scale = T(1) / texel;

@@ -42,7 +42,7 @@ struct ShadowPlace {
     MaskOf<T> unseen;     ///< it lies behind the light, or too near
 };
 
-/// A point with the given unit normal, lifted by `lift` and by what the frame asks for. T is a number or a lane.
+/// A point with the given unit normal, lifted by `lift` and by the frame's slope_lift. T is a number or a lane.
 template <class F, Lane T>
 [[nodiscard]] GSH_INLINE GSH_HD ShadowPlace<T> place_receiver(const ShadowFrame<F>& frame, const vec3<T>& point,
                                                               const vec3<T>& normal, F lift) {

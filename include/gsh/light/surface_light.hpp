@@ -42,8 +42,8 @@ struct LitSurface {
     Span<const vec3<T>> normal_offsets = {};
 };
 
-/// Shades the Gaussians of a body by what its posed mesh says about light: where the surface faces, and what the body,
-/// and other bodies, hide from each light.
+/// Shades the Gaussians of a body from its posed mesh, which gives the direction that the surface faces, and what this
+/// body and others hide from each light.
 ///
 ///     vertices, normals = PosedSurface(bones, offsets), with normal_offsets added for shading if there are any
 ///     visibility        = ShadowMaps(CoarseCaster of the own mesh, and of others; light)

@@ -15,7 +15,7 @@ namespace gsh {
 ///
 /// Shapes  sh [basis_count] RGB coefficients, k = l*l + l + m; dir [3]; color [3].
 /// Frame   dir is a unit vector from camera centre to Gaussian, in the frame sh is stored in.
-/// Units   display-referred sRGB, as in the images; the +0.5 offset and the clamp at zero live in gaussian/shade.hpp.
+/// Units   display-referred sRGB, as in the images; the +0.5 offset and the clamp are in gaussian/shade.hpp.
 /// Errors  none, this is kernel code.
 /// Source  Sloan, "Stupid Spherical Harmonics (SH) Tricks", 2008, appendix; order and signs
 ///         as in Kerbl et al., "3D Gaussian Splatting", 2023. Each basis function is a homogeneous polynomial.

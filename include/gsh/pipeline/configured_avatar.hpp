@@ -26,7 +26,7 @@
 namespace gsh {
 
 /// The avatar of a configuration. Its type is the same for every choice of parts, so a trainer of it is compiled once.
-/// Code that knows the parts when it is written names their types in AvatarModel, and pays no virtual call.
+/// Code that names the types of the parts in AvatarModel pays no virtual call.
 template <Backend B, std::floating_point T = float, int Degree = 2>
 using ConfiguredAvatar = AvatarModel<B, AnyAppearance<T, Degree>, AnyShadow<B, T>, T>;
 

@@ -259,19 +259,18 @@ void register_level(B& backend, Span<const RegisteredPerson> people, LevelInput 
 /// surfaces, and with them the corrections of a MotionRefinement: a bias of each joint and of transl for all frames,
 /// corrections of each frame, and betas. The loss is L1 over random backgrounds, so outlines count as well as colours;
 /// keypoints, where there are some, add their KeypointTerm. The weight of a smooth motion falls with the square of the
-/// number of photographs of a frame.
-/// The motion of a level is the estimate of the next one, which starts with new Gaussians.
+/// number of photographs of a frame. The motion of a level is the estimate of the next one, which starts with new
+/// Gaussians.
 ///
 /// Frames without a photograph get the corrections of their neighbours in time. The same seed gives the same bits on
 /// any number of threads.
 ///
 /// With photographs of one camera and RegistrationParams::focal, its focal length learns, too; the photographs keep
-/// theirs.
-/// Several cameras have been calibrated together and stay as they are.
+/// theirs. Several cameras have been calibrated together and stay as they are.
 ///
-/// Gauges  One camera does not see the size of a person who is moved away at the same time, and sees a longer focal
-///         length at a larger distance only by its weaker perspective. The pulls to the estimates decide, and joints
-///         are best compared relative to the root.
+/// Gauges  With one camera, a larger person farther away gives the same picture, and a longer focal length at a larger
+///         distance differs only by its weaker perspective. The pulls to the estimates determine both, and joints are
+///         best compared relative to the root.
 /// Errors  ValueError: no photographs, no people, a body without triangles. Those of MotionRefinement and Trainer.
 template <CpuBackend B>
 [[nodiscard]] Registration register_motions(B& backend, Span<const RegisteredPerson> people, Span<const Photo> photos,

@@ -60,7 +60,7 @@ struct UnseenParams {
 /// T is the transmittance in front of the Gaussian, G its unit-height footprint, s and s' its larger two standard
 /// deviations, f²/z² the mean over the photographs, at the first person's root. T G is the derivative of a picture with
 /// respect to the colour, divided by the opacity; one pass there and back for each photograph gives it for all
-/// Gaussians, so no renderer knows of this. `samples` of each person are those of its model.
+/// Gaussians, without any code in the renderer. `samples` of each person are those of its model.
 ///
 /// Shapes  the result is [N]; all Gaussians of the scene.
 /// Errors  ValueError without photographs; ShapeError for samples of another model; those of Rasterizer.

@@ -144,7 +144,7 @@ inline Motion load_motion_for_gala(const std::filesystem::path& file, const Body
     }
 }
 
-/// Puts the given motions into the place of the data set's own, which tell how many people and frames there are.
+/// Puts the given motions into the place of the data set's own, which determine how many people and frames there are.
 inline void replace_gala_motions(const std::filesystem::path& folder, const GalaMotions& motions, const GalaRig& rig,
                                  const CaptureOptions& options, std::vector<Motion>& people,
                                  std::vector<std::string>* warnings) {

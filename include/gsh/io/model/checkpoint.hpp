@@ -78,7 +78,7 @@ void load_refinement(const ArchiveReader& file, Refinement& refinement, std::siz
 
 /// Brings a trainer that was made from the same input to the state that add_trainer kept.
 /// Errors  ShapeError, ValueError or IoError if the file is of another training: another seed, or other arrays. Nothing
-///         is taken over then.
+///         is loaded then.
 template <class TrainerType>
 void load_trainer(const ArchiveReader& file, TrainerType& trainer) {
     using T = typename TrainerType::Scalar;

@@ -25,14 +25,14 @@ namespace gsh {
 /// Xrotation Yrotation. The rest pose of the file is that of the rig, with the axes as rest frames; the root's OFFSET
 /// is zero. Angles continue those of the frame before, so they interpolate.
 ///
-/// Names   as they are, but for what a reader of lines would lose or take for something else: control characters, a
-///         blank at either end and a brace at the end become '_'. A name that another joint has is made longer by '_'.
+/// Names   are kept, except for characters that a reader of lines would lose or misread: control characters, a blank at
+///         either end and a brace at the end become '_'. A name that another joint has is made longer by '_'.
 /// Units   centimetres, degrees; the time between frames is their mean, with a warning if it varies.
 /// Errors  ValueError for a rig that is invalid or has several roots; IoError.
 inline void save_bvh(const std::filesystem::path& path, const RigMotion& rig,
                      std::vector<std::string>* warnings = nullptr);
 
-/// The angles a, b, c in radians of R = Rz(a) Rx(b) Ry(c), of the two solutions that nearest to `before`.
+/// The angles a, b, c in radians of R = Rz(a) Rx(b) Ry(c), of the two solutions the one nearest to `before`.
 [[nodiscard]] inline vec3<double> zxy_angles(const mat3<double>& R, const vec3<double>& before);
 
 // -------------------------------------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ namespace gsh {
 /// Writes a motion in double precision, atomically: split for 55 joints, whole otherwise. load_motion restores it.
 inline void save_motion(const std::filesystem::path& path, const Motion& motion);
 
-/// A warning about implausible hand poses, or an empty text. `mean_added` tells whether the mean hand was added.
+/// A warning about implausible hand poses, or an empty text. `mean_added` states whether the mean hand was added.
 [[nodiscard]] inline std::string hand_mean_warning(const BodyModel& model, const Motion& motion, bool mean_added);
 
 // -------------------------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ namespace gsh {
 enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
 
 /// The format of a file: from its first bytes. A .splat file, which has no header and may begin with any bytes, and a
-/// damaged one are known by their names.
+/// damaged file are recognised by their names.
 ///
 /// Errors  IoError for a file that cannot be opened or whose format is not known.
 [[nodiscard]] inline SplatFormat recognise_splats(const std::filesystem::path& path) {
@@ -54,7 +54,7 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
     return format == SplatFormat::ply || format == SplatFormat::compressed_ply || format == SplatFormat::splat;
 }
 
-/// Loads a file of any of these formats. Of an animated .glb, the nodes are where it has them at rest.
+/// Loads a file of any of these formats. The nodes of an animated .glb are taken at rest.
 ///
 /// Errors  those of recognise_splats and of the format's reader.
 [[nodiscard]] inline StillSplats load_any_splats(const std::filesystem::path& path) {

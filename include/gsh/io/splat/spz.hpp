@@ -25,7 +25,7 @@ namespace gsh {
 /// How an SPZ file is written.
 struct SpzOptions {
     int version = 3;         ///< 3 (one gzip stream), which more programs read, or 4 (streams of Zstandard)
-    PixelFilter filter = {}; ///< a file holds no more of it than whether opacity is compensated
+    PixelFilter filter = {}; ///< a file states only whether opacity is compensated
 };
 
 /// Reads an SPZ file. The format has y up, as gsh has. Extensions are skipped.
@@ -38,7 +38,7 @@ struct SpzOptions {
 /// Source  Niantic's library "spz", its load-spz.cc and splat-types.h.
 [[nodiscard]] inline StillSplats read_spz(const std::filesystem::path& path);
 
-/// Writes an SPZ file, atomically. spz_clipped_count says how many coefficients do not fit.
+/// Writes an SPZ file, atomically. spz_clipped_count returns how many coefficients do not fit.
 ///
 /// Errors  ValueError for another version, no Gaussian, or SH above degree 3.
 inline void write_spz(const std::filesystem::path& path, const GaussianCloud<float>& cloud,

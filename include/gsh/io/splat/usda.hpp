@@ -30,8 +30,8 @@ namespace gsh {
 /// and SH have a sample for each cloud that is added, at time codes 0, 1, 2, …; programs interpolate between them.
 /// Opacities are those of the first cloud. Without frames_per_second, exactly one cloud is added.
 ///
-/// USD has y up here, as gsh has. The layer's data states author and pixel filter. Numbers have 6 digits. What frames
-/// need waits in unnamed temporary files, not in memory.
+/// USD has y up here, as gsh has. The layer's data states author and pixel filter. Numbers have 6 digits. Samples of
+/// frames are kept in unnamed temporary files until the end, not in memory.
 ///
 /// Errors  IoError with the file; ShapeError for a cloud of another size or degree than the first.
 /// Source  Pixar, OpenUSD 26.03, usdVol/schema.usda.
