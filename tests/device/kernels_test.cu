@@ -173,7 +173,7 @@ using Bodies = Types<
     gsh::detail::AoFromLogit<T>, gsh::detail::AoFromLogitBackward<T>, gsh::detail::PoseOfNeurons<T>,
     gsh::detail::PoseOfNeuronsBackward<T>, gsh::detail::DisplacedMeans<T>, gsh::detail::FilledAppearance<T>,
     gsh::detail::AddFacingWeights<T>,
-    gsh::detail::DisplacementGradient<T>,
+    gsh::detail::RowGradient<T>,
     gsh::detail::ScaleConstant<T>, gsh::detail::WidenSh<T>, TilesTouched<T>,
     gsh::detail::AdamStep<T>, Skin<T, Affine<T>>, Skin<T, dual_quat<T>>, HashTableBackward<T>,
     gsh::detail::TurnedPose<T>, gsh::detail::TurnedPoseBackward<T>, gsh::detail::Incremented<T>,

@@ -60,13 +60,18 @@ struct ScaleConstant {
     GSH_HD void operator()(std::size_t i) const { values[i * stride] *= factor; }
 };
 
-/// Every stride-th gradient becomes the gradient of a mean.
+/// The gradient of a field's rows of colours and a displacement. The displacement, the last vector of a row, has that
+/// of the mean; that of the constant colours, the first one, passes the factor of ScaleConstant.
 template <class T>
-struct DisplacementGradient {
-    Span<const vec3<T>> dL_dmeans;
+struct RowGradient {
+    Span<vec3<T>> rows;
     std::size_t stride;
-    Span<vec3<T>> dL_ddisplacements;
-    GSH_HD void operator()(std::size_t i) const { dL_ddisplacements[i * stride] = dL_dmeans[i]; }
+    T factor;
+    Span<const vec3<T>> dL_dmeans;
+    GSH_HD void operator()(std::size_t i) const {
+        rows[i * stride] *= factor;
+        rows[(i + 1) * stride - 1] = dL_dmeans[i];
+    }
 };
 
 /// The query of the points for fields of colour and displacement. Fine levels are read where τ > 0.

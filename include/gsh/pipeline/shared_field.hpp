@@ -47,7 +47,8 @@ public:
         backend_->for_each(points_->size(), detail::ScaleConstant<T>{outputs_, stride, T(params_.sh_dc_scale)});
     }
     [[nodiscard]] AppearanceView<T> view() const {
-        return {outputs_, stride, displacements(Span<const vec3<T>>(outputs_)), stride};
+        const Span<const vec3<T>> rows(outputs_);
+        return {rows, stride, rows.subspan(basis_count, rows.size() - basis_count), stride};
     }
     [[nodiscard]] ColorGradient<T> color_gradient() {
         dL_doutputs_.resize(outputs_.size());
@@ -55,9 +56,8 @@ public:
         return {dL_doutputs_, stride};
     }
     void backward(std::size_t frame, Span<vec3<T>> dL_dmeans) {
-        backend_->for_each(points_->size(), detail::DisplacementGradient<T>{
-                                                dL_dmeans, stride, displacements(Span<vec3<T>>(dL_doutputs_))});
-        backend_->for_each(points_->size(), detail::ScaleConstant<T>{dL_doutputs_, stride, T(params_.sh_dc_scale)});
+        backend_->for_each(points_->size(),
+                           detail::RowGradient<T>{dL_doutputs_, stride, T(params_.sh_dc_scale), dL_dmeans});
         field_.backward(query_, numbers(dL_doutputs_), inputs(frame));
     }
     /// The last weights of the network give the displacements. They move at displacement_rate.
@@ -80,10 +80,6 @@ private:
                                                                 const PriorInputs& inputs) {
         return detail::appearance_field<B, T, Field>("shared_field", 3 * static_cast<int>(stride),
                                                      field_stream::shared, params, inputs);
-    }
-    template <class V>
-    [[nodiscard]] static Span<V> displacements(Span<V> rows) {
-        return rows.subspan(basis_count, rows.size() - basis_count);
     }
     static Span<T> numbers(typename B::template Buffer<vec3<T>>& rows) { return view_as<T>(Span<vec3<T>>(rows)); }
     [[nodiscard]] FieldInputs<T> inputs(std::size_t frame) const { return {points_->features(), codes_[frame]}; }
