@@ -132,10 +132,10 @@ struct MixedRows {
         for (unsigned tile = 0; tile < 4; ++tile) {
             y[tile] = {};
             if (tile >= shape.out_tiles(layer)) continue;
-            MatrixC sums[2];
-            for (unsigned n = 0; n < 2; ++n)
-                for (unsigned i = 0; i < 4; ++i)
-                    sums[n].values[i] = layer == 0 ? bias_of(16 * tile + 8 * n + pair() + i % 2) : 0.0f;
+            MatrixC sums[2] = {};
+            for (unsigned n = 0; layer == 0 && n < 2; ++n)
+                for (unsigned i = 0; i < 2; ++i)
+                    sums[n].values[i] = sums[n].values[i + 2] = bias_of(16 * tile + 8 * n + pair() + i);
             add_products(sums, x, shape.in_tiles(layer),
                          [&](unsigned k) { return MixedShape::forward_tile(layer, k, tile); });
             for (unsigned n = 0; n < 2; ++n)
