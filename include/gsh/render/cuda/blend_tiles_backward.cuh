@@ -90,10 +90,8 @@ struct BlendTilesBackward {
         if (segment.number == 0) add_to_background(shared, pixel, dL_dbehind);
         std::uint32_t entry = segment.from;
         const std::uint32_t end = entry + segment_used[segment.place];
-        while (entry < end) {
-            const std::uint32_t left = end - entry < batch ? end - entry : batch;
-            entry += add_batch(shared, pixel, segment, state, entry, left);
-        }
+        TileInstance instance = instance_at(segment, entry, end);
+        while (entry < end) entry += add_batch(shared, pixel, segment, state, entry, end, instance);
         for (std::uint32_t i = end + threadIdx.x; i < segment.to; i += block_size) // behind the last pixel that stopped
             slots[instances[segment.list + i].slot] = Slot<T>{};
     }
@@ -168,15 +166,22 @@ private:
         if (threadIdx.x == 0) tile_background[pixel.tile] = sum;
     }
 
-    /// Up to `left` entries of the list from `entry` on, as many as fit; returns their number.
+    /// This thread's entry of a batch from `entry` on, before `end`.
+    [[nodiscard]] __device__ TileInstance instance_at(const Segment& segment, std::uint32_t entry,
+                                                      std::uint32_t end) const {
+        const std::uint32_t i = entry + threadIdx.x;
+        return threadIdx.x < batch && i < end ? instances[segment.list + i] : TileInstance{0, 0};
+    }
+
+    /// Entries of the list from `entry` on, as many as fit; returns their number. `instance` is this thread's entry,
+    /// and becomes that of the next batch.
     __device__ std::uint32_t add_batch(Shared& shared, const TilePixel& pixel, const Segment& segment, State& state,
-                                       std::uint32_t entry, std::uint32_t left) const {
+                                       std::uint32_t entry, std::uint32_t end, TileInstance& instance) const {
         const unsigned i = threadIdx.x;
-        TileInstance instance{0, 0};
+        const std::uint32_t left = end - entry < batch ? end - entry : batch, slot = instance.slot;
         std::uint32_t mask = 0;
         __syncthreads(); // the batch before has been read
         if (i < left) {
-            instance = instances[segment.list + entry + i];
             mask = blocks_of(segment, entry + i);
             if (mask != 0) shared.splats[i] = TileSplat<T>(screen[instance.splat], pixel);
         }
@@ -190,13 +195,14 @@ private:
         }
         const auto taken = static_cast<std::uint32_t>(__syncthreads_count(fits)); // always the first ones
         if (taken < left) all = shared.begin[taken];
+        instance = instance_at(segment, entry + taken, end); // while this batch is blended
         if (all != 0) {
             blend_batch(shared, pixel, state);
             __syncthreads();
             if (i < all) sum_pixels(shared, i);
             __syncthreads();
         }
-        if (i < taken) slots[instance.slot] = sum_blocks(shared, first, count);
+        if (i < taken) slots[slot] = sum_blocks(shared, first, count);
         return taken;
     }
 
