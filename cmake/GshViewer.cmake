@@ -23,7 +23,7 @@ add_custom_target(gsh_web_files DEPENDS ${web_source}) # written once, for sever
 function(gsh_add_viewer name programs)
   add_library(${name} STATIC ${viewer_sources} ${web_source})
   target_link_libraries(${name} PUBLIC ${programs} PkgConfig::httplib PRIVATE PkgConfig::turbojpeg)
-  if(GSH_JOIN_TESTS)
+  if(GSH_JOIN_SOURCES)
     set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 0)
     target_compile_options(${name} PRIVATE ${gsh_joined_options} ${gsh_brief_options})
   endif()
