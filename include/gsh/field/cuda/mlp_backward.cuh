@@ -4,6 +4,7 @@
 
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/reduce.cuh>
+#include <gsh/backend/cuda/unroll.cuh>
 #include <gsh/core/span.hpp>
 #include <gsh/field/cuda/mlp_products.cuh>
 #include <gsh/field/cuda/mlp_shape.cuh>
@@ -199,8 +200,9 @@ private:
         if (stays) __syncthreads(); // the tile is still read
         const unsigned first_column = group * mlp_columns, count = mlp_count(columns(layer), group);
         const unsigned thread = computed_anew(threadIdx.x); // places are not kept from layer to layer
-        for (unsigned first = 0; first < Tile::thread_columns; first += 4) {
-            if (first >= Tile::columns(share)) break;
+        unrolled<Tile::thread_columns / 4>([&]<int group_of_four>() {
+            constexpr unsigned first = 4 * group_of_four;
+            if (first >= Tile::columns(share)) return;
             const auto place = [&](unsigned j) {
                 return (Tile::column(j, share, thread) * Tile::rows + Tile::row(0, thread)) / 4;
             };
@@ -218,7 +220,7 @@ private:
                     for (unsigned i = 0; i < 4; ++i) shared.tile[c * Tile::stride + Tile::row(i, thread)] = four[i];
                 if (saved && c < count) wide[wide_offset(layer - 1, first_column) + place(first + j)] = four;
             }
-        }
+        });
         if (layer == 0) write_features(shared, tile, group * mlp_columns, count);
     }
 

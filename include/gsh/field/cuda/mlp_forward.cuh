@@ -83,7 +83,7 @@ private:
         const unsigned begin = hidden_offset(layer, first_column);
         if (stays) __syncthreads(); // the tile is still read
         for (unsigned j = 0; j < Tile::thread_columns; ++j) {
-            if (j >= Tile::columns(share)) break;
+            if (j >= Tile::columns(share)) continue; // not break: the loop must have a constant length
             const unsigned c = Tile::column(j, share);
             Row<T, 4> four;
             for (unsigned i = 0; i < 4; ++i) four[i] = sums[i][j] > T(0) ? sums[i][j] : T(0);
@@ -98,7 +98,7 @@ private:
         const unsigned share = mlp_share(count);
         __syncthreads();
         for (unsigned j = 0; j < Tile::thread_columns; ++j) {
-            if (j >= Tile::columns(share)) break;
+            if (j >= Tile::columns(share)) continue; // not break: the loop must have a constant length
             for (unsigned i = 0; i < 4; ++i)
                 shared.tile[Tile::column(j, share) * Tile::stride + Tile::row(i)] = sums[i][j];
         }

@@ -66,7 +66,7 @@ template <unsigned Share>
 __device__ void multiply(MlpTile<float>::Shared& shared, Span<const Row<float, 4>> packed, unsigned first,
                          unsigned length, unsigned inner, MlpTile<float>::Sums& sums) {
     using Tile = MlpTile<float>;
-    const unsigned lane = threadIdx.x % warp_size, t = lane % 4;
+    const unsigned thread = computed_anew(threadIdx.x), lane = thread % warp_size, t = lane % 4;
     float part[Share / 2][4][4]; // 16 columns each
     for (unsigned p = 0; p < Share / 2; ++p)
         for (unsigned i = 0; i < 4; ++i)
@@ -77,7 +77,7 @@ __device__ void multiply(MlpTile<float>::Shared& shared, Span<const Row<float, 4
         float a[2][4];
         for (unsigned half = 0; half < 2; ++half)
             for (unsigned i = 0; i < 4; ++i) // rows g and g + 8 of two left operands
-                a[i / 2][2 * half + i % 2] = shared.tile[(k + 4 * half + t) * Tile::stride + Tile::row(i)];
+                a[i / 2][2 * half + i % 2] = shared.tile[(k + 4 * half + t) * Tile::stride + Tile::row(i, thread)];
         for (unsigned p = 0; p < Share / 2; ++p) {
             const Row<float, 4> weights = packed[first + k * length + 4 * lane + p];
             const float b[2][2] = {{weights[0], weights[1]}, {weights[2], weights[3]}};
@@ -125,9 +125,9 @@ template <unsigned Share, class ColumnOf>
 __device__ void multiply_over_rows(const MlpTile<float>::Shared& shared, unsigned outputs,
                                    const ColumnOf& column_of, MlpTile<float>::WeightSums& sums) {
     using Tile = MlpTile<float>;
-    const unsigned g = threadIdx.x % warp_size / 4, t = threadIdx.x % 4;
-    const unsigned input = 16 * Tile::input_pair(threadIdx.x, Share) + Tile::input_of(g);
-    if (2 * Tile::output_tile(0, threadIdx.x, Share) >= outputs) return; // the same for the warp
+    const unsigned thread = computed_anew(threadIdx.x), g = thread % warp_size / 4, t = thread % 4;
+    const unsigned input = 16 * Tile::input_pair(thread, Share) + Tile::input_of(g);
+    if (2 * Tile::output_tile(0, thread, Share) >= outputs) return; // the same for the warp
     // Lane t has four rows that follow each other: rows t and t + 4 of two products.
     const auto first = column_of(input), second = column_of(input + 8);
     Row<float, 4> next[2] = {first(4 * t), second(4 * t)};
@@ -143,7 +143,7 @@ __device__ void multiply_over_rows(const MlpTile<float>::Shared& shared, unsigne
                 constexpr unsigned M = decltype(count)::value;
                 float a[2 * M][4];
                 for (unsigned h = 0; h < 2 * M; ++h) {
-                    const unsigned o = 16 * Tile::output_tile(slot + h / 2, threadIdx.x, Share) + h % 2 * 8 +
+                    const unsigned o = 16 * Tile::output_tile(slot + h / 2, thread, Share) + h % 2 * 8 +
                                        Tile::output_of(g);
                     for (unsigned u = 0; u < 4; ++u) a[h][u] = shared.tile[o * Tile::stride + r + 4 * t + u];
                 }
@@ -155,7 +155,7 @@ __device__ void multiply_over_rows(const MlpTile<float>::Shared& shared, unsigne
                     multiply_add(sums, left, right, 2 * slot);
                 }
             };
-            const auto has = [&](unsigned of) { return 2 * Tile::output_tile(of, threadIdx.x, Share) < outputs; };
+            const auto has = [&](unsigned of) { return 2 * Tile::output_tile(of, thread, Share) < outputs; };
             if (together == 2 && has(slot + 1))
                 of_tiles(std::integral_constant<unsigned, together>());
             else if (has(slot))
