@@ -106,4 +106,7 @@ TEST_CASE("numbers have no leading zeros") {
     CHECK(joint_words("Spine10").part == "spine10");
     CHECK(joint_words("toe0").part == "toe0");
     CHECK(joint_words("bone20_100").part == "bone20100");
+    CHECK(joint_words("spine.001").part == "spine1"); // of Blender
+    CHECK(joint_words("spine.000").part == "spine0");
+    CHECK(joint_words("thumb.00100.L").part == "thumb100");
 }
