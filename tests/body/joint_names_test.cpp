@@ -73,7 +73,8 @@ TEST_CASE("prefixes and ways to write a side") {
     for (const char* name :
          {"LeftForeArm", "mixamorig:LeftForeArm", "mixamorig1:LeftForeArm", "mixamorigLeftForeArm",
           "mixamorig_LeftForeArm", "character:rig:LeftForeArm", "left_forearm", "leftforearm", "mixamorigleftforearm",
-          "Forearm_Left", "forearm.L", "forearm_l", "Bip01 L Forearm", "DEF-forearm.L", "ORG-forearm.L", "lForeArm"}) {
+          "Forearm_Left", "forearm.L", "forearm_l", "Bip01 L Forearm", "DEF-forearm.L", "ORG-forearm.L",
+          "ValveBiped.Bip01_L_Forearm", "valvebiped.bip01_l_forearm", "lForeArm"}) {
         CAPTURE(name);
         CHECK(joint_words(name).side == 'l');
         CHECK(joint_words(name).part == "forearm");

@@ -84,7 +84,7 @@ inline std::vector<std::string> words_of(std::string_view name) {
 /// Whether a word, with or without a number at its end, is a prefix that programs put before all names.
 inline bool is_rig_prefix(const std::string& word) {
     const std::string letters = word.substr(0, word.find_last_not_of("0123456789") + 1);
-    for (const char* prefix : {"mixamorig", "bip", "j", "c", "def", "org", "valvebiped"})
+    for (const char* prefix : {"mixamorig", "bip", "j", "c", "def", "org", "valvebiped", "valve", "biped"})
         if (letters == prefix) return true;
     return false;
 }
