@@ -240,8 +240,8 @@ TEST_CASE("a rest pose is scaled to the legs of the first frame") {
     CHECK(fits());
 
     // Without a length, nothing changes.
-    const auto refuses = [](auto damage) {
-        RestingRig other;
+    const auto refuses = [](auto damage, std::size_t frames = 2) {
+        RestingRig other(frames);
         other.scale_rest(2);
         damage(other);
         const auto before = other.rig.rest_joints;
@@ -253,6 +253,7 @@ TEST_CASE("a rest pose is scaled to the legs of the first frame") {
     CHECK(refuses([](RestingRig& o) {
         for (auto& x : o.rig.joints) x = vec3<double>(0);
     }));
+    CHECK(refuses([](RestingRig&) {}, 0));
 }
 
 TEST_CASE("z is up where the body stands along it at rest and, on average, in the frames") {
