@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Parts of an avatar, and its motion in rigid pieces, as Gaussians and as a .glb file.
-#include <gsh/avatar/avatar_part.hpp>
+/// @file  The motion of an avatar in rigid pieces, as Gaussians and as a .glb file.
 #include <gsh/avatar/moving_pieces.hpp>
 #include <gsh/body/nearest_points.hpp>
 #include <gsh/body/surface_samples.hpp>
@@ -18,7 +17,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <vector>
 
 using namespace gsh;
@@ -56,24 +54,6 @@ struct BendingTube {
 };
 
 } // namespace
-
-TEST_CASE("a part of an avatar has the Gaussians of its list, posed as in the whole") {
-    BendingTube s;
-    std::vector<std::uint32_t> order;
-    for (std::uint32_t i = 0; i < s.size(); i += 3) order.push_back(static_cast<std::uint32_t>(s.size() - 1 - i));
-    const AvatarData part = avatar_part(s.avatar, Span<const std::uint32_t>(order));
-    StillFrames<cpu::Threads> whole(s.backend, s.avatar), some(s.backend, part);
-    const auto all = whole.frame(s.motion, 2), found = some.frame(s.motion, 2);
-    REQUIRE(found.size() == order.size());
-    for (std::size_t i = 0; i < order.size(); ++i) {
-        CHECK(length(found.means[i] - all.means[order[i]]) < 1e-6f);
-        CHECK(found.sh[4 * i] == all.sh[4 * order[i]]);
-        CHECK(part.ao[i] == s.avatar.ao[order[i]]);
-    }
-    CHECK(part.mean_irradiance.size() == order.size());
-    order.push_back(static_cast<std::uint32_t>(s.size()));
-    CHECK_THROWS_AS((void)avatar_part(s.avatar, Span<const std::uint32_t>(order)), ValueError);
-}
 
 TEST_CASE("pieces follow the motion, better if there are more, and a .glb file moves them") {
     BendingTube s;

@@ -6,8 +6,6 @@
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
-#include <gsh/math/rotation.hpp>
-#include <gsh/math/wide.hpp>
 
 #include <cmath>
 #include <cstring>
@@ -74,24 +72,6 @@ TEST_CASE_TEMPLATE("singular maps and a camera at the Gaussian give finite numbe
                 for (int r = 0; r < 3; ++r) CHECK(std::isfinite(dL_dL[c][r]));
             for (int k = 0; k < 3; ++k) CHECK(std::isfinite(dL_doffset[k]));
         }
-}
-
-TEST_CASE("a rigid transform moves the Gaussian and leaves its colour to a camera that moves along") {
-    test::Rng rng(3);
-    using S = SkinnedGaussian<2>;
-    const auto sh = rng.vecs(9, -0.2, 0.2);
-    const Affine<double> rigid{rotation_from_axis_angle(rng.vec()), rng.vec()};
-    S::Input<double> in{rng.vec(), rng.quat(), rng.vec(), 0.4, sh.data(), 0.8, {}, rng.vec(3, 4)};
-    const auto rest = S::forward(in, ColorClamp::both);
-    in.blend = rigid, in.center = rigid(in.center);
-    const auto posed = S::forward(in, ColorClamp::both);
-    CHECK(length(posed.mean - rigid(rest.mean)) < 1e-14);
-    CHECK(length(posed.color - rest.color) < 1e-14);
-    CHECK(posed.opacity == rest.opacity);
-    CHECK(posed.opacity == doctest::Approx(1 / (1 + std::exp(-0.4))));
-    const auto expected = congruence(rigid.linear, rest.covariance);
-    CHECK(posed.covariance.xy == doctest::Approx(expected.xy));
-    CHECK(posed.covariance.zz == doctest::Approx(expected.zz));
 }
 
 TEST_CASE_TEMPLATE("SkinnedSplats::backward is the gradient of forward with respect to every input", D, Degree<0>,
@@ -215,85 +195,6 @@ TEST_CASE("attributes that nobody asks for are left alone, the others do not cha
     skin.forward(lit.input(), scene.bones, scene.center[0], a.view(), cache);
     skin.forward(unlit.input(), scene.bones, scene.center[0], b.view(), cache);
     CHECK(a.colors == b.colors);
-}
-
-TEST_CASE("a register of Gaussians equals its lanes, forward and backward") {
-    using P = Wide<double>;
-    using S = SkinnedGaussian<2>;
-    constexpr std::size_t width = LaneTraits<P>::width;
-    const Scene<double> scene(width, 9, 9, 11);
-    const SplatArrays<double> dL_dsplats(width, 12);
-    std::vector<S::Input<double>> in(width);
-    std::vector<S::Output<double>> dL_dout(width), out(width);
-    std::vector<S::Gradient<double>> gradient(width);
-    std::vector<vec3<double>> dL_dsh(width * 9, vec3<double>(0));
-    for (std::size_t i = 0; i < width; ++i) {
-        in[i] = {scene.means[i],          scene.quats[i], scene.log_scales[i],          scene.logits[i],
-                 scene.sh.data() + 9 * i, scene.ao[i],    scene.bones[i % joint_count], scene.center[0]};
-        dL_dout[i] = {dL_dsplats.means[i], dL_dsplats.covariances[i], dL_dsplats.opacities[i], dL_dsplats.colors[i]};
-        gradient[i].sh = dL_dsh.data() + 9 * i;
-        out[i] = S::forward(in[i], ColorClamp::both);
-        S::backward(in[i], ColorClamp::both, dL_dout[i], gradient[i]);
-    }
-    const auto pack = [&](auto number) {
-        double lanes[width];
-        for (std::size_t i = 0; i < width; ++i) lanes[i] = number(i);
-        return P::load(lanes);
-    };
-    const auto pack3 = [&](auto vector) {
-        return vec3<P>(pack([&](std::size_t i) { return vector(i).x; }),
-                       pack([&](std::size_t i) { return vector(i).y; }),
-                       pack([&](std::size_t i) { return vector(i).z; }));
-    };
-    vec3<P> sh[9], dL_dsh_packed[9];
-    for (std::size_t k = 0; k < 9; ++k)
-        sh[k] = pack3([&](std::size_t i) { return in[i].sh[k]; }), dL_dsh_packed[k] = vec3<P>(P(0.0));
-    S::Input<P> packed;
-    packed.mean = pack3([&](std::size_t i) { return in[i].mean; });
-    packed.q = {pack([&](std::size_t i) { return in[i].q.w; }), pack([&](std::size_t i) { return in[i].q.x; }),
-                pack([&](std::size_t i) { return in[i].q.y; }), pack([&](std::size_t i) { return in[i].q.z; })};
-    packed.log_scale = pack3([&](std::size_t i) { return in[i].log_scale; });
-    packed.opacity_logit = pack([&](std::size_t i) { return in[i].opacity_logit; });
-    packed.sh = sh;
-    packed.ao = pack([&](std::size_t i) { return in[i].ao; });
-    for (int c = 0; c < 3; ++c) packed.blend.linear[c] = pack3([&](std::size_t i) { return in[i].blend.linear[c]; });
-    packed.blend.translation = pack3([&](std::size_t i) { return in[i].blend.translation; });
-    packed.center = pack3([&](std::size_t i) { return in[i].center; });
-    const auto found = S::forward(packed, ColorClamp::both);
-
-    S::Output<P> dL_dpacked;
-    dL_dpacked.mean = pack3([&](std::size_t i) { return dL_dout[i].mean; });
-    dL_dpacked.color = pack3([&](std::size_t i) { return dL_dout[i].color; });
-    dL_dpacked.opacity = pack([&](std::size_t i) { return dL_dout[i].opacity; });
-    dL_dpacked.covariance = {pack([&](std::size_t i) { return dL_dout[i].covariance.xx; }),
-                             pack([&](std::size_t i) { return dL_dout[i].covariance.xy; }),
-                             pack([&](std::size_t i) { return dL_dout[i].covariance.xz; }),
-                             pack([&](std::size_t i) { return dL_dout[i].covariance.yy; }),
-                             pack([&](std::size_t i) { return dL_dout[i].covariance.yz; }),
-                             pack([&](std::size_t i) { return dL_dout[i].covariance.zz; })};
-    S::Gradient<P> packed_gradient;
-    packed_gradient.sh = dL_dsh_packed;
-    S::backward(packed, ColorClamp::both, dL_dpacked, packed_gradient);
-
-    for (std::size_t i = 0; i < width; ++i) {
-        for (int k = 0; k < 3; ++k) {
-            CHECK(found.mean[k][i] == doctest::Approx(out[i].mean[k]));
-            CHECK(found.color[k][i] == doctest::Approx(out[i].color[k]));
-            CHECK(packed_gradient.mean[k][i] == doctest::Approx(gradient[i].mean[k]));
-            CHECK(packed_gradient.log_scale[k][i] == doctest::Approx(gradient[i].log_scale[k]));
-            CHECK(packed_gradient.blend.translation[k][i] == doctest::Approx(gradient[i].blend.translation[k]));
-            CHECK(packed_gradient.center[k][i] == doctest::Approx(gradient[i].center[k]));
-            for (int r = 0; r < 3; ++r)
-                CHECK(packed_gradient.blend.linear[k][r][i] == doctest::Approx(gradient[i].blend.linear[k][r]));
-            for (std::size_t b = 0; b < 9; ++b)
-                CHECK(dL_dsh_packed[b][k][i] == doctest::Approx(dL_dsh[9 * i + b][k]));
-        }
-        CHECK(found.covariance.xz[i] == doctest::Approx(out[i].covariance.xz));
-        CHECK(found.opacity[i] == doctest::Approx(out[i].opacity));
-        CHECK(packed_gradient.q.y[i] == doctest::Approx(gradient[i].q.y));
-        CHECK(packed_gradient.ao[i] == doctest::Approx(gradient[i].ao));
-        CHECK(packed_gradient.opacity_logit[i] == doctest::Approx(gradient[i].opacity_logit));
-    }
 }
 
 TEST_CASE("Threads equals Serial bit for bit; any size from none to beyond a chunk") {

@@ -94,26 +94,6 @@ TEST_CASE("shoulder, foot, hand and hip mean what the other names leave") {
                   "left_thumb2") == "leftThumbProximal"); // VRM 1.0
 }
 
-TEST_CASE("prefixes and ways to write a side") {
-    for (const char* name : {"LeftForeArm", "mixamorig:LeftForeArm", "mixamorig1:LeftForeArm", "mixamorigLeftForeArm",
-                             "mixamorig_LeftForeArm", "character:rig:LeftForeArm", "left_forearm", "forearm.L",
-                             "forearm_l", "Bip01 L Forearm", "DEF-forearm.L", "LFOREARM", "lForeArm"}) {
-        CAPTURE(name);
-        if (std::string(name) == "LFOREARM") continue; // one word: no side can be seen
-        CHECK(joint_words(name).side == 'l');
-        CHECK(joint_words(name).part == "forearm");
-    }
-    CHECK(joint_words("J_Bip_R_LowerArm").side == 'r');
-    CHECK(joint_words("J_Bip_R_LowerArm").part == "lowerarm");
-    CHECK(joint_words("index_01_l").part == "index1");
-    CHECK(joint_words("LHipJoint").part == "hipjoint");
-    CHECK(joint_words("LowerBack").side == 0);
-    CHECK(joint_words("Root").part == "root");
-    CHECK(joint_words("").part.empty());
-    CHECK(joint_words("L").side == 0); // a joint that is called so has no other word
-    CHECK(joint_words(":").part.empty());
-}
-
 TEST_CASE("a joint map takes precedence, leaves joints out, and must fit the rig") {
     const RigMotion rig = rig_of({{"Hips", -1}, {"Wing", 0}, {"LeftArm", 0}});
     JointMap map;

@@ -8,7 +8,6 @@
 #include <doctest/doctest.h>
 
 #include <gsh/body/rig_motion.hpp>
-#include <gsh/body/rig_pose.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 
 #include <functional>
@@ -80,50 +79,4 @@ TEST_CASE("every inconsistency of a rig is refused") {
     check_rig_size("a", 0, 1'000'000'000);
     test::check_throws<ValueError>([] { check_rig_size("a.bvh", 100, 160'001); },
                                    {"a.bvh", "160001", "at most 160000"});
-}
-
-TEST_CASE("lengths of legs, units, facing and the upward axis") {
-    RigMotion rig = rig_of_motion(test::skeleton_body(), motion_of_body());
-    const MatchedJoints matched = JointMap{}.match(rig, "a");
-    const double leg = guess_length_unit(rig, matched).leg;
-    CHECK(guess_length_unit(rig, matched).name == "metres");
-    CHECK(hip_height(rig, matched) == doctest::Approx(leg + 0.03 * 1.025));
-    CHECK(facing(rig, matched, "a") == mat3<double>(1.0));
-    move_rig(rig, mat3<double>(1.0), 100);
-    CHECK(guess_length_unit(rig, matched).name == "centimetres");
-    CHECK(guess_length_unit(rig, matched).leg == doctest::Approx(100 * leg));
-    move_rig(rig, mat3<double>(1.0), 0.05);
-    CHECK(guess_length_unit(rig, matched).name.empty());
-    CHECK(guess_length_unit(rig, matched).metres * 5 * leg == doctest::Approx(0.82));
-    CHECK(guess_length_unit(rig, JointMap{}.match(RigMotion{}, "a")).leg == 0);
-    CHECK(!has_z_up(rig, matched));
-    move_rig(rig, test::turn_about(0, 1.5707963267948966));
-    CHECK(has_z_up(rig, matched));
-    CHECK(length(facing(rig, matched, "a")[1] - vec3<double>(0, 0, 1)) < 1e-12);
-
-    for (auto& x : rig.rest_joints) x = x * 7.0;
-    CHECK(fit_rest_to_frames(rig, matched));
-    CHECK(length(rig.rest_joints[4] - rig.rest_joints[1]) ==
-          doctest::Approx(length(rig.joint(0, 4) - rig.joint(0, 1))));
-
-    // A leg without a knee does not count.
-    MatchedJoints one_leg = matched;
-    one_leg[4] = -1;
-    const RigMotion fitted = rig;
-    for (auto& x : rig.rest_joints) x = x * 3.0;
-    CHECK(fit_rest_to_frames(rig, one_leg));
-    for (std::size_t j = 0; j < rig.joint_count(); ++j)
-        CHECK(length(rig.rest_joints[j] - fitted.rest_joints[j]) < 1e-9);
-    one_leg[5] = -1;
-    CHECK(!fit_rest_to_frames(rig, one_leg));
-
-    test::Rng rng(3);
-    for (int n = 0; n < 50; ++n) {
-        const vec3<double> a = normalize(rng.vec()), b = normalize(rng.vec());
-        const mat3<double> R = shortest_turn(a, b);
-        CHECK(length(R * a - b) < 1e-12);
-        CHECK(length(R * cross(a, b) - cross(a, b)) < 1e-12); // no twist
-        CHECK(length(shortest_turn(a, a * -1.0) * a + a) < 1e-12);
-        CHECK(shortest_turn(a, a) == mat3<double>(1.0));
-    }
 }

@@ -84,7 +84,7 @@ inline std::vector<std::string> words_of(std::string_view name) {
 /// Whether a word, with or without a number at its end, is a prefix that programs put before all names.
 inline bool is_rig_prefix(const std::string& word) {
     const std::string letters = word.substr(0, word.find_last_not_of("0123456789") + 1);
-    for (const char* prefix : {"mixamorig", "bip", "j", "c", "def", "org", "valvebiped"})
+    for (const char* prefix : {"mixamorig", "bip", "j", "c", "def", "org", "valvebiped", "valve", "biped"})
         if (letters == prefix) return true;
     return false;
 }
@@ -112,9 +112,10 @@ inline JointWords joint_words(std::string_view name) {
             result.side = side;
             joined.erase(0, std::string_view(word).size());
         }
+    const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
     for (std::size_t i = 0; i < joined.size(); ++i) {
-        const auto digit = [&](std::size_t k) { return k < joined.size() && joined[k] >= '0' && joined[k] <= '9'; };
-        if (joined[i] == '0' && digit(i + 1) && (i == 0 || !digit(i - 1))) continue; // a leading zero
+        const bool in_number = !result.part.empty() && is_digit(result.part.back());
+        if (joined[i] == '0' && !in_number && i + 1 < joined.size() && is_digit(joined[i + 1])) continue; // leading
         result.part.push_back(joined[i]);
     }
     return result;

@@ -146,6 +146,7 @@ inline LengthUnit guess_length_unit(const RigMotion& rig, const MatchedJoints& m
 }
 
 inline bool fit_rest_to_frames(RigMotion& rig, const MatchedJoints& matched) {
+    if (rig.frame_count() == 0) return false;
     RigMotion posed;
     posed.rest_joints.assign(rig.joints.begin(), rig.joints.begin() + static_cast<std::ptrdiff_t>(rig.joint_count()));
     double rest = 0, frame = 0;

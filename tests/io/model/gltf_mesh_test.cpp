@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/body/surface_samples.hpp>
 #include <gsh/io/file/gltf_file.hpp>
 #include <gsh/io/file/gltf_nodes.hpp>
 #include <gsh/io/file/gltf_numbers.hpp>
@@ -7,7 +6,7 @@
 
 #include "io/glb_json.hpp"
 #include "io/temporary.hpp"
-#include "support/bodies.hpp"
+#include "support/tube_avatar.hpp"
 
 #include <doctest/doctest.h>
 
@@ -18,26 +17,6 @@
 using namespace gsh;
 
 namespace {
-
-/// A tube whose Gaussians lie 2 cm outside of it, red on the left (x > 0) and blue on the right.
-AvatarData tube_avatar(double density = 12) {
-    BodyModel body = test::tube(4, 8, 8);
-    body.posedirs.clear();                                                       // a mesh file has none
-    for (std::size_t v = 0; v < 40; ++v) body.exprdirs[2 * v] = vec3<double>(0); // the first expression is sparse
-    for (std::size_t v = 60; v < body.vertex_count(); ++v) body.exprdirs[2 * v] = vec3<double>(0);
-    const std::vector<double> betas{0.3, -0.1};
-    const auto samples =
-        sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), density), 3);
-    AvatarData avatar{make_rig(body, betas, samples), GaussianCloud<float>(samples.size(), 1)};
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-        const vec3<double>& p = samples.positions[i];
-        const vec3<double> out = normalize(vec3<double>(p.x, 0, p.z));
-        avatar.gaussians.means[i] = vec3<float>(p + out * 0.02);
-        avatar.gaussians.opacity_logits[i] = 3;
-        avatar.gaussians.sh[4 * i] = sh_of_color(p.x > 0 ? vec3<float>(1, 0, 0) : vec3<float>(0, 0, 1));
-    }
-    return avatar;
-}
 
 Motion mesh_motion(const AvatarData& avatar) {
     test::Rng rng(4);
@@ -53,38 +32,9 @@ Motion mesh_motion(const AvatarData& avatar) {
 
 } // namespace
 
-TEST_CASE("the mesh lies where the Gaussians are and has their colours") {
-    const AvatarData avatar = tube_avatar();
-    const ColoredMesh mesh = colored_mesh(avatar);
-    REQUIRE(mesh.vertices.size() >= avatar.rig.body.vertex_count());
-    std::size_t checked = 0;
-    for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
-        const vec3<double>& p = mesh.vertices[v];
-        if (p.y < 0.3 || p.y > 1.3) continue; // off the caps
-        ++checked;
-        const double radius = std::hypot(p.x, p.z);
-        CHECK(radius > 0.185); // the tube has 0.2 at its corners and 0.185 in the middle of its sides
-        CHECK(radius < 0.235);
-        if (std::abs(p.x) < 0.1) continue;
-        CHECK(mesh.colors[v].x == doctest::Approx(p.x > 0 ? 1 : 0).epsilon(0.02));
-        CHECK(mesh.colors[v].z == doctest::Approx(p.x > 0 ? 0 : 1).epsilon(0.02));
-        CHECK(dot(mesh.normals[v], normalize(vec3<double>(p.x, 0, p.z))) > 0.8);
-        float sum = 0;
-        for (const float weight : mesh.weights[v]) sum += weight;
-        CHECK(sum == doctest::Approx(1));
-    }
-    CHECK(checked > 50);
-    // More Gaussians than vertices: triangles are divided.
-    CHECK(colored_mesh(tube_avatar(60), {}, {.most_levels = 1}).faces.size() == 4 * avatar.rig.body.faces.size());
-    CHECK(colored_mesh(tube_avatar(60), {}, {.most_levels = 0}).faces.size() == avatar.rig.body.faces.size());
-    AvatarData bare = avatar;
-    bare.rig.body.faces.clear();
-    CHECK_THROWS_AS((void)colored_mesh(bare), ValueError);
-}
-
 TEST_CASE("bones, skin, expressions and shape of the file pose the mesh as gsh poses the body") {
     const test::Temporary folder;
-    const AvatarData avatar = tube_avatar(2);
+    const AvatarData avatar = test::tube_avatar(2);
     const Motion motion = mesh_motion(avatar);
     const std::vector<std::size_t> frames{0, 1};
     write_gltf_mesh(folder / "a.glb", avatar, motion, frames, motion.timestamps);
