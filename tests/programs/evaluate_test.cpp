@@ -278,6 +278,13 @@ TEST_CASE("a second call adds what is new, and runs again what has changed") {
                          "runs again\nno-ao, 2 steps: PSNR ") == 0);
     CHECK(ordered_json_of(out / "tables.json").at("costs")[1].at("settings").at("hash.table_size") == "2048");
 
+    // Mixed precision gives a row of its own.
+    check_done(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "2", "--precision", "mixed"})));
+    tables = ordered_json_of(out / "tables.json");
+    REQUIRE(tables.at("figures").size() == 4);
+    CHECK(rows_of(tables.at("figures"))[3] == std::pair<std::string, std::string>("paper, mixed precision", "2 steps"));
+    CHECK(tables.at("figures")[3].at("psnr") != tables.at("figures")[0].at("psnr"));
+
     // Other regions in a file of the same name are another input.
     const fs::path painted = folder / "painted", regions = folder / "regions.json";
     const auto judge = [&](const char* painting) {

@@ -104,6 +104,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                 if (!run.options.priors.empty()) run.name += ", priors of " + run.options.priors.stem().string();
                 if (run.options.refine) run.name += run.options.refine_cameras ? ", refined with cameras" : ", refined";
                 if (run.options.no_registration) run.name += " without registration";
+                if (o.common.machine.precision == "mixed") run.name += ", mixed precision";
             }
             if (o.common.machine.backend != "threads") run.name += ", " + o.common.machine.backend;
             run.settings = settings_json(run);

@@ -90,7 +90,7 @@ private:
     std::size_t width_;
 };
 
-/// The mean over each vertex and its neighbours, `rounds` times.
+/// The mean over each vertex and its neighbours, `rounds` times. A neighbour counts for each triangle that has both.
 inline void smooth(std::vector<vec3<double>>& values, Span<const std::array<int, 3>> faces, int rounds) {
     for (int round = 0; round < rounds; ++round) {
         std::vector<vec3<double>> sums = values;
