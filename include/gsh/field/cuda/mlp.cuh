@@ -149,14 +149,23 @@ struct MlpShareGradient {
 
     __device__ void operator()(Shared& shared) const {
         const unsigned c = blockIdx.x * numbers + threadIdx.x % numbers, part = threadIdx.x / numbers;
+        constexpr unsigned batch = 8;
         T sum = 0;
-        if (c < shape.shared)
-            for (unsigned o = part; o < shape.out(0); o += parts) {
-                const unsigned w = o * shape.weights_stride(0) + shape.inputs + c;
-                const T gradient = dL_dbias[o];
-                dL_dweights[w] += gradient * shared_inputs[c];
-                sum += gradient * weights[w];
-            }
+        for (unsigned first = part; c < shape.shared && first < shape.out(0); first += batch * parts) {
+            T gradients[batch], before[batch], weight[batch]; // all are read before the first is written
+            const auto for_each = [&](const auto& body) {
+                for (unsigned n = 0; n < batch; ++n)
+                    if (const unsigned o = first + n * parts; o < shape.out(0))
+                        body(n, o, o * shape.weights_stride(0) + shape.inputs + c);
+            };
+            for_each([&](unsigned n, unsigned o, unsigned w) {
+                gradients[n] = dL_dbias[o], before[n] = dL_dweights[w], weight[n] = weights[w];
+            });
+            for_each([&](unsigned n, unsigned, unsigned w) {
+                dL_dweights[w] = before[n] + gradients[n] * shared_inputs[c];
+                sum += gradients[n] * weight[n];
+            });
+        }
         shared.sums[threadIdx.x] = sum;
         __syncthreads();
         if (part != 0 || c >= dL_dshared.size()) return;

@@ -171,18 +171,27 @@ private:
         for_each([&](unsigned n, T& sum) { sum = before[n] + piece[n / 4][n % 4]; });
     }
 
-    /// The gradient of the first layer's bias: a warp sums one column of the tile after the other.
+    /// The gradient of the first layer's bias: a warp sums one column of the tile after the other. Lane k keeps the sum
+    /// of the k-th, so that all of them wait for memory once.
     __device__ void add_bias(Shared& shared, unsigned group, bool first) const {
-        const unsigned begin =
-            blockIdx.x * shape.sums_size() + shape.piece_count() * mlp_columns * mlp_columns + group * mlp_columns;
+        constexpr unsigned warps = block_size / warp_size;
+        static_assert(mlp_columns <= warps * warp_size);
+        const unsigned count = mlp_count(shape.out(0), group), warp = threadIdx.x / warp_size,
+                       lane = threadIdx.x % warp_size;
         __syncthreads();
-        for (unsigned c = threadIdx.x / warp_size; c < mlp_count(shape.out(0), group); c += block_size / warp_size) {
+        T of_lane = 0;
+        for (unsigned k = 0; warp + k * warps < count; ++k) {
             T sum = 0;
-            for (unsigned r = threadIdx.x % warp_size; r < Tile::rows; r += warp_size)
-                sum += shared.tile[c * Tile::stride + r];
+            for (unsigned r = lane; r < Tile::rows; r += warp_size)
+                sum += shared.tile[(warp + k * warps) * Tile::stride + r];
             sum = warp_sum(sum);
-            if (threadIdx.x % warp_size == 0) sums[begin + c] = first ? sum : sums[begin + c] + sum;
+            if (lane == k) of_lane = sum;
         }
+        const unsigned column = warp + lane * warps;
+        if (column >= count) return; // no barrier follows before all threads are back
+        T& sum = sums[blockIdx.x * shape.sums_size() + shape.piece_count() * mlp_columns * mlp_columns +
+                      group * mlp_columns + column];
+        sum = first ? of_lane : sum + of_lane;
     }
 
     /// dL/dx = dL/dy W for 64 columns of x, or the rest; through the ReLU that made x.
