@@ -29,6 +29,7 @@
 #include <gsh/field/cuda/hash_field.cuh>
 #include <gsh/field/cuda/hash_grid.cuh>
 #include <gsh/field/cuda/hash_lists.cuh>
+#include <gsh/field/cuda/hash_rows.cuh>
 #include <gsh/field/cuda/mlp.cuh>
 #include <gsh/field/cuda/mlp_backward.cuh>
 #include <gsh/field/cuda/mlp_forward.cuh>

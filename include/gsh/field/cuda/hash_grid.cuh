@@ -11,6 +11,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/field/cuda/half_row.cuh>
 #include <gsh/field/cuda/hash_lists.cuh>
+#include <gsh/field/cuda/hash_rows.cuh>
 #include <gsh/field/cuda/row.cuh>
 #include <gsh/field/features.hpp>
 #include <gsh/field/hash_grid.hpp>
@@ -42,40 +43,6 @@ struct HashScratch<cuda::Device, T> {
 namespace cuda {
 
 namespace detail {
-
-/// Features of a grid as rows: row (l, i) is level l's part of point i.
-template <class R>
-struct HashRows {
-    Span<R> rows;
-    std::uint32_t points;
-    Divisor levels; ///< of a group of columns
-
-    template <class T, std::size_t F>
-    static HashRows of(std::string_view where, const FeatureView<T>& view) {
-        return {as_rows<F>(where, view.values), static_cast<std::uint32_t>(view.rows),
-                Divisor(static_cast<std::uint32_t>(view.block / F))};
-    }
-    /// Index of the first point's row; the next follow at distance stride(). As FeatureView::column.
-    [[nodiscard]] __device__ std::size_t begin(unsigned level) const {
-        const unsigned group = levels.quotient(level);
-        return group * stride() * points + levels.remainder(level, group);
-    }
-    [[nodiscard]] __device__ std::size_t stride() const { return levels.number; }
-};
-
-/// LevelWeights without padding. A recorded step compares the bytes of its kernels with those of the step before.
-template <class T>
-struct HashWeights {
-    std::size_t split;
-    Span<const T> coarse, fine;
-
-    explicit HashWeights(const LevelWeights<T>& w)
-        : split(static_cast<std::size_t>(w.split)), coarse(w.coarse), fine(w.fine) {}
-    [[nodiscard]] __device__ T operator()(unsigned level, std::size_t i) const {
-        const Span<const T> weights = level < split ? coarse : fine;
-        return weights.empty() ? T(1) : weights[i];
-    }
-};
 
 template <class T>
 struct SplitPoint {
