@@ -18,7 +18,9 @@
 #include <gsh/field/cpu/hash_grid.hpp>
 #include <gsh/field/cpu/matrix_bf16.hpp>
 #include <gsh/field/cpu/mlp.hpp>
+#include <gsh/field/cpu/mlp_layout.hpp>
 #include <gsh/field/cpu/mlp_mixed.hpp>
+#include <gsh/field/cpu/mlp_mixed_passes.hpp>
 #include <gsh/optim/cpu/adam.hpp>
 #include <gsh/light/cpu/lit_splats.hpp>
 #include <gsh/light/cpu/shadow_map.hpp>

@@ -6,112 +6,18 @@
 #include <gsh/core/span.hpp>
 #include <gsh/field/cpu/feature_rows.hpp>
 #include <gsh/field/cpu/gemm.hpp>
-#include <gsh/field/cpu/mlp_mixed.hpp>
+#include <gsh/field/cpu/mlp_layout.hpp>
+#include <gsh/field/cpu/mlp_mixed_passes.hpp>
 #include <gsh/field/features.hpp>
 #include <gsh/field/mlp.hpp>
 
 #include <algorithm>
 #include <concepts>
 #include <cstddef>
-#include <cstdint>
 
-namespace gsh {
-
-template <CpuBackend B, std::floating_point T>
-struct MlpScratch<B, T> {
-    typename B::template Buffer<T> hidden;   ///< activations after ReLU, layer after layer
-    typename B::template Buffer<T> packed;   ///< weights in the layout of the products
-    typename B::template Buffer<T> tiles;    ///< each chunk's tiles of inputs, activations, outputs or gradients
-    typename B::template Buffer<T> partials; ///< each chunk's sum of dL_dweights
-    typename B::template Buffer<std::uint32_t> hidden_words, packed_words, tile_words; ///< those in mixed precision
-};
-
-namespace cpu::inline GSH_ISA {
+namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
-
-inline constexpr std::size_t mlp_tile_rows = 64;
-
-/// Rows per chunk: whole tiles, and at most 64 chunks, so that the partial sums stay few.
-[[nodiscard]] constexpr std::size_t mlp_chunk_rows(std::size_t rows) {
-    constexpr std::size_t most_chunks = 64, least_tiles = 4;
-    const std::size_t tiles = chunk_count(rows, mlp_tile_rows);
-    return std::max(least_tiles, chunk_count(tiles, most_chunks)) * mlp_tile_rows;
-}
-
-/// Sizes and offsets common to forward and backward.
-///
-/// Inputs that all rows share take no part in the products. Their contribution to the first layer is the same for every
-/// row. It becomes the column of one additional input, which is 1.
-template <class T, class Network>
-struct MlpLayout {
-    using G = Gemm<T>;
-    const Network& network;
-    Span<const T> shared = {}; ///< the last of the network's inputs
-
-    [[nodiscard]] std::size_t layers() const { return network.layer_count(); }
-    [[nodiscard]] std::size_t hidden_layers() const { return layers() - 1; }
-    /// Number of inputs that differ from row to row.
-    [[nodiscard]] std::size_t row_inputs() const { return network.inputs() - shared.size(); }
-    /// Columns of a layer's matrix in the products.
-    [[nodiscard]] std::size_t in(std::size_t layer) const {
-        return layer ? network.layer_inputs(layer) : row_inputs() + (shared.empty() ? 0 : 1);
-    }
-    [[nodiscard]] std::size_t out(std::size_t layer) const { return network.layer_outputs(layer); }
-    [[nodiscard]] std::size_t padded_in(std::size_t layer) const { return G::padded(in(layer)); }
-    [[nodiscard]] std::size_t padded_out(std::size_t layer) const { return G::padded(out(layer)); }
-    [[nodiscard]] std::size_t widest() const {
-        return std::max({padded_in(0), padded_out(layers() - 1), padded_out(0)});
-    }
-
-    /// [in][padded out]: right operand of forward.
-    [[nodiscard]] std::size_t transposed_offset(std::size_t layer) const {
-        std::size_t offset = 0;
-        for (std::size_t l = 0; l < layer; ++l) offset += in(l) * padded_out(l);
-        return offset;
-    }
-    /// [out][padded in]: right operand of backward, and the layout of its sums.
-    [[nodiscard]] std::size_t padded_offset(std::size_t layer) const {
-        std::size_t offset = 0;
-        for (std::size_t l = 0; l < layer; ++l) offset += out(l) * padded_in(l);
-        return offset;
-    }
-    /// Numbers of a hidden layer's activations (all hidden layers are as wide as the first).
-    [[nodiscard]] std::size_t pitch(std::size_t rows) const { return rows * padded_out(0); }
-    /// Address of a row's activations of the first hidden layer; null without hidden layers.
-    [[nodiscard]] T* first_activation(Span<T> hidden, std::size_t row) const {
-        return hidden_layers() ? hidden.data() + pitch(row) : nullptr;
-    }
-    /// A hidden layer's activations of all rows.
-    [[nodiscard]] FeatureView<T> activations(Span<T> hidden, std::size_t layer, std::size_t rows) const {
-        return row_major(hidden.subspan(layer * pitch(rows), pitch(rows)), padded_out(0));
-    }
-
-    /// Number (output o, input i) of a layer's matrix in the form that the products use.
-    [[nodiscard]] T entry(Span<const T> weights, std::size_t layer, std::size_t o, std::size_t i) const {
-        const T* row = weights.data() + network.layer_offset(layer) + o * network.layer_inputs(layer);
-        if (layer || i < row_inputs()) return row[i];
-        T sum = 0;
-        for (std::size_t c = 0; c < shared.size(); ++c) sum += row[row_inputs() + c] * shared[c];
-        return sum;
-    }
-    void pack_transposed(Span<const T> weights, T* packed) const {
-        for (std::size_t l = 0; l < layers(); ++l) {
-            T* to = packed + transposed_offset(l);
-            for (std::size_t i = 0; i < in(l); ++i)
-                for (std::size_t o = 0; o < padded_out(l); ++o)
-                    to[i * padded_out(l) + o] = o < out(l) ? entry(weights, l, o, i) : T(0);
-        }
-    }
-    void pack_padded(Span<const T> weights, T* packed) const {
-        for (std::size_t l = 0; l < layers(); ++l) {
-            T* to = packed + padded_offset(l);
-            for (std::size_t o = 0; o < out(l); ++o)
-                for (std::size_t i = 0; i < padded_in(l); ++i)
-                    to[o * padded_in(l) + i] = i < in(l) ? entry(weights, l, o, i) : T(0);
-        }
-    }
-};
 
 /// Data that the backward pass reads next: the inputs of the next tile during the work on layer 0, its activations
 /// during the work on the other layers.
@@ -198,140 +104,6 @@ const T* mlp_tile_backward(const MlpLayout<T, Network>& layout, const T* packed,
         dL_dy = {scratch[l % 2], stride};
     }
     return dL_dy.data;
-}
-
-/// Adds the partial sums, in order, to dL_dweights, and to dL_dshared unless that is empty.
-template <CpuBackend B, class T, class Layout>
-void mlp_join(B& backend, const Layout& layout, Span<const T> weights, const T* partials,
-              std::size_t partial_count, Span<T> dL_dweights, Span<T> dL_dshared) {
-    const std::size_t sums_size = layout.padded_offset(layout.layers()), own = layout.row_inputs();
-    for (std::size_t l = 0; l < layout.layers(); ++l) {
-        const std::size_t in = layout.network.layer_inputs(l), columns = l ? in : own, stride = layout.padded_in(l);
-        const T* sums = partials + layout.padded_offset(l);
-        T* to = dL_dweights.data() + layout.network.layer_offset(l);
-        backend.for_chunks(layout.out(l), 8, [&](std::size_t, std::size_t begin, std::size_t end) {
-            for (std::size_t o = begin; o < end; ++o)
-                for (std::size_t p = 0; p < partial_count; ++p) {
-                    const T* row = sums + p * sums_size + o * stride;
-                    for (std::size_t i = 0; i < columns; ++i) to[o * in + i] += row[i];
-                    if (l == 0)
-                        for (std::size_t c = 0; c < layout.shared.size(); ++c)
-                            to[o * in + own + c] += row[own] * layout.shared[c];
-                }
-        });
-    }
-    if (dL_dshared.empty()) return;
-    for (std::size_t o = 0; o < layout.out(0); ++o)
-        for (std::size_t p = 0; p < partial_count; ++p)
-            for (std::size_t c = 0; c < dL_dshared.size(); ++c)
-                dL_dshared[c] += weights[o * layout.network.inputs() + own + c] *
-                                 partials[p * sums_size + layout.padded_offset(0) + o * layout.padded_in(0) + own];
-}
-
-/// Activations of all points in mixed precision, with room for whole tiles. The words are null where backward computes
-/// the activations again.
-template <CpuBackend B, class Network>
-MixedHidden mixed_hidden(const MixedLayout<Network>& layout, std::size_t rows, MlpScratch<B, float>& scratch) {
-    const std::size_t stride = layout.hidden_words(), pitch = chunk_count(rows, mixed_tile) * mixed_tile * stride;
-    if (ProductBf16::on_tiles()) return {nullptr, stride, pitch};
-    scratch.hidden_words.resize(layout.hidden_layers() * pitch);
-    return {scratch.hidden_words.data(), stride, pitch};
-}
-
-/// Data that backward reads next, as AheadOfLayers.
-struct AheadOfMixedLayers {
-    FeatureView<const float> inputs;
-    MixedHidden hidden;
-    const GradientRows<float>& tile;
-
-    void operator()(std::size_t layer, std::size_t first, std::size_t count) const {
-        if (layer == 0) return tile.ahead(inputs)(first, count);
-        if (hidden.words)
-            tile.ahead(row_major(Span<const std::uint32_t>(hidden.layer(layer - 1), hidden.pitch), hidden.stride))(
-                first, count);
-    }
-};
-
-template <CpuBackend B, class Network>
-void mixed_forward(B& backend, const Network& network, Span<const float> weights, const MlpInputs<float>& inputs,
-                   Span<float> outputs, MlpScratch<B, float>& scratch) {
-    const MixedLayout<Network> layout{network, inputs.shared};
-    using Tile = MixedTile<Network>;
-    const std::size_t rows = inputs.features.rows, grain = mlp_chunk_rows(rows), chunks = chunk_count(rows, grain);
-    const MixedHidden hidden = mixed_hidden(layout, rows, scratch);
-    scratch.packed_words.resize(layout.packed_size());
-    scratch.packed.resize(mixed_padded(layout.out(0)));
-    scratch.tile_words.resize(chunks * Tile::word_count(layout));
-    scratch.tiles.resize(chunks * Tile::number_count(layout));
-    layout.pack(weights, scratch.packed_words.data(), scratch.packed.data());
-    backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        Tile tile(layout, scratch.packed_words.data(), scratch.packed.data(),
-                  scratch.tile_words.data() + chunk * Tile::word_count(layout),
-                  scratch.tiles.data() + chunk * Tile::number_count(layout));
-        for (std::size_t first = begin; first < end; first += mixed_tile) {
-            const std::size_t count = std::min(mixed_tile, end - first), next = first + count;
-            tile.load(inputs, first, count);
-            if (hidden.words) tile.use_hidden(hidden.from(first));
-            tile.compute_hidden(
-                Ahead<float, RowsFrom>{inputs.features, {next}, std::min(mixed_tile, end - next)});
-            tile.outputs(count, outputs.data() + first * network.outputs());
-        }
-    });
-}
-
-template <CpuBackend B, class Network>
-void mixed_backward(B& backend, const Network& network, Span<const float> weights, const MlpInputs<float>& inputs,
-                    Span<const float> dL_doutputs, MlpScratch<B, float>& scratch, Span<float> dL_dweights,
-                    FeatureView<float> dL_dfeatures, Write features_mode, Span<float> dL_dshared) {
-    const MixedLayout<Network> layout{network, inputs.shared};
-    using Tile = MixedTile<Network>;
-    const std::size_t rows = inputs.features.rows, grain = mlp_chunk_rows(rows), chunks = chunk_count(rows, grain);
-    const std::size_t sums_size = layout.padded_offset(layout.layers());
-    const MixedHidden hidden = mixed_hidden(layout, rows, scratch);
-    // Tiles of a chunk: the tile's own, and copies of features and further inputs.
-    const std::size_t columns = inputs.features.columns, own = layout.row_inputs() - columns;
-    const std::size_t tile_numbers = Tile::number_count(layout),
-                      chunk_tiles = tile_numbers + mixed_tile * (columns + own);
-    scratch.partials.resize(chunks * sums_size);
-    scratch.tiles.resize(chunks * chunk_tiles);
-    backend.for_chunks(rows, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        float* const numbers = scratch.tiles.data() + chunk * chunk_tiles;
-        Tile tile(layout, scratch.packed_words.data(), scratch.packed.data(),
-                  scratch.tile_words.data() + chunk * Tile::word_count(layout), numbers);
-        const FeatureView<float> features({numbers + tile_numbers, mixed_tile * columns}, mixed_tile, columns,
-                                          inputs.features.block);
-        const Span<float> points(features.values.end(), mixed_tile * own);
-        float* const sums = scratch.partials.data() + chunk * sums_size;
-        std::fill_n(sums, sums_size, 0.0f);
-        GradientRows<float> rows_of_tile(dL_doutputs, network.outputs(), dL_dfeatures, features_mode, begin, end);
-        const AheadOfMixedLayers ahead{inputs.features, hidden, rows_of_tile};
-        while (rows_of_tile.next()) {
-            const RowsOf tile_rows = rows_of_tile.rows();
-            const std::size_t count = rows_of_tile.count(), first = tile_rows(0);
-            const bool consecutive = rows_of_tile.consecutive();
-            if (consecutive) {
-                tile.load(inputs, first, count);
-            } else {
-                gather_features<float>(inputs.features, tile_rows, count, features);
-                copy_rows(inputs.points.data(), own, tile_rows, count, points.data());
-                tile.load({features, points, inputs.shared}, 0, count);
-            }
-            if (!hidden.words)
-                tile.compute_hidden(Gemm<float>::Nothing());
-            else if (consecutive && count == mixed_tile)
-                tile.use_hidden(hidden.from(first));
-            else
-                tile.copy_hidden(hidden, tile_rows, count);
-            tile.load_gradient(dL_doutputs.data(), tile_rows, count);
-            const FloatMatrix dL_dx = tile.backward(sums, dL_dfeatures.columns, ahead);
-            if (dL_dfeatures.empty()) continue;
-            const auto store = [&](const auto& of_tile) {
-                rows_to_features<float>(dL_dx.numbers, dL_dx.stride, of_tile, count, dL_dfeatures, features_mode);
-            };
-            consecutive ? store(RowsFrom{first}) : store(tile_rows);
-        }
-    });
-    mlp_join(backend, layout, weights, scratch.partials.data(), chunks, dL_dweights, dL_dshared);
 }
 
 } // namespace detail
@@ -425,6 +197,4 @@ void mlp_backward(B& backend, const Network& network, Span<const T> weights, con
     detail::mlp_join(backend, layout, weights, scratch.partials.data(), chunks, dL_dweights, dL_dshared);
 }
 
-} // namespace cpu
-
-} // namespace gsh
+} // namespace gsh::cpu
