@@ -2,12 +2,15 @@
 /// @file  How a scene is trained: loss, backgrounds, and how learning rates fall over a run.
 #pragma once
 
+#include <gsh/core/error.hpp>
+#include <gsh/core/rng.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/pipeline/photo_gain.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 namespace gsh {
@@ -41,6 +44,27 @@ struct TrainConfig {
         const double last = 1 - decay_start;
         const double fallen = last > 0 ? std::clamp((progress - decay_start) / last, 0.0, 1.0) : 0;
         return std::pow(final_rate, fallen);
+    }
+
+    /// The background of a step. Its stream of random numbers is not that of the photographs' order, which is the seed.
+    [[nodiscard]] std::array<double, 3> background_of_step(std::uint64_t seed, std::uint64_t step) const {
+        if (!random_background) return background;
+        constexpr std::uint64_t background_stream = 2;
+        const std::uint64_t bits = random_bits(mix_bits(seed + background_stream), step);
+        std::array<double, 3> color;
+        for (std::size_t c = 0; c < 3; ++c) color[c] = static_cast<double>(bits >> (21 * c) & 0x1FFFFF) / 0x1FFFFF;
+        return color;
+    }
+
+    /// The settings themselves.
+    /// Errors  ValueError that names a setting which is out of its range.
+    [[nodiscard]] const TrainConfig& checked() const {
+        const auto expect = [](bool good, const char* what) { check_value(good, "TrainConfig", what); };
+        expect(decay_start >= 0 && decay_start <= 1, "decay_start must lie in [0, 1]");
+        expect(final_rate > 0 && final_rate <= 1, "final_rate must lie in (0, 1]");
+        expect(ssim_weight >= 0 && ssim_weight <= 1, "ssim_weight must lie in [0, 1]");
+        expect(filter.dilation >= 0 && std::isfinite(filter.dilation), "filter.dilation must not be negative");
+        return *this;
     }
 };
 

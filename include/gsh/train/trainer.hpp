@@ -21,7 +21,6 @@
 #include <gsh/train/step_history.hpp>
 #include <gsh/train/train_config.hpp>
 
-#include <array>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
@@ -47,7 +46,7 @@ public:
     /// Errors  ValueError: no photographs, a photograph of a frame that the scene does not have, settings or rates out
     ///         of range. ShapeError: images of another size than their cameras.
     Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config = {})
-        : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(checked(config)),
+        : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(config.checked()),
           pixels_(backend, photos_, photo_budget(backend, config_)),
           loss_(backend,
                 {.filter = config.filter,
@@ -183,8 +182,7 @@ private:
     void compute_step(std::size_t index, double progress, Observer& observer) {
         const Photo& photo = photos_[index];
         observer.enter(Stage::photo);
-        loss_.set_photo(photo, pixels_[index],
-                        config_.random_background ? random_color(step_count_) : config_.background);
+        loss_.set_photo(photo, pixels_[index], config_.background_of_step(seed_, step_count_));
         observer.enter(Stage::field_forward);
         scene_->prepare(photo.frame);
         observer.enter(Stage::pose);
@@ -222,30 +220,12 @@ private:
         if constexpr (requires { backend.free_memory(); }) return backend.free_memory() / 2;
         else return PhotoPixels<B>::no_limit;
     }
-    [[nodiscard]] static const TrainConfig& checked(const TrainConfig& config) {
-        const auto expect = [](bool good, const char* what) { check_value(good, "TrainConfig", what); };
-        expect(config.decay_start >= 0 && config.decay_start <= 1, "decay_start must lie in [0, 1]");
-        expect(config.final_rate > 0 && config.final_rate <= 1, "final_rate must lie in (0, 1]");
-        expect(config.ssim_weight >= 0 && config.ssim_weight <= 1, "ssim_weight must lie in [0, 1]");
-        expect(config.filter.dilation >= 0 && std::isfinite(config.filter.dilation),
-               "filter.dilation must not be negative");
-        return config;
-    }
     [[nodiscard]] SplatView<const T> splats() const { return splats_.view(); }
     void pose(const Camera<double>& camera, std::size_t frame) {
         scene_->prepare(frame);
         splats_.resize(scene_->size());
         scene_->forward(frame, camera.template cast<T>().center(), splats_.view());
     }
-    /// The background of a step. Its stream of random numbers is not that of the photographs' order, which is seed_.
-    [[nodiscard]] std::array<double, 3> random_color(std::uint64_t step) const {
-        constexpr std::uint64_t background_stream = 2;
-        const std::uint64_t bits = random_bits(mix_bits(seed_ + background_stream), step);
-        std::array<double, 3> color;
-        for (std::size_t c = 0; c < 3; ++c) color[c] = static_cast<double>(bits >> (21 * c) & 0x1FFFFF) / 0x1FFFFF;
-        return color;
-    }
-
     B* backend_;
     Scene* scene_;
     std::vector<Photo> photos_;
