@@ -155,6 +155,7 @@
 #include <gsh/pipeline/appearance.hpp>
 #include <gsh/pipeline/avatar_config.hpp>
 #include <gsh/pipeline/avatar_model.hpp>
+#include <gsh/pipeline/avatar_start.hpp>
 #include <gsh/pipeline/backdrop.hpp>
 #include <gsh/pipeline/canonical_points.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
