@@ -81,7 +81,7 @@ __device__ void multiply(MlpTile<float>::Shared& shared, Span<const Row<float, 4
         for (unsigned p = 0; p < Share / 2; ++p) {
             const Row<float, 4> weights = packed[first + k * length + 4 * lane + p];
             const float b[2][2] = {{weights[0], weights[1]}, {weights[2], weights[3]}};
-            multiply_add(part[p], a, b);
+            cuda::multiply_add(part[p], a, b);
         }
     }
     for (unsigned p = 0; p < Share / 2; ++p)
@@ -152,7 +152,7 @@ __device__ void multiply_over_rows(const MlpTile<float>::Shared& shared, unsigne
                     for (unsigned m = 0; m < M; ++m)
                         for (unsigned i = 0; i < 4; ++i) left[m][i] = a[2 * m + i % 2][s + i / 2];
                     const float right[2][2] = {{b[0][s], b[0][s + 1]}, {b[1][s], b[1][s + 1]}};
-                    multiply_add(sums, left, right, 2 * slot);
+                    cuda::multiply_add(sums, left, right, 2 * slot); // the rasterizer has another in this namespace
                 }
             };
             const auto has = [&](unsigned of) { return 2 * Tile::output_tile(of, thread, Share) < outputs; };
