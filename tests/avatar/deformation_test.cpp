@@ -114,12 +114,7 @@ TEST_CASE("every deformation's adjoint is the gradient with respect to pose, joi
         test::check_gradient(loss, test::scalars(puppet.pose), test::scalars(dL_dpose), {.tolerance = 4e-6});
         test::check_gradient(loss, test::scalars(puppet.joints), test::scalars(dL_djoints), {.tolerance = 4e-6});
         test::check_gradient(loss, test::scalars(puppet.transl), test::scalars(dL_dtransl));
-        test::check_gradient(loss, test::scalars(scene.means), test::scalars(gradient.means));
-        test::check_gradient(loss, test::scalars(scene.quats), test::scalars(gradient.quats));
-        test::check_gradient(loss, test::scalars(scene.log_scales), test::scalars(gradient.log_scales));
-        test::check_gradient(loss, test::scalars(scene.logits), test::scalars(gradient.logits));
-        test::check_gradient(loss, test::scalars(scene.sh), test::scalars(gradient.sh));
-        test::check_gradient(loss, test::scalars(scene.ao), test::scalars(gradient.ao));
+        test::check_attribute_gradients(loss, scene, gradient);
         test::check_gradient(loss, test::scalars(scene.center), test::scalars(gradient.center));
 
         const auto once = gradient;

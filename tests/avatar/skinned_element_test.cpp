@@ -277,12 +277,7 @@ TEST_CASE("a Gaussian of arrays is posed into its own splat, and its adjoint add
         element(i, dL_dbones, gradient.center[0]);
     };
     for (std::size_t i = 0; i < count; ++i) backward(i, gradient.view(), gradient.bones);
-    test::check_gradient(loss, test::scalars(scene.means), test::scalars(gradient.means));
-    test::check_gradient(loss, test::scalars(scene.quats), test::scalars(gradient.quats));
-    test::check_gradient(loss, test::scalars(scene.log_scales), test::scalars(gradient.log_scales));
-    test::check_gradient(loss, test::scalars(scene.logits), test::scalars(gradient.logits));
-    test::check_gradient(loss, test::scalars(scene.sh), test::scalars(gradient.sh));
-    test::check_gradient(loss, test::scalars(scene.ao), test::scalars(gradient.ao));
+    test::check_attribute_gradients(loss, scene, gradient);
     test::check_gradient(loss, test::scalars(scene.bones), test::scalars(gradient.bones));
     test::check_gradient(loss, test::scalars(scene.center), test::scalars(gradient.center));
 

@@ -95,12 +95,7 @@ TEST_CASE_TEMPLATE("SkinnedSplats::backward is the gradient of forward with resp
                           gradient.bones, gradient.center);
         };
         backward();
-        test::check_gradient(loss, test::scalars(scene.means), test::scalars(gradient.means));
-        test::check_gradient(loss, test::scalars(scene.quats), test::scalars(gradient.quats));
-        test::check_gradient(loss, test::scalars(scene.log_scales), test::scalars(gradient.log_scales));
-        test::check_gradient(loss, test::scalars(scene.logits), test::scalars(gradient.logits));
-        test::check_gradient(loss, test::scalars(scene.sh), test::scalars(gradient.sh));
-        test::check_gradient(loss, test::scalars(scene.ao), test::scalars(gradient.ao));
+        test::check_attribute_gradients(loss, scene, gradient);
         test::check_gradient(loss, test::scalars(scene.bones), test::scalars(gradient.bones));
         test::check_gradient(loss, test::scalars(scene.center), test::scalars(gradient.center),
                              {.may_vanish = degree == 0}); // colours do not depend on the direction

@@ -101,4 +101,15 @@ inline double inner(const SplatArrays<double>& a, const SplatArrays<double>& b) 
     return sum;
 }
 
+/// Compares the gradients of the Gaussians' attributes with central differences of `loss`, which reads `scene`.
+template <class Loss>
+void check_attribute_gradients(const Loss& loss, SkinnedScene<double>& scene, SkinnedScene<double>& gradient) {
+    check_gradient(loss, scalars(scene.means), scalars(gradient.means));
+    check_gradient(loss, scalars(scene.quats), scalars(gradient.quats));
+    check_gradient(loss, scalars(scene.log_scales), scalars(gradient.log_scales));
+    check_gradient(loss, scalars(scene.logits), scalars(gradient.logits));
+    check_gradient(loss, scalars(scene.sh), scalars(gradient.sh));
+    check_gradient(loss, scalars(scene.ao), scalars(gradient.ao));
+}
+
 } // namespace gsh::test
