@@ -53,6 +53,7 @@ struct RasterCache {
     Buffer<std::uint8_t> visible;    // [N] 1: in front of the camera and reaching the image with alpha >= alpha_min
     std::size_t splat_count = 0;     // N; 0 if the splats were refused
     int width = 0, height = 0;       // of the image, pixels; 0 if the splats were refused
+    bool has_depth = false;          // the target had an image of depths
 
     // Written by backward; 0 where a splat is not visible.
     Buffer<T> screen_gradient_norms; // [N] |dL_dmean2d|, 1/pixel

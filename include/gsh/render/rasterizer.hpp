@@ -97,6 +97,7 @@ public:
         check_memory(*backend_, where, "median_depth", target.median_depth);
         check_memory(*backend_, where, "background", background.image);
         cache.splat_count = 0, cache.width = cache.height = 0; // backward refuses the cache until forward has succeeded
+        cache.has_depth = !target.expected_depth.empty() || !target.median_depth.empty();
         composite_forward(*backend_, input, splats, background, params_, target, cache); // the backend's own overload
         if (!defers()) check_status(where, cache);
         cache.splat_count = splats.size(), cache.width = camera.width, cache.height = camera.height;
@@ -108,7 +109,7 @@ public:
     void check(const Cache& cache) const { check_status("Rasterizer::forward", cache); }
 
     /// Adds to the non-empty spans of dL_dsplats, and to dL_dcamera and dL_dbackground if given. The other arguments
-    /// are those of the forward pass that filled the cache.
+    /// are those of the forward pass that filled the cache. A gradient of a depth needs a depth in forward's target.
     void backward(const Deferred<Camera<T>>& input, const SplatView<const T>& splats, const Background<T>& background,
                   const RenderGradient<T>& dL_dtarget, Cache& cache, const SplatView<T>& dL_dsplats,
                   Span<CameraGradient<T>> dL_dcamera = {}, const BackgroundGradient<T>& dL_dbackground = {}) const {
@@ -122,6 +123,8 @@ public:
         check_optional(where, "dL_dtarget.alpha", dL_dtarget.alpha, 1, camera);
         check_optional(where, "dL_dtarget.expected_depth", dL_dtarget.expected_depth, 1, camera);
         check_optional(where, "dL_dtarget.median_depth", dL_dtarget.median_depth, 1, camera);
+        check_value(cache.has_depth || (dL_dtarget.expected_depth.empty() && dL_dtarget.median_depth.empty()), where,
+                    "dL_dtarget has a gradient of depths, and forward's target had no image of them");
         check_optional(where, "background", background.image, 3, camera);
         check_optional(where, "dL_dbackground.image", dL_dbackground.image, 3, camera);
         check_gradient(where, "dL_dsplats.means", dL_dsplats.means.size(), splats.size());

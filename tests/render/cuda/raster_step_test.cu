@@ -15,7 +15,9 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <numeric>
 #include <string>
+#include <vector>
 
 using namespace gsh;
 
@@ -71,6 +73,93 @@ TEST_CASE("Finite but absurd Gaussians draw nothing and break nothing") {
     const auto expected =
         raster::run(serial, scene, test::random_weights(rng, scene.camera), raster::random_image(rng, scene.camera));
     CHECK(found.visible == expected.visible);
+}
+
+TEST_CASE_TEMPLATE("A needle that passes by all tiles draws nothing, wherever the camera has been before", T, float, double) {
+    if (test::skip_without_device()) return;
+    test::Rng rng(1);
+    constexpr int size = 300;
+    auto scene = test::make_scene(rng, 20, size, size, 0.05);
+    scene.camera.R = mat3<double>(1), scene.camera.t = vec3<double>(0, 0, 2);
+    // Diagonal, beyond a corner of the image: its rectangle meets more than 8x8 tiles, and its ellipse none.
+    const double s = 1 / std::sqrt(2.0);
+    mat3<double> axes(0);
+    axes[0] = vec3<double>(s, -s, 0) * 3.0, axes[1] = vec3<double>(s, s, 0) * 1e-3, axes[2].z = 1e-3;
+    scene.add(vec3<double>(1.2, 1.2, 0), gram(axes), 0.9, vec3<double>(1, 0, 0));
+    const auto cast = scene.cast<T>();
+    const std::size_t needle = scene.size() - 1;
+
+    Device device;
+    raster::Memory<Device, T> memory(device, cast, test::random_weights(rng, cast.camera),
+                                     raster::random_image(rng, cast.camera));
+    const Rasterizer<Device, T> rasterizer(device, {});
+    using Cache = typename Rasterizer<Device, T>::Cache;
+    struct Drawing {
+        std::vector<T> color;
+        std::vector<vec3<T>> dL_dcolors;
+        std::uint8_t visible;
+    };
+    const auto draw = [&](Cache& cache, const Camera<T>& camera) {
+        const SplatView<const T> splats = memory.splats.view();
+        fill_zero(device, memory.gradient.view());
+        rasterizer.forward(camera, splats, {}, memory.target({}), cache);
+        rasterizer.backward(camera, splats, {}, memory.weights({}), cache, memory.gradient.view());
+        return Drawing{raster::from_backend(device, memory.color), raster::from_backend(device, memory.gradient.colors),
+                       raster::from_backend(device, cache.visible)[needle]};
+    };
+    Cache fresh, used;
+    const Drawing expected = draw(fresh, cast.camera);
+    CHECK(expected.visible == 0);
+    for (const double nearer : {0.4, 0.8, 1.2}) {
+        Camera<T> near = cast.camera;
+        near.t.x -= T(nearer), near.t.y -= T(nearer);
+        CHECK(draw(used, near).visible == 1);
+        const Drawing again = draw(used, cast.camera);
+        CHECK(raster::same_bits(again.color, expected.color));
+        CHECK(raster::same_bits(again.dL_dcolors, expected.dL_dcolors));
+    }
+}
+
+TEST_CASE("A pixel whose transmittance falls to 1/2 between two segments of a list has a median depth") {
+    if (test::skip_without_device()) return;
+    test::Rng rng(1);
+    Device device;
+    cpu::Serial serial;
+    // Between the second and the third: the product in front of the third is the first that is a product of products.
+    constexpr std::size_t in_front = 2 * cuda::blended_at_once;
+    std::size_t between = 0;
+    for (int scene_number = 0; scene_number < 4; ++scene_number) {
+        RasterScene<double> scene;
+        scene.camera = test::make_camera(16, 16);
+        scene.camera.R = mat3<double>(1), scene.camera.t = vec3<double>(0, 0, 2);
+        // Wide splats of many opacities: at each pixel, the product over two segments is 1/2, but for roundings.
+        std::vector<double> logs(in_front + 80); // of 1 - alpha
+        for (double& log : logs) log = std::log1p(-rng.uniform(2e-4, 1e-3));
+        const double sum = std::accumulate(logs.begin(), logs.begin() + in_front, 0.0);
+        for (std::size_t i = 0; i < logs.size(); ++i)
+            scene.add(vec3<double>(0, 0, 1e-3 * double(i)), test::ball(500.0), -std::expm1(logs[i] * std::log(0.5) / sum),
+                      vec3<double>(1, 0.5, 0));
+        const auto cast = scene.cast<float>();
+        RasterParams<float> params;
+        params.alpha_min = 1e-5f;
+        test::Rendering<float> weights(cast.camera); // of the median alone
+        for (Image<float>* image : {&weights.color, &weights.alpha, &weights.expected_depth})
+            std::fill(image->data.begin(), image->data.end(), 0.0f);
+        std::fill(weights.median_depth.data.begin(), weights.median_depth.data.end(), 1.0f);
+        const auto background = raster::random_image(rng, cast.camera);
+        const auto found = raster::run(device, cast, weights, background, params);
+        const auto expected = raster::run(serial, cast, weights, background, params);
+        for (std::size_t i = 0; i < found.images.median_depth.data.size(); ++i) {
+            const float median = found.images.median_depth.data[i], of_serial = expected.images.median_depth.data[i];
+            CHECK(std::abs(median - of_serial) < 0.01f); // ten splats
+            between += std::abs((double(median) - 2) / 1e-3 - double(in_front)) < 2;
+        }
+        // Each pixel passes its gradient to one splat.
+        double passed = 0;
+        for (const vec3<float>& g : found.gradient.means) passed += double(g.z);
+        CHECK(std::abs(passed - 256) < 1e-3);
+    }
+    CHECK(between > 100); // the pixels are those that the case is about
 }
 
 TEST_CASE("Gaussians that are not finite and too many pairs are refused, and the picture is left as it was") {

@@ -178,9 +178,8 @@ private:
         sums.green = multiply_add(step.weight, s.green, sums.green);
         sums.blue = multiply_add(step.weight, s.blue, sums.blue);
         if constexpr (Depth) {
-            const bool crosses = before > T(0.5) && step.after <= T(0.5) && step.live;
             sums.depth = multiply_add(step.weight, s.depth, sums.depth);
-            sums.median = crosses ? s.depth : sums.median;
+            sums.median = is_median(step, sums.median != T(0)) ? s.depth : sums.median;
         }
     }
 };

@@ -105,6 +105,7 @@ private:
     struct State {
         T product, behind;
         T red = 0, green = 0, blue = 0, depth = 0, median = 0;
+        bool has_median = false;
     };
 
     [[nodiscard]] __device__ static T read(const ImageView<const T>& image, const TilePixel& pixel, int channel = 0) {
@@ -142,6 +143,7 @@ private:
             state.product = in_front.transmittance;
             whole.red -= in_front.red, whole.green -= in_front.green, whole.blue -= in_front.blue;
             whole.depth -= in_front.depth;
+            state.has_median = in_front.median != T(0);
         }
         T value = state.depth * whole.depth - whole.transmittance * read(dL_dtarget.alpha, pixel);
         const T from_splats[3] = {whole.red, whole.green, whole.blue};
@@ -253,7 +255,11 @@ private:
         if constexpr (Depth) shade += s.depth * state.depth;
         state.behind -= step.weight * shade;
         weight = lit ? step.weight : T(0);
-        if constexpr (Depth) weight = before > T(0.5) && step.after <= T(0.5) && step.live ? -weight : weight;
+        if constexpr (Depth) {
+            const bool median = is_median(step, state.has_median);
+            state.has_median |= median;
+            weight = median ? -weight : weight;
+        }
         const T dL_dalpha = before * shade - state.behind * quick_reciprocal(step.keep);
         const T passes = step.raw <= limits.alpha_max ? step.alpha : T(0);
         return step.live && lit ? dL_dalpha * passes : T(0);

@@ -83,7 +83,6 @@ void blend_tiles(Device& device, const Background<T>& background, const RasterPa
     const std::size_t tiles = scratch.grid.size();
     const Segments segments = scratch.segments_to_blend();
     const ListSweep<T> sweep{scratch.instances, scratch.splats, BlendLimits<T>(params)};
-    scratch.has_depth = Depth;
     scratch.pixels.resize(segments.blocks() * PixelSums<T, Depth>::channels * tile_pixels);
     scratch.products.resize(segments.further * std::size_t(tile_pixels));
     scratch.segment_used.resize(segments.blocks());
@@ -115,10 +114,10 @@ void composite_forward(Device& device, const Deferred<Camera<T>>& camera, const 
         cache.scratch.reserve(status.pairs);
     }
     detail::list_splats(device, cache);
-    if (target.expected_depth.empty() && target.median_depth.empty())
-        detail::blend_tiles<false>(device, background, params, target, cache);
-    else
+    if (cache.has_depth)
         detail::blend_tiles<true>(device, background, params, target, cache);
+    else
+        detail::blend_tiles<false>(device, background, params, target, cache);
 }
 
 } // namespace gsh::cuda

@@ -29,7 +29,7 @@ void blend_tiles_backward(Device& device, const Background<T>& background, const
     scratch.tile_background.resize(dL_dbackground.color.empty() ? 0 : scratch.grid.size());
     device.launch(segments.blocks(), BlendTilesBackward<T, Depth>{
                                          scratch.grid, scratch.refused, segments, scratch.segment_used, scratch.used,
-                                         scratch.instances, scratch.splats, scratch.pixels, scratch.has_depth,
+                                         scratch.instances, scratch.splats, scratch.pixels, cache.has_depth,
                                          BlendLimits<T>(params), background, dL_dtarget, dL_dbackground.image,
                                          scratch.tile_background, scratch.slots});
 }

@@ -5,6 +5,7 @@
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/image/image.hpp>
 #include <gsh/render/arithmetic.hpp>
+#include <gsh/render/blend.hpp>
 #include <gsh/render/cuda/raster_scratch.cuh>
 #include <gsh/render/cuda/tile.cuh>
 #include <gsh/render/target.hpp>
@@ -13,6 +14,15 @@
 #include <cstddef>
 
 namespace gsh::cuda::detail {
+
+/// Whether a splat's depth is the median of its pixel, which has one or not yet.
+///
+/// The product in front of a segment is rounded in another way than the one at the end of the segment before. If 1/2
+/// lies between the two, no splat takes the product from above to below it, and the first one behind is the median.
+template <std::floating_point T>
+[[nodiscard]] __device__ bool is_median(const BlendStep<T>& step, bool has_median) {
+    return !has_median && step.after <= T(0.5) && step.alpha > T(0) && step.live;
+}
 
 /// Sums over the splats that a pixel blends. With C = sum w c, D = sum w z, transmittance T; the median is the depth at
 /// which T falls to 1/2, or 0.

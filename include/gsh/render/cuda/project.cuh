@@ -159,8 +159,9 @@ struct ProjectSplats {
         std::uint64_t pairs;
         const std::uint64_t before = block_scan<block_size>(shared.pairs, std::uint64_t(tiles), pairs);
         if (inside) {
+            // The rectangle of a splat may meet tiles of which its ellipse meets none.
             if (tiles != 0) screen[i] = splat;
-            covers[i] = cover;
+            covers[i] = tiles != 0 ? cover : TileCover{};
             slot_begin[i] = static_cast<std::uint32_t>(before);
             visible[i] = tiles != 0;
         }

@@ -142,7 +142,6 @@ struct RasterScratch<cuda::Device, T> {
     Buffer<std::uint32_t> used;           // [instances / 32, 16] by block: bit i is set where the splat came to it
     Buffer<T> pixels;                     // [segments to blend, channels, 256] PixelSums
     Buffer<std::uint32_t> refused;        // [1] not 0: this forward pass has no result
-    bool has_depth = false;               // of pixels
 
     // Used within one pass.
     Buffer<TileCover> covers;               // [N]
