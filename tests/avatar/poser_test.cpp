@@ -93,15 +93,16 @@ struct PosedTube {
     }
     void backward(bool with_joints = true) {
         forward();
-        poser.template backward<1>(pose, gaussians(), center, std::as_const(weights).view(), cache,
+        poser.template backward<1>(gaussians(), center, std::as_const(weights).view(), cache,
                                    {.quats = dL_dquats,
                                     .log_scales = dL_dlog_scales,
                                     .opacity_logits = dL_dopacity_logits,
                                     .sh = dL_dsh,
                                     .ao = dL_dao,
                                     .sh_stride = 4},
-                                   with_joints ? Span<vec3<double>>(dL_djoints) : Span<vec3<double>>(),
-                                   {dL_dpose, dL_dcoefficients, dL_dtransl}, dL_dcenter);
+                                   dL_dcenter);
+        poser.bones_backward(pose, cache, with_joints ? Span<vec3<double>>(dL_djoints) : Span<vec3<double>>(),
+                             {dL_dpose, dL_dcoefficients, dL_dtransl});
         dL_dmeans.assign(cache.dL_dmeans.begin(), cache.dL_dmeans.end());
     }
     /// All gradients that a pass adds to, number after number.

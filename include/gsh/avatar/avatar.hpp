@@ -218,10 +218,11 @@ public:
         cache.dL_dao.resize(ao_follows ? size() : 0);
         backend_->fill(Span<T>(cache.dL_dao), T(0));
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
-            poser_.template backward<decltype(degree)::value>(pose, view(cache), center, dL_dsplats, cache.poser,
-                                                              {.ao = cache.dL_dao}, {}, dL_dpose, dL_dcenter,
-                                                              in_light());
+            poser_.template backward<decltype(degree)::value>(view(cache), center, dL_dsplats, cache.poser,
+                                                              {.ao = cache.dL_dao}, dL_dcenter, in_light(),
+                                                              {.reaches_pose = !dL_dpose.empty()});
         });
+        poser_.bones_backward(pose, cache.poser, {}, dL_dpose);
         if (!ao_follows) return;
         cache.dL_drotations.resize(rig().joint_count());
         backend_->fill(Span<mat3<T>>(cache.dL_drotations), mat3<T>(T(0)));

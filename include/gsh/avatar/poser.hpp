@@ -39,6 +39,7 @@ template <std::floating_point T>
 struct PoserLightGradient {
     LightView<T> light = {};
     Span<vec3<T>> normal_offsets = {};
+    bool reaches_pose = false; ///< the gradient of the surface, too, for a bones_backward with a gradient of the pose
 };
 
 /// Poses the Gaussians of an avatar. One frame takes three calls, because the displacement of the canonical means and
@@ -48,7 +49,8 @@ struct PoserLightGradient {
 ///     cache.means := x₀ + δx           by the caller, [N]
 ///     forward(gaussians, …)            adds the offsets to the means, skins, shades
 ///
-/// With a light, the colours of skinning are those of the surface itself; SurfaceLight shades them.
+/// `backward` and then `bones_backward` are the adjoints. With a light, the colours of skinning are those of the
+/// surface itself; SurfaceLight shades them.
 ///
 /// Shapes  N points and J joints of the rig; `gaussians` holds all attributes but means and weights.
 /// Frame   see RigData (canonical) and Camera (world).
@@ -63,11 +65,11 @@ public:
         typename Rig<B, T>::Cache rig;
         Buffer<vec3<T>> means;       // [N] x̂₀(t) after forward
         Buffer<vec3<T>> dL_dmeans;   // [N] after backward
+        Buffer<Affine<T>> dL_dbones; // [J] after backward
         Buffer<vec3<T>> dL_djoints;  // [J], used if the caller passes none
-        Buffer<Affine<T>> dL_dbones; // [J]
         SkinnedSplatsCache<B, T> skin;
         // with a light:
-        Buffer<vec3<T>> dL_doffsets; // [V]
+        Buffer<vec3<T>> dL_doffsets; // [V] after backward, or empty
         typename SurfaceLight<B, T>::Cache light;
     };
 
@@ -124,24 +126,18 @@ public:
             .forward(surface(cache, light), light.light, light.others, center, splats.colors, cache.light);
     }
 
-    /// Adjoint of forward and bones: adds to the non-empty attributes of dL_dgaussians, to dL_djoints [J] unless it is
-    /// empty, and to the non-empty parts of dL_dpose, dL_dcenter and dL_dlight. Overwrites cache.dL_dmeans with the
-    /// gradient of the canonical means. The light is that of forward.
+    /// Adjoint of forward with respect to the Gaussians, the light and the camera: adds to the non-empty attributes of
+    /// dL_dgaussians and parts of dL_dlight, and to dL_dcenter [1] unless it is empty. Overwrites cache.dL_dmeans with
+    /// the gradient of the canonical means, and what bones_backward needs. The light is that of forward.
     template <int Degree>
-    void backward(const RigPose<B, T>& pose, SkinnedView<const T> gaussians, const Deferred<vec3<T>>& center,
-                  SplatView<const T> dL_dsplats, Cache& cache, SkinnedView<T> dL_dgaussians,
-                  Span<vec3<T>> dL_djoints, const RigPoseGradient<T>& dL_dpose, Span<vec3<T>> dL_dcenter,
-                  const PoserLight<T>& light = {}, const PoserLightGradient<T>& dL_dlight = {}) {
+    void backward(SkinnedView<const T> gaussians, const Deferred<vec3<T>>& center, SplatView<const T> dL_dsplats,
+                  Cache& cache, SkinnedView<T> dL_dgaussians, Span<vec3<T>> dL_dcenter = {},
+                  const PoserLight<T>& light = {}, const PoserLightGradient<T>& dL_dlight = {}) const {
         zeros(cache.dL_dmeans, size(), vec3<T>(T(0)));
         zeros(cache.dL_dbones, rig_.joint_count(), Affine<T>::zero());
-        if (dL_djoints.empty()) {
-            zeros(cache.dL_djoints, rig_.joint_count(), vec3<T>(T(0)));
-            dL_djoints = cache.dL_djoints;
-        }
-        Span<const vec3<T>> dL_doffsets;
+        zeros(cache.dL_doffsets, light.light.size() && dL_dlight.reaches_pose ? cache.rig.vertex_offsets.size() : 0,
+              vec3<T>(T(0)));
         if (light.light.size()) {
-            zeros(cache.dL_doffsets, dL_dpose.empty() ? 0 : cache.rig.vertex_offsets.size(), vec3<T>(T(0)));
-            dL_doffsets = cache.dL_doffsets;
             lit("Poser::backward")
                 .backward(surface(cache, light), light.light, center, dL_dsplats.colors, cache.light,
                           {.light = dL_dlight.light,
@@ -154,7 +150,17 @@ public:
         dL_dgaussians.means = cache.dL_dmeans;
         skin<Degree>().backward(posed(gaussians, cache), cache.rig.bones, center, dL_dsplats, cache.skin, dL_dgaussians,
                                 cache.dL_dbones, dL_dcenter);
-        rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans, dL_djoints, dL_dpose, dL_doffsets);
+    }
+
+    /// Adjoint of bones, and of the offsets that forward adds, after backward: adds to dL_djoints [J] unless it is
+    /// empty, and to the non-empty parts of dL_dpose.
+    void bones_backward(const RigPose<B, T>& pose, Cache& cache, Span<vec3<T>> dL_djoints,
+                        const RigPoseGradient<T>& dL_dpose) {
+        if (dL_djoints.empty()) {
+            zeros(cache.dL_djoints, rig_.joint_count(), vec3<T>(T(0)));
+            dL_djoints = cache.dL_djoints;
+        }
+        rig_.backward(pose, cache.rig, cache.dL_dbones, cache.dL_dmeans, dL_djoints, dL_dpose, cache.dL_doffsets);
     }
 
 private:

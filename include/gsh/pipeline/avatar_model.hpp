@@ -165,19 +165,25 @@ public:
         const Span<T> dL_dao = zeros(cache_.dL_dao, cache_.ao.size());
         const ColorGradient<T> dL_dcolors = appearance_.color_gradient();
         with_present_degree([&](auto degree) {
-            poser_.template backward<degree()>(
-                pose, gaussians(), center, dL_dsplats, cache_.poser,
-                {.quats = quats_.gradient(),
-                 .log_scales = log_scales_.gradient(),
-                 .opacity_logits = opacity_logits_.gradient(),
-                 .sh = dL_dcolors.sh,
-                 .ao = dL_dao,
-                 .sh_stride = dL_dcolors.sh_stride},
-                joints_.gradient(), dL_dpose, dL_dcenter, in_light(),
-                {light_ ? light_->gradient() : LightView<T>(), normal_offsets_.gradient()});
+            poser_.template backward<degree()>(gaussians(), center, dL_dsplats, cache_.poser,
+                                               {.quats = quats_.gradient(),
+                                                .log_scales = log_scales_.gradient(),
+                                                .opacity_logits = opacity_logits_.gradient(),
+                                                .sh = dL_dcolors.sh,
+                                                .ao = dL_dao,
+                                                .sh_stride = dL_dcolors.sh_stride},
+                                               dL_dcenter, in_light(),
+                                               {light_ ? light_->gradient() : LightView<T>(),
+                                                normal_offsets_.gradient(), !dL_dpose.empty()});
         });
-        if (!dL_dao.empty()) shadow_.backward(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
-        appearance_.backward(frame, cache_.poser.dL_dmeans);
+        const auto pose_backward = [&] { // bones and shadow: both add to dL_dpose
+            poser_.bones_backward(pose, cache_.poser, joints_.gradient(), dL_dpose);
+            if (!dL_dao.empty()) shadow_.backward(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
+        };
+        for_each_branch(*backend_, 2, [&](std::size_t branch) {
+            if (branch == 0) pose_backward();
+            else appearance_.backward(frame, cache_.poser.dL_dmeans);
+        });
     }
 
     /// Adjoint of pose() with respect to the pose alone. Nothing is added to the gradients of learned().
@@ -187,9 +193,10 @@ public:
         const bool shadow_moves = shadow_.follows_pose() && !cache_.ao.empty() && !dL_dpose.pose.empty();
         const Span<T> dL_dao = zeros(cache_.dL_dao, shadow_moves ? size() : 0);
         with_present_degree([&](auto degree) {
-            poser_.template backward<degree()>(pose, gaussians(), center, dL_dsplats, cache_.poser, {.ao = dL_dao}, {},
-                                               dL_dpose, dL_dcenter, in_light());
+            poser_.template backward<degree()>(gaussians(), center, dL_dsplats, cache_.poser, {.ao = dL_dao},
+                                               dL_dcenter, in_light(), {.reaches_pose = !dL_dpose.empty()});
         });
+        poser_.bones_backward(pose, cache_.poser, {}, dL_dpose);
         if (shadow_moves) shadow_.backward_to_pose(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
     }
 

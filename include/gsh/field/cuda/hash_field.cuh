@@ -47,7 +47,7 @@ public:
     /// Level after level, for the grid.
     template <class Row>
     [[nodiscard]] HashRows<Row> rows(Device::Buffer<std::uint32_t>& words) const {
-        return {as_half_rows<Feature>(words), static_cast<std::uint32_t>(rows_), Divisor(1)};
+        return HashRows<Row>(where_, as_half_rows<Feature>(words), rows_, 1);
     }
     /// The same, for the network.
     template <class Word>

@@ -86,21 +86,16 @@ struct HashEncode {
 
     __device__ void operator()() const {
         const unsigned l = chunks.quotient(blockIdx.x);
-        const std::size_t i = std::size_t(chunks.remainder(blockIdx.x, l)) * block_size + threadIdx.x;
+        const unsigned i = chunks.remainder(blockIdx.x, l) * block_size + threadIdx.x;
         if (i >= x.size()) return;
+        const vec3<T> point(x[i], y[i], z[i]); // on its way while the weight is
         const T level_weight = weights(l, i);
         if (level_weight == T(0) && mode == Write::add) return;
         R sum{};
         if (level_weight != T(0)) {
             const HashLevel& level = grid.level(static_cast<int>(l));
-            const HashCell<T> cell = level.cell(vec3<T>(x[i], y[i], z[i]));
-            Entry entries[8]; // all eight reads are under way before the first is used
-            for (int c = 0; c < 8; ++c) entries[c] = table[level.index(cell, c)];
-            for (int c = 0; c < 8; ++c) {
-                const T weight = cell.weight(c) * level_weight;
-                const R entry = wide(entries[c]);
-                for (int f = 0; f < Grid::feature_count; ++f) sum[f] += weight * entry[f];
-            }
+            sum = level.hashed ? interpolated<true>(level, point) : interpolated<false>(level, point);
+            for (int f = 0; f < Grid::feature_count; ++f) sum[f] *= level_weight;
         }
         Feature& to = features.rows[features.begin(l) + i * features.stride()];
         if (mode == Write::add) {
@@ -108,6 +103,21 @@ struct HashEncode {
             for (int f = 0; f < Grid::feature_count; ++f) sum[f] += before[f];
         }
         to = stored<Feature>(sum);
+    }
+
+private:
+    template <bool Hashed>
+    [[nodiscard]] __device__ R interpolated(const HashLevel& level, const vec3<T>& point) const {
+        const HashCell<T> cell = level.template cell<Hashed>(point);
+        Entry entries[8]; // all eight reads are under way before the first is used
+        for (int c = 0; c < 8; ++c) entries[c] = table[level.template index<Hashed>(cell, c)];
+        R sum{};
+        for (int c = 0; c < 8; ++c) {
+            const T weight = cell.weight(c);
+            const R entry = wide(entries[c]);
+            for (int f = 0; f < Grid::feature_count; ++f) sum[f] += weight * entry[f];
+        }
+        return sum;
     }
 };
 
@@ -128,7 +138,7 @@ struct HashSumCells {
         const HashTask task = tasks[blockIdx.x];
         const unsigned group = threadIdx.x / 8, lane = threadIdx.x % 8;
         const HashLevel& level = grid.level(task.level);
-        const std::size_t first_row = gradients.begin(task.level), segment = std::size_t(task.first) + group;
+        const std::uint32_t first_row = gradients.begin(task.level), segment = task.first + group;
         R corners[8] = {};
         if (group < task.count) {
             const std::uint32_t end = segments[segment + 1];
@@ -183,8 +193,8 @@ struct HashGather {
         const unsigned group = threadIdx.x >> task.lane_bits, lanes = 1u << task.lane_bits;
         const unsigned lane = threadIdx.x & (lanes - 1);
         const bool active = group < task.count;
-        const std::size_t e = std::size_t(task.first) + group;
-        const std::size_t first_row = gradients.begin(task.level);
+        const std::uint32_t e = task.first + group;
+        const std::uint32_t first_row = gradients.begin(task.level);
         R sum{}, before{};
         std::uint32_t entry = 0;
         if (active && lane == 0) before = dL_dtable[entry = entries[e]]; // while the items are read

@@ -49,9 +49,9 @@ struct GrowthCandidates {
 /// The search for the first candidate that does not fit.
 template <class Key>
 struct GrowthSearch {
-    Key key;            ///< of its gradient; the bits that are not found yet are 0
-    std::uint32_t room; ///< what candidates with larger gradients leave
-    bool all_fit;       ///< there is no such candidate
+    Key key;               ///< of its gradient; the bits that are not found yet are 0
+    std::uint32_t room;    ///< what candidates with larger gradients leave
+    std::uint32_t all_fit; ///< 1: there is no such candidate; 32 bits, so that no byte is padding
 };
 
 /// The growth of all candidates that agree with the bits found so far, by their next 8 bits.
@@ -174,7 +174,7 @@ void grant_in_order(Device& device, const GrowthCandidates<T>& candidates, std::
     const std::size_t count = candidates.wishes.size(), blocks = chunk_count(count, DescentTile::size);
     Buffer<GrowthSearch<Key>> search(1);
     Buffer<std::uint32_t> sums(256), block_sums(blocks), block_begin(blocks + 1);
-    device.fill(Span<GrowthSearch<Key>>(search), GrowthSearch<Key>{0, room, false});
+    device.fill(Span<GrowthSearch<Key>>(search), GrowthSearch<Key>{0, room, 0});
     device.fill(Span<std::uint32_t>(sums), 0u);
     for (int shift = 8 * (GrowthCandidates<T>::digits - 1); shift >= 0; shift -= 8) {
         device.launch(chunk_count(count, SumDigits<T>::block_size), SumDigits<T>{candidates, search, shift, sums});
