@@ -6,9 +6,11 @@
 #include <gsh/core/span.hpp>
 
 #include "support/cuda_emulation/fiber.hpp"
+#include "support/cuda_emulation/warp_barriers.hpp"
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <exception>
@@ -46,6 +48,13 @@ public:
 /// The order in which blocks, and threads within a block, take their turns. Results must not depend on it.
 enum class Order { forward, reverse, random };
 
+/// When a thread did something, up to its next barrier.
+struct Moment {
+    std::uint32_t thread = 0; // from 1 on; 0 if nobody did it
+    std::uint32_t epoch = 0;  // barriers of the block until then
+    std::uint32_t date = 0;   // barriers of the thread's warp until then
+};
+
 /// The block that runs at the moment. Threads run one at a time, until they wait or end.
 class Block {
 public:
@@ -72,7 +81,7 @@ public:
         std::iota(turns_.begin(), turns_.end(), 0u);
         if (order == Order::reverse) std::reverse(turns_.begin(), turns_.end());
         if (order == Order::random) shuffle(turns_, seed);
-        warp_epochs_.resize((threads_.size() + 31) / 32);
+        warps_.resize((threads_.size() + 31) / 32);
         for (std::size_t t = 0; t < threads_.size(); ++t) threads_[t].index = static_cast<unsigned>(t);
     }
 
@@ -97,9 +106,17 @@ public:
     [[nodiscard]] std::size_t thread_count() const { return threads_.size(); }
     /// Differs between any two blocks that ever ran.
     [[nodiscard]] std::uint64_t serial() const { return serial_; }
-    /// Number of block barriers so far, and of barriers of the running thread's warp.
+    /// Number of block barriers so far.
     [[nodiscard]] std::uint32_t epoch() const { return epoch_; }
-    [[nodiscard]] std::uint32_t warp_epoch() const { return warp_epochs_[thread_->index / 32]; }
+    /// What the running thread does has this date.
+    [[nodiscard]] Moment now() const { return {thread_->index + 1, epoch_, warps_[thread_->index / 32].count()}; }
+    /// Whether what was done at that moment comes before what the running thread does now: the thread did it itself, or
+    /// a barrier lies between, of the block or, if both threads are of one warp, of lanes of the warp.
+    [[nodiscard]] bool knows(const Moment& then) const {
+        if (then.thread == 0 || then.epoch != epoch_) return true;
+        const std::size_t mine = thread_->index, other = then.thread - 1;
+        return mine == other || (mine / 32 == other / 32 && warps_[mine / 32].knows(mine % 32, other % 32, then.date));
+    }
 
     /// Waits until all threads of the block have called it at the same place, then combines their records.
     void wait_for_block(const char* kind, const std::source_location& where, void* record = nullptr,
@@ -230,7 +247,8 @@ private:
                 for (std::size_t other = 0; other < count; ++other)
                     if (leader.mask >> other & 1u) complete = complete && same(threads_[first + other], leader);
                 if (!complete) continue;
-                if (std::string_view(leader.kind) == "__syncwarp") ++warp_epochs_[first / 32];
+                if (std::string_view(leader.kind) == "__syncwarp")
+                    warps_[first / 32].pass(leader.mask, static_cast<std::size_t>(std::popcount(leader.mask)) == count);
                 release_group(first, count, leader.mask);
                 released = true;
             }
@@ -290,7 +308,7 @@ private:
     std::exception_ptr failure_;
     std::uint64_t serial_ = 0;
     std::uint32_t epoch_ = 1;
-    std::vector<std::uint32_t> warp_epochs_;
+    std::vector<WarpBarriers> warps_;
 };
 
 } // namespace gsh::test

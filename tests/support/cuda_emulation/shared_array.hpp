@@ -5,6 +5,7 @@
 #include "support/cuda_emulation/block.hpp"
 
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -12,10 +13,44 @@
 
 namespace gsh::test {
 
+/// The threads that accessed an element in one way, of those that no barrier orders.
+class Accesses {
+public:
+    /// A thread among them that the running thread does not know of, numbered from 1; 0 if there is none. All lanes
+    /// count as if they had accessed the element when the last one did.
+    [[nodiscard]] std::uint32_t unknown(const Block& block) const {
+        if (last_.thread == 0 || last_.epoch != block.epoch()) return 0;
+        if (elsewhere_ != 0) return block.knows(last_) ? elsewhere_ : last_.thread;
+        const std::uint32_t first = (last_.thread - 1) / 32 * 32 + 1;
+        for (std::uint32_t rest = lanes_; rest != 0; rest &= rest - 1) {
+            const std::uint32_t thread = first + static_cast<std::uint32_t>(std::countr_zero(rest));
+            if (!block.knows({thread, last_.epoch, last_.date})) return thread;
+        }
+        return 0;
+    }
+    /// The running thread accesses the element. Those that it knows of need not be kept: who knows of it, knows of them.
+    void add(const Block& block) {
+        const Moment now = block.now();
+        const std::uint32_t lane = 1u << (now.thread - 1) % 32;
+        if (unknown(block) == 0)
+            lanes_ = lane, elsewhere_ = 0;
+        else if ((last_.thread - 1) / 32 == (now.thread - 1) / 32)
+            lanes_ |= lane;
+        else
+            lanes_ = lane, elsewhere_ = last_.thread;
+        last_ = now;
+    }
+
+private:
+    Moment last_;
+    std::uint32_t lanes_ = 0;     // of the last one's warp
+    std::uint32_t elsewhere_ = 0; // a thread of another warp, if there is one
+};
+
 /// An array in shared memory: elements are read and written through [], as a whole.
 ///
 /// Two accesses by different threads race if one of them writes and no barrier lies between: __syncthreads, or
-/// __syncwarp if both threads are of one warp.
+/// __syncwarp if both threads are of one warp and in its mask.
 template <class T, std::size_t N>
     requires std::is_trivially_copyable_v<T>
 class EmulatedSharedArray {
@@ -54,24 +89,20 @@ public:
         Block& block = *Block::current();
         Access& a = access_[i];
         if (a.serial != block.serial()) block.fail("atomic operation on uninitialised shared memory" + name(i));
-        const bool alone = a.writer == block.thread().index + 1 ||
-                           ordered(block, a.writer, a.write_epoch, a.write_warp_epoch) || a.atomic;
-        if (!alone || !readers_ordered(block, a)) race(block, i, "an atomic operation");
+        check(block, i, "an atomic operation", "a write", a.write);
+        check(block, i, "an atomic operation", "a read", a.reads);
         const T before = values_[i];
         values_[i] = change(before);
-        note_write(block, a, true);
+        a.atomics.add(block);
         return before;
     }
 
 private:
-    /// Who accessed an element last. Threads are numbered from 1; 0 is none.
+    /// Who accessed an element.
     struct Access {
         std::uint64_t serial = 0; // of the block that wrote it: other blocks find it uninitialised
-        std::uint32_t writer = 0, write_epoch = 0, write_warp_epoch = 0;
-        std::uint32_t reader = 0, read_epoch = 0, read_warp_epoch = 0;
-        bool many_warps = false; // read by more than one warp in read_epoch
-        bool many_lanes = false; // read by more than one lane in read_warp_epoch
-        bool atomic = false;     // the last write was an atomic operation
+        Moment write;
+        Accesses reads, atomics;
     };
 
     void check_index(std::size_t i) const {
@@ -79,57 +110,37 @@ private:
             Block::current()->fail("shared memory of " + std::to_string(N) + " elements, index " + std::to_string(i));
     }
 
-    /// Whether an access of `thread` at these epochs comes before what the running thread does now.
-    static bool ordered(const Block& block, std::uint32_t thread, std::uint32_t epoch, std::uint32_t warp_epoch) {
-        if (thread == 0 || epoch != block.epoch()) return true;
-        return (thread - 1) / 32 == block.thread().index / 32 && warp_epoch != block.warp_epoch();
-    }
-    static bool readers_ordered(const Block& block, const Access& a) {
-        const std::uint32_t mine = block.thread().index + 1;
-        if (a.reader == 0 || a.read_epoch != block.epoch()) return true;
-        if (a.many_warps) return false;
-        if ((a.reader - 1) / 32 != (mine - 1) / 32) return false;
-        return a.read_warp_epoch != block.warp_epoch() || (a.reader == mine && !a.many_lanes);
-    }
-    static void note_write(const Block& block, Access& a, bool atomic) {
-        a.serial = block.serial();
-        a.writer = block.thread().index + 1, a.write_epoch = block.epoch(), a.write_warp_epoch = block.warp_epoch();
-        a.atomic = atomic;
-    }
-
     T read(std::size_t i) {
         Block& block = *Block::current();
         Access& a = access_[i];
-        const std::uint32_t mine = block.thread().index + 1;
         if (a.serial != block.serial()) block.fail("uninitialised shared memory is read" + name(i));
-        if (a.writer != mine && !ordered(block, a.writer, a.write_epoch, a.write_warp_epoch)) race(block, i, "a read");
-        if (a.reader == 0 || a.read_epoch != block.epoch()) {
-            a.many_warps = a.many_lanes = false;
-        } else if ((a.reader - 1) / 32 != (mine - 1) / 32) {
-            a.many_warps = true;
-        } else if (a.read_warp_epoch == block.warp_epoch()) {
-            a.many_lanes = a.many_lanes || a.reader != mine;
-        } else {
-            a.many_lanes = false;
-        }
-        a.reader = mine, a.read_epoch = block.epoch(), a.read_warp_epoch = block.warp_epoch();
+        check(block, i, "a read", "a write", a.write);
+        check(block, i, "a read", "an atomic operation", a.atomics);
+        a.reads.add(block);
         return values_[i];
     }
     void write(std::size_t i, const T& value) {
         Block& block = *Block::current();
         Access& a = access_[i];
         if (a.serial != block.serial()) a = {}; // the element of a block before
-        const std::uint32_t mine = block.thread().index + 1;
-        if (a.writer != mine && !ordered(block, a.writer, a.write_epoch, a.write_warp_epoch)) race(block, i, "a write");
-        if (!readers_ordered(block, a)) race(block, i, "a write");
-        note_write(block, a, false);
+        check(block, i, "a write", "a write", a.write);
+        check(block, i, "a write", "a read", a.reads);
+        check(block, i, "a write", "an atomic operation", a.atomics);
+        a.serial = block.serial(), a.write = block.now();
         values_[i] = value;
     }
 
-    [[noreturn]] void race(const Block& block, std::size_t i, const char* what) const {
-        const Access& a = access_[i];
-        block.fail(std::string("race in shared memory: ") + what + " and an access of thread " +
-                   std::to_string((a.writer ? a.writer : a.reader) - 1) + " without a barrier between" + name(i));
+    /// The running thread must know of accesses before.
+    static void check(const Block& block, std::size_t i, const char* what, const char* before, const Moment& access) {
+        if (!block.knows(access)) race(block, i, what, before, access.thread);
+    }
+    static void check(const Block& block, std::size_t i, const char* what, const char* before, const Accesses& all) {
+        if (const std::uint32_t thread = all.unknown(block)) race(block, i, what, before, thread);
+    }
+    [[noreturn]] static void race(const Block& block, std::size_t i, const char* what, const char* before,
+                                  std::uint32_t thread) {
+        block.fail(std::string("race in shared memory: ") + what + " and " + before + " of thread " +
+                   std::to_string(thread - 1) + " without a barrier between" + name(i));
     }
     static std::string name(std::size_t i) {
         return " (element " + std::to_string(i) + " of " + std::to_string(N) + ")";
