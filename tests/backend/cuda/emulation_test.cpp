@@ -9,9 +9,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <map>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -560,22 +565,131 @@ TEST_CASE("Branches of a graph take their turns in each order, and mistakes show
         CHECK(run(order, false) == std::vector<unsigned>{0, 1});
     CHECK(run(Order::forward, true)[0] == 1);
     CHECK(run(Order::reverse, true)[0] == 0);
+    std::set<unsigned> found;
+    for (int i = 0; i < 20; ++i) found.insert(run(Order::random, true)[0]);
+    CHECK(found == std::set<unsigned>{0, 1});
 }
 
 TEST_CASE("Results that depend on the order of blocks or threads differ between the orders") {
-    struct LastWins {
+    struct LastThread {
+        void operator()(Words&, Span<unsigned> out) const { out[0] = threadIdx.x; }
+    };
+    struct LastBlock {
         void operator()(Words&, Span<unsigned> out) const { out[0] = blockIdx.x; }
     };
-    std::vector<unsigned> results;
-    for (const Order order : {Order::forward, Order::reverse}) {
+    const auto result_of = []<class Body>(const Body&, Order order, unsigned blocks) {
         CudaEmulation::instance().order = order;
         Device device;
         Device::Buffer<unsigned> out(64);
-        device.launch(3, Planted<LastWins, Words>{out});
+        device.launch(blocks, Planted<Body, Words>{out});
         std::vector<unsigned> result(64);
         device.download(Span<const unsigned>(out), Span<unsigned>(result));
-        results.push_back(result[0]);
+        CudaEmulation::instance().order = Order::forward;
+        return result[0];
+    };
+    CHECK(result_of(LastThread{}, Order::forward, 1) == 63);
+    CHECK(result_of(LastThread{}, Order::reverse, 1) == 0);
+    CHECK(result_of(LastBlock{}, Order::forward, 3) == 2);
+    CHECK(result_of(LastBlock{}, Order::reverse, 3) == 0);
+    std::set<unsigned> threads, blocks;
+    for (int i = 0; i < 100; ++i) {
+        threads.insert(result_of(LastThread{}, Order::random, 1));
+        blocks.insert(result_of(LastBlock{}, Order::random, 3));
     }
-    CudaEmulation::instance().order = Order::forward;
-    CHECK(results[0] != results[1]);
+    CHECK(threads.size() > 40); // of 64, about 51 are to be expected
+    CHECK(blocks.size() == 3);
+}
+
+/// Each thread enters its number in a list at the next free place, before a barrier and again after it.
+struct Enter {
+    static constexpr unsigned block_size = 64, blocks = 4;
+    Span<unsigned> count; // [1]
+    Span<unsigned> list;  // [blocks, 2, block_size] in the order of the blocks
+    void operator()() const {
+        for (int round = 0; round < 2; ++round) {
+            list[atomicAdd(&count[0], 1u)] = blockIdx.x * block_size + threadIdx.x;
+            __syncthreads();
+        }
+    }
+    static std::vector<unsigned> run(Order order) {
+        CudaEmulation::instance().order = order;
+        Device device;
+        Device::Buffer<unsigned> count(1), list(2 * blocks * block_size);
+        device.fill(Span<unsigned>(count), 0u);
+        device.launch(blocks, Enter{count, list});
+        std::vector<unsigned> result(list.size());
+        device.download(Span<const unsigned>(list), Span<unsigned>(result));
+        CudaEmulation::instance().order = Order::forward;
+        return result;
+    }
+};
+
+/// The sum of (found - expected)^2 / expected is that of counts which are expected to be equal, to 6 standard deviations
+/// of it on either side: a shuffle that is too regular is none either.
+void check_equal_chances(const std::vector<double>& counts, double expected) {
+    double sum = 0;
+    for (const double count : counts) sum += (count - expected) * (count - expected) / expected;
+    const double mean = double(counts.size()), deviation = std::sqrt(2 * mean);
+    CHECK(sum > mean - 6 * deviation);
+    CHECK(sum < mean + 6 * deviation);
+}
+
+TEST_CASE("Blocks and threads take their turns as they should in each order, also after a barrier") {
+    constexpr unsigned n = Enter::block_size, blocks = Enter::blocks;
+    std::vector<unsigned> forward;
+    for (unsigned b = 0; b < blocks; ++b)
+        for (unsigned round = 0; round < 2; ++round)
+            for (unsigned t = 0; t < n; ++t) forward.push_back(b * n + t);
+    CHECK(Enter::run(Order::forward) == forward);
+    CHECK(Enter::run(Order::reverse) == std::vector<unsigned>(forward.rbegin(), forward.rend()));
+
+    // In a random order, each order of the blocks has the same chance. So has each place of a thread, and each thread
+    // to come after another one: a random start, or a fixed order from there on, would not do.
+    std::map<std::vector<unsigned>, int> orders_of_blocks;
+    std::vector<double> places(n * n), neighbours(n * n);
+    constexpr int runs = 400;
+    for (int run = 0; run < runs; ++run) {
+        const std::vector<unsigned> list = Enter::run(Order::random);
+        std::vector<unsigned> order, sorted = list;
+        std::ranges::sort(sorted);
+        bool complete = true, same_after_barrier = true;
+        for (std::size_t i = 0; i < sorted.size(); ++i) complete = complete && sorted[i] == i / 2;
+        for (std::size_t part = 0; part < 2 * blocks; ++part) {
+            const unsigned block = list[part * n] / n;
+            if (part % 2 == 0) order.push_back(block);
+            for (std::size_t i = 0; i < n; ++i) {
+                const unsigned thread = list[part * n + i];
+                complete = complete && thread / n == block;
+                if (part % 2 == 0) continue;
+                same_after_barrier = same_after_barrier && thread == list[(part - 1) * n + i];
+                places[i * n + thread % n] += 1;
+                if (i > 0) neighbours[list[part * n + i - 1] % n * n + thread % n] += 1;
+            }
+        }
+        REQUIRE(complete); // no thread is left out, and blocks follow each other
+        CHECK(same_after_barrier);
+        ++orders_of_blocks[order];
+    }
+    CHECK(orders_of_blocks.size() == 24);
+    std::vector<double> counts;
+    for (const auto& [order, count] : orders_of_blocks) counts.push_back(count);
+    check_equal_chances(counts, runs / 24.0);
+    check_equal_chances(places, runs * blocks / double(n));
+    std::vector<double> of_two;
+    for (unsigned i = 0; i < n * n; ++i)
+        if (i / n != i % n) of_two.push_back(neighbours[i]);
+    check_equal_chances(of_two, runs * blocks / double(n));
+
+    // The same launch of the same seed can be run again.
+    const auto again = [](std::uint64_t seed, std::uint64_t launches) {
+        auto& machine = CudaEmulation::instance();
+        const std::uint64_t before = std::exchange(machine.seed, seed);
+        machine.launches = launches;
+        const std::vector<unsigned> result = Enter::run(Order::random);
+        machine.seed = before;
+        return result;
+    };
+    CHECK(again(1, 1000) == again(1, 1000));
+    CHECK(again(1, 1000) != again(1, 1010));
+    CHECK(again(1, 1000) != again(50, 1000));
 }

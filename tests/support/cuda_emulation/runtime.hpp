@@ -102,7 +102,8 @@ struct FunctionWork : EmulatedWork {
     std::function<void()> function;
 };
 
-/// A captured stream. Each node depends on the one before it, unless cudaStreamUpdateCaptureDependencies says otherwise.
+/// A captured stream. Each node depends on the one before it, unless cudaStreamUpdateCaptureDependencies says
+/// otherwise.
 struct EmulatedGraph {
     std::vector<std::unique_ptr<EmulatedWork>> nodes;
     std::vector<std::vector<std::size_t>> dependencies; // of each node, as indices
@@ -321,7 +322,7 @@ public:
         gridDim = grid, blockDim = block;
         for (const unsigned b : turns) {
             blockIdx = {b, 0, 0};
-            Block(block, order, seed + b).run(kernel);
+            Block(block, order, random_bits(seed + launches, b)).run(kernel);
         }
     }
 

@@ -28,7 +28,8 @@ public:
         }
         return 0;
     }
-    /// The running thread accesses the element. Those that it knows of need not be kept: who knows of it, knows of them.
+    /// The running thread accesses the element. If it knows of all before, these need not be kept: who knows of it,
+    /// knows of them.
     void add(const Block& block) {
         const Moment now = block.now();
         const std::uint32_t lane = 1u << (now.thread - 1) % 32;
