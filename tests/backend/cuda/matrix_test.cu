@@ -61,6 +61,7 @@ struct MultiplyAddFloats {
     static constexpr unsigned block_size = 32;
     Span<const float> a, b;
     Span<float> c;
+    bool by_shuffles;
 
     __device__ void operator()() const {
         const unsigned g = threadIdx.x / 4, t = threadIdx.x % 4;
@@ -73,7 +74,10 @@ struct MultiplyAddFloats {
         const auto place = [&](unsigned i, unsigned j) { return 16 * (8 * i + g) + j / 2 * 8 + 2 * t + j % 2; };
         for (unsigned i = 0; i < 4; ++i)
             for (unsigned j = 0; j < 4; ++j) sums[first + i][j] = c[place(i, j)];
-        cuda::multiply_add(sums, left, right, first);
+        if (by_shuffles)
+            cuda::detail::multiply_add_by_shuffles(sums, left, right, first);
+        else
+            cuda::multiply_add(sums, left, right, first);
         for (unsigned i = 0; i < 4; ++i)
             for (unsigned j = 0; j < 4; ++j) c[place(i, j)] = sums[first + i][j];
     }
@@ -128,29 +132,63 @@ TEST_CASE("a warp multiplies matrices of bf16 and adds, by its instruction and b
     }
 }
 
-TEST_CASE("a warp multiplies matrices of floats and adds, to 2^-20 of the products") {
-    if (test::skip_without_device()) return;
-    Device device;
-    test::Rng rng(13);
-    std::vector<float> a(32 * 8), b(8 * 16), c(32 * 16), found(c.size());
-    for (auto* numbers : {&a, &b, &c})
-        for (float& x : *numbers) x = static_cast<float>(rng.uniform(-2, 2));
+/// c + a b by one warp.
+std::vector<float> product(Device& device, const std::vector<float>& a, const std::vector<float>& b,
+                           const std::vector<float>& c, bool by_shuffles) {
     Device::Buffer<float> device_a(a.size()), device_b(b.size()), device_c(c.size());
     device.upload(Span<const float>(a), Span<float>(device_a));
     device.upload(Span<const float>(b), Span<float>(device_b));
     device.upload(Span<const float>(c), Span<float>(device_c));
-    device.launch(1, MultiplyAddFloats{device_a, device_b, device_c});
+    device.launch(1, MultiplyAddFloats{device_a, device_b, device_c, by_shuffles});
+    std::vector<float> found(c.size());
     device.download(Span<const float>(device_c), Span<float>(found));
-    for (std::size_t row = 0; row < 32; ++row)
-        for (std::size_t column = 0; column < 16; ++column) {
-            double sum = double(c[16 * row + column]), size = std::abs(sum);
-            for (std::size_t k = 0; k < 8; ++k) {
-                const double product = double(a[8 * row + k]) * double(b[16 * k + column]);
-                sum += product, size += std::abs(product);
-            }
-            CHECK(std::abs(double(found[16 * row + column]) - sum) <= std::ldexp(size, -20));
-        }
+    return found;
 }
+
+TEST_CASE("a warp multiplies matrices of floats and adds, to 2^-20 of the products") {
+    if (test::skip_without_device()) return;
+    Device device;
+    test::Rng rng(13);
+    std::vector<float> a(32 * 8), b(8 * 16), c(32 * 16);
+    for (auto* numbers : {&a, &b, &c})
+        for (float& x : *numbers) x = static_cast<float>(rng.uniform(-2, 2));
+    for (const bool by_shuffles : {false, true}) {
+        CAPTURE(by_shuffles);
+        const std::vector<float> found = product(device, a, b, c, by_shuffles);
+        for (std::size_t row = 0; row < 32; ++row)
+            for (std::size_t column = 0; column < 16; ++column) {
+                double sum = double(c[16 * row + column]), size = std::abs(sum);
+                for (std::size_t k = 0; k < 8; ++k) {
+                    const double product = double(a[8 * row + k]) * double(b[16 * k + column]);
+                    sum += product, size += std::abs(product);
+                }
+                CHECK(std::abs(double(found[16 * row + column]) - sum) <= std::ldexp(size, -20));
+            }
+    }
+}
+
+#if defined(GSH_CUDA_EMULATION)
+TEST_CASE("the emulation multiplies floats as tensor cores do: three products, of 11 bits of each part") {
+    // The first row of a has one number and the first column of b another, and no sum is rounded.
+    const auto multiply = [](double x, double y, bool by_shuffles) {
+        Device device;
+        std::vector<float> a(32 * 8), b(8 * 16);
+        a[0] = static_cast<float>(x), b[0] = static_cast<float>(y);
+        return double(product(device, a, b, std::vector<float>(32 * 16), by_shuffles)[0]);
+    };
+    const double x = 1 + std::ldexp(3, -13); // as 1 and 3 2^-13
+    CHECK(multiply(x, x, false) == 1 + std::ldexp(6, -13));
+    CHECK(multiply(x, x, true) == 1 + std::ldexp(6, -13) + std::ldexp(1, -23)); // with 9 2^-26, rounded
+
+    const double y = 1 + std::ldexp(1, -11) - std::ldexp(1, -23); // as 1 and 2^-11 - 2^-23, which has 12 bits
+    CHECK(multiply(y, 1, false) == y - std::ldexp(1, -23));
+    CHECK(multiply(1, y, false) == y - std::ldexp(1, -23));
+    CHECK(multiply(y, 1, true) == y);
+
+    const double z = 1 + std::ldexp(3, -12); // as 1 + 2^-10 and -2^-12: the large part is the nearest
+    CHECK(multiply(z, z, false) == 1 + std::ldexp(6, -12) + std::ldexp(1, -21)); // without 2^-24
+}
+#endif
 
 TEST_CASE("a warp transposes four matrices of 16-bit numbers in shared memory") {
     if (test::skip_without_device()) return;

@@ -86,21 +86,41 @@ __device__ inline void multiply_add(MatrixC& c, const MatrixA& a, const MatrixB&
 
 namespace detail {
 
-/// Parts of both operands of products of floats: M left ones of 16 x 8, N right ones of 8 x 8.
-template <unsigned M, unsigned N>
-struct FloatOperands {
-    float a[M][4], b[N][2];
-};
-
 /// A float as the sum of two numbers of TF32, which has the range of float and 11 bits of mantissa; to 2^-22 of it.
 struct SplitFloat {
+    static constexpr std::uint32_t bits = 0xFFFFE000u; // of a float that the instruction reads
     std::uint32_t high, low;
 
     __device__ explicit SplitFloat(float x) {
-        high = (__float_as_uint(x) + 0x1000u) & 0xFFFFE000u; // to the nearest
-        low = __float_as_uint(x - __uint_as_float(high));    // the instruction ignores what is beyond its bits
+        high = (__float_as_uint(x) + 0x1000u) & bits;     // to the nearest
+        low = __float_as_uint(x - __uint_as_float(high)); // the instruction ignores what is beyond its bits
     }
 };
+
+/// sums += a b for this lane, rows from `first` on. left(l, m, i) is a[m][i] of lane l, and right(l, n, i) is b[n][i];
+/// m, n and i are the same in all lanes.
+template <unsigned M, std::size_t Rows, std::size_t Columns, class Left, class Right>
+__device__ void multiply_add_lane(float (&sums)[Rows][Columns], unsigned first, const Left& left, const Right& right) {
+    const unsigned g = threadIdx.x % warp_size / 4, t = threadIdx.x % 4;
+    for (unsigned k = 0; k < 8; ++k) {
+        float row[Columns];
+        for (unsigned j = 0; j < Columns; ++j) row[j] = right(4 * (2 * t + j % 2) + k % 4, j / 2, k / 4);
+        for (unsigned i = 0; i < 2 * M; ++i) {
+            const float x = left(4 * g + k % 4, i / 2, k / 4 * 2 + i % 2);
+            for (unsigned j = 0; j < Columns; ++j) sums[first + i][j] += x * row[j];
+        }
+    }
+}
+
+/// The product of floats for devices without the instruction: lanes exchange number by number.
+template <unsigned M, unsigned N, std::size_t Rows>
+__device__ void multiply_add_by_shuffles(float (&sums)[Rows][2 * N], const float (&a)[M][4], const float (&b)[N][2],
+                                         unsigned first = 0) {
+    multiply_add_lane<M>(
+        sums, first,
+        [&](unsigned lane, unsigned m, unsigned i) { return __shfl_sync(all_lanes, a[m][i], static_cast<int>(lane)); },
+        [&](unsigned lane, unsigned n, unsigned i) { return __shfl_sync(all_lanes, b[n][i], static_cast<int>(lane)); });
+}
 
 } // namespace detail
 
@@ -141,31 +161,26 @@ __device__ void multiply_add(float (&sums)[Rows][2 * N], const float (&a)[M][4],
             for (unsigned m = 0; m < M; ++m) multiply(m, n, left[m], right[n]);
     };
     multiply_all(low, right_high), multiply_all(high, right_low), multiply_all(high, right_high);
-#else
-    detail::FloatOperands<M, N> mine;
-    for (unsigned m = 0; m < M; ++m)
-        for (unsigned i = 0; i < 4; ++i) mine.a[m][i] = a[m][i];
-    for (unsigned n = 0; n < N; ++n)
-        for (unsigned i = 0; i < 2; ++i) mine.b[n][i] = b[n][i];
-    const unsigned g = threadIdx.x % warp_size / 4, t = threadIdx.x % 4;
-#if defined(GSH_CUDA_EMULATION)
+#elif defined(GSH_CUDA_EMULATION) // the same three products of what the instruction reads; a sum is rounded otherwise
+    struct Operands {
+        float a[M][4], b[N][2];
+    } mine;
+    for (unsigned i = 0; i < 4 * M; ++i) mine.a[i / 4][i % 4] = a[i / 4][i % 4];
+    for (unsigned i = 0; i < 2 * N; ++i) mine.b[i / 2][i % 2] = b[i / 2][i % 2];
     const auto lanes = test::values_of_warp(mine);
-    const auto value = [&](unsigned lane, const auto& number) { return number(lanes[lane]); };
-#else
-    const auto value = [&](unsigned lane, const auto& number) {
-        return __shfl_sync(all_lanes, number(mine), static_cast<int>(lane));
+    const auto part = [](float x, bool high) {
+        const detail::SplitFloat split(x);
+        return __uint_as_float((high ? split.high : split.low) & detail::SplitFloat::bits);
     };
-#endif
-    using Operands = detail::FloatOperands<M, N>;
-    for (unsigned k = 0; k < 8; ++k) {
-        float right[2 * N];
-        for (unsigned j = 0; j < 2 * N; ++j)
-            right[j] = value(4 * (2 * t + j % 2) + k % 4, [&](const Operands& o) { return o.b[j / 2][k / 4]; });
-        for (unsigned i = 0; i < 2 * M; ++i) {
-            const float left = value(4 * g + k % 4, [&](const Operands& o) { return o.a[i / 2][k / 4 * 2 + i % 2]; });
-            for (unsigned j = 0; j < 2 * N; ++j) sums[first + i][j] += left * right[j];
-        }
-    }
+    const auto multiply_all = [&](bool left_high, bool right_high) {
+        detail::multiply_add_lane<M>(
+            sums, first,
+            [&](unsigned lane, unsigned m, unsigned i) { return part(lanes[lane].a[m][i], left_high); },
+            [&](unsigned lane, unsigned n, unsigned i) { return part(lanes[lane].b[n][i], right_high); });
+    };
+    multiply_all(false, true), multiply_all(true, false), multiply_all(true, true);
+#else
+    detail::multiply_add_by_shuffles(sums, a, b, first);
 #endif
 }
 
