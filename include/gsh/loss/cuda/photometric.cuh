@@ -180,7 +180,7 @@ struct PhotometricBackward {
         for (int r = 0; r < Tiles::rows_of_thread; ++r) { // early, so that they arrive while the maps are filtered
             if (!tile.inside(r)) continue;
             const std::size_t at = tile.pixel(tile.y + r, tile.x);
-            a[r] = render.data[at], gradient[r] = dL_drender.data[at];
+            a[r] = render.data[at];
             b[r] = truth.at(tile.channel, tile.y + r, tile.x);
         }
         T filtered[maps][Tiles::rows_of_thread] = {};
@@ -190,6 +190,10 @@ struct PhotometricBackward {
             filter_row<maps>(window, shared.along, [&](std::size_t place, T(&values)[maps]) {
                 for (int m = 0; m < maps; ++m) values[m] = shared.in[std::size_t(m * Tiles::in_size) + place];
             });
+        }
+        for (int r = 0; r < Tiles::rows_of_thread; ++r) // beside those above, they would not fit into registers
+            if (tile.inside(r)) gradient[r] = dL_drender.data[tile.pixel(tile.y + r, tile.x)];
+        if (ssim_scale != T(0)) {
             __syncthreads();
             filter_column(window, tile, shared.along, filtered);
         }
