@@ -28,6 +28,7 @@ struct Reference {
     /// How close each pixel is to a decision that rounding can change.
     Image<double> cut_margin;  ///< least |alpha / alpha_min - 1| of all splats that a live pixel met
     Image<double> stop_margin; ///< least |T / transmittance_min - 1| after a splat
+    Image<double> half_margin; ///< least |T / 0.5 - 1| after a splat: the median depth is that of the one at 0.5
     Image<double> depth_gap; ///< least distance in z, relative to z, of two neighbours among the splats that count here
 };
 
@@ -96,7 +97,8 @@ inline Reference reference_rasterize(const Camera<double>& camera, const SplatVi
     const int H = camera.height, W = camera.width;
     constexpr double infinity = std::numeric_limits<double>::infinity();
     Reference out{Image<double>(3, H, W), Image<double>(1, H, W), Image<double>(1, H, W), Image<double>(1, H, W),
-                  Image<double>(1, H, W, infinity), Image<double>(1, H, W, infinity), Image<double>(1, H, W, infinity)};
+                  Image<double>(1, H, W, infinity), Image<double>(1, H, W, infinity), Image<double>(1, H, W, infinity),
+                  Image<double>(1, H, W, infinity)};
     for (int py = 0; py < H; ++py)
         for (int px = 0; px < W; ++px) {
             double T = 1, color[3] = {0, 0, 0}, depth = 0, median = 0, last_z = -infinity;
@@ -110,6 +112,8 @@ inline Reference reference_rasterize(const Camera<double>& camera, const SplatVi
                 out.depth_gap.at(0, py, px) = std::min(out.depth_gap.at(0, py, px), (splat.z - last_z) / splat.z);
                 last_z = splat.z;
                 const double after = T * (1 - alpha);
+                double& half = out.half_margin.at(0, py, px);
+                half = std::min(half, std::abs(after / 0.5 - 1));
                 if (o.transmittance_min > 0)
                     out.stop_margin.at(0, py, px) =
                         std::min(out.stop_margin.at(0, py, px), std::abs(after / o.transmittance_min - 1));

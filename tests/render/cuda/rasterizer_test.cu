@@ -16,10 +16,9 @@
 #include <limits>
 #include <string>
 
+namespace cuda_rasterizer { // joined builds: other tests have helpers of the same names
+
 using namespace gsh;
-
-namespace {
-
 using cpu::Serial;
 using cuda::Device;
 namespace raster = test::raster;
@@ -45,7 +44,53 @@ void check_double(const RasterScene<double>& scene, const RasterParams<double>& 
     raster::check_gradients(found, expected, 1e-10);
 }
 
-} // namespace
+/// In float, images but where a decision hangs by a thread, and all gradients.
+void check_float(test::Rng& rng, const RasterScene<double>& made, const RasterParams<float>& params = {}) {
+    const RasterScene<float> scene = made.cast<float>();
+    const auto weights = test::random_weights(rng, scene.camera);
+    const auto background = raster::random_image(rng, scene.camera);
+    Serial serial;
+    Device device;
+    const auto expected = raster::run(serial, scene, weights, background, params);
+    const auto found = raster::run(device, scene, weights, background, params);
+    test::Reference reference; // of the same numbers
+    const auto make_reference = [&] {
+        const RasterScene<double> exact = scene.cast<double>();
+        test::ReferenceOptions options;
+        options.compensate_opacity = params.compensate_opacity;
+        reference = test::reference_rasterize(exact.camera, exact.view(), exact.background, {}, options);
+    };
+    int outside = 0;
+    double largest = 0; // of the other pixels
+    for (int y = 0; y < scene.camera.height; ++y)
+        for (int x = 0; x < scene.camera.width; ++x) {
+            const auto distance = [&](const Image<float>& a, const Image<float>& b, int c) {
+                return std::abs(static_cast<double>(a.at(c, y, x)) - static_cast<double>(b.at(c, y, x)));
+            };
+            double difference = 0;
+            const auto compare = [&](const Image<float>& a, const Image<float>& b, int c) {
+                const double d = distance(a, b, c);
+                difference = d <= difference ? difference : d;
+            };
+            for (int c = 0; c < 3; ++c) compare(found.images.color, expected.images.color, c);
+            compare(found.images.alpha, expected.images.alpha, 0);
+            compare(found.images.expected_depth, expected.images.expected_depth, 0);
+            const double median = distance(found.images.median_depth, expected.images.median_depth, 0);
+            if (difference <= 1e-4 && median <= 1e-4) {
+                largest = std::max({largest, difference, median});
+                continue;
+            }
+            if (outside++ == 0) make_reference();
+            const double cut = reference.cut_margin.at(0, y, x), gap = reference.depth_gap.at(0, y, x),
+                         half = reference.half_margin.at(0, y, x);
+            INFO("pixel " << x << ", " << y << " differs by " << difference << ", its median depth by " << median
+                          << "; margins " << cut << ", " << gap << ", " << half);
+            CHECK((cut < 1e-4 || gap < 1e-6 || (difference <= 1e-4 && half < 1e-5)));
+        }
+    CAPTURE(largest);
+    CHECK(outside <= scene.camera.width * scene.camera.height / 1000);
+    raster::check_gradients(found, expected, 1e-4);
+}
 
 TEST_CASE("In double, images and gradients are those of Serial") {
     if (test::skip_without_device()) return;
@@ -116,11 +161,13 @@ TEST_CASE("Any number of Gaussians and any size of image") {
     for (const std::size_t n : {0u, 1u, 31u, 32u, 33u, 127u, 128u, 129u, 257u}) {
         CAPTURE(n);
         check_double(test::make_scene(rng, n, 20, 18, 0.1));
+        check_float(rng, test::make_scene(rng, n, 20, 18, 0.1));
     }
     for (const int size : {1, 2, 15, 16, 17, 32, 33}) {
         CAPTURE(size);
         check_double(test::make_scene(rng, 40, size, 34 - size, 0.1));
         check_double(test::make_scene(rng, 40, size, size, 0.03));
+        check_float(rng, test::make_scene(rng, 40, size, 34 - size, 0.1));
     }
 }
 
@@ -166,64 +213,66 @@ TEST_CASE("Lists longer than what a thread block blends: pixels stop in the firs
 TEST_CASE("In float, images are those of Serial but where a decision hangs by a thread, and so are gradients") {
     if (test::skip_without_device()) return;
     test::Rng rng(4);
-    const auto margins = [](const RasterScene<float>& scene, const RasterParams<float>& params) {
-        const RasterScene<double> exact = scene.cast<double>(); // the same numbers
-        test::ReferenceOptions options;
-        options.compensate_opacity = params.compensate_opacity;
-        return test::reference_rasterize(exact.camera, exact.view(), exact.background, {}, options);
-    };
-    const auto check = [&](const RasterScene<double>& made, const RasterParams<float>& params = {}) {
-        const RasterScene<float> scene = made.cast<float>();
-        const auto weights = test::random_weights(rng, scene.camera);
-        const auto background = raster::random_image(rng, scene.camera);
-        Serial serial;
-        Device device;
-        const auto expected = raster::run(serial, scene, weights, background, params);
-        const auto found = raster::run(device, scene, weights, background, params);
-        test::Reference reference;
-        int outside = 0;
-        double largest = 0; // of the other pixels
-        for (int y = 0; y < scene.camera.height; ++y)
-            for (int x = 0; x < scene.camera.width; ++x) {
-                double difference = 0;
-                const auto compare = [&](const Image<float>& a, const Image<float>& b, int c) {
-                    const double d = std::abs(static_cast<double>(a.at(c, y, x)) - static_cast<double>(b.at(c, y, x)));
-                    difference = d <= difference ? difference : d;
-                };
-                for (int c = 0; c < 3; ++c) compare(found.images.color, expected.images.color, c);
-                compare(found.images.alpha, expected.images.alpha, 0);
-                compare(found.images.expected_depth, expected.images.expected_depth, 0);
-                if (difference <= 1e-4) {
-                    largest = std::max(largest, difference);
-                    continue;
-                }
-                if (outside++ == 0) reference = margins(scene, params);
-                INFO("pixel " << x << ", " << y << " differs by " << difference << "; margins "
-                              << reference.cut_margin.at(0, y, x) << ", " << reference.depth_gap.at(0, y, x));
-                CHECK((reference.cut_margin.at(0, y, x) < 1e-4 || reference.depth_gap.at(0, y, x) < 1e-6));
-            }
-        CAPTURE(largest);
-        CHECK(outside <= scene.camera.width * scene.camera.height / 1000);
-        raster::check_gradients(found, expected, 1e-4);
-    };
     SUBCASE("small Gaussians") {
-        check(test::make_scene(rng, 1500, 150, 133, 0.012));
+        check_float(rng, test::make_scene(rng, 1500, 150, 133, 0.012));
     }
     SUBCASE("small Gaussians in a wide image, where positions have many digits") {
-        check(test::make_scene(rng, 1500, 1920, 40, 0.004, 0.3));
+        check_float(rng, test::make_scene(rng, 1500, 1920, 40, 0.004, 0.3));
     }
     SUBCASE("large ones") {
-        check(test::make_scene(rng, 150, 200, 150, 0.1));
+        check_float(rng, test::make_scene(rng, 150, 200, 150, 0.1));
     }
     SUBCASE("needles across the image") {
-        check(raster::make_needles(rng, 200, 300, 100, 0.1, 2e-3));
+        check_float(rng, raster::make_needles(rng, 200, 300, 100, 0.1, 2e-3));
     }
     SUBCASE("thinner needles across a wide image") {
-        check(raster::make_needles(rng, 100, 1920, 40, 0.1, 1e-4));
+        check_float(rng, raster::make_needles(rng, 100, 1920, 40, 0.1, 1e-4));
     }
     SUBCASE("compensated opacities") {
         RasterParams<float> params;
         params.compensate_opacity = true;
-        check(test::make_scene(rng, 1500, 150, 133, 0.012), params);
+        check_float(rng, test::make_scene(rng, 1500, 150, 133, 0.012), params);
     }
 }
+
+TEST_CASE("Gradients are the central differences of what the device draws") {
+    if (test::skip_without_device()) return;
+    test::Rng rng(7);
+    auto scene = test::make_scene(rng, 4, 17, 9, 0.1);
+    RasterParams<double> params; // no kinks: no splat is skipped, no pixel stops
+    params.alpha_min = 1e-13, params.transmittance_min = 0;
+    const auto weights = test::random_weights(rng, scene.camera);
+    const auto background = raster::random_image(rng, scene.camera);
+    Device device;
+    auto gradient = raster::run(device, scene, weights, background, params);
+    const auto loss = [&] {
+        const auto found = raster::run(device, scene, weights, background, params, {.backward_passes = 0});
+        double sum = 0;
+        const auto add = [&](const Image<double>& image, const Image<double>& weight) {
+            sum += test::inner(image.data, weight.data);
+        };
+        add(found.images.color, weights.color), add(found.images.alpha, weights.alpha);
+        add(found.images.expected_depth, weights.expected_depth);
+        add(found.images.median_depth, weights.median_depth);
+        return sum;
+    };
+    test::GradientCheck options{.tolerance = 5e-6};
+    const auto check = [&](const std::string& name, auto& x, auto& dL_dx) {
+        INFO(name);
+        test::check_gradient(loss, test::scalars(x), test::scalars(dL_dx), options);
+    };
+    check("means", scene.means, gradient.gradient.means);
+    check("opacities", scene.opacities, gradient.gradient.opacities);
+    check("background", scene.background, gradient.background);
+    CameraGradient<double>& camera = gradient.camera[0];
+    check("R", scene.camera.R, camera.dL_dR);
+    check("t", scene.camera.t, camera.dL_dt);
+    check("fx", scene.camera.fx, camera.dL_dfx), check("fy", scene.camera.fy, camera.dL_dfy);
+    check("cx", scene.camera.cx, camera.dL_dcx), check("cy", scene.camera.cy, camera.dL_dcy);
+    options.stride = 5; // odd, so that all channels occur
+    check("colors", scene.colors, gradient.gradient.colors);
+    options.stride = 1, options.step = 3e-7; // covariances are small numbers of square metres
+    check("covariances", scene.covariances, gradient.gradient.covariances);
+}
+
+} // namespace cuda_rasterizer
