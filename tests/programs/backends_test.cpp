@@ -233,6 +233,7 @@ TEST_CASE("a backend that is not there is refused in one line, and nothing is wr
         refuse(words, {"--device", "0"}, "--device needs --backend cuda");
         if (words[0] == "gsh-reconstruct" || words[0] == "gsh-evaluate")
             refuse(words, {"--precision", "half"}, "--precision", "half");
+        if (words[1] == "--config") refuse(words, {"--precision", "mixed"}, "--config static has no --precision mixed");
         refuse(words, {"--backend", "threads", "--device", "0"}, "--device needs --backend cuda");
 #if defined(GSH_PROGRAMS_WITH_CUDA)
         refuse(words, {"--backend", "cuda", "--device", "4096"}, "gsh::cuda::Device");

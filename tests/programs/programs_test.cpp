@@ -269,7 +269,7 @@ TEST_CASE("a training that fails says which checkpoint is complete") {
         CHECK(outcome.err.find("\ngsh-reconstruct: ") != std::string::npos); // after the line of progress
         CHECK(outcome.err.find("not finite") != std::string::npos);
     }
-    CHECK(kept.err.find("the checkpoint of step 1 is complete; --resume") != std::string::npos);
+    CHECK(kept.err.find("the checkpoint of step 1 is complete; the run can be resumed") != std::string::npos);
     CHECK(fs::exists(out.path / "checkpoint.gsh"));
     CHECK(lost.err.find("checkpoint") == std::string::npos);
 }

@@ -61,7 +61,8 @@ void check_options(ReconstructOptions& o) {
            "needs --capture and --body, or --synthetic alone");
     for (const auto& [given, option] : {std::pair(o.synthetic, "--synthetic: it needs a capture"),
                                         {o.refine, "--refine"},
-                        {o.hold_out_motion.has_value(), "--hold-out-motion: it has no motion"},
+                                        {o.hold_out_motion.has_value(), "--hold-out-motion: it has no motion"},
+                                        {o.machine.precision == "mixed", "--precision mixed: it has no field"},
                                         {o.resume, "--resume"},
                                         {o.seconds > 0, "--seconds: use --steps"},
                                         {o.max_memory > 0, "--max-memory"},

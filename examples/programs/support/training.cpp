@@ -88,7 +88,7 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
     } catch (const Error& error) {
         if (saved == 0) throw;
         throw Error(std::string(error.what()) + " (the checkpoint of step " + std::to_string(saved) +
-                    " is complete; --resume continues from it)");
+                    " is complete; the run can be resumed from it)");
     }
     checkpoint();
 }

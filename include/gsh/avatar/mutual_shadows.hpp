@@ -16,6 +16,11 @@ namespace gsh {
 /// casters, so a person far outside of the cameras' view would otherwise make its texels too large.
 inline constexpr double shadow_reach = 4;
 
+/// Whether two people with these roots do.
+[[nodiscard]] inline bool cast_shadows_on_each_other(const vec3<double>& a, const vec3<double>& b) {
+    return length(a - b) < shadow_reach;
+}
+
 /// Poses people of one frame: calls pose(p, others) once for each person p, in order. `others` are the meshes of the
 /// people within shadow_reach of p.
 ///
@@ -30,7 +35,7 @@ void pose_people(Span<const vec3<double>> roots, const CasterOf& caster, const P
     for (std::size_t p = 0; p < count; ++p) {
         std::vector<ShadowCaster<T>> others;
         for (std::size_t k = 0; k < count; ++k)
-            if (k != p && !casters[k].triangles.empty() && length(roots[k] - roots[p]) < shadow_reach)
+            if (k != p && !casters[k].triangles.empty() && cast_shadows_on_each_other(roots[k], roots[p]))
                 others.push_back(casters[k]);
         pose(p, Span<const ShadowCaster<T>>(others));
     }

@@ -80,6 +80,9 @@ template <Backend B>
     else return Precision::fp32;
 }
 
+/// A trainer settles its repeated steps at least so often.
+inline constexpr std::size_t most_unsettled_steps = 200;
+
 /// Runs a step that is repeated many times, such as a step of training. This version calls it.
 ///
 /// A device specialises it: it records what the step launches and repeats the record, and it does not wait for errors.

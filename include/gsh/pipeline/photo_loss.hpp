@@ -99,16 +99,16 @@ public:
                             raster_cache_);
     }
 
-    /// Settles repeated steps of a scene. If some were lost, gives the rasterizer the memory that the last picture
-    /// needs, or throws what Rasterizer::forward would have thrown. The scene then takes the lost steps back, and they
-    /// are subtracted from `steps`. Returns their number.
+    /// Settles repeated steps of a scene. If some were lost, the scene takes them back, and they are subtracted from
+    /// `steps`; then the rasterizer gets the memory that the last picture needs, or what Rasterizer::forward would have
+    /// thrown is thrown. Returns their number.
     template <class Scene>
     std::uint64_t settle(RepeatedStep<B>& repeated, Scene& scene, std::unsigned_integral auto& steps) {
         const std::uint64_t lost = repeated.settle();
         if (lost == 0) return 0;
-        rasterizer_.mend(raster_cache_);
-        if constexpr (requires { scene.take_back(lost); }) scene.take_back(lost);
         steps -= lost;
+        if constexpr (requires { scene.take_back(lost); }) scene.take_back(lost);
+        rasterizer_.mend(raster_cache_);
         return lost;
     }
 

@@ -187,6 +187,19 @@ public:
         for (std::size_t p = 0; p < people_.size(); ++p) append(arrays, people_[p].model->learned(), person_prefix(p));
         return arrays;
     }
+    /// What a photograph's step launches beside other steps: whether camera and poses learn, and who casts shadows on
+    /// whom.
+    [[nodiscard]] std::uint64_t kind(const Photo& photo) const {
+        const auto* cameras = camera_refinement();
+        std::uint64_t kind = cameras && cameras->learns_camera(photo.camera_index);
+        for (const Person& a : people_) {
+            kind = mix_bits(2 * kind + (a.refinement && a.refinement->learns_motion(photo.frame)));
+            for (const Person& b : people_)
+                kind = mix_bits(2 * kind + cast_shadows_on_each_other(a.motion->transl[photo.frame],
+                                                                     b.motion->transl[photo.frame]));
+        }
+        return kind;
+    }
     /// Takes back steps that have changed nothing because the backend had halted.
     void take_back(std::uint64_t steps) {
         for (Person& person : people_)

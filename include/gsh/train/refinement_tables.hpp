@@ -76,6 +76,7 @@ public:
     static constexpr std::size_t camera_width = sizeof(CameraIncrement<T>) / sizeof(T);
     static_assert(camera_width == 9, "a camera's increment is nine numbers without gaps");
     static constexpr std::size_t remembered_steps = 256; ///< that take_back may take back
+    static_assert(remembered_steps >= most_unsettled_steps);
 
     struct Sizes {
         std::size_t frames = 0, joints = 0, expression = 0, betas = 0, cameras = 0;

@@ -96,16 +96,29 @@ public:
     /// Takes one step. progress in [0, 1] is the share of the whole run that is over. Learning rates fall with it, see
     /// TrainConfig::rate_factor. For a repeatable run, compute it from steps, not from seconds. observer.enter is
     /// called at the beginning of each stage, observer.leave at the end of the step.
+    ///
+    /// Settles after every most_unsettled_steps, so step_count() may be lower afterwards: a training of
+    /// n steps calls this while step_count() < n, and settles at the end, as train_to does.
     template <class Observer = NoObserver>
     void step(double progress = 0, Observer&& observer = {}) {
+        if (unsettled_ == most_unsettled_steps) settle();
         const std::size_t index = photo_of_step(step_count_);
         progress_ = progress;
         scene_->set_progress(step_count_, progress);
         pixels_.prepare(index);
-        repeated_.run(PhotoLoss<B, T>::kind(photos_[index]), [&] { compute_step(index, progress, observer); });
-        ++step_count_;
+        repeated_.run(kind(photos_[index]), [&] { compute_step(index, progress, observer); });
+        ++step_count_, ++unsettled_;
         pixels_.fetch(photo_of_step(step_count_));
         observer.leave();
+    }
+
+    /// Takes steps until there are `steps` and all have happened. The progress of step k is k / steps.
+    /// Errors  those of settle().
+    void train_to(std::uint64_t steps) {
+        while (step_count_ < steps) {
+            while (step_count_ < steps) step(static_cast<double>(step_count_) / static_cast<double>(steps));
+            settle(); // may find that some have not
+        }
     }
 
     /// What steps change: the scene's arrays, then the gains of the photographs.
@@ -122,6 +135,7 @@ public:
     /// now on, or the error is thrown. Nothing has changed since that step.
     /// Errors  those of Rasterizer::forward.
     void settle() {
+        unsettled_ = 0;
         if (loss_.settle(repeated_, *scene_, step_count_) == 0) return;
         for (const LearnedArray<T>& array : scene_->learned()) // no step has used what the lost ones added
             backend_->fill(array.gradient, T(0));
@@ -159,15 +173,17 @@ public:
     /// PSNR of the last step's render, which was made before its update, against the photograph. Waits for the backend.
     [[nodiscard]] double last_psnr() const { return loss_.psnr(); }
 
-    /// Renders a photograph's view at its frame, over its plate if it has one. The camera is the photograph's own,
-    /// without refinement.
+    /// Settles, and renders a photograph's view at its frame, over its plate if it has one. The camera is the
+    /// photograph's own, without refinement.
     void render(const Photo& photo, Image<T>& color, Image<T>* alpha = nullptr) {
+        settle();
         pose(photo.camera, photo.frame);
         loss_.picture(photo, splats(), color, alpha);
     }
-    /// Renders a frame with the present learned arrays: colour [3, height, width] over the plain background, and alpha
-    /// if it is given.
+    /// Settles, and renders a frame with the learned arrays: colour [3, height, width] over the plain background, and
+    /// alpha if it is given.
     void render(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha = nullptr) {
+        settle();
         pose(camera, frame);
         loss_.picture(camera, splats(), color, alpha);
     }
@@ -220,6 +236,12 @@ private:
         if constexpr (requires { backend.free_memory(); }) return backend.free_memory() / 2;
         else return PhotoPixels<B>::no_limit;
     }
+    /// Steps of one kind launch the same kernels.
+    [[nodiscard]] std::uint64_t kind(const Photo& photo) const {
+        const std::uint64_t of_photo = PhotoLoss<B, T>::kind(photo);
+        if constexpr (requires { scene_->kind(photo); }) return of_photo ^ mix_bits(scene_->kind(photo));
+        else return of_photo;
+    }
     [[nodiscard]] SplatView<const T> splats() const { return splats_.view(); }
     void pose(const Camera<double>& camera, std::size_t frame) {
         scene_->prepare(frame);
@@ -240,6 +262,7 @@ private:
     Splats<B, T> splats_, dL_dsplats_;
 
     std::uint64_t step_count_ = 0;
+    std::size_t unsettled_ = 0; // steps since the last settle
     double progress_ = 0;
     std::vector<std::uint32_t> order_;
     std::uint64_t order_epoch_ = 0;

@@ -84,9 +84,12 @@ TEST_CASE("Too little device memory is told with what is needed, what is free, a
     machine.is.memory_limit = std::size_t(64) << 20;
     const Device device;
     CHECK_THROWS_WITH_AS(Device::Buffer<float>(std::size_t(25) << 20),
-                         "gsh::cuda::Buffer::resize: 100 MiB of device memory are needed, 63 MiB of 64 are free; "
-                         "lower the number of Gaussians, the size of the images or that of the tables",
+                         "gsh::cuda::Buffer::resize: 100.0 MiB of device memory are needed, 64.0 MiB of 64.0 MiB are "
+                         "free; lower the number of Gaussians, the size of the images or that of the tables, or "
+                         "TrainConfig::photo_memory",
                          DeviceError);
+    machine.is.next_error = cudaErrorLaunchFailure; // of a kernel before
+    CHECK_THROWS_WITH_AS(Device::Buffer<float>(1), doctest::Contains("cudaErrorLaunchFailure"), DeviceError);
 }
 
 TEST_CASE("Memory of the host or of another GPU is refused where the GPU's own is due") {

@@ -176,7 +176,7 @@ public:
     bool eager_streams = false;           // all streams but the oldest do their work as soon as it is queued
 
     // What a test may ask.
-    std::uint64_t launches = 0, graph_launches = 0, waits = 0, allocations = 0;
+    std::uint64_t launches = 0, graph_launches = 0, captures = 0, waits = 0, allocations = 0;
 
     int device = 0; // current
     EmulatedStream default_stream;
@@ -185,6 +185,7 @@ public:
 
     cudaError_t allocate(void** memory, std::size_t bytes) {
         if (strict_captures_ != 0) return cudaErrorStreamCaptureUnsupported;
+        if (next_error != cudaSuccess) return next_error; // sticky
         if (bytes > memory_limit - std::min(used_[device], memory_limit)) return cudaErrorMemoryAllocation;
         ++allocations;
         GuardedMemory::instance().watch();
@@ -612,6 +613,7 @@ inline cudaError_t cudaStreamBeginCapture(cudaStream_t stream, cudaStreamCapture
     if (machine.next_error != cudaSuccess) return machine.next_error;
     if (!stream || stream->capture) return cudaErrorStreamCaptureUnsupported;
     stream->capture = std::make_unique<gsh::test::EmulatedGraph>();
+    ++machine.captures;
     stream->strict = mode != cudaStreamCaptureModeRelaxed;
     machine.count_strict_captures(stream->strict);
     return cudaSuccess;

@@ -19,6 +19,7 @@
 #include <exception>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -222,6 +223,21 @@ public:
         fill(Span<std::uint32_t>(halted_), 0u);
     }
 
+    /// Repeated steps of `owner` follow (RepeatedStep). The word above is theirs until another owner's follow.
+    /// Errors  ValueError if steps of another owner, which is still there, have failed and have not been settled.
+    void begin_steps(const std::shared_ptr<const void>& owner) {
+        const std::shared_ptr<const void> last = steps_of_.lock();
+        if (last == owner) return;
+        if (last == nullptr) resume();
+        else
+            check_value(!has_halted(*this), "gsh::RepeatedStep::run",
+                        "steps of another trainer or fit on this device have failed; settle it first");
+        steps_of_ = owner;
+    }
+    [[nodiscard]] bool runs_steps_of(const std::shared_ptr<const void>& owner) const {
+        return steps_of_.lock() == owner;
+    }
+
 private:
     friend class StepGraph;
 
@@ -308,6 +324,7 @@ private:
     bool owns_stream_ = false;
     Precision precision_ = Precision::fp32;
     Buffer<std::uint32_t> halted_;
+    std::weak_ptr<const void> steps_of_; // whose steps were the last
     detail::Recorder* recorder_ = nullptr;
 };
 static_assert(Backend<Device> && !CpuBackend<Device>);

@@ -45,6 +45,12 @@ private:
     std::vector<void*> waiting_;
 };
 
+/// "12.5 MiB"; never 0 unless there are none.
+[[nodiscard]] inline std::string in_mebibytes(std::size_t bytes) {
+    const std::size_t tenths = (bytes * 10 + (std::size_t(1) << 20) - 1) >> 20;
+    return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + " MiB";
+}
+
 [[nodiscard]] inline void* allocate(std::size_t bytes) {
     void* memory = nullptr;
     const cudaError_t error = cudaMalloc(&memory, bytes);
@@ -52,13 +58,14 @@ private:
     if (error == cudaErrorStreamCaptureUnsupported)
         check(error, "gsh::cuda::Buffer::resize",
               "a buffer must grow while a stream is captured; run the same work once before the capture");
+    if (error != cudaErrorMemoryAllocation) check(error, "gsh::cuda::Buffer::resize"); // of a kernel before, perhaps
     (void)cudaGetLastError();
     std::size_t free = 0, total = 0;
     (void)cudaMemGetInfo(&free, &total);
-    throw DeviceError("gsh::cuda::Buffer::resize: " + std::to_string(bytes >> 20) +
-                      " MiB of device memory are needed, " + std::to_string(free >> 20) + " MiB of " +
-                      std::to_string(total >> 20) +
-                      " are free; lower the number of Gaussians, the size of the images or that of the tables");
+    throw DeviceError("gsh::cuda::Buffer::resize: " + in_mebibytes(bytes) + " of device memory are needed, " +
+                      in_mebibytes(free) + " of " + in_mebibytes(total) +
+                      " are free; lower the number of Gaussians, the size of the images or that of the tables, or "
+                      "TrainConfig::photo_memory");
 }
 
 } // namespace detail

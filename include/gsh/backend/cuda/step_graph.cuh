@@ -82,8 +82,10 @@ class RepeatedStep<cuda::Device> {
 public:
     explicit RepeatedStep(cuda::Device& device) : device_(&device), finished_(1) { restart(); }
 
+    /// Errors  ValueError if steps of another object on this device have failed and have not been settled.
     template <class Step>
     void run(std::uint64_t kind, const Step& step) {
+        device_->begin_steps(token_);
         std::unique_ptr<cuda::StepGraph>& graph = graphs_[kind];
         const auto counted = [&] {
             step();
@@ -125,12 +127,13 @@ public:
 
 private:
     void restart() {
-        device_->resume();
+        if (device_->runs_steps_of(token_)) device_->resume();
         device_->fill(Span<std::uint32_t>(finished_), 0u);
         queued_ = 0;
     }
 
     cuda::Device* device_;
+    std::shared_ptr<const void> token_ = std::make_shared<char>(); // what the device knows this object by
     cuda::Buffer<std::uint32_t> finished_; // [1] steps since the last settle that the device has finished
     std::uint64_t queued_ = 0;             // steps since then that were handed to it
     std::map<std::uint64_t, std::unique_ptr<cuda::StepGraph>> graphs_;

@@ -31,12 +31,13 @@ void for_each_state(const LearnedArray<T>& array, const F& f) {
 
 } // namespace detail
 
-/// Adds a trainer's state to an archive: all learned arrays with their moments, the steps, and the seed by which
-/// load_trainer recognises the run.
+/// Settles a trainer, and adds its state to an archive: all learned arrays with their moments, the steps, and the seed
+/// by which load_trainer recognises the run.
 template <class TrainerType>
 void add_trainer(ArchiveWriter& file, TrainerType& trainer) {
     using T = typename TrainerType::Scalar;
     std::vector<T> host;
+    trainer.settle(); // arrays and steps of the same moment
     file.add("steps", std::uint64_t(trainer.step_count()));
     file.add("progress", trainer.progress());
     file.add("seed", std::uint64_t(trainer.seed()));
