@@ -25,11 +25,12 @@
 
 namespace gsh::bench {
 
-/// What a case cannot avoid: bytes of global memory, multiplications and additions. The larger of both times is the
-/// case's floor. Launches come on top, but are the implementation's choice. Work{} is unknown: the case has no floor.
+/// What a case cannot avoid: bytes of global memory, multiplications and additions in fp32, and those in bf16, which
+/// tensor cores compute. The largest of their times is the case's floor. Launches come on top, but are the
+/// implementation's choice. Work{} is unknown: the case has no floor.
 struct Work {
-    double bytes = 0, flops = 0;
-    [[nodiscard]] bool is_known() const { return bytes > 0 || flops > 0; }
+    double bytes = 0, flops = 0, bf16_flops = 0;
+    [[nodiscard]] bool is_known() const { return bytes > 0 || flops > 0 || bf16_flops > 0; }
 };
 
 struct Arguments {
@@ -159,12 +160,13 @@ public:
         std::printf("{\"case\": \"%s\", \"us\": %.2f, \"p10\": %.2f, \"p90\": %.2f, \"runs\": %d, \"host_us\": %.2f, "
                     "\"launches\": %zu, %s, \"gpu\": \"%s\"}\n",
                     name.c_str(), median, quantile(times, 0.1), quantile(times, 0.9), arguments_.runs,
-                    quantile(host, 0.5), kernels.medians.size(), of_floor.c_str(), device().gpu().c_str());
+                    quantile(host, 0.5), kernels.list.size(), of_floor.c_str(), device().gpu().c_str());
         if (arguments_.kernels)
-            for (const cuda::KernelTime& kernel : kernels.medians)
-                std::printf("{\"case\": \"%s\", \"stage\": \"%s\", \"kernel\": \"%s\", \"us\": %.2f, \"runs\": %zu}\n",
-                            name.c_str(), kernel.stage.c_str(), kernel.kernel.c_str(), kernel.microseconds,
-                            kernels.runs);
+            for (const Kernel& kernel : kernels.list)
+                std::printf("{\"case\": \"%s\", \"stage\": \"%s\", \"kernel\": \"%s\", \"us\": %.2f, \"p10\": %.2f, "
+                            "\"p90\": %.2f, \"runs\": %zu, \"gpu\": \"%s\"}\n",
+                            name.c_str(), kernel.stage.c_str(), kernel.name.c_str(), kernel.median, kernel.p10,
+                            kernel.p90, kernels.runs, device().gpu().c_str());
         std::fflush(stdout);
     }
 
@@ -175,9 +177,14 @@ private:
         if (has_halted(device())) throw Halted(name);
     }
 
-    /// Medians over `runs` runs.
+    /// Microseconds of a kernel.
+    struct Kernel {
+        std::string stage, name;
+        double median, p10, p90;
+    };
+    /// Over `runs` runs.
     struct Kernels {
-        std::vector<cuda::KernelTime> medians;
+        std::vector<Kernel> list;
         std::size_t runs = 0;
     };
     /// Each run is timed once, so that the medians are over all inputs. If not all runs have the same kernels, those of
@@ -210,9 +217,11 @@ private:
         const auto runs_of = [](const Sequence& sequence) { return sequence.times[0].size(); };
         const auto is_rarer = [&](const Sequence& a, const Sequence& b) { return runs_of(a) < runs_of(b); };
         Sequence& most = *std::max_element(sequences.begin(), sequences.end(), is_rarer);
+        Kernels result{{}, runs_of(most)};
         for (std::size_t i = 0; i < most.kernels.size(); ++i)
-            most.kernels[i].microseconds = quantile(most.times[i], 0.5);
-        return {most.kernels, runs_of(most)};
+            result.list.push_back({most.kernels[i].stage, most.kernels[i].kernel, quantile(most.times[i], 0.5),
+                                   quantile(most.times[i], 0.1), quantile(most.times[i], 0.9)});
+        return result;
     }
 
     [[noreturn]] static void usage() {
@@ -233,10 +242,20 @@ private:
         return text;
     }
 
-    /// µs at this GPU's copy rate, which is measured once, and at its peak rate of multiply-adds.
+    /// µs at this GPU's copy rate, which is measured once, and at its peak rates of multiply-adds. Without tensor cores
+    /// for bf16, such work counts as fp32.
     double floor_of(const Work& work) {
         if (copy_rate_ == 0) measure_rates();
-        return std::max(work.bytes / copy_rate_, work.flops / flop_rate_);
+        return std::max({work.bytes / copy_rate_, work.flops / flop_rate_, work.bf16_flops / bf16_flop_rate_});
+    }
+    /// Operations of a multiprocessor in a cycle, by compute capability. Of cards that differ, the fastest counts, so
+    /// that a floor is one. Sources: CUDA C++ Programming Guide, arithmetic instructions; white papers of each GPU.
+    static double fp32_operations(int capability) { return 2 * (capability <= 80 ? 64 : 128); }
+    static double bf16_operations(int capability) {
+        if (capability < 80) return fp32_operations(capability);
+        if (capability == 80) return 2048;
+        if (capability == 90) return 4096;
+        return capability >= 100 && capability < 120 ? 8192 : 1024;
     }
     void measure_rates() {
         const std::size_t count = std::min<std::size_t>(arguments_.gaussians * 400, std::size_t(1) << 26);
@@ -254,19 +273,23 @@ private:
             times.push_back(events.microseconds(0, 1));
         }
         copy_rate_ = 2 * sizeof(float) * static_cast<double>(count) / std::max(quantile(times, 0.5), 1e-3);
-        int processors = 0, kilohertz = 0;
+        int processors = 0, kilohertz = 0, major = 0, minor = 0;
         const int ordinal = device().ordinal();
         cuda::check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, ordinal), "bench");
         cuda::check(cudaDeviceGetAttribute(&kilohertz, cudaDevAttrClockRate, ordinal), "bench");
-        constexpr double operations = 2 * 128; // of a multiprocessor in a cycle
-        flop_rate_ = operations * processors * kilohertz * 1e-3;
-        std::printf("{\"gpu\": \"%s\", \"copy_tb_s\": %.2f, \"fp32_tflop_s\": %.1f}\n", device().gpu().c_str(),
-                    copy_rate_ * 1e-6, flop_rate_ * 1e-6);
+        cuda::check(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, ordinal), "bench");
+        cuda::check(cudaDeviceGetAttribute(&minor, cudaDevAttrComputeCapabilityMinor, ordinal), "bench");
+        const int capability = 10 * major + minor;
+        const double cycles = processors * kilohertz * 1e-3; // of all multiprocessors, per microsecond
+        flop_rate_ = fp32_operations(capability) * cycles;
+        bf16_flop_rate_ = bf16_operations(capability) * cycles;
+        std::printf("{\"gpu\": \"%s\", \"copy_tb_s\": %.2f, \"fp32_tflop_s\": %.1f, \"bf16_tflop_s\": %.1f}\n",
+                    device().gpu().c_str(), copy_rate_ * 1e-6, flop_rate_ * 1e-6, bf16_flop_rate_ * 1e-6);
     }
 
     Arguments arguments_;
     std::optional<cuda::Device> device_;
-    double copy_rate_ = 0, flop_rate_ = 0; // per microsecond
+    double copy_rate_ = 0, flop_rate_ = 0, bf16_flop_rate_ = 0; // per microsecond
 };
 
 /// Runs a program's cases. Errors go to standard error, with exit code 2.
