@@ -105,8 +105,15 @@ public:
 
     /// Throws what forward throws for the Gaussians that it was given. Forward itself does this at once, unless the
     /// backend records a step (StepGraph): then the host does not wait, and this function is for the time after the
-    /// step.
-    void check(const Cache& cache) const { check_status("Rasterizer::forward", cache); }
+    /// step. A device that has halted stays so, and later steps do nothing, until Device::resume() is called.
+    /// Errors  also ValueError if the device has halted for another reason.
+    void check(const Cache& cache) const {
+        constexpr const char* where = "Rasterizer::forward";
+        check_status(where, cache);
+        check_value(!has_halted(*backend_), where,
+                    "the device has halted in an earlier pass, so this one may have done nothing; call "
+                    "Device::resume(), then run the step again");
+    }
 
     /// Adds to the non-empty spans of dL_dsplats, and to dL_dcamera and dL_dbackground if given. The other arguments
     /// are those of the forward pass that filled the cache. A gradient of a depth needs a depth in forward's target.
@@ -208,7 +215,8 @@ private:
         if (status.pairs > status.capacity)
             throw ValueError(std::string(where) + ": the Gaussians cover " + std::to_string(status.pairs) +
                              " tiles in all, the buffers of the recorded step hold " + std::to_string(status.capacity) +
-                             "; run forward once outside of a recorded step, where the buffers grow");
+                             "; run forward once outside of a recorded step, where the buffers grow, and "
+                             "call Device::resume()");
     }
 
     B* backend_;

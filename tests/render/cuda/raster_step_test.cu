@@ -289,7 +289,11 @@ TEST_CASE("In a recorded step the host does not wait, and what cannot be drawn h
     CHECK(raster::same_bits(results(), expected));
 
     upload(larger); // outside of a recorded step the buffers grow, then the recorded step holds them
+    graph.run(step);
+    CHECK(halted());
     step();
+    CHECK(message().find("the device has halted in an earlier pass") != std::string::npos);
+    device.resume();
     const auto of_larger = results();
     graph.run(step);
     CHECK_FALSE(halted());
