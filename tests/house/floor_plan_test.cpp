@@ -145,6 +145,15 @@ bool is_of_cpu(const std::string& path) {
 /// Headers for nvcc, which only gsh/cuda.cuh and other headers of this kind may include.
 bool is_of_cuda(const std::string& path) { return path.ends_with(".cuh"); }
 
+/// Whether a line seems to have an atomic operation on floating-point numbers: its result would depend on the order of
+/// the threads. Those that do not name a type fail to compile on the emulation (backend/cuda/emulation_test.cpp). This
+/// is no guard against instructions of PTX, and loops of atomicCAS on the bits of a number.
+bool has_atomic_float(const std::string& line) {
+    static const std::regex pattern("atomic[A-Z][A-Za-z]*\\s*\\([^;]*\\b(float|double|__half2?|T)\\b|atomicCAS|"
+                                    "\\b(red|atom)\\.[a-z0-9.:]*\\.b?f(16|32|64)");
+    return std::regex_search(line, pattern);
+}
+
 /// The headers of gsh that an umbrella includes, each once.
 std::set<std::string> listed_by(const std::string& umbrella) {
     std::set<std::string> listed;
@@ -273,10 +282,8 @@ TEST_CASE("what the CUDA backend runs lies in folders cuda/, and no other header
             for (const auto& include : header.includes)
                 CHECK_MESSAGE(!is_of_cpu(ours(include.path)), header.at(include.line), include.path,
                               " belongs to the CPU backends");
-            // A sum of floating-point numbers by atomic operations depends on the order of the threads.
-            const std::regex atomic_float("atomicAdd\\s*\\([^;]*(float|double)|__half2? atomicAdd|red\\.[a-z.]*\\.f(16|32|64)");
             for (std::size_t i = 0; i < header.lines.size(); ++i)
-                CHECK_MESSAGE(!std::regex_search(header.lines[i], atomic_float), header.at(static_cast<int>(i) + 1),
+                CHECK_MESSAGE(!has_atomic_float(header.lines[i]), header.at(static_cast<int>(i) + 1),
                               "an atomic operation on a floating-point number");
             continue;
         }
@@ -287,6 +294,17 @@ TEST_CASE("what the CUDA backend runs lies in folders cuda/, and no other header
         }
     }
     CHECK(found > 3);
+}
+
+TEST_CASE("atomic operations on floating-point numbers are seen in a line") {
+    for (const char* line : {"atomicAdd(&sum, T(1));", "atomicAdd(reinterpret_cast<float*>(at), x);",
+                             "atomicMax(x, double(y));", "atomicCAS(bits, before, after);",
+                             "asm(\"red.global.add.f32 [%0], %1;\"",
+                             "asm(\"atom.global.add.noftz.bf16x2 %0, [%1], %2;\""})
+        CHECK_MESSAGE(has_atomic_float(line), line);
+    for (const char* line : {"atomicAdd(&counts[tile], 1u);", "atomicMax(at, bits);",
+                             "asm(\"red.global.add.u32 [%0], %1;\"", "float sum = 0; atomicAdd(&Total, count);"})
+        CHECK_MESSAGE(!has_atomic_float(line), line);
 }
 
 TEST_CASE("cuda.cuh lists every header of the CUDA backend") {

@@ -425,6 +425,31 @@ TEST_CASE("Atomic operations in shared memory race with other accesses, and not 
                "a write and an atomic operation of thread 2 ");
 }
 
+/// Whether a kernel with an atomic operation on numbers of this type compiles: each of them, and any of them.
+template <class T>
+concept HasAllAtomics = requires(T* number, T value, SharedArray<T, 1>& shared) {
+    atomicAdd(number, value);
+    atomicMax(number, value);
+    atomicMin(number, value);
+    atomicOr(number, value);
+    atomicExch(number, value);
+    atomicCAS(number, value, value);
+    shared.atomic(0, [](T v) { return v; });
+};
+template <class T>
+concept HasAnAtomic = requires(T* number, T value) { atomicAdd(number, value); } ||
+                      requires(T* number, T value) { atomicMax(number, value); } ||
+                      requires(T* number, T value) { atomicMin(number, value); } ||
+                      requires(T* number, T value) { atomicOr(number, value); } ||
+                      requires(T* number, T value) { atomicExch(number, value); } ||
+                      requires(T* number, T value) { atomicCAS(number, value, value); } ||
+                      requires(SharedArray<T, 1>& shared) { shared.atomic(0, [](T v) { return v; }); };
+
+TEST_CASE("No kernel compiles that has an atomic operation on floating-point numbers") {
+    static_assert(HasAllAtomics<int> && HasAllAtomics<unsigned> && HasAllAtomics<unsigned long long>);
+    static_assert(!HasAnAtomic<float> && !HasAnAtomic<double>);
+}
+
 TEST_CASE("Divergent and missing barriers are found") {
     struct TwoPlaces {
         void operator()(Words&, Span<unsigned>) const {
@@ -624,8 +649,8 @@ struct Enter {
     }
 };
 
-/// The sum of (found - expected)^2 / expected is that of counts which are expected to be equal, to 6 standard deviations
-/// of it on either side: a shuffle that is too regular is none either.
+/// The sum of (count - expected)^2 / expected is that of counts with equal chances, to 6 standard deviations of it on
+/// either side: a shuffle that is too regular is none either.
 void check_equal_chances(const std::vector<double>& counts, double expected) {
     double sum = 0;
     for (const double count : counts) sum += (count - expected) * (count - expected) / expected;

@@ -198,45 +198,47 @@ inline unsigned __reduce_add_sync(unsigned mask, unsigned value,
     return mine.value;
 }
 
-// Atomic operations on integers; sums of floating-point numbers would depend on the order of the threads -----------
+// Atomic operations on integers. Those of floating-point numbers would give results that depend on the order of the
+// threads, so there are none: a kernel that has one does not compile here --------------------------------------------
+
+namespace gsh::test {
 
 template <class T>
-    requires std::is_integral_v<T>
+concept AtomicNumber = std::is_integral_v<T>;
+
+} // namespace gsh::test
+
+template <gsh::test::AtomicNumber T>
 T atomicAdd(T* address, std::type_identity_t<T> value) {
     const T before = *address;
     *address = static_cast<T>(before + value);
     return before;
 }
-template <class T>
-    requires std::is_integral_v<T>
+template <gsh::test::AtomicNumber T>
 T atomicMax(T* address, std::type_identity_t<T> value) {
     const T before = *address;
     if (value > before) *address = value;
     return before;
 }
-template <class T>
-    requires std::is_integral_v<T>
+template <gsh::test::AtomicNumber T>
 T atomicMin(T* address, std::type_identity_t<T> value) {
     const T before = *address;
     if (value < before) *address = value;
     return before;
 }
-template <class T>
-    requires std::is_integral_v<T>
+template <gsh::test::AtomicNumber T>
 T atomicOr(T* address, std::type_identity_t<T> value) {
     const T before = *address;
     *address = before | value;
     return before;
 }
-template <class T>
-    requires std::is_integral_v<T>
+template <gsh::test::AtomicNumber T>
 T atomicExch(T* address, std::type_identity_t<T> value) {
     const T before = *address;
     *address = value;
     return before;
 }
-template <class T>
-    requires std::is_integral_v<T>
+template <gsh::test::AtomicNumber T>
 T atomicCAS(T* address, std::type_identity_t<T> expected, std::type_identity_t<T> value) {
     const T before = *address;
     if (before == expected) *address = value;

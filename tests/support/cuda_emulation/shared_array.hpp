@@ -3,6 +3,7 @@
 #pragma once
 
 #include "support/cuda_emulation/block.hpp"
+#include "support/cuda_emulation/intrinsics.hpp"
 
 #include <array>
 #include <bit>
@@ -85,6 +86,7 @@ public:
     /// change(value) as one operation that nothing interrupts; returns the value before. Atomic operations do not race
     /// with each other.
     template <class Change>
+        requires AtomicNumber<T>
     T atomic(std::size_t i, const Change& change) {
         check_index(i);
         Block& block = *Block::current();
