@@ -60,6 +60,25 @@ template <class T = double, class U = double>
     return std::sqrt(difference) / (size > 0 ? std::sqrt(size) : 1);
 }
 
+/// The largest relative_distance of arrays that follow each other in a and b: the distance of the whole would hide an
+/// error in one that is small beside the others.
+template <class T, class U>
+[[nodiscard]] double largest_distance(const std::vector<T>& a, const std::vector<U>& b,
+                                      const std::vector<std::size_t>& sizes) {
+    REQUIRE(a.size() == b.size());
+    double largest = 0;
+    std::size_t first = 0;
+    for (const std::size_t size : sizes) {
+        REQUIRE(first + size <= a.size());
+        const double distance = relative_distance(std::vector<T>(a.data() + first, a.data() + first + size),
+                                                  std::vector<U>(b.data() + first, b.data() + first + size));
+        largest = distance <= largest ? largest : distance; // a NaN stays
+        first += size;
+    }
+    REQUIRE(first == a.size());
+    return largest;
+}
+
 template <class T>
 [[nodiscard]] bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
     return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);

@@ -83,6 +83,23 @@ TEST_CASE("BlendShapes follows the CPU's, forward and backward") {
         }
 }
 
+TEST_CASE("BlendShapes sums over more chunks of a mesh than a warp has lanes") {
+    if (test::skip_without_device()) return;
+    Device device;
+    cpu::Serial serial;
+    for (const std::size_t V : {4096, 4097, 8193}) { // 32 chunks in double, 33 in double, 33 in float
+        CAPTURE(V);
+        const Inputs inputs(V, 3, 6);
+        const auto expected = run<double>(serial, inputs);
+        const auto check = [&]<class T>(const std::vector<T>& found, double tolerance) {
+            // Offsets are far more numbers than coefficients.
+            CHECK(test::largest_distance(found, expected, {3 * V, 3}) < tolerance);
+        };
+        check(run<double>(device, inputs), 1e-13);
+        check(run<float>(device, inputs), 1e-6);
+    }
+}
+
 TEST_CASE("BlendShapes::backward is the gradient of forward") {
     if (test::skip_without_device()) return;
     Device device;

@@ -29,7 +29,7 @@ struct Inputs {
     std::vector<Affine<double>> bones;
     std::vector<vec3<double>> offsets, normal_offsets, dL_dvertices, dL_dnormals;
 
-    Inputs(std::size_t joints, std::size_t rings) : body(test::tube(joints, rings)) {
+    Inputs(std::size_t joints, std::size_t rings, std::size_t sides = 12) : body(test::tube(joints, rings, sides)) {
         test::Rng rng(3);
         const std::size_t V = body.vertex_count();
         bones = pose_body(body, rng.vecs(joints, -0.5, 0.5), {0.3, -0.2, 0.5}).bones;
@@ -93,6 +93,23 @@ TEST_CASE("the posed mesh and its adjoint agree with the host's for few and many
             check_near(run<double>(device, joints, rings), run<double>(serial, joints, rings), 1e-12);
             check_near(run<float>(device, joints, rings), run<float>(serial, joints, rings), 1e-4);
         }
+}
+
+TEST_CASE("the posed mesh agrees for numbers of vertices about a piece, a block, and a warp of pieces of one bone") {
+    if (test::skip_without_device()) return;
+    Device device;
+    cpu::Serial serial;
+    struct Size {
+        std::size_t rings, sides, vertices, pieces;
+    };
+    for (const Size& size : {Size{20, 3, 65, 2}, {16, 15, 257, 5}, {68, 12, 830, 13}, {88, 23, 2049, 33}}) {
+        CAPTURE(size.vertices);
+        const Inputs inputs(1, size.rings, size.sides);
+        REQUIRE(inputs.body.vertex_count() == size.vertices);
+        REQUIRE((size.vertices + 63) / 64 == size.pieces); // 64 vertices each
+        check_near(run<double>(device, inputs), run<double>(serial, inputs), 1e-12);
+        check_near(run<float>(device, inputs), run<float>(serial, inputs), 1e-4);
+    }
 }
 
 TEST_CASE("the adjoint of the posed mesh is its gradient") {
