@@ -8,7 +8,9 @@
 #include <doctest/doctest.h>
 
 #include "support/cuda_device.hpp"
+#include "support/device_arrays.hpp"
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -93,6 +95,45 @@ TEST_CASE("a limit leaves the same Gaussians unchanged as on the host") {
                 check_equal(fates, rounded, split_count, most);
                 check_equal(fates, gradients, split_count, most);
             }
+    }
+}
+
+TEST_CASE("a limit leaves the same Gaussians unchanged for numbers about a tile, with many ties") {
+    if (test::skip_without_device()) return;
+    for (const std::size_t count : {0u, 1u, 31u, 32u, 33u, 2047u, 2048u, 2049u})
+        for (const bool all_tied : {true, false}) {
+            CAPTURE(all_tied);
+            Rng rng(count + 7);
+            std::vector<float> gradients;
+            for (std::size_t i = 0; i < count; ++i) { // the first and the last ones are larger than the others
+                const bool tied = all_tied || (i >= 100 && i + 50 < count);
+                gradients.push_back(tied ? 0.5f : static_cast<float>(rng.uniform(0.6, 1)));
+            }
+            for (const Fate fate : {Fate::clone, Fate::split})
+                for (const std::size_t split_count : {2u, 3u}) {
+                    const std::size_t growth = fate == Fate::split ? split_count - 1 : 1, all = count * (1 + growth);
+                    // Room for all, for all but the last, for all but one of its children, for half of them, for none.
+                    for (const std::size_t less : {std::size_t(0), std::size_t(1), growth, growth + 1, count / 2, all})
+                        check_equal(std::vector<Fate>(count, fate), gradients, split_count, all - std::min(less, all));
+                }
+        }
+}
+
+TEST_CASE("children of blocks begin where those before end, for more blocks than are summed at a time") {
+    if (test::skip_without_device()) return;
+    for (const std::size_t blocks : {0u, 1u, 1023u, 1024u, 1025u, 2050u}) { // 2,048 Gaussians each
+        CAPTURE(blocks);
+        Rng rng(blocks);
+        std::vector<std::uint32_t> sums, begin{0};
+        for (std::size_t b = 0; b < blocks; ++b) {
+            sums.push_back(static_cast<std::uint32_t>(rng.below(4097)));
+            begin.push_back(begin.back() + sums.back());
+        }
+        Device device;
+        const auto from = test::brought(device, sums);
+        cuda::Buffer<std::uint32_t> to(blocks + 1);
+        device.launch(1, cuda::detail::ScanDescent{from, to});
+        CHECK(test::fetched(device, to) == begin);
     }
 }
 
