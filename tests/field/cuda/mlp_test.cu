@@ -162,7 +162,7 @@ TEST_CASE_TEMPLATE("Mlp on the device equals Serial for networks of any size", T
 
 TEST_CASE_TEMPLATE("Mlp on the device takes any number of rows", T, float, double) {
     if (test::skip_without_device()) return;
-    for (const std::size_t rows : {0, 1, 31, 32, 63, 64, 65, 127, 128, 129}) {
+    for (const std::size_t rows : {0, 1, 31, 32, 33, 63, 64, 65, 127, 128, 129}) {
         CAPTURE(rows);
         const Problem<T> p({8, 4, 1, 3, 5, 9, 1}, rows);
         check_equal(run_device(p), run_serial(p));
@@ -312,7 +312,7 @@ constexpr Shape mixed_shapes[] = {{64, 4, 0, 0, 30, 64, 2},
 TEST_CASE("mixed precision rounds the operands of products to bf16, and nothing else") {
     if (test::skip_without_device()) return;
     for (const Shape& shape : mixed_shapes)
-        for (const std::size_t rows : {1u, 15u, 16u, 17u, 63u, 64u, 65u, 150u}) {
+        for (const std::size_t rows : {1u, 15u, 16u, 17u, 31u, 32u, 33u, 63u, 64u, 65u, 150u}) {
             CAPTURE(shape.features);
             CAPTURE(shape.outputs);
             CAPTURE(rows);

@@ -30,7 +30,7 @@ using cuda::Device;
 struct Size {
     int channels, height, width;
 };
-constexpr Size sizes[] = {{1, 1, 1},   {2, 3, 4},   {1, 1, 33},  {1, 31, 32}, {1, 33, 31},
+constexpr Size sizes[] = {{1, 1, 1},   {2, 3, 4},   {1, 1, 33},  {1, 31, 32}, {1, 32, 33}, {1, 33, 31},
                           {1, 16, 65}, {2, 17, 29}, {3, 33, 47}, {1, 64, 64}, {1, 65, 70}};
 
 Image<double> random_image(Size size, std::uint64_t seed) {
@@ -131,6 +131,15 @@ TEST_CASE("PhotometricLoss in float follows double") {
         const auto found = run<float>(device, {}, as<float>(a), as<float>(b), float(count));
         const auto expected = run<double>(serial, {}, a, b, count);
         CHECK(found.values.loss == doctest::Approx(expected.values.loss).epsilon(1e-6));
+        CHECK(found.values.ssim == doctest::Approx(expected.values.ssim).epsilon(1e-6));
+        CHECK(test::relative_distance(found.gradient, expected.gradient) < 1e-4);
+    }
+    for (const Size size : sizes) { // of tiles, too, which are larger than in double
+        INFO("size " << size.channels << " x " << size.height << " x " << size.width);
+        const auto a = as<float>(random_image(size, 1)), b = as<float>(random_image(size, 2));
+        const auto found = run<float>(device, {}, a, b, 0.7f), expected = run<float>(serial, {}, a, b, 0.7f);
+        CHECK(found.values.loss == doctest::Approx(expected.values.loss).epsilon(1e-6));
+        CHECK(found.values.l1 == doctest::Approx(expected.values.l1).epsilon(1e-6));
         CHECK(found.values.ssim == doctest::Approx(expected.values.ssim).epsilon(1e-6));
         CHECK(test::relative_distance(found.gradient, expected.gradient) < 1e-4);
     }
