@@ -68,11 +68,17 @@ void cases(Bench& bench) {
         const std::string name = kind_name;
         const bool pose = bench.wants(name + "/pose"), render = bench.wants(name + "/pose+render");
         if (!pose && !render) continue;
-        Shown shown(bench.device(), make_avatar_load(options.gaussians, kind), options.size);
+        const AvatarData data = make_avatar_load(options.gaussians, kind);
+        Shown shown(bench.device(), data, options.size);
         const double n = static_cast<double>(shown.avatar.size());
-        if (pose) bench.measure(name + "/pose", {n * (gaussian + splat)}, [&](int k) { shown.pose(k); });
+        // What else a pose reads: directions, and for light its intensities, and the mesh that hides it.
+        double more = 3.0 * sizeof(float) * static_cast<double>(data.rig.body.posedirs.size());
+        if (data.light)
+            more += sizeof(float) * (4.0 * static_cast<double>(data.light->size()) +
+                                     3.0 * static_cast<double>(data.rig.body.vertex_count() + data.rig.body.faces.size()));
+        if (pose) bench.measure(name + "/pose", {n * (gaussian + splat) + more}, [&](int k) { shown.pose(k); });
         if (render)
-            bench.measure(name + "/pose+render", {n * (gaussian + 2 * splat) + image}, [&](int k) {
+            bench.measure(name + "/pose+render", {n * (gaussian + 2 * splat) + image + more}, [&](int k) {
                 shown.pose(k);
                 shown.draw(k);
             });

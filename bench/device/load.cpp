@@ -52,14 +52,14 @@ CloudLoad read_cloud_load(const std::string& ply, const std::string& cameras) {
     if (load.cameras.empty()) throw ValueError(cameras + ": has no camera");
 
     cpu::Threads backend;
-    const GaussianCloud<float> cloud = read_gaussian_ply(ply);
-    const std::size_t n = cloud.size();
+    load.cloud = read_gaussian_ply(ply);
+    const std::size_t n = load.cloud.size();
     load.means.resize(n), load.colors.resize(n), load.covariances.resize(n), load.opacities.resize(n);
     Gaussians<cpu::Threads, float> gaussians;
-    upload(backend, cloud, gaussians);
+    upload(backend, load.cloud, gaussians);
     StaticSplatsCache<cpu::Threads> cache;
     const SplatView<float> splats{load.means, load.covariances, load.opacities, load.colors};
-    with_sh_degree(cloud.sh_degree, [&](auto degree) {
+    with_sh_degree(load.cloud.sh_degree, [&](auto degree) {
         StaticSplats<cpu::Threads, decltype(degree)::value>(backend).forward(
             std::as_const(gaussians).view(), load.cameras.begin()->second[0].center(), splats, cache);
     });
@@ -112,7 +112,7 @@ void write_cloud_load(const std::string& ply, const std::string& cameras, const 
 }
 
 AvatarData make_avatar_load(std::size_t gaussians, AvatarKind kind) {
-    BodyModel body = make_actor();
+    BodyModel body = make_actor({.edge_scale = 1.264}); // about as many vertices as SMPL-X has, 10,475
     Rng rng(1);
     if (kind == AvatarKind::pose_directions) {
         body.posedirs.resize(body.vertex_count() * body.pose_feature_count());

@@ -4,6 +4,7 @@
 
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/train/canonical_setup.hpp>
@@ -18,8 +19,9 @@
 
 namespace gsh::bench {
 
-/// The Gaussians of a .ply file as splats, seen from a camera file.
+/// The Gaussians of a .ply file, also as splats with the colours of one view, and cameras.
 struct CloudLoad {
+    GaussianCloud<float> cloud;
     std::vector<vec3<float>> means, colors;
     std::vector<sym3<float>> covariances;
     std::vector<float> opacities;
@@ -29,7 +31,7 @@ struct CloudLoad {
 };
 
 /// Reads a .ply file of 3D Gaussian splatting, and a JSON list of cameras with width, height, fx, fy, cx, cy and
-/// world_to_camera [4, 4]. Colours are those of the first camera's direction.
+/// world_to_camera [4, 4]. Colours of splats are those of the first camera's direction.
 /// Errors  IoError, ValueError: a file that is missing or not of this kind.
 [[nodiscard]] CloudLoad read_cloud_load(const std::string& ply, const std::string& cameras);
 
@@ -41,7 +43,7 @@ void write_cloud_load(const std::string& ply, const std::string& cameras, const 
 
 enum class AvatarKind { plain, pose_directions, light };
 
-/// The actor with Gaussians of random attributes on its surface. With pose directions, random ones, 9 for each joint
+/// The actor, of about 10,475 vertices as SMPL-X, with Gaussians of random attributes on its surface. With pose directions, random ones, 9 for each joint
 /// but the root; with light, 4 points and 12 directions.
 [[nodiscard]] AvatarData make_avatar_load(std::size_t gaussians, AvatarKind kind);
 

@@ -53,16 +53,21 @@ void field_cases(Bench& bench) {
                 field.forward(device, tables[k % 2], weights, query, results, cache, {});
             };
 
-            // Each entry that a point reads once, each point's weights of its corners, the outputs.
+            // Each entry that a point reads once, each point's weights of its corners, the outputs. The table and its
+            // gradient are float in mixed precision, too, since every forward pass makes its copy of 16 bits anew.
+            // Products in float count at the rate of fp32; three of TF32 for each would take two fifths of that time.
             const double entries = static_cast<double>(query.touched.size()) * 4 * sizeof(float);
             const double lookups = static_cast<double>(query.lookups());
             const double products = 2.0 * static_cast<double>(n * field.mlp().parameter_count());
             const double out = static_cast<double>(results.size()) * sizeof(float);
+            const auto work = [&](double bytes, double operations) {
+                return Work{bytes, mixed ? 0 : operations, mixed ? operations : 0};
+            };
             if (forward)
-                bench.measure(name + "/forward", {entries + out + 12.0 * static_cast<double>(n), products},
+                bench.measure(name + "/forward", work(entries + out + 12.0 * static_cast<double>(n), products),
                               run_forward);
             if (backward)
-                bench.measure(name + "/forward+backward", {3 * entries + 2 * out + 4 * lookups, 3 * products},
+                bench.measure(name + "/forward+backward", work(3 * entries + 2 * out + 4 * lookups, 3 * products),
                               [&](int k) {
                                   run_forward(k);
                                   field.backward(device, weights, query, results, cache, dL_dtable, dL_dweights, {});
@@ -105,21 +110,32 @@ void adam_cases(Bench& bench) {
     Device& device = bench.device();
     std::vector<float> values(rows * width);
     for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(random_uniform(1, i) - 0.5);
-    cuda::Buffer<float> parameters = uploaded(device, values), gradients = uploaded(device, values), m(values.size()),
-                        v(values.size());
-    device.fill(Span<float>(m), 0.0f), device.fill(Span<float>(v), 0.0f);
+    struct Arrays {
+        cuda::Buffer<float> parameters, gradients, m, v;
+    };
+    std::vector<Arrays> inputs(4); // take turns, so that none is in the cache from the run before
+    for (Arrays& a : inputs) {
+        a.parameters = uploaded(device, values), a.gradients = uploaded(device, values);
+        a.m.resize(values.size()), a.v.resize(values.size());
+        device.fill(Span<float>(a.m), 0.0f), device.fill(Span<float>(a.v), 0.0f);
+    }
+    const auto turn = [&](int k) -> Arrays& { return inputs[static_cast<std::size_t>(k) % inputs.size()]; };
     std::vector<std::uint32_t> touched;
     for (std::uint32_t row = 0; row < rows; ++row)
         if (random_bits(2, row / 16) & 1) touched.push_back(row);
     const auto list = uploaded(device, touched);
     const double bytes = 7.0 * sizeof(float) * static_cast<double>(values.size());
     if (dense)
-        bench.measure("adam/dense", {bytes},
-                      [&](int k) { Adam().step(device, Span<float>(parameters), gradients, m, v, 1e-3, k + 1); });
+        bench.measure("adam/dense", {bytes}, [&](int k) {
+            Arrays& a = turn(k);
+            Adam().step(device, Span<float>(a.parameters), a.gradients, a.m, a.v, 1e-3, k + 1);
+        });
     if (sparse)
         bench.measure("adam/half of the rows",
                       {bytes * static_cast<double>(touched.size()) / static_cast<double>(rows)}, [&](int k) {
-                          Adam().step_rows(device, Span<float>(parameters), gradients, m, v, list, width, 1e-3, k + 1);
+                          Arrays& a = turn(k);
+                          Adam().step_rows(device, Span<float>(a.parameters), a.gradients, a.m, a.v, list, width, 1e-3,
+                                           k + 1);
                       });
 }
 
@@ -131,23 +147,29 @@ void density_cases(Bench& bench) {
     if (!free && !limited) return;
     const std::size_t n = 6 * bench.arguments().gaussians;
     Device& device = bench.device();
-    std::vector<Fate> fates;
-    std::vector<float> gradients;
+    constexpr std::size_t input_count = 8; // take turns
+    std::vector<cuda::Buffer<Fate>> of_device;
+    std::vector<cuda::Buffer<float>> values;
     Rng rng(1);
-    for (std::size_t i = 0; i < n; ++i) {
-        const double u = rng.uniform();
-        fates.push_back(u < 0.03 ? Fate::split : u < 0.06 ? Fate::clone : u < 0.08 ? Fate::prune : Fate::keep);
-        gradients.push_back(static_cast<float>(rng.uniform()));
+    for (std::size_t input = 0; input < input_count; ++input) {
+        std::vector<Fate> fates;
+        std::vector<float> gradients;
+        for (std::size_t i = 0; i < n; ++i) {
+            const double u = rng.uniform();
+            fates.push_back(u < 0.03 ? Fate::split : u < 0.06 ? Fate::clone : u < 0.08 ? Fate::prune : Fate::keep);
+            gradients.push_back(static_cast<float>(rng.uniform()));
+        }
+        of_device.push_back(uploaded(device, fates)), values.push_back(uploaded(device, gradients));
     }
-    const auto of_device = uploaded(device, fates);
-    const auto values = uploaded(device, gradients);
     detail::DescentBuffers<Device> plan;
     const double bytes = static_cast<double>(n) * (2 * sizeof(Fate) + sizeof(std::uint32_t) + sizeof(gsh::detail::Kin));
     const auto measure = [&](const std::string& name, std::size_t most) {
         bench.measure_runs(
             name, {bytes},
-            [&](int) {
-                (void)plan_descent(device, Span<const Fate>(of_device), Span<const float>(values), 2, most, plan);
+            [&](int k) {
+                const std::size_t input = static_cast<std::size_t>(k) % input_count;
+                (void)plan_descent(device, Span<const Fate>(of_device[input]), Span<const float>(values[input]), 2, most,
+                                   plan);
             },
             [](int) { return std::vector<cuda::KernelTime>(); });
     };

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Bench of rasterizing on a GPU: a person, many transparent layers, a room, or a .ply file from given cameras.
+/// @file  Bench of rasterizing on a GPU: a person, many transparent layers, a room, or a .ply file from given cameras,
+///        as splats (raster/) and from stored Gaussians with their harmonics (cloud/).
 ///        --write FOLDER writes the room as such a file, for other programs: room.ply and cameras.json.
 #include "load.hpp"
 #include "measure.cuh"
@@ -7,8 +8,10 @@
 #include "../render/capsule_load.hpp"
 
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/cuda.cuh>
+#include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
-#include <gsh/render/cuda/rasterizer.cuh>
+#include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/render/rasterizer.hpp>
 
 #include <cmath>
@@ -84,6 +87,54 @@ void measure(Bench& bench, const std::string& name, const SplatView<const float>
     }
 }
 
+/// A scene whose splats are made anew for each view: covariances, and colours from harmonics of the file's degree.
+template <int Degree>
+struct Cloud {
+    Scene scene;
+    StaticSplats<Device, Degree> splats;
+    StaticSplatsCache<Device> cache;
+    Gaussians<Device, float> gaussians, dL_dgaussians;
+
+    Cloud(Device& device, const CloudLoad& load, const std::vector<Camera<float>>& cameras)
+        : scene(device, load.view(), cameras), splats(device) {
+        upload(device, load.cloud, gaussians);
+        dL_dgaussians.resize(load.cloud.size(), Degree);
+    }
+    void forward(int k) {
+        const SplatView<float> made{scene.means, scene.covariances, scene.opacities, scene.colors};
+        splats.forward(std::as_const(gaussians).view(), scene.camera(k).center(), made, cache);
+        scene.forward(k);
+    }
+    void backward(int k) {
+        scene.backward(k);
+        const SplatView<const float> from{scene.dL_dmeans, scene.dL_dcovariances, scene.dL_dopacities,
+                                          scene.dL_dcolors};
+        fill_zero(scene.device, dL_dgaussians.view());
+        splats.backward(std::as_const(gaussians).view(), scene.camera(k).center(), from, cache, dL_dgaussians.view());
+    }
+};
+
+/// The same passes from stored Gaussians, whose numbers are read, and in the backward pass read again and their
+/// gradients written.
+template <int Degree>
+void measure_cloud(Bench& bench, const std::string& name, const CloudLoad& load,
+                   const std::vector<Camera<float>>& cameras) {
+    const double gaussian = (3 + 4 + 3 + 1 + 3 * sh_basis_count(Degree)) * sizeof(float);
+    const double n = static_cast<double>(load.cloud.size());
+    const double image = 3.0 * sizeof(float) * cameras[0].width * cameras[0].height;
+    if (bench.wants(name + "/forward")) {
+        Cloud<Degree> cloud(bench.device(), load, cameras);
+        bench.measure(name + "/forward", {n * gaussian + image}, [&](int k) { cloud.forward(k); });
+    }
+    if (bench.wants(name + "/forward+backward")) {
+        Cloud<Degree> cloud(bench.device(), load, cameras);
+        bench.measure(name + "/forward+backward", {3 * n * gaussian + 2 * image}, [&](int k) {
+            cloud.forward(k);
+            cloud.backward(k);
+        });
+    }
+}
+
 std::vector<Camera<float>> ring(int size) {
     std::vector<Camera<float>> cameras;
     for (int view = 0; view < 8; ++view) cameras.push_back(make_camera(size, view));
@@ -103,7 +154,12 @@ void cases(Bench& bench) {
     const Arguments& options = bench.arguments();
     if (!options.ply.empty()) {
         const CloudLoad load = read_cloud_load(options.ply, options.cameras);
-        for (const auto& [name, cameras] : load.cameras) measure(bench, "raster/" + name, load.view(), cameras);
+        for (const auto& [name, cameras] : load.cameras) {
+            measure(bench, "raster/" + name, load.view(), cameras);
+            with_sh_degree(load.cloud.sh_degree, [&, name = name, &cameras = cameras](auto degree) {
+                measure_cloud<decltype(degree)::value>(bench, "cloud/" + name, load, cameras);
+            });
+        }
         return;
     }
     const std::size_t many = 12 * options.gaussians; // of a room
