@@ -43,8 +43,8 @@ void write_cloud_load(const std::string& ply, const std::string& cameras, const 
 
 enum class AvatarKind { plain, pose_directions, light };
 
-/// The actor, of about 10,475 vertices as SMPL-X, with Gaussians of random attributes on its surface. With pose directions, random ones, 9 for each joint
-/// but the root; with light, 4 points and 12 directions.
+/// The actor, of about 10,475 vertices as SMPL-X, with Gaussians of random attributes on its surface. With pose
+/// directions, random ones, 9 for each joint but the root; with light, 4 points and 12 directions.
 [[nodiscard]] AvatarData make_avatar_load(std::size_t gaussians, AvatarKind kind);
 
 /// The built-in actor at the start of a training: in 12 poses, photographed by 8 cameras.

@@ -176,13 +176,11 @@ public:
                                                {light_ ? light_->gradient() : LightView<T>(),
                                                 normal_offsets_.gradient(), !dL_dpose.empty()});
         });
-        const auto pose_backward = [&] { // bones and shadow: both add to dL_dpose
+        for_each_branch(*backend_, 2, [&](std::size_t branch) {
+            if (branch == 1) return appearance_.backward(frame, cache_.poser.dL_dmeans);
+            // One branch, since both add to dL_dpose.
             poser_.bones_backward(pose, cache_.poser, joints_.gradient(), dL_dpose);
             if (!dL_dao.empty()) shadow_.backward(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
-        };
-        for_each_branch(*backend_, 2, [&](std::size_t branch) {
-            if (branch == 0) pose_backward();
-            else appearance_.backward(frame, cache_.poser.dL_dmeans);
         });
     }
 

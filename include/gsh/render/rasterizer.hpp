@@ -97,7 +97,7 @@ public:
         check_memory(*backend_, where, "median_depth", target.median_depth);
         check_memory(*backend_, where, "background", background.image);
         cache.splat_count = 0, cache.width = cache.height = 0; // backward refuses the cache until forward has succeeded
-        cache.has_depth = !target.expected_depth.empty() || !target.median_depth.empty();
+        cache.has_depth = target.has_depth();
         composite_forward(*backend_, input, splats, background, params_, target, cache); // the backend's own overload
         if (!defers()) check_status(where, cache);
         cache.splat_count = splats.size(), cache.width = camera.width, cache.height = camera.height;
@@ -130,7 +130,7 @@ public:
         check_optional(where, "dL_dtarget.alpha", dL_dtarget.alpha, 1, camera);
         check_optional(where, "dL_dtarget.expected_depth", dL_dtarget.expected_depth, 1, camera);
         check_optional(where, "dL_dtarget.median_depth", dL_dtarget.median_depth, 1, camera);
-        check_value(cache.has_depth || (dL_dtarget.expected_depth.empty() && dL_dtarget.median_depth.empty()), where,
+        check_value(cache.has_depth || !dL_dtarget.has_depth(), where,
                     "dL_dtarget has a gradient of depths, and forward's target had no image of them");
         check_optional(where, "background", background.image, 3, camera);
         check_optional(where, "dL_dbackground.image", dL_dbackground.image, 3, camera);

@@ -32,6 +32,8 @@ struct RenderTarget {
     ImageView<T> alpha = {};          ///< 1 - final transmittance
     ImageView<T> expected_depth = {}; ///< sum of weight * z; divided by alpha it is the mean depth of the splats
     ImageView<T> median_depth = {};   ///< z of the splat that takes the transmittance to 1/2 or below; 0 if none does
+
+    [[nodiscard]] bool has_depth() const { return !expected_depth.empty() || !median_depth.empty(); }
 };
 
 /// Gradient with respect to a rendering. Empty images count as zero.
@@ -41,6 +43,8 @@ struct RenderGradient {
     ImageView<const T> alpha = {};
     ImageView<const T> expected_depth = {};
     ImageView<const T> median_depth = {};
+
+    [[nodiscard]] bool has_depth() const { return !expected_depth.empty() || !median_depth.empty(); }
 };
 
 } // namespace gsh

@@ -135,8 +135,7 @@ public:
         std::vector<vec3<double>> roots;
         for (const Person& person : people_) roots.push_back(person.motion->transl[frame]);
         const auto caster = [&](std::size_t p) {
-            const auto& light = people_[p].model->light();
-            return light && light->shadows() ? people_[p].model->caster(pose(frame, p)) : ShadowCaster<T>();
+            return casts_shadow(people_[p]) ? people_[p].model->caster(pose(frame, p)) : ShadowCaster<T>();
         };
         pose_people<T>(roots, caster, [&](std::size_t p, Span<const ShadowCaster<T>> others) {
             people_[p].model->pose(pose(frame, p), frame, center, part(p, splats), others);
@@ -147,9 +146,8 @@ public:
         for (std::size_t p = 0; p < people_.size(); ++p) {
             Person& person = people_[p];
             MotionRefinement<B, T>* refinement = person.refinement;
-            const RigPoseGradient<T> dL_dpose = refinement && refinement->learns_motion(frame)
-                                                    ? refinement->pose_gradient()
-                                                    : RigPoseGradient<T>();
+            const RigPoseGradient<T> dL_dpose =
+                learns_motion(person, frame) ? refinement->pose_gradient() : RigPoseGradient<T>();
             person.model->backward(present_pose(person, frame), frame, center, part(p, dL_dsplats), dL_dpose,
                                    dL_dcenter);
             if (!dL_dpose.empty()) refinement->accumulate(frame, dL_dpose);
@@ -169,8 +167,7 @@ public:
         return cameras ? cameras->camera_input(photo.camera_index) : photo.camera.template cast<T>();
     }
     [[nodiscard]] CameraGradientView<T> camera_gradient(const Photo& photo) {
-        const auto* cameras = camera_refinement();
-        const bool learns = cameras && cameras->learns_camera(photo.camera_index);
+        const bool learns = learns_camera(photo);
         dL_dcamera_.resize(learns ? 1 : 0);
         dL_dcenter_.resize(learns ? 1 : 0);
         backend_->fill(Span<CameraGradient<T>>(dL_dcamera_), CameraGradient<T>{});
@@ -190,13 +187,13 @@ public:
     /// What a photograph's step launches beside other steps: whether camera and poses learn, and who casts shadows on
     /// whom.
     [[nodiscard]] std::uint64_t kind(const Photo& photo) const {
-        const auto* cameras = camera_refinement();
-        std::uint64_t kind = cameras && cameras->learns_camera(photo.camera_index);
+        std::uint64_t kind = learns_camera(photo);
         for (const Person& a : people_) {
-            kind = mix_bits(2 * kind + (a.refinement && a.refinement->learns_motion(photo.frame)));
+            kind = mix_bits(2 * kind + learns_motion(a, photo.frame));
             for (const Person& b : people_)
-                kind = mix_bits(2 * kind + cast_shadows_on_each_other(a.motion->transl[photo.frame],
-                                                                     b.motion->transl[photo.frame]));
+                kind = mix_bits(2 * kind + (casts_shadow(b) && cast_shadows_on_each_other(
+                                                                   a.motion->transl[photo.frame],
+                                                                   b.motion->transl[photo.frame])));
         }
         return kind;
     }
@@ -220,6 +217,17 @@ private:
         RigPose<B, T> pose;               // of a refinement, or of a motion that is too long to be kept
         MotionRefinement<B, T>* refinement = nullptr;
     };
+    [[nodiscard]] static bool casts_shadow(const Person& of) {
+        const auto& light = of.model->light();
+        return light && light->shadows();
+    }
+    [[nodiscard]] static bool learns_motion(const Person& of, std::size_t frame) {
+        return of.refinement && of.refinement->learns_motion(frame);
+    }
+    [[nodiscard]] bool learns_camera(const Photo& photo) const {
+        const auto* cameras = camera_refinement();
+        return cameras && cameras->learns_camera(photo.camera_index);
+    }
     [[nodiscard]] static bool keeps_poses(const Person& of) {
         return gsh::keeps_poses(of.motion->frame_count(), of.model->rig().shape_bytes());
     }

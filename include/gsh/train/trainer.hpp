@@ -135,7 +135,7 @@ public:
     /// now on, or the error is thrown. Nothing has changed since that step.
     /// Errors  those of Rasterizer::forward.
     void settle() {
-        unsettled_ = 0;
+        if (std::exchange(unsettled_, 0) == 0) return;
         if (loss_.settle(repeated_, *scene_, step_count_) == 0) return;
         for (const LearnedArray<T>& array : scene_->learned()) // no step has used what the lost ones added
             backend_->fill(array.gradient, T(0));

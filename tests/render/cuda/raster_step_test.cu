@@ -75,7 +75,8 @@ TEST_CASE("Finite but absurd Gaussians draw nothing and break nothing") {
     CHECK(found.visible == expected.visible);
 }
 
-TEST_CASE_TEMPLATE("A needle that passes by all tiles draws nothing, wherever the camera has been before", T, float, double) {
+TEST_CASE_TEMPLATE("A needle that passes by all tiles draws nothing, wherever the camera has been before", T, float,
+                   double) {
     if (test::skip_without_device()) return;
     test::Rng rng(1);
     constexpr int size = 300;
@@ -137,8 +138,8 @@ TEST_CASE("A pixel whose transmittance falls to 1/2 between two segments of a li
         for (double& log : logs) log = std::log1p(-rng.uniform(2e-4, 1e-3));
         const double sum = std::accumulate(logs.begin(), logs.begin() + in_front, 0.0);
         for (std::size_t i = 0; i < logs.size(); ++i)
-            scene.add(vec3<double>(0, 0, 1e-3 * double(i)), test::ball(500.0), -std::expm1(logs[i] * std::log(0.5) / sum),
-                      vec3<double>(1, 0.5, 0));
+            scene.add(vec3<double>(0, 0, 1e-3 * double(i)), test::ball(500.0),
+                      -std::expm1(logs[i] * std::log(0.5) / sum), vec3<double>(1, 0.5, 0));
         const auto cast = scene.cast<float>();
         RasterParams<float> params;
         params.alpha_min = 1e-5f;

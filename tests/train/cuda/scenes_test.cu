@@ -92,15 +92,9 @@ TEST_CASE("a trainer that has released its memory on the device goes on with the
     const auto train = [&](bool releases) {
         SmallTraining<Device> training(scene, [] { return Device(); }, 3, {.ao = AmbientOcclusion::time});
         auto& trainer = training.trainer;
-        const auto train_to = [&](std::uint64_t steps) {
-            while (trainer.step_count() < steps) {
-                while (trainer.step_count() < steps) trainer.step(0.5);
-                trainer.settle(); // goes back where buffers overflowed
-            }
-        };
-        train_to(3 * scene.photos.size());
+        trainer.train_to(3 * scene.photos.size());
         if (releases) trainer.release_memory();
-        train_to(5 * scene.photos.size());
+        trainer.train_to(5 * scene.photos.size());
         return training.parameters();
     };
     CHECK(train(true) == train(false));
@@ -112,25 +106,33 @@ TEST_CASE("a pose is fitted on the device as on the CPU") {
     check_near(fit_pose<Device>(scene), fit_pose<cpu::Serial>(scene));
 }
 
-/// A scene in which the camera of the first step is far away: there, the splats cover few tiles.
-SmallScene first_seen_from_afar(std::uint64_t seed, std::size_t& first_camera) {
+/// The camera of the first step is far away: there, the splats cover few tiles.
+struct FirstSeenFromAfar {
+    static constexpr std::uint64_t seed = 3;
     SmallScene scene;
-    first_camera = scene.photos[shuffled_indices(4, random_bits(seed, 0))[0]].camera_index;
-    for (Photo& photo : scene.photos)
-        if (photo.camera_index == first_camera) photo.camera.t.z += 12;
-    return scene;
-}
+    std::size_t first_camera;
+
+    FirstSeenFromAfar() : first_camera(scene.photos[shuffled_indices(4, random_bits(seed, 0))[0]].camera_index) {
+        for (Photo& photo : scene.photos)
+            if (photo.camera_index == first_camera) photo.camera.t.z += 12;
+    }
+    /// The first step with another camera.
+    template <class TrainerType>
+    [[nodiscard]] std::size_t near_step(TrainerType& trainer) const {
+        std::size_t step = 0;
+        while (scene.photos[trainer.photo_of_step(step)].camera_index == first_camera) ++step;
+        return step;
+    }
+};
 
 TEST_CASE("a training to a number of steps takes all of them, whatever overflows and whoever looks at it before") {
     if (skip_without_device()) return;
-    const std::uint64_t seed = 3;
-    std::size_t first;
-    const SmallScene scene = first_seen_from_afar(seed, first);
+    const FirstSeenFromAfar far;
+    const SmallScene& scene = far.scene;
     const auto train = [&](bool looks) {
-        SmallTraining<Device> training(scene, [] { return Device(); }, seed, {.ao = AmbientOcclusion::time});
+        SmallTraining<Device> training(scene, [] { return Device(); }, far.seed, {.ao = AmbientOcclusion::time});
         auto& trainer = training.trainer;
-        std::size_t near = 0; // the first step with another camera
-        while (scene.photos[trainer.photo_of_step(near)].camera_index == first) ++near;
+        const std::size_t near = far.near_step(trainer);
         Image<float> picture;
         while (looks && trainer.step_count() < 12) trainer.step(static_cast<double>(trainer.step_count()) / 30);
         if (looks) {
@@ -146,34 +148,27 @@ TEST_CASE("a training to a number of steps takes all of them, whatever overflows
 
 TEST_CASE("a trainer settles often enough to be able to take its steps back") {
     if (skip_without_device()) return;
-    const std::uint64_t seed = 3;
-    std::size_t first;
-    const SmallScene scene = first_seen_from_afar(seed, first);
-    SmallTraining<Device> training(scene, [] { return Device(); }, seed, {.ao = AmbientOcclusion::none});
+    const FirstSeenFromAfar far;
+    const SmallScene& scene = far.scene;
+    SmallTraining<Device> training(scene, [] { return Device(); }, far.seed, {.ao = AmbientOcclusion::none});
     for (std::size_t i = 0; i <= most_unsettled_steps; ++i) training.trainer.step(0.5);
     CHECK(training.trainer.step_count() < most_unsettled_steps); // it went back to the step that failed
 }
 
 TEST_CASE("steps after an overflow change nothing, and are taken again with the bits of large buffers") {
     if (skip_without_device()) return;
-    const std::uint64_t seed = 3;
-    std::size_t first;
-    const SmallScene scene = first_seen_from_afar(seed, first);
+    const FirstSeenFromAfar far;
+    const SmallScene& scene = far.scene;
     const auto train = [&](bool large_from_the_start) {
-        SmallTraining<Device> training(scene, [] { return Device(); }, seed, {.ao = AmbientOcclusion::time});
+        SmallTraining<Device> training(scene, [] { return Device(); }, far.seed, {.ao = AmbientOcclusion::time});
         MotionRefinement<Device> refinement(training.backend, training.rig, scene.motion, {}, test_time_config());
         training.people.refine(refinement);
         auto& trainer = training.trainer;
-        std::size_t near = 0; // the first step with the other camera
-        while (scene.photos[trainer.photo_of_step(near)].camera_index == first) ++near;
+        const std::size_t near = far.near_step(trainer);
         Outcome outcome;
         if (large_from_the_start)
             trainer.render(scene.photos[trainer.photo_of_step(near)], outcome.pictures.emplace_back());
         outcome.pictures.clear();
-        const auto take_to = [&](std::uint64_t steps) {
-            while (trainer.step_count() < steps) trainer.step(0.5);
-            trainer.settle();
-        };
         while (trainer.step_count() < 12) trainer.step(0.5);
         RepeatedStep<Device> others(training.backend); // does not make failed steps good
         if (!large_from_the_start)
@@ -182,7 +177,8 @@ TEST_CASE("steps after an overflow change nothing, and are taken again with the 
         CHECK(trainer.step_count() == (large_from_the_start ? 12 : near));
         others.run(0, [] {});
         CHECK(others.settle() == 0);
-        take_to(50);
+        while (trainer.step_count() < 50) trainer.step(0.5);
+        trainer.settle();
         CHECK(trainer.step_count() == 50);
         CHECK(refinement.step_count() == 50);
         observe(trainer, scene.photos[1], outcome);

@@ -58,7 +58,7 @@ struct ShRows {
         constexpr unsigned batch = 3 * (Degree + 1); // of Degree + 1 batches
         const unsigned first = threadIdx.x / warp_size * warp_size; // row of the block
         for (unsigned begin = 0; begin < length; begin += batch) {
-            T numbers[batch] = {}; // for GCC, which does not see that only what was read is written
+            T numbers[batch];
             const auto for_each = [&](const auto& body) {
                 for (unsigned b = 0; b < batch; ++b) {
                     const unsigned n = (begin + b) * warp_size + threadIdx.x % warp_size, row = n / length;

@@ -127,7 +127,7 @@ public:
     explicit PinnedCopy(Span<const std::uint8_t> from) : size_(from.size()) {
         if (size_ == 0) return;
         check(cudaMallocHost(&data_, size_), "gsh::cuda::PinnedCopy",
-              std::to_string(size_ >> 20) + " MiB of page-locked host memory are needed");
+              detail::in_mebibytes(size_) + " of page-locked host memory are needed");
         std::memcpy(data_, from.data(), size_);
     }
     PinnedCopy(PinnedCopy&& other) noexcept

@@ -146,7 +146,7 @@ template <CpuBackend B, std::floating_point T>
 void blend_tiles(B& backend, const Background<T>& background, const RasterParams<T>& params,
                  const RenderTarget<T>& target, RasterCache<B, T>& cache) {
     RasterScratch<B, T>& scratch = cache.scratch;
-    const bool with_depth = !target.expected_depth.empty() || !target.median_depth.empty();
+    const bool with_depth = target.has_depth();
     const detail::BlendLimits<T> limits(params);
     const Span<const ScreenSplat<T>> splats = scratch.splats;
     const Span<const std::uint32_t> instances = scratch.instances;

@@ -178,7 +178,7 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
                           const BackgroundGradient<T>& dL_dbackground) {
     using namespace detail;
     RasterScratch<B, T>& scratch = cache.scratch;
-    const bool with_depth = !dL_dtarget.expected_depth.empty() || !dL_dtarget.median_depth.empty();
+    const bool with_depth = dL_dtarget.has_depth();
     const BlendLimits<T> limits(params);
     const Span<const ScreenSplat<T>> splats = scratch.splats;
     const Span<const std::uint32_t> instances = scratch.instances;

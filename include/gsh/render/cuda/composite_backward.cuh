@@ -60,7 +60,7 @@ void composite_backward(Device& device, const Deferred<Camera<T>>& camera, const
                         const SplatView<T>& dL_dsplats, Span<CameraGradient<T>> dL_dcamera,
                         const BackgroundGradient<T>& dL_dbackground) {
     RasterScratch<Device, T>& scratch = cache.scratch;
-    if (dL_dtarget.expected_depth.empty() && dL_dtarget.median_depth.empty())
+    if (!dL_dtarget.has_depth())
         detail::blend_tiles_backward<false>(device, background, params, dL_dtarget, cache, dL_dbackground);
     else
         detail::blend_tiles_backward<true>(device, background, params, dL_dtarget, cache, dL_dbackground);
