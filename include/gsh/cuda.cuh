@@ -17,6 +17,7 @@
 #include <gsh/backend/cuda/reduce.cuh>
 #include <gsh/backend/cuda/scan.cuh>
 #include <gsh/backend/cuda/step_graph.cuh>
+#include <gsh/backend/cuda/stream.cuh>
 #include <gsh/backend/cuda/sum.cuh>
 #include <gsh/backend/cuda/timing_events.cuh>
 #include <gsh/backend/cuda/unroll.cuh>

@@ -7,6 +7,7 @@
 #include <doctest/doctest.h>
 
 #include <cstddef>
+#include <string>
 #include <vector>
 
 namespace {
@@ -30,7 +31,9 @@ struct Machine {
 struct Capture {
     cudaStream_t stream = nullptr;
     Capture() { REQUIRE(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking) == cudaSuccess); }
-    void begin() const { REQUIRE(cudaStreamBeginCapture(stream, cudaStreamCaptureModeGlobal) == cudaSuccess); }
+    void begin(cudaStreamCaptureMode mode = cudaStreamCaptureModeGlobal) const {
+        REQUIRE(cudaStreamBeginCapture(stream, mode) == cudaSuccess);
+    }
     cudaGraphExec_t end() const {
         cudaGraph_t graph = nullptr;
         cudaGraphExec_t executable = nullptr;
@@ -74,8 +77,11 @@ TEST_CASE("A GPU that is not there is refused by its number") {
 TEST_CASE("A GPU for which the program has no code is named with its capability") {
     Machine machine;
     machine.is.code_is_missing = true;
+    machine.is.capability_major = 8, machine.is.capability_minor = 7;
+    CHECK_THROWS_WITH_AS(Device(), doctest::Contains("GPU 0 has compute capability 8.7; compile with nvcc -arch=sm_87"),
+                         DeviceError);
     machine.is.capability_major = 7, machine.is.capability_minor = 0;
-    CHECK_THROWS_WITH_AS(Device(), doctest::Contains("GPU 0 has compute capability 7.0; compile with nvcc -arch=sm_70"),
+    CHECK_THROWS_WITH_AS(Device(), doctest::Contains("GPU 0 has compute capability 7.0; gsh needs 7.5 or later"),
                          DeviceError);
 }
 
@@ -119,6 +125,83 @@ TEST_CASE("A stream decides which GPU is used") {
     CHECK(device.owns(buffer.data(), 40));
 }
 
+TEST_CASE("A device is refused while another GPU is current, on which its buffers would be made") {
+    Machine machine;
+    machine.is.device_count = 2;
+    Device first(0);
+    Device::Buffer<int> numbers(10);
+    cuda::StepGraph step(first);
+    std::vector<int> host(10, 7);
+    const Device second(1);
+    const auto told = doctest::Contains(
+        "gsh::cuda::Device: GPU 1 is current in this thread, expected the device's, GPU 0; call cudaSetDevice(0)");
+    CHECK_THROWS_WITH_AS(first.fill(Span<int>(numbers), 1), told, DeviceError);
+    CHECK_THROWS_WITH_AS(first.upload(Span<const int>(host), Span<int>(numbers)), told, DeviceError);
+    CHECK_THROWS_WITH_AS(first.download(Span<const int>(numbers), Span<int>(host)), told, DeviceError);
+    CHECK_THROWS_WITH_AS(step.run([] {}), told, DeviceError);
+    REQUIRE(cudaSetDevice(0) == cudaSuccess);
+    step.run([&] { first.fill(Span<int>(numbers), 3); });
+    first.download(Span<const int>(numbers), Span<int>(host));
+    CHECK(host == std::vector<int>(10, 3));
+}
+
+TEST_CASE("Device fills, copies, uploads and downloads only the memory that each must have") {
+    const Machine machine;
+    Device device;
+    Device::Buffer<float> here(10);
+    std::vector<float> host(10), other(10);
+    const Span<float> on_host(host);
+    const auto told = [](const char* what) {
+        return doctest::Contains((std::string(what) + " is not memory of the backend 'cuda'").c_str());
+    };
+    CHECK_THROWS_WITH_AS(device.fill(on_host, 1.0f), told("Device::fill: values"), MemoryError);
+    CHECK_THROWS_WITH_AS(device.copy(Span<const float>(host), Span<float>(here)), told("Device::copy: from"),
+                         MemoryError);
+    CHECK_THROWS_WITH_AS(device.copy(Span<const float>(here), on_host), told("Device::copy: to"), MemoryError);
+    CHECK_THROWS_WITH_AS(device.upload(Span<const float>(other), on_host), told("Device::upload: to"), MemoryError);
+    CHECK_THROWS_WITH_AS(device.download(Span<const float>(host), Span<float>(other)), told("Device::download: from"),
+                         MemoryError);
+}
+
+TEST_CASE("A device on the legacy default stream records steps, and a step that cannot begin leaves nothing behind") {
+    Machine machine;
+    Device device(cudaStream_t(nullptr));
+    Device::Buffer<int> numbers(10);
+    std::vector<int> host(10);
+    cuda::StepGraph step(device);
+    machine.is.next_error = cudaErrorLaunchFailure;
+    CHECK_THROWS_AS(step.run([] {}), DeviceError);
+    CHECK_FALSE(device.deferring());
+    machine.is.next_error = cudaSuccess;
+    for (int round = 1; round <= 3; ++round) {
+        step.run([&] { device.fill(Span<int>(numbers), round); });
+        device.download(Span<const int>(numbers), Span<int>(host));
+        CHECK(host == std::vector<int>(10, round));
+    }
+    const std::size_t free = machine.is.free_memory();
+    { const Device::Buffer<int> buffer(1000); }
+    CHECK(machine.is.free_memory() == free); // no step holds what is given back
+}
+
+TEST_CASE("Inside the caller's capture a buffer does not grow even where CUDA allows it") {
+    const Machine machine;
+    const Capture capture;
+    Device device(capture.stream);
+    Device::Buffer<int> numbers(10);
+    capture.begin(cudaStreamCaptureModeRelaxed);
+    device.fill(Span<int>(numbers), 5);
+    CHECK_THROWS_WITH_AS(numbers.resize(1000), doctest::Contains("a buffer must grow while a stream is captured"),
+                         DeviceError);
+    REQUIRE(numbers.size() == 10); // as it was
+    const cudaGraphExec_t graph = capture.end();
+    REQUIRE(cudaGraphLaunch(graph, capture.stream) == cudaSuccess);
+    std::vector<int> host(10);
+    device.download(Span<const int>(numbers), Span<int>(host));
+    CHECK(host == std::vector<int>(10, 5));
+    CHECK_NOTHROW(numbers.resize(1000));
+    cudaGraphExecDestroy(graph);
+}
+
 TEST_CASE("Inside the caller's capture a buffer cannot grow, and the host neither waits nor lends its memory") {
     const Machine machine;
     const Capture capture;
@@ -129,13 +212,15 @@ TEST_CASE("Inside the caller's capture a buffer cannot grow, and the host neithe
     CHECK(device.deferring());
     CHECK_THROWS_WITH_AS(
         Device::Buffer<int>(1000),
-        doctest::Contains("a buffer must grow while a stream is captured; run the same work once before "
-                          "the capture"),
+        doctest::Contains("a buffer must grow while a stream is captured; run the same work once before the capture"),
         DeviceError);
     CHECK_THROWS_WITH_AS(device.download(Span<const int>(numbers), Span<int>(host)),
                          "gsh::cuda::Device::download: the host cannot wait for the device inside a capture of the "
-                         "caller's; download after the graph has been launched",
+                         "caller's; wait after the graph has been launched",
                          DeviceError);
+    CHECK_THROWS_WITH_AS(device.synchronize(), doctest::Contains("synchronize: the host cannot wait"), DeviceError);
+    cuda::StepGraph step(device);
+    CHECK_THROWS_WITH_AS(step.run([] {}), doctest::Contains("the caller captures the stream"), ValueError);
     CHECK_THROWS_WITH_AS(
         device.upload(Span<const int>(many), Span<int>(large)),
         "gsh::cuda::Device::upload: 40000 bytes inside a capture of the caller's, expected at most 8192; "

@@ -7,6 +7,8 @@
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/memory.cuh>
 #include <gsh/backend/cuda/recorder.cuh>
+#include <gsh/backend/cuda/stream.cuh>
+#include <gsh/backend/memory.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 
@@ -20,6 +22,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -29,9 +32,11 @@ namespace gsh::cuda {
 /// Runs everything on one stream of one GPU, in order.
 ///
 /// Calls return when the work is queued. download and synchronize wait for it and report its errors. A device belongs
-/// to the thread that made it, and its buffers to the GPU that was current when they were made.
+/// to the thread that made it, and its buffers to the GPU that was current when they were made: a thread with devices
+/// on several GPUs calls cudaSetDevice before it uses each.
 ///
-/// Errors  DeviceError: no driver, no such GPU, no code for its architecture, a kernel that failed.
+/// Errors  DeviceError: no driver, no such GPU, no code for its architecture, another GPU is current, a kernel that
+///         failed.
 class Device {
 public:
     template <class T>
@@ -43,14 +48,14 @@ public:
         check_ordinal();
         check(cudaSetDevice(ordinal), where);
         check_code();
-        check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), where);
-        owns_stream_ = true;
+        stream_ = owned_.emplace(where).get();
         resume();
     }
     /// The caller's stream, which must live longer than the device. Work is queued behind what is there already, and
     /// the caller's own later work on the stream comes after it. A capture that the caller has begun receives the
-    /// work, provided that no buffer has to grow and nothing is downloaded: do the same work once before.
-    explicit Device(cudaStream_t stream) : stream_(stream) {
+    /// work, provided that no buffer has to grow and nothing is downloaded: do the same work once before. A null
+    /// pointer is the legacy default stream of the current GPU.
+    explicit Device(cudaStream_t stream) : stream_(stream), callers_(std::in_place, stream) {
         int count = 0;
         check_driver(cudaGetDeviceCount(&count));
         check(cudaStreamGetDevice(stream, &ordinal_), where, "is it a stream of this process?");
@@ -60,9 +65,7 @@ public:
     }
     Device(const Device&) = delete;
     Device& operator=(const Device&) = delete;
-    ~Device() {
-        if (owns_stream_) (void)cudaStreamDestroy(stream_);
-    }
+    ~Device() = default;
 
     [[nodiscard]] static constexpr std::string_view name() { return "cuda"; }
     [[nodiscard]] static bool available() {
@@ -104,17 +107,21 @@ public:
         if (blocks == 0) return;
         check_value(blocks <= std::size_t(std::numeric_limits<int>::max()), "gsh::cuda::Device::launch",
                     "more blocks than a grid has");
-        if (recorder_ != nullptr)
+        if (recorder_ != nullptr) {
             recorder_->launch(static_cast<unsigned>(blocks), kernel);
-        else
+        } else {
+            check_current();
             detail::launch_on(stream_, static_cast<unsigned>(blocks), kernel);
+        }
     }
     /// Queues the work of another library on the stream. It must do the same whenever `key` is the same.
     void call(std::string_view key, const std::function<void(cudaStream_t)>& work) {
-        if (recorder_ != nullptr)
+        if (recorder_ != nullptr) {
             recorder_->call(key, work);
-        else
+        } else {
+            check_current();
             work(stream_);
+        }
     }
 
     template <class Body>
@@ -122,16 +129,22 @@ public:
         using Kernel = detail::ForEach<Body>;
         launch((n + Kernel::block_size - 1) / Kernel::block_size, Kernel{body, n});
     }
+    /// Errors  MemoryError unless `values` is memory of this GPU.
     template <class T>
     void fill(Span<T> values, std::type_identity_t<T> value) {
+        check_here("gsh::cuda::Device::fill", "values", values);
         if (recorder_ != nullptr && detail::ZeroFills::is_zero(value))
             recorder_->zero(values);
         else
             for_each(values.size(), detail::Fill<T>{values, value});
     }
+    /// Errors  MemoryError unless both are memory of this GPU.
     template <class T>
     void copy(Span<const T> from, Span<std::type_identity_t<T>> to) {
-        check_size("gsh::cuda::Device::copy", "destination", to.size(), from.size());
+        constexpr std::string_view function = "gsh::cuda::Device::copy";
+        check_size(function, "destination", to.size(), from.size());
+        check_here(function, "from", from);
+        check_here(function, "to", to);
         for_each(from.size(), detail::Copy<T>{from, to});
     }
 
@@ -147,12 +160,14 @@ public:
 
     /// Queues a copy; `from` may change as soon as the call returns. A copy from page-locked memory is therefore waited
     /// for. Inside a capture of the caller's, 8 KiB at most.
-    /// Errors  MemoryError unless `from` is host memory.
+    /// Errors  MemoryError unless `from` is host memory and `to` memory of this GPU.
     template <class T>
     void upload(Span<const T> from, Span<std::type_identity_t<T>> to) {
-        check_size("gsh::cuda::Device::upload", "destination", to.size(), from.size());
+        constexpr std::string_view function = "gsh::cuda::Device::upload";
+        check_size(function, "destination", to.size(), from.size());
         if (from.empty()) return;
-        const cudaMemoryType kind = host_memory_kind("gsh::cuda::Device::upload", "from", from.data());
+        const cudaMemoryType kind = host_memory_kind(function, "from", from.data());
+        check_here(function, "to", to);
         constexpr std::size_t most = most_small_uploads * detail::SmallUpload::capacity;
         const std::size_t bytes = from.size() * sizeof(T);
         if (bytes <= most && deferring()) {
@@ -161,34 +176,36 @@ public:
             return;
         }
         if (is_captured()) // a graph would keep the address, and read the memory in each of its launches
-            throw DeviceError("gsh::cuda::Device::upload: " + std::to_string(bytes) +
+            throw DeviceError(std::string(function) + ": " + std::to_string(bytes) +
                               " bytes inside a capture of the caller's, expected at most " + std::to_string(most) +
                               "; upload them before the capture begins");
         const Cut cut(recorder_);
-        check(cudaMemcpyAsync(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice, stream_),
-              "gsh::cuda::Device::upload");
+        check_current();
+        check(cudaMemcpyAsync(to.data(), from.data(), bytes, cudaMemcpyHostToDevice, stream_), function);
         if (kind != cudaMemoryTypeUnregistered) // the copy reads it later, not through a buffer of the driver's
-            check(cudaStreamSynchronize(stream_), "gsh::cuda::Device::upload");
+            check(cudaStreamSynchronize(stream_), function);
     }
     /// Waits for all work before it.
-    /// Errors  MemoryError unless `to` is host memory.
+    /// Errors  MemoryError unless `from` is memory of this GPU and `to` host memory.
     template <class T>
     void download(Span<const T> from, Span<std::type_identity_t<T>> to) {
-        check_size("gsh::cuda::Device::download", "destination", to.size(), from.size());
+        constexpr std::string_view function = "gsh::cuda::Device::download";
+        check_size(function, "destination", to.size(), from.size());
         if (from.empty()) return;
-        (void)host_memory_kind("gsh::cuda::Device::download", "to", to.data());
+        (void)host_memory_kind(function, "to", to.data());
+        check_here(function, "from", from);
         const Cut cut(recorder_);
-        if (is_captured())
-            throw DeviceError(
-                "gsh::cuda::Device::download: the host cannot wait for the device inside a capture of the "
-                "caller's; download after the graph has been launched");
+        refuse_wait_in_capture(function);
+        check_current();
         check(cudaMemcpyAsync(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyDeviceToHost, stream_),
-              "gsh::cuda::Device::download");
-        check(cudaStreamSynchronize(stream_), "gsh::cuda::Device::download");
+              function);
+        check(cudaStreamSynchronize(stream_), function);
     }
     void synchronize() {
+        constexpr std::string_view function = "gsh::cuda::Device::synchronize";
         const Cut cut(recorder_);
-        check(cudaStreamSynchronize(stream_), "gsh::cuda::Device::synchronize");
+        refuse_wait_in_capture(function);
+        check(cudaStreamSynchronize(stream_), function);
     }
 
     /// Later work waits for an event of another stream.
@@ -243,6 +260,7 @@ private:
 
     static constexpr std::string_view where = "gsh::cuda::Device";
     static constexpr std::size_t most_small_uploads = 4;
+    static constexpr int least_capability = 75; // the oldest that nvcc 13 compiles for
 
     /// Work that cannot be recorded runs during the lifetime of a cut. After an exception the step is given up
     /// (StepGraph), so nothing is resumed: on a device that has failed, this would throw a second exception.
@@ -274,6 +292,26 @@ private:
             throw DeviceError("gsh::cuda::Device: there is no GPU " + std::to_string(ordinal_) +
                               ", expected one of 0 to " + std::to_string(count - 1));
     }
+    /// Buffers are made on the current GPU, and launches on a stream of another one fail.
+    void check_current() const {
+        int current = 0;
+        check(cudaGetDevice(&current), where);
+        if (current != ordinal_)
+            throw DeviceError("gsh::cuda::Device: GPU " + std::to_string(current) +
+                              " is current in this thread, expected the device's, GPU " + std::to_string(ordinal_) +
+                              "; call cudaSetDevice(" + std::to_string(ordinal_) + ") before the device is used");
+    }
+    /// In a recorded step nobody looks: components have checked their arguments.
+    template <class T>
+    void check_here(std::string_view function, std::string_view argument, Span<T> memory) const {
+        if (recorder_ == nullptr) check_memory(*this, function, argument, memory);
+    }
+    void refuse_wait_in_capture(std::string_view function) const {
+        if (is_captured())
+            throw DeviceError(std::string(function) +
+                              ": the host cannot wait for the device inside a capture of the caller's; wait after the "
+                              "graph has been launched");
+    }
     /// The program must contain code for this GPU.
     void check_code() const {
         cudaFuncAttributes attributes;
@@ -283,9 +321,12 @@ private:
         int major = 0, minor = 0;
         (void)cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, ordinal_);
         (void)cudaDeviceGetAttribute(&minor, cudaDevAttrComputeCapabilityMinor, ordinal_);
+        const int capability = 10 * major + minor;
         check(error, where,
               "GPU " + std::to_string(ordinal_) + " has compute capability " + std::to_string(major) + "." +
-                  std::to_string(minor) + "; compile with nvcc -arch=sm_" + std::to_string(10 * major + minor));
+                  std::to_string(minor) + "; " +
+                  (capability < least_capability ? "gsh needs 7.5 or later"
+                                                 : "compile with nvcc -arch=sm_" + std::to_string(capability)));
     }
     /// Those of unregistered memory where CUDA does not answer.
     [[nodiscard]] static cudaPointerAttributes attributes_of(const void* memory) {
@@ -319,9 +360,16 @@ private:
         }
     }
 
+    /// Steps are recorded on a stream of their own: the caller's may be one that cannot be captured.
+    [[nodiscard]] cudaStream_t recording_stream() {
+        if (!recording_) recording_.emplace(where);
+        return recording_->get();
+    }
+
     int ordinal_ = 0;
     cudaStream_t stream_ = nullptr;
-    bool owns_stream_ = false;
+    std::optional<detail::OwnedStream> owned_, recording_;
+    std::optional<detail::CallersStream> callers_;
     Precision precision_ = Precision::fp32;
     Buffer<std::uint32_t> halted_;
     std::weak_ptr<const void> steps_of_; // whose steps were the last

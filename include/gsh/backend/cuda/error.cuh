@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Errors of the CUDA runtime as exceptions; whether a stream is being captured.
+/// @file  Errors of the CUDA runtime as exceptions.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -21,15 +21,5 @@ inline void check(cudaError_t error, std::string_view where, std::string_view hi
     if (!hint.empty()) message.append("; ").append(hint);
     throw DeviceError(message);
 }
-
-namespace detail {
-
-[[nodiscard]] inline bool is_capturing(cudaStream_t stream) {
-    cudaStreamCaptureStatus status;
-    check(cudaStreamIsCapturing(stream, &status), "gsh::cuda");
-    return status != cudaStreamCaptureStatusNone;
-}
-
-} // namespace detail
 
 } // namespace gsh::cuda

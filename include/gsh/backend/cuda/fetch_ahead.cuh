@@ -5,6 +5,7 @@
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/error.cuh>
 #include <gsh/backend/cuda/memory.cuh>
+#include <gsh/backend/cuda/stream.cuh>
 #include <gsh/backend/fetch_ahead.hpp>
 #include <gsh/core/span.hpp>
 
@@ -31,7 +32,6 @@ public:
     FetchAhead(cuda::Device& device, const std::vector<Bytes>& arrays) : device_(&device) {
         arrays_.reserve(arrays.size());
         for (const Bytes& bytes : arrays) arrays_.emplace_back(bytes);
-        cuda::check(cudaStreamCreateWithFlags(&stream_.handle, cudaStreamNonBlocking), where);
         for (Slot& slot : slots_)
             for (cudaEvent_t* event : {&slot.filled.handle, &slot.read.handle})
                 cuda::check(cudaEventCreateWithFlags(event, cudaEventDisableTiming), where);
@@ -65,17 +65,6 @@ private:
             if (handle != nullptr) (void)cudaEventDestroy(handle);
         }
     };
-    struct Stream {
-        cudaStream_t handle = nullptr;
-        Stream() = default;
-        Stream(const Stream&) = delete;
-        Stream& operator=(const Stream&) = delete;
-        ~Stream() {
-            if (handle == nullptr) return;
-            (void)cudaStreamSynchronize(handle); // copies read memory that is freed next
-            (void)cudaStreamDestroy(handle);
-        }
-    };
     struct Slot {
         cuda::Buffer<std::uint8_t> bytes;
         Event filled, read; // `read` happens when the last work on the slot is done
@@ -98,12 +87,12 @@ private:
         slot.last_use = ++uses_;
         const cuda::PinnedCopy& from = arrays_[array];
         slot.bytes.resize(from.size());
-        cuda::check(cudaStreamWaitEvent(stream_.handle, slot.read.handle, 0), where);
+        cuda::check(cudaStreamWaitEvent(stream_.get(), slot.read.handle, 0), where);
         if (from.size() != 0)
             cuda::check(cudaMemcpyAsync(slot.bytes.data(), from.data(), from.size(), cudaMemcpyHostToDevice,
-                                        stream_.handle),
+                                        stream_.get()),
                         where);
-        cuda::check(cudaEventRecord(slot.filled.handle, stream_.handle), where);
+        cuda::check(cudaEventRecord(slot.filled.handle, stream_.get()), where);
         return slot;
     }
 
@@ -112,7 +101,7 @@ private:
     std::array<Slot, 3> slots_;
     Slot* reading_ = nullptr;
     std::uint64_t uses_ = 0;
-    Stream stream_; // is destroyed first
+    cuda::detail::OwnedStream stream_{where}; // is destroyed first
 };
 
 } // namespace gsh

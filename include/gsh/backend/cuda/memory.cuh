@@ -3,6 +3,8 @@
 #pragma once
 
 #include <gsh/backend/cuda/error.cuh>
+#include <gsh/backend/cuda/stream.cuh>
+#include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 
 #include <cuda_runtime.h>
@@ -11,6 +13,7 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -51,18 +54,23 @@ private:
     return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + " MiB";
 }
 
+inline void refuse_growth_in_capture() {
+    if (CallersStream::is_any_captured())
+        throw DeviceError("gsh::cuda::Buffer::resize: a buffer must grow while a stream is captured; run the same work "
+                          "once before the capture");
+}
 [[nodiscard]] inline void* allocate(std::size_t bytes) {
+    constexpr std::string_view where = "gsh::cuda::Buffer::resize";
     void* memory = nullptr;
     const cudaError_t error = cudaMalloc(&memory, bytes);
     if (error == cudaSuccess) return memory;
     if (error == cudaErrorStreamCaptureUnsupported)
-        check(error, "gsh::cuda::Buffer::resize",
-              "a buffer must grow while a stream is captured; run the same work once before the capture");
-    if (error != cudaErrorMemoryAllocation) check(error, "gsh::cuda::Buffer::resize"); // of a kernel before, perhaps
+        check(error, where, "a capture of another stream forbids it"); // not one of a device of this thread
+    if (error != cudaErrorMemoryAllocation) check(error, where); // of a kernel before, perhaps
     (void)cudaGetLastError();
     std::size_t free = 0, total = 0;
     (void)cudaMemGetInfo(&free, &total);
-    throw DeviceError("gsh::cuda::Buffer::resize: " + in_mebibytes(bytes) + " of device memory are needed, " +
+    throw DeviceError(std::string(where) + ": " + in_mebibytes(bytes) + " of device memory are needed, " +
                       in_mebibytes(free) + " of " + in_mebibytes(total) +
                       " are free; lower the number of Gaussians, the size of the images or that of the tables, or "
                       "TrainConfig::photo_memory");
@@ -91,6 +99,7 @@ public:
 
     void resize(std::size_t size) {
         if (size > capacity_) {
+            detail::refuse_growth_in_capture();
             clear(); // free first: the old and the new array never exist at the same time
             data_ = static_cast<T*>(detail::allocate(size * sizeof(T)));
             capacity_ = size;

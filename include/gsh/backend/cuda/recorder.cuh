@@ -39,10 +39,10 @@ void clear_padding([[maybe_unused]] Kernel& kernel) {
 /// Records the kernels of a step while its host code runs, and repeats them as one CUDA graph.
 ///
 /// Host code runs in every step, as it would without a recorder, and decides what the step does: camera, photograph,
-/// rates. In the first step the stream captures its kernels. In later steps each launch is compared with the recorded
-/// one. If its arguments differ, the node of the graph receives the new ones; if they are the same, the launch costs a
-/// comparison of a few hundred bytes. At the end one call launches all kernels. If the sequence itself differs (another
-/// kernel, another number of blocks), the rest of it is captured anew.
+/// rates. In the first step a second stream captures its kernels. In later steps each launch is compared with the
+/// recorded one. If its arguments differ, the node of the graph receives the new ones; if they are the same, the launch
+/// costs a comparison of a few hundred bytes. At the end one call launches all kernels. If the sequence itself differs
+/// (another kernel, another number of blocks), the rest of it is captured anew.
 ///
 /// A fork makes branches of the graph that do not wait for each other. What follows waits for all of them.
 ///
@@ -51,7 +51,8 @@ void clear_padding([[maybe_unused]] Kernel& kernel) {
 /// depends on the number of cuts.
 class Recorder {
 public:
-    explicit Recorder(cudaStream_t stream) : stream_(stream) {}
+    /// Graphs are launched on `stream`. `capturing` may be captured, and has no other work while a step is recorded.
+    Recorder(cudaStream_t stream, cudaStream_t capturing) : stream_(stream), capture_(capturing) {}
     Recorder(const Recorder&) = delete;
     ~Recorder() { abandon(); }
 
@@ -65,7 +66,7 @@ public:
     /// Begins a step; all launches go through the recorder until end.
     void begin() {
         FreedMemory::instance().hold();
-        recording_ = true;
+        recording_ = true; // from now on, abandon gives the memory free
         stage_ = {};
         segment_ = 0;
         place_ = {};
@@ -84,7 +85,7 @@ public:
         if (!recording_) return;
         if (capturing_) {
             cudaGraph_t graph = nullptr;
-            (void)cudaStreamEndCapture(stream_, &graph);
+            (void)cudaStreamEndCapture(capture_, &graph);
             if (graph != nullptr) (void)cudaGraphDestroy(graph);
             capturing_ = false;
         }
@@ -121,7 +122,7 @@ public:
             capture_again();
         }
         enter(place_);
-        work(stream_);
+        work(capture_);
         Segment& segment = segments_[segment_];
         segment.nodes.push_back(
             {nullptr, 0, segment.arguments.size(), nullptr, nullptr, nullptr, stage_, std::string(key), work, place_});
@@ -244,7 +245,7 @@ private:
             capture_again();
         }
         enter(place_);
-        launch_on(stream_, blocks, kernel);
+        launch_on(capture_, blocks, kernel);
         Segment& segment = segments_[segment_];
         const std::size_t first = segment.arguments.size();
         segment.arguments.resize(first + (sizeof kernel + 15) / 16 * 16);
@@ -266,7 +267,7 @@ private:
     }
     void begin_capture() {
         // Relaxed, because buffers may grow in between.
-        check(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeRelaxed), "gsh::cuda::Recorder");
+        check(cudaStreamBeginCapture(capture_, cudaStreamCaptureModeRelaxed), "gsh::cuda::Recorder");
         capturing_ = true;
         captured_ = {}; // the first kernel waits for nothing in this graph, even inside a branch
     }
@@ -294,11 +295,11 @@ private:
         const cudaGraphNode_t* nodes = nullptr;
         const cudaGraphEdgeData* edges = nullptr;
         std::size_t count = 0;
-        check(cudaStreamGetCaptureInfo(stream_, &status, &id, &graph, &nodes, &edges, &count), "gsh::cuda::Recorder");
+        check(cudaStreamGetCaptureInfo(capture_, &status, &id, &graph, &nodes, &edges, &count), "gsh::cuda::Recorder");
         return {nodes, nodes + count};
     }
     void set_dependencies(std::vector<cudaGraphNode_t>& nodes) {
-        check(cudaStreamUpdateCaptureDependencies(stream_, nodes.data(), nullptr, nodes.size(),
+        check(cudaStreamUpdateCaptureDependencies(capture_, nodes.data(), nullptr, nodes.size(),
                                                   cudaStreamSetCaptureDependencies),
               "gsh::cuda::Recorder");
     }
@@ -316,10 +317,10 @@ private:
             Node& node = old.nodes[i];
             enter(node.place);
             if (node.function != nullptr) {
-                node.launch(stream_, node.blocks, old.arguments.data() + node.first);
+                node.launch(capture_, node.blocks, old.arguments.data() + node.first);
                 node.node = last_node();
             } else {
-                node.work(stream_);
+                node.work(capture_);
             }
             segment.nodes.push_back(std::move(node));
         }
@@ -330,7 +331,7 @@ private:
         Segment& segment = segments_[segment_];
         if (capturing_) {
             capturing_ = false;
-            check(cudaStreamEndCapture(stream_, &segment.graph), "gsh::cuda::Recorder");
+            check(cudaStreamEndCapture(capture_, &segment.graph), "gsh::cuda::Recorder");
             ++counts_.captures;
             if (!segment.nodes.empty())
                 check(cudaGraphInstantiate(&segment.executable, segment.graph, 0), "gsh::cuda::Recorder");
@@ -359,7 +360,7 @@ private:
         return nodes.size() == 1 ? nodes[0] : nullptr;
     }
 
-    cudaStream_t stream_;
+    cudaStream_t stream_, capture_;
     std::vector<Segment> segments_; // in order
     std::size_t segment_ = 0;       // the current one
     std::size_t next_ = 0;          // the node of it that the next launch is compared with

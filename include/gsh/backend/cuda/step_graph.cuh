@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <string_view>
 #include <vector>
 
 namespace gsh {
@@ -24,15 +25,22 @@ namespace cuda {
 ///     for (...) graph.run([&] { rasterizer.forward(...); ...; adam.step(...); });
 class StepGraph {
 public:
-    explicit StepGraph(Device& device) : device_(&device), recorder_(device.stream()) {}
+    explicit StepGraph(Device& device)
+        : device_(&device), recorder_(device.stream(), device.recording_stream()) {}
 
     /// Runs step() with the same results as without the graph. step() may do anything; what cannot be part of a graph
     /// (a download, an upload of more than 8 KiB) cuts it in two. Components do not wait for the device inside a step,
     /// so an error is found later (Device::halted).
+    /// Errors  ValueError inside another step, or in a capture of the caller's.
     template <class Step>
     void run(const Step& step) {
-        check_value(device_->recorder_ == nullptr, "gsh::cuda::StepGraph::run", "a step is already being recorded");
-        const Use use(*device_, recorder_);
+        constexpr std::string_view where = "gsh::cuda::StepGraph::run";
+        check_value(device_->recorder_ == nullptr, where, "a step is already being recorded");
+        check_value(!device_->deferring(), where, "the caller captures the stream; its graph cannot follow the step");
+        device_->check_current();
+        const Use use{*device_, recorder_};
+        recorder_.begin();
+        device_->recorder_ = &recorder_;
         step();
         recorder_.end();
     }
@@ -46,10 +54,6 @@ private:
     struct Use {
         Device& device;
         detail::Recorder& recorder;
-        Use(Device& d, detail::Recorder& r) : device(d), recorder(r) {
-            recorder.begin();
-            device.recorder_ = &recorder;
-        }
         ~Use() {
             device.recorder_ = nullptr;
             recorder.abandon(); // does nothing after end

@@ -4,6 +4,7 @@
 
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/error.cuh>
+#include <gsh/backend/cuda/stream.cuh>
 #include <gsh/backend/cuda/timing_events.cuh>
 #include <gsh/train/stage.hpp>
 
