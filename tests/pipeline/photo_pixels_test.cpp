@@ -93,8 +93,8 @@ TEST_CASE("in host memory, photographs are the caller's own") {
 TEST_CASE("elsewhere, photographs arrive whole in any order, whatever the budget") {
     const PixelPhotos from(9); // of 60 bytes, or 24
     test::Guarded backend;
-    for (const std::uint64_t budget : {std::uint64_t(0), std::uint64_t(59), std::uint64_t(100), std::uint64_t(200),
-                                       PhotoPixels<test::Guarded>::no_limit}) {
+    for (const std::uint64_t budget : {std::uint64_t(0), std::uint64_t(59), std::uint64_t(100), std::uint64_t(400),
+                                       std::uint64_t(500), PhotoPixels<test::Guarded>::no_limit}) {
         CAPTURE(budget);
         PhotoPixels<test::Guarded> pixels(backend, from.photos, budget);
         for (const std::size_t k : {8, 0, 3, 3, 4, 1, 7, 6, 2, 5, 0}) {
@@ -108,24 +108,33 @@ TEST_CASE("elsewhere, photographs arrive whole in any order, whatever the budget
     check_view(backend, moved[8], from.photos[8]);
 }
 
-TEST_CASE("the first photographs that fit a budget stay, smaller ones behind larger ones too") {
-    const PixelPhotos from(9); // 60, 60, 60, 24, 24, 24, 60, 60, 60 bytes
+TEST_CASE("unknown pixels stay, then plates and the first photographs that fit, smaller ones behind larger ones too") {
+    const PixelPhotos from(9); // 60, 60, 60, 24, 24, 24, 60, 60, 60 bytes, two plates of 60
     test::Guarded backend;
+    constexpr std::uint64_t unknown = 36 * sizeof(UnknownPixel);
+    constexpr std::size_t plate = 100; // and the camera
+    using Numbers = std::vector<std::size_t>;
     const auto staying = [&](std::uint64_t budget) {
         const PhotoPixels<test::Guarded> pixels(backend, from.photos, budget);
         std::vector<std::size_t> found;
-        for (std::size_t k = 0; k < 9; ++k)
+        for (const std::size_t camera : {0, 1})
+            if (!pixels[camera].plate.empty()) found.push_back(plate + camera);
+        for (std::size_t k = 0; k < 9; ++k) {
             if (!pixels[k].rgba.empty()) found.push_back(k);
+            CHECK(pixels[k].unknown.size() == k);
+        }
         return found;
     };
-    using Numbers = std::vector<std::size_t>;
     CHECK(staying(0) == Numbers{});
-    CHECK(staying(59) == Numbers{3, 4});
-    CHECK(staying(60) == Numbers{0});
-    CHECK(staying(60 + 60 + 59) == Numbers{0, 1, 3, 4});
-    CHECK(staying(3 * 60 + 3 * 24 + 3 * 60 - 1) == Numbers{0, 1, 2, 3, 4, 5, 6, 7});
-    CHECK(staying(3 * 60 + 3 * 24 + 3 * 60).size() == 9);
-    CHECK(staying(PhotoPixels<test::Guarded>::no_limit).size() == 9);
+    CHECK(staying(unknown + 59) == Numbers{3, 4});
+    CHECK(staying(unknown + 60) == Numbers{plate});
+    CHECK(staying(unknown + 60 + 59) == Numbers{plate, 3, 4});
+    const std::uint64_t with_plates = unknown + 2 * 60;
+    CHECK(staying(with_plates + 60) == Numbers{plate, plate + 1, 0});
+    CHECK(staying(with_plates + 60 + 60 + 59) == Numbers{plate, plate + 1, 0, 1, 3, 4});
+    CHECK(staying(with_plates + 3 * 60 + 3 * 24 + 3 * 60 - 1) == Numbers{plate, plate + 1, 0, 1, 2, 3, 4, 5, 6, 7});
+    CHECK(staying(with_plates + 3 * 60 + 3 * 24 + 3 * 60).size() == 2 + 9);
+    CHECK(staying(PhotoPixels<test::Guarded>::no_limit).size() == 2 + 9);
 }
 
 TEST_CASE("photographs of one camera share its plate, and those that stay are copied once") {

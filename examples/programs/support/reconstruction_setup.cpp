@@ -26,21 +26,26 @@ namespace gsh::examples {
 namespace {
 
 /// Bytes in the memory that --max-memory limits, which training needs beside the avatars: the plates and the cropped
-/// photographs. A GPU has three photographs at least (FetchAhead).
+/// photographs. A GPU has three of each at least (FetchAhead).
 std::size_t bytes_of_images(const Machine& machine, const ReconstructionSetup& setup) {
-    std::size_t bytes = 0, largest = 0, all = 0;
+    struct Sum {
+        std::size_t all = 0, largest = 0;
+        void add(std::size_t size) { all += size, largest = std::max(largest, size); }
+    } plates, pictures;
     std::set<const std::uint8_t*> known; // photographs share plates
     for (const auto* photos : {&setup.photos, &setup.test_photos})
         for (const Photo& photo : *photos) {
-            if (known.insert(photo.plate.data()).second) bytes += photo.plate.size();
-            const std::size_t size = 4 * box_of_photo(photo).size();
-            largest = std::max(largest, size), all += size;
+            if (known.insert(photo.plate.data()).second) plates.add(photo.plate.size());
+            pictures.add(4 * box_of_photo(photo).size());
         }
-    return bytes + (machine.has_gpu() ? 3 * largest : all);
+    std::size_t bytes = 0;
+    for (const Sum& images : {plates, pictures})
+        bytes += machine.has_gpu() ? std::min(images.all, 3 * images.largest) : images.all;
+    return bytes;
 }
 
 /// The number of Gaussians of each person: as requested, or as many as fit into --max-memory. What they leave of a GPU's
-/// memory is for photographs (TrainConfig::photo_memory).
+/// memory is for plates and photographs (TrainConfig::photo_memory).
 /// Errors  ValueError if less than a tenth of the requested number fits.
 std::size_t gaussians_within_memory(const Machine& machine, const Source& source, const ReconstructionSetup& setup,
                                     const ReconstructOptions& o, Configuration& configuration) {

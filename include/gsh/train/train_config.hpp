@@ -34,8 +34,8 @@ struct TrainConfig {
     /// that it lacks, so they are fixed by default.
     PhotoGainParams gain{};
 
-    /// Bytes of a device's memory for photographs; the others are brought ahead of their step. 0: half of what is free
-    /// when training starts. No setting of the avatar: it does not change any number.
+    /// Bytes of a device's memory for plates and photographs; those that do not fit are brought ahead of their step. 0:
+    /// half of what is free when training starts. No setting of the avatar: it does not change any number.
     std::uint64_t photo_memory = 0;
 
     /// Factor on every rate when the share `progress` of the run is over. It is 1 until decay_start, then falls
