@@ -14,6 +14,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <string_view>
 #include <type_traits>
 #include <vector>
@@ -55,6 +56,13 @@ auto learned_values(B& backend, Part& part) {
         all.insert(all.end(), values.begin(), values.end());
     }
     return all;
+}
+
+/// Makes one number of the array of this name NaN.
+template <class B, class Part>
+void spoil(B& backend, Part& part, std::string_view name, std::size_t number) {
+    const auto values = learned_array(part, name).values.subspan(number, 1);
+    backend.fill(values, std::numeric_limits<std::remove_cvref_t<decltype(values[0])>>::quiet_NaN());
 }
 
 /// The same for a backend in host memory.

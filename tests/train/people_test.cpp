@@ -21,6 +21,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -93,6 +94,29 @@ TEST_CASE("somebody whom no camera sees changes nothing for the others, bit for 
     CHECK(cast.parameters(0) == unseen);
     CHECK(cast.trainer.last_loss().loss == alone.trainer.last_loss().loss);
     CHECK(cast.people.size() == 2 * alone.model.size());
+}
+
+TEST_CASE("an error about a Gaussian of several people names the person, in steps and in pictures") {
+    const SmallScene scene;
+    Cast<cpu::Serial> cast(scene, {scene.motion, scene.motion}, scene.photos);
+    cast.steps(1);
+    const std::size_t first = cast.models[0].size();
+    test::spoil(cast.backend, cast.models[1], "log_scales", 15);
+    const auto told = doctest::Contains("It is Gaussian 5 of person 1");
+    CHECK_THROWS_WITH_AS(cast.steps(1), told, GaussianError);
+    Image<float> picture;
+    CHECK_THROWS_WITH_AS(cast.trainer.render(scene.photos[0], picture), told, GaussianError);
+    CHECK(cast.people.name_of(first - 1) == "Gaussian " + std::to_string(first - 1) + " of person 0");
+    CHECK(cast.people.name_of(first) == "Gaussian 0 of person 1");
+    SmallTraining<cpu::Serial> alone(scene);
+    test::spoil(alone.backend, alone.model, "log_scales", 15);
+    try {
+        alone.steps(1);
+        FAIL("a NaN was accepted");
+    } catch (const GaussianError& error) {
+        CHECK(error.gaussian() == 5);
+        CHECK(std::string(error.what()).find("person") == std::string::npos);
+    }
 }
 
 TEST_CASE("two people learn the same on any number of threads") {

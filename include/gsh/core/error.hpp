@@ -30,6 +30,17 @@ public:
     using Error::Error;
 };
 
+/// A Gaussian with a number that is not finite.
+class GaussianError : public ValueError {
+public:
+    GaussianError(const std::string& message, std::size_t gaussian) : ValueError(message), gaussian_(gaussian) {}
+    /// Its index in what was rendered.
+    [[nodiscard]] std::size_t gaussian() const { return gaussian_; }
+
+private:
+    std::size_t gaussian_;
+};
+
 /// A file that is missing, truncated, of the wrong kind, or that cannot be written.
 class IoError : public Error {
 public:

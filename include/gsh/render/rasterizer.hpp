@@ -201,9 +201,10 @@ private:
         RasterStatus status;
         backend_->download(Span<const RasterStatus>(cache.status), Span<RasterStatus>(&status, 1));
         if (status.nonfinite != 0)
-            throw ValueError(std::string(where) + ": Gaussian " + std::to_string(status.first_nonfinite) +
-                             " has a mean, covariance, opacity or color that is not finite (" +
-                             std::to_string(status.nonfinite) + " such in all); is a learning rate too high?");
+            throw GaussianError(std::string(where) + ": Gaussian " + std::to_string(status.first_nonfinite) +
+                                    " has a mean, covariance, opacity or color that is not finite (" +
+                                    std::to_string(status.nonfinite) + " such in all); is a learning rate too high?",
+                                status.first_nonfinite);
         if (status.pairs > params_.max_pairs)
             throw ValueError(std::string(where) + ": the Gaussians cover " + std::to_string(status.pairs) +
                              " tiles in all, expected at most " + std::to_string(params_.max_pairs) +

@@ -20,9 +20,11 @@
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/train/refinement.hpp>
 
+#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -90,6 +92,14 @@ public:
     template <class View>
     [[nodiscard]] View part(std::size_t person, const View& scene) const {
         return scene.subview(at(person).first_splat, at(person).model->size());
+    }
+    /// What messages call a splat of several people's: "Gaussian 12 of person 1", both counted from 0.
+    [[nodiscard]] std::string name_of(std::size_t splat) const {
+        if (people_.size() == 1) return {};
+        const auto next = std::find_if(people_.begin(), people_.end(),
+                                       [splat](const Person& person) { return person.first_splat > splat; });
+        return "Gaussian " + std::to_string(splat - std::prev(next)->first_splat) + " of person " +
+               std::to_string(std::prev(next) - people_.begin());
     }
     /// A person's poses as they were before any refinement.
     [[nodiscard]] const Motion& motion(std::size_t person = 0) const { return *at(person).motion; }

@@ -106,7 +106,7 @@ public:
         progress_ = progress;
         scene_->set_progress(step_count_, progress);
         pixels_.prepare(index);
-        repeated_.run(kind(photos_[index]), [&] { compute_step(index, progress, observer); });
+        with_names([&] { repeated_.run(kind(photos_[index]), [&] { compute_step(index, progress, observer); }); });
         ++step_count_, ++unsettled_;
         pixels_.fetch(photo_of_step(step_count_));
         observer.leave();
@@ -136,7 +136,9 @@ public:
     /// Errors  those of Rasterizer::forward.
     void settle() {
         if (std::exchange(unsettled_, 0) == 0) return;
-        if (loss_.settle(repeated_, *scene_, step_count_) == 0) return;
+        std::uint64_t lost = 0;
+        with_names([&] { lost = loss_.settle(repeated_, *scene_, step_count_); });
+        if (lost == 0) return;
         for (const LearnedArray<T>& array : scene_->learned()) // no step has used what the lost ones added
             backend_->fill(array.gradient, T(0));
         gains_.forget_gradient();
@@ -178,14 +180,14 @@ public:
     void render(const Photo& photo, Image<T>& color, Image<T>* alpha = nullptr) {
         settle();
         pose(photo.camera, photo.frame);
-        loss_.picture(photo, splats(), color, alpha);
+        with_names([&] { loss_.picture(photo, splats(), color, alpha); });
     }
     /// Settles, and renders a frame with the learned arrays: colour [3, height, width] over the plain background, and
     /// alpha if it is given.
     void render(const Camera<double>& camera, std::size_t frame, Image<T>& color, Image<T>* alpha = nullptr) {
         settle();
         pose(camera, frame);
-        loss_.picture(camera, splats(), color, alpha);
+        with_names([&] { loss_.picture(camera, splats(), color, alpha); });
     }
     /// A photograph as training compares it, on the host: over its plate or the background, with its mask.
     void photo_pixels(const Photo& photo, Image<T>& color, Image<T>& mask) {
@@ -231,6 +233,21 @@ private:
         scene_->after_step(loss_.raster_cache());
     }
 
+    /// call(); an error about a Gaussian also tells what the scene calls it.
+    template <class Call>
+    void with_names(const Call& call) const {
+        if constexpr (requires { scene_->name_of(std::size_t()); }) {
+            try {
+                call();
+            } catch (const GaussianError& error) {
+                const std::string name = scene_->name_of(error.gaussian());
+                if (name.empty()) throw;
+                throw GaussianError(std::string(error.what()) + " It is " + name, error.gaussian());
+            }
+        } else {
+            call();
+        }
+    }
     [[nodiscard]] static std::uint64_t photo_budget([[maybe_unused]] const B& backend, const TrainConfig& config) {
         if (config.photo_memory != 0) return config.photo_memory;
         if constexpr (requires { backend.free_memory(); }) return backend.free_memory() / 2;

@@ -10,7 +10,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 namespace cuda_scenes { // joined builds: other tests have helpers of the same names
@@ -198,11 +197,20 @@ TEST_CASE("a Gaussian that is not finite in a recorded step is named when the tr
     training.trainer.step(0.5);
     training.trainer.step(0.5);
     training.trainer.settle();
-    for (LearnedArray<float>& array : training.model.learned())
-        if (array.name == "log_scales")
-            training.backend.fill(array.values.subspan(21, 1), std::numeric_limits<float>::quiet_NaN());
+    spoil(training.backend, training.model, "log_scales", 21);
     training.trainer.step(0.5);
     CHECK_THROWS_WITH_AS(training.trainer.settle(), doctest::Contains("Gaussian 7 has a mean, covariance"), ValueError);
+}
+
+TEST_CASE("a Gaussian of several people that is not finite is named with its person") {
+    if (skip_without_device()) return;
+    const SmallScene scene;
+    Cast<Device> cast(scene, {scene.motion, scene.motion}, scene.photos, [] { return Device(); },
+                      {.ao = AmbientOcclusion::none});
+    cast.trainer.train_to(2);
+    spoil(cast.backend, cast.models[1], "log_scales", 21);
+    cast.trainer.step(0.5);
+    CHECK_THROWS_WITH_AS(cast.trainer.settle(), doctest::Contains("It is Gaussian 7 of person 1"), GaussianError);
 }
 
 } // namespace cuda_scenes
