@@ -310,6 +310,23 @@ TEST_CASE("In a recorded step the host does not wait, and what cannot be drawn h
 }
 
 #if defined(GSH_CUDA_EMULATION)
+TEST_CASE("Scratch that got too little memory for one of its buffers holds what the smallest of them does") {
+    auto& machine = test::CudaEmulation::instance();
+    Device device;
+    RasterScratch<Device, float> scratch;
+    scratch.reserve(1000);
+    CHECK(scratch.capacity() == 1250);
+    const std::size_t limit = machine.memory_limit;
+    machine.memory_limit = limit - machine.free_memory() + 1'100'000; // enough for the keys alone
+    CHECK_THROWS_AS(scratch.reserve(100'000), DeviceError);
+    machine.memory_limit = limit;
+    CHECK(scratch.keys.size() == 125'000);
+    CHECK(scratch.capacity() == 0);
+    scratch.reserve(2000);
+    CHECK(scratch.capacity() == 2500);
+    CHECK(scratch.instances.size() == 2500);
+}
+
 TEST_CASE("The bits depend neither on the order of threads and blocks nor on memory that nobody has written") {
     test::Rng rng(9);
     auto& machine = test::CudaEmulation::instance();

@@ -73,8 +73,6 @@ struct HashLists {
             add_level(grid.level(static_cast<int>(l)), l, positions, weights.of_level(static_cast<int>(l)));
             touched_begin[l + 1] = touched.size();
         }
-        check_value(items.size() <= std::size_t(std::numeric_limits<std::int32_t>::max()), "HashGrid::prepare",
-                    "too many points; the CUDA backend counts eight uses of the table per point and level in 32 bits");
     }
 
 private:
@@ -156,6 +154,10 @@ private:
             }
             ++count[r];
         });
+        std::size_t total = items.size();
+        for (const std::uint32_t of_entry : count) total += of_entry;
+        check_value(total <= std::size_t(std::numeric_limits<std::int32_t>::max()), "HashGrid::prepare",
+                    "too many points; the CUDA backend counts eight uses of the table per point and level in 32 bits");
         for (std::uint32_t e = 0; e < level.size; ++e)
             if (rank[e] != none) touched.push_back(level.offset + e);
 

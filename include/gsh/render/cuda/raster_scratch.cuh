@@ -12,6 +12,7 @@
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/render/tiles.hpp>
 
+#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -157,8 +158,8 @@ struct RasterScratch<cuda::Device, T> {
     Buffer<vec3<T>> tile_background;        // [tiles]
     Buffer<CameraGradient<T>> block_camera; // [ceil(N / 128)]
 
-    /// Pairs that the buffers hold.
-    [[nodiscard]] std::size_t capacity() const { return keys.size(); }
+    /// Pairs that all buffers hold, also after too little memory for one of them.
+    [[nodiscard]] std::size_t capacity() const { return std::min({keys.size(), owners.size(), instances.size()}); }
     /// Makes room for `pairs`, with a quarter to spare: in training the number changes from step to step.
     void reserve(std::size_t pairs) {
         if (pairs <= capacity()) return;
