@@ -38,7 +38,7 @@ int reconstruct_scene(Machine& machine, const ReconstructOptions& options) {
     watch_interrupts();
     const StaticResult result = reconstruct_static(machine, source, chosen);
     if (interrupted) return exit_interrupted;
-    write_static_result(out, source, chosen, result);
+    write_static_result(out, machine, source, chosen, result);
     const ImageScore mean = mean_score(result.scores);
     std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s\nresults in %s\n",
                 static_cast<unsigned long long>(result.steps), result.seconds, fixed(mean.psnr, 2).c_str(),
@@ -72,7 +72,8 @@ int reconstruct(const ReconstructOptions& options) {
 
     watch_interrupts();
     train(*reconstruction, options, record);
-    const auto figures = write_results(out, options, machine, source, *reconstruction, record);
+    const auto figures = naming_checkpoint(
+        record, [&] { return write_results(out, options, machine, source, *reconstruction, record); });
     if (!figures) {
         std::fprintf(stderr, "stopped after step %llu; --resume continues from there\n",
                      static_cast<unsigned long long>(record.steps));

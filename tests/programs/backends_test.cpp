@@ -12,6 +12,7 @@
 #include "support/source.hpp"
 #include "support/static_reconstruction.hpp"
 #include "support/static_reconstruction_on.hpp"
+#include "support/training.hpp"
 
 #include <gsh/io/file/archive.hpp>
 #include <gsh/io/model/avatar_file.hpp>
@@ -212,6 +213,14 @@ TEST_CASE("fields train in mixed precision on threads: close to fp32, but not wi
     CHECK(std::sqrt(squares / static_cast<double>(single.size())) < 1e-3);
 }
 
+TEST_CASE("an error names the last checkpoint if there is one, also where a device is lost after training") {
+    TrainingRecord record;
+    const auto fail = [&] { naming_checkpoint(record, [] { throw DeviceError("gone"); }); };
+    CHECK_THROWS_WITH_AS(fail(), "gone", DeviceError);
+    record.saved = 30;
+    CHECK_THROWS_WITH_AS(fail(), "gone (the checkpoint of step 30 is complete; the run can be resumed from it)", Error);
+}
+
 TEST_CASE("a backend that is not there is refused in one line, and nothing is written") {
     const test::SmallCapture& s = test::studio();
     const test::Temporary folder;
@@ -231,8 +240,7 @@ TEST_CASE("a backend that is not there is refused in one line, and nothing is wr
         refuse(words, {"--backend", "gpu"}, "--backend", "gpu", "threads", "cuda");
         refuse(words, {"--backend", "cuda", "--device", "-1"}, "--device", "-1");
         refuse(words, {"--device", "0"}, "--device needs --backend cuda");
-        if (words[0] == "gsh-reconstruct" || words[0] == "gsh-evaluate")
-            refuse(words, {"--precision", "half"}, "--precision", "half");
+        refuse(words, {"--precision", "half"}, "--precision", "half");
         if (words[1] == "--config") refuse(words, {"--precision", "mixed"}, "--config static has no --precision mixed");
         refuse(words, {"--backend", "threads", "--device", "0"}, "--device needs --backend cuda");
 #if defined(GSH_PROGRAMS_WITH_CUDA)

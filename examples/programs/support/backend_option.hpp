@@ -11,7 +11,7 @@ namespace gsh::examples {
 struct BackendOption {
     std::string backend = "threads"; ///< or "cuda"
     std::optional<int> device;       ///< number of the GPU, for cuda only; without one, GPU 0
-    std::string precision = "fp32";  ///< of fields in training, or "mixed"
+    std::string precision = "fp32";  ///< of fields, or "mixed"
     std::size_t threads = 0;         ///< 0: all threads of the machine
 };
 

@@ -54,10 +54,6 @@ std::string signed_number(double value, int digits) {
     return text;
 }
 
-std::string mebibytes(std::uint64_t bytes) {
-    return fixed(static_cast<double>(bytes) / (1 << 20), 0) + " MiB";
-}
-
 /// "12,000 of 1,000,000", or a dash if there is no table.
 std::string share(std::size_t part, std::size_t all) {
     return all ? detail::grouped(part) + " of " + detail::grouped(all) : "–";

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/figures.hpp"
 
+#include "support/machine.hpp"
+
 #include <gsh/io/file/atomic_file.hpp>
 
 #include <algorithm>
@@ -21,6 +23,15 @@ std::string fixed(double value, int digits) {
     char text[32];
     std::snprintf(text, sizeof text, "%.*f", digits, value);
     return text;
+}
+
+std::string mebibytes(std::uint64_t bytes) {
+    return fixed(static_cast<double>(bytes) / (1 << 20), 0) + " MiB";
+}
+
+void add_memory(Json& json, const Machine& machine) {
+    json["peak_memory_bytes"] = peak_memory_bytes();
+    if (const auto on_gpu = machine.peak_gpu_memory()) json["device_peak_memory_bytes"] = *on_gpu;
 }
 
 void add_machine(Json& json, const ComputedOn& computed_on) {

@@ -9,11 +9,14 @@
 #include <nlohmann/json.hpp>
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
 
 namespace gsh::examples {
+
+class Machine;
 
 using Json = nlohmann::ordered_json;
 
@@ -34,6 +37,12 @@ Json person_json(const Score& whole, const std::vector<Score>& regions) {
         json["psnr_regions"][region_names()[r]] = number_or_null(regions[r].psnr);
     return json;
 }
+
+/// "812 MiB".
+std::string mebibytes(std::uint64_t bytes);
+
+/// Adds `peak_memory_bytes` and, for a GPU, `device_peak_memory_bytes`.
+void add_memory(Json& json, const Machine& machine);
 
 /// Adds `threads`, `backend`, `precision`, `instruction_set` if it is known and, for a GPU, `device`.
 void add_machine(Json& json, const ComputedOn& computed_on);

@@ -2,6 +2,7 @@
 /// @file  What the programs run on a GPU. The files *.cu define it; in a program without CUDA, without_cuda.cpp does.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -23,12 +24,15 @@ struct ReconstructionSetup;
 struct ShownPeople;
 struct StaticSetup;
 
-/// Opens GPU `number`, counted from 0 as in CUDA_VISIBLE_DEVICES; `mixed`: fields train in mixed precision.
+/// Opens GPU `number`, counted from 0 as in CUDA_VISIBLE_DEVICES; `mixed`: fields compute in mixed precision.
 /// Errors  DeviceError: a program without CUDA, no driver, no such GPU, no code for its architecture.
 std::shared_ptr<cuda::Device> open_gpu(int number, bool mixed);
 
 /// The name of a GPU.
 std::string name_of(const cuda::Device& gpu);
+
+/// The most bytes that gsh has taken of its memory.
+std::uint64_t peak_memory_of(const cuda::Device& gpu);
 
 /// What make_reconstruction, make_static_reconstruction and make_renderer return for a machine with a GPU. `gpu` must
 /// outlive the result, and so must what make_… requires to.

@@ -23,6 +23,11 @@ Machine::Machine(const BackendOption& option) : host_(option.threads) {
                     GSH_TEXT(GSH_ISA)};
 }
 
+std::optional<std::uint64_t> Machine::peak_gpu_memory() const {
+    if (gpu_ == nullptr) return std::nullopt;
+    return peak_memory_of(*gpu_);
+}
+
 std::uint64_t resident_bytes() {
     std::ifstream file("/proc/self/statm");
     std::uint64_t total = 0, resident = 0;

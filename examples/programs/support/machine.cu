@@ -13,5 +13,8 @@ std::shared_ptr<cuda::Device> open_gpu(int number, bool mixed) {
 std::string name_of(const cuda::Device& gpu) {
     return gpu.gpu();
 }
+std::uint64_t peak_memory_of(const cuda::Device& gpu) {
+    return gpu.peak_memory();
+}
 
 } // namespace gsh::examples

@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 namespace gsh::cuda {
@@ -30,6 +31,8 @@ public:
     [[nodiscard]] cuda::Device* gpu() { return gpu_.get(); }
     /// Where the program trains and renders.
     [[nodiscard]] const ComputedOn& computed_on() const { return computed_on_; }
+    /// The most bytes that the program has taken of the GPU's memory; nothing without a GPU.
+    [[nodiscard]] std::optional<std::uint64_t> peak_gpu_memory() const;
 
 private:
     cpu::Threads host_;

@@ -80,22 +80,18 @@ inline void add_threads(CLI::App& app, std::size_t& threads) {
     app.add_option("--threads", threads, "CPU threads (default: all)")->check(CLI::Range(1, 1024));
 }
 
-/// The options --backend, --device and --threads.
+/// The options --backend, --device, --precision and --threads.
 inline void add_backend(CLI::App& app, BackendOption& option) {
     app.add_option("--backend", option.backend,
                    "where to compute: threads (the CPU, the default) or cuda (an NVIDIA GPU)")
         ->check(CLI::IsMember({"threads", "cuda"}));
     app.add_option("--device", option.device, "with --backend cuda: number of the GPU (default 0)")
         ->check(not_negative());
-    add_threads(app, option.threads);
-}
-
-/// The option --precision of programs that train.
-inline void add_precision(CLI::App& app, BackendOption& option) {
     app.add_option("--precision", option.precision,
                    "arithmetic of the fields' networks: fp32 (default) or mixed (products of bf16, sums in float; faster "
                    "on tensor cores and AMX)")
         ->check(CLI::IsMember({"fp32", "mixed"}));
+    add_threads(app, option.threads);
 }
 
 /// The option --background r g b.

@@ -65,7 +65,6 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
         ->check(CLI::Range(1, 100'000'000));
     app.add_option("--seed", o.seed, "seed of all random choices (default 0)")->check(not_negative());
     add_backend(app, o.machine);
-    add_precision(app, o.machine);
     app.add_option("--max-memory", o.max_memory,
                    "limit on memory in bytes (with --backend cuda: of the GPU); reduces the number of Gaussians if "
                    "needed")

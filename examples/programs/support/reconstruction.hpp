@@ -95,6 +95,7 @@ std::unique_ptr<Reconstruction> make_reconstruction(Machine& machine, Reconstruc
 /// The course of the training, for the report and for resuming.
 struct TrainingRecord {
     std::uint64_t steps = 0;
+    std::uint64_t saved = 0;                                ///< step of the last checkpoint; 0: there is none
     double seconds = 0;                                     ///< of training only
     std::uint64_t interval = 10;                            ///< steps between samples
     std::vector<std::pair<double, double>> loss, psnr;      ///< (step, value) of the step's training view

@@ -351,7 +351,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
             report.people.back().push_back(fixed(r < apart[p].regions.size() ? apart[p].regions[r].psnr : NAN, 2));
         report.people.back().push_back(std::to_string(person.gaussian_count()));
     }
-    json["peak_memory_bytes"] = peak_memory_bytes();
+    add_memory(json, machine);
     json["seed"] = o.seed;
     add_machine(json, machine.computed_on());
     json["configuration"] = setup.configuration.name;
@@ -388,7 +388,9 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
                     {"Gaussians", std::to_string(setup.gaussian_count())},
                     {"Training", std::to_string(record.steps) + " steps in " + fixed(record.seconds, 1) + " s on " +
                                      machine.computed_on().text()},
-                    {"Peak memory", fixed(static_cast<double>(peak_memory_bytes()) / (1 << 20), 0) + " MiB"}};
+                    {"Peak memory", mebibytes(peak_memory_bytes())}};
+    if (const auto on_gpu = machine.peak_gpu_memory())
+        report.facts.emplace_back("Peak memory of the GPU", mebibytes(*on_gpu));
     const double ssim_weight = setup.configuration.train.ssim_weight;
     report.curves = {
         {"Loss of the step's training view",

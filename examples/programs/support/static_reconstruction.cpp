@@ -163,8 +163,8 @@ StaticResult reconstruct_static(Machine& machine, const StaticSource& source, co
     return result;
 }
 
-void write_static_result(OutputFolder& out, const StaticSource& source, const StaticOptions& options,
-                         const StaticResult& result) {
+void write_static_result(OutputFolder& out, const Machine& machine, const StaticSource& source,
+                         const StaticOptions& options, const StaticResult& result) {
     write_gaussian_ply(out.file("scene.ply"), result.scene, {.filter = options.config.filter});
     for (std::size_t i = 0; i < result.scores.size(); ++i)
         write_png(out.file("test/" + result.scores[i].name + ".png"), result.pictures[i]);
@@ -178,7 +178,7 @@ void write_static_result(OutputFolder& out, const StaticSource& source, const St
     json["cloned"] = result.change.cloned;
     json["split"] = result.change.split;
     json["pruned"] = result.change.pruned;
-    json["peak_memory_bytes"] = peak_memory_bytes();
+    add_memory(json, machine);
     json["seed"] = options.seed;
     add_machine(json, result.computed_on);
     json["configuration"] = "static";

@@ -117,7 +117,7 @@ std::unique_ptr<StaticReconstruction> make_static_reconstruction(Machine& machin
 StaticResult reconstruct_static(Machine& machine, const StaticSource& source, const StaticOptions& options);
 
 /// Writes scene.ply, test/NAME.png (render, truth, error) and, as the last file, metrics.json.
-void write_static_result(OutputFolder& out, const StaticSource& source, const StaticOptions& options,
-                         const StaticResult& result);
+void write_static_result(OutputFolder& out, const Machine& machine, const StaticSource& source,
+                         const StaticOptions& options, const StaticResult& result);
 
 } // namespace gsh::examples

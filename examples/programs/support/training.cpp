@@ -3,10 +3,7 @@
 
 #include "support/interrupts.hpp"
 #include "support/progress.hpp"
-#include "support/reconstruction.hpp"
 #include "support/results.hpp"
-
-#include <gsh/core/error.hpp>
 
 #include <chrono>
 #include <cstddef>
@@ -24,13 +21,13 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
                         timed_before = record.timed_steps - reconstruction.timed_steps();
     auto stages_before = record.stage_seconds;
     for (std::size_t s = 0; s < stages_before.size(); ++s) stages_before[s] -= reconstruction.stage_seconds()[s];
-    std::uint64_t saved = steps_before; // the step of the last checkpoint; 0: there is none
+    record.saved = steps_before;
     const auto checkpoint = [&] {
         record.timed_steps = timed_before + reconstruction.timed_steps();
         for (std::size_t s = 0; s < stages_before.size(); ++s)
             record.stage_seconds[s] = stages_before[s] + reconstruction.stage_seconds()[s];
         save_checkpoint(options, reconstruction, record);
-        saved = record.steps;
+        record.saved = record.steps;
     };
     auto last_checkpoint = Clock::now();
     double paused = 0; // seconds of evaluation and checkpoints, which do not count as training
@@ -65,7 +62,7 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
     };
     const std::uint64_t most_queued = reconstruction.queues_steps() ? most_queued_steps : 1;
     std::uint64_t queued = 0; // steps since the last settle
-    try {
+    naming_checkpoint(record, [&] {
         while (goes_on()) {
             reconstruction.step(fraction());
             note();
@@ -85,12 +82,8 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
             paused += since(pause);
         }
         settle(); // after an interrupt
-    } catch (const Error& error) {
-        if (saved == 0) throw;
-        throw Error(std::string(error.what()) + " (the checkpoint of step " + std::to_string(saved) +
-                    " is complete; the run can be resumed from it)");
-    }
-    checkpoint();
+        checkpoint();
+    });
 }
 
 } // namespace gsh::examples

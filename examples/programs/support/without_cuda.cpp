@@ -25,6 +25,9 @@ std::shared_ptr<cuda::Device> open_gpu(int, bool) {
 std::string name_of(const cuda::Device&) {
     refuse_cuda();
 }
+std::uint64_t peak_memory_of(const cuda::Device&) {
+    refuse_cuda();
+}
 std::unique_ptr<Reconstruction> reconstruction_on(cuda::Device&, ReconstructionSetup) {
     refuse_cuda();
 }

@@ -96,6 +96,9 @@ public:
         return free;
     }
 
+    /// The most bytes that buffers of this process have had at one time, on all GPUs together.
+    [[nodiscard]] static std::uint64_t peak_memory() { return detail::MemoryUse::instance().peak(); }
+
     [[nodiscard]] Precision precision() const { return precision_; }
     /// Holds for later work. Mixed precision runs on tensor cores, from compute capability 8.0 on; before, it is slow.
     /// Forward and backward of one step must have the same.

@@ -9,6 +9,7 @@
 
 #include <cuda_runtime.h>
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -22,6 +23,25 @@ namespace gsh::cuda {
 
 namespace detail {
 
+/// Bytes that the buffers of the process have, on all GPUs together.
+class MemoryUse {
+public:
+    static MemoryUse& instance() {
+        static MemoryUse use;
+        return use;
+    }
+    void add(std::uint64_t bytes) {
+        const std::uint64_t now = now_ += bytes;
+        std::uint64_t peak = peak_;
+        while (peak < now && !peak_.compare_exchange_weak(peak, now)) {}
+    }
+    void remove(std::uint64_t bytes) { now_ -= bytes; }
+    [[nodiscard]] std::uint64_t peak() const { return peak_; }
+
+private:
+    std::atomic<std::uint64_t> now_{0}, peak_{0};
+};
+
 /// Memory that was given back while a step is recorded. Kernels of the step may still use it, so it is freed when the
 /// step has been handed to the device; cudaFree then waits for it.
 class FreedMemory {
@@ -33,19 +53,28 @@ public:
     void hold() { ++holders_; }
     void release() {
         if (--holders_ != 0) return;
-        for (void* memory : waiting_) (void)cudaFree(memory);
+        for (const Memory& memory : waiting_) free_now(memory);
         waiting_.clear();
     }
-    void free(void* memory) {
+    void free(void* memory, std::size_t bytes) {
         if (holders_ == 0)
-            (void)cudaFree(memory);
+            free_now({memory, bytes});
         else
-            waiting_.push_back(memory);
+            waiting_.push_back({memory, bytes});
     }
 
 private:
+    struct Memory {
+        void* address;
+        std::size_t bytes;
+    };
+    static void free_now(const Memory& memory) {
+        (void)cudaFree(memory.address);
+        MemoryUse::instance().remove(memory.bytes);
+    }
+
     int holders_ = 0;
-    std::vector<void*> waiting_;
+    std::vector<Memory> waiting_;
 };
 
 /// "12.5 MiB"; never 0 unless there are none.
@@ -63,7 +92,10 @@ inline void refuse_growth_in_capture() {
     constexpr std::string_view where = "gsh::cuda::Buffer::resize";
     void* memory = nullptr;
     const cudaError_t error = cudaMalloc(&memory, bytes);
-    if (error == cudaSuccess) return memory;
+    if (error == cudaSuccess) {
+        MemoryUse::instance().add(bytes);
+        return memory;
+    }
     if (error == cudaErrorStreamCaptureUnsupported)
         check(error, where, "a capture of another stream forbids it"); // not one of a device of this thread
     if (error != cudaErrorMemoryAllocation) check(error, where); // of a kernel before, perhaps
@@ -120,7 +152,7 @@ public:
 
 private:
     void clear() {
-        if (data_ != nullptr) detail::FreedMemory::instance().free(data_);
+        if (data_ != nullptr) detail::FreedMemory::instance().free(data_, capacity_ * sizeof(T));
         data_ = nullptr, size_ = 0, capacity_ = 0;
     }
 
