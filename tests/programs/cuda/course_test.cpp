@@ -24,28 +24,25 @@ TEST_CASE("a checkpoint of either backend is continued on both") {
     const test::Temporary folder;
     const Words refined{"--refine", "--no-registration", "--refine-cameras", "--set", "refine.test_steps=2", "--steps"};
     const auto backend = [](const std::string& name) { return Words{"--backend", name}; };
-    for (const std::string first : {"cuda", "threads"}) {
-        check_done(run(reconstruction(folder / ("whole-" + first), refined + Words{"6"} + backend(first))));
-        check_done(run(reconstruction(folder / ("part-" + first), refined + Words{"3"} + backend(first))));
-    }
+    for (const char* first : {"cuda", "threads"})
+        check_done(run(reconstruction(folder / first, refined + Words{"3"} + backend(first))));
     for (const std::string first : {"cuda", "threads"})
         for (const std::string second : {"cuda", "threads"}) {
             CAPTURE(first);
             CAPTURE(second);
             const fs::path out = folder / (first + "-" + second);
             fs::create_directory(out);
-            fs::copy(folder / ("part-" + first) / fs::path("checkpoint.gsh"), out / "checkpoint.gsh");
+            fs::copy(folder / first / fs::path("checkpoint.gsh"), out / "checkpoint.gsh");
             check_done(run(reconstruction(out, refined + Words{"6", "--resume"} + backend(second))));
             CHECK(json_of(out / "metrics.json").at("steps") == 6);
             CHECK(json_of(out / "metrics.json").at("backend") == second);
-            // The rates of the part are those of a run of three steps, so this is not a run of six.
         }
     for (const std::string second : {"cuda", "threads"}) {
         const fs::path a = folder / ("cuda-" + second), b = folder / ("threads-" + second);
         for (const char* file : {"test/test00_0000.png", "test/test00_0001.png"})
-            CHECK(test::decibels(read_image(a / file), read_image(b / file), 64) >= 45);
+            CHECK(test::decibels(read_image(a / file), read_image(b / file), 64) >= 60);
     }
-    test::check_near(folder / "cuda-cuda", folder / "threads-threads", 45);
+    test::check_near(folder / "cuda-cuda", folder / "threads-threads");
 }
 
 TEST_CASE("a signal in the middle loses nothing, whether steps are queued or each is waited for") {
