@@ -253,10 +253,10 @@ int main(int argc, char** argv) {
     app.add_option("--frames", options.frames, "number of frames to check, evenly spaced (default 30; 0: all)")
         ->check(not_negative());
     add_threads(app, options.threads);
-    std::string backend;
-    app.add_option("--backend", backend)->group(""); // not listed by --help
+    std::string ignored;
+    const CLI::Option* backend = app.add_option("--backend", ignored)->group(""); // not listed by --help
     return run_program(app, argc, argv, [&] {
-        check_value(backend.empty(), "--backend", "gsh-check computes on the CPU alone; leave the option out");
+        check_value(backend->count() == 0, "--backend", "gsh-check computes on the CPU alone; leave the option out");
         if (std::filesystem::is_directory(options.capture)) check_body(options);
         complete_poses(options);
         return check(options);

@@ -249,7 +249,7 @@ TEST_CASE("a backend that is not there is refused in one line, and nothing is wr
         refuse(words, {"--backend", "cuda"}, "--backend cuda", "built without CUDA", "GSH_PROGRAMS_CUDA");
 #endif
     }
-    for (const char* backend : {"threads", "cuda"})
+    for (const char* backend : {"threads", "cuda", ""})
         refuse({"gsh-check", s.path, "--body", s.body_file, "--out", out}, {"--backend", backend},
                "gsh-check computes on the CPU alone");
 }

@@ -8,7 +8,7 @@
 
 namespace gsh::examples {
 
-std::unique_ptr<Reconstruction> reconstruction_on(cuda::Device& gpu, ReconstructionSetup setup) {
+std::unique_ptr<Reconstruction> reconstruction_on(cuda::Device& gpu, ReconstructionSetup&& setup) {
     return std::make_unique<ReconstructionOn<cuda::Device>>(gpu, std::move(setup));
 }
 

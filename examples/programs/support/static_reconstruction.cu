@@ -8,7 +8,7 @@
 
 namespace gsh::examples {
 
-std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device& gpu, StaticSetup setup) {
+std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device& gpu, StaticSetup&& setup) {
     return std::make_unique<StaticReconstructionOn<cuda::Device>>(gpu, std::move(setup));
 }
 

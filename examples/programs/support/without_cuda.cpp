@@ -2,10 +2,6 @@
 /// The functions of gpu.hpp in a program without CUDA. No GPU can be opened, so the others are never called.
 #include "support/gpu.hpp"
 
-#include "support/reconstruction.hpp"
-#include "support/renderer.hpp"
-#include "support/static_reconstruction.hpp"
-
 #include <gsh/core/error.hpp>
 
 namespace gsh::examples {
@@ -28,10 +24,10 @@ std::string name_of(const cuda::Device&) {
 std::uint64_t peak_memory_of(const cuda::Device&) {
     refuse_cuda();
 }
-std::unique_ptr<Reconstruction> reconstruction_on(cuda::Device&, ReconstructionSetup) {
+std::unique_ptr<Reconstruction> reconstruction_on(cuda::Device&, ReconstructionSetup&&) {
     refuse_cuda();
 }
-std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device&, StaticSetup) {
+std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device&, StaticSetup&&) {
     refuse_cuda();
 }
 std::unique_ptr<Renderer> renderer_on(cuda::Device&, const ShownPeople&) {

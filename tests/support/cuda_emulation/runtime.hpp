@@ -172,6 +172,7 @@ public:
     Order order = Order::forward;
     unsigned char fill = 0xA5;            // bytes of new memory: results must not depend on it
     cudaError_t next_error = cudaSuccess; // of the next wait: the device has failed
+    std::uint64_t life = ~std::uint64_t(0); // the device fails at the wait of this number
     std::uint64_t seed = 1;               // of Order::random
     bool eager_streams = false;           // all streams but the oldest do their work as soon as it is queued
 
@@ -254,13 +255,13 @@ public:
     void queue(EmulatedStream& stream, std::function<void()> work) {
         queue(stream, std::make_unique<FunctionWork>(std::move(work)));
     }
-    /// Runs what is queued, up to a position.
+    /// Runs what is queued, up to a position. A device that has failed does none of it.
     void finish(EmulatedStream& stream, std::uint64_t position = ~std::uint64_t(0)) {
         while (!stream.queue.empty() && stream.finished < position) {
             const std::unique_ptr<EmulatedWork> work = std::move(stream.queue.front());
             stream.queue.pop_front();
             ++stream.finished;
-            work->run();
+            if (next_error == cudaSuccess) work->run();
         }
     }
     void finish_all() {
@@ -272,7 +273,7 @@ public:
 
     /// The error of a wait: one that a test has set, or success.
     cudaError_t wait(EmulatedStream& stream) {
-        ++waits;
+        if (++waits >= life) next_error = cudaErrorLaunchFailure;
         if (stream.capture) return cudaErrorStreamCaptureUnsupported;
         if (next_error != cudaSuccess) return next_error; // sticky
         finish(stream);
@@ -543,7 +544,7 @@ inline cudaError_t cudaStreamWaitEvent(cudaStream_t stream, cudaEvent_t event, u
 }
 inline cudaError_t cudaEventSynchronize(cudaEvent_t event) {
     auto& machine = gsh::test::CudaEmulation::instance();
-    ++machine.waits;
+    if (++machine.waits >= machine.life) machine.next_error = cudaErrorLaunchFailure;
     if (machine.next_error != cudaSuccess) return machine.next_error;
     if (event->recorded) machine.finish(*event->stream, event->position);
     return cudaSuccess;
