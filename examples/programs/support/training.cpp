@@ -42,11 +42,13 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
     };
     const auto status = [&] {
         char text[96];
-        std::snprintf(text, sizeof text, "step %llu  loss %.4f  PSNR %.2f dB  %.1f steps/s",
-                      static_cast<unsigned long long>(record.steps),
-                      record.loss.empty() ? 0 : record.loss.back().second,
-                      record.psnr.empty() ? 0 : record.psnr.back().second,
-                      static_cast<double>(record.steps - steps_before) / (record.seconds - seconds_before));
+        if (record.loss.empty()) // a GPU has not told them yet
+            std::snprintf(text, sizeof text, "step %llu", static_cast<unsigned long long>(record.steps));
+        else
+            std::snprintf(text, sizeof text, "step %llu  loss %.4f  PSNR %.2f dB  %.1f steps/s",
+                          static_cast<unsigned long long>(record.steps), record.loss.back().second,
+                          record.psnr.back().second,
+                          static_cast<double>(record.steps - steps_before) / (record.seconds - seconds_before));
         return std::string(text);
     };
     const auto note = [&] {
@@ -60,7 +62,8 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
         for (const StepValues& values : reconstruction.history()) record.add(values);
         note();
     };
-    const std::uint64_t most_queued = reconstruction.queues_steps() ? most_queued_steps : 1;
+    const std::uint64_t most_queued =
+        !reconstruction.queues_steps() ? 1 : options.seconds > 0 ? most_queued_by_time : most_queued_steps;
     std::uint64_t queued = 0; // steps since the last settle
     naming_checkpoint(record, [&] {
         while (goes_on()) {

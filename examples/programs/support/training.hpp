@@ -15,6 +15,8 @@ namespace gsh::examples {
 /// A loop settles at least after this many steps: a device queues them, and an interrupt waits for the queue. A
 /// refinement of poses can take back 256.
 inline constexpr std::uint64_t most_queued_steps = 100;
+/// With --seconds, so many queued steps run beyond the end.
+inline constexpr std::uint64_t most_queued_by_time = 10;
 
 /// Trains until the steps or the seconds of the run are over, until step `until` (0: no such limit), or until an
 /// interrupt, whichever comes first. At the end all steps are settled and a checkpoint is written.

@@ -29,6 +29,7 @@ TEST_CASE("each configuration") {
         const auto metrics = json_of(folder / "cuda/metrics.json");
         CHECK(metrics.at("ms_per_stage").at("render") > 0.0);
         CHECK(metrics.at("peak_memory_bytes") > 10'000'000);
+        CHECK(metrics.at("device_peak_memory_bytes") > 1'000'000);
         const std::string page = read_file(folder / "cuda/report.html");
         CHECK(page.find("<th>Backend</th><td>cuda") != std::string::npos);
         CHECK(page.find(metrics.at("device").get<std::string>()) != std::string::npos);

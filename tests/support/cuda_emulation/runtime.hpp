@@ -271,9 +271,12 @@ public:
     /// While a stream is captured in a strict mode, memory cannot be allocated.
     void count_strict_captures(int change) { strict_captures_ += change; }
 
+    void count_wait() {
+        if (++waits >= life) next_error = cudaErrorLaunchFailure;
+    }
     /// The error of a wait: one that a test has set, or success.
     cudaError_t wait(EmulatedStream& stream) {
-        if (++waits >= life) next_error = cudaErrorLaunchFailure;
+        count_wait();
         if (stream.capture) return cudaErrorStreamCaptureUnsupported;
         if (next_error != cudaSuccess) return next_error; // sticky
         finish(stream);
@@ -544,7 +547,7 @@ inline cudaError_t cudaStreamWaitEvent(cudaStream_t stream, cudaEvent_t event, u
 }
 inline cudaError_t cudaEventSynchronize(cudaEvent_t event) {
     auto& machine = gsh::test::CudaEmulation::instance();
-    if (++machine.waits >= machine.life) machine.next_error = cudaErrorLaunchFailure;
+    machine.count_wait();
     if (machine.next_error != cudaSuccess) return machine.next_error;
     if (event->recorded) machine.finish(*event->stream, event->position);
     return cudaSuccess;
