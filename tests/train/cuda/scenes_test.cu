@@ -48,12 +48,12 @@ TEST_CASE("an overflow changes no bit of a static scene or of two people") {
             train_people<Device>(scene, 50, FirstView::far_then_nearest));
 }
 
-TEST_CASE("50 steps with shadows over time and refined poses, shape and cameras are those of the CPU") {
+TEST_CASE("50 steps of the paper's avatar with refined poses, shape and cameras are those of the CPU") {
     if (skip_without_device()) return;
     const SmallScene scene;
-    const Outcome found = train_refined<Device>(scene, AmbientOcclusion::time, 50);
-    check_near(found, train_refined<cpu::Serial>(scene, AmbientOcclusion::time, 50));
-    check_same(found, train_refined<Device>(scene, AmbientOcclusion::time, 50));
+    const Outcome found = train_paper<Device>(scene, 50);
+    check_near(found, train_paper<cpu::Serial>(scene, 50));
+    check_same(found, train_paper<Device>(scene, 50));
 }
 
 TEST_CASE("poses, shape and cameras are refined on the device as on the CPU") {
