@@ -11,7 +11,8 @@ template Outcome train_paper_network<cpu::Serial>(const SmallScene&, Precision, 
 template Outcome train_lit<cpu::Serial>(const SmallScene&, int);
 template Outcome train_people<cpu::Serial>(const SmallScene&, int, FirstView);
 template Outcome train_static<cpu::Serial>(const SmallScene&, int, FirstView);
-template Outcome train_refined<cpu::Serial>(const SmallScene&, AmbientOcclusion, int);
+template Outcome train_refined<cpu::Serial>(const SmallScene&, int);
+template Outcome train_paper<cpu::Serial>(const SmallScene&, int);
 template Outcome fit_pose<cpu::Serial>(const PosedScene&);
 template Outcome show<cpu::Serial>(const PosedScene&, const AvatarData&);
 

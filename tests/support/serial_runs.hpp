@@ -16,7 +16,8 @@ extern template Outcome train_paper_network<cpu::Serial>(const SmallScene&, Prec
 extern template Outcome train_lit<cpu::Serial>(const SmallScene&, int);
 extern template Outcome train_people<cpu::Serial>(const SmallScene&, int, FirstView);
 extern template Outcome train_static<cpu::Serial>(const SmallScene&, int, FirstView);
-extern template Outcome train_refined<cpu::Serial>(const SmallScene&, AmbientOcclusion, int);
+extern template Outcome train_refined<cpu::Serial>(const SmallScene&, int);
+extern template Outcome train_paper<cpu::Serial>(const SmallScene&, int);
 extern template Outcome fit_pose<cpu::Serial>(const PosedScene&);
 extern template Outcome show<cpu::Serial>(const PosedScene&, const AvatarData&);
 
