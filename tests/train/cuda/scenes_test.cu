@@ -308,7 +308,9 @@ TEST_CASE("training on the caller's stream gives the bits of the device's own") 
     const SmallScene scene;
     cudaStream_t mine = nullptr;
     REQUIRE(cudaStreamCreateWithFlags(&mine, cudaStreamNonBlocking) == cudaSuccess);
-    check_same(refine_on([&] { return Device(mine); }, scene), refine_on([] { return Device(); }, scene));
+    const Outcome expected = refine_on([] { return Device(); }, scene);
+    for (cudaStream_t stream : {mine, cudaStream_t(nullptr)}) // nullptr: the legacy default stream
+        check_same(refine_on([&] { return Device(stream); }, scene), expected);
     CHECK(cudaStreamDestroy(mine) == cudaSuccess);
 }
 
