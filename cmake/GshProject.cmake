@@ -66,7 +66,7 @@ target_link_libraries(gsh_project INTERFACE gsh::gsh)
 # Environment variables of tests and stories.
 set(gsh_test_environment UBSAN_OPTIONS=print_stacktrace=1)
 if(GSH_SANITIZE MATCHES "thread")
-  list(APPEND gsh_test_environment "TSAN_OPTIONS=suppressions=${CMAKE_CURRENT_LIST_DIR}/tsan.supp atexit_sleep_ms=100")
+  list(APPEND gsh_test_environment "TSAN_OPTIONS=suppressions=${CMAKE_CURRENT_LIST_DIR}/tsan.supp atexit_sleep_ms=100 history_size=7")
 endif()
 
 # The headers that preset dev compiles alone use the same warnings.

@@ -9,6 +9,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 using namespace gsh;
@@ -121,6 +122,32 @@ TEST_CASE("light takes memory for the mesh, for the maps of its shadows, and wit
     CHECK(of(config, 1, 2000).fixed - lit.fixed >= 1000 * 4 * 16); // visibility
     CHECK(lit.per_gaussian > dark.per_gaussian);
     CHECK(of(config, 2, 1000).fixed - of(without, 2, 1000).fixed == 2 * (lit.fixed - dark.fixed));
+}
+
+TEST_CASE("a GPU takes memory for the lists of each query of a grid, and for sums of networks") {
+    const AvatarInputs inputs;
+    const auto on_device = [&](const AvatarConfig& config, std::size_t people = 1) {
+        return training_memory<cpu::Serial>(config, 100, 1000, people, inputs, device_costs);
+    };
+    const AvatarConfig paper{.ao = AmbientOcclusion::time}, shared{}, separate{.heads = Heads::separate};
+    const auto queries = [&](const AvatarConfig& config) {
+        return avatar_size<cpu::Serial>(config, inputs.joint_count, inputs.priors).queries;
+    };
+    CHECK(queries(paper) == 2);
+    CHECK(queries(shared) == 1);
+    CHECK(queries(separate) == 1); // both fields read the same points
+    for (const AvatarConfig& config : {paper, shared, separate}) {
+        const PartSize size = avatar_size<cpu::Serial>(config, inputs.joint_count, inputs.priors);
+        const MemoryModel host = training_memory<cpu::Serial>(config, 100, 1000), device = on_device(config);
+        CHECK(device.per_gaussian == host.per_gaussian - host_costs.per_gaussian + device_costs.per_gaussian +
+                                         queries(config) * device_costs.per_query);
+        std::size_t weights = 0;
+        for (const LearnedSize& array : size.learned)
+            if (array.name.find("network") != std::string::npos) weights += array.fixed;
+        CHECK(weights > 8000);
+        CHECK(device.fixed + host_costs.fixed == host.fixed + device_costs.fixed + 4 * 512 * weights);
+        CHECK(on_device(config, 2).per_gaussian == 2 * device.per_gaussian);
+    }
 }
 
 TEST_CASE("a budget and a number of Gaussians turn into each other") {

@@ -58,7 +58,8 @@ std::size_t gaussians_within_memory(const Machine& machine, const Source& source
         configuration.avatar, pixels, bytes_of_images(machine, setup), source.people.size(),
         {.joint_count = source.body().joint_count(),
          .vertex_count = source.body().vertex_count(),
-         .frame_count = source.capture.frame_count()});
+         .frame_count = source.capture.frame_count()},
+        machine.has_gpu() ? device_costs : host_costs);
     const std::size_t count = std::min(o.gaussians, memory.gaussians_within(o.max_memory));
     if (count < o.gaussians / 10)
         throw ValueError("--max-memory " + std::to_string(o.max_memory) + " is too little: training " +

@@ -53,7 +53,9 @@ public:
         field_.silence_outputs();
     }
     [[nodiscard]] static PartSize size(const FieldShadowParams& params, std::size_t code_size) {
-        return Field::size(params_of_field(params, code_size));
+        PartSize size = Field::size(params_of_field(params, code_size));
+        size.queries = 1;
+        return size;
     }
 
     void forward(Span<const T> code, Span<T> ao) {

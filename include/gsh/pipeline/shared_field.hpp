@@ -39,7 +39,9 @@ public:
         field_.silence_other_inputs();
     }
     [[nodiscard]] static PartSize size(const AppearanceParams& params, const PriorInputs& inputs) {
-        return Field::size(params_of_field(params, inputs));
+        PartSize size = Field::size(params_of_field(params, inputs));
+        size.queries = 1;
+        return size;
     }
 
     void forward(std::size_t frame) {

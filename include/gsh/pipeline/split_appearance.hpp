@@ -179,6 +179,7 @@ public:
     [[nodiscard]] static PartSize size(const AppearanceParams& params, const PriorInputs& inputs) {
         PartSize both = Colors::size(params, inputs);
         append(both, Displacements::size(params, inputs));
+        both.queries = 1;
         return both;
     }
 

@@ -54,7 +54,7 @@ TEST_CASE("a signal in the middle loses nothing, whether steps are queued or eac
         CAPTURE(interval);
         const fs::path parts = folder / interval;
         test::Process process(reconstruction(parts, words + Words{"--checkpoint-interval", interval}));
-        REQUIRE(process.wait_until([&] { return process.err().find("step 1 ") != std::string::npos; }));
+        REQUIRE(process.wait_until([&] { return process.err().find("step 1") != std::string::npos; }));
         process.send(SIGINT);
         const test::Outcome outcome = process.wait();
         CHECK(outcome.code == 130);
