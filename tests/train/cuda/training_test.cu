@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Avatars are trained and shown on the CUDA backend as on cpu::Serial.
 #include <gsh/cuda.cuh>
+#include <gsh/train/memory.hpp>
 #include <gsh/train/stage.hpp>
 
 #include "support/cuda_device.hpp"
@@ -19,6 +20,9 @@ namespace cuda_training { // joined builds: other tests have helpers of the same
 using namespace gsh;
 using namespace test;
 using cuda::Device;
+
+// Sums of the gradients of a network's weights, which an estimate of memory counts.
+static_assert(device_costs.networks == cuda::detail::mlp_most_blocks);
 
 TEST_CASE("an avatar trains on the device as on the CPU, with the same bits each time and in each order") {
     if (skip_without_device()) return;
