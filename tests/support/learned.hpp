@@ -58,13 +58,6 @@ auto learned_values(B& backend, Part& part) {
     return all;
 }
 
-/// Makes one number of the array of this name NaN.
-template <class B, class Part>
-void spoil(B& backend, Part& part, std::string_view name, std::size_t number) {
-    const auto values = learned_array(part, name).values.subspan(number, 1);
-    backend.fill(values, std::numeric_limits<std::remove_cvref_t<decltype(values[0])>>::quiet_NaN());
-}
-
 /// The same for a backend in host memory.
 template <class Part>
 auto learned_values(Part& part, std::string_view name) {
@@ -75,6 +68,13 @@ template <class Part>
 auto learned_values(Part& part) {
     cpu::Serial host;
     return learned_values(host, part);
+}
+
+/// Makes one number of the array of this name NaN.
+template <class B, class Part>
+void spoil(B& backend, Part& part, std::string_view name, std::size_t number) {
+    const auto values = learned_array(part, name).values.subspan(number, 1);
+    backend.fill(values, std::numeric_limits<std::remove_cvref_t<decltype(values[0])>>::quiet_NaN());
 }
 
 /// The gradients of all arrays, one array after the other, a copy.

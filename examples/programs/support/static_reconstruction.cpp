@@ -151,7 +151,6 @@ StaticResult reconstruct_static(Machine& machine, const StaticSource& source, co
     StaticResult result;
     result.seconds = reconstruction->seconds;
     result.steps = reconstruction->step_count();
-    result.computed_on = machine.computed_on();
     result.change = reconstruction->total_change();
     for (const Photo& photo : source.test) {
         const auto comparison = reconstruction->compare(photo);
@@ -180,7 +179,7 @@ void write_static_result(OutputFolder& out, const Machine& machine, const Static
     json["pruned"] = result.change.pruned;
     add_memory(json, machine);
     json["seed"] = options.seed;
-    add_machine(json, result.computed_on);
+    add_machine(json, machine.computed_on());
     json["configuration"] = "static";
     for (const auto& [key, value] : settings_of(options.config)) json["settings"][key] = value;
     json["ms_per_stage"]["all"] = 1e3 * result.seconds / static_cast<double>(std::max<std::uint64_t>(1, result.steps));

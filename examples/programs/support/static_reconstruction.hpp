@@ -2,7 +2,6 @@
 /// @file  The configuration `static`: one frame of a capture, or a reconstruction of COLMAP, as a 3DGS scene.
 #pragma once
 
-#include "support/backend_option.hpp"
 #include "support/output_folder.hpp"
 #include "support/reconstruct_options.hpp"
 
@@ -57,7 +56,6 @@ struct StaticResult {
     std::vector<Image<float>> pictures;    ///< render, truth and error of each
     std::uint64_t steps = 0;               ///< less than requested after an interrupt
     double seconds = 0;                    ///< of training only
-    ComputedOn computed_on;
     DensityChange change;
 };
 

@@ -304,7 +304,7 @@ private:
                               " is current in this thread, expected the device's, GPU " + std::to_string(ordinal_) +
                               "; call cudaSetDevice(" + std::to_string(ordinal_) + ") before the device is used");
     }
-    /// In a recorded step nobody looks: components have checked their arguments.
+    /// A recorded step does without this check, which takes time of the host: components check their arguments.
     template <class T>
     void check_here(std::string_view function, std::string_view argument, Span<T> memory) const {
         if (recorder_ == nullptr) check_memory(*this, function, argument, memory);
