@@ -1,15 +1,60 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A progress line: redrawn on a terminal, printed every ten seconds in a log.
+/// @file  A progress line: redrawn on a terminal, as wide as it, and printed every ten seconds in a log.
 #pragma once
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <cstdio>
+#include <optional>
 #include <string>
+#include <utility>
 
 namespace gsh::examples {
+
+/// Characters of a UTF-8 text, each taken as one column of a terminal.
+[[nodiscard]] inline std::size_t columns_of(const std::string& text) {
+    return static_cast<std::size_t>(
+        std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+}
+
+/// Title, bar, percentage, details and seconds left, in at most `width` columns; 0 means without a limit.
+///
+/// The details are pieces that are separated by two blanks, the most important one first. Where the line is too long, the
+/// bar becomes shorter; then pieces are left out from the last one on; then the bar and the time; the title is cut last.
+[[nodiscard]] inline std::string progress_line(const std::string& title, double fraction, std::string details,
+                                               std::optional<double> seconds_left, std::size_t width) {
+    fraction = std::clamp(fraction, 0.0, 1.0);
+    char percent[16], left[32] = "";
+    std::snprintf(percent, sizeof percent, " %3.0f%%", 100 * fraction);
+    if (seconds_left) std::snprintf(left, sizeof left, "  %.0f s left", std::max(0.0, *seconds_left));
+    const auto with_bar = [&](std::size_t size) {
+        const auto filled = static_cast<std::size_t>(fraction * static_cast<double>(size));
+        return title + " [" + std::string(filled, '#') + std::string(size - filled, '.') + "]" + percent +
+               (details.empty() ? "" : "  " + details) + left;
+    };
+    while (true) {
+        for (const std::size_t size : {24, 10})
+            if (std::string line = with_bar(size); width == 0 || columns_of(line) <= width) return line;
+        if (details.empty()) break;
+        const auto piece = details.rfind("  ");
+        details.erase(piece == std::string::npos ? 0 : piece);
+    }
+    for (std::string line : {title + percent + left, title + percent})
+        if (columns_of(line) <= width) return line;
+    std::string line = title + percent;
+    while (columns_of(line) > width) line.pop_back(); // bytes of a character go before its first one
+    return line;
+}
+
+/// Columns of the terminal on standard error; 80 if it does not tell.
+[[nodiscard]] inline std::size_t terminal_width() {
+    winsize size{};
+    return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+}
 
 /// Shows the progress of a long job. On a terminal, the line is redrawn ten times per second. Otherwise, a new line is
 /// printed every ten seconds, so that logs stay short.
@@ -20,7 +65,7 @@ public:
     Progress& operator=(const Progress&) = delete;
     ~Progress() { finish(); }
 
-    /// `fraction` is in [0, 1]; `details` is printed behind the percentage.
+    /// `fraction` is in [0, 1]; `details` follow the percentage, in pieces as progress_line takes them.
     void show(double fraction, const std::string& details) {
         const auto now = Clock::now();
         const auto pause = terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(10000);
@@ -29,14 +74,12 @@ public:
         last_ = now;
         shown_ = true;
         const double seconds = std::chrono::duration<double>(now - start_).count(), covered = fraction - first_;
-        char left[32] = "";
-        if (covered > 0)
-            std::snprintf(left, sizeof left, "  %.0f s left", std::max(0.0, seconds * (1 - fraction) / covered));
-        const int filled = static_cast<int>(std::min(fraction, 1.0) * bar_width);
-        const std::string bar = std::string(static_cast<std::size_t>(filled), '#') +
-                                std::string(static_cast<std::size_t>(bar_width - filled), '.');
-        std::fprintf(stderr, "%s%s [%s] %3.0f%%  %s%s%s", terminal_ ? "\r\033[K" : "", title_.c_str(),
-                     bar.c_str(), 100 * std::min(fraction, 1.0), details.c_str(), left, terminal_ ? "" : "\n");
+        std::optional<double> left;
+        if (covered > 0) left = seconds * (1 - fraction) / covered;
+        // The last column stays free: in it, some terminals already go to the next line.
+        const std::string line =
+            progress_line(title_, fraction, details, left, terminal_ ? std::max<std::size_t>(terminal_width(), 2) - 1 : 0);
+        std::fprintf(stderr, "%s%s%s", terminal_ ? "\r\033[K" : "", line.c_str(), terminal_ ? "" : "\n");
         std::fflush(stderr);
     }
 
@@ -47,7 +90,6 @@ public:
 
 private:
     using Clock = std::chrono::steady_clock;
-    static constexpr int bar_width = 24;
 
     std::string title_;
     bool terminal_;

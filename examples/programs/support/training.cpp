@@ -45,10 +45,10 @@ void train(Reconstruction& reconstruction, const ReconstructOptions& options, Tr
         if (record.loss.empty()) // a GPU has not told them yet
             std::snprintf(text, sizeof text, "step %llu", static_cast<unsigned long long>(record.steps));
         else
-            std::snprintf(text, sizeof text, "step %llu  loss %.4f  PSNR %.2f dB  %.1f steps/s",
-                          static_cast<unsigned long long>(record.steps), record.loss.back().second,
-                          record.psnr.back().second,
-                          static_cast<double>(record.steps - steps_before) / (record.seconds - seconds_before));
+            std::snprintf(text, sizeof text, "step %llu  PSNR %.2f dB  %.1f steps/s  loss %.4f",
+                          static_cast<unsigned long long>(record.steps), record.psnr.back().second,
+                          static_cast<double>(record.steps - steps_before) / (record.seconds - seconds_before),
+                          record.loss.back().second);
         return std::string(text);
     };
     const auto note = [&] {
