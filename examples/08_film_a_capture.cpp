@@ -2,8 +2,9 @@
 /// @file  Story 8: a capture on disk, filmed by the studio under two lights.
 ///
 /// The procedural actor talks, then reaches far beyond the poses before. Six cameras and a test camera film both under
-/// hard and under soft light. Writes 08_capture/ with body.npz and two captures in the layout that the programs read,
-/// hard/ and soft/, and 08_film_a_capture.png: the same frame in both lights. A larger film is that of
+/// hard and under soft light. Writes 08_capture/ with body.npz, two captures in the layout that the programs read, hard/
+/// and soft/, and what to show the avatar in: stride.npz, a motion that no camera filmed, and window.png, an environment
+/// image. 08_film_a_capture.png shows the same frame in both lights. A larger film is that of
 /// 08-film-a-capture FOLDER 320 40: the side of the images in pixels, and the number of frames.
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/body_model.hpp>
@@ -12,13 +13,16 @@
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/capture/capture.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/io/motion/motion_file.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
 
+#include <programs/support/progress.hpp>
 #include <story.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
@@ -47,40 +51,58 @@ Image<float> on_white(const PixelImage& photo) {
         for (int x = 0; x < photo.width; ++x) {
             const auto* rgba = photo.pixel(y, x);
             const float alpha = static_cast<float>(rgba[3]) / 255;
-            for (int c = 0; c < 3; ++c)
-                picture.at(c, y, x) = static_cast<float>(rgba[c]) / 255 * alpha + (1 - alpha);
+            for (int c = 0; c < 3; ++c) picture.at(c, y, x) = static_cast<float>(rgba[c]) / 255 * alpha + (1 - alpha);
         }
     return picture;
 }
 
+// 3. A dark room with one large window, seen in all directions; the middle row is the horizon.
+Image<float> room_with_window(int height) {
+    Image<float> room(3, height, 2 * height);
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < 2 * height; ++x) {
+            const float u = (static_cast<float>(x) + 0.5f) / static_cast<float>(2 * height),
+                        v = (static_cast<float>(y) + 0.5f) / static_cast<float>(height);
+            const bool window = std::abs(u - 0.86f) < 0.08f && std::abs(v - 0.38f) < 0.12f;
+            for (int c = 0; c < 3; ++c) room.at(c, y, x) = window ? 1.0f : v < 0.5f ? 0.20f : 0.12f;
+        }
+    return room;
+}
+
 void story(const std::filesystem::path& out, int size, int frames) {
     const std::filesystem::path folder = out / "08_capture";
-    // 3. Three quarters of the frames talk; the last quarter lifts the arms above the head and bends elbows and knees
+    // 4. Three quarters of the frames talk; the last quarter lifts the arms above the head and bends elbows and knees
     //    to 120 degrees. With --hold-out-motion 0.25, the programs train on the first and judge on both.
     const BodyModel body = make_actor();
     const int new_frames = std::max(1, frames / 4);
     const Motion motion = followed_by(actor_motion(ActorMotion::talk, frames - new_frames),
                                       actor_motion(ActorMotion::reach, new_frames), 10);
 
-    // 4. The film. Both captures have the same cameras, so only the light differs.
+    // 5. The film. Both captures have the same cameras, so only the light differs.
     cpu::Threads backend;
-    StudioParams studio;
-    studio.image_size = size;
-    studio.light = hard_light();
-    const Capture hard = film(backend, body, motion, studio);
-    studio.light = soft_light();
-    const Capture soft = film(backend, body, motion, studio);
+    const auto film_in = [&](const StudioLight& light, const char* title) {
+        examples::Progress shown(title);
+        StudioParams studio;
+        studio.image_size = size;
+        studio.light = light;
+        studio.progress = [&](double share) { shown.show(share, ""); };
+        return film(backend, body, motion, studio);
+    };
+    const Capture hard = film_in(hard_light(), "filming in hard light");
+    const Capture soft = film_in(soft_light(), "filming in soft light");
 
-    // 5. On disk: cameras.json, poses.npz, images/CAMERA/FRAME.png. The alpha of the images is the mask.
+    // 6. On disk: cameras.json, poses.npz, images/CAMERA/FRAME.png. The alpha of the images is the mask.
     std::filesystem::create_directories(folder);
     save_body_model(folder / "body.npz", body);
     save_capture(folder / "hard", hard);
     save_capture(folder / "soft", soft);
+    save_motion(folder / "stride.npz", actor_motion(ActorMotion::stride, 60, 30));
+    write_png(folder / "window.png", room_with_window(128));
     const std::size_t shown = motion.frame_count() / 3;
     const Image<float> left = on_white(hard.images[shown]), right = on_white(soft.images[shown]);
     write_png(out / "08_film_a_capture.png", examples::beside<float>({&left, &right}));
 
-    // 6. What a program would read is what was filmed.
+    // 7. What a program would read is what was filmed.
     const Capture read = load_capture(backend, folder / "hard", body);
     examples::claim(read.frame_count() == motion.frame_count() && read.cameras.size() == 7,
                     "seven cameras and " + std::to_string(motion.frame_count()) + " frames come back from disk");

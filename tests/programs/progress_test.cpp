@@ -15,7 +15,8 @@ const std::string details = "step 1200  PSNR 31.42 dB  8.3 steps/s  loss 0.0214"
 
 TEST_CASE("progress_line without a limit has everything") {
     CHECK(progress_line("training light", 0.5, details, 95.6, 0) ==
-          "training light [############............]  50%  step 1200  PSNR 31.42 dB  8.3 steps/s  loss 0.0214  96 s left");
+          "training light [############............]  50%  step 1200  PSNR 31.42 dB  8.3 steps/s  loss 0.0214  96 s "
+          "left");
     CHECK(progress_line("animating", 0, "", {}, 0) == "animating [........................]   0%");
     CHECK(progress_line("animating", 1.2, "", 0.0, 0) == "animating [########################] 100%  0 s left");
 }

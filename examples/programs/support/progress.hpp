@@ -77,8 +77,8 @@ public:
         std::optional<double> left;
         if (covered > 0) left = seconds * (1 - fraction) / covered;
         // The last column stays free: in it, some terminals already go to the next line.
-        const std::string line =
-            progress_line(title_, fraction, details, left, terminal_ ? std::max<std::size_t>(terminal_width(), 2) - 1 : 0);
+        const std::string line = progress_line(title_, fraction, details, left,
+                                               terminal_ ? std::max<std::size_t>(terminal_width(), 2) - 1 : 0);
         std::fprintf(stderr, "%s%s%s", terminal_ ? "\r\033[K" : "", line.c_str(), terminal_ ? "" : "\n");
         std::fflush(stderr);
     }

@@ -3,6 +3,7 @@
 
 #include "support/figures.hpp"
 #include "support/input_files.hpp"
+#include "support/progress.hpp"
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
@@ -58,10 +59,12 @@ Source load_people(cpu::Threads& backend, const PeopleOptions& o, const CaptureO
 Source load_source(cpu::Threads& backend, const ReconstructOptions& o) {
     Source source;
     if (o.synthetic) {
-        std::printf("filming the built-in actor\n");
-        std::fflush(stdout);
+        Progress shown("filming the built-in actor");
+        shown.show(0, "");
         source.bodies.push_back(make_actor());
-        source.capture = film(backend, source.bodies[0], actor_motion(ActorMotion::talk, 12));
+        StudioParams studio;
+        studio.progress = [&](double share) { shown.show(share, ""); };
+        source.capture = film(backend, source.bodies[0], actor_motion(ActorMotion::talk, 12), studio);
         source.capture.name = "the built-in actor";
         if (const auto span = held_out_span(o)) hold_out_motion(source.capture, *span);
         source.people.push_back({"actor", 0, source.capture.motion});

@@ -30,6 +30,7 @@ struct StudioParams {
     std::uint64_t seed = 1; ///< of camera placement and of samples
     StudioLight light;
     std::vector<NamedCamera> cameras = {}; ///< used instead of the ring, e.g. for the views of another capture
+    std::function<void(double share)> progress = {}; ///< is called after each frame, on the caller's thread
 };
 
 /// Cameras that each see all of `points`. Focal lengths, principal points and heights vary from one to the next. Test
@@ -224,6 +225,7 @@ Capture film_people(E& executor, const std::vector<StudioActor>& actors, const S
                 }
             }
         });
+        if (params.progress) params.progress(static_cast<double>(t + 1) / static_cast<double>(frames));
     }
     return result;
 }
