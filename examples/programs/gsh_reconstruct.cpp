@@ -20,9 +20,11 @@
 #include "support/results.hpp"
 #include "support/source.hpp"
 #include "support/static_reconstruction.hpp"
+#include "support/stored_options.hpp"
 #include "support/training.hpp"
 
 #include <cstdio>
+#include <string>
 #include <utility>
 
 using namespace gsh;
@@ -96,6 +98,10 @@ int main(int argc, char** argv) {
     CLI::App app("Reconstructs an animatable avatar from a capture.", "gsh-reconstruct");
     add_options(app, options);
     return run_program(app, argc, argv, [&] {
+        if (options.resume)
+            if (const std::string earlier = checkpoint_options(options); !earlier.empty())
+                restore_options(app, earlier, checkpoint_path(options).string(), {"--steps", "--seconds"});
+        options.given = given_options(app, {"--help", "--out", "--resume"});
         check_options(options);
         return reconstruct(options);
     });

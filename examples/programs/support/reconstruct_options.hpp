@@ -50,6 +50,7 @@ struct ReconstructOptions : PeopleOptions {
     BackendOption machine;
     std::uint64_t max_memory = 0;   ///< bytes of the host, or of the GPU with --backend cuda; 0: no limit
     double checkpoint_interval = 5; ///< seconds
+    std::string given;              ///< all of the above as given_options has them, for checkpoints; may be empty
 };
 
 /// Splits lists of pose files into one file per person; poses.npz if none is given.

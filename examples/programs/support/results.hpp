@@ -26,6 +26,10 @@ std::filesystem::path checkpoint_path(const ReconstructOptions& o);
 
 void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record);
 
+/// ReconstructOptions::given of the run that wrote the checkpoint; empty if a version wrote it that did not store them.
+/// Errors  IoError if there is no checkpoint to resume; those of the file.
+std::string checkpoint_options(const ReconstructOptions& o);
+
 /// Checks that the checkpoint belongs to a run (run_text), except for the number of Gaussians, which is not known before
 /// they are placed.
 /// Errors  as for load_checkpoint.
