@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Messages of programs on standard error, one line each.
+/// @file  Messages of programs on standard error, one line each, and command lines in them.
 #pragma once
 
 #include <cctype>
@@ -15,6 +15,18 @@ inline std::string one_line(std::string text) {
     return text;
 }
 
-inline void warn(const std::string& message) { std::fprintf(stderr, "warning: %s\n", one_line(message).c_str()); }
+inline void warn(const std::string& message) {
+    std::fprintf(stderr, "warning: %s\n", one_line(message).c_str());
+}
+
+/// A word of a command line.
+[[nodiscard]] inline std::string shell_word(const std::string& text) {
+    if (text.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-./=:,+@%") ==
+        std::string::npos)
+        return text;
+    std::string word = "'";
+    for (const char c : text) word += c == '\'' ? "'\\''" : std::string(1, c);
+    return word + "'";
+}
 
 } // namespace gsh::examples

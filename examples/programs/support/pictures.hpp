@@ -3,9 +3,11 @@
 #pragma once
 
 #include <gsh/image/image.hpp>
+#include <gsh/image/pixel_box.hpp>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 namespace gsh::examples {
 
@@ -24,6 +26,31 @@ template <class T>
                 picture.at(c, y, x + 2 * width) = std::min(T(1), gain * std::abs(a - b));
             }
     return picture;
+}
+
+/// The part of a picture in a box.
+[[nodiscard]] inline Image<float> cropped(const Image<float>& picture, const PixelBox& box) {
+    Image<float> part(picture.channels, box.height, box.width);
+    for (int c = 0; c < picture.channels; ++c)
+        for (int y = 0; y < box.height; ++y)
+            std::copy_n(picture.view().row(c, box.y + y) + box.x, box.width, part.view().row(c, y));
+    return part;
+}
+
+/// The box around the pixels of a mask with a margin of a twelfth of its height; the whole picture without such pixels.
+[[nodiscard]] inline PixelBox box_of_mask(const Image<std::uint8_t>& mask) {
+    int left = mask.width, right = -1, top = mask.height, bottom = -1;
+    for (int y = 0; y < mask.height; ++y)
+        for (int x = 0; x < mask.width; ++x)
+            if (mask.at(0, y, x)) {
+                left = std::min(left, x), right = std::max(right, x);
+                top = std::min(top, y), bottom = std::max(bottom, y);
+            }
+    if (right < 0) return {0, 0, mask.width, mask.height};
+    const int margin = (bottom - top + 1) / 12;
+    left = std::max(0, left - margin), right = std::min(mask.width - 1, right + margin);
+    top = std::max(0, top - margin), bottom = std::min(mask.height - 1, bottom + margin);
+    return {left, top, right - left + 1, bottom - top + 1};
 }
 
 } // namespace gsh::examples

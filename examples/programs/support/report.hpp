@@ -22,14 +22,24 @@ struct Picture {
     std::vector<std::uint8_t> png; ///< the encoded file
 };
 
+/// A figure, and what it means.
+struct Fact {
+    std::string name, value, meaning;
+};
+
 struct Report {
     std::string title;
-    std::string protocol;                                        ///< one sentence: the measures and how they were taken
-    std::vector<std::pair<std::string, std::string>> facts;      ///< the table at the top
-    std::vector<std::vector<std::string>> images;                ///< per-image rows; the first row is the heading
-    std::vector<std::vector<std::string>> motion;                ///< likewise, seen and new motion, if any is held out
-    std::vector<std::vector<std::string>> people;                ///< likewise, one row per person, if there are several
-    std::vector<std::vector<std::string>> stages;                ///< likewise, milliseconds per stage
+    std::string verdict;                                   ///< one sentence
+    std::vector<std::string> advice;                       ///< one sentence each
+    Picture render, photograph;                            ///< of the same size; the reader wipes from one to the other
+    Picture turn;                                          ///< the person from all around
+    std::vector<std::pair<std::string, std::string>> next; ///< what the reader can do, and the command for it
+    std::vector<Fact> facts;
+    std::string protocol;                         ///< the measures and how they were taken
+    std::vector<std::vector<std::string>> images; ///< per-image rows; the first row is the heading
+    std::vector<std::vector<std::string>> motion; ///< likewise, seen and new motion, if any is held out
+    std::vector<std::vector<std::string>> people; ///< likewise, one row per person, if there are several
+    std::vector<std::vector<std::string>> stages; ///< likewise, milliseconds per stage
     std::vector<Curve> curves;
     std::vector<Picture> pictures;
 };
@@ -38,6 +48,7 @@ namespace detail {
 
 std::string escape(const std::string& text);
 
+/// A table that scrolls sideways where the page is narrower.
 std::string table(const std::vector<std::vector<std::string>>& rows);
 
 /// The beginning of a page, up to and including its heading.

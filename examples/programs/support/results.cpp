@@ -5,10 +5,15 @@
 #include "support/interrupts.hpp"
 #include "support/judgement.hpp"
 #include "support/machine.hpp"
+#include "support/messages.hpp"
 #include "support/pictures.hpp"
 #include "support/reconstruction.hpp"
+#include "support/renderer.hpp"
 #include "support/report.hpp"
+#include "support/shown_people.hpp"
 #include "support/source.hpp"
+#include "support/turn.hpp"
+#include "support/verdict.hpp"
 
 #include <gsh/body/joint_error.hpp>
 #include <gsh/core/ordered_indices.hpp>
@@ -64,8 +69,8 @@ ArchiveReader open_checkpoint(const ReconstructOptions& o) {
 void check_run(const ReconstructOptions& o, const std::string& there, const std::string& here) {
     check_value(there == here, checkpoint_path(o).string(),
                 "belongs to a different run: " + difference(there, here) +
-                    "; resume with the same --config, --set, --gaussians, --refine, --no-registration, --keypoints, "
-                    "--regions, --priors, --hold-out-motion and --poses");
+                    "; leave out what --resume takes from the checkpoint: --config, --set, --gaussians, --refine, "
+                    "--no-registration, --keypoints, --regions, --priors, --hold-out-motion and --poses");
 }
 
 /// The name of a result file: "avatar" for one person, "avatar-NAME" for one of several.
@@ -94,6 +99,7 @@ void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
     ArchiveWriter file(checkpoint_path(o), "checkpoint", checkpoint_version);
     reconstruction.save(file);
     file.add_text("configuration", checkpoint_text(reconstruction.setup));
+    if (!o.given.empty()) file.add_text("options", o.given);
     file.add("seconds", record.seconds);
     file.add("interval", record.interval);
     const auto add_curve = [&](const char* key, const auto& curve) {
@@ -106,6 +112,11 @@ void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction
     file.add("stage_seconds", std::vector<double>(record.stage_seconds.begin(), record.stage_seconds.end()));
     file.add("timed_steps", record.timed_steps);
     file.commit();
+}
+
+std::string checkpoint_options(const ReconstructOptions& o) {
+    const ArchiveReader file = open_checkpoint(o);
+    return file.has("options") ? file.read_text("options") : std::string();
 }
 
 void check_checkpoint(const ReconstructOptions& o, const std::string& run) {
@@ -145,12 +156,11 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
                         const Judge& judge) {
     const Configuration& configuration = setup.configuration;
     const std::string background =
-        !source.capture.backgrounds.empty() ? "the capture's backgrounds in training and test"
+        !source.capture.backgrounds.empty()     ? "the capture's backgrounds in training and test"
         : configuration.train.random_background ? "a random background each step in training, white in test"
                                                 : "white background in training and test";
     return "Test views of " + source.capture.name + " (" + std::to_string(setup.test_photos.size()) +
-           " images), poses of " +
-           poses_text(o) +
+           " images), poses of " + poses_text(o) +
            (source.registration ? ", registered to the training images before training" : "") +
            (!o.refine                  ? ", as given, not refined"
             : configuration.test_steps ? ", refined in training and fitted to the test images at test time"
@@ -166,23 +176,52 @@ std::string protocol_of(const ReconstructOptions& o, const Source& source, const
 
 namespace {
 
-/// Writes each person's avatar, for gsh and for viewers of splats.
-void write_avatars(OutputFolder& out, Reconstruction& reconstruction) {
-    const std::vector<AvatarData> avatars = reconstruction.avatars();
+/// Writes each person's avatar, for gsh and for viewers of splats, and returns them.
+std::vector<AvatarData> write_avatars(OutputFolder& out, Reconstruction& reconstruction) {
+    std::vector<AvatarData> avatars = reconstruction.avatars();
     for (std::size_t p = 0; p < avatars.size(); ++p) {
         const std::string name = result_name(reconstruction.setup, "avatar", p);
         save_avatar(out.file(name + ".gsh"), avatars[p]);
         write_gaussian_ply(out.file(name + ".ply"), shaded_cloud(avatars[p]),
                            {.up = UpAxis::minus_y, .filter = avatars[p].filter});
     }
+    return avatars;
+}
+
+/// A picture as it is on a page.
+Picture shown_picture(const std::string& caption, const Image<float>& picture) {
+    const std::string png = encode_png(quantise(picture.view()));
+    return {caption, {png.begin(), png.end()}};
+}
+
+/// The avatars from all around, in the pose of the first photograph.
+Picture turn_of(Machine& machine, const Reconstruction& reconstruction, std::vector<AvatarData> avatars) {
+    const ReconstructionSetup& setup = reconstruction.setup;
+    std::vector<Motion> motions;
+    for (std::size_t p = 0; p < setup.people.size(); ++p)
+        motions.push_back(setup.refinement ? reconstruction.refined_motion(p) : setup.people[p].motion);
+    const ShownPeople people(std::move(avatars), std::move(motions));
+    const std::size_t frame = setup.photos.front().frame;
+    const auto renderer = make_renderer(machine, people);
+    return shown_picture("The avatar from all around",
+                         turn_picture(*renderer, frame, cameras_around(people, frame, 8, 200, 320)));
+}
+
+/// The test image that is as good as the mean: the one to look at first.
+std::size_t typical_image(const std::vector<ImageScore>& scores, double psnr_person) {
+    std::size_t best = 0;
+    const auto away = [&](std::size_t i) { return std::abs(scores[i].psnr_person - psnr_person); };
+    for (std::size_t i = 1; i < scores.size(); ++i)
+        if (!(away(i) >= away(best))) best = i; // also in place of NaN
+    return best;
 }
 
 /// Adds the gains that photographs have learned to the figures, the page and the findings.
 void add_gains(const Reconstruction& reconstruction, Json& json, Report& report, std::vector<std::string>& findings) {
     if (reconstruction.setup.configuration.train.gain.rate == 0) return;
     const std::vector<std::array<double, 3>> gains = reconstruction.photo_gains();
-    Curve exposure{"Exposure of training photographs, camera after camera", "stops, 0 in the mean of a camera", {},
-                   "photographs"};
+    Curve exposure{
+        "Exposure of training photographs, camera after camera", "stops, 0 in the mean of a camera", {}, "photographs"};
     const std::vector<Photo>& photos = reconstruction.setup.photos;
     const std::vector<std::uint32_t> order = ordered_indices(gains.size(), [&](std::uint32_t a, std::uint32_t b) {
         return photos[a].camera_index < photos[b].camera_index;
@@ -198,7 +237,9 @@ void add_gains(const Reconstruction& reconstruction, Json& json, Report& report,
     }
     const std::string range = "exposure from " + fixed(darkest, 2) + " to " + fixed(brightest, 2) +
                               " stops, white balance within " + fixed(100 * balance, 1) + "%";
-    report.facts.emplace_back("Photographs", range);
+    report.facts.push_back({"Photographs", range,
+                            "What training found out about exposure and colour; a camera with "
+                            "locked exposure has nearly none."});
     report.curves.push_back(std::move(exposure));
     findings.push_back("photographs: " + range);
 }
@@ -208,11 +249,11 @@ void add_moved_poses(const Reconstruction& reconstruction, Json& json, Report& r
                      std::vector<std::string>& findings) {
     const std::vector<ReconstructionSetup::Person>& people = reconstruction.setup.people;
     for (std::size_t p = 0; p < people.size(); ++p) {
-        const JointErrors moved = joint_errors(people[p].rig.body, reconstruction.refined_motion(p), people[p].motion,
-                                               RootAlignment::none);
+        const JointErrors moved =
+            joint_errors(people[p].rig.body, reconstruction.refined_motion(p), people[p].motion, RootAlignment::none);
         const std::string of = people.size() > 1 ? " of " + people[p].name : "";
-        const std::string text = "joints" + of + " moved by " + fixed(moved.mean_mm, 1) + " mm, at most " +
-                                 fixed(moved.worst_mm, 1) + " mm";
+        const std::string text =
+            "joints" + of + " moved by " + fixed(moved.mean_mm, 1) + " mm, at most " + fixed(moved.worst_mm, 1) + " mm";
         json["refinement"].push_back({{"name", people[p].name},
                                       {"joints_mm", moved.mean_mm},
                                       {"worst_mm", moved.worst_mm},
@@ -220,7 +261,7 @@ void add_moved_poses(const Reconstruction& reconstruction, Json& json, Report& r
         Curve curve{"How far training moved the joints" + of + ", mean of a frame", "mm", {}, "frame"};
         for (std::size_t t = 0; t < moved.per_frame_mm.size(); ++t)
             curve.points.emplace_back(static_cast<double>(t), moved.per_frame_mm[t]);
-        report.facts.emplace_back("Refinement", text);
+        report.facts.push_back({"Refinement", text, "How wrong the poses were when training began."});
         report.curves.push_back(std::move(curve));
         findings.push_back("training: " + text);
     }
@@ -232,7 +273,8 @@ void add_unseen(const ReconstructionSetup& setup, const std::vector<std::size_t>
     if (!setup.configuration.fill_unseen) return;
     const std::size_t unseen = std::accumulate(counts.begin(), counts.end(), std::size_t(0));
     json["unseen_gaussians"] = unseen;
-    report.facts.emplace_back("Seen by no photograph", std::to_string(unseen) + " Gaussians");
+    report.facts.push_back({"Seen by no photograph", std::to_string(unseen) + " Gaussians",
+                            "They have the colours of their surroundings or of the body's other side."});
     if (unseen > 0)
         findings.push_back(std::to_string(unseen) + " of " + std::to_string(setup.gaussian_count()) +
                            " Gaussians were seen by no photograph; they have the colours of their surroundings or of "
@@ -258,7 +300,7 @@ void add_registration(const RegistrationSummary& registration, Json& json, Repor
     }
     into["frame_weights"] = registration.frame_weights;
     into["doubtful_frames"] = registration.doubtful_frames;
-    report.facts.emplace_back("Registration", registration.text());
+    report.facts.push_back({"Registration", registration.text(), "How wrong the given poses were."});
     report.curves.push_back(std::move(curve));
     Curve weights{"How much each frame was believed in training", "weight", {}, "frame"};
     for (std::size_t t = 0; t < registration.frame_weights.size(); ++t)
@@ -283,11 +325,12 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     Judge judge(machine.host(), source, o);
     reconstruction.release_memory();
     const std::vector<std::size_t> unseen = reconstruction.fill_unseen();
-    write_avatars(out, reconstruction); // before poses are fitted to test images
+    Report report;
+    // before poses are fitted to test images
+    report.turn = turn_of(machine, reconstruction, write_avatars(out, reconstruction));
     const std::size_t people = setup.people.size();
     if (o.refine && !reconstruction.refine_test_poses()) return std::nullopt;
     out.own("test");
-    Report report;
     std::vector<ImageScore> scores;
     constexpr std::size_t shown = 6; // number of pictures on the page; test/ has all of them
     const std::size_t every = std::max<std::size_t>(1, setup.test_photos.size() / shown);
@@ -315,6 +358,14 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     TestFigures figures{.mean = mean_score(scores), .motion = {}, .findings = {}};
     const ImageScore& mean = figures.mean;
     const std::vector<RegionMean> regions = mean_regions(scores);
+    const auto region = [&](std::size_t r) { return r < regions.size() ? regions[r].psnr : NAN; };
+    if (!scores.empty()) {
+        const std::size_t shown_first = typical_image(scores, mean.psnr_person);
+        const auto comparison = reconstruction.compare(setup.test_photos[shown_first]);
+        const PixelBox box = box_of_mask(comparison.mask);
+        report.render = shown_picture("avatar", cropped(comparison.render, box));
+        report.photograph = shown_picture("photograph " + scores[shown_first].name, cropped(comparison.truth, box));
+    }
     if (split) figures.motion = seen_and_new(scores, *split);
 
     for (std::size_t p = 0; o.refine && p < people; ++p)
@@ -375,27 +426,53 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
         if (split) json["images"].back()["motion"] = motion_word(*split, i);
     }
 
-    report.title = "Reconstruction of " + source.capture.name;
+    VerdictInput known{.person = mean.psnr_person, .face = region(0), .hands = region(1)};
+    known.gaussians = setup.gaussian_count();
+    known.unseen = std::accumulate(unseen.begin(), unseen.end(), std::size_t(0));
+    known.refined = o.refine, known.steps = record.steps;
+    if (figures.motion) {
+        known.seen_motion = figures.motion->seen.mean.psnr_person;
+        known.new_motion = figures.motion->unseen.mean.psnr_person;
+    }
+    if (source.registration) known.doubtful_frames = source.registration->doubtful_frames;
+    const Verdict verdict = verdict_of(known);
+    figures.findings.insert(figures.findings.begin(), verdict.headline);
+    json["verdict"] = verdict.headline;
+    json["advice"] = verdict.advice;
+    report.verdict = verdict.headline;
+    report.advice = verdict.advice;
+    std::string files;
+    for (std::size_t p = 0; p < people; ++p)
+        files += " " + shell_word((o.out / (result_name(setup, "avatar", p) + ".gsh")).string());
+    report.next = {{"Turn it, pose it and play a motion, in the browser:", "gsh-view" + files + " --open"},
+                   {"Render it in a motion of your own (BVH, glTF, VRM, AMASS, and others):",
+                    "gsh-animate" + files + (people > 1 ? " --poses MOTION …" : " --poses MOTION") + " --out FRAMES"}};
+
+    report.title = "Avatar of " + source.capture.name;
     report.protocol = protocol;
-    report.facts = {{"PSNR", fixed(mean.psnr, 2) + " dB"},
-                    {"SSIM", fixed(mean.ssim, 4)},
-                    {"PSNR on the person", fixed(mean.psnr_person, 2) + " dB"},
-                    {"PSNR on face, hands, body", fixed(regions.empty() ? NAN : regions[0].psnr, 2) + ", " +
-                                                      fixed(regions.empty() ? NAN : regions[1].psnr, 2) + ", " +
-                                                      fixed(regions.empty() ? NAN : regions[2].psnr, 2) + " dB"},
-                    {"Configuration", setup.configuration.name},
-                    {"Backend", machine.computed_on().backend},
-                    {"Gaussians", std::to_string(setup.gaussian_count())},
-                    {"Training", std::to_string(record.steps) + " steps in " + fixed(record.seconds, 1) + " s on " +
-                                     machine.computed_on().text()},
-                    {"Peak memory", mebibytes(peak_memory_bytes())}};
+    report.facts = {
+        {"PSNR on the person", fixed(mean.psnr_person, 2) + " dB",
+         "Pixels that show the person. 3 dB more is half the squared error."},
+        {"PSNR on face, hands, body",
+         fixed(region(0), 2) + ", " + fixed(region(1), 2) + ", " + fixed(region(2), 2) + " dB",
+         "The parts that one looks at first."},
+        {"PSNR of the image", fixed(mean.psnr, 2) + " dB",
+         "All pixels. Plain background raises it, however the person looks."},
+        {"SSIM", fixed(mean.ssim, 4), "Likeness of structure in the whole image; 1 is the photograph itself."},
+        {"Gaussians", std::to_string(setup.gaussian_count()), "More of them hold finer detail, and take longer."},
+        {"Training",
+         std::to_string(record.steps) + " steps in " + fixed(record.seconds, 1) + " s on " +
+             machine.computed_on().text(),
+         "Without loading and evaluation."},
+        {"Configuration", setup.configuration.name, "The settings are in metrics.json."},
+        {"Backend", machine.computed_on().backend, "What computed."},
+        {"Peak memory", mebibytes(peak_memory_bytes()), "Of the whole run."}};
     if (const auto on_gpu = machine.peak_gpu_memory())
-        report.facts.emplace_back("Peak memory of the GPU", mebibytes(*on_gpu));
+        report.facts.push_back({"Peak memory of the GPU", mebibytes(*on_gpu), "Of the whole run."});
     const double ssim_weight = setup.configuration.train.ssim_weight;
-    report.curves = {
-        {"Loss of the step's training view",
-         fixed(1 - ssim_weight, 2) + " L1 + " + fixed(ssim_weight, 2) + " (1 - SSIM)", record.loss},
-        {"PSNR of the step's training view", "dB", record.psnr}};
+    report.curves = {{"Loss of the step's training view",
+                      fixed(1 - ssim_weight, 2) + " L1 + " + fixed(ssim_weight, 2) + " (1 - SSIM)", record.loss},
+                     {"PSNR of the step's training view", "dB", record.psnr}};
     add_gains(reconstruction, json, report, figures.findings);
     if (source.registration) add_registration(*source.registration, json, report, figures.findings);
     if (o.refine) add_moved_poses(reconstruction, json, report, figures.findings);

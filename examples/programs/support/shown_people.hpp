@@ -10,6 +10,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <utility>
 #include <vector>
 
 namespace gsh::examples {
@@ -25,6 +26,10 @@ struct ShownPeople {
     /// Errors  ValueError if the numbers of avatars and motions differ; those of relight; else those of the files.
     ShownPeople(const std::vector<std::filesystem::path>& avatars, const std::vector<std::filesystem::path>& poses,
                 const LightOption& light = {}, bool upright = false, const RigOption& rig = {});
+
+    /// Avatars in motions of the world that they were trained in.
+    ShownPeople(std::vector<AvatarData> avatars, std::vector<Motion> own_motions)
+        : data(std::move(avatars)), motions(std::move(own_motions)) {}
 
     /// The length of the shortest motion.
     [[nodiscard]] std::size_t frame_count() const;
