@@ -85,6 +85,7 @@ std::size_t frames_from(const std::filesystem::path& folder, std::size_t first) 
 
 int animate(const AnimateOptions& options) {
     Machine machine(options.machine);
+    OutputFolder out(options.out);
     // Estimated poses match the given camera as they are. With the framing camera, bodies are turned upright.
     const bool upright = options.upright || (options.camera.empty() && !options.as_stored);
     const ShownPeople people(options.avatars, options.poses, options.light, upright, options.rig);
@@ -97,7 +98,6 @@ int animate(const AnimateOptions& options) {
     const Camera<double> camera = options.camera.empty() ? frame_people(people, options.size)
                                                          : camera_of_file(options.camera, options.camera_name).camera;
     const auto renderer = make_renderer(machine, people);
-    OutputFolder out(options.out);
     watch_interrupts();
     Progress progress("animating");
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);

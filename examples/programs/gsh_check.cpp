@@ -224,9 +224,9 @@ void print(const Source& source, const CaptureCheck& check, const std::filesyste
 int check(const CheckOptions& options) {
     watch_interrupts();
     cpu::Threads backend(options.threads);
+    OutputFolder out(options.out);
     const Source source = load(backend, options);
     for (const std::string& warning : source.warnings) warn(warning);
-    OutputFolder out(options.out);
     CaptureCheckParams params;
     params.frames = options.frames;
     std::vector<CheckedPerson> people;

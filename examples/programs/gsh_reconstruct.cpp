@@ -33,10 +33,9 @@ using namespace gsh::examples;
 namespace {
 
 /// The configuration `static`: one frame as a 3DGS scene, without a body.
-int reconstruct_scene(Machine& machine, const ReconstructOptions& options) {
+int reconstruct_scene(Machine& machine, OutputFolder& out, const ReconstructOptions& options) {
     const StaticSource source = load_static_source(options.capture, options.frame);
     const StaticOptions chosen = static_options(options);
-    OutputFolder out(options.out);
     watch_interrupts();
     const StaticResult result = reconstruct_static(machine, source, chosen);
     if (interrupted) return exit_interrupted;
@@ -50,7 +49,8 @@ int reconstruct_scene(Machine& machine, const ReconstructOptions& options) {
 
 int reconstruct(const ReconstructOptions& options) {
     Machine machine(options.machine);
-    if (is_scene(options)) return reconstruct_scene(machine, options);
+    OutputFolder out(options.out);
+    if (is_scene(options)) return reconstruct_scene(machine, out, options);
     Source source = load_source(machine.host(), options);
     const Configuration configuration = configuration_for(options, source);
     if (!options.lpips.empty()) check_lpips(options.lpips);
@@ -63,7 +63,6 @@ int reconstruct(const ReconstructOptions& options) {
     const ReconstructionSetup& setup = reconstruction->setup;
     TrainingRecord record;
     if (options.resume) load_checkpoint(options, *reconstruction, record);
-    OutputFolder out(options.out);
     for (const std::string& warning : source.warnings) warn(warning);
     if (source.people.size() > 1) std::printf("%zu people, ", source.people.size());
     std::printf("%zu Gaussians, %zu training and %zu test images, %s\n", setup.gaussian_count(), setup.photos.size(),

@@ -6,6 +6,7 @@
 #include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/lane.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/core/ordered_indices.hpp>
 #include <gsh/core/prefetch.hpp>
 #include <gsh/core/rng.hpp>

@@ -5,6 +5,8 @@
 #include "support/static_reconstruction.hpp"
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
+#include <gsh/io/file/named_path.hpp>
 #include <gsh/train/static_configuration.hpp>
 
 #include <algorithm>
@@ -127,7 +129,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
     return runs;
 }
 
-EvaluationFolder::EvaluationFolder(const EvaluateOptions& o) : folder_(o.common.out) {
+EvaluationFolder::EvaluationFolder(const EvaluateOptions& o) : locked_(o.common.out), folder_(locked_.path()) {
     const auto path = [](const std::filesystem::path& p) {
         return p.empty() ? "" : std::filesystem::weakly_canonical(p).string();
     };
@@ -158,13 +160,14 @@ EvaluationFolder::EvaluationFolder(const EvaluateOptions& o) : folder_(o.common.
                         "'; use another --out for another input");
     }
     keys_ = said.second;
+    for (const std::string& key : keys_)
+        check_value(gsh::detail::is_plain_name(key), index().string(),
+                    "has the run '" + gsh::detail::shortened(key) + "', expected the name of a folder");
 }
 
 void EvaluationFolder::add(const Run& run) {
     if (std::find(keys_.begin(), keys_.end(), run.key) != keys_.end()) return;
     keys_.push_back(run.key);
-    std::error_code ignored; // write_json reports the error
-    std::filesystem::create_directories(folder_, ignored);
     write_json(index(), {{"input", input_}, {"runs", keys_}});
 }
 

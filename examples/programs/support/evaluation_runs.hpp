@@ -6,6 +6,7 @@
 #include "support/figures.hpp"
 #include "support/reconstruct_options.hpp"
 
+#include <gsh/io/file/folder_lock.hpp>
 #include <gsh/train/configuration.hpp>
 
 #include <cstddef>
@@ -48,7 +49,7 @@ struct Run {
 /// run; for a finished one it has result.json and one row picture per shown view.
 class EvaluationFolder {
 public:
-    /// Errors  ValueError if the folder belongs to another input.
+    /// Errors  ValueError if the folder belongs to another input; IoError if another process writes to it.
     explicit EvaluationFolder(const EvaluateOptions& o);
 
     /// Appends a run to the list.
@@ -68,6 +69,7 @@ private:
     [[nodiscard]] std::filesystem::path index() const { return folder_ / "evaluation.json"; }
     [[nodiscard]] std::optional<RunResult> read(const std::string& key) const;
 
+    LockedFolder locked_;
     std::filesystem::path folder_;
     std::vector<std::pair<std::string, std::string>> input_;
     std::vector<std::string> keys_;

@@ -10,6 +10,7 @@
 #include <gsh/io/capture/prior_views_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/crc32.hpp>
+#include <gsh/io/file/json_file.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/model/configuration_file.hpp>
 #include <gsh/io/model/lpips_file.hpp>

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/folder_lock.hpp>
 
 #include <filesystem>
 #include <set>
@@ -15,23 +16,20 @@ namespace gsh::examples {
 
 /// A folder for results. Files are written into its subfolder results.partial/. commit() moves them into place, in the
 /// order of the calls of file(). Without a commit they are removed, and so is the folder, if it was created here and is
-/// empty.
-/// Errors  IoError naming the path that cannot be created or moved.
+/// empty. Programs create it before their work begins: a second one is refused then (LockedFolder).
+/// Errors  IoError naming the path that cannot be created or moved, or the process that writes to the folder.
 class OutputFolder {
 public:
     explicit OutputFolder(std::filesystem::path folder)
-        : folder_(std::move(folder)), staging_(folder_ / "results.partial") {
+        : locked_(std::move(folder)), folder_(locked_.path()), staging_(folder_ / "results.partial") {
         std::error_code ignored;
-        existed_ = std::filesystem::exists(folder_, ignored);
         std::filesystem::remove_all(staging_, ignored); // left by a run that was killed
-        make(folder_);
     }
     OutputFolder(const OutputFolder&) = delete;
     OutputFolder& operator=(const OutputFolder&) = delete;
     ~OutputFolder() {
         std::error_code ignored;
         std::filesystem::remove_all(staging_, ignored);
-        if (!existed_) std::filesystem::remove(folder_, ignored); // only if empty
     }
 
     /// The path to which the result `name` must be written. The name may contain a subfolder.
@@ -73,9 +71,9 @@ private:
                           ": cannot be created: " + (error ? error.message() : "a file is in the way"));
     }
 
+    LockedFolder locked_;
     std::filesystem::path folder_, staging_;
     std::vector<std::string> names_, owned_;
-    bool existed_ = false;
 };
 
 } // namespace gsh::examples

@@ -2,8 +2,8 @@
 #include "view/view_request.hpp"
 
 #include <gsh/core/error.hpp>
-
-#include <nlohmann/json.hpp>
+#include <gsh/core/message.hpp>
+#include <gsh/io/file/json_file.hpp>
 
 #include <cmath>
 #include <initializer_list>
@@ -15,17 +15,11 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// Parses a text whose nesting is bounded.
 Json parse(std::string_view text) {
-    constexpr int deepest = 8;
-    const auto shallow = [](int depth, Json::parse_event_t, Json&) {
-        check_value(depth <= deepest, "request", "is nested more than 8 deep");
-        return true;
-    };
     try {
-        return Json::parse(text, shallow);
-    } catch (const Json::exception& error) {
-        throw ValueError("request: is not JSON: " + std::string(error.what()));
+        return detail::parse_json<Json>(text, "request", {.depth = 8});
+    } catch (const IoError& error) { // no file is at fault
+        throw ValueError(error.what());
     }
 }
 
@@ -46,7 +40,7 @@ public:
         for (const auto& [key, value] : value_->items()) {
             bool is_known = false;
             for (const std::string_view name : known) is_known = is_known || key == name;
-            check_value(is_known, name_, "has an unknown member '" + key.substr(0, 40) + "'");
+            check_value(is_known, name_, "has an unknown member '" + detail::shortened(key) + "'");
         }
     }
     [[nodiscard]] double number() const {
@@ -54,13 +48,13 @@ public:
         check_value(value_->is_number(), name_, "is " + found() + ", expected a number");
         const double number = value_->get<double>();
         check_value(std::isfinite(number) && std::abs(number) <= limit, name_,
-                    "is " + std::to_string(number) + ", expected a number within 1000000");
+                    "is " + detail::number_text(number) + ", expected a number within 1000000");
         return number;
     }
     [[nodiscard]] int pixels() const {
         const double value = number();
         check_value(value >= 16 && value <= largest_view && value == std::floor(value), name_,
-                    "is " + std::to_string(value) + ", expected whole pixels from 16 to " +
+                    "is " + detail::number_text(value) + ", expected whole pixels from 16 to " +
                         std::to_string(largest_view));
         return static_cast<int>(value);
     }
@@ -96,7 +90,7 @@ public:
 
 private:
     [[nodiscard]] std::string found() const {
-        return value_->is_string() ? "'" + value_->get<std::string>().substr(0, 40) + "'" : value_->type_name();
+        return value_->is_string() ? "'" + detail::shortened(value_->get<std::string>()) + "'" : value_->type_name();
     }
     [[nodiscard]] std::string inner(const char* member) const {
         return name_ == "request" ? member : name_ + '.' + member;

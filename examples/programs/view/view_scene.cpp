@@ -21,6 +21,8 @@
 #include <algorithm>
 #include <cctype>
 #include <limits>
+#include <new>
+#include <stdexcept>
 #include <system_error>
 #include <utility>
 
@@ -269,6 +271,10 @@ ViewMotion read_sent_motion(const ViewScene& scene, std::size_t person, const st
         place_like(rig, scene.people->motions[person], result.motion);
         for (std::string& warning : warnings) warning = file.renamed(warning, shown);
         return result;
+    } catch (const std::bad_alloc&) {
+        throw;
+    } catch (const std::length_error&) { // of a container
+        throw std::bad_alloc();
     } catch (const std::exception& error) {
         throw IoError(file.renamed(error.what(), shown));
     }

@@ -3,6 +3,7 @@
 
 #include "support/messages.hpp"
 #include "view/jpeg.hpp"
+#include "view/view_connections.hpp"
 #include "view/view_package.hpp"
 #include "view/view_page.hpp"
 #include "view/view_painter.hpp"
@@ -20,7 +21,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <new>
 #include <random>
+#include <stdexcept>
 #include <string_view>
 #include <thread>
 #include <vector>
@@ -43,14 +46,6 @@ std::string new_key() {
     std::string key;
     for (int i = 0; i < 32; ++i) key += "0123456789abcdef"[random() % 16];
     return key;
-}
-
-/// Compares in a time that does not depend on where two texts differ.
-bool same_key(std::string_view a, std::string_view b) {
-    unsigned difference = a.size() == b.size() ? 0 : 1;
-    for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i)
-        difference |= static_cast<unsigned char>(a[i]) ^ static_cast<unsigned char>(b[i]);
-    return difference == 0;
 }
 
 /// The name in "name:port", "name" or "[address]:port".
@@ -91,7 +86,9 @@ void answer(Response& response, const Work& work) {
     } catch (const Refused& refused) {
         refuse(response, refused.status, refused.message);
     } catch (const std::bad_alloc&) {
-        refuse(response, 413, "out of memory");
+        refuse(response, 507, "this takes more memory than the server has");
+    } catch (const std::length_error&) { // of a container
+        refuse(response, 507, "this takes more memory than the server has");
     } catch (const std::exception& error) {
         refuse(response, 400, error.what());
     }
@@ -127,8 +124,7 @@ public:
         : backend_(&backend), scene_(&scene), options_(options), sizes_(scene.sizes()), painter_(backend, scene),
           page_(make_page({}, options.script)) {
         server_.set_keep_alive_max_count(1'000'000);
-        server_.set_keep_alive_timeout(1); // seconds; the server ends at most this long after Ctrl-C
-        server_.set_read_timeout(10), server_.set_write_timeout(10);
+        server_.set_keep_alive_timeout(30); // seconds; ConnectionLimits::idle
         server_.set_payload_max_length(largest_motion + 1);
         server_.set_tcp_nodelay(true);
         server_.set_socket_options([](socket_t socket) {
@@ -260,7 +256,7 @@ private:
     ViewPainter painter_;
     std::mutex painting_;
     const std::string page_, key_ = new_key();
-    httplib::Server server_;
+    GuardedServer server_{key_, {.body_bytes = largest_motion}};
     int port_ = 0;
 };
 

@@ -32,7 +32,8 @@ struct ViewServerOptions {
 ///
 /// All of them need the key, `?key=…`, which is new for each server. Requests with a foreign Host or Origin are
 /// refused, so that no other page in the browser reaches the server. The client names no file. A body is at most 1 MiB,
-/// a motion 64 MiB. Whatever is refused is answered by a status 4xx and one line of text.
+/// a motion 64 MiB. Whatever is refused is answered by a status 4xx, or 507 where memory is short, and a line of text.
+/// Connections that have not shown the key are few and short (view_connections.hpp).
 class ViewServer {
 public:
     static constexpr std::size_t largest_body = std::size_t(1) << 20, largest_motion = std::size_t(64) << 20; // bytes

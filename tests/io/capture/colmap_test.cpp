@@ -157,6 +157,20 @@ TEST_CASE("files that are no reconstruction are refused by name") {
     test::check_throws<ValueError>(read, {"no registered image"});
 }
 
+TEST_CASE("names of images do not lead out of the folder of images") {
+    const test::Temporary folder;
+    for (const char* name : {"../secret.png", "/etc/secret.png", "a/../../secret.png"}) {
+        test::ColmapFiles files = sample();
+        files.images[0].name = name;
+        files.write_binary(folder / "");
+        test::check_throws<ValueError>([&] { (void)read_colmap(folder / ""); }, {"images.bin", name, "leads out"});
+    }
+    test::ColmapFiles files = sample();
+    files.images[0].name = "left/room 9.png";
+    files.write_binary(folder / "");
+    CHECK_NOTHROW((void)read_colmap(folder / ""));
+}
+
 TEST_CASE("lines that are no reconstruction are refused by number") {
     const test::Temporary folder;
     const auto place = folder / "model";

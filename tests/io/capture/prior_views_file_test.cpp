@@ -162,6 +162,8 @@ TEST_CASE("what cannot be meant is refused, with the file, the view and the fiel
     refuse(R"({"normals": null})", {"views[0]", "neither normals nor depth"});
     refuse(R"({"normals": null, "depth": "depth.npy", "encoding": "y_up"})", {"encoding belongs to normals"});
     refuse(R"({"normals": "none.png"})", {"none.png"});
+    refuse(R"({"normals": "../normals.png"})", {"priors.json: views[0]", "'../normals.png' leads out"});
+    refuse(R"({"mask": "/normals.png"})", {"priors.json: views[0]", "'/normals.png' leads out"});
     refuse(R"({"normals": 3})", {"normals is number", "text"});
     refuse(R"({"encoding": "yup"})", {"encoding is 'yup'", "y_up, y_down, opencv, x_left"});
     refuse(R"({"encoding": "opencv"})", {"normals.png", "away from the viewer"});

@@ -2,6 +2,7 @@
 #include <gsh/io/file/atomic_file.hpp>
 
 #include "io/file_size_limit.hpp"
+#include "io/other_process.hpp"
 #include "io/temporary.hpp"
 
 #include <vector>
@@ -33,6 +34,30 @@ TEST_CASE("an abandoned write leaves the old file and nothing else") {
     }
     CHECK(read_file(path) == "old");
     CHECK(folder.file_count() == 1);
+}
+
+TEST_CASE("of two writers of one file the second is refused, and what a killed one left is written over") {
+    const test::Temporary folder;
+    const auto path = folder / "a.txt";
+    {
+        const test::OtherProcess other([&](const auto& wait) {
+            AtomicFile file(path);
+            const std::string much(100'000, 'x');
+            file.write(much.data(), much.size());
+            wait();
+        });
+        test::check_throws<IoError>([&] { AtomicFile file(path); }, {path.string(), "another process is writing"});
+        CHECK(std::filesystem::file_size(path.string() + ".partial") == 100'000);
+        CHECK(!std::filesystem::exists(path));
+    }
+    write_file(path, "whole");
+    CHECK(read_file(path) == "whole");
+    CHECK(folder.file_count() == 1);
+    AtomicFile first(path);
+    test::check_throws<IoError>([&] { write_file(path, "second"); }, {"another process"});
+    first.write("first");
+    first.commit();
+    CHECK(read_file(path) == "first");
 }
 
 TEST_CASE("large and small writes arrive in order") {

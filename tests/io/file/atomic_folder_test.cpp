@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/file/atomic_folder.hpp>
 
+#include "io/other_process.hpp"
 #include "io/temporary.hpp"
 
 #include <unistd.h>
@@ -28,6 +29,28 @@ TEST_CASE("a folder appears with all of its files, and replaces an older one") {
     CHECK(!fs::exists(place / "walk/frame_0")); // of the first run
     CHECK(!fs::exists(place / "walk.partial"));
     CHECK(!fs::exists(place / "walk.old"));
+}
+
+TEST_CASE("of two processes the second is refused, and nothing of the first is removed") {
+    const test::Temporary place;
+    {
+        const test::OtherProcess other([&](const auto& wait) {
+            const AtomicFolder folder(place / "walk", is_frame);
+            write_file(folder.file("frame_0"), "of the other");
+            wait();
+        });
+        test::check_throws<IoError>([&] { const AtomicFolder folder(place / "walk", is_frame); },
+                                    {"walk: process " + std::to_string(other.id())});
+        CHECK(read_file(place / "walk.partial/frame_0") == "of the other");
+    }
+    {
+        AtomicFolder folder(place / "walk", is_frame);
+        write_file(folder.file("frame_1"), "own");
+        folder.commit();
+    }
+    CHECK(!fs::exists(place / "walk/frame_0"));
+    CHECK(read_file(place / "walk/frame_1") == "own");
+    CHECK(!fs::exists(place / "walk.lock"));
 }
 
 TEST_CASE("without a commit nothing changes") {

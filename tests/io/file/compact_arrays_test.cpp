@@ -96,6 +96,7 @@ TEST_CASE("parts that do not fit each other are refused") {
     refuse(sparse({1}, {1}, {2, -2}), {"x.shape", "-2"});
     refuse(sparse({1}, {1}, {1 << 20, 1 << 20}), {"1 GiB"});
     refuse(sparse({1}, {1}, {std::int64_t(1) << 62}), {"x.shape"});
+    refuse(sparse({1}, {1}, {1 << 13, 1 << 13}), {"x inflates", "536870912"});
     const auto quantised = [](const Shape& shape, std::vector<float> offset, std::vector<float> step) {
         return [=](NpzWriter& file) {
             file.add("x.q", std::vector<std::int8_t>(detail::element_count(shape)), shape);

@@ -192,6 +192,61 @@ TEST_CASE("a compressed-size bomb is refused before it inflates") {
     test::check_throws<Error>([&] { (void)NpzReader(path).read<float>("honest"); }, {path.string()});
 }
 
+TEST_CASE("elements without bytes, and rows without numbers, are counted before anything is allocated") {
+    const test::Temporary folder;
+    const auto path = folder / "a.npz";
+    {
+        ZipFile zip(path);
+        zip.add("text.npy", npy("<U0", "(1000000000000,)", ""), true);
+        zip.add("none.npy", npy("<U0", "()", ""), true);
+        zip.add("void.npy", npy("|V0", "(1000000000000,)", ""), true);
+        zip.add("bytes.npy", npy("|S0", "(1000000000000,)", ""), true);
+        zip.add("rows.npy", npy("<f8", "(1000000000000, 0)", ""), true);
+        zip.add("wraps.npy", npy("<f8", "(0, 4294967296, 4294967296, 4)", ""), true);
+        zip.add("structured.npy",
+                test::npy_bytes_of_header("{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (9, )}", ""),
+                true);
+        zip.add("axes.npy",
+                npy(
+                    "<f8",
+                    "(" +
+                        [] {
+                            std::string text;
+                            for (int i = 0; i < 32; ++i) text += "1000000000000000000, ";
+                            return text;
+                        }() +
+                        ")",
+                    ""),
+                true);
+        zip.add("empty.npy", npy("<U3", "(0,)", ""), true);
+        zip.add("narrow.npy", npy("<f8", "(20000, 3, 0)", ""), true);
+    }
+    const NpzReader file(path);
+    for (const char* key : {"text", "none", "bytes", "void"})
+        test::check_throws<IoError>([&] { (void)file.read_texts(key); }, {path.string() + ": " + key, "no bytes"});
+    for (const char* key : {"rows", "wraps"})
+        test::check_throws<IoError>([&] { (void)file.read<double>(key); }, {path.string() + ": " + key, "damaged"});
+    test::check_throws<IoError>([&] { (void)file.read<double>("structured"); }, {"structured array", "plain numbers"});
+    test::check_throws<IoError>([&] { (void)file.read<double>("axes"); }, {"axes", "1000000000000000000, …)"});
+    CHECK(file.read_texts("empty").empty());
+    CHECK(file.read<double>("narrow", {-1, 3, -1}).shape == Shape{20000, 3, 0});
+}
+
+TEST_CASE("a stored member that claims more bytes than the archive has") {
+    const test::Temporary folder;
+    const auto path = folder / "a.npz";
+    {
+        ZipFile zip(path);
+        zip.add("x.npy", npy("<f8", "(100000000,)", ""), false);
+    }
+    std::string bytes = read_file(path); // 128 bytes of header alone; both directories state 800000128
+    const std::uint32_t truth = 128, claim = 800000128;
+    for (std::size_t i = 0; i + 4 <= bytes.size(); ++i)
+        if (std::memcmp(&bytes[i], &truth, 4) == 0) std::memcpy(&bytes[i], &claim, 4);
+    write_file(path, bytes);
+    test::check_throws<IoError>([&] { (void)NpzReader(path).read<double>("x"); }, {path.string(), "x"});
+}
+
 TEST_CASE("numbers that widen beyond the limit are refused") {
     const test::Temporary folder;
     {

@@ -106,6 +106,7 @@ TEST_CASE("an environment file that cannot be used is named, with what was expec
     refuse(hdr_header("-Y 2 +X 4"), {"a.hdr", "truncated"});
     refuse(hdr_header("-Y 2 +X 4", "FORMAT=32-bit_rle_xyze\n"), {"a.hdr", "xyze", "32-bit_rle_rgbe"});
     refuse(hdr_header("+Y 2 +X 4"), {"a.hdr", "'+Y 2 +X 4'", "-Y height +X width"});
+    refuse(hdr_header("-Y 4096 +X 8192") + std::string(4000, '\2'), {"a.hdr", "truncated", "4096 rows"});
     refuse(hdr_header("-Y 200000 +X 400000"), {"a.hdr", "400000 x 200000", "at most"});
     refuse(hdr_header("-Y 3 +X 4") + rgbe_pixels(3, 4), {"a.hdr", "4 x 3", "twice as wide as high"});
     refuse(hdr_header("-Y 2 +X 4") + std::string(32, '\0'), {"a.hdr", "black"});

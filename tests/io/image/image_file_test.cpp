@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/image/image_file.hpp>
 
+#include <gsh/io/file/crc32.hpp>
+#include <gsh/io/file/gzip.hpp>
+
 #include "io/temporary.hpp"
+
+#include <zlib.h>
 
 #include <cmath>
 #include <cstdint>
@@ -24,6 +29,32 @@ std::string jpeg_bytes(const PixelImage& image) {
     };
     REQUIRE(stbi_write_jpg_to_func(append, &bytes, image.width, image.height, image.channels, image.data.data(), 95));
     return bytes;
+}
+
+/// A chunk of a PNG with its checksum.
+std::string chunk(const std::string& type, const std::string& data) {
+    const auto number = [](std::uint32_t value) {
+        std::string bytes;
+        for (int shift = 24; shift >= 0; shift -= 8) bytes.push_back(static_cast<char>(value >> shift & 255));
+        return bytes;
+    };
+    Crc32 crc;
+    crc.add(type.data(), 4), crc.add(data.data(), data.size());
+    return number(static_cast<std::uint32_t>(data.size())) + type + data + number(crc.value());
+}
+
+/// A PNG of these rows, each with its filter; `more` are chunks before the pixels.
+std::string png_of(std::uint32_t width, std::uint32_t height, int depth, int color, const std::string& rows,
+                   bool interlaced = false, const std::string& more = {}) {
+    std::string header;
+    for (const std::uint32_t value : {width, height})
+        for (int shift = 24; shift >= 0; shift -= 8) header.push_back(static_cast<char>(value >> shift & 255));
+    header += {static_cast<char>(depth), static_cast<char>(color), 0, 0, static_cast<char>(interlaced)};
+    std::string stream = "\x78\x9c" + deflated(rows);
+    const auto checksum = adler32(1, reinterpret_cast<const Bytef*>(rows.data()), static_cast<uInt>(rows.size()));
+    for (int shift = 24; shift >= 0; shift -= 8) stream.push_back(static_cast<char>(checksum >> shift & 255));
+    return "\x89PNG\r\n\x1a\n" + chunk("IHDR", header) + more + chunk("IDAT", stream.substr(0, stream.size() / 2)) +
+           chunk("IDAT", stream.substr(stream.size() / 2)) + chunk("IEND", "");
 }
 
 } // namespace
@@ -115,6 +146,64 @@ TEST_CASE("an absurd size is refused before anything is allocated") {
         const std::string claim = std::to_string(side) + " x " + std::to_string(side);
         test::check_throws<IoError>([&] { (void)read_image(folder / "a.png"); }, {"a.png", claim});
     }
+}
+
+TEST_CASE("palettes, 16 bits, and interlaced rows") {
+    const test::Temporary folder;
+    const auto read = [&](const std::string& bytes) {
+        write_file(folder / "a.png", bytes);
+        return read_image(folder / "a.png").data;
+    };
+    using Bytes = std::vector<std::uint8_t>;
+    const std::string palette = chunk("PLTE", "\x01\x02\x03\x04\x05\x06") + chunk("tRNS", "\x07");
+    CHECK(read(png_of(2, 1, 8, 3, std::string("\0\1\0", 3), false, palette)) == Bytes{4, 5, 6, 255, 1, 2, 3, 7});
+    CHECK(read(png_of(3, 1, 1, 0, std::string("\0\xA0", 2))) ==
+          Bytes{255, 255, 255, 255, 0, 0, 0, 255, 255, 255, 255, 255});
+    CHECK(read(png_of(1, 1, 16, 2, std::string("\0\x10\xFF\x20\xFF\x30\xFF", 7))) == Bytes{16, 32, 48, 255});
+    // 2 x 2 pixels: the first pass has the first one, the sixth that at its right, the seventh the second row.
+    const Bytes grey = read(png_of(2, 2, 8, 0, std::string("\0\x0A\0\x14\0\x1E\x28", 7), true));
+    CHECK(Bytes{grey[0], grey[4], grey[8], grey[12]} == Bytes{10, 20, 30, 40});
+}
+
+TEST_CASE("no byte beyond a short file is read") {
+    const test::Temporary folder;
+    const std::string png = encode_png(pattern(4, 4, 4)), jpeg = jpeg_bytes(pattern(3, 8, 8));
+    for (std::size_t size = 0; size <= 64; ++size)
+        for (const std::string& bytes : {png, jpeg}) {
+            write_file(folder / "a.png", bytes.substr(0, size), Sync::none);
+            test::check_throws<IoError>([&] { (void)read_image(folder / "a.png"); },
+                                        {(folder / "a.png").string() + ": "});
+        }
+    const std::string signature = png.substr(0, 8);
+    for (const std::string& chunks : {chunk("IEND", ""), chunk("IHDR", "1234") + chunk("IEND", ""),
+                                      chunk("IDAT", "") + png.substr(8), png.substr(8, 25) + png.substr(8)}) {
+        write_file(folder / "a.png", signature + chunks);
+        test::check_throws<IoError>([&] { (void)read_image(folder / "a.png"); }, {"a.png", "does not begin with its"});
+    }
+}
+
+TEST_CASE("more pixels than the bytes can hold are refused before they are decoded") {
+    const test::Temporary folder;
+    const auto refused = [&](const std::string& bytes, std::initializer_list<std::string_view> words) {
+        write_file(folder / "a.png", bytes);
+        test::check_throws<IoError>([&] { (void)read_image(folder / "a.png"); }, words);
+    };
+    refused(png_of(8000, 8000, 8, 6, std::string(1000, '\0')), {"8000 x 8000", "can hold"});
+    refused(png_of(20, 20, 8, 6, std::string(1000, '\0')), {"truncated", "too few pixels"});
+    refused(png_of(2, 2, 8, 6, "").replace(60, 8, std::string(8, '\0')), {"damaged"});
+    refused(png_of(2, 2, 3, 6, std::string(100, '\0')), {"damaged", "depth 3"});
+    // What the stream holds beyond the image is not inflated.
+    write_file(folder / "a.png", png_of(1, 1, 8, 0, std::string(2, '\x02') + std::string(std::size_t(1) << 26, '\0')));
+    CHECK(read_image(folder / "a.png").data.size() == 4);
+
+    std::string jpeg = jpeg_bytes(pattern(3, 8, 8));
+    const std::size_t frame = jpeg.find("\xFF\xC0");
+    REQUIRE(frame != std::string::npos);
+    jpeg.replace(frame + 5, 4, "\x1F\x40\x1F\x40"); // 8000 x 8000
+    refused(jpeg, {"8000 x 8000", "can hold"});
+    const std::size_t scan = jpeg.find("\xFF\xDA");
+    for (int k = 0; k < 101; ++k) jpeg.insert(scan, "\xFF\xDA");
+    refused(jpeg, {"damaged", "scans"});
 }
 
 TEST_CASE("images that cannot be written") {

@@ -204,6 +204,23 @@ TEST_CASE("damaged SPZ files are refused before memory is allocated") {
     CHECK_THROWS_AS(write_spz(path, test::splat_cloud(0, 1)), ValueError);
 }
 
+TEST_CASE("memory is bounded by the file's size, at every degree") {
+    const test::Temporary folder;
+    const auto refused = [&](std::uint32_t count, std::uint8_t degree, std::size_t row) {
+        std::string bytes = gzip(spz_header(3, count, degree) + std::string(count * row, '\x80'));
+        CAPTURE(bytes.size());
+        write_file(folder / "a.spz", bytes);
+        test::check_throws<IoError>([&] { (void)read_spz(folder / "a.spz"); },
+                                    {"a.spz", "claims " + std::to_string(count), "exhaust memory"});
+    };
+    refused(200'000, 4, 92);
+    refused(1'000'000, 0, 20);
+    // Many equal Gaussians that take no more than 64 MiB in all are read, however well they were compressed.
+    write_file(folder / "a.spz", gzip(spz_header(3, 300'000, 0) + std::string(300'000 * 20, '\x80')));
+    CHECK(std::filesystem::file_size(folder / "a.spz") < 10'000);
+    CHECK(read_spz(folder / "a.spz").cloud.size() == 300'000);
+}
+
 TEST_CASE("what follows the Gaussians in a gzip stream is skipped, up to a bound, and checked") {
     const test::Temporary folder;
     const auto cloud = test::splat_cloud(20, 1);

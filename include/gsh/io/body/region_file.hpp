@@ -4,7 +4,7 @@
 
 #include <gsh/body/region_mask.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/file/json_file.hpp>
 
 #include <array>
 #include <cstddef>

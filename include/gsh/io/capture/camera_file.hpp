@@ -6,15 +6,15 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
-
-#include <nlohmann/json.hpp>
+#include <gsh/io/file/json_file.hpp>
+#include <gsh/io/file/named_path.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
-#include <initializer_list>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -60,103 +60,9 @@ inline void write_camera(const std::filesystem::path& path, const NamedCamera& c
 
 namespace detail {
 
-using Json = nlohmann::ordered_json;
-
-inline Json read_json(const std::filesystem::path& path) {
-    constexpr std::size_t largest = std::size_t(1) << 26; // bytes: a thousand cameras take 1 MiB
-    const std::string text = read_file(path, largest);
-    try {
-        return Json::parse(text);
-    } catch (const nlohmann::json::exception& error) {
-        throw IoError(path.string() + ": is not JSON, or truncated: " + error.what());
-    }
-}
-
-/// A JSON object and its place in the file, for messages.
-class JsonObject {
-public:
-    JsonObject(const Json& json, std::string where) : json_(json), where_(std::move(where)) {
-        if (!json_.is_object()) throw IoError(where_ + " is " + json_.type_name() + ", expected an object");
-    }
-    [[nodiscard]] bool has(const char* field) const { return json_.contains(field) && !json_[field].is_null(); }
-    [[nodiscard]] const Json& at(const char* field) const {
-        if (!has(field)) throw IoError(where_ + ": " + field + " is missing");
-        return json_[field];
-    }
-    [[nodiscard]] double number(const char* field) const {
-        const Json& value = at(field);
-        if (!value.is_number()) throw wrong(field, value, "a number");
-        return finite(field, value.get<double>());
-    }
-    [[nodiscard]] int integer(const char* field) const { return integer(field, at(field)); }
-    [[nodiscard]] std::string text(const char* field) const {
-        const Json& value = at(field);
-        if (!value.is_string()) throw wrong(field, value, "text");
-        return value.get<std::string>();
-    }
-    /// The numbers of a list, or of a list of rows.
-    [[nodiscard]] std::vector<double> numbers(const char* field) const {
-        std::vector<double> values;
-        gather(field, at(field), values, 2);
-        return values;
-    }
-    [[nodiscard]] std::vector<double> numbers(const char* field, std::size_t count) const {
-        std::vector<double> values = numbers(field);
-        if (values.size() != count)
-            throw ShapeError(where_ + ": " + field + " has " + std::to_string(values.size()) + " numbers, expected " +
-                             std::to_string(count));
-        return values;
-    }
-    [[nodiscard]] std::vector<int> integers(const char* field) const {
-        const Json& list = at(field);
-        if (!list.is_array()) throw wrong(field, list, "a list of integers");
-        std::vector<int> values;
-        for (const Json& value : list) values.push_back(integer(field, value));
-        return values;
-    }
-    [[nodiscard]] const std::string& where() const { return where_; }
-
-    /// Throws IoError for an unknown field, which may be misspelt.
-    void expect_only(std::initializer_list<std::string_view> known) const {
-        for (const auto& item : json_.items()) {
-            if (std::find(known.begin(), known.end(), item.key()) != known.end()) continue;
-            std::string all;
-            for (const std::string_view field : known) all.append(all.empty() ? "" : ", ").append(field);
-            throw IoError(where_ + ": holds the unknown field '" + item.key() + "', expected " + all);
-        }
-    }
-
-private:
-    const Json& json_;
-    std::string where_;
-
-    [[nodiscard]] IoError wrong(const char* field, const Json& value, const char* expected) const {
-        return IoError(where_ + ": " + field + " is " + value.type_name() + ", expected " + expected);
-    }
-    [[nodiscard]] double finite(const char* field, double value) const {
-        check_value(std::isfinite(value), where_, std::string(field) + " is not finite");
-        return value;
-    }
-    [[nodiscard]] int integer(const char* field, const Json& value) const {
-        if (!value.is_number_integer()) throw wrong(field, value, "an integer");
-        const double number = value.get<double>();
-        check_value(std::abs(number) <= 2147483647, where_, std::string(field) + " is beyond 32 bits");
-        return static_cast<int>(number);
-    }
-    void gather(const char* field, const Json& value, std::vector<double>& values, int levels) const {
-        if (value.is_number()) {
-            values.push_back(finite(field, value.get<double>()));
-        } else if (value.is_array() && levels > 0) {
-            for (const Json& element : value) gather(field, element, values, levels - 1);
-        } else {
-            throw wrong(field, value, "numbers");
-        }
-    }
-};
-
 inline std::string matrix_text(const std::vector<double>& m) {
     std::string text = "[";
-    for (std::size_t i = 0; i < m.size(); ++i) text += (i == 0 ? "" : i % 3 ? ", " : "; ") + Json(m[i]).dump();
+    for (std::size_t i = 0; i < m.size(); ++i) text += (i == 0 ? "" : i % 3 ? ", " : "; ") + number_text(m[i]);
     return text + "]";
 }
 
@@ -193,11 +99,11 @@ inline NamedCamera read_camera_entry(const Json& json, const std::string& where)
     NamedCamera result;
     const JsonObject unnamed(json, where);
     if (unnamed.has("name")) result.name = unnamed.text("name");
-    const JsonObject object(json, where + (result.name.empty() ? "" : " '" + result.name + "'"));
+    const JsonObject object(json, where + (result.name.empty() ? "" : " '" + shortened(result.name) + "'"));
     if (object.has("role")) {
         const std::string role = object.text("role");
         check_value(role == "train" || role == "test", object.where(),
-                    "role is '" + role + "', expected train or test");
+                    "role is '" + shortened(role) + "', expected train or test");
         result.role = role == "test" ? NamedCamera::Role::test : NamedCamera::Role::train;
     }
     Camera<double>& camera = result.camera;
@@ -226,22 +132,23 @@ inline CameraList read_camera_list(const Json& json, const std::string& name) {
     const bool bare = json.is_array();
     const Json& list = bare ? json : JsonObject(json, name).at("cameras");
     if (!list.is_array() || list.empty()) throw IoError(name + ": cameras must be a list with at least one camera");
+    std::set<std::string> names;
     for (std::size_t i = 0; i < list.size(); ++i) {
         const std::string where = name + ": cameras[" + std::to_string(i) + "]";
         NamedCamera camera = read_camera_entry(list[i], where);
         if (camera.name.empty()) throw IoError(where + ": name is missing");
         // The name is also the name of a folder.
-        if (camera.name == "." || camera.name == ".." || camera.name.find('/') != std::string::npos)
-            throw ValueError(where + ": name is '" + camera.name + "', expected a plain folder name");
-        for (const NamedCamera& other : result.cameras)
-            check_value(other.name != camera.name, where, "name '" + camera.name + "' stands there twice");
+        if (!is_plain_name(camera.name))
+            throw ValueError(where + ": name is '" + shortened(camera.name) + "', expected a plain folder name");
+        check_value(names.insert(camera.name).second, where,
+                    "name '" + shortened(camera.name) + "' stands there twice");
         result.cameras.push_back(std::move(camera));
     }
     if (bare) return result;
     const JsonObject object(json, name);
     if (object.has("fps")) {
         result.fps = object.number("fps");
-        check_value(result.fps > 0, name, "fps is " + std::to_string(result.fps) + ", expected a positive number");
+        check_value(result.fps > 0, name, "fps is " + number_text(result.fps) + ", expected a positive number");
     }
     if (object.has("floor_y")) result.floor_y = object.number("floor_y");
     if (object.has("test_frames")) result.test_frames = object.integers("test_frames");
@@ -275,19 +182,20 @@ inline NamedCamera read_camera(const std::filesystem::path& path, std::string_vi
     if (json.is_object() && !json.contains("cameras")) {
         NamedCamera camera = detail::read_camera_entry(json, path.string());
         if (!name.empty() && camera.name != name)
-            throw IoError(path.string() + ": holds the camera '" + camera.name + "', not '" + std::string(name) + "'");
+            throw IoError(path.string() + ": holds the camera '" + detail::shortened(camera.name) + "', not '" +
+                          std::string(name) + "'");
         return camera;
     }
     CameraList list = detail::read_camera_list(json, path.string());
     if (name.empty() && list.cameras.size() == 1) return std::move(list.cameras[0]);
-    std::string known;
+    std::vector<std::string> known;
     for (NamedCamera& camera : list.cameras) {
         if (camera.name == name) return std::move(camera);
-        known += (known.empty() ? "" : ", ") + camera.name;
+        known.push_back(camera.name);
     }
     throw IoError(path.string() + ": holds " + std::to_string(list.cameras.size()) + " cameras, " +
                   (name.empty() ? std::string("name one of them") : "none called '" + std::string(name) + "'") + ": " +
-                  known);
+                  detail::listed(known, "none"));
 }
 
 inline void write_cameras(const std::filesystem::path& path, const CameraList& list) {

@@ -71,7 +71,7 @@ inline void check_image_size(const std::filesystem::path& path, const PixelImage
     if (image.width != camera.camera.width || image.height != camera.camera.height)
         throw ShapeError(path.string() + ": is " + std::to_string(image.width) + " x " + std::to_string(image.height) +
                          " pixels, expected " + std::to_string(camera.camera.width) + " x " +
-                         std::to_string(camera.camera.height) + " as camera '" + camera.name + "' says");
+                         std::to_string(camera.camera.height) + " as camera '" + shortened(camera.name) + "' says");
 }
 
 /// Sets alpha from a mask's alpha channel if it has transparency, else from its red channel.

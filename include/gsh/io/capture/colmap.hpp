@@ -7,6 +7,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/io/capture/colmap_file.hpp>
+#include <gsh/io/file/named_path.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
@@ -109,6 +110,8 @@ using ColmapCameras = std::map<std::uint32_t, ColmapCamera>;
 
 inline ColmapImage colmap_image(const std::string& where, const ColmapCameras& cameras, std::uint32_t camera_id,
                                 std::string name, const std::array<double, 7>& pose) {
+    check_value(stays_inside(name), where,
+                "has the name '" + shortened(name) + "', which leads out of the folder of images");
     const auto camera = cameras.find(camera_id);
     check_value(camera != cameras.end(), where,
                 "is of camera " + std::to_string(camera_id) + ", which the list of cameras lacks");
@@ -151,7 +154,7 @@ inline std::pair<std::uint32_t, ColmapCamera> read_camera_entry(ColmapLines& fil
     const auto model =
         std::find_if(colmap_models.begin(), colmap_models.end(), [&](const auto& m) { return m.name == name; });
     check_value(model != colmap_models.end(), file.where(),
-                "has model " + std::string(name) +
+                "has model " + shortened(name) +
                     ", expected SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV; "
                     "run COLMAP's image_undistorter");
     const auto width = file.number<std::uint64_t>(), height = file.number<std::uint64_t>();
@@ -175,7 +178,7 @@ inline ColmapScene read_colmap_binary(const std::filesystem::path& folder) {
         for (double& number : pose) number = image_file.next<double>();
         const auto camera = image_file.next<std::uint32_t>();
         std::string name = image_file.text();
-        const std::string where = image_file.where("image " + std::to_string(id) + " (" + name + ")");
+        const std::string where = image_file.where("image " + std::to_string(id) + " (" + shortened(name) + ")");
         scene.images.push_back(colmap_image(where, cameras, camera, std::move(name), pose));
         image_file.skip(image_file.next<std::uint64_t>(), 24); // features: x, y, id of the point
     }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 
 #include <algorithm>
@@ -109,7 +110,7 @@ public:
         Number value{};
         const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
         if (code != std::errc() || end != text.data() + text.size())
-            fail("has '" + std::string(text) + "' where a number should be");
+            fail("has '" + shortened(text) + "' where a number should be");
         return value;
     }
     [[nodiscard]] std::string where() const { return path_.string() + ": line " + std::to_string(line_number_); }

@@ -9,6 +9,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/resample.hpp>
 #include <gsh/io/capture/colmap.hpp>
+#include <gsh/io/file/named_path.hpp>
 #include <gsh/io/image/image_file.hpp>
 
 #include <algorithm>
@@ -68,8 +69,8 @@ inline Camera<double> straight_camera(std::string_view name, const Camera<double
     const double columns = std::floor((right - left) * camera.fx - 2 * inside);
     const double rows = std::floor((bottom - top) * camera.fy - 2 * inside);
     check_value(columns >= 1 && rows >= 1 && columns <= 4 * width && rows <= 4 * height, name,
-                "its distortion leaves a straight image of " + std::to_string(columns) + " x " + std::to_string(rows) +
-                    " pixels; check the coefficients");
+                "its distortion leaves a straight image of " + detail::number_text(columns) + " x " +
+                    detail::number_text(rows) + " pixels; check the coefficients");
     result.width = static_cast<int>(columns), result.height = static_cast<int>(rows);
     check_distortion("straight_camera", name, result, distortion);
     return result;
@@ -84,8 +85,9 @@ inline StraightImage read_colmap_image(const ColmapImage& entry, const std::file
                              " x " + std::to_string(entry.camera.height) +
                              " as its camera says; were the images resized?");
     };
-    StraightImage result{read_image(images / entry.name), entry.camera};
-    check(images / entry.name, result.image);
+    const auto photo = detail::named_path(images, entry.name, "the reconstruction");
+    StraightImage result{read_image(photo), entry.camera};
+    check(photo, result.image);
     if (!masks.empty()) {
         std::error_code ignored;
         std::filesystem::path path = masks / (entry.name + ".png");

@@ -7,6 +7,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/file/json_file.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -69,9 +70,9 @@ struct PhotoNames {
         for (std::size_t c = 0; c < cameras.size(); ++c)
             if (cameras[c].name == prefix || (prefix.empty() && cameras[c].name == folder)) return {c, frame};
         if (cameras.size() == 1) return {0, frame};
-        std::string known;
-        for (const NamedCamera& camera : cameras) known += (known.empty() ? "" : ", ") + camera.name;
-        throw IoError(where + ": names no camera of the capture, expected one of " + known);
+        std::vector<std::string> known;
+        for (const NamedCamera& camera : cameras) known.push_back(camera.name);
+        throw IoError(where + ": names no camera of the capture, expected one of " + listed(known, "none"));
     }
 };
 
@@ -95,7 +96,7 @@ inline void add_keypoints(const std::string& where, const Json& object, const ch
             const Json& number = (*found)[3 * k + i];
             if (!number.is_number() || !std::isfinite(numbers[i] = number.get<double>()))
                 throw IoError(where + ": " + field + " has at place " + std::to_string(3 * k + i) + " " +
-                              number.dump() + ", expected a finite number");
+                              shortened(number.dump()) + ", expected a finite number");
         }
         if (numbers[2] < 0) throw IoError(where + ": " + field + " has a negative confidence, expected 0 to 1");
         if (joints[k].empty() || numbers[2] == 0) continue;
@@ -136,8 +137,8 @@ inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& p
             const auto [camera, frame] = names.find(file.string(), file.parent_path().filename().string(), stem);
             const auto [place, is_new] = photos.try_emplace({camera, frame}, PhotoKeypoints{camera, frame, {}});
             if (!is_new)
-                throw IoError(file.string() + ": is of camera " + cameras[camera].name + " and frame " +
-                              std::to_string(frame) + ", which another file has, expected each once");
+                throw IoError(file.string() + ": is of camera " + detail::shortened(cameras[camera].name) +
+                              " and frame " + std::to_string(frame) + ", which another file has, expected each once");
             const Json json = detail::read_json(file);
             for (const Json& person : detail::list_of(file.string(), json, "people")) {
                 auto& points = place->second.people.emplace_back();
@@ -160,11 +161,11 @@ inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& p
                 !image["file_name"].is_string())
                 throw IoError(where + ": an element of images has no id or no file_name");
             const fs::path name = image["file_name"].get<std::string>();
-            const auto of = names.find(where + ": " + name.string(), name.parent_path().filename().string(),
-                                       name.stem().string());
+            const auto of = names.find(where + ": " + detail::shortened(name.string()),
+                                       name.parent_path().filename().string(), name.stem().string());
             if (!photos.try_emplace(of, PhotoKeypoints{of.first, of.second, {}}).second)
-                throw IoError(where + ": images has camera " + cameras[of.first].name + " and frame " +
-                              std::to_string(of.second) + " twice, expected each once");
+                throw IoError(where + ": images has camera " + detail::shortened(cameras[of.first].name) +
+                              " and frame " + std::to_string(of.second) + " twice, expected each once");
             image_of[image["id"].dump()] = of;
         }
         for (const Json& person : detail::list_of(where, json, "annotations")) {
@@ -172,7 +173,8 @@ inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& p
                 person.is_object() && person.contains("image_id") ? person["image_id"].dump() : "none";
             const auto of = image_of.find(id);
             if (of == image_of.end())
-                throw IoError(where + ": an annotation has image_id " + id + ", which is no id of images");
+                throw IoError(where + ": an annotation has image_id " + detail::shortened(id) +
+                              ", which is no id of images");
             auto& points = photos.at(of->second).people.emplace_back();
             detail::add_keypoints(where, person, "keypoints", coco_joints, "", true, points);
             detail::add_keypoints(where, person, "lefthand_kpts", hand_joints, "left_", false, points);

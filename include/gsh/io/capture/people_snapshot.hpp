@@ -11,6 +11,7 @@
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_photos.hpp>
+#include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/motion/any_motion.hpp>

@@ -9,6 +9,8 @@
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/crc32.hpp>
+#include <gsh/io/file/json_file.hpp>
+#include <gsh/io/file/named_path.hpp>
 #include <gsh/io/image/depth_map_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/image/normal_map_file.hpp>
@@ -92,7 +94,7 @@ Value prior_word(const JsonObject& object, const char* field,
         if (word == name) return value;
         known += (known.empty() ? "" : ", ") + std::string(name);
     }
-    throw ValueError(object.where() + ": " + field + " is '" + word + "', expected one of " + known);
+    throw ValueError(object.where() + ": " + field + " is '" + shortened(word) + "', expected one of " + known);
 }
 
 inline PriorCamera read_prior_camera(const JsonObject& view, Span<const NamedCamera> cameras) {
@@ -100,12 +102,13 @@ inline PriorCamera read_prior_camera(const JsonObject& view, Span<const NamedCam
     const std::string where = view.where() + ": camera";
     if (json.is_string()) {
         const auto name = json.get<std::string>();
-        std::string known;
+        std::vector<std::string> known;
         for (const NamedCamera& camera : cameras) {
             if (camera.name == name) return camera.camera;
-            known += (known.empty() ? "" : ", ") + camera.name;
+            known.push_back(camera.name);
         }
-        throw ValueError(where + " is '" + name + "', expected one of the capture's, " + known + ", or an object");
+        throw ValueError(where + " is '" + shortened(name) + "', expected one of the capture's, " +
+                         listed(known, "none") + ", or an object");
     }
     const JsonObject object(json, where);
     if (!object.has("scale")) {
@@ -215,12 +218,12 @@ public:
                 .facing = prior_word<NormalFacing>(object_, "facing",
                                                    {{"viewer", NormalFacing::viewer}, {"away", NormalFacing::away}})};
             const bool integrate = read_integrate(params.facing);
-            const auto file = folder_ / object_.text("normals");
+            const auto file = named_path(folder_, object_.text("normals"), object_.where());
             PriorMap map = read_for(object_.where(), [&] { return read_normal_map(file, params); });
             priors.normals.emplace_back(view(std::move(map), file), frame_, object_.where(), integrate);
         }
         if (object_.has("depth")) {
-            const auto file = folder_ / object_.text("depth");
+            const auto file = named_path(folder_, object_.text("depth"), object_.where());
             const bool orthographic = std::holds_alternative<OrthographicCamera>(camera_);
             PriorMap map = read_for(object_.where(), [&] { return read_depth_map(file, orthographic); });
             priors.depths.emplace_back(view(std::move(map), file), frame_, object_.where());
@@ -239,7 +242,7 @@ private:
         if (!object_.has("frame")) return;
         if (const Json& json = object_.at("frame"); json.is_string()) {
             check_value(json.get<std::string>() == "canonical", object_.where(),
-                        "frame is '" + json.get<std::string>() + "', expected a number or canonical");
+                        "frame is '" + shortened(json.get<std::string>()) + "', expected a number or canonical");
             return;
         }
         frame_ = index("frame", count, "frames");
@@ -252,15 +255,13 @@ private:
             return;
         }
         const auto name = json.get<std::string>();
-        std::string known;
-        for (std::size_t p = 0; p < people.size(); ++p) {
+        for (std::size_t p = 0; p < people.size(); ++p)
             if (people[p] == name) {
                 person_ = p;
                 return;
             }
-            known += (known.empty() ? "" : ", ") + people[p];
-        }
-        throw ValueError(object_.where() + ": person is '" + name + "', expected one of " + known);
+        throw ValueError(object_.where() + ": person is '" + shortened(name) + "', expected one of " +
+                         listed(people, "none"));
     }
     [[nodiscard]] std::size_t index(const char* field, std::size_t count, const char* things) const {
         const int number = object_.integer(field);
@@ -293,7 +294,7 @@ private:
                              std::to_string(down) + "; give the part of the image that it shows as crop");
         std::string counting = file.string();
         if (object_.has("mask")) {
-            const auto mask = folder_ / object_.text("mask");
+            const auto mask = named_path(folder_, object_.text("mask"), object_.where());
             read_for(object_.where(), [&] { restrict_prior(map, mask); });
             counting += " within " + mask.string();
         }
@@ -330,7 +331,7 @@ inline std::uint32_t prior_views_checksum(const std::filesystem::path& path) {
     for (std::size_t v = 0; v < list.size(); ++v) {
         const detail::JsonObject object(list[v], detail::prior_view_name(path, v));
         for (const char* field : detail::prior_view_files)
-            if (object.has(field)) add(path.parent_path() / object.text(field));
+            if (object.has(field)) add(detail::named_path(path.parent_path(), object.text(field), object.where()));
     }
     return crc.value();
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/folder_lock.hpp>
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -33,7 +34,8 @@ enum class Sync {
 /// unchanged.
 ///
 /// If `path` is a symbolic link, the link is kept and its target is replaced; a device or a pipe is written directly.
-/// Only one writer at a time may use a path.
+/// Of two writers of a path at one time, the second is refused: NAME.partial is locked (flock) while it is written.
+/// What a killed process left is written over.
 ///
 /// Errors  IoError with the file and the system's message. A limit on file sizes (ulimit -f) counts as a full disk in
 ///         programs that ignore SIGXFSZ.
@@ -93,13 +95,19 @@ inline AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path
     if (std::filesystem::is_directory(status)) fail("cannot be written", EISDIR);
     const bool direct = std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
     if (!direct) temporary_ = target_.string() + ".partial";
-    const auto& opened = direct ? target_ : temporary_;
-    descriptor_ = ::open(opened.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-    if (descriptor_ < 0) {
-        const int code = errno;
-        temporary_.clear(); // not a file that this object may remove
-        fail("cannot be created", code);
+    bool free = true;
+    if (direct)
+        descriptor_ = ::open(target_.c_str(), O_WRONLY | O_CLOEXEC);
+    else
+        free = detail::open_locked(temporary_, descriptor_);
+    if (descriptor_ >= 0 && free && (direct || ::ftruncate(descriptor_, 0) == 0)) return;
+    const int code = errno;
+    if (descriptor_ < 0 || !free) temporary_.clear(); // not a file that this object may remove
+    if (!free) {
+        abandon();
+        throw IoError(path_.string() + ": another process is writing this file; name another one, or wait");
     }
+    fail("cannot be created", code);
 }
 
 inline void AtomicFile::write(const void* data, std::size_t size) {
@@ -116,10 +124,14 @@ inline void AtomicFile::commit(Sync sync) {
     flush();
     if (sync == Sync::disk && !temporary_.empty() && ::fsync(descriptor_) != 0)
         fail("cannot be synced to the disk", errno);
-    if (::close(std::exchange(descriptor_, -1)) != 0) fail("cannot be closed", errno);
-    if (temporary_.empty()) return;
-    if (std::rename(temporary_.c_str(), target_.c_str()) != 0) fail("cannot be renamed into place", errno);
+    // Some file systems report errors of writing on closing. The file stays open, and locked, until it is in place.
+    if (const int copy = ::dup(descriptor_); copy < 0 || ::close(copy) != 0) fail("cannot be closed", errno);
+    const bool renamed = temporary_.empty() || std::rename(temporary_.c_str(), target_.c_str()) == 0;
+    if (!renamed) fail("cannot be renamed into place", errno);
+    const bool direct = temporary_.empty();
     temporary_.clear();
+    ::close(std::exchange(descriptor_, -1));
+    if (direct) return;
     if (sync == Sync::none) return;
     // The rename is stored in the directory, so that is synced too. Errors are ignored: some file systems cannot do it.
     const auto folder = target_.has_parent_path() ? target_.parent_path() : std::filesystem::path(".");
@@ -145,9 +157,9 @@ inline void AtomicFile::write_through(const char* data, std::size_t size) {
 }
 
 inline void AtomicFile::abandon() noexcept {
-    if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
-    if (!temporary_.empty()) ::unlink(temporary_.c_str());
+    if (!temporary_.empty()) ::unlink(temporary_.c_str()); // while it is locked
     temporary_.clear();
+    if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
 }
 
 inline void AtomicFile::fail(std::string_view deed, int error) {

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/folder_lock.hpp>
 
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -13,7 +15,8 @@
 namespace gsh {
 
 /// Collects files in a folder beside the target (`NAME.partial`). On commit it takes the place of `NAME`, which is
-/// `NAME.old` for a moment. Without a commit it is removed, and a folder that was there stays as it is.
+/// `NAME.old` for a moment. Without a commit it is removed, and a folder that was there stays as it is. `NAME.lock` is
+/// there meanwhile (FileLock): of two processes, the second is refused.
 ///
 /// Errors  IoError naming the path. A folder with one of these three names that is in the way is removed only if all of
 ///         its entries are files that `may_replace` accepts, so that nobody loses other files.
@@ -22,6 +25,8 @@ public:
     AtomicFolder(std::filesystem::path folder, std::function<bool(const std::string& name)> may_replace)
         : folder_(without_slash(std::move(folder))), staging_(folder_.string() + ".partial"),
           old_(folder_.string() + ".old"), may_replace_(std::move(may_replace)) {
+        make_parent();
+        lock_.emplace(folder_.string() + ".lock", folder_.string());
         for (const auto& path : {folder_, staging_, old_}) check_replaceable(path);
         std::error_code error;
         std::filesystem::remove_all(staging_, error); // left by a run that was killed
@@ -55,6 +60,11 @@ public:
     }
 
 private:
+    void make_parent() const {
+        std::error_code error;
+        if (folder_.has_parent_path()) std::filesystem::create_directories(folder_.parent_path(), error);
+        if (error) throw IoError(staging_.string() + ": cannot be created: " + error.message());
+    }
     static std::filesystem::path without_slash(std::filesystem::path path) {
         return path.has_filename() ? path : path.parent_path();
     }
@@ -80,6 +90,7 @@ private:
     std::filesystem::path folder_, staging_, old_;
     std::function<bool(const std::string& name)> may_replace_;
     bool committed_ = false;
+    std::optional<FileLock> lock_;
 };
 
 } // namespace gsh

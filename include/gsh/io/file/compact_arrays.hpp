@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/npz_writer.hpp>
 
@@ -128,6 +129,7 @@ template <class T>
                     "is larger than 1 GiB");
         size *= static_cast<std::size_t>(length);
     }
+    detail::check_claim(file.name_of(key), size * sizeof(T), file.size());
     result.data.assign(size, T(0));
     for (std::size_t k = 0; k < indices.size(); ++k) {
         check_value(indices[k] < size, file.name_of(key + ".indices"),

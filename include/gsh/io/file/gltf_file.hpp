@@ -5,6 +5,8 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/gltf_json.hpp>
+#include <gsh/io/file/json_file.hpp>
+#include <gsh/io/file/named_path.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
 #include <nlohmann/json.hpp>
@@ -131,13 +133,7 @@ inline nlohmann::json GltfFile::reduced_json(std::string_view text, std::size_t 
     if (text.size() > json_limit)
         fail("holds " + std::to_string(text.size()) + " bytes of JSON, more than the limit of " +
              std::to_string(json_limit) + "; store the numbers as GLB");
-    if (is_nested_deeply(text)) fail("is JSON that is nested deeper than 256 levels");
-    nlohmann::json all, json;
-    try {
-        all = nlohmann::json::parse(text);
-    } catch (const nlohmann::json::exception& error) {
-        fail(std::string("is not glTF, or truncated: ") + error.what());
-    }
+    nlohmann::json all = parse_json<nlohmann::json>(text, name_ + ": is not glTF", {.depth = 256}), json;
     if (!all.is_object() || !all.contains("asset")) fail("is not glTF: the object 'asset' is missing");
     const auto& asset = all["asset"];
     if (!asset.is_object() || !asset.contains("version") || !asset["version"].is_string() ||
@@ -257,8 +253,7 @@ inline std::size_t GltfFile::external_size(const std::string& uri, const std::st
     const auto scheme = relative.find(':');
     const auto target = std::filesystem::weakly_canonical(folder_ / relative, error);
     const auto [end, rest] = std::mismatch(folder_.begin(), folder_.end(), target.begin(), target.end());
-    if (error || relative.empty() || relative.find('\0') != std::string::npos || scheme != std::string::npos ||
-        relative.starts_with("/") || end != folder_.end() || rest == target.end())
+    if (error || !stays_inside(relative) || scheme != std::string::npos || end != folder_.end() || rest == target.end())
         fail(what + ": the uri '" + shortened(uri) + "' leads out of the file's folder");
     const auto size =
         std::filesystem::is_regular_file(target, error) ? std::filesystem::file_size(target, error) : std::uintmax_t(0);

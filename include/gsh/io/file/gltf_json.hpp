@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The JSON of a glTF file before tinygltf sees it: nesting, and removal of what is not read.
+/// @file  The JSON of a glTF file before tinygltf sees it: removal of what is not read.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -10,24 +10,6 @@
 #include <utility>
 
 namespace gsh::detail {
-
-/// Whether brackets are open in each other at more than 256 levels.
-[[nodiscard]] inline bool is_nested_deeply(std::string_view json) {
-    std::size_t depth = 0;
-    bool text = false;
-    for (std::size_t i = 0; i < json.size(); ++i) {
-        const char c = json[i];
-        if (text && c == '\\')
-            ++i;
-        else if (c == '"')
-            text = !text;
-        else if (!text && (c == '[' || c == '{')) {
-            if (++depth > 256) return true;
-        } else if (!text && (c == ']' || c == '}') && depth > 0)
-            --depth;
-    }
-    return false;
-}
 
 /// Removes extras and extensions, at most 256 levels deep, but not that of Gaussians.
 inline void strip_gltf(nlohmann::json& value) {

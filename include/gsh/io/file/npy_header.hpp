@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 
 #include <algorithm>
 #include <bit>
@@ -43,21 +44,26 @@ template <class Lengths>
 std::string shape_text(const Lengths& shape) {
     std::string text = "(";
     for (std::size_t i = 0; i < std::size(shape); ++i) {
+        if (i == 6) return text + ", …)"; // of 32 axes at most
         const auto length = std::data(shape)[i];
         text += (i ? ", " : "") + (length == static_cast<decltype(length)>(-1) ? "*" : std::to_string(length));
     }
     return text + (std::size(shape) == 1 ? ",)" : ")");
 }
 
-/// Computes the product of the lengths times `width`; returns false if it overflows.
+/// Computes the product of the lengths times `width`; returns false if it overflows, or if the elements take no bytes,
+/// so that nothing bounds their number. The other lengths of an array that is empty along one axis may be up to
+/// 4 million in product: rows of no numbers are counted, too.
 inline bool checked_bytes(const Shape& shape, std::size_t width, std::size_t& bytes) {
-    bytes = width;
-    bool empty = false;
-    for (const std::size_t length : shape) empty = empty || length == 0;
-    if (empty) return bytes = 0, true;
+    constexpr std::size_t most_empty = std::size_t(1) << 22;
+    std::size_t others = 1, zeros = 0;
     for (const std::size_t length : shape)
-        if (__builtin_mul_overflow(bytes, length, &bytes)) return false;
-    return true;
+        if (length == 0)
+            ++zeros;
+        else if (__builtin_mul_overflow(others, length, &others))
+            return false;
+    if (zeros) return bytes = 0, others <= most_empty;
+    return width > 0 && !__builtin_mul_overflow(others, width, &bytes);
 }
 
 inline std::size_t element_count(const Shape& shape) {
@@ -157,12 +163,13 @@ inline NpyHeader read_npy_header(const ByteSource& source, std::size_t size, con
         header.dtype = parser.quoted();
         const std::string& d = header.dtype;
         if (d.size() < 2 || std::string_view("<>|=").find(d[0]) == std::string_view::npos)
-            parser.fail("dtype '" + d + "'");
+            parser.fail("dtype '" + shortened(d) + "'");
         header.kind = d[1];
         for (std::size_t i = 2; i < d.size() && d[i] >= '0' && d[i] <= '9' && header.width < longest; ++i)
             header.width = header.width * 10 + static_cast<std::size_t>(d[i] - '0');
         if (header.kind == 'U') header.width *= 4;
         if (d[0] == '>' && header.width > 1) header.kind = '>'; // big-endian, which is not supported
+        header.dtype = shortened(header.dtype);
     }
     parser.find("fortran_order");
     header.fortran_order = parser.take_word("True");
@@ -178,6 +185,10 @@ inline NpyHeader read_npy_header(const ByteSource& source, std::size_t size, con
 
     std::size_t bytes = 0;
     const std::size_t present = size - (8 + length_bytes + length);
+    if (header.kind == 0)
+        throw IoError(what + " is a structured array, expected plain numbers; save each field as an array of its own");
+    if (header.width == 0)
+        throw IoError(what + " has dtype " + header.dtype + ", whose elements have no bytes, expected plain numbers");
     if (!checked_bytes(header.shape, header.width, bytes) || bytes != present)
         throw IoError(what + " is truncated or damaged: shape " + shape_text(header.shape) + " of " + header.dtype +
                       " does not fit its " + std::to_string(present) + " bytes");

@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/utf.hpp>
 
@@ -34,14 +35,16 @@ public:
     /// densely, inflate 150 times and are small.
     struct Limits {
         std::size_t member_bytes = std::size_t(1) << 30; ///< per member, inflated, and again as read
-        std::size_t ratio = 200;                         ///< inflated to deflated, for members above ratio_free_bytes
-        std::size_t ratio_free_bytes = std::size_t(64) << 20;
+        std::size_t ratio = detail::most_inflation;      ///< inflated to deflated, for members above ratio_free_bytes
+        std::size_t ratio_free_bytes = detail::unquestioned_memory;
     };
 
     explicit NpzReader(std::filesystem::path path) : NpzReader(std::move(path), Limits()) {}
     NpzReader(std::filesystem::path path, Limits limits);
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+    /// Bytes of the archive.
+    [[nodiscard]] std::size_t size() const { return size_; }
     [[nodiscard]] std::vector<std::string> keys() const;
     [[nodiscard]] bool has(std::string_view key) const { return locate(key) >= 0; }
     /// True for a member that exists and is not pickled; for optional keys.
@@ -62,7 +65,9 @@ public:
     [[nodiscard]] std::vector<std::string> read_texts(std::string_view key) const;
 
     /// "FILE: key", the prefix of every message about a member.
-    [[nodiscard]] std::string name_of(std::string_view key) const { return path_.string() + ": " + std::string(key); }
+    [[nodiscard]] std::string name_of(std::string_view key) const {
+        return path_.string() + ": " + detail::shortened(key);
+    }
 
 private:
     struct Discard {
@@ -79,6 +84,7 @@ private:
 
     std::filesystem::path path_;
     Limits limits_;
+    std::size_t size_ = 0;
     std::unique_ptr<zip_t, Discard> archive_;
 
     [[nodiscard]] zip_int64_t locate(std::string_view key) const;
@@ -114,6 +120,8 @@ inline NpzReader::NpzReader(std::filesystem::path path, Limits limits) : path_(s
         throw IoError(name + ": cannot be opened: " +
                       (no_zip ? "not an .npz (zip) archive, or a truncated one" : detail::zip_error_text(code)));
     }
+    const auto size = std::filesystem::file_size(path_, ignored);
+    size_ = ignored ? 0 : static_cast<std::size_t>(size);
     if (zip_get_num_entries(archive_.get(), 0) <= 0)
         throw IoError(name + ": is empty, expected an .npz archive of arrays");
 }
@@ -137,16 +145,16 @@ inline NpzReader::Member NpzReader::open(std::string_view key) const {
     const std::string what = name_of(key);
     const zip_int64_t index = locate(key);
     if (index < 0) {
-        std::string known;
-        for (const auto& name : keys()) known += (known.empty() ? "" : ", ") + name;
-        if (known.size() > 300) known = known.substr(0, 300) + " ...";
-        throw IoError(what + " is missing; the file holds: " + (known.empty() ? "no arrays" : known));
+        throw IoError(what + " is missing; the file holds: " + detail::listed(keys(), "no arrays"));
     }
     zip_stat_t stat;
     constexpr zip_uint64_t wanted = ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE;
     if (zip_stat_index(archive_.get(), static_cast<zip_uint64_t>(index), 0, &stat) != 0 ||
         (stat.valid & wanted) != wanted)
         throw IoError(what + " is damaged: its size is not known");
+    if (stat.comp_size > size_) // which libzip does not compare
+        throw IoError(what + " is truncated: it claims " + std::to_string(stat.comp_size) + " bytes of the file's " +
+                      std::to_string(size_));
     if (stat.size > limits_.member_bytes)
         throw IoError(what + " claims " + std::to_string(stat.size) + " bytes, more than the limit of " +
                       std::to_string(limits_.member_bytes) + "; the file is damaged or made to exhaust memory");

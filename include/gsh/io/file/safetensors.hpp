@@ -3,6 +3,8 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
+#include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npy.hpp>
 
 #include <nlohmann/json.hpp>
@@ -19,7 +21,6 @@
 #include <limits>
 #include <map>
 #include <memory>
-#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -70,7 +71,9 @@ public:
     }
 
     /// "FILE: name", the prefix of every message about a tensor.
-    [[nodiscard]] std::string name_of(std::string_view name) const { return path_.string() + ": " + std::string(name); }
+    [[nodiscard]] std::string name_of(std::string_view name) const {
+        return path_.string() + ": " + detail::shortened(name);
+    }
 
 private:
     struct Close {
@@ -103,25 +106,12 @@ inline std::size_t safetensors_width(std::string_view dtype) {
     return 0;
 }
 
-/// Parses the file's header. Deep nesting and duplicate names are rejected during parsing, before the tree is built.
+/// Parses the file's header, whose levels are the header itself, its tensors, and their shapes.
 inline nlohmann::json parse_safetensors_header(const std::string& text, const std::string& what) {
-    std::set<std::string> names;
-    const auto guard = [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
-        constexpr int deepest = 3; // header, tensor, shape
-        if (depth > deepest) throw IoError(what + ": its header is nested too deeply for a safetensors file");
-        const bool names_tensor = depth == 1 && event == nlohmann::json::parse_event_t::key;
-        if (names_tensor && !names.insert(parsed.get<std::string>()).second)
-            throw IoError(what + ": its header names " + parsed.get<std::string>() + " twice");
-        return true;
-    };
-    try {
-        nlohmann::json header = nlohmann::json::parse(text, guard);
-        if (!header.is_object()) throw IoError(what + " is not a safetensors file: its header is no JSON object");
-        return header;
-    } catch (const nlohmann::json::exception& error) {
-        throw IoError(what + " is not a safetensors file, or damaged: " +
-                      std::string(error.what()).substr(0, 200)); // the message quotes the file
-    }
+    auto header =
+        parse_json<nlohmann::json>(text, what + " is not a safetensors file, or damaged: its header", {.depth = 3});
+    if (!header.is_object()) throw IoError(what + " is not a safetensors file: its header is no JSON object");
+    return header;
 }
 
 inline TensorHeader read_tensor_header(const nlohmann::json& json, const std::string& what) {
@@ -131,7 +121,8 @@ inline TensorHeader read_tensor_header(const nlohmann::json& json, const std::st
         Shape values;
         for (const nlohmann::json& number : *found) {
             if (!number.is_number_unsigned())
-                throw IoError(what + ": " + field + " holds " + number.dump() + ", expected whole numbers from 0");
+                throw IoError(what + ": " + field + " holds " + shortened(number.dump()) +
+                              ", expected whole numbers from 0");
             values.push_back(number.get<std::size_t>());
         }
         return values;
@@ -151,7 +142,7 @@ inline TensorHeader read_tensor_header(const nlohmann::json& json, const std::st
     std::size_t bytes = 0;
     if (tensor.shape.size() > 32) throw IoError(what + " has more than 32 axes");
     if (width != 0 && (!checked_bytes(tensor.shape, width, bytes) || bytes != tensor.bytes))
-        throw IoError(what + " is damaged: shape " + shape_text(tensor.shape) + " of " + tensor.dtype +
+        throw IoError(what + " is damaged: shape " + shape_text(tensor.shape) + " of " + shortened(tensor.dtype) +
                       " does not fit its " + std::to_string(tensor.bytes) + " bytes");
     return tensor;
 }
@@ -204,12 +195,15 @@ inline void SafetensorsReader::check_places(std::size_t data_bytes) const {
                           std::to_string(data_bytes));
         if (tensor.bytes == 0) continue;
         const auto [other, fresh] = by_begin.emplace(tensor.begin, &entry);
-        if (!fresh) throw IoError(name_of(entry.first) + " overlaps " + other->second->first + "; the file is damaged");
+        if (!fresh)
+            throw IoError(name_of(entry.first) + " overlaps " + detail::shortened(other->second->first) +
+                          "; the file is damaged");
     }
     const std::pair<const std::string, TensorHeader>* before = nullptr;
     for (const auto& [begin, entry] : by_begin) {
         if (before && before->second.begin + before->second.bytes > begin)
-            throw IoError(name_of(entry->first) + " overlaps " + before->first + "; the file is damaged");
+            throw IoError(name_of(entry->first) + " overlaps " + detail::shortened(before->first) +
+                          "; the file is damaged");
         before = entry;
     }
 }
@@ -223,10 +217,7 @@ inline std::vector<std::string> SafetensorsReader::keys() const {
 inline const TensorHeader& SafetensorsReader::header(std::string_view name) const {
     const auto found = tensors_.find(name);
     if (found != tensors_.end()) return found->second;
-    std::string known;
-    for (const auto& [other, tensor] : tensors_) known += (known.empty() ? "" : ", ") + other;
-    if (known.size() > 300) known = known.substr(0, 300) + " ...";
-    throw IoError(name_of(name) + " is missing; the file holds: " + (known.empty() ? "no tensors" : known));
+    throw IoError(name_of(name) + " is missing; the file holds: " + detail::listed(keys(), "no tensors"));
 }
 
 template <std::floating_point T>
@@ -238,7 +229,7 @@ NpyArray<T> SafetensorsReader::read(std::string_view name) const {
     numbers.shape = tensor.shape, numbers.dtype = tensor.dtype;
     const bool half = tensor.dtype == "F16", brain = tensor.dtype == "BF16";
     if (!half && !brain && tensor.dtype != "F32" && tensor.dtype != "F64")
-        throw IoError(what + " has dtype " + tensor.dtype + ", expected F16, BF16, F32 or F64");
+        throw IoError(what + " has dtype " + detail::shortened(tensor.dtype) + ", expected F16, BF16, F32 or F64");
     std::size_t bytes = 0;
     if (!detail::checked_bytes(tensor.shape, sizeof(T), bytes) || std::max(bytes, tensor.bytes) > limits_.tensor_bytes)
         throw IoError(what + " has shape " + detail::shape_text(tensor.shape) + ", more than the limit of " +

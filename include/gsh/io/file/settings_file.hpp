@@ -3,7 +3,8 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
-#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/core/message.hpp>
+#include <gsh/io/file/json_file.hpp>
 
 #include <filesystem>
 #include <string>
@@ -21,7 +22,8 @@ namespace gsh {
     std::vector<std::pair<std::string, std::string>> settings;
     for (const auto& [name, value] : json.items()) {
         if (value.is_structured() || value.is_null())
-            throw IoError(path.string() + ": " + name + " must be a number, true, false, or text in quotes");
+            throw IoError(path.string() + ": " + detail::shortened(name) +
+                          " must be a number, true, false, or text in quotes");
         settings.emplace_back(name, value.is_string() ? value.get<std::string>() : value.dump());
     }
     return settings;

@@ -3,12 +3,12 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 
 #include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstddef>
-#include <cstdio>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -42,20 +42,6 @@ namespace gsh::detail {
         if (std::tolower(static_cast<unsigned char>(found[i])) != std::tolower(static_cast<unsigned char>(expected[i])))
             return false;
     return true;
-}
-
-/// Foreign text for a message: at most 40 printable characters.
-[[nodiscard]] inline std::string shortened(std::string_view text) {
-    std::string result;
-    for (const char c : text.substr(0, 40)) result.push_back(std::isprint(static_cast<unsigned char>(c)) ? c : '?');
-    return text.size() > 40 ? result + "…" : result;
-}
-
-/// A number for a message, with six digits: "0.82", "1e+09".
-[[nodiscard]] inline std::string number_text(double value) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.6g", value);
-    return text;
 }
 
 /// Lines without blanks at their ends; empty ones are skipped. The text must outlive this object.

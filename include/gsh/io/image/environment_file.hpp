@@ -6,6 +6,8 @@
 #include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/text_lines.hpp>
+#include <gsh/io/image/image_bounds.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/light/environment.hpp>
 
@@ -46,8 +48,7 @@ public:
         std::string_view text = line(); // "#?RADIANCE"
         for (text = line(); !text.empty(); text = line())
             if (text.starts_with("FORMAT=") && text != "FORMAT=32-bit_rle_rgbe")
-                throw IoError(name_ + ": is stored as '" + std::string(text.substr(0, 40)) +
-                              "', expected FORMAT=32-bit_rle_rgbe");
+                throw IoError(name_ + ": is stored as '" + shortened(text) + "', expected FORMAT=32-bit_rle_rgbe");
         const std::string resolution(line());
         std::int64_t height = 0, width = 0;
         const char *at = resolution.data(), *end = at + resolution.size();
@@ -58,9 +59,14 @@ public:
             return result.ec == std::errc();
         };
         if (!number("-Y ", height) || !number(" +X ", width) || at != end)
-            throw IoError(name_ + ": its rows are stored as '" + resolution.substr(0, 40) +
+            throw IoError(name_ + ": its rows are stored as '" + shortened(resolution) +
                           "', expected '-Y height +X width': rows from the top, pixels from the left");
         check_pixel_count(name_, width, height);
+        const auto columns = static_cast<std::size_t>(width);
+        const std::size_t least = columns < 8 || columns > 32767 ? 4 * columns : 4 + 8 * ((columns + 126) / 127);
+        if (static_cast<std::size_t>(height) > bytes_.size() / least)
+            throw IoError(name_ + ": the image is truncated: its " + std::to_string(height) + " rows take at least " +
+                          std::to_string(least) + " bytes each, but " + std::to_string(bytes_.size()) + " follow");
         Image<float> image(3, static_cast<int>(height), static_cast<int>(width));
         std::string row(4 * static_cast<std::size_t>(width), '\0');
         for (int y = 0; y < image.height; ++y) {
@@ -121,7 +127,7 @@ inline Image<float> read_environment(const std::filesystem::path& path) {
     Image<float> image;
     if (view.starts_with("#?RADIANCE") || view.starts_with("#?RGBE")) {
         image = detail::RadianceReader(name, view).read();
-    } else if (view.starts_with("\x89PNG\r\n\x1a\n") || view.starts_with("\xFF\xD8\xFF")) {
+    } else if (view.starts_with(detail::png_signature) || view.starts_with(detail::jpeg_signature)) {
         const PixelImage pixels = read_image(path);
         std::array<float, 256> linear;
         for (std::size_t k = 0; k < linear.size(); ++k) linear[k] = srgb_to_linear(static_cast<float>(k) / 255);

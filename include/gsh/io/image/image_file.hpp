@@ -6,7 +6,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/file/atomic_file.hpp>
-#include <gsh/io/file/crc32.hpp>
+#include <gsh/io/image/image_bounds.hpp>
 
 #include <stb/stb_image.h>
 #include <stb/stb_image_write.h>
@@ -71,59 +71,22 @@ void write_png(const std::filesystem::path& path, const Image<T>& image) {
 
 // -------------------------------------------------------------------------------------------------------------
 
-namespace detail {
-
-inline void check_pixel_count(const std::string& name, std::int64_t width, std::int64_t height) {
-    constexpr std::int64_t most = std::int64_t(1) << 26;
-    if (width <= 0 || height <= 0 || width > most || width * height > most)
-        throw IoError(name + ": the image claims " + std::to_string(width) + " x " + std::to_string(height) +
-                      " pixels, expected at most " + std::to_string(most) + " in all");
-}
-
-/// Four bytes of a PNG, most significant first.
-inline std::uint32_t png_number(std::string_view bytes, std::size_t at) {
-    std::uint32_t value = 0;
-    for (std::size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
-    return value;
-}
-
-/// Checks the chunks of a PNG, which stb_image does not validate. Returns the fault, or an empty text.
-inline std::string png_fault(std::string_view bytes) {
-    for (std::size_t at = 8; at + 12 <= bytes.size();) {
-        const std::size_t length = png_number(bytes, at);
-        if (length > bytes.size() - at - 12) break;
-        Crc32 crc;
-        crc.add(bytes.data() + at + 4, length + 4);
-        if (crc.value() != png_number(bytes, at + 8 + length)) return "damaged: a checksum does not fit";
-        if (bytes.substr(at + 4, 4) == "IEND") return {};
-        at += length + 12;
-    }
-    return "truncated";
-}
-
-/// Checks that a JPEG ends after its last scan; stb_image would fill a truncated image with grey. Returns as above.
-inline std::string jpeg_fault(std::string_view bytes) {
-    const std::size_t end = bytes.rfind("\xFF\xD9"), scan = bytes.rfind("\xFF\xDA");
-    const bool whole = end != std::string_view::npos && scan != std::string_view::npos && scan < end;
-    return whole ? "" : "truncated";
-}
-
-} // namespace detail
-
 inline PixelImage read_image(const std::filesystem::path& path) {
-    const std::string name = path.string(), bytes = read_file(path);
-    const bool png = bytes.starts_with("\x89PNG\r\n\x1a\n"), jpeg = bytes.starts_with("\xFF\xD8\xFF");
+    const std::string name = path.string();
+    std::string bytes = read_file(path);
+    const bool png = bytes.starts_with(detail::png_signature), jpeg = bytes.starts_with(detail::jpeg_signature);
     if (!png && !jpeg) throw IoError(name + ": is not a PNG or JPEG image");
-    if (const std::string fault = png ? detail::png_fault(bytes) : detail::jpeg_fault(bytes); !fault.empty())
-        throw IoError(name + ": the image is " + fault);
-    if (png) detail::check_pixel_count(name, detail::png_number(bytes, 16), detail::png_number(bytes, 20));
+    if (png)
+        bytes = detail::unpacked_png(bytes, name);
+    else
+        detail::check_jpeg(bytes, name);
 
     const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
-    const int size = static_cast<int>(bytes.size()); // read_file reads at most 2^30
+    const int size = static_cast<int>(bytes.size()); // at most 2^30, and 2^29 of pixels
     const auto refuse = [&] { return IoError(name + ": the image cannot be decoded: " + stbi_failure_reason()); };
     int width = 0, height = 0, channels = 0;
     if (!stbi_info_from_memory(data, size, &width, &height, &channels)) throw refuse();
-    detail::check_pixel_count(name, width, height);
+    if (jpeg) detail::check_jpeg_size(bytes, name, width, height);
     const auto release = [](stbi_uc* pixels) { stbi_image_free(pixels); };
     const std::unique_ptr<stbi_uc, decltype(release)> pixels(
         stbi_load_from_memory(data, size, &width, &height, &channels, 4), release);

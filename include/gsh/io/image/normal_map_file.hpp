@@ -82,11 +82,11 @@ struct RawNormals {
 };
 
 inline RawNormals read_normal_png(const std::filesystem::path& path) {
-    const std::string name = path.string(), bytes = read_file(path);
-    if (!bytes.starts_with("\x89PNG\r\n\x1a\n"))
+    const std::string name = path.string();
+    std::string bytes = read_file(path);
+    if (!bytes.starts_with(png_signature))
         throw IoError(name + ": is not a PNG image; JPEG damages normals, and EXR is not read (save as .npy)");
-    if (const std::string fault = png_fault(bytes); !fault.empty()) throw IoError(name + ": the image is " + fault);
-    check_pixel_count(name, png_number(bytes, 16), png_number(bytes, 20));
+    bytes = unpacked_png(bytes, name);
     const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
     const int size = static_cast<int>(bytes.size());
     const auto refuse = [&] { return IoError(name + ": the image cannot be decoded: " + stbi_failure_reason()); };

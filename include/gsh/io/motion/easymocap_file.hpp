@@ -7,6 +7,8 @@
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/file/json_file.hpp>
+#include <gsh/io/file/named_path.hpp>
 #include <gsh/io/file/opencv_yaml.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/motion_table.hpp>
@@ -64,13 +66,13 @@ inline EasyMocapPerson read_easymocap_person(const std::filesystem::path& path, 
     const Json json = read_json(path);
     const Json& list = json.is_array() ? json : JsonObject(json, path.string()).at("annots");
     if (!list.is_array() || list.empty()) throw IoError(path.string() + ": holds no list of people");
-    std::string known;
+    std::vector<std::string> known;
     for (std::size_t i = 0; i < list.size(); ++i) {
         const JsonObject object(list[i], path.string() + ": [" + std::to_string(i) + "]");
         const int id = object.has("id")         ? object.integer("id")
                        : object.has("personID") ? object.integer("personID")
                                                 : static_cast<int>(i);
-        known += (i ? ", " : "") + std::to_string(id);
+        known.push_back(std::to_string(id));
         if (id != person && list.size() > 1) continue;
         const auto optional = [&](const char* field) {
             return object.has(field) ? object.numbers(field) : std::vector<double>();
@@ -78,8 +80,8 @@ inline EasyMocapPerson read_easymocap_person(const std::filesystem::path& path, 
         return {optional("Rh"),         object.numbers("Th", 3), object.numbers("poses"), object.numbers("shapes"),
                 optional("expression"), optional("handl"),       optional("handr")};
     }
-    throw IoError(path.string() + ": person " + std::to_string(person) + " is missing, there are " + known +
-                  "; choose a person who is in every frame, or leave out the other frames");
+    throw IoError(path.string() + ": person " + std::to_string(person) + " is missing, there are " +
+                  listed(known, "none") + "; choose a person who is in every frame, or leave out the other frames");
 }
 
 } // namespace detail
@@ -171,6 +173,8 @@ inline CameraList read_easymocap_cameras(const std::filesystem::path& folder) {
     const OpenCvYaml intrinsics(folder / "intri.yml"), extrinsics(folder / "extri.yml");
     CameraList list;
     for (const std::string& name : intrinsics.texts("names")) {
+        check_value(detail::is_plain_name(name), intrinsics.name_of("names"),
+                    "holds '" + detail::shortened(name) + "', expected a plain folder name");
         NamedCamera named;
         named.name = name;
         Camera<double>& camera = named.camera;
@@ -179,7 +183,8 @@ inline CameraList read_easymocap_cameras(const std::filesystem::path& folder) {
         if (intrinsics.has("W_" + name) && intrinsics.has("H_" + name)) {
             const double width = intrinsics.number("W_" + name), height = intrinsics.number("H_" + name);
             check_value(width >= 1 && height >= 1 && width <= 65535 && height <= 65535, intrinsics.name_of("W_" + name),
-                        "and H_ are " + std::to_string(width) + " x " + std::to_string(height) + ", expected pixels");
+                        "and H_ are " + detail::number_text(width) + " x " + detail::number_text(height) +
+                            ", expected pixels");
             camera.width = static_cast<int>(width), camera.height = static_cast<int>(height);
         }
         mat3<double> R;

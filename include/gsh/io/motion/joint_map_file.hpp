@@ -5,8 +5,7 @@
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/joint_names.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/io/capture/camera_file.hpp>
-#include <gsh/io/file/text_lines.hpp>
+#include <gsh/io/file/json_file.hpp>
 
 #include <filesystem>
 #include <string>

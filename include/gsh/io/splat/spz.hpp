@@ -6,10 +6,12 @@
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/gzip.hpp>
 #include <gsh/io/file/zstd.hpp>
 #include <gsh/io/splat/spz_points.hpp>
 #include <gsh/io/splat/still_splats.hpp>
+#include <gsh/math/sh.hpp>
 
 #include <array>
 #include <cmath>
@@ -30,8 +32,8 @@ struct SpzOptions {
 
 /// Reads an SPZ file. The format has y up, as gsh has. Extensions are skipped.
 ///
-/// The number of Gaussians is checked against the size of the file before memory is allocated for them: neither gzip
-/// nor Zstandard is expected to compress a thousand times.
+/// What the Gaussians take, inflated and in memory, is checked against the size of the file before anything is
+/// allocated: 64 MiB, or 200 times the file (io/file/claimed_size.hpp).
 ///
 /// Errors  IoError for a file that is missing, truncated, damaged, of another version, or whose counts disagree;
 ///         ValueError for positions that are not finite, which version 1 can hold.
@@ -63,9 +65,12 @@ inline void check_spz(const SpzHeader& header, const std::string& name, std::uin
         fail("has SPZ version " + std::to_string(header.version) + ", expected 1 to 4");
     if (header.sh_degree > 4) fail("has SH of degree " + std::to_string(header.sh_degree) + ", expected 0 to 4");
     if (header.fractional_bits > 24) fail("has " + std::to_string(header.fractional_bits) + " fractional bits of 24");
-    if (header.count < 1 || header.count > file_size * 1024 / 9)
-        fail("claims " + std::to_string(header.count) + " Gaussians in " + std::to_string(file_size) +
-             " bytes; it is damaged or made to exhaust memory");
+    std::uint64_t row = sizeof(float) * static_cast<std::uint64_t>(11 + 3 * sh_basis_count(header.sh_degree));
+    for (const std::size_t width : SpzStreams::widths(static_cast<int>(header.version), header.sh_degree)) row += width;
+    if (header.count < 1 ||
+        !may_take(header.count * row, file_size)) // row: of a Gaussian, in its streams and in memory
+        fail("claims " + std::to_string(header.count) + " Gaussians of degree " + std::to_string(header.sh_degree) +
+             " in " + std::to_string(file_size) + " bytes; it is damaged or made to exhaust memory");
 }
 
 /// Versions 1 to 3: everything in one gzip stream.
