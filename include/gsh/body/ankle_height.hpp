@@ -20,9 +20,9 @@ namespace gsh {
 
 /// Height of a rig's ankles above the soles on which it stands; no value where nothing shows it.
 ///
-/// The rest pose shows it if it stands on y = 0, and else the joints of the toes, which are a little above the sole.
-/// Frames show it exactly: their lower ankle is at that height above y = 0 whenever the body stands. They are believed
-/// if they are near to what the rest pose shows, because feet may stand on a box throughout, or the ground be elsewhere.
+/// A rest pose shows it that stands on y = 0. Else the frames do: when the body stands, its lower ankle is at that height
+/// above y = 0. They are believed if the joints of the toes, which are a little above the sole, are nearly as far below
+/// the ankles: feet may be on a box throughout, or the ground elsewhere. Else the toes count alone.
 ///
 /// `rest` has the rig's rest pose; `rest_has_place`: whether its positions are those of the world.
 [[nodiscard]] inline std::optional<double> ankle_height(const RigMotion& rig, const RigMotion& rest,
@@ -47,27 +47,22 @@ inline std::optional<double> ankle_height(const RigMotion& rig, const RigMotion&
     const vec3<double> up = facing(rest, matched, "ankle_height")[1];
     const auto height = [&](int joint) { return dot(rest.rest_joints[static_cast<std::size_t>(joint)], up); };
     const double ankle = (height(left) + height(right)) / 2;
-    std::optional<double> shown;
-    double doubt = 0.08 * leg; // how far frames may be from what the rest pose shows
     double lowest = ankle;
     for (const int joint : matched)
         if (joint >= 0) lowest = std::min(lowest, height(joint));
-    if (rest_has_place && up.y > 0.9 && lowest > -0.02 * leg && lowest < 0.15 * leg && ankle < leg) shown = ankle;
-    if (!shown) {
-        const int a = detail::matched_joint(matched, "left_foot"), b = detail::matched_joint(matched, "right_foot");
-        if (a >= 0 && b >= 0) {
-            const double drop = ankle - (height(a) + height(b)) / 2;
-            if (drop > -0.05 * leg && drop < leg) shown = drop + 0.03 * leg;
-            doubt = 0.12 * leg;
-        }
-    }
+    if (rest_has_place && up.y > 0.9 && lowest > -0.02 * leg && lowest < 0.15 * leg && ankle < leg) return ankle;
+
+    std::optional<double> by_toes;
+    const int a = detail::matched_joint(matched, "left_foot"), b = detail::matched_joint(matched, "right_foot");
+    if (a >= 0 && b >= 0)
+        if (const double drop = ankle - (height(a) + height(b)) / 2; drop > -0.05 * leg && drop < leg)
+            by_toes = drop + 0.03 * leg;
     std::vector<double> lower;
     for (std::size_t t = 0; t < rig.frame_count(); ++t)
         lower.push_back(std::min(rig.joint(t, left).y, rig.joint(t, right).y));
     const auto standing = lower.begin() + static_cast<std::ptrdiff_t>((lower.size() - 1) / 10);
     std::nth_element(lower.begin(), standing, lower.end());
-    if (std::abs(*standing - shown.value_or(0.1 * leg)) < doubt) return *standing;
-    return shown;
+    return std::abs(*standing - by_toes.value_or(0.1 * leg)) < 0.12 * leg ? *standing : by_toes;
 }
 
 inline double ankle_height(const std::vector<vec3<double>>& vertices, const std::vector<vec3<double>>& joints,

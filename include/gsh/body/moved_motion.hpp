@@ -36,9 +36,6 @@ inline void move_frame(const BodyModel& model, Motion& motion, std::size_t frame
 /// over the frames, to +y. Nothing if no coordinate axis qualifies, as for motions on the floor or somersaults.
 [[nodiscard]] inline std::optional<mat3<double>> upright_rotation(const Motion& motion);
 
-/// Turns a motion by its upright_rotation. Returns false and leaves the motion unchanged if there is none.
-inline bool stand_upright(const BodyModel& model, Motion& motion);
-
 // -------------------------------------------------------------------------------------------------------------
 
 inline vec3<double> root_joint(const BodyModel& model, Span<const double> betas, Span<const double> expression) {
@@ -78,14 +75,6 @@ inline std::optional<mat3<double>> upright_rotation(const Motion& motion) {
     const auto axis = signed_axis_along(up, 0.6);
     if (!axis) return std::nullopt;
     return turn_to_y(*axis);
-}
-
-inline bool stand_upright(const BodyModel& model, Motion& motion) {
-    const std::optional<mat3<double>> A = upright_rotation(motion);
-    if (!A) return false;
-    if (*A == mat3<double>(1.0)) return true;
-    for (std::size_t t = 0; t < motion.frame_count(); ++t) move_frame(model, motion, t, {*A, vec3<double>(0)});
-    return true;
 }
 
 } // namespace gsh

@@ -2,6 +2,7 @@
 /// @file  A neutral rest pose of a rig, found from the frames of its motion.
 #pragma once
 
+#include <gsh/body/bone_end.hpp>
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/joint_names.hpp>
 #include <gsh/body/rig_motion.hpp>
@@ -15,6 +16,7 @@
 #include <cstddef>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -36,8 +38,8 @@ namespace gsh {
 /// Everything else (hands without fingers, fingers, toes, eyes) rests as it lies on average against its parent.
 ///
 /// Frame   the frames' y must be up.
-/// Errors  ValueError if hips and shoulders span a plane in no frame. Warned: knees that bend forward, and that no frame
-///         shows the body upright, since it is then uncertain how far hips and chest lean.
+/// Errors  ValueError if hips and shoulders span a plane in no frame. Warned: feet that point backwards, and, where it is
+///         needed, that no frame shows the body upright, so it is uncertain how far hips and chest lean.
 [[nodiscard]] inline RigMotion rest_from_frames(const RigMotion& rig, const MatchedJoints& matched,
                                                 const std::string& where, std::vector<std::string>* warnings = nullptr);
 
@@ -135,6 +137,7 @@ private:
     std::vector<mat3<double>> world_from_joint_; // the rest rotations that are found
     std::vector<bool> known_;
     double straightest_ = 0, forward_toes_ = 0;
+    bool lean_is_exact_ = true; ///< of pelvis and chest
 
     [[nodiscard]] int at(std::string_view joint) const { return matched_joint(matched_, joint); }
     [[nodiscard]] vec3<double> place(std::size_t t, int joint) const { return rig_.joint(t, joint); }
@@ -222,8 +225,9 @@ private:
                 up.add(to_joint * (share == 0 ? frame.pelvis[1] : frame.chest[1]), frame.weight);
             }
             const vec3<double> x = lateral_axis(j, name, left.value());
-            const mat3<double> found = axes_of(x, sagittal_axis(x, up.value())); // the body's axes in the joint's
-            set(j, transpose(found));
+            const vec3<double> y = sagittal_axis(x, up.value());
+            if (share < 1) lean_is_exact_ = lean_is_exact_ && length(nearest_axis(y) - y) == 0;
+            set(j, transpose(axes_of(x, y))); // of the body's axes in the joint's
         }
     }
 
@@ -336,7 +340,8 @@ private:
     void place_foot(const std::string& side) {
         const int j = at(side + "ankle"), shin = at(side + "knee");
         if (j < 0) return;
-        const int toes = toes_of(side);
+        int toes = at(side + "foot");
+        if (toes < 0) toes = end_of(rig_, j);
         MeanDirection sole, left, ahead;
         double lowest = rig_.joint(0, j).y, leg = 0;
         for (std::size_t t = 0; t < rig_.frame_count(); ++t) lowest = std::min(lowest, rig_.joint(t, j).y);
@@ -352,7 +357,7 @@ private:
                 sole.add(to_joint * vec3<double>(0, 1, 0)), ++standing;
         }
         const vec3<double> toe = toes >= 0 ? bone(j, toes) : vec3<double>(0);
-        const bool has_toe = length(toe) > 0.5;
+        const bool has_toe = length(toe) > 0.5 && (at(side + "foot") >= 0 || dot(toe, ahead.value()) > 0.5);
         vec3<double> up = standing > 0 ? sole.value() : vec3<double>(0);
         const double pitch = has_toe ? std::asin(std::clamp(dot(toe, up), -1.0, 1.0)) : 0; // toes are below the ankle
         const bool stands = length(up) > 0.5 && pitch > -1.2 && pitch < 0.35 &&
@@ -369,17 +374,18 @@ private:
         const mat3<double> axes = axes_of(up, forward); // up, forward, and to the left
         set(j, transpose(mat3<double>(axes[2], axes[0], axes[1])));
     }
-    [[nodiscard]] int toes_of(const std::string& side) const {
-        const int toes = at(side + "foot");
-        return toes >= 0 ? toes : end_of(rig_, at(side + "ankle"));
-    }
 
     /// Points along ±x, palm down. Without fingers the palm is as the forearm has it.
     void place_hand(const std::string& side, double x) {
         const int j = at(side + "wrist");
         if (j < 0) return;
         const int middle = at(side + "middle1");
-        const int end = middle >= 0 ? middle : end_of(rig_, j);
+        int end = middle >= 0 ? middle : end_of(rig_, j);
+        const int elbow = at(side + "elbow");
+        if (middle < 0 && end >= 0 && mean_angle(rig_, [&](std::size_t t) {
+                return std::pair(place(t, end) - place(t, j), place(t, j) - place(t, elbow));
+            }) > 0.8)
+            end = -1; // an end of a fixed direction, as some programs write it
         const vec3<double> b = end >= 0 ? bone(j, end) : vec3<double>(0);
         if (!(length(b) > 0.5)) return place_as_on_average(j);
         const int index = at(side + "index1");
@@ -404,7 +410,7 @@ private:
 
     void warn() const {
         if (!warnings_) return;
-        if (straightest_ < 0.3)
+        if (straightest_ < 0.3 && !lean_is_exact_)
             warnings_->push_back(where_ + ": no frame shows the body upright with stretched legs, so how far hips and "
                                           "chest lean is uncertain");
         if (forward_toes_ < -0.3)

@@ -4,6 +4,7 @@
 
 #include <gsh/body/ankle_height.hpp>
 #include <gsh/body/body_model.hpp>
+#include <gsh/body/bone_end.hpp>
 #include <gsh/body/foot_slide.hpp>
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/joint_names.hpp>
@@ -217,8 +218,10 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
         const vec3<double> d = normalize(to - plan.joints[j]);
         int source_end = plan.source[static_cast<std::size_t>(end)];
         if (source_end < 0 && foot) continue;
-        // A hand's only child may be anything, so it counts only if it is named as an end.
-        if (source_end < 0) source_end = name.ends_with("wrist") ? end_of(rig, source) : only_child(rig, source);
+        if (source_end < 0) // a hand's only child may be anything
+            source_end = name.ends_with("wrist")
+                             ? hand_end(rig, plan.rest, plan.source, name.starts_with("left") ? "left_" : "right_")
+                             : only_child(rig, source);
         const vec3<double> wanted = transpose(F) * rest_bone(plan.rest, source, source_end);
         if (!(length(wanted) > 0.5)) continue;
         C[j] = foot ? foot_turn(d, wanted) : shortest_turn(C[j] * d, wanted) * C[j];

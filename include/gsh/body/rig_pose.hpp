@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Measures of a rig's pose: where it faces, how high its hips are, where hands end, which unit it has.
+/// @file  Measures of a rig's pose: where it faces, how high its hips are, which unit it has.
 #pragma once
 
 #include <gsh/body/joint_map.hpp>
@@ -10,7 +10,6 @@
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
@@ -40,11 +39,6 @@ struct LengthUnit {
     double leg = 0;        ///< length of the legs in that unit; 0: no legs were found
 };
 [[nodiscard]] inline LengthUnit guess_length_unit(const RigMotion& rig, const MatchedJoints& matched);
-
-/// The leaf that marks the end of a hand, a foot or the head: the End Site of a BVH file, or a joint named like one
-/// (HandEnd, ToeTip, HeadNub), where its bone is at least a quarter as long as the one before. -1 if there is none, since
-/// some programs write End Sites of any length and direction.
-[[nodiscard]] inline int end_of(const RigMotion& rig, int joint);
 
 /// Scales the rest pose so that its legs are as long as in the first frame, for rest poses in a unit of their own.
 /// Returns false, without a change, if no leg has a length in both.
@@ -78,8 +72,6 @@ inline vec3<double> snapped(const vec3<double>& v) {
         }
     return v;
 }
-
-inline constexpr std::array<std::string_view, 5> end_words = {"end", "endsite", "tip", "nub", "effector"};
 
 inline bool has_trunk(const MatchedJoints& matched) {
     for (const char* joint : {"left_hip", "right_hip", "left_shoulder", "right_shoulder"})
@@ -162,26 +154,6 @@ inline bool fit_rest_to_frames(RigMotion& rig, const MatchedJoints& matched) {
     if (!(rest > 0 && frame > 0)) return false;
     for (auto& joint : rig.rest_joints) joint = joint * (frame / rest);
     return true;
-}
-
-inline int end_of(const RigMotion& rig, int joint) {
-    if (joint < 0) return -1;
-    const auto j = static_cast<std::size_t>(joint);
-    int end = -1;
-    for (std::size_t c = 0; c < rig.joint_count(); ++c) {
-        if (rig.parents[c] != joint) continue;
-        const JointWords words = joint_words(rig.names[c]);
-        const bool named = std::any_of(detail::end_words.begin(), detail::end_words.end(),
-                                       [&](std::string_view word) { return words.part.ends_with(word); });
-        if (!named || std::find(rig.parents.begin(), rig.parents.end(), static_cast<int>(c)) != rig.parents.end())
-            continue;
-        if (end >= 0) return -1; // of several, any could be meant
-        end = static_cast<int>(c);
-    }
-    if (end < 0 || rig.parents[j] < 0) return -1;
-    const double own = length(rig.rest_joints[static_cast<std::size_t>(end)] - rig.rest_joints[j]);
-    const double before = length(rig.rest_joints[j] - rig.rest_joints[static_cast<std::size_t>(rig.parents[j])]);
-    return own >= 0.25 * before ? end : -1;
 }
 
 } // namespace gsh
