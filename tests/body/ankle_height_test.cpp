@@ -37,7 +37,9 @@ void shorten(RigMotion& rig) {
             const int j = static_cast<int>(i % rig.joint_count());
             bool foot = false, knee = false;
             for (const std::string side : {"left_", "right_"}) {
-                const auto is = [&](const char* joint) { return matched[static_cast<std::size_t>(smplx_joint(side + joint))] == j; };
+                const auto is = [&](const char* joint) {
+                    return matched[static_cast<std::size_t>(smplx_joint(side + joint))] == j;
+                };
                 foot = foot || is("ankle") || is("foot"), knee = knee || is("knee");
             }
             (*points)[i].y -= foot ? 0 : knee ? 0.3 : 0.55;

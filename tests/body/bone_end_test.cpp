@@ -17,7 +17,8 @@ using namespace gsh;
 namespace {
 
 /// A walk in which the left hand has a leaf at `end` from the wrist in the rest pose, a T; hands are turned by `turn`.
-RigMotion with_end(const vec3<double>& end, const vec3<double>& turn = vec3<double>(0), const std::string& name = "LeftHand_end") {
+RigMotion with_end(const vec3<double>& end, const vec3<double>& turn = vec3<double>(0),
+                   const std::string& name = "LeftHand_end") {
     auto sample = test::walking_rig();
     const int wrist = sample.joint("left_wrist");
     sample.names.push_back(name), sample.parts.emplace_back(), sample.parents.push_back(wrist);
@@ -32,13 +33,15 @@ int end_in(const RigMotion& rig) {
 double hand_error(const RigMotion& rig) {
     const Motion motion = retarget(rig, test::skeleton_body());
     const auto matched = JointMap{}.match(rig, "a rig");
-    const int wrist = matched[static_cast<std::size_t>(smplx_joint("left_wrist"))], end = static_cast<int>(rig.joint_count()) - 1;
+    const int wrist = matched[static_cast<std::size_t>(smplx_joint("left_wrist"))],
+              end = static_cast<int>(rig.joint_count()) - 1;
     double most = 0;
     for (std::size_t t = 0; t < motion.frame_count(); ++t) {
         const auto pose = test::pose_of(test::skeleton_body(), motion, t);
-        most = std::max(most, test::degrees_between(pose.joints[static_cast<std::size_t>(smplx_joint("left_middle1"))] -
-                                                        pose.joints[static_cast<std::size_t>(smplx_joint("left_wrist"))],
-                                                    rig.joint(t, end) - rig.joint(t, wrist)));
+        most =
+            std::max(most, test::degrees_between(pose.joints[static_cast<std::size_t>(smplx_joint("left_middle1"))] -
+                                                     pose.joints[static_cast<std::size_t>(smplx_joint("left_wrist"))],
+                                                 rig.joint(t, end) - rig.joint(t, wrist)));
     }
     return most;
 }
@@ -53,7 +56,8 @@ TEST_CASE("a hand that hangs at rest and is straight in the frames follows its e
 }
 
 TEST_CASE("an end of a fixed direction, a short one and a joint of another name do not turn the hand") {
-    CHECK(end_in(with_end({0, 0.17, 0})) == -1); // as some programs write for each leaf; the hand is straight without it
+    CHECK(end_in(with_end({0, 0.17, 0})) ==
+          -1); // as some programs write for each leaf; the hand is straight without it
     CHECK(end_in(with_end({0.05, 0, 0})) == -1);
     CHECK(end_in(with_end({0.17, 0, 0}, {}, "Sword")) == -1);
     RigMotion two = with_end({0.17, 0, 0});

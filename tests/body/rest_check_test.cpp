@@ -18,7 +18,8 @@ std::string fault_of(const RigMotion& rig) {
 
 /// A rig whose rest pose is a frame.
 RigMotion rests_in(RigMotion rig, std::size_t frame) {
-    const auto first = static_cast<std::ptrdiff_t>(frame * rig.joint_count()), last = first + static_cast<std::ptrdiff_t>(rig.joint_count());
+    const auto first = static_cast<std::ptrdiff_t>(frame * rig.joint_count()),
+               last = first + static_cast<std::ptrdiff_t>(rig.joint_count());
     rig.rest_joints.assign(rig.joints.begin() + first, rig.joints.begin() + last);
     rig.rest_rotations.assign(rig.rotations.begin() + first, rig.rotations.begin() + last);
     return rig;
@@ -30,15 +31,18 @@ TEST_CASE("T, A, arms down and every facing are poses of a standing person") {
     for (const auto rest : {test::Rest::T, test::Rest::A, test::Rest::down})
         for (const double turn : {0.0, 0.8, 3.1}) {
             CHECK(fault_of(test::rig_motion_of(test::walking_rig({.rest = rest, .turn = turn}))) == "none");
-            CHECK(fault_of(test::rig_motion_of(test::walking_rig({.rest = rest, .z_up = true, .turn = turn}))) == "none");
+            CHECK(fault_of(test::rig_motion_of(test::walking_rig({.rest = rest, .z_up = true, .turn = turn}))) ==
+                  "none");
         }
 }
 
 TEST_CASE("zero angles of joints that lie along their bones are a heap") {
     const auto sample = test::walking_rig();
     const RigMotion rig = test::rig_motion_of(sample);
-    CHECK(fault_of(test::with_axes(rig, test::axes_along_bones(sample))).find("thighs along the spine") != std::string::npos);
-    CHECK(fault_of(test::with_axes(rig, test::axes_along_bones(sample, {.mirrored = true, .spine_roll = 1.57}))) != "none");
+    CHECK(fault_of(test::with_axes(rig, test::axes_along_bones(sample))).find("thighs along the spine") !=
+          std::string::npos);
+    CHECK(fault_of(test::with_axes(rig, test::axes_along_bones(sample, {.mirrored = true, .spine_roll = 1.57}))) !=
+          "none");
     CHECK(fault_of(test::with_axes(rig, test::axes_along_bones(sample, {.hips_as_world = true}))) != "none");
     // Legs and trunk with the axes of the world, arms along their bones: both arms point to the left.
     auto arms = test::axes_along_bones(sample);
@@ -54,7 +58,8 @@ TEST_CASE("a stride at rest is named with its frame, a stance like a rest pose i
     CHECK(fault_of(rests_in(rig, 0)) == "none");                               // where they are together
     // A pose that is not in the motion has wider limits.
     RigMotion other = rests_in(rig, 7);
-    for (std::size_t j = 0; j < rig.joint_count(); ++j) other.rest_rotations[j] = other.rest_rotations[j] * test::turn_about(0, 0.1 * static_cast<double>(j));
+    for (std::size_t j = 0; j < rig.joint_count(); ++j)
+        other.rest_rotations[j] = other.rest_rotations[j] * test::turn_about(0, 0.1 * static_cast<double>(j));
     CHECK(fault_of(other).find("frame") == std::string::npos);
 }
 

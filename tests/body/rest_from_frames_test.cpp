@@ -31,7 +31,9 @@ Warned retargeted(const RigMotion& rig) {
     return result;
 }
 
-double degrees_of(const mat3<double>& R) { return length(axis_angle_from_rotation(R)) * 57.295779513082323; }
+double degrees_of(const mat3<double>& R) {
+    return length(axis_angle_from_rotation(R)) * 57.295779513082323;
+}
 
 /// The largest angle in degrees between the world rotations of a joint in two motions.
 double turned(const Motion& a, const Motion& b, const std::string& joint) {
@@ -65,8 +67,12 @@ void check_like_a_rest_in_T(const test::SampleRig& sample, const RigMotion& rig,
                  {std::pair{"hip", "knee"}, {"knee", "ankle"}, {"shoulder", "elbow"}, {"elbow", "wrist"}}) {
                 const auto a = test::pose_of(test::skeleton_body(), found, t);
                 const auto b = test::pose_of(sample, t, "XYZ");
-                const auto own = [&](const char* joint) { return a.joints[static_cast<std::size_t>(smplx_joint(side + joint))]; };
-                const auto source = [&](const char* joint) { return b.joints[static_cast<std::size_t>(sample.joint(side + joint))]; };
+                const auto own = [&](const char* joint) {
+                    return a.joints[static_cast<std::size_t>(smplx_joint(side + joint))];
+                };
+                const auto source = [&](const char* joint) {
+                    return b.joints[static_cast<std::size_t>(sample.joint(side + joint))];
+                };
                 CHECK(test::degrees_between(own(to) - own(from), source(to) - source(from)) < 1e-3);
             }
 }
@@ -78,8 +84,13 @@ TEST_CASE("joints with x along their bones, as in LAFAN1, Bandai-Namco's data an
         const auto sample = test::walking_rig({}, 0, yaw);
         const RigMotion rig = test::rig_motion_of(sample);
         check_like_a_rest_in_T(sample, test::with_axes(rig, test::axes_along_bones(sample, {.arm_roll = 2.9})));
-        check_like_a_rest_in_T(sample, test::with_axes(rig, test::axes_along_bones(sample, {.mirrored = true, .spine_roll = 1.5707963267948966, .arm_roll = 1})));
-        check_like_a_rest_in_T(sample, test::with_axes(rig, test::axes_along_bones(sample, {.spine_roll = 3.1415926535897932, .hips_as_world = true})));
+        check_like_a_rest_in_T(
+            sample,
+            test::with_axes(rig, test::axes_along_bones(
+                                     sample, {.mirrored = true, .spine_roll = 1.5707963267948966, .arm_roll = 1})));
+        check_like_a_rest_in_T(sample,
+                               test::with_axes(rig, test::axes_along_bones(sample, {.spine_roll = 3.1415926535897932,
+                                                                                    .hips_as_world = true})));
     }
 }
 
@@ -107,7 +118,8 @@ TEST_CASE("a rig that rests in a stride of its motion, with hips turned against 
 
 TEST_CASE("fingers give the palm, a hand without fingers is as the forearm has it") {
     const auto sample = test::walking_rig({.fingers = true});
-    const RigMotion heap = test::with_axes(test::rig_motion_of(sample), test::axes_along_bones(sample, {.arm_roll = 2}));
+    const RigMotion heap =
+        test::with_axes(test::rig_motion_of(sample), test::axes_along_bones(sample, {.arm_roll = 2}));
     check_like_a_rest_in_T(sample, heap);
     const Motion wanted = retarget(test::rig_motion_of(sample), test::skeleton_body());
     const Motion found = retarget(heap, test::skeleton_body());
@@ -118,8 +130,10 @@ TEST_CASE("arms and legs that are never bent have no twist against the trunk") {
     auto sample = test::walking_rig();
     for (auto& angles : sample.angles)
         for (const std::string side : {"left_", "right_"})
-            for (const char* joint : {"elbow", "knee", "ankle"}) angles[static_cast<std::size_t>(sample.joint(side + joint))] = vec3<double>(0);
-    const RigMotion heap = test::with_axes(test::rig_motion_of(sample), test::axes_along_bones(sample, {.arm_roll = 2}));
+            for (const char* joint : {"elbow", "knee", "ankle"})
+                angles[static_cast<std::size_t>(sample.joint(side + joint))] = vec3<double>(0);
+    const RigMotion heap =
+        test::with_axes(test::rig_motion_of(sample), test::axes_along_bones(sample, {.arm_roll = 2}));
     check_like_a_rest_in_T(sample, heap, 6, 15);
 }
 
@@ -137,7 +151,9 @@ TEST_CASE("soles are level where a foot stands") {
         const bool flies = t % 8 >= 5;
         sample.root[t] = sample.rest[0] + vec3<double>(0, flies ? 0.3 : 0, 0);
         for (const std::string side : {"left_", "right_"}) {
-            const auto at = [&](const char* joint) -> vec3<double>& { return sample.angles[t][static_cast<std::size_t>(sample.joint(side + joint))]; };
+            const auto at = [&](const char* joint) -> vec3<double>& {
+                return sample.angles[t][static_cast<std::size_t>(sample.joint(side + joint))];
+            };
             at("ankle") = {flies ? -0.5 : 0, 0, 0};
             at("shoulder") = {0, 0, side == "left_" ? -1.3 : 1.3};
         }
@@ -154,19 +170,31 @@ TEST_CASE("soles are level where a foot stands") {
 TEST_CASE("warned of: axes that are left-handed, and a body that is never upright") {
     const auto sample = test::walking_rig();
     RigMotion mirrored = test::with_axes(test::rig_motion_of(sample), test::axes_along_bones(sample));
-    std::swap(mirrored.names[static_cast<std::size_t>(sample.joint("left_hip"))], mirrored.names[static_cast<std::size_t>(sample.joint("right_hip"))]);
-    for (const auto& [l, r] : {std::pair<std::string, std::string>{"left_knee", "right_knee"}, {"left_ankle", "right_ankle"}, {"left_foot", "right_foot"}, {"left_collar", "right_collar"}, {"left_shoulder", "right_shoulder"}, {"left_elbow", "right_elbow"}, {"left_wrist", "right_wrist"}})
-        std::swap(mirrored.names[static_cast<std::size_t>(sample.joint(l))], mirrored.names[static_cast<std::size_t>(sample.joint(r))]);
+    std::swap(mirrored.names[static_cast<std::size_t>(sample.joint("left_hip"))],
+              mirrored.names[static_cast<std::size_t>(sample.joint("right_hip"))]);
+    for (const auto& [l, r] : {std::pair<std::string, std::string>{"left_knee", "right_knee"},
+                               {"left_ankle", "right_ankle"},
+                               {"left_foot", "right_foot"},
+                               {"left_collar", "right_collar"},
+                               {"left_shoulder", "right_shoulder"},
+                               {"left_elbow", "right_elbow"},
+                               {"left_wrist", "right_wrist"}})
+        std::swap(mirrored.names[static_cast<std::size_t>(sample.joint(l))],
+                  mirrored.names[static_cast<std::size_t>(sample.joint(r))]);
     CHECK(retargeted(mirrored).warnings.find("backwards") != std::string::npos);
 
     auto sits = sample;
     for (auto& angles : sits.angles)
-        for (const char* joint : {"left_hip", "right_hip"}) angles[static_cast<std::size_t>(sits.joint(joint))] = {-1.6, 0, 0};
+        for (const char* joint : {"left_hip", "right_hip"})
+            angles[static_cast<std::size_t>(sits.joint(joint))] = {-1.6, 0, 0};
     test::Rng rng(5);
     std::vector<mat3<double>> axes;
     for (std::size_t j = 0; j < sits.names.size(); ++j) axes.push_back(rotation_from_axis_angle(rng.vec(-2, 2)));
-    CHECK(retargeted(test::with_axes(test::rig_motion_of(sits), axes)).warnings.find("no frame shows the body upright") != std::string::npos);
-    CHECK(retargeted(test::with_axes(test::rig_motion_of(sits), test::axes_along_bones(sits))).warnings.find("no frame") == std::string::npos);
+    CHECK(
+        retargeted(test::with_axes(test::rig_motion_of(sits), axes)).warnings.find("no frame shows the body upright") !=
+        std::string::npos);
+    CHECK(retargeted(test::with_axes(test::rig_motion_of(sits), test::axes_along_bones(sits)))
+              .warnings.find("no frame") == std::string::npos);
 }
 
 TEST_CASE("hips and shoulders that span no plane in any frame are refused") {

@@ -17,10 +17,13 @@ namespace {
 
 constexpr double quarter = 0.5 * std::numbers::pi;
 
-RigMotion walk() { return test::rig_motion_of(test::walking_rig()); }
+RigMotion walk() {
+    return test::rig_motion_of(test::walking_rig());
+}
 
 /// Turns the frames only, each by its own rotation about a point.
-void turn_frames(RigMotion& rig, const std::function<mat3<double>(double)>& of, const vec3<double>& about = vec3<double>(0)) {
+void turn_frames(RigMotion& rig, const std::function<mat3<double>(double)>& of,
+                 const vec3<double>& about = vec3<double>(0)) {
     for (std::size_t i = 0; i < rig.joints.size(); ++i) {
         const mat3<double> R = of(static_cast<double>(i / rig.joint_count()));
         rig.joints[i] = R * (rig.joints[i] - about) + about;
@@ -100,8 +103,10 @@ TEST_CASE("somersaults have no axis: the rest pose decides, with a doubt unless 
     turn_frames(wheel, [](double t) { return test::turn_about(2, 0.314 * t); }, {0, 0.9, 0});
     for (std::size_t t = 0; t < wheel.frame_count(); ++t) {
         double lowest = 1e9;
-        for (std::size_t j = 0; j < wheel.joint_count(); ++j) lowest = std::min(lowest, wheel.joint(t, static_cast<int>(j)).y);
-        for (std::size_t j = 0; j < wheel.joint_count(); ++j) wheel.joints[t * wheel.joint_count() + j].y -= lowest - 0.02;
+        for (std::size_t j = 0; j < wheel.joint_count(); ++j)
+            lowest = std::min(lowest, wheel.joint(t, static_cast<int>(j)).y);
+        for (std::size_t j = 0; j < wheel.joint_count(); ++j)
+            wheel.joints[t * wheel.joint_count() + j].y -= lowest - 0.02;
     }
     check_up(wheel, "y", true);
     for (auto& x : wheel.joints) x = test::turn_about(0, quarter) * x;

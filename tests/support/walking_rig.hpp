@@ -61,9 +61,9 @@ inline RigMotion rig_motion_of(const SampleRig& sample, const std::string& order
 
 /// How joints lie along their bones: local x points to the next joint.
 struct BoneAxes {
-    bool mirrored = false;     ///< -x on the right side
-    double spine_roll = 0;     ///< radians about the bones of spine, neck and head
-    double arm_roll = 0;       ///< of upper arms, forearms and hands
+    bool mirrored = false;      ///< -x on the right side
+    double spine_roll = 0;      ///< radians about the bones of spine, neck and head
+    double arm_roll = 0;        ///< of upper arms, forearms and hands
     bool hips_as_world = false; ///< the root has the world's axes
 };
 
@@ -85,9 +85,10 @@ inline std::vector<mat3<double>> axes_along_bones(const SampleRig& sample, const
         const mat3<double> along(d, y, cross(d, y));
         const bool arm = part.ends_with("shoulder") || part.ends_with("elbow") || part.ends_with("wrist");
         const bool trunk = part.starts_with("spine") || part == "neck" || part == "head";
-        axes.push_back(j == 0 && o.hips_as_world
-                           ? mat3<double>(1.0)
-                           : along * turn_about(0, arm ? o.arm_roll : trunk ? o.spine_roll : 0));
+        axes.push_back(j == 0 && o.hips_as_world ? mat3<double>(1.0)
+                                                 : along * turn_about(0, arm     ? o.arm_roll
+                                                                         : trunk ? o.spine_roll
+                                                                                 : 0));
     }
     return axes;
 }

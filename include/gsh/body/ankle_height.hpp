@@ -41,8 +41,10 @@ namespace gsh {
 
 inline std::optional<double> ankle_height(const RigMotion& rig, const RigMotion& rest, const MatchedJoints& matched,
                                           bool rest_has_place) {
-    const int left = detail::matched_joint(matched, "left_ankle"), right = detail::matched_joint(matched, "right_ankle");
-    const double leg = std::max(detail::leg_length(rest, matched, "left_"), detail::leg_length(rest, matched, "right_"));
+    const int left = detail::matched_joint(matched, "left_ankle"),
+              right = detail::matched_joint(matched, "right_ankle");
+    const double leg =
+        std::max(detail::leg_length(rest, matched, "left_"), detail::leg_length(rest, matched, "right_"));
     if (left < 0 || right < 0 || !(leg > 0)) return std::nullopt;
     const vec3<double> up = facing(rest, matched, "ankle_height")[1];
     const auto height = [&](int joint) { return dot(rest.rest_joints[static_cast<std::size_t>(joint)], up); };
@@ -81,7 +83,8 @@ inline bool has_same_legs(const RigMotion& a, const MatchedJoints& of_a, const R
     for (const std::string side : {"left_", "right_"})
         for (const auto& [from, to] : {std::pair{"hip", "knee"}, {"knee", "ankle"}, {"ankle", "foot"}}) {
             const auto size = [&](const RigMotion& rig, const MatchedJoints& matched) {
-                const int i = detail::matched_joint(matched, side + from), k = detail::matched_joint(matched, side + to);
+                const int i = detail::matched_joint(matched, side + from),
+                          k = detail::matched_joint(matched, side + to);
                 return i < 0 || k < 0 ? -1
                                       : length(rig.rest_joints[static_cast<std::size_t>(k)] -
                                                rig.rest_joints[static_cast<std::size_t>(i)]);

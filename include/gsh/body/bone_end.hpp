@@ -73,19 +73,18 @@ inline int end_of(const RigMotion& rig, int joint) {
 
 inline int hand_end(const RigMotion& rig, const RigMotion& rest, const MatchedJoints& matched,
                     const std::string& side) {
-    const int wrist = detail::matched_joint(matched, side + "wrist"), elbow = detail::matched_joint(matched, side + "elbow");
+    const int wrist = detail::matched_joint(matched, side + "wrist"),
+              elbow = detail::matched_joint(matched, side + "elbow");
     const int end = end_of(rig, wrist);
     if (end < 0 || elbow < 0) return -1;
     const auto w = static_cast<std::size_t>(wrist);
     const vec3<double> forearm = rest.rest_joints[w] - rest.rest_joints[static_cast<std::size_t>(elbow)];
     const auto angle = [&](const auto& hand) {
-        return detail::mean_angle(rig, [&](std::size_t t) {
-            return std::pair(hand(t), rig.joint(t, wrist) - rig.joint(t, elbow));
-        });
+        return detail::mean_angle(
+            rig, [&](std::size_t t) { return std::pair(hand(t), rig.joint(t, wrist) - rig.joint(t, elbow)); });
     };
-    const double straight = angle([&](std::size_t t) {
-        return rig.rotation(t, wrist) * (transpose(rest.rest_rotations[w]) * forearm);
-    });
+    const double straight =
+        angle([&](std::size_t t) { return rig.rotation(t, wrist) * (transpose(rest.rest_rotations[w]) * forearm); });
     const double to_end = angle([&](std::size_t t) { return rig.joint(t, end) - rig.joint(t, wrist); });
     return to_end <= straight + 0.26 ? end : -1;
 }

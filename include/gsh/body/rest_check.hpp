@@ -64,11 +64,11 @@ inline std::optional<std::size_t> frame_of_rest(const RigMotion& rig, const Matc
 
 /// Angles of a pose, in degrees, that are small in a rest pose.
 struct PoseAngles {
-    double twist = 0;                ///< between the lines of hips and shoulders
-    double thighs = 0, arms = 0;     ///< thighs from straight down the trunk; the nearer arm from straight up
-    double knees = 0, elbows = 0;    ///< the more bent one
-    double mirrored = 0;             ///< between a limb of the left and the mirrored one of the right
-    bool plane = true;               ///< whether hips and shoulders span a plane
+    double twist = 0;             ///< between the lines of hips and shoulders
+    double thighs = 0, arms = 0;  ///< thighs from straight down the trunk; the nearer arm from straight up
+    double knees = 0, elbows = 0; ///< the more bent one
+    double mirrored = 0;          ///< between a limb of the left and the mirrored one of the right
+    bool plane = true;            ///< whether hips and shoulders span a plane
 
     PoseAngles(const vec3<double>* joints, const MatchedJoints& matched) {
         const auto at = [&](const std::string& joint) { return joints[matched_joint(matched, joint)]; };
@@ -83,7 +83,8 @@ struct PoseAngles {
         twist = angle(hips.left_from_right, shoulders.left_from_right);
         const vec3<double> y = normalize(up), x = normalize(left - y * dot(left, y));
         arms = 180;
-        for (const auto& [from, to, end] : {std::array<const char*, 3>{"hip", "knee", "ankle"}, {"shoulder", "elbow", "wrist"}}) {
+        for (const auto& [from, to, end] :
+             {std::array<const char*, 3>{"hip", "knee", "ankle"}, {"shoulder", "elbow", "wrist"}}) {
             const bool leg = std::string_view(from) == "hip";
             std::array<vec3<double>, 2> upper{}, lower{};
             for (const std::size_t side : {std::size_t(0), std::size_t(1)}) {

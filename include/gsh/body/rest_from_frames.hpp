@@ -98,8 +98,8 @@ class RestFromFrames {
 public:
     RestFromFrames(const RigMotion& rig, const MatchedJoints& matched, const std::string& where,
                    std::vector<std::string>* warnings)
-        : rig_(rig), matched_(matched), where_(where), warnings_(warnings), world_from_joint_(rig.joint_count(), mat3<double>(1.0)),
-          known_(rig.joint_count(), false) {
+        : rig_(rig), matched_(matched), where_(where), warnings_(warnings),
+          world_from_joint_(rig.joint_count(), mat3<double>(1.0)), known_(rig.joint_count(), false) {
         const std::size_t step = 1 + rig.frame_count() / 3000;
         for (std::size_t t = 0; t < rig.frame_count(); t += step) frames_.push_back(t);
     }
@@ -234,7 +234,8 @@ private:
     /// The joints beside and above a joint of the trunk, which show its plane of symmetry.
     [[nodiscard]] bool is_symmetric_about(int joint, std::string_view name, const vec3<double>& axis) const {
         bool shown = false;
-        static constexpr std::array<std::string_view, 6> chain = {"pelvis", "spine1", "spine2", "spine3", "neck", "head"};
+        static constexpr std::array<std::string_view, 6> chain = {"pelvis", "spine1", "spine2",
+                                                                  "spine3", "neck",   "head"};
         for (const std::string_view other : chain) {
             const int o = at(other);
             if (o < 0 || rig_.parents[static_cast<std::size_t>(o)] != joint) continue;
@@ -360,8 +361,8 @@ private:
         const bool has_toe = length(toe) > 0.5 && (at(side + "foot") >= 0 || dot(toe, ahead.value()) > 0.5);
         vec3<double> up = standing > 0 ? sole.value() : vec3<double>(0);
         const double pitch = has_toe ? std::asin(std::clamp(dot(toe, up), -1.0, 1.0)) : 0; // toes are below the ankle
-        const bool stands = length(up) > 0.5 && pitch > -1.2 && pitch < 0.35 &&
-                            dot(up, cross(ahead.value(), left.value())) > 0.5;
+        const bool stands =
+            length(up) > 0.5 && pitch > -1.2 && pitch < 0.35 && dot(up, cross(ahead.value(), left.value())) > 0.5;
         if (!stands && has_toe) { // the toes are 25 degrees below the ankle
             const mat3<double> axes = axes_of(toe, cross(toe, left.value()));
             up = axes[1] * std::cos(0.436) - axes[0] * std::sin(0.436);
@@ -382,9 +383,11 @@ private:
         const int middle = at(side + "middle1");
         int end = middle >= 0 ? middle : end_of(rig_, j);
         const int elbow = at(side + "elbow");
-        if (middle < 0 && end >= 0 && mean_angle(rig_, [&](std::size_t t) {
-                return std::pair(place(t, end) - place(t, j), place(t, j) - place(t, elbow));
-            }) > 0.8)
+        if (middle < 0 && end >= 0 &&
+            mean_angle(
+                rig_,
+                [&](std::size_t t) { return std::pair(place(t, end) - place(t, j), place(t, j) - place(t, elbow)); }) >
+                0.8)
             end = -1; // an end of a fixed direction, as some programs write it
         const vec3<double> b = end >= 0 ? bone(j, end) : vec3<double>(0);
         if (!(length(b) > 0.5)) return place_as_on_average(j);
@@ -425,7 +428,9 @@ private:
         rest.rest_joints.assign(rig_.joint_count(), vec3<double>(0));
         for (std::size_t j = 0; j < rig_.joint_count(); ++j) { // parents precede their children
             const int joint = static_cast<int>(j), above = known_above(joint);
-            if (!known_[j]) rest.rest_rotations[j] = above < 0 ? mat3<double>(1.0) : rest.rest_rotations[static_cast<std::size_t>(above)];
+            if (!known_[j])
+                rest.rest_rotations[j] =
+                    above < 0 ? mat3<double>(1.0) : rest.rest_rotations[static_cast<std::size_t>(above)];
             if (above >= 0)
                 rest.rest_joints[j] = rest.rest_joints[static_cast<std::size_t>(above)] +
                                       world_from_joint_[static_cast<std::size_t>(above)] * offset(above, joint);

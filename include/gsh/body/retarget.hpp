@@ -45,11 +45,17 @@ struct RetargetOptions {
 /// the source (C = 1 if both rest in a T). C of a bone continues that of the bone before it by the shortest turn, so no
 /// twist is added. Hips, spine, collars, neck and head have C = 1: how a rig places joints inside the trunk is not a
 /// pose. A foot takes the heading of the source's, and its pitch only if the two differ by more than 45 degrees,
-/// because feet of a rest pose stand flat wherever the joints of the toes are.
+/// because feet of a rest pose stand flat wherever the joints of the toes are. A hand without fingers points to its end
+/// (hand_end).
+///
+/// A rest pose that is none of a standing person (rest_pose_fault) is replaced by one that the frames show
+/// (rest_from_frames), with a warning. The one or two joints of a short spine move those of the body's that are at the
+/// same share of the way from the hips to the shoulders.
 ///
 /// A joint without a source keeps the world turn of its parent, so the hips' position and the direction of every mapped
 /// limb stay those of the source. Positions of the hips are scaled by the ratio of the two hips' heights above the
-/// ankles with legs stretched; y = 0 stays the ground. Expressions are zero.
+/// ankles with legs stretched, and raised or lowered so that the soles stand where the source's do (ankle_height); y = 0
+/// stays the ground. Expressions are zero.
 ///
 /// Frame   that of the rig: y up.
 /// Errors  ValueError if the body's joints have unknown names, a limb is not found (check_limbs), or the rig is

@@ -10,8 +10,8 @@
 #include <gsh/io/file/opencv_yaml.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/motion_table.hpp>
-#include <gsh/io/motion/up_warning.hpp>
 #include <gsh/io/motion/smplx_json_file.hpp>
+#include <gsh/io/motion/up_warning.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/rotation.hpp>
 
