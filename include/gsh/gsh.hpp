@@ -25,6 +25,7 @@
 #include <gsh/math/rotation_increment.hpp>
 #include <gsh/math/sh.hpp>
 #include <gsh/math/sh_rotation.hpp>
+#include <gsh/math/signed_axis.hpp>
 #include <gsh/math/sparse.hpp>
 #include <gsh/math/spread.hpp>
 #include <gsh/math/sym.hpp>
@@ -42,8 +43,10 @@
 #include <gsh/camera/distortion.hpp>
 #include <gsh/camera/pinhole.hpp>
 
+#include <gsh/body/ankle_height.hpp>
 #include <gsh/body/blend_shapes.hpp>
 #include <gsh/body/body_model.hpp>
+#include <gsh/body/bone_end.hpp>
 #include <gsh/body/coarse_mesh.hpp>
 #include <gsh/body/foot_slide.hpp>
 #include <gsh/body/geodesic.hpp>
@@ -62,9 +65,12 @@
 #include <gsh/body/posed_surface.hpp>
 #include <gsh/body/region_mask.hpp>
 #include <gsh/body/resampled_motion.hpp>
+#include <gsh/body/rest_check.hpp>
+#include <gsh/body/rest_from_frames.hpp>
 #include <gsh/body/retarget.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
+#include <gsh/body/rig_up.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_element.hpp>

@@ -58,7 +58,7 @@ struct SlideCase {
         const MatchedJoints target = JointMap{}.match(rig, "the body");
         MatchedJoints source = target;
         for (const std::string_view name : unmatched) source[joint(name)] = -1;
-        FootSlide slide(rig, body, source, target, body.v_template, 1 / rig_size);
+        FootSlide slide(rig, body, source, target, body.v_template, leg(), 1 / rig_size);
         CHECK(slide.longest() == 0);
         for (std::size_t t = 0; t < frames; ++t) {
             std::vector<mat3<double>> world;

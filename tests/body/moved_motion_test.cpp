@@ -60,8 +60,8 @@ TEST_CASE("a body stands up, whichever axis it stood along") {
             motion.pose[5 * t] = axis_angle_from_rotation(rotation_from_axis_angle(turn) *
                                                           rotation_from_axis_angle(vec3<double>(0.1, 0.5, 0)));
         Motion stood = motion;
-        CHECK(stand_upright(body, stood));
         REQUIRE(upright_rotation(motion));
+        for (std::size_t t = 0; t < 4; ++t) move_frame(body, stood, t, {*upright_rotation(motion), vec3<double>(0)});
         CHECK(length((*upright_rotation(motion) * rotation_from_axis_angle(turn))[1] - vec3<double>(0, 1, 0)) < 1e-6);
         CHECK(upright_rotation(stood) == mat3<double>(1.0));
         for (std::size_t t = 0; t < 4; ++t) CHECK(rotation_from_axis_angle(stood.pose[5 * t])[1].y > 0.99);
@@ -72,10 +72,6 @@ TEST_CASE("a body stands up, whichever axis it stood along") {
     }
     Motion lying = some_motion(body, 2);
     lying.pose[0] = {1, 0, 0}, lying.pose[5] = {-2.2, 0, 0};
-    const Motion copy = lying;
     CHECK(!upright_rotation(lying));
-    CHECK(!stand_upright(body, lying));
-    CHECK(lying.pose == copy.pose);
-    Motion none;
-    CHECK(!stand_upright(body, none));
+    CHECK(!upright_rotation(Motion{}));
 }

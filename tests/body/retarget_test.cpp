@@ -12,9 +12,11 @@
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <vector>
 
 using namespace gsh;
@@ -143,8 +145,9 @@ TEST_CASE("bodies whose joints have no known names, and rigs without limbs, are 
     test::check_throws<ShapeError>(
         [&] { (void)retarget(rig, whole_actor(), {}, {std::vector<double>(500, 0.0), "x", nullptr}); },
         {"betas", "500"});
-    RigMotion flat = rig; // hips and shoulders on one line
-    for (auto& x : flat.rest_joints) x = {0, x.y, 0};
+    RigMotion flat = rig; // hips and shoulders on one line, at rest and in the frames
+    for (auto* points : {&flat.rest_joints, &flat.joints})
+        for (auto& x : *points) x = {0, x.y, 0};
     test::check_throws<ValueError>([&] { (void)retarget(flat, whole_actor()); }, {"do not span a plane"});
     RigMotion none = rig;
     none.rotations[3][1].x = std::numeric_limits<double>::quiet_NaN();
@@ -196,4 +199,36 @@ TEST_CASE("warned of: joints without a source, joints that are not used, left an
         sitting.root[t] += sitting.rest[ankle] - test::pose_of(sitting, t, "ZXY").joints[ankle];
     }
     CHECK(warnings_of(rig_of(sitting, squat)).find("feet slide by up to") != std::string::npos);
+}
+
+TEST_CASE("a short spine goes to the joints at the same share of the way from the hips to the shoulders") {
+    const auto spine_of = [](const std::vector<double>& heights, const JointMap& map = {}) {
+        RigMotion rig = rig_of(test::sample_rig({.spine = static_cast<int>(heights.size())}), {});
+        std::string first;
+        for (std::size_t n = 0; n < heights.size(); ++n) {
+            const auto j = static_cast<std::size_t>(
+                std::find(rig.names.begin(), rig.names.end(), "mixamorig:Spine" + (n ? std::to_string(n) : "")) -
+                rig.names.begin());
+            rig.rest_joints[j].y = heights[n];
+            for (std::size_t t = 0; t < rig.frame_count(); ++t) // turned against the hips by 0.1, 0.2, ...
+                rig.rotations[t * rig.joint_count() + j] =
+                    rig.rotation(t, 0) * test::turn_about(0, 0.1 * static_cast<double>(n + 1));
+        }
+        const Motion motion = retarget(rig, whole_actor(), map);
+        std::string moved; // joints of the body's spine that turn against their parents
+        for (const std::string_view joint : {"spine1", "spine2", "spine3"})
+            if (length(motion.pose_at(1)[static_cast<std::size_t>(smplx_joint(joint))]) > 1e-6) moved += joint.back();
+        return moved;
+    };
+    // The actor has spine1 at 26 %, spine2 at 45 % and spine3 at 65 % of the way. The rig's hips are at 0.93 m, its
+    // shoulders at 1.43 m.
+    CHECK(spine_of({1.00}) == "1");
+    CHECK(spine_of({1.17}) == "2");
+    CHECK(spine_of({1.30}) == "3");
+    CHECK(spine_of({1.00, 1.15}) == "12");
+    CHECK(spine_of({1.00, 1.35}) == "13");
+    CHECK(spine_of({1.20, 1.35}) == "23");
+    JointMap map;
+    map.named["mixamorig:Spine"] = "spine1";
+    CHECK(spine_of({1.30}, map) == "1"); // as the joint map has it
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Measures of a rig's pose: turns, axes, heights, units and the upward axis.
+/// @file  Measures of a rig's pose: turns, axes, heights and units.
 #include <gsh/body/rig_pose.hpp>
 
 #include "io/temporary.hpp"
@@ -254,38 +254,4 @@ TEST_CASE("a rest pose is scaled to the legs of the first frame") {
         for (auto& x : o.rig.joints) x = vec3<double>(0);
     }));
     CHECK(refuses([](RestingRig&) {}, 0));
-}
-
-TEST_CASE("z is up where the body stands along it at rest and, on average, in the frames") {
-    const mat3<double> up = test::turn_about(0, 0.5 * std::numbers::pi);
-    const auto z_up = [&](const auto& change, std::size_t frames = 2) {
-        RestingRig r(frames);
-        move_rig(r.rig, up);
-        change(r);
-        return has_z_up(r.rig, r.matched);
-    };
-    const auto turn_frame = [](RestingRig& r, std::size_t frame, const mat3<double>& R) {
-        for (std::size_t j = 0; j < r.rig.joint_count(); ++j) {
-            auto& x = r.rig.joints[frame * r.rig.joint_count() + j];
-            x = R * x;
-        }
-    };
-    const auto nothing = [](RestingRig&) {};
-    CHECK(z_up(nothing));
-    CHECK(!z_up([&](RestingRig& r) { move_rig(r.rig, transpose(up)); }));
-    CHECK(!z_up([&](RestingRig& r) { move_rig(r.rig, up * up); })); // head down
-    CHECK(!z_up(nothing, 0));
-    CHECK(!z_up([](RestingRig& r) { r.match("left_hip") = -1; }));
-    CHECK(!z_up([](RestingRig& r) { r.match("right_shoulder") = -1; }));
-    // Only the rest pose, as in files whose frames have y up; only the frames.
-    CHECK(!z_up([&](RestingRig& r) { turn_frame(r, 0, transpose(up)), turn_frame(r, 1, transpose(up)); }));
-    CHECK(!z_up([&](RestingRig& r) {
-        for (auto& x : r.rig.rest_joints) x = transpose(up) * x;
-    }));
-    CHECK(!z_up([](RestingRig& r) { r.scale_rest(-1); })); // head down
-    // Of five frames, one may lie, but two may not.
-    const auto lies = [&](RestingRig& r) { turn_frame(r, 3, transpose(up)); };
-    CHECK(z_up(lies, 5));
-    CHECK(!z_up([&](RestingRig& r) { lies(r), turn_frame(r, 4, transpose(up)); }, 5));
-    CHECK(!z_up([](RestingRig& r) { r.rig.joints.assign(r.rig.joints.size(), vec3<double>(0)); })); // no direction
 }

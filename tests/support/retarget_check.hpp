@@ -40,8 +40,8 @@ inline double degrees_between(const vec3<double>& a, const vec3<double>& b) {
 struct RetargetErrors {
     double limbs = 0;  ///< degrees, thighs, shins, upper arms, forearms, and fingers where the sample has them
     double trunk = 0;  ///< degrees, between the turns of hips and chest from the rest pose
-    double hips = 0;   ///< metres, of the hips' place from that of the source, in proportion to their heights
-    double ankles = 0; ///< metres, of the ankles' height in the rest pose, likewise
+    double hips = 0;   ///< metres, of the hips' way from the first frame, in proportion to their heights
+    double ankles = 0; ///< metres, of the ankles' height in the rest pose from that above the body's own soles
     double left = 1;   ///< smallest cosine between the lines from right to left hip
 };
 
@@ -70,6 +70,7 @@ inline RetargetErrors compare(const SampleRig& sample, const std::string& order,
                                    {"index1", "index2"},
                                    {"index2", "index3"},
                                    {"thumb1", "thumb2"}});
+    vec3<double> raised(0);
     for (std::size_t t = 0; t < motion.frame_count(); ++t) {
         const SamplePose posed = pose_of(sample, t, order), result = pose_of(body, motion, t);
         for (const std::string side : {"left_", "right_"})
@@ -87,14 +88,17 @@ inline RetargetErrors compare(const SampleRig& sample, const std::string& order,
             for (int k = 0; k < 3; ++k)
                 errors.trunk = std::max(errors.trunk, degrees_between(wanted[k], result.rotations[own(target)][k]));
         }
-        errors.hips = std::max(errors.hips, length(y_up * posed.joints[0] * ratio - result.joints[own("pelvis")]));
+        const vec3<double> offset = result.joints[own("pelvis")] - y_up * posed.joints[0] * ratio;
+        if (t == 0) raised = {0, offset.y, 0}; // ankles are not equally high
+        errors.hips = std::max(errors.hips, length(offset - raised));
         const vec3<double> side = y_up * (posed.joints[source("left_hip")] - posed.joints[source("right_hip")]);
         errors.left =
             std::min(errors.left,
                      dot(normalize(side), normalize(result.joints[own("left_hip")] - result.joints[own("right_hip")])));
         if (t == 0) {
-            const double wanted = (y_up * posed.joints[source("left_ankle")]).y * ratio;
-            errors.ankles = std::abs(wanted - result.joints[own("left_ankle")].y);
+            double sole = rest[own("left_ankle")].y;
+            for (const auto& v : shaped_vertices(body, motion.betas)) sole = std::min(sole, v.y);
+            errors.ankles = std::abs(result.joints[own("left_ankle")].y - (rest[own("left_ankle")].y - sole));
         }
     }
     return errors;

@@ -18,10 +18,10 @@ namespace gsh {
 /// Finds how far a body's feet move while those of the rig stand.
 class FootSlide {
 public:
-    /// `joints` are the body's rest positions, `scale` the factor from the rig's positions to the body's. rig, body and
-    /// joints must outlive this object.
+    /// `joints` are the body's rest positions, `leg` the height of its hips above the ankles, `scale` the factor from the
+    /// rig's positions to the body's. rig, body and joints must outlive this object.
     FootSlide(const RigMotion& rig, const BodyModel& body, const MatchedJoints& source, const MatchedJoints& target,
-              const std::vector<vec3<double>>& joints, double scale);
+              const std::vector<vec3<double>>& joints, double leg, double scale);
     /// Frames in order: the body's world rotations [J], and the position of its root.
     void add(std::size_t frame, const std::vector<mat3<double>>& world, const vec3<double>& root);
     /// The longest way in metres, along the ground.
@@ -46,8 +46,9 @@ private:
 // -------------------------------------------------------------------------------------------------------------
 
 inline FootSlide::FootSlide(const RigMotion& rig, const BodyModel& body, const MatchedJoints& source,
-                            const MatchedJoints& target, const std::vector<vec3<double>>& joints, double scale)
-    : rig_(rig), body_(body), joints_(joints), scale_(scale), leg_(scale * hip_height(rig, source)) {
+                            const MatchedJoints& target, const std::vector<vec3<double>>& joints, double leg,
+                            double scale)
+    : rig_(rig), body_(body), joints_(joints), scale_(scale), leg_(leg) {
     for (const char* name : {"left_ankle", "right_ankle"}) {
         Foot foot{detail::matched_joint(source, name), detail::matched_joint(target, name)};
         if (foot.source < 0 || foot.target < 0) continue;

@@ -7,6 +7,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/rotation.hpp>
+#include <gsh/math/signed_axis.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <cmath>
@@ -34,9 +35,6 @@ inline void move_frame(const BodyModel& model, Motion& motion, std::size_t frame
 /// The rotation to a world in which y points up: it turns the coordinate axis along which the body stands, on average
 /// over the frames, to +y. Nothing if no coordinate axis qualifies, as for motions on the floor or somersaults.
 [[nodiscard]] inline std::optional<mat3<double>> upright_rotation(const Motion& motion);
-
-/// Turns a motion by its upright_rotation. Returns false and leaves the motion unchanged if there is none.
-inline bool stand_upright(const BodyModel& model, Motion& motion);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -74,27 +72,9 @@ inline std::optional<mat3<double>> upright_rotation(const Motion& motion) {
     vec3<double> up(0);
     for (std::size_t t = 0; t < motion.frame_count(); ++t)
         up += rotation_from_axis_angle(motion.pose_at(t)[0])[1] / static_cast<double>(motion.frame_count());
-    int axis = 0;
-    for (int k = 1; k < 3; ++k)
-        if (std::abs(up[k]) > std::abs(up[axis])) axis = k;
-    if (!(std::abs(up[axis]) > 0.6)) return std::nullopt;
-    const double sign = up[axis] > 0 ? 1 : -1;
-    if (axis == 1)
-        return mat3<double>(vec3<double>(1, 0, 0), vec3<double>(0, sign, 0), vec3<double>(0, 0, sign));
-    mat3<double> A(0.0); // columns: the images of x, y and z
-    const int other = 2 - axis; // the horizontal axis that stays fixed
-    A[other][other] = 1;
-    A[axis][1] = sign;
-    A[1][axis] = -sign;
-    return A;
-}
-
-inline bool stand_upright(const BodyModel& model, Motion& motion) {
-    const std::optional<mat3<double>> A = upright_rotation(motion);
-    if (!A) return false;
-    if (*A == mat3<double>(1.0)) return true;
-    for (std::size_t t = 0; t < motion.frame_count(); ++t) move_frame(model, motion, t, {*A, vec3<double>(0)});
-    return true;
+    const auto axis = signed_axis_along(up, 0.6);
+    if (!axis) return std::nullopt;
+    return turn_to_y(*axis);
 }
 
 } // namespace gsh

@@ -2,11 +2,15 @@
 /// @file  Retargeting: the motion of any rig becomes the motion of a body with other bones and another rest pose.
 #pragma once
 
+#include <gsh/body/ankle_height.hpp>
 #include <gsh/body/body_model.hpp>
+#include <gsh/body/bone_end.hpp>
 #include <gsh/body/foot_slide.hpp>
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/joint_names.hpp>
 #include <gsh/body/motion.hpp>
+#include <gsh/body/rest_check.hpp>
+#include <gsh/body/rest_from_frames.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
 #include <gsh/core/error.hpp>
@@ -14,8 +18,10 @@
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -39,11 +45,17 @@ struct RetargetOptions {
 /// the source (C = 1 if both rest in a T). C of a bone continues that of the bone before it by the shortest turn, so no
 /// twist is added. Hips, spine, collars, neck and head have C = 1: how a rig places joints inside the trunk is not a
 /// pose. A foot takes the heading of the source's, and its pitch only if the two differ by more than 45 degrees,
-/// because feet of a rest pose stand flat wherever the joints of the toes are.
+/// because feet of a rest pose stand flat wherever the joints of the toes are. A hand without fingers points to its end
+/// (hand_end).
+///
+/// A rest pose that is none of a standing person (rest_pose_fault) is replaced by one that the frames show
+/// (rest_from_frames), with a warning. The one or two joints of a short spine move those of the body's that are at the
+/// same share of the way from the hips to the shoulders.
 ///
 /// A joint without a source keeps the world turn of its parent, so the hips' position and the direction of every mapped
 /// limb stay those of the source. Positions of the hips are scaled by the ratio of the two hips' heights above the
-/// ankles with legs stretched; y = 0 stays the ground. Expressions are zero.
+/// ankles with legs stretched, and raised or lowered so that the soles stand where the source's do (ankle_height); y = 0
+/// stays the ground. Expressions are zero.
 ///
 /// Frame   that of the rig: y up.
 /// Errors  ValueError if the body's joints have unknown names, a limb is not found (check_limbs), or the rig is
@@ -64,7 +76,11 @@ struct RetargetPlan {
     std::vector<mat3<double>> alignment; // [J] F C
     MatchedJoints target;                // the body's joint of each joint of SMPL-X, or -1
     MatchedJoints source;                // the rig's
-    double scale = 1;                    ///< body's height of the hips by the rig's
+    RigMotion rest;                      ///< the rig's rest pose, without frames
+    mat3<double> facing{1.0};            ///< F
+    double leg = 1;                      ///< the body's height of the hips above the ankles
+    double scale = 1;                    ///< of the rig's positions
+    double raise = 0;                    ///< added to the height of the hips
 };
 
 /// The joint at the far end of a limb's bone, -1 for joints that keep C = 1.
@@ -85,18 +101,73 @@ inline bool is_trunk(int part) {
     return name.find('_') == std::string_view::npos || name.ends_with("collar") || name.ends_with("eye");
 }
 
-/// Direction of a rig's bone in the rest pose: to the joint `end`, or to the only child; zero if there is neither.
+/// Direction of a rig's bone in the rest pose; zero if it has no end or no length.
 inline vec3<double> rest_bone(const RigMotion& rig, int joint, int end) {
-    if (end < 0) {
-        int children = 0;
-        for (std::size_t j = 0; j < rig.joint_count(); ++j)
-            if (rig.parents[j] == joint) end = static_cast<int>(j), ++children;
-        if (children != 1) return vec3<double>(0);
-    }
+    if (end < 0) return vec3<double>(0);
     const vec3<double> bone =
         rig.rest_joints[static_cast<std::size_t>(end)] - rig.rest_joints[static_cast<std::size_t>(joint)];
     const double size = length(bone);
     return size > 0 ? bone * (1 / size) : vec3<double>(0);
+}
+/// The only child of a joint, or -1.
+inline int only_child(const RigMotion& rig, int joint) {
+    int child = -1;
+    for (std::size_t j = 0; j < rig.joint_count(); ++j)
+        if (rig.parents[j] == joint) {
+            if (child >= 0) return -1;
+            child = static_cast<int>(j);
+        }
+    return child;
+}
+
+/// The rest pose that a rig's motion is measured from: its own, or one found in the frames, where its own is none.
+inline RigMotion rest_of(const RigMotion& rig, const MatchedJoints& matched, const RetargetOptions& options,
+                         bool& own) {
+    const auto fault = rest_pose_fault(rig, matched);
+    own = !fault;
+    if (fault) {
+        if (options.warnings)
+            options.warnings->push_back(options.where + ": the rest pose " + *fault +
+                                        ", so the frames show where the body faces and how limbs are twisted");
+        return rest_from_frames(rig, matched, options.where, options.warnings);
+    }
+    RigMotion rest;
+    rest.names = rig.names, rest.parents = rig.parents;
+    rest.rest_joints = rig.rest_joints, rest.rest_rotations = rig.rest_rotations;
+    return rest;
+}
+
+/// Gives the one or two joints of a short spine to those joints of the body's that are at the same shares of the way
+/// from the hips to the shoulders.
+inline void match_short_spine(const RigMotion& rest, const RigMotion& own, RetargetPlan& plan) {
+    constexpr std::array<std::string_view, 3> names = {"spine1", "spine2", "spine3"};
+    const auto share = [](const RigMotion& rig, const MatchedJoints& matched, int joint) {
+        const JointPair hips(rig.rest_joints.data(), matched, "left_hip", "right_hip");
+        const vec3<double> way =
+            JointPair(rig.rest_joints.data(), matched, "left_shoulder", "right_shoulder").mean - hips.mean;
+        return dot(rig.rest_joints[static_cast<std::size_t>(joint)] - hips.mean, way) / dot(way, way);
+    };
+    std::vector<int> joints;
+    std::vector<std::size_t> places; // those of the body's joints that exist
+    for (const auto name : names) {
+        const auto k = static_cast<std::size_t>(smplx_joint(name));
+        if (plan.source[k] >= 0) joints.push_back(plan.source[k]);
+        if (plan.target[k] >= 0) places.push_back(k);
+    }
+    if (joints.empty() || joints.size() >= places.size()) return;
+    const auto distance = [&](std::size_t joint, std::size_t place) {
+        return std::abs(share(rest, plan.source, joints[joint]) - share(own, plan.target, plan.target[places[place]]));
+    };
+    std::array<std::size_t, 2> best{};
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t a = 0; a < places.size(); ++a)
+        for (std::size_t b = joints.size() == 1 ? a : a + 1; b < (joints.size() == 1 ? a + 1 : places.size()); ++b) {
+            const double sum = distance(0, a) + (joints.size() == 1 ? 0 : distance(1, b));
+            if (sum < least) least = sum, best = {a, b};
+        }
+    if (!std::isfinite(least)) return; // hips and shoulders coincide
+    for (const auto name : names) plan.source[static_cast<std::size_t>(smplx_joint(name))] = -1;
+    for (std::size_t n = 0; n < joints.size(); ++n) plan.source[places[best[n]]] = joints[n];
 }
 
 /// C of a foot (see retarget): `own` and `other` are unit vectors from ankle to toes, y up.
@@ -112,7 +183,8 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
                                   const RetargetOptions& options) {
     const std::string& where = options.where;
     RetargetPlan plan;
-    plan.joints = regress_joints(body, shaped_vertices(body, options.betas));
+    const std::vector<vec3<double>> vertices = shaped_vertices(body, options.betas);
+    plan.joints = regress_joints(body, vertices);
     RigMotion own; // the body's skeleton, at rest
     own.names = joint_names_of(body), own.parents = body.parents, own.rest_joints = plan.joints;
     plan.target = JointMap{}.match(own, "the body");
@@ -124,6 +196,11 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
                         "order of SMPL-X, or known joint_names");
     plan.source = map.match(rig, where);
     check_limbs(rig, plan.source, where);
+    bool own_rest = true;
+    plan.rest = rest_of(rig, plan.source, options, own_rest);
+    const bool spine_named = std::any_of(map.named.begin(), map.named.end(),
+                                         [](const auto& name) { return name.second.starts_with("spine"); });
+    if (!spine_named) match_short_spine(plan.rest, own, plan);
 
     const std::size_t J = body.joint_count();
     plan.parts.assign(J, -1), plan.sources.assign(J, -1);
@@ -132,7 +209,7 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
             plan.parts[static_cast<std::size_t>(j)] = static_cast<int>(k);
             plan.sources[static_cast<std::size_t>(j)] = plan.source[k];
         }
-    const mat3<double> F = facing(rig, plan.source, where);
+    const mat3<double> F = plan.facing = own_rest ? facing(rig, plan.source, where) : mat3<double>(1.0);
     std::vector<mat3<double>> C(J, mat3<double>(1.0));
     for (std::size_t j = 0; j < J; ++j) { // parents precede their children
         const int part = plan.parts[j], source = plan.sources[j];
@@ -145,16 +222,24 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
         if (end < 0 || plan.target[static_cast<std::size_t>(end)] < 0) continue;
         const vec3<double> to = plan.joints[static_cast<std::size_t>(plan.target[static_cast<std::size_t>(end)])];
         const vec3<double> d = normalize(to - plan.joints[j]);
-        const int source_end = plan.source[static_cast<std::size_t>(end)];
-        if (source_end < 0 && (foot || name.ends_with("wrist"))) continue; // an only child may be anything
-        const vec3<double> wanted = transpose(F) * rest_bone(rig, source, source_end);
+        int source_end = plan.source[static_cast<std::size_t>(end)];
+        if (source_end < 0 && foot) continue;
+        if (source_end < 0) // a hand's only child may be anything
+            source_end = name.ends_with("wrist")
+                             ? hand_end(rig, plan.rest, plan.source, name.starts_with("left") ? "left_" : "right_")
+                             : only_child(rig, source);
+        const vec3<double> wanted = transpose(F) * rest_bone(plan.rest, source, source_end);
         if (!(length(wanted) > 0.5)) continue;
         C[j] = foot ? foot_turn(d, wanted) : shortest_turn(C[j] * d, wanted) * C[j];
     }
     for (const auto& c : C) plan.alignment.push_back(F * c);
-    const double own_height = hip_height(own, plan.target), height = hip_height(rig, plan.source);
+    const double height = hip_height(plan.rest, plan.source);
     check_value(height > 1e-9, where, "the legs of the rest pose have no length");
-    plan.scale = own_height / height;
+    plan.leg = hip_height(own, plan.target);
+    plan.scale = plan.leg / height;
+    if (!has_same_legs(own, plan.target, plan.rest, plan.source, plan.scale))
+        if (const auto ankles = ankle_height(rig, plan.rest, plan.source, own_rest))
+            plan.raise = ankle_height(vertices, plan.joints, plan.target) - plan.scale * *ankles;
     return plan;
 }
 
@@ -183,7 +268,7 @@ inline void warn_of_unmatched(const RigMotion& rig, const RetargetPlan& plan, co
     const int ankle = plan.source[static_cast<std::size_t>(smplx_joint("left_ankle"))],
               toes = plan.source[static_cast<std::size_t>(smplx_joint("left_foot"))];
     if (ankle < 0 || toes < 0) return;
-    const vec3<double> foot = transpose(facing(rig, plan.source, options.where)) * rest_bone(rig, ankle, toes);
+    const vec3<double> foot = transpose(plan.facing) * rest_bone(plan.rest, ankle, toes);
     if (foot.z < -0.3)
         options.warnings->push_back(options.where + ": in the rest pose the left foot points backwards; are left and "
                                                     "right swapped, or the axes left-handed?");
@@ -207,18 +292,18 @@ inline Motion retarget(const RigMotion& rig, const BodyModel& body, const JointM
     motion.timestamps = rig.timestamps;
     motion.pose.reserve(T * J);
     std::vector<mat3<double>> world(J);
-    FootSlide slide(rig, body, plan.source, plan.target, plan.joints, plan.scale);
+    FootSlide slide(rig, body, plan.source, plan.target, plan.joints, plan.leg, plan.scale);
     for (std::size_t t = 0; t < T; ++t) {
         for (std::size_t j = 0; j < J; ++j) {
             const int source = plan.sources[j], parent = body.parents[j];
             const mat3<double> above = parent < 0 ? mat3<double>(1.0) : world[static_cast<std::size_t>(parent)];
             world[j] = above;
             if (source >= 0)
-                world[j] = rig.rotation(t, source) * transpose(rig.rest_rotations[static_cast<std::size_t>(source)]) *
-                           plan.alignment[j];
+                world[j] = rig.rotation(t, source) *
+                           transpose(plan.rest.rest_rotations[static_cast<std::size_t>(source)]) * plan.alignment[j];
             motion.pose.push_back(axis_angle_from_rotation(transpose(above) * world[j]));
         }
-        const vec3<double> hips = rig.joint(t, pelvis) * plan.scale;
+        const vec3<double> hips = rig.joint(t, pelvis) * plan.scale + vec3<double>(0, plan.raise, 0);
         // Where the root of the body is above its pelvis, it is placed so that the pelvis is there.
         vec3<double> offset(0);
         for (std::size_t j = root; body.parents[j] >= 0; j = static_cast<std::size_t>(body.parents[j])) {

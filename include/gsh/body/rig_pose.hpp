@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Measures of a rig's pose: where it faces, how high its hips are, which unit and which axis upwards it has.
+/// @file  Measures of a rig's pose: where it faces, how high its hips are, which unit it has.
 #pragma once
 
 #include <gsh/body/joint_map.hpp>
@@ -43,9 +43,6 @@ struct LengthUnit {
 /// Scales the rest pose so that its legs are as long as in the first frame, for rest poses in a unit of their own.
 /// Returns false, without a change, if no leg has a length in both.
 inline bool fit_rest_to_frames(RigMotion& rig, const MatchedJoints& matched);
-
-/// Whether z is up: the body stands along +z in its rest pose, and, on average, in the frames, too.
-[[nodiscard]] inline bool has_z_up(const RigMotion& rig, const MatchedJoints& matched);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -157,19 +154,6 @@ inline bool fit_rest_to_frames(RigMotion& rig, const MatchedJoints& matched) {
     if (!(rest > 0 && frame > 0)) return false;
     for (auto& joint : rig.rest_joints) joint = joint * (frame / rest);
     return true;
-}
-
-inline bool has_z_up(const RigMotion& rig, const MatchedJoints& matched) {
-    if (!detail::has_trunk(matched) || rig.frame_count() == 0) return false;
-    const auto up = [&](const vec3<double>* joints) {
-        const detail::JointPair hips(joints, matched, "left_hip", "right_hip");
-        return normalize(detail::JointPair(joints, matched, "left_shoulder", "right_shoulder").mean - hips.mean);
-    };
-    const vec3<double> rest = up(rig.rest_joints.data());
-    vec3<double> mean(0);
-    for (std::size_t t = 0; t < rig.frame_count(); ++t)
-        mean += up(&rig.joints[t * rig.joint_count()]) * (1.0 / static_cast<double>(rig.frame_count()));
-    return rest.z > 0.8 && mean.z > 0.6; // false for NaN, where hips and shoulders coincide
 }
 
 } // namespace gsh

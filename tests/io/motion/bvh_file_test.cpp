@@ -7,6 +7,7 @@
 #include "support/retarget_check.hpp"
 #include "support/sample_rig.hpp"
 #include "support/skeleton_body.hpp"
+#include "support/walking_rig.hpp"
 
 #include <doctest/doctest.h>
 
@@ -108,6 +109,37 @@ TEST_CASE("all six orders of rotations, units and axes: the body follows the sou
     check({.units = 5}, "ZXY", "multiples of 0.19"); // no unit that is known
     check({.names = test::Names::bvh, .units = 100, .z_up = true}, "ZXY", "centimetres");
     check({.names = test::Names::bvh, .rest = test::Rest::down, .units = 1 / 0.0254, .z_up = true}, "XYZ", "inches");
+}
+
+TEST_CASE("a world with z up is turned, also where only the frames or only the rest pose stand along z") {
+    const test::Temporary folder;
+    const auto load = [&](const test::SampleRig& sample) {
+        write_file(folder / "a.bvh", test::bvh_text(sample, "XYZ"));
+        std::vector<std::string> warnings;
+        std::pair<RigMotion, std::string> result{load_bvh(folder / "a.bvh", {}, &warnings), ""};
+        for (const auto& warning : warnings) result.second += warning + "\n";
+        return result;
+    };
+    // As pybvh's bvh_test3: zero angles stand along y, the root's channels turn the figure, the ground is at z = 0.
+    auto walk = test::walking_rig({.units = 100});
+    for (std::size_t t = 0; t < walk.root.size(); ++t) {
+        walk.root[t] = {walk.root[t].x, -walk.root[t].z, walk.root[t].y};
+        walk.angles[t][0] = {1.5707963267948966, walk.angles[t][0].y, 0}; // in the order XYZ
+    }
+    const auto [rig, warnings] = load(walk);
+    CHECK(warnings.find("z is up, so the world is turned to y up\n") != std::string::npos);
+    const auto head = std::find(rig.names.begin(), rig.names.end(), "mixamorig:Head") - rig.names.begin();
+    for (std::size_t t = 0; t < rig.frame_count(); ++t)
+        CHECK(rig.joint(t, static_cast<int>(head)).y - rig.joint(t, 0).y > 0.5);
+    // As a dive of BVHFiles.jl's example: zero angles stand along z, and so does the world; somersaults have no axis.
+    auto dive = test::walking_rig({.units = 100, .z_up = true});
+    for (std::size_t t = 0; t < dive.root.size(); ++t) {
+        dive.root[t].z += 200;
+        dive.angles[t][0] = {0.21 * static_cast<double>(t), 0, 0};
+    }
+    const auto [dives, doubt] = load(dive);
+    CHECK(doubt.find("z is up, so the world is turned to y up; that is uncertain") != std::string::npos);
+    CHECK(dives.joint(0, 0).y > 2.5);
 }
 
 TEST_CASE("who lies on the ground is not taken for standing along z") {

@@ -21,6 +21,7 @@
 #include <gsh/io/motion/sam3d_motion.hpp>
 #include <gsh/io/motion/smplifyx_file.hpp>
 #include <gsh/io/motion/smplx_json_file.hpp>
+#include <gsh/io/motion/up_warning.hpp>
 
 #include <cstddef>
 #include <cstdio>
@@ -179,7 +180,7 @@ inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel
                     "there is no person " + std::to_string(options.person) + ", the poses hold " +
                         std::to_string(people.size()));
         Motion& motion = people[static_cast<std::size_t>(options.person)];
-        if (options.world == MotionFileOptions::World::upright) stand_upright(body, motion);
+        detail::turn_upright(body, motion, options, path.string(), warnings);
         return std::move(motion);
     }
     default:

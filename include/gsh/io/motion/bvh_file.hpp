@@ -5,10 +5,12 @@
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
+#include <gsh/body/rig_up.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/unit_guess.hpp>
+#include <gsh/io/motion/up_warning.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -28,7 +30,7 @@ namespace gsh {
 /// channels takes its position in the parent's frame from them, in place of its OFFSET. An End Site becomes a joint
 /// NAME_end.
 ///
-/// Frame   y up. Where the body stands along z in the rest pose and in the frames, the world is turned.
+/// Frame   y up. Where another axis is up (body/rig_up.hpp), the world is turned.
 /// Units   the file does not state its unit; it is guessed from the length of the legs.
 /// Errors  IoError, ValueError naming file and line: a channel that is not known, numbers that do not fit the channels,
 ///         a count of frames that is not that of the lines, NaN, a name twice, more than 256 levels. What was guessed
@@ -221,16 +223,13 @@ inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map
     RigMotion rig = detail::BvhReader(path).read();
     const MatchedJoints matched = map.match(rig, path.string());
     const LengthUnit unit = guess_length_unit(rig, matched);
-    const bool z_up = has_z_up(rig, matched);
+    const RigUp up = find_up(rig, matched);
     const auto warn = [&](const std::string& text) {
         if (warnings) warnings->push_back(path.string() + ": " + text);
     };
     if (unit.leg > 0) warn(detail::unit_warning(unit));
-    if (z_up) warn("the body stands along z, so the world is turned to y up");
-    move_rig(rig,
-             z_up ? mat3<double>(vec3<double>(1, 0, 0), vec3<double>(0, 0, -1), vec3<double>(0, 1, 0))
-                  : mat3<double>(1.0),
-             unit.metres);
+    if (const std::string text = detail::up_warning(up); !text.empty()) warn(text);
+    move_rig(rig, turn_to_y(up.axis), unit.metres);
     validate(rig, path.string());
     return rig;
 }

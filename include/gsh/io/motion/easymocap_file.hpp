@@ -13,6 +13,7 @@
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/motion_table.hpp>
 #include <gsh/io/motion/smplx_json_file.hpp>
+#include <gsh/io/motion/up_warning.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/rotation.hpp>
 
@@ -165,7 +166,7 @@ inline Motion load_easymocap_motion(const std::filesystem::path& folder, const B
         move_frame(model, motion, t,
                    {rotation_from_axis_angle(vec3<double>(Rh[3 * t], Rh[3 * t + 1], Rh[3 * t + 2])),
                     vec3<double>(Th[3 * t], Th[3 * t + 1], Th[3 * t + 2])});
-    if (options.world == MotionFileOptions::World::upright) stand_upright(model, motion);
+    detail::turn_upright(model, motion, options, folder.string(), warnings);
     return motion;
 }
 

@@ -5,6 +5,7 @@
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
+#include <gsh/body/rig_up.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/gltf_channel.hpp>
 #include <gsh/io/file/gltf_file.hpp>
@@ -13,9 +14,11 @@
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/gltf_joints.hpp>
 #include <gsh/io/motion/unit_guess.hpp>
+#include <gsh/io/motion/up_warning.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/polar.hpp>
 #include <gsh/math/rotation.hpp>
+#include <gsh/math/signed_axis.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -34,7 +37,7 @@ namespace gsh {
 /// Rest      of VRM files the nodes' own transforms, as VRM demands; else the pose in which the largest skin was bound
 ///           (its inverse bind matrices), and the nodes' transforms without a skin.
 /// Frames    the key frames if they are evenly spaced, 5 a second or more; else 30 a second, interpolated.
-/// Frame     y up, as in glTF. Scales of nodes count, for instance an armature scaled by 0.01.
+/// Frame     y up, as in glTF. A body that stands on a ground along another axis (find_up) is turned. Scales of nodes count, for instance an armature scaled by 0.01.
 /// Units     metres; other units are guessed from the legs, with a warning.
 /// Errors    IoError, ValueError naming file and place: no animation, an index out of range, a tree with a cycle, times
 ///           that do not ascend, a buffer that is short, a mirrored or repeated joint, an animation without nodes.
@@ -200,11 +203,16 @@ private:
 inline RigMotion load_gltf_motion(const std::filesystem::path& path, const JointMap& map,
                                   std::vector<std::string>* warnings, const std::string& animation) {
     RigMotion rig = detail::GltfMotionReader(path).read(map, warnings, animation);
-    const LengthUnit unit = guess_length_unit(rig, map.match(rig, path.string()));
-    if (unit.metres != 1) {
-        move_rig(rig, mat3<double>(1.0), unit.metres);
-        if (warnings) warnings->push_back(path.string() + ": " + detail::unit_warning(unit));
-    }
+    const MatchedJoints matched = map.match(rig, path.string());
+    const LengthUnit unit = guess_length_unit(rig, matched);
+    RigUp up = find_up(rig, matched, false); // a skin may be bound in axes of its own
+    if (!up.doubt.empty()) up = {};          // glTF demands y up
+    const auto warn = [&](const std::string& text) {
+        if (warnings && !text.empty()) warnings->push_back(path.string() + ": " + text);
+    };
+    if (unit.metres != 1) warn(detail::unit_warning(unit));
+    warn(detail::up_warning(up));
+    if (unit.metres != 1 || up.axis != SignedAxis{}) move_rig(rig, turn_to_y(up.axis), unit.metres);
     return rig;
 }
 

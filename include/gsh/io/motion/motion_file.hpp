@@ -4,12 +4,12 @@
 
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
-#include <gsh/body/moved_motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/motion/motion_options.hpp>
 #include <gsh/io/motion/motion_table.hpp>
+#include <gsh/io/motion/up_warning.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -70,8 +70,7 @@ public:
             warn(hand_mean_warning(model_, motion_, add));
         }
         warn_of_degrees();
-        if (options_.world == MotionFileOptions::World::upright && !stand_upright(model_, motion_))
-            warn("the body stands along no coordinate axis, so the world is left as it is");
+        turn_upright(model_, motion_, options_, file_.path().string(), warnings_);
         return std::move(motion_);
     }
 

@@ -11,6 +11,7 @@
 #include <gsh/io/motion/amass_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/motion_table.hpp>
+#include <gsh/io/motion/up_warning.hpp>
 
 #include <algorithm>
 #include <array>
@@ -118,7 +119,6 @@ inline SmplifyxFits load_smplifyx_fits(const std::filesystem::path& path, const 
             table.add("flat_hand", key, std::vector<double>{static_cast<double>(file.read_number<int>(key))}, {});
 
     SmplifyxFits fits;
-    const bool upright = options.world == MotionFileOptions::World::upright;
     MotionFileOptions as_stored = options;
     as_stored.world = MotionFileOptions::World::as_stored;
     fits.motion = detail::MotionReader<MotionTable>(std::move(table), model, as_stored, warnings).read();
@@ -159,7 +159,7 @@ inline SmplifyxFits load_smplifyx_fits(const std::filesystem::path& path, const 
                              std::to_string(t) + "]: " + error.what());
         }
     }
-    if (upright) stand_upright(model, fits.motion);
+    detail::turn_upright(model, fits.motion, options, path.string(), warnings);
 
     if (file.has_array("camera_matrix")) {
         const std::vector<double> m = detail::constant_member(file, "camera_matrix", 16);
