@@ -14,6 +14,9 @@
 
 namespace gsh::examples {
 
+/// Throws ValueError unless --input-fps has one rate for all motions, or one for each.
+void check_rates(const RigOption& option, std::size_t motions);
+
 /// Avatars, with one motion for each.
 struct ShownPeople {
     std::vector<AvatarData> data;
@@ -26,6 +29,8 @@ struct ShownPeople {
     ShownPeople(const std::vector<std::filesystem::path>& avatars, const std::vector<std::filesystem::path>& poses,
                 const LightOption& light = {}, bool upright = false, const RigOption& rig = {});
 
+    /// Makes frame t of all motions the same moment, with a warning if motions of different rates are resampled.
+    void share_clock();
     /// The length of the shortest motion.
     [[nodiscard]] std::size_t frame_count() const;
     /// The pixel filter that all avatars were trained with.

@@ -122,7 +122,7 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
                     "the body has no joint that is known as " + std::string(joint) +
                         ", so a motion of another rig cannot be given to it; expected 22, 24, 52 or 55 joints in the "
                         "order of SMPL-X, or known joint_names");
-    plan.source = map.match(rig, where);
+    plan.source = map.match(rig, where, options.warnings);
     check_limbs(rig, plan.source, where);
 
     const std::size_t J = body.joint_count();
