@@ -4,6 +4,7 @@
 
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/foot_slide.hpp>
+#include <gsh/body/four_legs.hpp>
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/joint_names.hpp>
 #include <gsh/body/motion.hpp>
@@ -47,8 +48,9 @@ struct RetargetOptions {
 ///
 /// Frame   that of the rig: y up.
 /// Errors  ValueError if the body's joints have unknown names, a limb is not found (check_limbs), or the rig is
-///         invalid; ShapeError for too many betas. Warned: joints without a source, left and right that seem swapped,
-///         feet that slide although the source's stand.
+///         invalid, or an animal on four legs (body/four_legs.hpp; with a joint map, that is a warning); ShapeError for
+///         too many betas. Warned: joints without a source, several joints that could be one, left and right that seem
+///         swapped, feet that slide although the source's stand.
 [[nodiscard]] inline Motion retarget(const RigMotion& rig, const BodyModel& body, const JointMap& map = {},
                                      const RetargetOptions& options = {});
 
@@ -124,6 +126,11 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
                         "order of SMPL-X, or known joint_names");
     plan.source = map.match(rig, where, options.warnings);
     check_limbs(rig, plan.source, where);
+    if (stands_on_four_legs(rig, plan.source)) {
+        const std::string animal = "stands on four legs, as an animal does, and gsh retargets people";
+        check_value(!map.named.empty(), where, animal + "; if it is a person, name a joint in a joint map");
+        if (options.warnings) options.warnings->push_back(where + ": " + animal);
+    }
 
     const std::size_t J = body.joint_count();
     plan.parts.assign(J, -1), plan.sources.assign(J, -1);
