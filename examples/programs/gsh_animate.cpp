@@ -88,7 +88,8 @@ int animate(const AnimateOptions& options) {
     OutputFolder out(options.out);
     // Estimated poses match the given camera as they are. With the framing camera, bodies are turned upright.
     const bool upright = options.upright || (options.camera.empty() && !options.as_stored);
-    const ShownPeople people(options.avatars, options.poses, options.light, upright, options.rig);
+    ShownPeople people(options.avatars, options.poses, options.light, upright, options.rig);
+    people.share_clock();
     const std::size_t frames = people.frame_count();
     for (std::size_t p = 0; p < people.motions.size(); ++p)
         if (people.motions[p].frame_count() > frames)

@@ -65,6 +65,7 @@ bool is_empty(const Image<float>& picture, const vec3<float>& background) {
 /// Errors  ValueError if a motion does not have the frame that is requested; else those of the files.
 ShownPeople people_of(const RenderOptions& options) {
     ShownPeople people(options.scenes, options.poses, options.light, false, options.rig);
+    people.share_clock();
     for (std::size_t p = 0; p < people.motions.size(); ++p)
         check_value(options.frame < people.motions[p].frame_count(), "--frame " + std::to_string(options.frame),
                     options.poses.empty() ? "needs --poses"

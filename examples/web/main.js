@@ -4,7 +4,7 @@
 
 gsh.view = (() => {
   const element = (id) => document.getElementById(id);
-  const page = { person: 0, states: [], occlusion: [], motions: [], chosen: [], show: "splats", shadows: true,
+  const page = { person: 0, states: [], occlusion: [], motions: [], chosen: [], inputFps: 0, show: "splats", shadows: true,
                  skeleton: false, follow: false, lightTurn: 0, background: [0x23 / 255, 0x27 / 255, 0x2e / 255],
                  resolution: 540, fixedSize: null, pictures: 0 };
   let scene, source, camera, player, engine, panel;
@@ -222,7 +222,7 @@ gsh.view = (() => {
 
   const openFile = guarded(async (file) => {
     const p = page.person, list = page.motions[p];
-    const motion = await source.read(file, p, scene, list[0].loaded, engine?.people?.[p].body);
+    const motion = await source.read(file, p, page.inputFps, scene, list[0].loaded, engine?.people?.[p].body);
     list.push({ name: motion.name, loaded: motion });
     if (p === page.person) panel.showMotions(list, list.length - 1);
     useMotion(p, list.length - 1);

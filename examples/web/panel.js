@@ -39,7 +39,12 @@ gsh.Panel = class {
     } });
     const whose = people.length > 1 ? [choice("Person", people.map((p, k) => [String(k), p.name]), "0",
       (value) => this.actions.choosePerson(Number(value))).row] : [];
-    return this.part("Motion", ...whose, motions.row,
+    const rate = make("input", { type: "number", min: "0", step: "any", placeholder: "as stated",
+      "aria-label": "frames per second of files",
+      title: "frames per second of the files that you open, whatever they state",
+      onchange: () => (this.page.inputFps = Number(rate.value) || 0) });
+    const rateRow = make("label", { class: "row" }, make("span", {}, "File's fps"), rate);
+    return this.part("Motion", ...whose, motions.row, rateRow,
       this.buttons(button("Open a motion…", "or drop a file onto the picture", () => file.click()), file));
   }
 

@@ -25,10 +25,41 @@ gsh.poseFile = (() => {
   }
 
   /**
-   * The motion in the bytes of a file, for a page that has no server to ask. Refuses what load_motion refuses, and what
-   * needs the body model: hands that count from the mean hand.
+   * The seconds of frames from the first: what frame_times of include/gsh/io/motion/frame_rate.hpp does. timestamps and
+   * rate(key) are what the file states; fps is what the user states, or 0.
    */
-  async function read(buffer, name, person) {
+  function frameTimes(frames, { timestamps, rate }, fps, fail, warn) {
+    const slowest = 0.2, fastest = 1e5, text = (x) => String(Number(x.toPrecision(6)));
+    const steps = Array.from({ length: frames - 1 }, (_, f) => timestamps ? timestamps[f + 1] - timestamps[f] : 0);
+    const interval = timestamps && frames > 1 ? steps.slice().sort((a, b) => a - b)[steps.length >> 1] : 0;
+    const keys = ["mocap_framerate", "mocap_frame_rate", "frame_rate", "framerate", "fps"];
+    const key = timestamps ? "timestamps" : [...keys, "mocap_time_length"].find((one) => rate(one) !== undefined);
+    const found = timestamps ? 1 / interval : key === "mocap_time_length" ? frames / rate(key) : key && rate(key);
+    let perSecond = fps;
+    if (fps > 0) {
+      if (key && frames > 1 && !(Math.abs(found - fps) <= 0.005 * fps))
+        warn(`${key}: ${text(found)} frames per second, but ${text(fps)} are stated, which are taken`);
+    } else if (timestamps) {
+      const at = steps.findIndex((step) => !(step > 0)) + 1;
+      if (at > 0) fail(`timestamps ${steps[at - 1] < 0 ? "go back" : "stand still"} at frame ${at}`);
+      if (interval * slowest >= 1) fail(`timestamps are ${text(interval)} apart, expected seconds`);
+      return Float64Array.from({ length: frames }, (_, f) => timestamps[f] - timestamps[0]);
+    } else if (key) {
+      if (!(found >= slowest && found <= fastest))
+        fail(`${key} is ${text(rate(key))}, expected frames per second above 0`);
+      perSecond = found;
+    } else {
+      perSecond = 30;
+      if (frames > 1) warn("no frame rate is stated, 30 frames per second are taken");
+    }
+    return Float64Array.from({ length: frames }, (_, f) => f / perSecond);
+  }
+
+  /**
+   * The motion in the bytes of a file, for a page that has no server to ask. Refuses what load_motion refuses, and what
+   * needs the body model: hands that count from the mean hand. fps: the rate that the user states, or 0.
+   */
+  async function read(buffer, name, person, fps = 0) {
     const J = person.parents.length, E = person.expressions, parts = partsOf(J), warnings = [];
     const arrays = await gsh.npz.read(buffer, name);
     const fail = (text) => {
@@ -71,18 +102,16 @@ gsh.poseFile = (() => {
     if (betas.shape.length < 1 || betas.shape.length > 2 || sets === 0)
       fail(`betas has shape ${shapeOf(betas)}, expected (*,): one shape for all frames`);
     const expression = arrays.expression ? rows("expression") : null;
-    const times = arrays.timestamps ? rows("timestamps", 1).data : null;
-    for (let f = 1; times && f < frames; ++f)
-      if (times[f] < times[f - 1]) fail(`timestamps go back in time at frame ${f}`);
-    const rateKey = times ? null : ["mocap_framerate", "mocap_frame_rate"].find((key) => arrays[key]);
-    const rate = rateKey ? numbers(rateKey).data[0] : 30;
-    if (!(rate > 0)) fail(`${rateKey} must be positive`);
+    const seconds = frameTimes(frames, {
+      timestamps: arrays.timestamps && rows("timestamps", 1).data,
+      rate: (key) => arrays[key] && numbers(key).data[0],
+    }, fps, fail, (text) => warnings.push(text));
     const part = ([, count], k, f) => found[k]
       ? Array.from(found[k].subarray(3 * count * f, 3 * count * (f + 1))) : new Array(3 * count).fill(0);
     return {
       name, frames, warnings,
       betas: person.betas.map((_, k) => k < betas.data.length / sets ? betas.data[k] : 0),
-      seconds: Float64Array.from({ length: frames }, (_, f) => times ? times[f] - times[0] : f / rate),
+      seconds,
       frame: (f) => ({
         pose: parts.flatMap((one, k) => part(one, k, f)),
         transl: Array.from(transl.subarray(3 * f, 3 * f + 3)),

@@ -62,10 +62,11 @@ gsh.source = (() => {
     async draw(request) {
       return (await this.ask("draw", { method: "POST", body: JSON.stringify(request) })).blob();
     }
-    /** Reads a dropped file: the server reads all layouts. */
-    async read(file, person) {
+    /** Reads a dropped file: the server reads all layouts. fps: the rate that the user states, or 0. */
+    async read(file, person, fps) {
       if (file.size > 64 << 20) throw new Error(`${file.name}: is larger than 64 MiB, the most that is read`);
-      const path = `motion?person=${person}&name=${encodeURIComponent(file.name)}`;
+      const rate = fps > 0 ? `&fps=${fps}` : "";
+      const path = `motion?person=${person}&name=${encodeURIComponent(file.name)}${rate}`;
       return motionOf(await (await this.ask(path, { method: "POST", body: file })).arrayBuffer());
     }
   }
@@ -82,12 +83,12 @@ gsh.source = (() => {
     async motion(person, index) { return motionOf(this.block(`motion-${person}-${index}`)); }
     async draw() { throw new Error("this page has no server that draws"); }
     /** Reads a dropped file in gsh's own layout (.npz), and places it like `first`, the person's first motion. */
-    async read(file, person, scene, first, body) {
+    async read(file, person, fps, scene, first, body) {
       if (!/\.npz$/i.test(file.name))
         throw new Error(`${file.name}: this page reads motions of gsh (.npz); gsh-motion converts others`);
       if (file.size > gsh.npz.largest) throw new Error(`${file.name}: is larger than 256 MiB, the most that is read`);
       const described = scene.people[person];
-      const motion = await gsh.poseFile.read(await file.arrayBuffer(), file.name, described);
+      const motion = await gsh.poseFile.read(await file.arrayBuffer(), file.name, described, fps);
       return body ? placeLike(first, motion, described, body) : motion;
     }
   }

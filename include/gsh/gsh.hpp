@@ -49,10 +49,13 @@
 #include <gsh/body/bone_end.hpp>
 #include <gsh/body/coarse_mesh.hpp>
 #include <gsh/body/foot_slide.hpp>
+#include <gsh/body/four_legs.hpp>
 #include <gsh/body/geodesic.hpp>
 #include <gsh/body/joint_error.hpp>
+#include <gsh/body/joint_finder.hpp>
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/joint_merge.hpp>
+#include <gsh/body/joint_name_table.hpp>
 #include <gsh/body/joint_names.hpp>
 #include <gsh/body/keypoints.hpp>
 #include <gsh/body/mesh.hpp>

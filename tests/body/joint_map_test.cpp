@@ -2,6 +2,7 @@
 /// @file  Joint names of many programs are found, by name and by place in the tree.
 
 #include "io/temporary.hpp"
+#include "support/rig_names.hpp"
 #include "support/sample_rig.hpp"
 
 #include <doctest/doctest.h>
@@ -46,6 +47,90 @@ TEST_CASE("every joint of a sample rig is found, in all conventions") {
         for (const auto& part : sample.parts) parts += !part.empty();
         CHECK(count == parts); // twist bones are nothing
     }
+}
+
+TEST_CASE("every joint of a rig is found by the names of many programs, and no other") {
+    for (const test::RigNames& list : test::known_rigs()) {
+        CAPTURE(list.program);
+        const auto [rig, parts] = test::named_rig(list);
+        std::vector<std::string> warnings;
+        const MatchedJoints found = JointMap{}.match(rig, "a rig", &warnings);
+        std::size_t joints = 0, count = 0;
+        for (std::size_t j = 0; j < parts.size(); ++j) {
+            if (parts[j].empty()) continue;
+            CAPTURE(rig.names[j]);
+            CAPTURE(parts[j]);
+            const int match = found[static_cast<std::size_t>(smplx_joint(parts[j]))];
+            REQUIRE(match >= 0);
+            CHECK(rig.names[static_cast<std::size_t>(match)] == rig.names[j]);
+            ++joints;
+        }
+        for (const int joint : found) count += joint >= 0;
+        CHECK(count == joints);
+        CHECK(warnings.empty());
+        CHECK_NOTHROW(check_limbs(rig, found, "a rig"));
+    }
+}
+
+TEST_CASE("of two candidates for a joint that moves no limb one is taken, with one warning for all of them") {
+    test::RigNames list = test::known_rigs().front();
+    for (auto& [part, name] : list.names) name = name.substr(10); // without mixamorig:
+    list.others = {{"Eye@", "head", ""}, {"@Eye", "head", ""}, {"__Jaw", "head", ""}, {"Jaw", "head", ""},
+                   {"__@HandThumb1", "wrist", "thumb1"}, {"@_Toe_Base", "ankle", ""}};
+    const RigMotion rig = test::named_rig(list).rig;
+    std::vector<std::string> warnings;
+    const MatchedJoints found = JointMap{}.match(rig, "a.glb", &warnings);
+    const auto name = [&](std::string_view joint) {
+        return rig.names[static_cast<std::size_t>(found[static_cast<std::size_t>(smplx_joint(joint))])];
+    };
+    CHECK(name("left_eye") == "LeftEye"); // the side is in front
+    CHECK(name("right_eye") == "RightEye");
+    CHECK(name("jaw") == "Jaw"); // without further signs
+    CHECK(name("left_thumb1") == "LeftHandThumb1");
+    CHECK(name("right_foot") == "RightToeBase");
+    REQUIRE(warnings.size() == 1);
+    for (const char* text : {"a.glb: several", "left_eye is 'LeftEye', not 'EyeLeft'", "jaw is 'Jaw', not '__Jaw'",
+                             "right_foot is 'RightToeBase', not 'Right_Toe_Base'", "joint map"})
+        CHECK(warnings[0].find(text) != std::string::npos);
+}
+
+TEST_CASE("of two candidates for a limb the one with further signs is a helper, and others are told all at once") {
+    test::RigNames list = test::known_rigs().front();
+    for (auto& [part, name] : list.names) name = name.substr(10);
+    list.others = {{"__@Arm", "collar", "shoulder"}, {"__@Leg", "hip", "knee"}};
+    std::vector<std::string> warnings;
+    const RigMotion helped = test::named_rig(list).rig;
+    CHECK(matched(helped, "left_shoulder") == "LeftArm");
+    CHECK(matched(helped, "right_knee") == "RightLeg");
+    (void)JointMap{}.match(helped, "a.bvh", &warnings);
+    CHECK(warnings.size() == 1);
+    // Two people in one file
+    RigMotion two = test::named_rig(test::known_rigs().front()).rig;
+    const std::size_t J = two.joint_count();
+    for (std::size_t j = 0; j < J; ++j) {
+        two.names.push_back("other:" + two.names[j].substr(10));
+        two.parents.push_back(two.parents[j] < 0 ? -1 : two.parents[j] + static_cast<int>(J));
+    }
+    test::check_throws<ValueError>([&] { (void)JointMap{}.match(two, "two.glb"); },
+                                   {"two.glb", "left_hip ('mixamorig:LeftUpLeg', 'other:LeftUpLeg')",
+                                    "right_hip ('", "left_shoulder ('", "right_shoulder ('", "--joint-map"});
+}
+
+TEST_CASE("the hips are where the legs begin, unless that is far from them") {
+    const std::vector<std::pair<std::string, int>> legs = {{"root", -1},       {"LeftUpLeg", 0}, {"LeftLeg", 1},
+                                                           {"LeftFoot", 2},    {"RightUpLeg", 0}, {"RightLeg", 4},
+                                                           {"RightFoot", 5}};
+    RigMotion rig = rig_of(legs);
+    rig.rest_joints = {{0, 1, 0},    {0.1, 0.9, 0},  {0.1, 0.5, 0}, {0.1, 0.1, 0},
+                       {-0.1, 0.9, 0}, {-0.1, 0.5, 0}, {-0.1, 0.1, 0}};
+    CHECK(matched(rig, "pelvis") == "root");
+    rig.rest_joints[0] = {0, 0, 0}; // on the ground
+    CHECK(matched(rig, "pelvis").empty());
+    // A control that is called hips, and does not carry the legs
+    CHECK(matched(rig_of({{"hips", -1}, {"spine", -1}, {"LeftUpLeg", 1}, {"RightUpLeg", 1}}), "pelvis") == "spine");
+    // An object and a joint with the same name
+    CHECK(matched(rig_of({{"Hips", -1}, {"rig:Hips", 0}, {"LeftUpLeg", 1}, {"RightUpLeg", 1}}), "pelvis") ==
+          "rig:Hips");
 }
 
 TEST_CASE("spines of one to five bones: the first, the middle and the last") {

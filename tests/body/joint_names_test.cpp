@@ -5,6 +5,7 @@
 #include <doctest/doctest.h>
 
 #include <cstddef>
+#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -87,7 +88,11 @@ TEST_CASE("prefixes and ways to write a side") {
     CHECK(joint_words("J_Bip_R_LowerArm").side == 'r');
     CHECK(joint_words("J_Bip_R_LowerArm").part == "lowerarm");
     CHECK(joint_words("LHipJoint").part == "hipjoint");
-    CHECK(joint_words("LFOREARM").side == 0); // one word: no side can be seen
+    CHECK(joint_words("LFOREARM").side == 'l'); // one word: a side if a known joint is left
+    CHECK(joint_words("LFOREARM").part == "forearm");
+    CHECK(joint_words("rfemur").side == 'r');
+    CHECK(joint_words("rfemur").part == "femur");
+    for (const char* name : {"ring1", "root", "leg", "lowback", "lip"}) CHECK(joint_words(name).side == 0);
     CHECK(joint_words("LowerBack").side == 0);
     CHECK(joint_words("LowerBack").part == "lowerback");
 }
@@ -110,4 +115,47 @@ TEST_CASE("numbers have no leading zeros") {
     CHECK(joint_words("spine.001").part == "spine1"); // of Blender
     CHECK(joint_words("spine.000").part == "spine0");
     CHECK(joint_words("thumb.00100.L").part == "thumb100");
+}
+
+TEST_CASE("what most names of a rig share is dropped, and nothing that tells joints apart") {
+    const auto parts = [](const std::vector<std::string>& names) {
+        std::string text;
+        for (const JointWords& words : joint_words(names))
+            text += (words.side ? std::string(1, words.side) + ":" : std::string()) + words.part + " ";
+        return text;
+    };
+    const auto with = [](const std::string& before, const std::string& behind, bool count = false) {
+        std::vector<std::string> names;
+        for (const char* name : {"Hips", "Spine", "Spine1", "Head", "LeftArm", "LeftForeArm", "RightArm", "RightForeArm",
+                                 "LeftUpLeg", "LeftLeg"})
+            names.push_back(before + name + behind + (count ? std::to_string(names.size() + 11) : ""));
+        return names;
+    };
+    const std::string plain = parts(with("", ""));
+    CHECK(plain == "hips spine spine1 head l:arm l:forearm r:arm r:forearm l:upleg l:leg ");
+    for (const char* before : {"Avatar_", "mixamorig:", "Armature|", "a:b:", "Hero Rig ", "heroRig", "root/hips/"})
+        CHECK(parts(with(before, "")) == plain);
+    for (const char* behind : {".001", "_001", "001", "_jnt", "_bone", "#2"}) CHECK(parts(with("", behind)) == plain);
+    CHECK(parts(with("", "_", true)) == plain); // Hips_11, Spine_12, Spine1_13, …
+    CHECK(parts(with("x:", "_end_00", false)) == plain);
+    // Nodes that are no joints do not change that.
+    std::vector<std::string> scene = with("Avatar_", "_", true);
+    scene.insert(scene.end(), {"Sketchfab_model", "Object_7", "root.fbx"});
+    CHECK(parts(scene).starts_with(plain));
+    // A side is never dropped, nor is a word that is a joint.
+    const std::vector<std::string> left(10, "left_arm");
+    CHECK(parts(left).starts_with("l:arm "));
+    std::vector<std::string> spine;
+    for (int n = 0; n < 10; ++n) spine.push_back("spine_0" + std::to_string(n));
+    CHECK(parts({"spine_01", "spine_02", "arm_l", "leg_l"}) == "spine1 spine2 l:arm l:leg ");
+}
+
+TEST_CASE("repeated names are told apart, and mean the same") {
+    std::set<std::string> taken;
+    CHECK(unique_joint_name("Arm", taken) == "Arm");
+    CHECK(unique_joint_name("Arm", taken) == "Arm#2");
+    CHECK(unique_joint_name("Arm#2", taken) == "Arm#2#2");
+    CHECK(unique_joint_name("Arm", taken) == "Arm#3");
+    CHECK(joint_words("LeftArm#12").part == "arm");
+    CHECK(joint_words("C#").part == "c");
 }

@@ -81,10 +81,10 @@ std::string file_checksum(const std::filesystem::path& path) {
     return text_of(crc.value());
 }
 Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
-                      bool upright, const std::vector<double>& betas, const RigOption& rig) {
+                      bool upright, const std::vector<double>& betas, const RigOption& rig, std::size_t number) {
     MotionFileOptions options;
     if (upright) options.world = MotionFileOptions::World::upright;
-    options.betas = betas, options.animation = rig.animation;
+    options.betas = betas, options.animation = rig.animation, options.input_fps = rig.input_fps_of(number);
     if (!rig.joint_map.empty()) options.joint_map = read_joint_map(rig.joint_map);
     return load_any_motion(path, body, options, &warnings);
 }

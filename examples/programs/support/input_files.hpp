@@ -61,9 +61,10 @@ std::string priors_checksum(const std::filesystem::path& path);
 /// CRC-32 of a file as text, to detect changes.
 std::string file_checksum(const std::filesystem::path& path);
 /// load_any_motion; with `upright` the world is rotated so that the body stands along +y. Motions without a shape take
-/// `betas`; `rig` is for those of other rigs.
+/// `betas`; `rig` is for those of other rigs and for the frame rate, `number` the motion's number among --poses.
 Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
-                      bool upright = false, const std::vector<double>& betas = {}, const RigOption& rig = {});
+                      bool upright = false, const std::vector<double>& betas = {}, const RigOption& rig = {},
+                      std::size_t number = 0);
 /// load_avatar.
 AvatarData avatar_of_file(const std::filesystem::path& path);
 /// load_any_splats; with a time, an animated .glb at that time.

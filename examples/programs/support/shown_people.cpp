@@ -5,12 +5,21 @@
 #include "support/messages.hpp"
 
 #include <gsh/avatar/rig.hpp>
+#include <gsh/body/resampled_motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/text_lines.hpp>
 
 #include <algorithm>
 #include <string>
 
 namespace gsh::examples {
+
+void check_rates(const RigOption& option, std::size_t motions) {
+    const std::size_t rates = option.input_fps.size();
+    check_value(rates <= 1 || rates == motions, "--input-fps",
+                "has " + std::to_string(rates) + " rates for " + std::to_string(motions) +
+                    " motions; give one for all, or one for each, in the same order");
+}
 
 ShownPeople::ShownPeople(const std::vector<std::filesystem::path>& avatars,
                          const std::vector<std::filesystem::path>& poses, const LightOption& light,
@@ -18,16 +27,24 @@ ShownPeople::ShownPeople(const std::vector<std::filesystem::path>& avatars,
     check_value(poses.empty() || poses.size() == avatars.size(), "--poses",
                 "has " + std::to_string(poses.size()) + " motions for " + std::to_string(avatars.size()) +
                     " avatars; give one for each, in the same order");
+    check_rates(rig_option, poses.size());
     std::vector<std::string> warnings;
     for (std::size_t p = 0; p < avatars.size(); ++p) {
         check_value(avatars[p].extension() == ".gsh", avatars[p].string(), "is not an avatar (.gsh)");
         data.push_back(avatar_of_file(avatars[p]));
         const RigData& rig = data[p].rig;
-        motions.push_back(poses.empty() ? rest_motion(rig)
-                                        : motion_of_file(poses[p], rig.body, warnings, upright, rig.betas, rig_option));
+        motions.push_back(poses.empty()
+                              ? rest_motion(rig)
+                              : motion_of_file(poses[p], rig.body, warnings, upright, rig.betas, rig_option, p));
     }
     relight(data, avatars, motions, light);
     for (const std::string& warning : warnings) warn(warning);
+}
+
+void ShownPeople::share_clock() {
+    if (const double rate = share_frame_times(motions); rate > 0)
+        warn("--poses: the motions have different frame rates; all are shown by time, at " +
+             gsh::detail::number_text(rate) + " frames per second");
 }
 
 std::size_t ShownPeople::frame_count() const {

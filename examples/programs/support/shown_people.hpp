@@ -15,6 +15,9 @@
 
 namespace gsh::examples {
 
+/// Throws ValueError unless --input-fps has one rate for all motions, or one for each.
+void check_rates(const RigOption& option, std::size_t motions);
+
 /// Avatars, with one motion for each.
 struct ShownPeople {
     std::vector<AvatarData> data;
@@ -31,6 +34,8 @@ struct ShownPeople {
     ShownPeople(std::vector<AvatarData> avatars, std::vector<Motion> own_motions)
         : data(std::move(avatars)), motions(std::move(own_motions)) {}
 
+    /// Makes frame t of all motions the same moment, with a warning if motions of different rates are resampled.
+    void share_clock();
     /// The length of the shortest motion.
     [[nodiscard]] std::size_t frame_count() const;
     /// The pixel filter that all avatars were trained with.

@@ -220,7 +220,7 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
     for (const fs::path& file : files) scene.names.push_back(file.filename().string());
     if (files.size() == 1 && !is_avatar(files[0])) {
         check_value(poses.empty() && light.is_default() && rig.is_default(), files[0].string(),
-                    "is a static scene; --poses, --joint-map, --animation, --light, --light-turn and --exposure need "
+                    "is a static scene; --poses, --joint-map, --animation, --input-fps, --light, --light-turn and --exposure need "
                     "avatars (.gsh)");
         StillSplats splats = splats_of_file(files[0]);
         scene.y_down = !splats.notes.up && is_y_down(files[0]);
@@ -234,8 +234,11 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
                 "has " + std::to_string(poses.size()) + " motions for " + std::to_string(files.size()) +
                     " avatars; give one for each, in the same order");
     const std::size_t first_ones = std::min(poses.size(), files.size());
+    check_rates(rig, poses.size());
+    RigOption of_first = rig;
+    if (of_first.input_fps.size() > 1) of_first.input_fps.resize(first_ones);
     scene.people.emplace(files, std::vector<fs::path>(poses.begin(), poses.begin() + static_cast<long>(first_ones)),
-                         light, true, rig);
+                         light, true, of_first);
     ShownPeople& people = *scene.people;
     scene.filter = people.filter();
     for (std::size_t p = 0; p < people.data.size(); ++p) {
@@ -250,7 +253,7 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
     }
     for (std::size_t m = first_ones; m < poses.size(); ++m) {
         const RigData& first = people.data[0].rig;
-        Motion motion = motion_of_file(poses[m], first.body, warnings, true, first.betas, rig);
+        Motion motion = motion_of_file(poses[m], first.body, warnings, true, first.betas, rig, m);
         place_like(first, people.motions[0], motion);
         scene.motions[0].push_back({poses[m].filename().string(), std::move(motion)});
     }
@@ -259,14 +262,17 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
 }
 
 ViewMotion read_sent_motion(const ViewScene& scene, std::size_t person, const std::string& name,
-                            const std::string& bytes, std::vector<std::string>& warnings) {
+                            const std::string& bytes, std::vector<std::string>& warnings, double input_fps) {
     check_value(scene.people && person < scene.people->data.size(), "motion",
                 "there is no person " + std::to_string(person));
     const RigData& rig = scene.people->data[person].rig;
     const std::string shown = shown_name(name);
     const SentFile file(shown, bytes);
+    RigOption option = scene.rig;
+    if (input_fps > 0) option.input_fps.assign(1, input_fps);
+    if (option.input_fps.size() > 1) option.input_fps.clear(); // those are of the motions of --poses
     try {
-        ViewMotion result{shown, motion_of_file(file.path(), rig.body, warnings, true, rig.betas, scene.rig)};
+        ViewMotion result{shown, motion_of_file(file.path(), rig.body, warnings, true, rig.betas, option)};
         validate(result.motion, rig.body, shown);
         place_like(rig, scene.people->motions[person], result.motion);
         for (std::string& warning : warnings) warning = file.renamed(warning, shown);

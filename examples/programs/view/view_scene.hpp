@@ -64,10 +64,12 @@ struct ViewScene {
 void place_like(const RigData& rig, const Motion& other, Motion& motion);
 
 /// Reads a motion that the page sent as the bytes of a file. Only the ending of `name` is used, to recognise the
-/// layout. The motion is upright and placed like the person's first one.
+/// layout. The motion is upright and placed like the person's first one. `input_fps` is the rate that the page states;
+/// 0: none.
 /// Errors  those of load_any_motion, with `name` for the file.
 [[nodiscard]] ViewMotion read_sent_motion(const ViewScene& scene, std::size_t person, const std::string& name,
-                                          const std::string& bytes, std::vector<std::string>& warnings);
+                                          const std::string& bytes, std::vector<std::string>& warnings,
+                                          double input_fps = 0);
 
 /// The description that the page loads, as JSON: names, skeletons, sizes, motions, the box, the filter.
 [[nodiscard]] std::string describe(const ViewScene& scene);

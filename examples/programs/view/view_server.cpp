@@ -73,6 +73,16 @@ std::size_t index_of(const Request& request, const char* name) {
     return value;
 }
 
+/// A rate in frames per second, or 0 if the request has none.
+double rate_of(const Request& request, const char* name) {
+    const std::string text = request.get_param_value(name);
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (!text.empty() && (error != std::errc() || end != text.data() + text.size() || !(value > 0 && value <= 1e5)))
+        throw Refused{400, std::string(name) + ": is '" + text.substr(0, 40) + "', expected frames per second"};
+    return value;
+}
+
 void refuse(Response& response, int status, const std::string& message) {
     response.status = status;
     response.set_content(one_line(message.substr(0, 2000)) + "\n", "text/plain; charset=utf-8");
@@ -221,8 +231,9 @@ private:
             answer(response, [&] {
                 const std::string bytes = read_body(request, read, largest_motion);
                 std::vector<std::string> warnings;
-                const ViewMotion motion = read_sent_motion(*scene_, index_of(request, "person"),
-                                                           request.get_param_value("name"), bytes, warnings);
+                const ViewMotion motion =
+                    read_sent_motion(*scene_, index_of(request, "person"), request.get_param_value("name"), bytes,
+                                     warnings, rate_of(request, "fps"));
                 response.set_content(package_motion(motion, warnings), "application/octet-stream");
             });
         });

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Motions at another frame rate, by interpolation between frames.
+/// @file  Motions at another frame rate, by interpolation between frames, and several motions on one clock.
 #pragma once
 
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -11,6 +12,7 @@
 #include <cmath>
 #include <cstddef>
 #include <string>
+#include <vector>
 
 namespace gsh {
 
@@ -20,7 +22,48 @@ namespace gsh {
 /// Units   frames per second.
 /// Errors  ValueError for a motion without frames, times that descend, or a rate that is not above 0 or gives more than
 ///         a million frames.
-[[nodiscard]] inline Motion resampled(const Motion& motion, double frames_per_second) {
+[[nodiscard]] inline Motion resampled(const Motion& motion, double frames_per_second);
+
+/// The median time from one frame to the next, in seconds; 0 for a single frame.
+[[nodiscard]] inline double typical_interval(Span<const double> timestamps);
+
+/// Makes frame t of all motions the same moment, counted from their first frames, so that they can be shown together.
+/// Motions whose times agree stay as they are; others are resampled to the highest of their rates.
+///
+/// Returns the new rate in frames per second, or 0 if no motion has changed.
+inline double share_frame_times(std::vector<Motion>& motions);
+
+// -------------------------------------------------------------------------------------------------------------
+
+inline double typical_interval(Span<const double> timestamps) {
+    std::vector<double> intervals;
+    for (std::size_t t = 1; t < timestamps.size(); ++t) intervals.push_back(timestamps[t] - timestamps[t - 1]);
+    if (intervals.empty()) return 0;
+    const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
+    std::nth_element(intervals.begin(), middle, intervals.end());
+    return *middle;
+}
+
+inline double share_frame_times(std::vector<Motion>& motions) {
+    double shortest = 0; // of the intervals; single frames have none
+    std::size_t common = motions.empty() ? 0 : motions[0].frame_count();
+    for (const Motion& motion : motions) {
+        const double interval = typical_interval(motion.timestamps);
+        if (interval > 0 && (shortest == 0 || interval < shortest)) shortest = interval;
+        common = std::min(common, motion.frame_count());
+    }
+    bool agree = true;
+    for (const Motion& motion : motions)
+        for (std::size_t t = 0; t < common; ++t) {
+            const double own = motion.timestamps[t] - motion.timestamps[0];
+            agree = agree && std::abs(own - (motions[0].timestamps[t] - motions[0].timestamps[0])) <= 0.1 * shortest;
+        }
+    if (agree || shortest == 0) return 0;
+    for (Motion& motion : motions) motion = resampled(motion, 1 / shortest);
+    return 1 / shortest;
+}
+
+inline Motion resampled(const Motion& motion, double frames_per_second) {
     const std::size_t T = motion.frame_count(), J = motion.joint_count, E = motion.expression_count;
     check_value(T > 0, "resampled", "the motion has no frames");
     check_size("resampled", "timestamps", motion.timestamps.size(), T, "store one per frame");

@@ -6,6 +6,7 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/bone_end.hpp>
 #include <gsh/body/foot_slide.hpp>
+#include <gsh/body/four_legs.hpp>
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/joint_names.hpp>
 #include <gsh/body/motion.hpp>
@@ -59,8 +60,9 @@ struct RetargetOptions {
 ///
 /// Frame   that of the rig: y up.
 /// Errors  ValueError if the body's joints have unknown names, a limb is not found (check_limbs), or the rig is
-///         invalid; ShapeError for too many betas. Warned: joints without a source, left and right that seem swapped,
-///         feet that slide although the source's stand.
+///         invalid, or an animal on four legs (body/four_legs.hpp; with a joint map, that is a warning); ShapeError for
+///         too many betas. Warned: joints without a source, several joints that could be one, left and right that seem
+///         swapped, feet that slide although the source's stand.
 [[nodiscard]] inline Motion retarget(const RigMotion& rig, const BodyModel& body, const JointMap& map = {},
                                      const RetargetOptions& options = {});
 
@@ -194,8 +196,13 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
                     "the body has no joint that is known as " + std::string(joint) +
                         ", so a motion of another rig cannot be given to it; expected 22, 24, 52 or 55 joints in the "
                         "order of SMPL-X, or known joint_names");
-    plan.source = map.match(rig, where);
+    plan.source = map.match(rig, where, options.warnings);
     check_limbs(rig, plan.source, where);
+    if (stands_on_four_legs(rig, plan.source)) {
+        const std::string animal = "stands on four legs, as an animal does, and gsh retargets people";
+        check_value(!map.named.empty(), where, animal + "; if it is a person, name a joint in a joint map");
+        if (options.warnings) options.warnings->push_back(where + ": " + animal);
+    }
     bool own_rest = true;
     plan.rest = rest_of(rig, plan.source, options, own_rest);
     const bool spine_named = std::any_of(map.named.begin(), map.named.end(),

@@ -152,6 +152,28 @@ TEST_CASE("who lies on the ground is not taken for standing along z") {
     CHECK(rig.joint(0, static_cast<int>(ankle)).z < rig.joint(0, 0).z - 0.5);
 }
 
+TEST_CASE("the rate that the caller states, a frame time of 0, and names that are repeated") {
+    const test::Temporary folder;
+    const auto load = [&](const std::string& text, const FrameRates& rates, std::vector<std::string>& warnings) {
+        write_file(folder / "a.bvh", text);
+        return load_bvh(folder / "a.bvh", {}, &warnings, rates);
+    };
+    std::vector<std::string> warnings;
+    CHECK(load(small_file(), {50, 0}, warnings).timestamps == std::vector<double>{0, 0.02});
+    REQUIRE(warnings.size() == 1);
+    CHECK(warnings[0].find("25 frames per second, but --input-fps states 50") != std::string::npos);
+    warnings.clear();
+    CHECK(load(small_file(), {25, 10}, warnings).timestamps == std::vector<double>{0, 0.04});
+    CHECK(load(small_file({{"0.04", "40"}}), {25, 0}, warnings).timestamps[1] == doctest::Approx(0.04));
+    CHECK(warnings.size() == 1);
+    warnings.clear();
+    CHECK(load(small_file({{"0.04", "0"}}), {}, warnings).timestamps[1] == doctest::Approx(1 / 30.0));
+    REQUIRE(warnings.size() == 1);
+    CHECK(warnings[0].find("states no frame rate") != std::string::npos);
+    const RigMotion twice = load(small_file({{"JOINT Knee", "JOINT Hip: the first"}}), {}, warnings);
+    CHECK(twice.names[1] == "Hip: the first#2");
+}
+
 TEST_CASE("damaged files are refused with the line and what was found") {
     const test::Temporary folder;
     const auto refuse = [&](const std::string& text, std::initializer_list<std::string_view> words) {
@@ -172,11 +194,11 @@ TEST_CASE("damaged files are refused with the line and what was found") {
     refuse(small_file({{"Frames: 2", "Frames: 0"}}), {"0 frames", "at least one"});
     refuse(small_file({{"Frames: 2", "Frames: -2"}}), {"-2 frames"});
     refuse(small_file({{"Frames: 2", "Frames: two"}}), {":17:", "'two'"});
-    refuse(small_file({{"0.04", "0"}}), {"frame time of 0"});
+    refuse(small_file({{"0.04", "-0.04"}}), {"frame time of -0.04", "more than 0"});
+    refuse(small_file({{"0.04", "40"}}), {"'Frame Time:' states 40 s", "--input-fps"});
     refuse(small_file({{"4 5 6", "4 nan 6"}}), {":20:", "'nan'", "finite"});
     refuse(small_file({{"4 5 6", "4 1e999 6"}}), {":20:", "'1e999'"});
     refuse(small_file({{"4 5 6", "4 5,0 6"}}), {":20:", "'5,0'"});
-    refuse(small_file({{"JOINT Knee", "JOINT Hip: the first"}}), {":6:", "a second time"});
     refuse(small_file({{"JOINT Knee", "JOINT"}}), {":6:", "without a name"});
     refuse(small_file({{"OFFSET 0 -1 0", "OFFSET 0 -1"}}), {":8:", "2 numbers", "expected 3"});
     refuse(small_file({{"  }\n}\nMOTION", "  }\nMOTION"}}), {"brace"});

@@ -15,7 +15,9 @@
 
 #include <cmath>
 #include <functional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 using namespace gsh;
@@ -81,6 +83,84 @@ TEST_CASE("VRM: bones by the extension, whatever the nodes are called") {
     CHECK(test::compare(test::sample_rig(o), "ZXY", o, motion, test::skeleton_body(),
                         joint_names_of(test::skeleton_body()))
               .limbs < 0.001);
+}
+
+TEST_CASE("nodes may have the same name, as ends of chains do") {
+    const test::Temporary folder;
+    auto files = test::gltf_of(test::sample_rig());
+    const std::size_t before = files.json["nodes"].size();
+    for (std::size_t n = 0; n < 4; ++n) {
+        files.json["nodes"][n]["children"].push_back(files.json["nodes"].size());
+        files.json["nodes"].push_back({{"name", "ENDSITE"}});
+    }
+    write_file(folder / "a.glb", files.glb());
+    const RigMotion rig = load_gltf_motion(folder / "a.glb");
+    REQUIRE(rig.joint_count() == before + 4);
+    std::set<std::string> names(rig.names.begin(), rig.names.end());
+    for (const char* name : {"ENDSITE", "ENDSITE#2", "ENDSITE#3", "ENDSITE#4"}) CHECK(names.contains(name));
+    const test::SampleOptions o;
+    const Motion motion = retarget(rig, test::skeleton_body());
+    CHECK(test::compare(test::sample_rig(o), "ZXY", o, motion, test::skeleton_body(),
+                        joint_names_of(test::skeleton_body()))
+              .limbs < 0.001);
+    // One of two joints for the left thigh is left out by the joint map.
+    files.json["nodes"].back()["name"] = "mixamorig:LeftUpLeg";
+    files.json["nodes"].back()["children"] = {before};
+    files.json["nodes"][0]["children"].erase(files.json["nodes"][0]["children"].size() - 1);
+    write_file(folder / "b.glb", files.glb());
+    const RigMotion two = load_gltf_motion(folder / "b.glb", {{{"mixamorig:LeftUpLeg#2", ""}}});
+    CHECK(JointMap{{{"mixamorig:LeftUpLeg#2", ""}}}.match(two, "b.glb")[1] >= 0);
+}
+
+TEST_CASE("an animation of the upper body alone: legs keep the pose of their nodes") {
+    const test::Temporary folder;
+    const auto sample = test::sample_rig();
+    auto files = test::gltf_of(sample);
+    auto& animation = files.json["animations"][0];
+    auto kept = test::Json::array();
+    const auto is_upper = [&](std::size_t node) {
+        const std::string& part = sample.parts[node]; // nodes are joints
+        for (const char* word : {"spine", "neck", "head", "collar", "shoulder", "elbow", "wrist"})
+            if (part.find(word) != std::string::npos) return true;
+        return false;
+    };
+    for (const auto& channel : animation["channels"])
+        if (is_upper(channel["target"]["node"].get<std::size_t>())) kept.push_back(channel);
+    animation["channels"] = kept;
+    write_file(folder / "a.glb", files.glb());
+    const RigMotion rig = load_gltf_motion(folder / "a.glb");
+    CHECK(rig.joint_count() == sample.names.size());
+    const Motion motion = retarget(rig, test::skeleton_body());
+    for (std::size_t t = 0; t < motion.frame_count(); ++t)
+        for (const char* joint : {"left_hip", "right_hip", "left_knee", "right_knee"})
+            CHECK(length(motion.pose_at(t)[static_cast<std::size_t>(smplx_joint(joint))] -
+                         motion.pose_at(0)[static_cast<std::size_t>(smplx_joint(joint))]) < 1e-5);
+    // The source's arms, as it is posed with the hips at rest
+    const auto pose = test::pose_of(test::skeleton_body(), motion, 2);
+    auto still = sample;
+    for (auto& angles : still.angles)
+        for (std::size_t j = 0; j < angles.size(); ++j)
+            if (!is_upper(j)) angles[j] = vec3<double>(0);
+    const auto truth = test::pose_of(still, 2, "ZXY");
+    const auto own = [&](const char* joint) { return pose.joints[static_cast<std::size_t>(smplx_joint(joint))]; };
+    const auto source = [&](const char* joint) { return truth.joints[static_cast<std::size_t>(sample.joint(joint))]; };
+    for (const auto& [from, to] : {std::pair{"left_shoulder", "left_elbow"}, {"right_elbow", "right_wrist"}})
+        CHECK(test::degrees_between(own(to) - own(from), source(to) - source(from)) < 0.01);
+}
+
+TEST_CASE("the rate that the caller states changes key frames that are even, and no others") {
+    const test::Temporary folder;
+    std::vector<std::string> warnings;
+    write_file(folder / "a.glb", test::gltf_of(test::sample_rig()).glb());
+    const RigMotion even = load_gltf_motion(folder / "a.glb", {}, &warnings, {}, {60, 0});
+    CHECK(even.timestamps[3] == doctest::Approx(3 / 60.0));
+    REQUIRE(warnings.size() == 1);
+    CHECK(warnings[0].find("30 frames per second, but --input-fps states 60") != std::string::npos);
+    warnings.clear();
+    write_file(folder / "b.glb", test::gltf_of(test::sample_rig({.frames = 3}), {.step = 1}).glb());
+    CHECK(load_gltf_motion(folder / "b.glb", {}, &warnings, {}, {60, 0}).timestamps.back() == doctest::Approx(2.5));
+    REQUIRE(warnings.size() == 1);
+    CHECK(warnings[0].find("not applied") != std::string::npos);
 }
 
 TEST_CASE("interpolation: sparse keys give 30 frames a second; steps stay, splines are smooth") {
@@ -179,7 +259,12 @@ TEST_CASE("damaged files are refused with the place and what was found") {
     refuse(changed([](J& j) { j["nodes"][2]["translation"] = {{"x", 1}, {"y", 2}, {"z", 3}}; }),
            {"translation of a node is not a list"});
     refuse(changed([](J& j) { j["nodes"][2]["scale"] = {-1, 1, 1}; }), {"mirrored"});
-    refuse(changed([](J& j) { j["nodes"][2]["name"] = j["nodes"][3]["name"]; }), {"twice"});
+    refuse(changed([](J& j) { // two left legs
+               for (auto& node : j["nodes"])
+                   for (const std::string bone : {"UpLeg", "Leg"})
+                       if (node["name"] == "mixamorig:Right" + bone) node["name"] = "mixamorig:Left" + bone;
+           }),
+           {"left_hip ('mixamorig:LeftUpLeg', 'mixamorig:LeftUpLeg#2')", "joint map"});
     refuse(changed([](J& j) { j["animations"] = J::array(); }), {"no animations"});
     refuse(changed([](J& j) { j.erase("animations"); }), {"no animations"});
     refuse(changed([](J& j) { j["animations"][0]["channels"][0]["target"]["node"] = 4000; }),

@@ -6,6 +6,7 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/npz.hpp>
+#include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/motion_table.hpp>
 
@@ -20,7 +21,7 @@ namespace gsh {
 
 /// Reads trans [T, 3] with poses [T, 3 J] (SMPL+H 156, SMPL-X 165, SMPL 72, body 66), or with root_orient [T, 3],
 /// pose_body [T, 63] and optionally pose_jaw [T, 3], pose_eye [T, 6], pose_hand [T, 90]. poses takes precedence. betas,
-/// expression(s) and mocap_framerate or mocap_frame_rate are optional. All other members (gender, dmpls, markers and
+/// expression(s) and what stated_time reads are optional. All other members (gender, dmpls, markers and
 /// their pickled names) are ignored.
 ///
 /// Frame   z is up in AMASS; with options.world = upright the body stands along +y. Hand poses include the mean hand
@@ -113,16 +114,7 @@ inline Motion load_amass_motion(const std::filesystem::path& path, const BodyMod
         table.add("betas", "betas", file.read<double>("betas"));
     else
         detail::add_mean_shape(table, warnings);
-    for (const char* key : {"mocap_framerate", "mocap_frame_rate", "fps"})
-        if (file.has_array(key)) {
-            const double rate = file.read_number<double>(key, Numbers::any);
-            check_value(rate > 0, file.name_of(key),
-                        "is " + std::to_string(rate) + ", expected frames per second above 0");
-            table.add("mocap_frame_rate", key, std::vector<double>{rate}, {});
-            break;
-        }
-    if (file.has_array("timestamps"))
-        table.add("timestamps", "timestamps", file.read<double>("timestamps", Numbers::any));
+    copy_stated_time(file, table);
     double flat_hand = 1;
     for (const char* key : {"flat_hand_mean", "flat_hand"})
         if (file.has_array(key)) flat_hand = file.read_number<int>(key);

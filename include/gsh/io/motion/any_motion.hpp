@@ -133,11 +133,11 @@ inline std::optional<RigMotion> load_rig_motion(const std::filesystem::path& pat
                                                 const MotionFileOptions& options, std::vector<std::string>* warnings) {
     switch (layout) {
     case MotionLayout::bvh:
-        return load_bvh(path, options.joint_map, warnings);
+        return load_bvh(path, options.joint_map, warnings, options.rates());
     case MotionLayout::gltf:
-        return load_gltf_motion(path, options.joint_map, warnings, options.animation);
+        return load_gltf_motion(path, options.joint_map, warnings, options.animation, options.rates());
     case MotionLayout::sam3d:
-        return load_sam3d_motion(path, options.joint_map, warnings, options.fps);
+        return load_sam3d_motion(path, options.joint_map, warnings, options.rates());
     default:
         return std::nullopt;
     }
@@ -175,7 +175,11 @@ inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel
         std::vector<int> frames;
         for (const auto& pose : detail::list_numbered(path / "pose", ".txt"))
             frames.push_back(static_cast<int>(pose.number));
-        std::vector<Motion> people = load_gala_motions(path / "pose", rig, frames, options.fps);
+        StatedTime stated;
+        stated.numbers.assign(frames.begin(), frames.end());
+        const auto times = frame_times(frames.size(), stated, options.rates(), path.string(), warnings);
+        std::vector<Motion> people = load_gala_motions(path / "pose", rig, frames);
+        for (Motion& motion : people) motion.timestamps = times;
         check_value(options.person >= 0 && static_cast<std::size_t>(options.person) < people.size(), path.string(),
                     "there is no person " + std::to_string(options.person) + ", the poses hold " +
                         std::to_string(people.size()));

@@ -9,6 +9,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
+#include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/unit_guess.hpp>
 #include <gsh/io/motion/up_warning.hpp>
 #include <gsh/math/rotation.hpp>
@@ -28,15 +29,17 @@ namespace gsh {
 
 /// Reads the one skeleton of a file and its motion. The rest pose is that of zero angles. A joint with position
 /// channels takes its position in the parent's frame from them, in place of its OFFSET. An End Site becomes a joint
-/// NAME_end.
+/// NAME_end. Of joints with the same name, the second is NAME#2.
 ///
 /// Frame   y up. Where another axis is up (body/rig_up.hpp), the world is turned.
-/// Units   the file does not state its unit; it is guessed from the length of the legs.
+/// Units   the file does not state its unit; it is guessed from the length of the legs. A frame time of 0 is none: 30
+///         frames a second, with a warning.
 /// Errors  IoError, ValueError naming file and line: a channel that is not known, numbers that do not fit the channels,
-///         a count of frames that is not that of the lines, NaN, a name twice, more than 256 levels. What was guessed
-///         is added to `warnings`.
+///         a count of frames that is not that of the lines, NaN, more than 256 levels. What was guessed is added to
+///         `warnings`.
 [[nodiscard]] inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map = {},
-                                        std::vector<std::string>* warnings = nullptr);
+                                        std::vector<std::string>* warnings = nullptr,
+                                        const FrameRates& rates = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -46,9 +49,18 @@ class BvhReader {
 public:
     explicit BvhReader(const std::filesystem::path& path) : text_(read_file(path)), lines_(text_, path.string()) {}
 
-    RigMotion read() {
+    RigMotion read(const FrameRates& rates, std::vector<std::string>* warnings) {
         read_hierarchy();
         read_motion();
+        if (!(rates.input > 0) && step_ * detail::slowest_frame_rate >= 1)
+            throw IoError(lines_.name() + ": 'Frame Time:' states " + number_text(step_) +
+                          " s, expected the seconds from one frame to the next; correct it, or state the rate "
+                          "(--input-fps)");
+        StatedTime stated;
+        if (step_ != 0) stated.rate = 1 / step_, stated.name = lines_.name() + ": 1 / 'Frame Time:'";
+        rig_.timestamps = frame_times(frame_count_, stated, rates, lines_.name(), warnings);
+        if (!(rates.input > 0) && step_ != 0) // without the rounding of 1 / step
+            for (std::size_t t = 0; t < frame_count_; ++t) rig_.timestamps[t] = static_cast<double>(t) * step_;
         return std::move(rig_);
     }
 
@@ -62,13 +74,12 @@ private:
     RigMotion rig_;
     std::vector<Joint> joints_;
     std::set<std::string> seen_;
-    std::size_t channel_count_ = 0;
+    std::size_t channel_count_ = 0, frame_count_ = 0;
+    double step_ = 0; // seconds from frame to frame; 0 where the file states no time
 
     void add_joint(const std::string& name, int parent) {
         if (name.empty()) lines_.fail("is a joint without a name");
-        if (!seen_.insert(name).second)
-            lines_.fail("has the joint '" + name + "' a second time, expected each name once");
-        rig_.names.push_back(name);
+        rig_.names.push_back(unique_joint_name(name, seen_));
         rig_.parents.push_back(parent);
         joints_.emplace_back();
     }
@@ -166,8 +177,8 @@ private:
         if (!lines_.next() || !is_word(first_word(lines_.line()), "Frame") ||
             !is_word(first_word(trimmed(lines_.line().substr(5))), "Time:"))
             lines_.fail("is not 'Frame Time: SECONDS'");
-        const double step = lines_.numbers(trimmed(lines_.line().substr(5)).substr(5), 1)[0];
-        if (!(step > 0)) lines_.fail("states a frame time of " + number_text(step) + " s, expected more than 0");
+        step_ = lines_.numbers(trimmed(lines_.line().substr(5)).substr(5), 1)[0];
+        if (step_ < 0) lines_.fail("states a frame time of " + number_text(step_) + " s, expected more than 0");
         if (channel_count_ == 0) lines_.fail("is a motion of joints without any channels");
 
         if (const std::size_t found = lines_.count_rest(); static_cast<double>(found) != stated)
@@ -181,7 +192,7 @@ private:
         rig_.rotations.reserve(frames * J);
         while (lines_.next()) {
             add_frame(lines_.numbers(lines_.line(), channel_count_, ", one for each channel"));
-            rig_.timestamps.push_back(static_cast<double>(rig_.timestamps.size()) * step);
+            ++frame_count_;
         }
     }
 
@@ -219,8 +230,9 @@ private:
 
 } // namespace detail
 
-inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map, std::vector<std::string>* warnings) {
-    RigMotion rig = detail::BvhReader(path).read();
+inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map, std::vector<std::string>* warnings,
+                          const FrameRates& rates) {
+    RigMotion rig = detail::BvhReader(path).read(rates, warnings);
     const MatchedJoints matched = map.match(rig, path.string());
     const LengthUnit unit = guess_length_unit(rig, matched);
     const RigUp up = find_up(rig, matched);

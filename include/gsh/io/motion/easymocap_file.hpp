@@ -10,6 +10,7 @@
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/named_path.hpp>
 #include <gsh/io/file/opencv_yaml.hpp>
+#include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/motion_table.hpp>
 #include <gsh/io/motion/smplx_json_file.hpp>
@@ -38,7 +39,7 @@ namespace gsh {
 ///
 /// Frame   EasyMocap rotates the posed body about the origin, x = Rh body + Th. The SMPL family rotates it about the
 ///         root's rest position J₀. Hence transl = Th + Rh J₀ - J₀, with J₀ of this body, shape and expression.
-/// Units   timestamps are NUMBER / fps (30 by default).
+/// Units   timestamps are NUMBER / fps (30 without options.fps, with a warning).
 /// Errors  IoError, ShapeError, ValueError naming file and field; also for a person who is missing in a frame.
 [[nodiscard]] inline Motion load_easymocap_motion(const std::filesystem::path& folder, const BodyModel& model,
                                                   const MotionFileOptions& options = {},
@@ -91,10 +92,9 @@ inline Motion load_easymocap_motion(const std::filesystem::path& folder, const B
                                     const MotionFileOptions& options, std::vector<std::string>* warnings) {
     const auto files = detail::list_numbered(folder, ".json");
     if (files.empty()) throw IoError(folder.string() + ": holds no files NUMBER.json, expected one per frame");
-    const double fps = options.fps > 0 ? options.fps : 30;
     const std::size_t T = files.size();
     std::map<std::string, std::pair<std::vector<double>, std::size_t>> columns; // data, width
-    std::vector<double> timestamps, Rh, Th, shapes;
+    std::vector<double> numbers, Rh, Th, shapes;
     std::size_t width = 0, shape_count = 0;
     bool whole_hands = false;
     for (std::size_t t = 0; t < T; ++t) {
@@ -150,14 +150,14 @@ inline Motion load_easymocap_motion(const std::filesystem::path& folder, const B
         Rh.insert(Rh.end(), turn.begin(), turn.end());
         Th.insert(Th.end(), p.Th.begin(), p.Th.end());
         shapes.insert(shapes.end(), p.shapes.begin(), p.shapes.end());
-        timestamps.push_back(static_cast<double>(files[t].number) / fps);
+        numbers.push_back(static_cast<double>(files[t].number));
     }
 
     MotionTable table(folder);
     for (auto& [key, column] : columns) table.add(key, key, std::move(column.first), {T, column.second});
     table.add("transl", "Th", std::vector<double>(3 * T, 0.0), {T, 3});
     table.add("betas", "shapes", std::move(shapes), {T, shape_count});
-    table.add("timestamps", "timestamps", std::move(timestamps), {T});
+    table.add(detail::frame_numbers_key, "the numbers of its files", std::move(numbers), {T});
     table.add("flat_hand", "flat_hand", std::vector<double>{whole_hands ? 1.0 : 0.0}, {});
     MotionFileOptions as_stored = options;
     as_stored.world = MotionFileOptions::World::as_stored; // the change of world follows move_frame

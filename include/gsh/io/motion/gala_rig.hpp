@@ -51,9 +51,9 @@ struct GalaRig {
 /// = Ry Rx Rz, and scale. Only the roots' positions are used. Returns all people, with the frames as listed.
 ///
 /// Frame   a joint's angles E include its rest rotation Q: the rotation relative to the T pose is Q_parent E Q⁻¹.
-/// Units   timestamps are NUMBER / fps (30 if fps is 0).
+/// Units   timestamps are NUMBER / 30.
 [[nodiscard]] inline std::vector<Motion> load_gala_motions(const std::filesystem::path& folder, const GalaRig& rig,
-                                                           const std::vector<int>& frames, double fps = 0);
+                                                           const std::vector<int>& frames);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -228,7 +228,7 @@ inline GalaRig load_gala_rig(const std::filesystem::path& folder, std::vector<st
 }
 
 inline std::vector<Motion> load_gala_motions(const std::filesystem::path& folder, const GalaRig& rig,
-                                             const std::vector<int>& frames, double fps) {
+                                             const std::vector<int>& frames) {
     using detail::mirrored;
     const std::size_t J = rig.body.joint_count();
     check_size("load_gala_motions", "rig.rest_rotations", rig.rest_rotations.size(), J);
@@ -264,7 +264,7 @@ inline std::vector<Motion> load_gala_motions(const std::filesystem::path& folder
                 motion.pose.push_back(axis_angle_from_rotation(before * E * transpose(rig.rest_rotations[j])));
             }
             motion.transl.push_back(mirrored(lines.vector(3 * p * J, "position")) - J0);
-            motion.timestamps.push_back(frame / (fps > 0 ? fps : 30));
+            motion.timestamps.push_back(frame / 30.0);
         }
     }
     for (const Motion& motion : people) validate(motion, rig.body, folder.string());

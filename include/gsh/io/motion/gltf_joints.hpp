@@ -2,6 +2,7 @@
 /// @file  The nodes of a glTF file that are joints of a rig.
 #pragma once
 
+#include <gsh/body/joint_names.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/io/file/gltf_file.hpp>
 #include <gsh/io/file/gltf_nodes.hpp>
@@ -39,9 +40,10 @@ public:
     }
     [[nodiscard]] const std::string& name_of(std::size_t joint) const { return names_[joint]; }
 
-    /// Sets names and parents of a rig.
+    /// Sets names and parents of a rig. Of nodes with the same name, the second is NAME#2.
     void describe(RigMotion& rig) const {
         rig.names = names_;
+        rig.parents.clear();
         for (std::size_t j = 0; j < joints_.size(); ++j) rig.parents.push_back(parent_of(j));
     }
     /// The skin with most joints, or null.
@@ -98,7 +100,8 @@ void GltfJoints::keep_joints(const Moves& moves) {
         if (const int parent = nodes_.parent(*node); parent >= 0 && keep[static_cast<std::size_t>(*node)])
             keep[static_cast<std::size_t>(parent)] = true;
     numbers_.assign(nodes_.size(), -1);
-    std::set<std::string> bones;
+    joints_.clear(), names_.clear();
+    std::set<std::string> bones, taken;
     for (const auto& [node, name] : humanoid_) bones.insert(name);
     for (const int node : nodes_.order()) {
         if (!keep[static_cast<std::size_t>(node)]) continue;
@@ -110,7 +113,7 @@ void GltfJoints::keep_joints(const Moves& moves) {
             name += "node_" + std::to_string(node);
         numbers_[static_cast<std::size_t>(node)] = static_cast<int>(joints_.size());
         joints_.push_back(node);
-        names_.push_back(std::move(name));
+        names_.push_back(unique_joint_name(name, taken)); // glTF does not ask for unique names
     }
 }
 

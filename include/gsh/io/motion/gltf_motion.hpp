@@ -12,6 +12,7 @@
 #include <gsh/io/file/gltf_nodes.hpp>
 #include <gsh/io/file/gltf_numbers.hpp>
 #include <gsh/io/file/text_lines.hpp>
+#include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/gltf_joints.hpp>
 #include <gsh/io/motion/unit_guess.hpp>
 #include <gsh/io/motion/up_warning.hpp>
@@ -32,18 +33,21 @@ namespace gsh {
 
 /// Reads one animation of a file: the one called `animation`, or the first with rotations of nodes.
 ///
-/// Joints    the nodes that the animation, a skin or VRM's humanoid bones use, with those above and below. In a VRM
-///           file, humanoid bones have VRM's names.
+/// Joints    the nodes that the animation, a skin or VRM's humanoid bones use, with those above and below; all nodes if
+///           limbs are missing among them, as where only the upper body is animated. In a VRM file, humanoid bones have
+///           VRM's names. Names may be repeated: the second node called NAME is NAME#2.
 /// Rest      of VRM files the nodes' own transforms, as VRM demands; else the pose in which the largest skin was bound
 ///           (its inverse bind matrices), and the nodes' transforms without a skin.
-/// Frames    the key frames if they are evenly spaced, 5 a second or more; else 30 a second, interpolated.
-/// Frame     y up, as in glTF. A body that stands on a ground along another axis (find_up) is turned. Scales of nodes count, for instance an armature scaled by 0.01.
+/// Frames    the key frames if they are evenly spaced, 5 a second or more; else 30 a second, interpolated. rates.input
+///           changes the rate of key frames that are even.
+/// Frame     y up, as in glTF. A body that stands on a ground along another axis (find_up) is turned. Scales of nodes
+///           count, for instance an armature scaled by 0.01.
 /// Units     metres; other units are guessed from the legs, with a warning.
 /// Errors    IoError, ValueError naming file and place: no animation, an index out of range, a tree with a cycle, times
-///           that do not ascend, a buffer that is short, a mirrored or repeated joint, an animation without nodes.
+///           that do not ascend, a buffer that is short, a mirrored joint, an animation without nodes.
 [[nodiscard]] inline RigMotion load_gltf_motion(const std::filesystem::path& path, const JointMap& map = {},
                                                 std::vector<std::string>* warnings = nullptr,
-                                                const std::string& animation = {});
+                                                const std::string& animation = {}, const FrameRates& rates = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -54,9 +58,11 @@ public:
     explicit GltfMotionReader(const std::filesystem::path& path)
         : file_(path), nodes_(file_), joints_(file_, nodes_), numbers_(file_) {}
 
-    RigMotion read(const JointMap& map, std::vector<std::string>* warnings, const std::string& wanted) {
+    RigMotion read(const JointMap& map, std::vector<std::string>* warnings, const std::string& wanted,
+                   const FrameRates& rates) {
         choose_animation(wanted, warnings);
         joints_.keep_joints([&](int node) { return channels_.contains(node); });
+        if (!has_limbs(map)) joints_.keep_joints([](int) { return true; }); // an animation of the upper body alone
         const std::vector<double> times = frame_times();
         check_rig_size(file_.name(), joints_.joint_count(), times.size());
         joints_.describe(rig_);
@@ -67,6 +73,7 @@ public:
         for (std::size_t t = 0; t < times.size(); ++t)
             pose(channels_, times[t], &rig_.joints[t * rig_.joint_count()], &rig_.rotations[t * rig_.joint_count()]);
         rig_.timestamps = times;
+        if (rates.input > 0) state_rate(rates, warnings);
         validate(rig_, file_.name());
         if (!joints_.has_humanoid()) rest_of_skin(map);
         return std::move(rig_);
@@ -80,6 +87,7 @@ private:
     GltfNumbers numbers_;
     Channels channels_;
     RigMotion rig_;
+    bool frames_are_keys_ = false;
 
     [[nodiscard]] static bool moves(const tinygltf::AnimationChannel& channel) {
         return channel.target_node != -1 && channel.target_path == "rotation";
@@ -107,8 +115,30 @@ private:
         if (channels_.empty()) file_.fail(where + " moves no node");
     }
 
+    /// Whether the joints that are kept hold a person's limbs.
+    [[nodiscard]] bool has_limbs(const JointMap& map) const {
+        RigMotion rig;
+        joints_.describe(rig);
+        try {
+            check_limbs(rig, map.match(rig, file_.name()), file_.name());
+        } catch (const ValueError&) {
+            return false;
+        }
+        return true;
+    }
+
+    /// Gives the frames the rate that the caller states, if they are the file's own.
+    void state_rate(const FrameRates& rates, std::vector<std::string>* warnings) {
+        if (frames_are_keys_)
+            rig_.timestamps = gsh::frame_times(rig_.frame_count(), {rig_.timestamps, 0, file_.name() + ": key frames"},
+                                               rates, file_.name(), warnings);
+        else if (warnings)
+            warnings->push_back(file_.name() + ": --input-fps is not applied, because its key frames are not even and "
+                                               "their times are seconds");
+    }
+
     /// The times of the key frames if they are evenly spaced, else 30 times a second from the first to the last.
-    [[nodiscard]] std::vector<double> frame_times() const {
+    [[nodiscard]] std::vector<double> frame_times() {
         std::vector<double> keys;
         const std::vector<double>* last = nullptr;
         for (const auto& [node, channels] : channels_)
@@ -125,6 +155,7 @@ private:
         bool even = step <= 0.2;
         for (std::size_t k = 0; k < keys.size(); ++k)
             even = even && std::abs(keys[k] - from - static_cast<double>(k) * step) <= 0.05 * step + same;
+        frames_are_keys_ = even;
         if (even) return keys;
         constexpr double rate = 30;
         if (length * rate > 16e6) file_.fail("lasts " + number_text(length) + " s, more than is read");
@@ -201,8 +232,9 @@ private:
 } // namespace detail
 
 inline RigMotion load_gltf_motion(const std::filesystem::path& path, const JointMap& map,
-                                  std::vector<std::string>* warnings, const std::string& animation) {
-    RigMotion rig = detail::GltfMotionReader(path).read(map, warnings, animation);
+                                  std::vector<std::string>* warnings, const std::string& animation,
+                                  const FrameRates& rates) {
+    RigMotion rig = detail::GltfMotionReader(path).read(map, warnings, animation, rates);
     const MatchedJoints matched = map.match(rig, path.string());
     const LengthUnit unit = guess_length_unit(rig, matched);
     RigUp up = find_up(rig, matched, false); // a skin may be bound in axes of its own

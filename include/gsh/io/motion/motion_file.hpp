@@ -7,6 +7,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/npz_writer.hpp>
+#include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/motion_options.hpp>
 #include <gsh/io/motion/motion_table.hpp>
 #include <gsh/io/motion/up_warning.hpp>
@@ -27,9 +28,10 @@ namespace gsh {
 ///
 /// Split files  global_orient [T, 3], body_pose [T, 3 n], transl [T, 3], betas [S]; optionally jaw_pose, leye_pose,
 ///              reye_pose [T, 3], left_hand_pose, right_hand_pose [T, 45] or [T, C] PCA coefficients,
-///              expression [T, E], timestamps [T].
-/// Whole files  poses [T, 3 J], trans [T, 3], betas, mocap_framerate. Files for 22, 24, 52 or 55 joints can be used for
-///              bodies of any of these: the common joints are read.
+///              expression [T, E].
+/// Whole files  poses [T, 3 J], trans [T, 3], betas. Files for 22, 24, 52 or 55 joints can be used for bodies of any of
+///              these: the common joints are read.
+/// Time         timestamps [T], or a rate under one of frame_rate_keys: io/motion/frame_rate.hpp.
 /// Units        axis-angle in radians, metres, seconds.
 /// Errors       IoError, ShapeError, ValueError naming file and key. Probable mistakes are added to `warnings`: missing
 ///              or unused parts, degrees, a mean hand that is missing or was added twice.
@@ -242,21 +244,8 @@ private:
     }
 
     void read_timestamps() {
-        if (file_.has_array("timestamps")) {
-            motion_.timestamps =
-                file_.template read<double>("timestamps", {static_cast<std::int64_t>(frames_)}, Numbers::any).data;
-            for (std::size_t t = 1; t < frames_; ++t)
-                check_value(motion_.timestamps[t] >= motion_.timestamps[t - 1], file_.name_of("timestamps"),
-                            "go back in time at frame " + std::to_string(t));
-            return;
-        }
-        double fps = options_.fps > 0 ? options_.fps : 1;
-        for (const char* key : {"mocap_framerate", "mocap_frame_rate"})
-            if (file_.has_array(key)) {
-                fps = file_.template read_number<double>(key, Numbers::any);
-                check_value(fps > 0, file_.name_of(key), "must be positive");
-            }
-        for (std::size_t t = 0; t < frames_; ++t) motion_.timestamps.push_back(static_cast<double>(t) / fps);
+        motion_.timestamps =
+            frame_times(frames_, stated_time(file_, frames_), options_.rates(), file_.path().string(), warnings_);
     }
 
     [[nodiscard]] bool adds_mean(bool split) const {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/body/joint_map.hpp>
+#include <gsh/io/motion/frame_rate.hpp>
 
 #include <string>
 #include <vector>
@@ -17,9 +18,7 @@ struct MotionFileOptions {
         flat, ///< the file's numbers are the complete hand pose
     };
     Hands hands = Hands::automatic;
-    /// Frames a second of files without timestamps and frame rate. 0: one, but 30 for SAM 3D Body. BVH and glTF files
-    /// have their own times and ignore it.
-    double fps = 0;
+    double fps = 0; ///< frames a second of files that state neither timestamps nor a rate; 0: 30, with a warning
 
     /// The up direction. Poses that belong to cameras must remain as stored. Motions from elsewhere often have z up
     /// (AMASS) or lie in a camera's frame, y down.
@@ -28,12 +27,15 @@ struct MotionFileOptions {
         upright, ///< the coordinate axis that the body stands along becomes +y
     };
     World world = World::as_stored;
-    int person = 0; ///< the motion to read if there are several people: an id, or an index in the list
+    double input_fps = 0; ///< frames a second, whatever the file states; 0: as the file states
+    int person = 0;       ///< the motion to read if there are several people: an id, or an index in the list
 
     // For motions of other rigs, which are retargeted: BVH, glTF, SAM 3D Body.
     JointMap joint_map = {};        ///< which of the file's joints are which of the body's, beside known names
     std::vector<double> betas = {}; ///< the body's shape, which such files do not have; empty: the mean shape
     std::string animation = {};     ///< name of the animation, if a file has several; empty: the first
+
+    [[nodiscard]] FrameRates rates() const { return {input_fps, fps}; }
 };
 
 } // namespace gsh

@@ -8,6 +8,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/motion/amass_file.hpp>
+#include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/motion_table.hpp>
 #include <gsh/io/motion/smplifyx_file.hpp>
@@ -75,12 +76,12 @@ inline void add_snapshot_poses(MotionTable& table, const SnapshotPoses& poses) {
     table.add("betas", "betas", poses.betas);
 }
 
-/// Loads a motion file of this layout alone; 30 frames per second by default.
-inline Motion load_snapshot_motion(const std::filesystem::path& path, const BodyModel& body, MotionFileOptions options,
-                                   std::vector<std::string>* warnings) {
+/// Loads a motion file of this layout alone.
+inline Motion load_snapshot_motion(const std::filesystem::path& path, const BodyModel& body,
+                                   const MotionFileOptions& options, std::vector<std::string>* warnings) {
     MotionTable table(path);
     add_snapshot_poses(table, read_snapshot_poses(path));
-    if (!(options.fps > 0)) options.fps = 30;
+    copy_stated_time(NpzReader(path), table);
     return MotionReader<MotionTable>(std::move(table), body, options, warnings).read();
 }
 

@@ -7,6 +7,7 @@
 #include <gsh/body/rig_pose.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/npz.hpp>
+#include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -23,7 +24,8 @@
 namespace gsh {
 
 /// Reads names [J], parents [J], rest_joints [J, 3] and rest_rotations [J, 3, 3] of the rig, pred_joint_coords
-/// [T, J, 3] and pred_global_rots [T, J, 3, 3] of the frames, and optionally pred_cam_t [T, 3] and fps. The page
+/// [T, J, 3] and pred_global_rots [T, J, 3, 3] of the frames, and optionally pred_cam_t [T, 3] and fps, or another of
+/// frame_rate_keys. The page
 /// `captures` has the program that writes it.
 ///
 /// Frame   SAM 3D Body gives positions in the camera's axes (y down, z forward) and rotations with y up. Both are taken
@@ -31,7 +33,8 @@ namespace gsh {
 ///         bones must point where the rotations turn them.
 /// Errors  IoError, ShapeError, ValueError naming file and key; rotations and positions that do not belong together.
 [[nodiscard]] inline RigMotion load_sam3d_motion(const std::filesystem::path& path, const JointMap& map = {},
-                                                 std::vector<std::string>* warnings = nullptr, double fps = 0);
+                                                 std::vector<std::string>* warnings = nullptr,
+                                                 const FrameRates& rates = {});
 
 /// From axes with y up to those of a camera, y down and z forward, or back.
 [[nodiscard]] inline mat3<double> half_turn_about_x() {
@@ -67,7 +70,7 @@ inline double bone_disagreement(const RigMotion& rig, const MatchedJoints& match
 } // namespace detail
 
 inline RigMotion load_sam3d_motion(const std::filesystem::path& path, const JointMap& map,
-                                   std::vector<std::string>* warnings, double fps) {
+                                   std::vector<std::string>* warnings, const FrameRates& rates) {
     const NpzReader file(path);
     RigMotion rig;
     for (const char* key :
@@ -102,15 +105,7 @@ inline RigMotion load_sam3d_motion(const std::filesystem::path& path, const Join
     matrices(file.read<double>("pred_global_rots", {frames, joints, 3, 3}), rig.rotations);
     std::vector<vec3<double>> camera;
     if (file.has("pred_cam_t")) vectors(file.read<double>("pred_cam_t", {frames, 3}), camera);
-    double rate = fps > 0 ? fps : 30;
-    if (file.has("fps")) {
-        rate = file.read_number<double>("fps", Numbers::any);
-        check_value(rate > 0, file.name_of("fps"),
-                    "is " + std::to_string(rate) + ", expected frames per second above 0");
-    } else if (fps <= 0 && warnings) {
-        warnings->push_back(path.string() + ": fps is missing, 30 frames per second are taken");
-    }
-    for (std::size_t t = 0; t < T; ++t) rig.timestamps.push_back(static_cast<double>(t) / rate);
+    rig.timestamps = frame_times(T, stated_time(file, T), rates, path.string(), warnings);
     validate(rig, path.string());
 
     const MatchedJoints matched = map.match(rig, path.string());

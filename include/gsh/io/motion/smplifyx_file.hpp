@@ -9,6 +9,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/motion/amass_file.hpp>
+#include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/motion_table.hpp>
 #include <gsh/io/motion/up_warning.hpp>
@@ -117,6 +118,8 @@ inline SmplifyxFits load_smplifyx_fits(const std::filesystem::path& path, const 
     for (const char* key : {"flat_hand", "flat_hand_mean"})
         if (file.has_array(key))
             table.add("flat_hand", key, std::vector<double>{static_cast<double>(file.read_number<int>(key))}, {});
+
+    copy_stated_time(file, table);
 
     SmplifyxFits fits;
     MotionFileOptions as_stored = options;

@@ -6,6 +6,7 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/json_file.hpp>
+#include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/motion_table.hpp>
 
@@ -29,7 +30,7 @@ namespace gsh {
 /// and smplx_params are searched for in it and in smplx_optimized.
 ///
 /// Frame   the camera's: x right, y down, z forward; options.world = upright makes y point up.
-/// Units   timestamps are NUMBER / fps (30 by default).
+/// Units   timestamps are NUMBER / fps (30 without options.fps, with a warning).
 /// Errors  IoError, ShapeError, ValueError naming file and field. ExAvatar's offsets of joints and face are not part of
 ///         a motion; if they are present, a warning is added.
 [[nodiscard]] inline Motion load_smplx_json_motion(const std::filesystem::path& folder, const BodyModel& model,
@@ -112,13 +113,12 @@ inline Motion load_smplx_json_motion(const std::filesystem::path& folder, const 
                                             {"rhand_pose", "right_hand_pose", 45, false},
                                             {"expr", "expression", 0, false},
                                             {"betas", "betas", 0, false}};
-    const double fps = options.fps > 0 ? options.fps : 30;
-    std::vector<double> timestamps;
+    std::vector<double> numbers;
     for (const detail::NumberedFile& file : files) {
         const detail::Json json = detail::read_json(file.path);
         const detail::JsonObject object(json, file.path.string());
         for (detail::JsonColumn& column : columns) {
-            if (timestamps.empty() && !column.needed) {
+            if (numbers.empty() && !column.needed) {
                 if (!object.has(column.field)) continue;
                 column.needed = true;
             }
@@ -127,7 +127,7 @@ inline Motion load_smplx_json_motion(const std::filesystem::path& folder, const 
             const std::vector<double> row = object.numbers(column.field, column.width);
             column.data.insert(column.data.end(), row.begin(), row.end());
         }
-        timestamps.push_back(static_cast<double>(file.number) / fps);
+        numbers.push_back(static_cast<double>(file.number));
     }
 
     MotionTable table(place);
@@ -137,7 +137,7 @@ inline Motion load_smplx_json_motion(const std::filesystem::path& folder, const 
         own_betas = own_betas || std::string_view(column.key) == "betas";
         table.add(column.key, column.field, std::move(column.data), {files.size(), column.width});
     }
-    table.add("timestamps", "timestamps", std::move(timestamps), {files.size()});
+    table.add(detail::frame_numbers_key, "the numbers of its files", std::move(numbers), {files.size()});
     table.add("flat_hand", "flat_hand", std::vector<double>{own_betas ? 1.0 : 0.0},
               {}); // LHM's hands are complete, ExAvatar's are not
     if (!own_betas) {
