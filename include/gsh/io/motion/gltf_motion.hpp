@@ -5,6 +5,7 @@
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
+#include <gsh/body/turned_limbs.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/gltf_channel.hpp>
 #include <gsh/io/file/gltf_file.hpp>
@@ -200,11 +201,13 @@ private:
 inline RigMotion load_gltf_motion(const std::filesystem::path& path, const JointMap& map,
                                   std::vector<std::string>* warnings, const std::string& animation) {
     RigMotion rig = detail::GltfMotionReader(path).read(map, warnings, animation);
-    const LengthUnit unit = guess_length_unit(rig, map.match(rig, path.string()));
+    const MatchedJoints matched = map.match(rig, path.string());
+    const LengthUnit unit = guess_length_unit(rig, matched);
     if (unit.metres != 1) {
         move_rig(rig, mat3<double>(1.0), unit.metres);
         if (warnings) warnings->push_back(path.string() + ": " + detail::unit_warning(unit));
     }
+    turn_limbs_to_joints(rig, matched);
     return rig;
 }
 
