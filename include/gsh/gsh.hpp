@@ -80,6 +80,7 @@
 #include <gsh/body/surface_fill.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/body/turned_limbs.hpp>
 #include <gsh/body/vertex_samples.hpp>
 
 #include <gsh/gaussian/cloud_edits.hpp>

@@ -15,7 +15,9 @@
 #include <gsh/io/motion/bvh_file.hpp>
 
 #include <algorithm>
+#include <sstream>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -189,9 +191,8 @@ TEST_CASE("damaged files are refused with the line and what was found") {
     refuse(small_file({{"90 0 0 0 90 0", "90 0 0 0 90"}}), {":20:", "8 numbers", "expected 9"});
     refuse(small_file({{"90 0 0 0 90 0", "90 0 0 0 90 0 1"}}), {":20:", "10 numbers", "expected 9"});
     refuse(small_file({{"Frames: 2", "Frames: 3"}}), {"states 3 frames", "2 lines"});
-    refuse(small_file({{"Frames: 2", "Frames: 1"}}), {"states 1 frames", "2 lines"});
     refuse(small_file({{"Frames: 2", "Frames: 1e18"}}), {"states 1e+18 frames"});
-    refuse(small_file({{"Frames: 2", "Frames: 0"}}), {"0 frames", "at least one"});
+    refuse(small_file({{"Frames: 2", "Frames: 1.5"}}), {"1.5 frames", "whole number"});
     refuse(small_file({{"Frames: 2", "Frames: -2"}}), {"-2 frames"});
     refuse(small_file({{"Frames: 2", "Frames: two"}}), {":17:", "'two'"});
     refuse(small_file({{"0.04", "-0.04"}}), {"frame time of -0.04", "more than 0"});
@@ -231,4 +232,123 @@ TEST_CASE("a file that is cut or changed anywhere is read or refused, never anyt
         options.where = path.string();
         (void)retarget(load_bvh(path), test::skeleton_body(), {}, options);
     });
+}
+
+TEST_CASE("more lines than 'Frames:' states are frames, too, with a warning") {
+    const test::Temporary folder;
+    const auto read = [&](const std::string& from, const std::string& to, std::vector<std::string>& warnings) {
+        write_file(folder / "a.bvh", small_file({{from, to}}));
+        return load_bvh(folder / "a.bvh", {}, &warnings);
+    };
+    std::vector<std::string> none;
+    const RigMotion exact = read("Frames: 2", "Frames: 2", none);
+    CHECK(none.empty());
+    CHECK(read("Frames: 2", "Frames:2", none).frame_count() == 2);
+    CHECK(read("Frame Time: 0.04\n", "Frame Time:0.04\n\n \t\n", none).timestamps[1] == 0.04); // lines without numbers
+    CHECK(none.empty());
+    for (const std::string stated : {"1", "0"}) {
+        std::vector<std::string> warnings;
+        const RigMotion rig = read("Frames: 2", "Frames: " + stated, warnings);
+        CHECK(rig.joints == exact.joints);
+        CHECK(rig.timestamps == exact.timestamps);
+        REQUIRE(warnings.size() == 1);
+        CHECK(warnings[0].find("states " + stated + " frames, but 2 lines follow; all of them are read") !=
+              std::string::npos);
+    }
+    write_file(folder / "a.bvh", small_file().substr(0, small_file().find("0 0 0 0 0 0 0 0 0")));
+    test::check_throws<IoError>([&] { (void)load_bvh(folder / "a.bvh"); }, {"states 2 frames, but 0 lines follow"});
+    write_file(folder / "a.bvh",
+               small_file({{"Frames: 2", "Frames: 0"}}).substr(0, small_file().find("0 0 0 0 0 0 0 0 0")));
+    test::check_throws<IoError>([&] { (void)load_bvh(folder / "a.bvh"); }, {"holds no frames"});
+}
+
+TEST_CASE("a frame time of zero is 1/30 s, one above a second is warned about") {
+    const test::Temporary folder;
+    for (const auto& [stated, step, word] : {std::tuple{"0", 1.0 / 30, "states 0 s; 30 frames a second are taken"},
+                                             {"0.0", 1.0 / 30, "states 0 s"},
+                                             {"33.3", 33.3, "is it in milliseconds"}}) {
+        write_file(folder / "a.bvh", small_file({{"Frame Time: 0.04", std::string("Frame Time: ") + stated}}));
+        std::vector<std::string> warnings;
+        CHECK(load_bvh(folder / "a.bvh", {}, &warnings).timestamps[1] == step);
+        REQUIRE(warnings.size() == 1);
+        CHECK(warnings[0].find(word) != std::string::npos);
+    }
+}
+
+namespace {
+
+/// The sample as a BVH in which every joint has position channels. `place` gives a joint's position in its parent's
+/// frame; without `offsets`, the OFFSETs of all joints but the root are zero.
+template <class Place>
+std::string with_positions(const test::SampleRig& rig, bool offsets, const Place& place) {
+    std::ostringstream out;
+    out.precision(12);
+    std::vector<std::size_t> written;
+    const auto write = [&](const auto& self, std::size_t j) -> void {
+        const int p = rig.parents[j];
+        const vec3<double> o = p < 0 ? rig.rest[j] : rig.rest[j] - rig.rest[static_cast<std::size_t>(p)];
+        const double shown = p < 0 || offsets ? 1 : 0;
+        out << (p < 0 ? "ROOT " : "JOINT ") << rig.names[j] << "\n{\nOFFSET " << shown * o.x << " " << shown * o.y
+            << " " << shown * o.z << "\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n";
+        written.push_back(j);
+        for (std::size_t k = 0; k < rig.names.size(); ++k)
+            if (rig.parents[k] == static_cast<int>(j)) self(self, k);
+        out << "}\n";
+    };
+    out << "HIERARCHY\n";
+    write(write, 0);
+    out << "MOTION\nFrames: " << rig.root.size() << "\nFrame Time: 0.04\n";
+    for (std::size_t t = 0; t < rig.root.size(); ++t) {
+        for (const std::size_t j : written) {
+            const vec3<double> at = rig.parents[j] < 0 ? rig.root[t] : place(t, j);
+            const vec3<double>& a = rig.angles[t][j];
+            for (const double x :
+                 {at.x, at.y, at.z, a.z * 57.295779513082323, a.x * 57.295779513082323, a.y * 57.295779513082323})
+                out << x << " ";
+        }
+        out << "\n";
+    }
+    return out.str();
+}
+
+} // namespace
+
+TEST_CASE("position channels turn limbs: they point where the source's joints are") {
+    const test::Temporary folder;
+    const test::SampleOptions o{.fingers = true, .frames = 5};
+    const auto sample = test::sample_rig(o);
+    const auto offset = [&](std::size_t j) {
+        return sample.rest[j] - sample.rest[static_cast<std::size_t>(sample.parents[j])];
+    };
+    for (const bool offsets : {true, false})
+        for (const bool moved : {true, false}) {
+            test::Rng rng(5);
+            std::vector<vec3<double>> shifts;
+            for (std::size_t i = 0; i < 5 * sample.names.size(); ++i)
+                shifts.push_back(rng.vec(-0.08, 0.08)); // metres, of shins of 0.41
+            const auto place = [&](std::size_t t, std::size_t j) {
+                const std::string& part = sample.parts[j];
+                const bool limb = part.ends_with("knee") || part.ends_with("ankle") || part.ends_with("elbow") ||
+                                  part.ends_with("wrist");
+                return offset(j) + (moved && limb ? shifts[t * sample.names.size() + j] : vec3<double>(0));
+            };
+            write_file(folder / "a.bvh", with_positions(sample, offsets, place));
+            const Motion motion = retarget(load_bvh(folder / "a.bvh"), test::skeleton_body());
+            double worst = 0;
+            for (std::size_t t = 0; t < 5; ++t) {
+                const auto turned = test::pose_of(sample, t, "ZXY"); // its rotations are the file's
+                const auto pose = test::pose_of(test::skeleton_body(), motion, t);
+                for (const std::string side : {"left_", "right_"})
+                    for (const auto& [from, to] :
+                         {std::pair{"hip", "knee"}, {"knee", "ankle"}, {"shoulder", "elbow"}, {"elbow", "wrist"}}) {
+                        const auto a = static_cast<std::size_t>(sample.joint(side + from)),
+                                   b = static_cast<std::size_t>(sample.joint(side + to));
+                        const vec3<double> expected = turned.rotations[a] * place(t, b);
+                        const vec3<double> found = pose.joints[static_cast<std::size_t>(smplx_joint(side + to))] -
+                                                   pose.joints[static_cast<std::size_t>(smplx_joint(side + from))];
+                        worst = std::max(worst, test::degrees_between(expected, found));
+                    }
+            }
+            CHECK(worst < 1e-4);
+        }
 }

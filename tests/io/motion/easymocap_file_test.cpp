@@ -72,6 +72,98 @@ TEST_CASE("bodies stand where EasyMocap's do: SMPL, SMPL-X with components, whol
     }
 }
 
+TEST_CASE("several frames of every width that EasyMocap writes, with and without the root") {
+    const test::Temporary folder;
+    const BodyModel body = test::small_body(55, 3, 2, true);
+    for (const std::size_t width : {66, 72, 78, 87, 156, 165})
+        for (const bool root : {true, false}) {
+            test::Rng rng(width);
+            const auto place = folder / (std::to_string(width) + (root ? "" : "_no_root"));
+            std::vector<Json> people;
+            for (int t = 0; t < 3; ++t) {
+                people.push_back(person(rng, 0, width, width == 87 || width == 165));
+                Json stored = people.back();
+                if (!root) stored["poses"][0].erase(0), stored["poses"][0].erase(0), stored["poses"][0].erase(0);
+                write_people(place, t, Json::array({stored}));
+            }
+            const Motion motion = load_easymocap_motion(place, body);
+            REQUIRE(motion.frame_count() == 3);
+            for (std::size_t t = 0; t < 3; ++t) {
+                const Json& poses = people[t]["poses"][0];
+                const auto joint = [&](std::size_t j, std::size_t first) {
+                    return length(motion.pose_at(t)[j] - vec3<double>(poses[first].get<double>(),
+                                                                      poses[first + 1].get<double>(),
+                                                                      poses[first + 2].get<double>()));
+                };
+                CHECK(joint(1, 3) == 0);
+                CHECK(joint(21, 63) == 0);
+                if (width == 87) CHECK(joint(24, 84) == 0);
+                if (width == 165) CHECK(joint(22, 66) == 0);
+                if (width >= 156) {
+                    CHECK(joint(25, width - 90) == 0);
+                    CHECK(joint(54, width - 3) == 0);
+                }
+                if (width == 78 || width == 87)
+                    for (const std::size_t k : {25, 54}) { // mean hand and six components
+                        const std::size_t j = (k - 25) % 15, first = k == 25 ? 66 : 72;
+                        double x = (k == 25 ? body.hands_mean_left : body.hands_mean_right)[j].x;
+                        for (std::size_t c = 0; c < 6; ++c)
+                            x += poses[first + c].get<double>() *
+                                 (k == 25 ? body.hands_components_left : body.hands_components_right)[45 * c + 3 * j];
+                        CHECK(motion.pose_at(t)[k].x == doctest::Approx(x));
+                    }
+            }
+        }
+}
+
+TEST_CASE("hands beside the poses count if the first frame has them") {
+    const test::Temporary folder;
+    const BodyModel body = test::small_body(55, 3, 2, true);
+    const auto write = [&](const std::string& name, const std::vector<bool>& with_hands) {
+        test::Rng rng(3);
+        for (std::size_t t = 0; t < with_hands.size(); ++t) {
+            Json p = person(rng, 0, 66);
+            if (with_hands[t]) p["handl"] = row(rng.numbers(6)), p["handr"] = row(rng.numbers(6));
+            write_people(folder / name, static_cast<int>(t), Json::array({p}));
+        }
+        return folder / name;
+    };
+    const Motion both = load_easymocap_motion(write("both", {true, true}), body);
+    CHECK(both.pose_at(1)[25] != both.pose_at(0)[25]);
+    std::vector<std::string> warnings;
+    const Motion late = load_easymocap_motion(write("late", {false, true, true}), body, {}, &warnings);
+    CHECK(late.pose_at(1)[25] == late.pose_at(0)[25]);
+    std::string text;
+    for (const auto& warning : warnings) text += warning + "\n";
+    CHECK(text.find("handl is in 2 frames, but not in the first, 000000.json, and is left out") != std::string::npos);
+    test::check_throws<ShapeError>([&] { (void)load_easymocap_motion(write("lost", {true, false}), body); },
+                                   {"lost/000001.json: handl has 0 numbers, expected 6 as in the first frame"});
+}
+
+TEST_CASE("poses are found in the folders that EasyMocap's programs leave") {
+    const BodyModel body = test::small_body(55, 3, 2, true);
+    for (const std::string inner : {"output/smplx/smpl", "output/smpl/smpl", "output/smplx", "output/smplx/smpl_full",
+                                    "smpl", "output/smplh/smpl", "output"}) {
+        const test::Temporary temporary;
+        const auto folder = temporary / "capture";
+        test::Rng rng(3);
+        write_people(folder / inner, 2, Json::array({person(rng, 0, 66)}));
+        write_people(folder / "output/smplx/keypoints3d", 2, Json::array()); // another result, which is not one
+        CHECK(easymocap_pose_folder(folder) == folder / inner);
+        CHECK(recognise_motion(folder) == MotionLayout::easymocap);
+        CHECK(load_any_motion(folder, body).timestamps[0] == doctest::Approx(2 / 30.0));
+    }
+    const test::Temporary temporary;
+    const auto folder = temporary / "capture";
+    test::Rng rng(3);
+    write_people(folder / "output/smpl/smpl", 0, Json::array({person(rng, 0, 72)}));
+    write_people(folder / "output/smplx/smpl_full", 0, Json::array({person(rng, 0, 165)}));
+    write_people(folder / "output/smplx/smpl", 0, Json::array({person(rng, 0, 87)}));
+    CHECK(easymocap_pose_folder(folder) == folder / "output/smplx/smpl");
+    CHECK(easymocap_pose_folder(folder / "output/smplx") == folder / "output/smplx/smpl");
+    CHECK(easymocap_pose_folder(folder / "output/smplx/keypoints3d").empty());
+}
+
 TEST_CASE("newer files: without the root, hands on their own, people under annots") {
     const test::Temporary folder;
     test::Rng rng(5);
@@ -118,8 +210,8 @@ TEST_CASE("bad EasyMocap files name the file and the field") {
     expect([](Json& j) { j[0]["poses"][0].erase(5); }, {"poses has 71 numbers, expected 72 as in the first frame"});
     expect([](Json& j) { j[0]["shapes"][0].erase(0); }, {"shapes has 2", "3"});
     expect([](Json& j) { j[0]["Rh"] = row({1, 2}); }, {"Rh has 2"});
-    expect([](Json& j) { j[0]["expression"] = row({1, 2}); }, {"expression has 2 numbers, expected 0"});
-    expect([](Json& j) { j = Json::array(); }, {"no list of people"});
+    expect([](Json& j) { j = Json::array(); }, {"nobody is in this frame"});
+    expect([](Json& j) { j = {{"annots", 3}}; }, {"no list of people"});
     expect([](Json& j) { j = 3; }, {"number"});
     expect([](Json& j) { j[0]["id"] = "a"; }, {"id is string"});
     test::Rng rng(3);
@@ -220,9 +312,9 @@ struct Scene {
         for (int f = 3; f < 6; ++f) {
             Json p = person(rng, 0, 72);
             p["Rh"] = row({0, 0, 0}), p["Th"] = row({0, 0, 0});
-            write_people(path / "output/smpl", f, Json::array({p}));
-            const PixelImage photo = test::masked(test::numbered_image(64, 60, 1, f),
-                                                  [](int y, int) { return y >= 10 && y < 50; });
+            write_people(path / "output/smpl/smpl", f, Json::array({p}));
+            const PixelImage photo =
+                test::masked(test::numbered_image(64, 60, 1, f), [](int y, int) { return y >= 10 && y < 50; });
             for (const char* camera : {"01", "02", "3"}) test::write_view(path, camera, f, photo);
         }
     }
@@ -267,7 +359,13 @@ TEST_CASE_FIXTURE(Scene, "OpenCV's YAML: cameras with rotation vectors or matric
     expect("intri.yml", intrinsics, "100, 0, 31.5", "0, 0, 31.5", {"02", "singular"});
     expect("intri.yml", intrinsics, "W_02: 64", "W_02: 1e30", {"W_02", "pixels"});
     expect("intri.yml", intrinsics, "names:", "nomes:", {"names is missing"});
-    expect("intri.yml", intrinsics, "[-1.0e-01, 2e-2, ", "[", {"dist_02", "k1"});
+    const std::string distortion = "cols: 5\n  dt: d\n  data: [-1.0e-01, 2e-2, 0.001, -0.001, 0";
+    expect("intri.yml", intrinsics, distortion, "cols: 5\n  dt: d\n  data: [1, 2, 3",
+           {"dist_02 is 1 x 5 by its size, but has 3 numbers"});
+    expect("intri.yml", intrinsics, distortion, "cols: 3\n  dt: d\n  data: [1, 2, 3",
+           {"dist_02 has 3 numbers, expected k1"});
+    expect("intri.yml", intrinsics, distortion, "cols: 8\n  dt: d\n  data: [0.1, 0, 0, 0, 0, 0.5, 0, 0",
+           {"dist_02 has 6 numbers, expected k1"});
     expect("extri.yml", extrinsics, "T_01", "T_11", {"extri.yml: T_01 is missing"});
     expect("extri.yml", extrinsics, "[1, 0, 0, 0, -1", "[1, 0, 0, 0, 1", {"02", "rotation"});
     expect("extri.yml", extrinsics, "%YAML:1.0", "PK not yaml", {"extri.yml", "KEY: VALUE"});
@@ -292,7 +390,7 @@ TEST_CASE_FIXTURE(Scene, "a capture in EasyMocap's folders") {
     options.test_cameras = {"02"};
     options.test_frames = FrameRange{1, 1, 1};
     options.downscale = 2;
-    options.poses = "output/smpl";
+    options.poses = "output/smpl"; // the folder inside is found
     cpu::Threads threads(3);
     const Capture other = load_easymocap_capture(threads, path, body, options);
     CHECK(other.views(false).size() == 4);

@@ -98,6 +98,37 @@ TEST_CASE("the body follows the predictions, in the camera's axes or upright") {
     }
 }
 
+TEST_CASE("refined hands with the rotations from before: fingers point where the positions are, with a warning") {
+    const test::Temporary folder;
+    const test::SampleOptions o{.names = test::Names::mhr, .spine = 4, .fingers = true};
+    auto sample = test::sample_rig(o), before = sample;
+    for (std::size_t t = 0; t < sample.angles.size(); ++t)
+        for (std::size_t j = 0; j < sample.parts.size(); ++j) {
+            const bool finger = sample.parts[j].find('_') != std::string::npos &&
+                                (sample.parts[j].back() >= '1' && sample.parts[j].back() <= '3');
+            if (finger) before.angles[t][j] = vec3<double>(0); // straight
+            if (sample.parts[j].ends_with("wrist")) before.angles[t][j] += vec3<double>(0.3, -0.2, 0.25);
+        }
+    Arrays arrays = arrays_of(sample);
+    arrays.numbers["pred_global_rots"] = arrays_of(before).numbers["pred_global_rots"];
+    arrays.save(folder / "stale.npz");
+    MotionFileOptions options;
+    options.world = MotionFileOptions::World::upright;
+    std::vector<std::string> warnings;
+    const Motion motion = load_any_motion(folder / "stale.npz", test::skeleton_body(), options, &warnings);
+    const auto errors =
+        test::compare(sample, "ZXY", o, motion, test::skeleton_body(), joint_names_of(test::skeleton_body()));
+    CHECK(errors.limbs < 1e-4); // with hands and fingers
+    REQUIRE(!warnings.empty());
+    CHECK(warnings[0].find("fingers point") != std::string::npos);
+    CHECK(warnings[0].find("the positions of pred_joint_coords are taken") != std::string::npos);
+
+    warnings.clear();
+    arrays_of(sample).save(folder / "agreeing.npz");
+    (void)load_sam3d_motion(folder / "agreeing.npz", {}, &warnings);
+    for (const auto& warning : warnings) FAIL_CHECK(warning);
+}
+
 TEST_CASE("missing arrays, other shapes and rest poses of another rig are refused") {
     const test::Temporary folder;
     const auto sample = test::sample_rig({.names = test::Names::mhr, .spine = 4});

@@ -30,8 +30,8 @@ namespace gsh {
 
 /// Loads intri.yml and extri.yml, images/CAMERA/NUMBER.jpg (or .png), masks/CAMERA/NUMBER.png (or mask/…; the person is
 /// white), and a person's poses, NUMBER.json. The capture's frames are those of the poses. options.poses names their
-/// folder; the default is the first that exists of output/smplx/smplx, output/smplx, output/smpl, smplx and smpl. It
-/// may also name any other input of load_any_motion. Poses without numbers belong to the first camera's images, in
+/// folder; the default is that of easymocap_pose_folder, SMPL-X before SMPL-H and SMPL. It may also name any other
+/// input of load_any_motion. Poses without numbers belong to the first camera's images, in
 /// order.
 ///
 /// options.test_cameras and test_frames (counted from the first pose file) are used for evaluation. Without these
@@ -49,13 +49,12 @@ namespace detail {
 
 /// The folder of poses in an EasyMocap capture.
 inline std::filesystem::path easymocap_poses(const std::filesystem::path& folder, const std::string& named) {
-    std::error_code ignored;
     if (named != "poses.npz") return folder / named;
-    for (const char* candidate : {"output/smplx/smplx", "output/smplx", "output/smpl", "smplx", "smpl"})
-        if (std::filesystem::is_directory(folder / candidate, ignored) &&
-            !list_numbered(folder / candidate, ".json").empty())
-            return folder / candidate;
-    throw IoError(folder.string() + ": no folder of poses (output/smplx, output/smpl, …) is there; name it");
+    const std::filesystem::path found = easymocap_pose_folder(folder);
+    if (found.empty())
+        throw IoError(folder.string() +
+                      ": no folder of poses (output/smplx/smpl, output/smpl/smpl, …) is there; name it");
+    return found;
 }
 
 /// Images of a folder by number.
@@ -71,7 +70,7 @@ inline std::vector<long> pose_numbers(const std::filesystem::path& poses, const 
                                       std::size_t count) {
     std::vector<long> numbers;
     if (std::error_code ignored; std::filesystem::is_directory(poses, ignored))
-        if (const auto place = smplx_json_folder(poses); !place.empty())
+        if (const auto place = json_frames_folder(poses); !place.empty())
             for (const NumberedFile& file : list_numbered(place, ".json")) numbers.push_back(file.number);
     if (numbers.empty())
         for (const auto& [number, path] : images_by_number(images)) numbers.push_back(number);
@@ -121,8 +120,8 @@ Capture load_easymocap_capture(E& executor, const std::filesystem::path& folder,
             for (const auto& [found, place] :
                  {std::pair(photo != photos.end(), folder / "images"), std::pair(cover != covers.end(), mask_folder)})
                 if (!found)
-                    throw IoError((place / camera.name).string() + ": the image of frame " +
-                                  std::to_string(number) + " is missing");
+                    throw IoError((place / camera.name).string() + ": the image of frame " + std::to_string(number) +
+                                  " is missing");
             images.push_back(photo->second);
             if (masked) masks.push_back(cover->second);
         }

@@ -95,6 +95,12 @@ inline std::optional<MotionLayout> recognise_rig_file(const std::filesystem::pat
     return std::nullopt;
 }
 
+/// The folder of NUMBER.json in a folder of ExAvatar, LHM or EasyMocap; empty if there is none.
+inline std::filesystem::path json_frames_folder(const std::filesystem::path& folder) {
+    const auto place = smplx_json_folder(folder);
+    return place.empty() ? easymocap_pose_folder(folder) : place;
+}
+
 /// The file that holds the motion: poses.npz in a folder if it exists, else the path itself.
 inline std::filesystem::path motion_file_of(const std::filesystem::path& path) {
     std::error_code ignored;
@@ -110,12 +116,13 @@ inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path&
         if (std::filesystem::is_directory(path / "pose", ignored) &&
             !detail::list_numbered(path / "pose", ".txt").empty())
             return MotionLayout::gala;
-        if (const auto place = detail::smplx_json_folder(path); !place.empty()) {
+        const auto own = detail::smplx_json_folder(path), file = detail::motion_file_of(path);
+        if (own.empty() && file != path) return recognise_motion(file);
+        if (const auto place = detail::json_frames_folder(path); !place.empty()) {
             const detail::Json first = detail::read_json(detail::list_numbered(place, ".json").front().path);
             return first.is_array() || first.contains("annots") ? MotionLayout::easymocap : MotionLayout::smplx_json;
         }
-        const auto file = detail::motion_file_of(path);
-        return file == path ? std::nullopt : recognise_motion(file);
+        return std::nullopt;
     }
     if (const auto layout = detail::recognise_rig_file(path)) return layout;
     const NpzReader file(path);
@@ -165,9 +172,9 @@ inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel
     case MotionLayout::snapshot:
         return detail::load_snapshot_motion(file, body, options, warnings);
     case MotionLayout::smplx_json:
-        return load_smplx_json_motion(path, body, options, warnings);
+        return load_smplx_json_motion(detail::json_frames_folder(path), body, options, warnings);
     case MotionLayout::easymocap:
-        return load_easymocap_motion(detail::smplx_json_folder(path), body, options, warnings);
+        return load_easymocap_motion(detail::json_frames_folder(path), body, options, warnings);
     case MotionLayout::gala: {
         const GalaRig rig = load_gala_rig(std::filesystem::weakly_canonical(path).parent_path() / "model", warnings);
         check_size(path.string(), "joints of a pose", rig.body.joint_count(), body.joint_count(),

@@ -6,6 +6,7 @@
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
 #include <gsh/body/rig_up.hpp>
+#include <gsh/body/turned_limbs.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
@@ -15,7 +16,9 @@
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <filesystem>
 #include <numbers>
@@ -28,14 +31,18 @@
 namespace gsh {
 
 /// Reads the one skeleton of a file and its motion. The rest pose is that of zero angles. A joint with position
-/// channels takes its position in the parent's frame from them, in place of its OFFSET. An End Site becomes a joint
-/// NAME_end. Of joints with the same name, the second is NAME#2.
+/// channels takes its position in the parent's frame from them, in place of its OFFSET; limbs are then turned to where
+/// the joints are (body/turned_limbs.hpp). Where such a joint has an OFFSET of zero, it rests at the mean of its
+/// positions. An End Site becomes a joint NAME_end. Of joints with the same name, the second is NAME#2.
+///
+/// Frames  one for each line after 'Frame Time:', also where 'Frames:' states fewer (Rokoko states one fewer), with a
+///         warning.
 ///
 /// Frame   y up. Where another axis is up (body/rig_up.hpp), the world is turned.
 /// Units   the file does not state its unit; it is guessed from the length of the legs. A frame time of 0 is none: 30
 ///         frames a second, with a warning.
 /// Errors  IoError, ValueError naming file and line: a channel that is not known, numbers that do not fit the channels,
-///         a count of frames that is not that of the lines, NaN, more than 256 levels. What was guessed is added to
+///         fewer lines than 'Frames:' states, NaN, more than 256 levels. What was guessed is added to
 ///         `warnings`.
 [[nodiscard]] inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map = {},
                                         std::vector<std::string>* warnings = nullptr,
@@ -47,9 +54,10 @@ namespace detail {
 
 class BvhReader {
 public:
-    explicit BvhReader(const std::filesystem::path& path) : text_(read_file(path)), lines_(text_, path.string()) {}
+    BvhReader(const std::filesystem::path& path, std::vector<std::string>* warnings)
+        : text_(read_file(path)), lines_(text_, path.string()), warnings_(warnings) {}
 
-    RigMotion read(const FrameRates& rates, std::vector<std::string>* warnings) {
+    RigMotion read(const FrameRates& rates) {
         read_hierarchy();
         read_motion();
         if (!(rates.input > 0) && step_ * detail::slowest_frame_rate >= 1)
@@ -58,7 +66,7 @@ public:
                           "(--input-fps)");
         StatedTime stated;
         if (step_ != 0) stated.rate = 1 / step_, stated.name = lines_.name() + ": 1 / 'Frame Time:'";
-        rig_.timestamps = frame_times(frame_count_, stated, rates, lines_.name(), warnings);
+        rig_.timestamps = frame_times(frame_count_, stated, rates, lines_.name(), warnings_);
         if (!(rates.input > 0) && step_ != 0) // without the rounding of 1 / step
             for (std::size_t t = 0; t < frame_count_; ++t) rig_.timestamps[t] = static_cast<double>(t) * step_;
         return std::move(rig_);
@@ -66,11 +74,16 @@ public:
 
 private:
     struct Joint {
-        vec3<double> offset{0.0};
-        std::vector<int> channels; ///< 0 to 2: position x, y, z; 3 to 5: rotation about x, y, z
+        vec3<double> offset{0.0}, positions{0.0}; ///< positions: the sum over the frames
+        std::vector<int> channels;                ///< 0 to 2: position x, y, z; 3 to 5: rotation about x, y, z
+
+        [[nodiscard]] bool moves() const {
+            return std::count_if(channels.begin(), channels.end(), [](int channel) { return channel < 3; }) == 3;
+        }
     };
     std::string text_;
     TextLines lines_;
+    std::vector<std::string>* warnings_;
     RigMotion rig_;
     std::vector<Joint> joints_;
     std::set<std::string> seen_;
@@ -171,37 +184,63 @@ private:
     }
 
     void read_motion() {
-        if (!lines_.next() || !is_word(first_word(lines_.line()), "Frames:")) lines_.fail("is not 'Frames: NUMBER'");
+        if (!lines_.next() || !is_word(first_word(lines_.line()).substr(0, 7), "Frames:"))
+            lines_.fail("is not 'Frames: NUMBER'");
         const double stated = lines_.numbers(lines_.line().substr(7), 1)[0];
-        if (!(stated >= 1)) lines_.fail("states " + number_text(stated) + " frames, expected at least one");
-        if (!lines_.next() || !is_word(first_word(lines_.line()), "Frame") ||
-            !is_word(first_word(trimmed(lines_.line().substr(5))), "Time:"))
-            lines_.fail("is not 'Frame Time: SECONDS'");
-        step_ = lines_.numbers(trimmed(lines_.line().substr(5)).substr(5), 1)[0];
-        if (step_ < 0) lines_.fail("states a frame time of " + number_text(step_) + " s, expected more than 0");
+        if (!(stated >= 0) || stated != std::floor(stated))
+            lines_.fail("states " + number_text(stated) + " frames, expected a whole number");
+        step_ = read_frame_time();
         if (channel_count_ == 0) lines_.fail("is a motion of joints without any channels");
 
-        if (const std::size_t found = lines_.count_rest(); static_cast<double>(found) != stated)
+        const std::size_t found = lines_.count_rest();
+        if (static_cast<double>(found) < stated)
             throw IoError(lines_.name() + ": 'Frames:' states " + number_text(stated) + " frames, but " +
-                          std::to_string(found) + " lines follow, expected one for each frame");
-        const auto frames = static_cast<std::size_t>(stated);
+                          std::to_string(found) + " lines follow, expected one for each frame; is the file truncated?");
+        if (found == 0) throw IoError(lines_.name() + ": holds no frames: no line follows 'Frame Time:'");
+        if (static_cast<double>(found) > stated)
+            warn("'Frames:' states " + number_text(stated) + " frames, but " + std::to_string(found) +
+                 " lines follow; all of them are read");
         const std::size_t J = joints_.size();
-        check_rig_size(lines_.name(), J, frames);
-        rest_pose();
-        rig_.joints.reserve(frames * J);
-        rig_.rotations.reserve(frames * J);
+        check_rig_size(lines_.name(), J, found);
+        rig_.joints.reserve(found * J);
+        rig_.rotations.reserve(found * J);
         while (lines_.next()) {
             add_frame(lines_.numbers(lines_.line(), channel_count_, ", one for each channel"));
             ++frame_count_;
         }
+        rest_pose();
+    }
+
+    /// Seconds from frame to frame; 0 where the file states none.
+    double read_frame_time() {
+        std::string_view line;
+        if (lines_.next()) line = lines_.line();
+        const std::size_t colon = std::min(line.find(':'), line.size());
+        const std::vector<std::string_view> words = words_in(line.substr(0, colon));
+        if (colon == line.size() || words.size() != 2 || !is_word(words[0], "Frame") || !is_word(words[1], "Time"))
+            lines_.fail("is not 'Frame Time: SECONDS'");
+        const double step = lines_.numbers(line.substr(colon + 1), 1)[0];
+        if (step < 0) lines_.fail("states a frame time of " + number_text(step) + " s, expected more than 0");
+        if (step > 1)
+            warn("'Frame Time:' states " + number_text(step) +
+                 " s from frame to frame; is it in milliseconds, or the number of frames a second?");
+        return step;
+    }
+
+    void warn(const std::string& text) {
+        if (warnings_) warnings_->push_back(lines_.name() + ": " + text);
     }
 
     void rest_pose() {
         rig_.rest_rotations.assign(joints_.size(), mat3<double>(1.0));
-        for (std::size_t j = 0; j < joints_.size(); ++j)
+        for (std::size_t j = 0; j < joints_.size(); ++j) {
+            const Joint& joint = joints_[j];
+            const auto parent = static_cast<std::size_t>(std::max(rig_.parents[j], 0));
+            const bool by_positions = rig_.parents[j] >= 0 && joint.moves() && joint.offset == vec3<double>(0);
             rig_.rest_joints.push_back(
-                joints_[j].offset +
-                (rig_.parents[j] < 0 ? vec3<double>(0) : rig_.rest_joints[static_cast<std::size_t>(rig_.parents[j])]));
+                (by_positions ? joint.positions * (1.0 / static_cast<double>(frame_count_)) : joint.offset) +
+                (rig_.parents[j] < 0 ? vec3<double>(0) : rig_.rest_joints[parent]));
+        }
     }
 
     void add_frame(const std::vector<double>& numbers) {
@@ -217,6 +256,7 @@ private:
                 else
                     local = local * axis_rotation(channel - 3, number * (std::numbers::pi / 180));
             }
+            joints_[j].positions += place;
             if (rig_.parents[j] >= 0) {
                 const std::size_t p = first + static_cast<std::size_t>(rig_.parents[j]);
                 place = rig_.joints[p] + rig_.rotations[p] * place;
@@ -232,7 +272,7 @@ private:
 
 inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map, std::vector<std::string>* warnings,
                           const FrameRates& rates) {
-    RigMotion rig = detail::BvhReader(path).read(rates, warnings);
+    RigMotion rig = detail::BvhReader(path, warnings).read(rates);
     const MatchedJoints matched = map.match(rig, path.string());
     const LengthUnit unit = guess_length_unit(rig, matched);
     const RigUp up = find_up(rig, matched);
@@ -243,6 +283,7 @@ inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map
     if (const std::string text = detail::up_warning(up); !text.empty()) warn(text);
     move_rig(rig, turn_to_y(up.axis), unit.metres);
     validate(rig, path.string());
+    turn_limbs_to_joints(rig, matched);
     return rig;
 }
 

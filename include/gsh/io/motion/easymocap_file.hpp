@@ -24,7 +24,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
-#include <tuple>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -33,9 +33,11 @@ namespace gsh {
 /// Reads FOLDER/NUMBER.json, each a list of people (or {"annots": list}) with id, Rh [3], Th [3], poses, shapes [10],
 /// and optionally expression, handl, handr. options.person is the id; it is not needed if there is only one person.
 ///
-/// poses holds 72 numbers (SMPL), 69 (without the root), 78 (SMPL+H: 66, then 6 principal components per hand), 87
-/// (SMPL-X: 66, two hands of 6, then jaw and eyes), 156 or 165 (all joints). Principal components are relative to the
-/// mean hand; hands given by all joints are not.
+/// poses holds 72 numbers (SMPL), 78 (SMPL+H: 66, then 6 principal components per hand), 87 (SMPL-X: 66, two hands of 6,
+/// then jaw and eyes), 156 or 165 (all joints), 66 (the body alone), or three fewer: without the root, which is Rh.
+/// Principal components are relative to the mean hand; hands given by all joints are not. handl and handr are the hands
+/// where poses has none. They count, as expression does, if the first frame has them; later frames must then have them,
+/// too, and otherwise theirs are left out with a warning.
 ///
 /// Frame   EasyMocap rotates the posed body about the origin, x = Rh body + Th. The SMPL family rotates it about the
 ///         root's rest position J₀. Hence transl = Th + Rh J₀ - J₀, with J₀ of this body, shape and expression.
@@ -44,6 +46,11 @@ namespace gsh {
 [[nodiscard]] inline Motion load_easymocap_motion(const std::filesystem::path& folder, const BodyModel& model,
                                                   const MotionFileOptions& options = {},
                                                   std::vector<std::string>* warnings = nullptr);
+
+/// The folder of a person's poses in a folder that EasyMocap has filled: a capture, or the folder that was given to its
+/// program as --out. Its quick start leaves them in output/smpl/smpl and output/smplx/smpl; smpl_full beside it holds
+/// the same with whole hands. Empty if there is none.
+[[nodiscard]] inline std::filesystem::path easymocap_pose_folder(const std::filesystem::path& folder);
 
 /// Reads FOLDER/intri.yml (K_NAME, dist_NAME or D_NAME; H_NAME, W_NAME) and FOLDER/extri.yml (Rot_NAME or R_NAME,
 /// T_NAME), for each of intri.yml's `names`. If a file does not give the image's size, width and height are 0 and must
@@ -67,7 +74,8 @@ struct EasyMocapPerson {
 inline EasyMocapPerson read_easymocap_person(const std::filesystem::path& path, int person) {
     const Json json = read_json(path);
     const Json& list = json.is_array() ? json : JsonObject(json, path.string()).at("annots");
-    if (!list.is_array() || list.empty()) throw IoError(path.string() + ": holds no list of people");
+    if (!list.is_array()) throw IoError(path.string() + ": holds no list of people");
+    if (list.empty()) throw IoError(path.string() + ": nobody is in this frame; leave it and its photographs out");
     std::vector<std::string> known;
     for (std::size_t i = 0; i < list.size(); ++i) {
         const JsonObject object(list[i], path.string() + ": [" + std::to_string(i) + "]");
@@ -86,6 +94,64 @@ inline EasyMocapPerson read_easymocap_person(const std::filesystem::path& path, 
                   listed(known, "none") + "; choose a person who is in every frame, or leave out the other frames");
 }
 
+/// A part of the numbers of `poses`, and its name in SMPL-X programs.
+struct EasyMocapPart {
+    const char* key;
+    std::size_t first, count;
+};
+
+/// How the numbers of `poses` are divided; empty for a width that is not known.
+inline std::vector<EasyMocapPart> easymocap_parts(std::size_t width) {
+    struct Layout {
+        std::size_t width; ///< with the root
+        std::size_t body, hand;
+        bool hands_first, face; ///< the face follows the hands in 87, and precedes them in 165
+    };
+    for (const Layout& l : {Layout{66, 63, 0, true, false},
+                            {72, 69, 0, true, false},
+                            {78, 63, 6, true, false},
+                            {87, 63, 6, true, true},
+                            {156, 63, 45, true, false},
+                            {165, 63, 45, false, true}}) {
+        if (width != l.width && width + 3 != l.width) continue;
+        std::vector<EasyMocapPart> parts;
+        std::size_t next = 0;
+        const auto add = [&](const char* key, std::size_t count) {
+            if (count > 0) parts.push_back({key, next, count});
+            next += count;
+        };
+        const auto add_hands = [&] { add("left_hand_pose", l.hand), add("right_hand_pose", l.hand); };
+        if (width == l.width) add("global_orient", 3);
+        add("body_pose", l.body);
+        if (l.hands_first) add_hands();
+        if (l.face) add("jaw_pose", 3), add("leye_pose", 3), add("reye_pose", 3);
+        if (!l.hands_first) add_hands();
+        return parts;
+    }
+    return {};
+}
+
+/// The rows of all frames, by the names of SMPL-X programs.
+class EasyMocapColumns {
+public:
+    void add(const std::string& key, const double* row, std::size_t count) {
+        Column& column = columns_[key];
+        column.numbers.insert(column.numbers.end(), row, row + count);
+        column.width = count;
+    }
+    [[nodiscard]] bool has(const std::string& key) const { return columns_.contains(key); }
+    void fill(MotionTable& table, std::size_t frames) {
+        for (auto& [key, column] : columns_) table.add(key, key, std::move(column.numbers), {frames, column.width});
+    }
+
+private:
+    struct Column {
+        std::vector<double> numbers;
+        std::size_t width = 0;
+    };
+    std::map<std::string, Column> columns_;
+};
+
 } // namespace detail
 
 inline Motion load_easymocap_motion(const std::filesystem::path& folder, const BodyModel& model,
@@ -93,56 +159,53 @@ inline Motion load_easymocap_motion(const std::filesystem::path& folder, const B
     const auto files = detail::list_numbered(folder, ".json");
     if (files.empty()) throw IoError(folder.string() + ": holds no files NUMBER.json, expected one per frame");
     const std::size_t T = files.size();
-    std::map<std::string, std::pair<std::vector<double>, std::size_t>> columns; // data, width
+    /// A field beside `poses`.
+    struct Field {
+        const char *name, *key;
+        const std::vector<double> detail::EasyMocapPerson::* numbers;
+        bool taken = false;              ///< the first frame has it, and poses does not
+        std::size_t width = 0, late = 0; ///< of the first frame; frames that have it although the first has not
+    };
+    Field fields[] = {{"handl", "left_hand_pose", &detail::EasyMocapPerson::handl},
+                      {"handr", "right_hand_pose", &detail::EasyMocapPerson::handr},
+                      {"expression", "expression", &detail::EasyMocapPerson::expression}};
+    detail::EasyMocapColumns columns;
+    std::vector<detail::EasyMocapPart> parts;
     std::vector<double> numbers, Rh, Th, shapes;
     std::size_t width = 0, shape_count = 0;
     bool whole_hands = false;
     for (std::size_t t = 0; t < T; ++t) {
         const std::string where = files[t].path.string();
         const detail::EasyMocapPerson p = detail::read_easymocap_person(files[t].path, options.person);
-        if (t == 0) width = p.poses.size(), shape_count = p.shapes.size();
         const auto expect = [&](const char* field, std::size_t found, std::size_t expected) {
             if (found != expected)
                 throw ShapeError(where + ": " + field + " has " + std::to_string(found) + " numbers, expected " +
                                  std::to_string(expected) + " as in the first frame");
         };
+        if (t == 0) {
+            width = p.poses.size(), shape_count = p.shapes.size();
+            parts = detail::easymocap_parts(width);
+            if (parts.empty())
+                throw ShapeError(where + ": poses has " + std::to_string(width) +
+                                 " numbers, expected 72 (SMPL), 78 or 156 (SMPL+H), 87 or 165 (SMPL-X), 66 (the body), "
+                                 "or three fewer without the root");
+            for (const auto& part : parts)
+                whole_hands = whole_hands || (part.count == 45 && part.key == std::string("left_hand_pose"));
+        }
         expect("poses", p.poses.size(), width);
         expect("shapes", p.shapes.size(), shape_count);
-        const auto put = [&](const char* key, const std::vector<double>& from, std::size_t first, std::size_t count) {
-            auto& column = columns[key];
-            column.first.insert(column.first.end(), from.begin() + static_cast<std::ptrdiff_t>(first),
-                                from.begin() + static_cast<std::ptrdiff_t>(first + count));
-            column.second = count;
-        };
-        // Newer versions omit the root: 69, 63, …
-        const bool rooted = width == 72 || width == 66 || width == 78 || width == 87 || width == 156 || width == 165;
-        const std::size_t body = rooted ? 3 : 0;
         const std::vector<double> no_turn(3, 0.0);
-        put("global_orient", rooted ? p.poses : no_turn, 0, 3);
-        if (width == 72 || width == 69) {
-            put("body_pose", p.poses, body, 69);
-        } else if (width == 66 || width == 63 || width == 78 || width == 87 || width == 156 || width == 165) {
-            put("body_pose", p.poses, body, 63);
-            if (width == 78 || width == 87)
-                put("left_hand_pose", p.poses, 66, 6), put("right_hand_pose", p.poses, 72, 6);
-            if (width == 87)
-                put("jaw_pose", p.poses, 78, 3), put("leye_pose", p.poses, 81, 3), put("reye_pose", p.poses, 84, 3);
-            if (width == 165)
-                put("jaw_pose", p.poses, 66, 3), put("leye_pose", p.poses, 69, 3), put("reye_pose", p.poses, 72, 3);
-            if (width >= 156)
-                put("left_hand_pose", p.poses, width - 90, 45), put("right_hand_pose", p.poses, width - 45, 45);
-            whole_hands = width >= 156;
-        } else {
-            throw ShapeError(where + ": poses has " + std::to_string(width) +
-                             " numbers, expected 72 or 69 (SMPL), 78 (SMPL+H), 87 (SMPL-X), 66, 63, 156 or 165");
-        }
-        for (const auto& [key, field, data] :
-             {std::tuple("left_hand_pose", "handl", &p.handl), std::tuple("right_hand_pose", "handr", &p.handr),
-              std::tuple("expression", "expression", &p.expression)}) {
-            const bool before = t > 0 && columns.count(key) > 0;
-            if (data->empty() && !before) continue;
-            if (t > 0) expect(field, data->size(), before ? columns[key].second : 0);
-            if (!data->empty()) put(key, *data, 0, data->size());
+        if (parts[0].key != std::string("global_orient")) columns.add("global_orient", no_turn.data(), 3);
+        for (const auto& part : parts) columns.add(part.key, &p.poses[part.first], part.count);
+        for (Field& field : fields) {
+            const std::vector<double>& numbers = p.*field.numbers;
+            if (t == 0) field.taken = !numbers.empty() && !columns.has(field.key), field.width = numbers.size();
+            if (field.taken) {
+                expect(field.name, numbers.size(), field.width);
+                columns.add(field.key, numbers.data(), numbers.size());
+            } else if (!numbers.empty() && !columns.has(field.key)) {
+                ++field.late;
+            }
         }
         const std::vector<double>& turn = p.Rh.empty() ? no_turn : p.Rh;
         if (turn.size() != 3)
@@ -152,9 +215,14 @@ inline Motion load_easymocap_motion(const std::filesystem::path& folder, const B
         shapes.insert(shapes.end(), p.shapes.begin(), p.shapes.end());
         numbers.push_back(static_cast<double>(files[t].number));
     }
+    for (const Field& field : fields)
+        if (field.late > 0 && warnings)
+            warnings->push_back(folder.string() + ": " + field.name + " is in " + std::to_string(field.late) +
+                                " frames, but not in the first, " + files[0].path.filename().string() +
+                                ", and is left out");
 
     MotionTable table(folder);
-    for (auto& [key, column] : columns) table.add(key, key, std::move(column.first), {T, column.second});
+    columns.fill(table, T);
     table.add("transl", "Th", std::vector<double>(3 * T, 0.0), {T, 3});
     table.add("betas", "shapes", std::move(shapes), {T, shape_count});
     table.add(detail::frame_numbers_key, "the numbers of its files", std::move(numbers), {T});
@@ -168,6 +236,21 @@ inline Motion load_easymocap_motion(const std::filesystem::path& folder, const B
                     vec3<double>(Th[3 * t], Th[3 * t + 1], Th[3 * t + 2])});
     detail::turn_upright(model, motion, options, folder.string(), warnings);
     return motion;
+}
+
+inline std::filesystem::path easymocap_pose_folder(const std::filesystem::path& folder) {
+    std::error_code ignored;
+    std::vector<std::filesystem::path> programs; // the folders that --out has named
+    for (const auto& above : {folder / "output", folder})
+        for (const char* model : {"smplx", "smplh", "smpl"}) programs.push_back(above / model);
+    programs.insert(programs.end(), {folder / "output", folder});
+    for (const std::filesystem::path& program : programs)
+        for (const char* inner : {"smplx", "smplh", "smpl", "smpl_full", ""}) {
+            const auto candidate = *inner ? program / inner : program;
+            if (std::filesystem::is_directory(candidate, ignored) && !detail::list_numbered(candidate, ".json").empty())
+                return candidate;
+        }
+    return {};
 }
 
 inline CameraList read_easymocap_cameras(const std::filesystem::path& folder) {
@@ -206,9 +289,10 @@ inline CameraList read_easymocap_cameras(const std::filesystem::path& folder) {
         std::vector<double> d;
         for (const char* prefix : {"dist_", "D_"})
             if (d.empty() && intrinsics.has(prefix + name)) d = intrinsics.matrix(prefix + name, 0);
+        while (d.size() > 5 && d.back() == 0) d.pop_back(); // OpenCV's models of 8, 12 and 14 numbers
         if (!d.empty() && d.size() != 4 && d.size() != 5)
             throw ShapeError(intrinsics.name_of("dist_" + name) + " has " + std::to_string(d.size()) +
-                             " numbers, expected k1, k2, p1, p2, k3");
+                             " numbers, expected k1, k2, p1, p2, k3, and zeros after them");
         d.resize(5, 0.0);
         if (std::any_of(d.begin(), d.end(), [](double value) { return value != 0; }))
             named.distortion = Distortion<double>{d[0], d[1], d[2], d[3], d[4]};

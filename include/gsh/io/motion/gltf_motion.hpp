@@ -6,6 +6,7 @@
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
 #include <gsh/body/rig_up.hpp>
+#include <gsh/body/turned_limbs.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/gltf_channel.hpp>
 #include <gsh/io/file/gltf_file.hpp>
@@ -245,6 +246,7 @@ inline RigMotion load_gltf_motion(const std::filesystem::path& path, const Joint
     if (unit.metres != 1) warn(detail::unit_warning(unit));
     warn(detail::up_warning(up));
     if (unit.metres != 1 || up.axis != SignedAxis{}) move_rig(rig, turn_to_y(up.axis), unit.metres);
+    turn_limbs_to_joints(rig, matched);
     return rig;
 }
 

@@ -5,6 +5,7 @@
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
+#include <gsh/body/turned_limbs.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
@@ -31,6 +32,9 @@ namespace gsh {
 /// Frame   SAM 3D Body gives positions in the camera's axes (y down, z forward) and rotations with y up. Both are taken
 ///         to y up: half a turn about x from the camera's axes. Positions that are y up already are recognised, because
 ///         bones must point where the rotations turn them.
+/// Hands   positions count: limbs, hands and fingers are turned to where the joints are (body/turned_limbs.hpp). Where
+///         hands were refined, SAM 3D Body's positions are of the refined hands, its rotations of those before. If
+///         positions and rotations differ by more than 5 degrees in limbs or 10 in fingers, a warning is added.
 /// Errors  IoError, ShapeError, ValueError naming file and key; rotations and positions that do not belong together.
 [[nodiscard]] inline RigMotion load_sam3d_motion(const std::filesystem::path& path, const JointMap& map = {},
                                                  std::vector<std::string>* warnings = nullptr,
@@ -122,6 +126,16 @@ inline RigMotion load_sam3d_motion(const std::filesystem::path& path, const Join
         rig.joints[i] = (turned ? half * rig.joints[i] : rig.joints[i]) + from_camera;
     }
     fit_rest_to_frames(rig, matched);
+    const LimbTurns turns = turn_limbs_to_joints(rig, matched);
+    const auto warn_of = [&](const char* what, double radians, double most) {
+        const double degrees = radians * 57.29578;
+        if (degrees > most && warnings)
+            warnings->push_back(path.string() + ": " + what + " point " + std::to_string(std::lround(degrees)) +
+                                " degrees away from where pred_global_rots turn them; the positions of "
+                                "pred_joint_coords are taken");
+    };
+    warn_of("limbs", turns.limbs, 5);
+    warn_of("fingers", turns.fingers, 10);
     return rig;
 }
 
