@@ -72,6 +72,7 @@
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/body/vertex_samples.hpp>
 
+#include <gsh/gaussian/axis_turn.hpp>
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
