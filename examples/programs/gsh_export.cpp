@@ -9,6 +9,7 @@
 #include "support/program.hpp"
 #include "support/rig_option.hpp"
 #include "support/still_writer.hpp"
+#include "support/up_option.hpp"
 #include "view/page_export.hpp"
 
 #include <gsh/gaussian/cloud_edits.hpp>
@@ -25,9 +26,10 @@ namespace {
 
 /// A scene is written as it is, in the frame of the format.
 ExportResult export_scene(const ExportOptions& options, const FormatTraits& traits) {
-    StillSplats splats = splats_of_file(options.input);
+    StillSplats splats = splats_of_file(options.input, options.input_up);
+    for (const std::string& warning : splats.warnings) warn(warning);
+    if (!splats.notes.up && is_y_down(options.input)) restate_up(splats, UpAxis::minus_y); // by custom
     GaussianCloud<float>& cloud = splats.cloud;
-    if (!splats.notes.up && is_y_down(options.input)) turn_about_z(cloud); // by custom
     if (options.sh_degree) cloud = with_bands_up_to(std::move(cloud), *options.sh_degree);
     if (options.largest)
         cloud = reordered(cloud, Span<const std::uint32_t>(largest_gaussians(cloud, *options.largest)));
@@ -78,6 +80,7 @@ int main(int argc, char** argv) {
     app.add_option("--up", options.up,
                    "the vertical of .ply, .compressed.ply and .splat: -y (default), as most programs expect, or y")
         ->check(CLI::IsMember({"y", "-y"}));
+    add_input_up(app, options.input_up);
     app.add_option("--largest", options.largest, "keep the N Gaussians with the largest size times opacity")
         ->check(above_zero());
     app.add_option("--spz", options.spz_version, "version of .spz: 3 (default) or 4")->check(CLI::IsMember({3, 4}));

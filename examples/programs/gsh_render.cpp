@@ -9,6 +9,7 @@
 #include "support/program.hpp"
 #include "support/renderer.hpp"
 #include "support/shown_people.hpp"
+#include "support/up_option.hpp"
 
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
@@ -33,7 +34,7 @@ namespace {
 struct RenderOptions {
     std::vector<std::filesystem::path> scenes, poses; ///< one scene, or avatars with one motion each
     std::filesystem::path camera, out, npy;
-    std::string camera_name;
+    std::string camera_name, input_up;
     std::size_t frame = 0;
     RigOption rig;
     std::optional<double> time; ///< seconds, of an animated .glb
@@ -84,6 +85,8 @@ int render(const RenderOptions& options) {
     check_value(avatars || (options.poses.empty() && options.frame == 0), options.scenes[0].string(),
                 "--poses and --frame need avatars (.gsh)");
     check_value(!avatars || !options.time, options.scenes[0].string(), "--time is for an animated scene (.glb)");
+    check_value(!avatars || options.input_up.empty(), options.scenes[0].string(),
+                "--input-up is for a scene, not for avatars (.gsh)");
     check_value(avatars || options.light.is_default(), options.scenes[0].string(),
                 "--light, --light-turn and --exposure need avatars (.gsh)");
     const auto kind = options.out.extension();
@@ -94,11 +97,20 @@ int render(const RenderOptions& options) {
         return make_renderer(machine, people)->render(options.frame, camera, background);
     };
     const auto show_scene = [&](const StillSplats& scene) {
-        return make_renderer(machine, scene.cloud, scene.notes.filter.value_or(PixelFilter{}))
-            ->render(0, camera, background);
+        for (const std::string& warning : scene.warnings) warn(warning);
+        try {
+            return make_renderer(machine, scene.cloud, scene.notes.filter.value_or(PixelFilter{}))
+                ->render(0, camera, background);
+        } catch (const GaussianError& error) {
+            throw ValueError(options.scenes[0].string() + ": Gaussian " + std::to_string(error.gaussian()) +
+                             " is too large for this camera: its picture is not finite");
+        } catch (const ValueError& error) {
+            throw ValueError(options.scenes[0].string() + ": " + error.what());
+        }
     };
-    const Image<float> picture = avatars ? show_people(people_of(options))
-                                         : show_scene(splats_of_file(options.scenes[0], options.time));
+    const Image<float> picture = avatars
+                                     ? show_people(people_of(options))
+                                     : show_scene(splats_of_file(options.scenes[0], options.input_up, options.time));
     if (is_empty(picture, background))
         warn(options.camera.string() + ": sees nothing of the scene; the camera looks along +z, and x_cam = R x + t");
     AtomicFile png(options.out); // both files are written or none
@@ -124,6 +136,7 @@ int main(int argc, char** argv) {
     app.add_option("--frame", options.frame, "frame of the motions (default 0)")->check(not_negative());
     app.add_option("--time", options.time, "seconds of the animation of a scene (.glb); without it, the scene at rest")
         ->check(numbers([](double value) { return std::isfinite(value); }, "a number"));
+    add_input_up(app, options.input_up);
     app.add_option("--camera", options.camera, "CAMERA.json: width, height, K, R, t")->required();
     app.add_option("--camera-name", options.camera_name, "name of the entry, if the file has several cameras");
     app.add_option("--out", options.out, "IMAGE.png")->required();

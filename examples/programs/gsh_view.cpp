@@ -8,6 +8,7 @@
 #include "support/messages.hpp"
 #include "support/program.hpp"
 #include "support/rig_option.hpp"
+#include "support/up_option.hpp"
 #include "view/view_scene.hpp"
 #include "view/view_server.hpp"
 
@@ -28,6 +29,7 @@ namespace {
 
 struct ViewOptions {
     std::vector<std::filesystem::path> scenes, poses;
+    std::string input_up;
     ViewServerOptions server;
     int size = 540;
     bool open = false;
@@ -59,7 +61,8 @@ void open_browser(std::string url) {
 int view(ViewOptions& options) {
     Machine machine(options.machine);
     std::vector<std::string> warnings;
-    ViewScene scene = load_view_scene(options.scenes, options.poses, options.light, options.rig, warnings);
+    ViewScene scene =
+        load_view_scene(options.scenes, options.poses, options.light, options.rig, warnings, options.input_up);
     scene.size = options.size;
     for (const std::string& warning : warnings) warn(warning);
     ViewServer server(machine.host(), scene, options.server);
@@ -87,6 +90,7 @@ int main(int argc, char** argv) {
            "--poses", options.poses,
            "a motion in any layout that gsh reads (.npz, .bvh, .glb, folder); several for one avatar, or one for each")
         ->allow_extra_args(false);
+    add_input_up(app, options.input_up);
     app.add_option("--port", options.server.port, "port of the page (default: any free one)")
         ->check(CLI::Range(0, 65535));
     app.add_option("--host", options.server.host,

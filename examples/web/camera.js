@@ -7,7 +7,7 @@ gsh.OrbitCamera = class {
   constructor(box) {
     this.box = box;
     this.fieldOfView = 30 * Math.PI / 180; // vertical
-    this.up = 1; // -1: the scene's y points down
+    this.up = 1; // -1: the scene's y points down; the camera is then turned with it, by half a turn about x
     this.reset(1);
   }
 
@@ -24,13 +24,13 @@ gsh.OrbitCamera = class {
   /** Rows of R: right, down, forward. */
   axes() {
     const c = Math.cos(this.pitch), s = Math.sin(this.pitch);
-    const forward = [-Math.sin(this.yaw) * c, -s * this.up, -Math.cos(this.yaw) * c];
+    const forward = [-Math.sin(this.yaw) * c, -s * this.up, -Math.cos(this.yaw) * c * this.up];
     const right = gsh.math.normalize(gsh.math.cross(forward, [0, this.up, 0]));
     return [right, gsh.math.cross(forward, right), forward];
   }
 
   turn(dx, dy) { // in radians
-    this.yaw = Math.atan2(Math.sin(this.yaw - dx * this.up), Math.cos(this.yaw - dx * this.up));
+    this.yaw = Math.atan2(Math.sin(this.yaw - dx), Math.cos(this.yaw - dx));
     this.pitch = Math.min(Math.max(this.pitch + dy, -1.5), 1.5);
   }
   pan(dx, dy) { // in shares of the picture's height

@@ -83,6 +83,7 @@
 #include <gsh/body/turned_limbs.hpp>
 #include <gsh/body/vertex_samples.hpp>
 
+#include <gsh/gaussian/axis_turn.hpp>
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>

@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <initializer_list>
 #include <string>
@@ -60,6 +61,7 @@ struct ExportedActor {
         check_done(run(words));
         return read_npy<float>(folder / "a.npy");
     }
+    [[nodiscard]] GaussianCloud<float> cloud() const { return load_any_splats(scene).cloud; }
     /// Decibels between two pictures, with colours up to 1.
     [[nodiscard]] static double psnr(const NpyArray<float>& a, const NpyArray<float>& b) {
         REQUIRE(a.size() == b.size());
@@ -150,12 +152,123 @@ TEST_CASE("scenes are converted, in the frame of their format") {
     std::string bytes = read_file(s.scene);
     bytes.replace(bytes.find("gsh.up"), 6, "xxx.up");
     write_file(s.folder / "plain.ply", bytes);
+    bytes.replace(bytes.find("gsh.axes"), 8, "xxx.axes");
+    write_file(s.folder / "plain.ply", bytes);
     check_done(s.make(s.folder / "plain.ply", "plain.glb"));
-    CHECK(load_any_splats(s.folder / "plain.glb").cloud.means[0].y ==
-          -load_any_splats(s.folder / "plain.ply").cloud.means[0].y);
+    const vec3<float> there = load_any_splats(s.folder / "plain.glb").cloud.means[0],
+                      here = load_any_splats(s.folder / "plain.ply").cloud.means[0];
+    CHECK(there == vec3<float>(here.x, -here.y, -here.z)); // half a turn about x
     check_done(s.make(s.scene, "few.ply", {"--largest", "100", "--sh", "1"}));
     CHECK(load_any_splats(s.folder / "few.ply").cloud.size() == 100);
     CHECK(load_any_splats(s.folder / "few.ply").cloud.sh_degree == 1);
+}
+
+namespace {
+
+/// Five Gaussians in a PLY that states nothing but the comment, and the first mean of what becomes of it.
+GaussianCloud<float> five_gaussians() {
+    GaussianCloud<float> cloud(5, 0);
+    for (std::size_t i = 0; i < 5; ++i) {
+        cloud.means[i] = {static_cast<float>(i), 2, 3};
+        cloud.log_scales[i] = vec3<float>(-3);
+        cloud.opacity_logits[i] = 2;
+    }
+    return cloud;
+}
+void write_with_comment(const fs::path& path, const GaussianCloud<float>& cloud, const std::string& comment) {
+    write_gaussian_ply(path, cloud, {.pad_to_degree = 0});
+    std::string bytes = read_file(path);
+    write_file(path, bytes.insert(bytes.find("element"), "comment " + comment + "\n"));
+}
+
+} // namespace
+
+TEST_CASE("a scene's vertical is the one that is given, else the one that it states, else that of the custom") {
+    const test::Temporary folder;
+    const fs::path scene = folder / "scene.ply";
+    const auto mean_of = [&](const std::string& to, std::vector<std::string> more = {}) {
+        std::vector<std::string> words{"gsh-export", scene.string(), "--to", (folder / to).string()};
+        words.insert(words.end(), more.begin(), more.end());
+        check_done(run(words));
+        return load_any_splats(folder / to).cloud.means[1];
+    };
+    const auto cloud = five_gaussians();
+    write_with_comment(scene, cloud, "nothing");
+    for (const char* to : {"a.spz", "a.glb", "b.ply"}) CHECK(mean_of(to) == vec3<float>(1, -2, -3));
+    CHECK(mean_of("a.splat") == vec3<float>(1, 2, 3)); // stored with y down, and read as stored
+    CHECK(mean_of("a.spz", {"--input-up", "y"}) == vec3<float>(1, 2, 3));
+    CHECK(mean_of("a.spz", {"--input-up", "z"}) == vec3<float>(1, 3, -2));
+    CHECK(mean_of("a.spz", {"--input-up", "-x"}) == vec3<float>(2, -1, 3));
+    write_with_comment(scene, cloud, "Vertical Axis: z");
+    CHECK(mean_of("a.glb") == vec3<float>(1, 3, -2));
+    CHECK(mean_of("a.glb", {"--input-up", "-y"}) == vec3<float>(1, -2, -3));
+    check_refused(run({"gsh-export", scene.string(), "--to", (folder / "a.spz").string(), "--input-up", "up"}),
+                  "gsh-export", {"--input-up"});
+    check_refused(
+        run({"gsh-export", exported_actor().avatar.string(), "--to", (folder / "a.spz").string(), "--input-up", "z"}),
+        "gsh-export", {"--input-up", "avatar"});
+    // gsh-render draws a given vertical in the same way as a file that states it.
+    const auto picture = [&](const fs::path& what, std::vector<std::string> more) {
+        std::vector<std::string> words{"gsh-render", what.string(),
+                                       "--camera",   test::studio().camera.string(),
+                                       "--out",      (folder / "a.png").string(),
+                                       "--npy",      (folder / "a.npy").string()};
+        words.insert(words.end(), more.begin(), more.end());
+        CHECK(run(words).code == 0);
+        return read_npy<float>(folder / "a.npy");
+    };
+    write_with_comment(scene, exported_actor().cloud(), "nothing");
+    write_gaussian_ply(folder / "stated.ply", exported_actor().cloud(), {.pad_to_degree = 0, .up = UpAxis::y});
+    CHECK(exported_actor().psnr(picture(scene, {"--input-up", "y"}), picture(folder / "stated.ply", {})) > 100);
+}
+
+TEST_CASE("what a format cannot hold is told with numbers") {
+    const test::Temporary folder;
+    const fs::path scene = folder / "scene.ply";
+    const auto warning_of = [&](const GaussianCloud<float>& cloud, const std::string& to) {
+        write_gaussian_ply(scene, cloud, {.pad_to_degree = 0, .up = UpAxis::y});
+        const Outcome outcome = run({"gsh-export", scene.string(), "--to", (folder / to).string()});
+        CHECK(outcome.code == 0);
+        return outcome.err;
+    };
+    auto cloud = five_gaussians();
+    CHECK(warning_of(cloud, "a.spz").empty());
+    CHECK(warning_of(cloud, "a.compressed.ply").empty());
+    cloud.means[1] = {3000, 0, -9000}, cloud.log_scales[2] = {8, -12, 7}, cloud.sh[3].x = 5;
+    const std::string spz = warning_of(cloud, "a.spz");
+    for (const char* words : {"in steps of 0.00195312", "1 of 5 Gaussians have a scale beyond e^-10 to e^5.94",
+                              "1 of 5 Gaussians have a colour beyond -0.44 to 1.44"})
+        CHECK(spz.find(words) != std::string::npos);
+    CHECK(length(load_any_splats(folder / "a.spz").cloud.means[1] - vec3<float>(3000, 0, -9000)) < 1e-2f);
+    CHECK(warning_of(cloud, "a.splat").find("1 of 5 Gaussians have a colour beyond 0 to 1") != std::string::npos);
+    cloud.means[1].x = 3e8f;
+    CHECK(warning_of(cloud, "a.spz").find("1 of 5 Gaussians lie farther out") != std::string::npos);
+    CHECK(warning_of(cloud, "a.compressed.ply").find("invisible Gaussians") != std::string::npos);
+}
+
+TEST_CASE("scenes that cannot be used are refused with their names") {
+    const test::Temporary folder;
+    const fs::path scene = folder / "scene.ply";
+    write_gaussian_ply(scene, GaussianCloud<float>(0, 0));
+    for (const char* to : {"a.ply", "a.compressed.ply", "a.spz", "a.splat", "a.glb", "a.usda", "a.html"})
+        check_refused(run({"gsh-export", scene.string(), "--to", (folder / to).string()}), "gsh-export",
+                      {"scene.ply: holds no Gaussians"});
+    const auto render = [&] {
+        return run({"gsh-render", scene.string(), "--camera", test::studio().camera.string(), "--out",
+                    (folder / "a.png").string()});
+    };
+    check_refused(render(), "gsh-render", {"scene.ply: holds no Gaussians"});
+    auto cloud = five_gaussians();
+    cloud.means[2] = {0, 1, 0}, cloud.log_scales[2].x = 43.9f; // its variance is a float, its picture is not
+    write_gaussian_ply(scene, cloud, {.up = UpAxis::y});
+    const Outcome outcome = render();
+    check_refused(outcome, "gsh-render", {"scene.ply: Gaussian 2", "too large"});
+    CHECK(outcome.err.find("learning") == std::string::npos);
+    std::string bytes = read_file(scene);
+    const float large = 90;
+    std::memcpy(bytes.data() + bytes.find("end_header\n") + 11 + 2 * 62 * 4 + 55 * 4, &large, 4);
+    write_file(scene, bytes);
+    check_refused(render(), "gsh-render", {"scene.ply: scale_0 of vertex 2 is 90"});
 }
 
 TEST_CASE("frames become a folder of numbered files, whole or not at all") {

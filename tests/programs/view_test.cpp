@@ -157,6 +157,20 @@ TEST_CASE("gsh-view: a compact package is much smaller than an exact one") {
     CHECK(3 * compact < exact);
 }
 
+TEST_CASE("gsh-view: outliers do not make the steps of a compact package visible") {
+    ViewScene scene = test::view_scene({test::view_files().cloud});
+    const auto type_of = [&](const char* name) {
+        return header_of(package_scene(scene, ScenePacking::compact)).first["arrays"][name]["type"];
+    };
+    CHECK(type_of("0/means") == "u16");
+    CHECK(type_of("0/sh_constant") == "u16");
+    scene.cloud.means[1].x = 5e7f;
+    CHECK(type_of("0/means") == "f32");
+    CHECK(type_of("0/sh_constant") == "u16");
+    scene.cloud.sh[0].y = 1e4f;
+    CHECK(type_of("0/sh_constant") == "f32");
+}
+
 TEST_CASE("gsh-view: the ambient occlusion of motions is a low-rank product within its tolerance") {
     const auto& files = test::view_files();
     const ViewScene scene = test::view_scene({files.occluded}, {files.left, files.right});

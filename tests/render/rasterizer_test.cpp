@@ -614,6 +614,7 @@ TEST_CASE("what does not fit is refused with a name") {
                 const auto before = color.data;
                 CHECK(message(scene).find("Gaussian 2 has a mean, covariance, opacity or color that is not finite (2 "
                                           "such") != std::string::npos);
+                CHECK(message(scene).find("learning") == std::string::npos); // a picture learns nothing
                 CHECK(cache.status[0].nonfinite == 2);
                 CHECK(same_bits(before, color.data));
             }

@@ -116,6 +116,7 @@ TEST_CASE("an error about a Gaussian of several people names the person, in step
     } catch (const GaussianError& error) {
         CHECK(error.gaussian() == 5);
         CHECK(std::string(error.what()).find("person") == std::string::npos);
+        CHECK(std::string(error.what()).ends_with("; is a learning rate too high?")); // where something learns
     }
 }
 

@@ -12,6 +12,7 @@
 #include <gsh/avatar/moving_pieces.hpp>
 #include <gsh/avatar/still_frames.hpp>
 #include <gsh/cpu.hpp>
+#include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/io/file/atomic_folder.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/model/gltf_mesh.hpp>

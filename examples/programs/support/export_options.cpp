@@ -61,6 +61,7 @@ FormatTraits check_options(const ExportOptions& o) {
     needs(!o.rig.is_default(), !o.poses.empty(), "--joint-map", "needs --poses, as --animation does");
     needs(o.up.has_value(), traits->y_down, "--up",
           "is for .ply, .compressed.ply and .splat; the other formats have y up");
+    needs(!o.input_up.empty(), !avatar, "--input-up", "is for a scene; an avatar (.gsh) has y up");
     needs(o.spz_version.has_value(), traits->format == ExportFormat::spz, "--spz", "is for files .spz");
     needs(o.clusters.has_value(), glb && o.is_moving(), "--clusters", "is for files .glb with --frames");
     needs(o.clusters.has_value(), !o.mesh, "--clusters", "excludes --mesh");

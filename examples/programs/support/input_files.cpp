@@ -89,10 +89,13 @@ Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, 
     return load_any_motion(path, body, options, &warnings);
 }
 AvatarData avatar_of_file(const std::filesystem::path& path) { return load_avatar(path); }
-StillSplats splats_of_file(const std::filesystem::path& path, std::optional<double> time) {
-    if (!time) return load_any_splats(path);
-    check_value(recognise_splats(path) == SplatFormat::glb, path.string(), "--time is for an animated scene (.glb)");
-    return read_gltf_splats(path, time);
+StillSplats splats_of_file(const std::filesystem::path& path, const std::string& up, std::optional<double> time) {
+    check_value(!time || recognise_splats(path) == SplatFormat::glb, path.string(),
+                "--time is for an animated scene (.glb)");
+    StillSplats splats = time ? read_gltf_splats(path, time) : load_any_splats(path);
+    check_value(splats.cloud.size() > 0, path.string(), "holds no Gaussians");
+    if (const auto axis = up_axis_called(up)) restate_up(splats, *axis);
+    return splats;
 }
 CameraList cameras_of_file(const std::filesystem::path& path) { return read_cameras(path); }
 NamedCamera camera_of_file(const std::filesystem::path& path, const std::string& name) {

@@ -67,8 +67,10 @@ Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, 
                       std::size_t number = 0);
 /// load_avatar.
 AvatarData avatar_of_file(const std::filesystem::path& path);
-/// load_any_splats; with a time, an animated .glb at that time.
-StillSplats splats_of_file(const std::filesystem::path& path, std::optional<double> time = {});
+/// load_any_splats; with `up`, one of up_axis_names, restate_up; with a time, an animated .glb at that time.
+/// Errors  ValueError for a file without Gaussians.
+StillSplats splats_of_file(const std::filesystem::path& path, const std::string& up = {},
+                           std::optional<double> time = {});
 /// read_cameras.
 CameraList cameras_of_file(const std::filesystem::path& path);
 /// read_camera.

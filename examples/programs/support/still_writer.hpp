@@ -5,16 +5,12 @@
 #include "support/export_options.hpp"
 
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/io/splat/still_splats.hpp>
 
 #include <cstddef>
 #include <filesystem>
 #include <optional>
 #include <string>
-
-namespace gsh {
-template <class T>
-struct GaussianCloud;
-}
 
 namespace gsh::examples {
 
@@ -33,7 +29,8 @@ private:
     std::optional<PixelFilter> filter_;
     bool y_down_;
     int spz_version_;
-    std::size_t clipped_ = 0, coefficients_ = 0;
+    SplatLosses losses_;
+    std::size_t coefficients_ = 0; ///< above the constant ones
     int lost_degree_ = 0; ///< of clouds whose bands a format without SH drops
 };
 

@@ -71,7 +71,7 @@ void warn_of_occlusion(const ExportOptions& o, const LowRank& occlusion) {
 
 ExportResult export_page(const ExportOptions& o) {
     std::vector<std::string> warnings;
-    ViewScene scene = load_view_scene({o.input}, o.poses, o.light, o.rig, warnings);
+    ViewScene scene = load_view_scene({o.input}, o.poses, o.light, o.rig, warnings, o.input_up);
     for (const std::string& warning : warnings) warn(warning);
     watch_interrupts();
     keep_gaussians(scene, o);

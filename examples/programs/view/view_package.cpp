@@ -8,11 +8,14 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/gaussian/cloud_edits.hpp>
+#include <gsh/io/splat/still_splats.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/math/activation.hpp>
 #include <gsh/math/low_rank.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -64,6 +67,24 @@ private:
     ScenePacking packing_;
 };
 
+/// Sixteen bits, unless the largest step of a column would be seen, because outliers widen it.
+Stored sixteen_if_fine(const std::vector<float>& numbers, std::size_t columns, double seen) {
+    for (std::size_t c = 0; c < columns && c < numbers.size(); ++c) {
+        double low = numbers[c], high = low;
+        for (std::size_t i = c; i < numbers.size(); i += columns)
+            low = std::min<double>(low, numbers[i]), high = std::max<double>(high, numbers[i]);
+        if ((high - low) / 65535 > seen) return Stored::exact;
+    }
+    return Stored::sixteen;
+}
+
+/// The size that most Gaussians exceed.
+double typical_size(const GaussianCloud<float>& cloud) {
+    std::vector<double> sizes;
+    for (const vec3<float>& log_scale : cloud.log_scales) sizes.push_back(size_of(log_scale));
+    return sizes.empty() ? 1 : gsh::detail::middle_of(sizes);
+}
+
 void add_cloud(const Writer& to, const GaussianCloud<float>& cloud) {
     const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
     std::vector<float> quats, opacities, constant, bands;
@@ -75,11 +96,12 @@ void add_cloud(const Writer& to, const GaussianCloud<float>& cloud) {
         for (std::size_t k = 0; k < basis; ++k)
             for (int c = 0; c < 3; ++c) (k == 0 ? constant : bands).push_back(cloud.sh[i * basis + k][c]);
     }
-    to.add("means", flat(cloud.means), 3, Stored::sixteen);
+    const std::vector<float> means = flat(cloud.means);
+    to.add("means", means, 3, sixteen_if_fine(means, 3, typical_size(cloud) / 2));
     to.add("quats", quats, 4, Stored::eight);
     to.add("log_scales", flat(cloud.log_scales), 3, Stored::sixteen);
     to.add("opacities", opacities, 1, Stored::eight);
-    to.add("sh_constant", constant, 3, Stored::sixteen);
+    to.add("sh_constant", constant, 3, sixteen_if_fine(constant, 3, 0.02));
     if (basis > 1) to.add("sh_bands", bands, 3 * (basis - 1), Stored::eight);
 }
 

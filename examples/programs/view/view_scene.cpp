@@ -213,7 +213,8 @@ void place_like(const RigData& rig, const Motion& other, Motion& motion) {
 }
 
 ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<fs::path>& poses,
-                          const LightOption& light, const RigOption& rig, std::vector<std::string>& warnings) {
+                          const LightOption& light, const RigOption& rig, std::vector<std::string>& warnings,
+                          const std::string& input_up) {
     const auto is_avatar = [](const fs::path& file) { return file.extension() == ".gsh"; };
     ViewScene scene;
     scene.rig = rig;
@@ -222,12 +223,14 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
         check_value(poses.empty() && light.is_default() && rig.is_default(), files[0].string(),
                     "is a static scene; --poses, --joint-map, --animation, --input-fps, --light, --light-turn and --exposure need "
                     "avatars (.gsh)");
-        StillSplats splats = splats_of_file(files[0]);
+        StillSplats splats = splats_of_file(files[0], input_up);
+        warnings.insert(warnings.end(), splats.warnings.begin(), splats.warnings.end());
         scene.y_down = !splats.notes.up && is_y_down(files[0]);
         scene.cloud = std::move(splats.cloud), scene.filter = splats.notes.filter.value_or(PixelFilter{});
         scene.box = box_of(scene.cloud);
         return scene;
     }
+    check_value(input_up.empty(), files[0].string(), "--input-up is for a scene, not for avatars (.gsh)");
     for (const fs::path& file : files)
         check_value(is_avatar(file), file.string(), "is not an avatar (.gsh); only avatars can be shown together");
     check_value(files.size() == 1 || poses.empty() || poses.size() == files.size(), "--poses",

@@ -49,16 +49,17 @@ struct ViewScene {
     [[nodiscard]] vec3<double> light_centre(std::size_t person) const;
 };
 
-/// Reads what gsh-view is given: one or several avatars, or one scene. With one avatar, every file of poses is one of
-/// its motions; with several, there is one for each, in the same order. Without poses, avatars with SMPL-X's joints
-/// have the motions of the built-in actor, and others stand in the canonical pose.
+/// Reads what gsh-view is given: one or several avatars, or one scene, whose vertical `input_up` may name. With one
+/// avatar, every file of poses is one of its motions; with several, there is one for each, in the same order. Without
+/// poses, avatars with SMPL-X's joints have the motions of the built-in actor, and others stand in the canonical pose.
 ///
 /// Frame   bodies are turned upright, as by gsh-animate. Later motions of an avatar begin where its first one begins,
 ///         on the same ground (place_like).
 /// Errors  those of the files; ValueError for scenes and avatars together, and for other numbers of poses.
 [[nodiscard]] ViewScene load_view_scene(const std::vector<std::filesystem::path>& files,
                                         const std::vector<std::filesystem::path>& poses, const LightOption& light,
-                                        const RigOption& rig, std::vector<std::string>& warnings);
+                                        const RigOption& rig, std::vector<std::string>& warnings,
+                                        const std::string& input_up = {});
 
 /// Moves a motion so that its first frame has the place and the ground of another motion's.
 void place_like(const RigData& rig, const Motion& other, Motion& motion);

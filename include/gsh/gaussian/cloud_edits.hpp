@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Edits of a cloud of Gaussians: another order, a part of it, fewer SH bands, the frame with y down.
+/// @file  Edits of a cloud of Gaussians: another order, a part of it, fewer SH bands.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -15,6 +15,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -52,14 +53,13 @@ template <class T>
     return ordered_indices(values.size(), [&](std::uint32_t a, std::uint32_t b) { return values[a] > values[b]; });
 }
 
-/// Indices in Morton order of the means, with 10 bits for each axis of their box: neighbours in the order are
-/// neighbours in space.
-///
-/// Source  Morton, "A Computer Oriented Geodetic Data Base and a New Technique in File Sequencing", 1966.
+namespace detail {
+
+/// Sorts indices of a cloud by the Morton codes of their means, with 10 bits for each axis of their box.
 template <class T>
-[[nodiscard]] std::vector<std::uint32_t> morton_order(const GaussianCloud<T>& cloud) {
+void sort_by_place(const GaussianCloud<T>& cloud, std::vector<std::uint32_t>& indices) {
     vec3<T> low(std::numeric_limits<T>::infinity()), high(-low);
-    for (const vec3<T>& mean : cloud.means) low = glm::min(low, mean), high = glm::max(high, mean);
+    for (const std::uint32_t i : indices) low = glm::min(low, cloud.means[i]), high = glm::max(high, cloud.means[i]);
     const auto spread = [](std::uint32_t bits) { // two zeros after each of ten bits
         bits = (bits | bits << 16) & 0x030000FFu;
         bits = (bits | bits << 8) & 0x0300F00Fu;
@@ -67,13 +67,54 @@ template <class T>
         return (bits | bits << 2) & 0x09249249u;
     };
     std::vector<std::uint32_t> codes(cloud.size());
-    for (std::size_t i = 0; i < codes.size(); ++i)
+    for (const std::uint32_t i : indices)
         for (int axis = 0; axis < 3; ++axis) {
             const T extent = high[axis] - low[axis];
             const T place = extent > 0 ? (cloud.means[i][axis] - low[axis]) / extent : T(0);
             codes[i] |= spread(static_cast<std::uint32_t>(std::clamp(place * 1024, T(0), T(1023)))) << axis;
         }
-    return ordered_indices(codes.size(), [&](std::uint32_t a, std::uint32_t b) { return codes[a] < codes[b]; });
+    std::stable_sort(indices.begin(), indices.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return codes[a] < codes[b]; });
+}
+
+/// The element in the middle of the sorted values.
+template <class T>
+[[nodiscard]] T middle_of(std::vector<T> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+} // namespace detail
+
+/// Indices in Morton order of the means: neighbours in the order are neighbours in space. Gaussians that are more than
+/// 32 times as far from the middle as most come after the others, in an order of their own, so that a few outliers do
+/// not make the cells of the order coarse.
+///
+/// Source  Morton, "A Computer Oriented Geodetic Data Base and a New Technique in File Sequencing", 1966.
+template <class T>
+[[nodiscard]] std::vector<std::uint32_t> morton_order(const GaussianCloud<T>& cloud) {
+    std::vector<std::uint32_t> order, left(cloud.size());
+    for (std::size_t i = 0; i < left.size(); ++i) left[i] = static_cast<std::uint32_t>(i);
+    while (!left.empty()) {
+        vec3<T> centre;
+        std::vector<T> values(left.size());
+        for (int axis = 0; axis < 3; ++axis) {
+            for (std::size_t k = 0; k < left.size(); ++k) values[k] = cloud.means[left[k]][axis];
+            centre[axis] = detail::middle_of(values);
+        }
+        for (std::size_t k = 0; k < left.size(); ++k) {
+            const vec3<T> away = glm::abs(cloud.means[left[k]] - centre);
+            values[k] = std::max({away.x, away.y, away.z});
+        }
+        const T near = 32 * detail::middle_of(values);
+        std::vector<std::uint32_t> here, far;
+        for (std::size_t k = 0; k < left.size(); ++k) (values[k] <= near ? here : far).push_back(left[k]);
+        detail::sort_by_place(cloud, here);
+        order.insert(order.end(), here.begin(), here.end());
+        left = std::move(far);
+    }
+    return order;
 }
 
 /// The indices of the `count` most important Gaussians, in the order of the cloud.
@@ -97,20 +138,6 @@ template <class T>
     cloud.sh.resize(cloud.size() * kept);
     cloud.sh_degree = degree;
     return cloud;
-}
-
-/// Turns a cloud by half a turn about z, exactly: from y up to y down, and back. It leads from the frame of gsh to that
-/// in which files of 3D Gaussian splatting are usually stored.
-template <class T>
-void turn_about_z(GaussianCloud<T>& cloud) {
-    for (vec3<T>& mean : cloud.means) mean.x = -mean.x, mean.y = -mean.y;
-    for (quat<T>& q : cloud.quats) q = {-q.z, -q.y, q.x, q.w};
-    const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
-    for (std::size_t i = 0; i < cloud.sh.size(); ++i) {
-        std::size_t k = i % basis, l = 0;
-        while ((l + 1) * (l + 1) <= k) ++l;
-        if ((k - l * l + l) % 2) cloud.sh[i] = -cloud.sh[i]; // odd m = k - l² - l
-    }
 }
 
 } // namespace gsh

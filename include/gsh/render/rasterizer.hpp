@@ -203,7 +203,7 @@ private:
         if (status.nonfinite != 0)
             throw GaussianError(std::string(where) + ": Gaussian " + std::to_string(status.first_nonfinite) +
                                     " has a mean, covariance, opacity or color that is not finite (" +
-                                    std::to_string(status.nonfinite) + " such in all); is a learning rate too high?",
+                                    std::to_string(status.nonfinite) + " such in all)",
                                 status.first_nonfinite);
         if (status.pairs > params_.max_pairs)
             throw ValueError(std::string(where) + ": the Gaussians cover " + std::to_string(status.pairs) +

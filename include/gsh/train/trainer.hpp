@@ -233,19 +233,17 @@ private:
         scene_->after_step(loss_.raster_cache());
     }
 
-    /// call(); an error about a Gaussian also tells what the scene calls it.
+    /// call(); an error about a Gaussian also tells the likely cause, and what the scene calls the Gaussian.
     template <class Call>
     void with_names(const Call& call) const {
-        if constexpr (requires { scene_->name_of(std::size_t()); }) {
-            try {
-                call();
-            } catch (const GaussianError& error) {
-                const std::string name = scene_->name_of(error.gaussian());
-                if (name.empty()) throw;
-                throw GaussianError(std::string(error.what()) + " It is " + name, error.gaussian());
-            }
-        } else {
+        try {
             call();
+        } catch (const GaussianError& error) {
+            std::string message = std::string(error.what()) + "; is a learning rate too high?";
+            if constexpr (requires { scene_->name_of(std::size_t()); })
+                if (const std::string name = scene_->name_of(error.gaussian()); !name.empty())
+                    message += " It is " + name;
+            throw GaussianError(message, error.gaussian());
         }
     }
     [[nodiscard]] static std::uint64_t photo_budget([[maybe_unused]] const B& backend, const TrainConfig& config) {

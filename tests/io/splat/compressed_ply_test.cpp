@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/io/splat/compressed_ply.hpp>
 
 #include "io/damage.hpp"
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
 
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <initializer_list>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 using namespace gsh;
 
@@ -33,7 +39,7 @@ TEST_CASE("clouds of degrees 0 to 3 come back within the steps of the format") {
 TEST_CASE("the file has the layout of splat-transform") {
     const test::Temporary folder;
     auto cloud = test::splat_cloud(300, 1);
-    cloud.means[0] = {-5, 7, 9}; // the extremes of the first chunk
+    cloud.means[0] = {-1.5f, 1.25f, 1.25f}; // the extremes of the first chunk
     cloud.quats[0] = {0, 0, -1, 0};
     cloud.opacity_logits[0] = 20;
     for (std::size_t k = 0; k < 4; ++k) cloud.sh[k] = vec3<float>(k ? 0.0f : 3.0f);
@@ -47,7 +53,7 @@ TEST_CASE("the file has the layout of splat-transform") {
     CHECK(bytes.size() == begin + 2 * 72 + 300 * 16 + 300 * 9);
     float low_x = 0;
     std::memcpy(&low_x, bytes.data() + begin, 4);
-    CHECK(low_x == -5);
+    CHECK(low_x == -1.5f);
     std::uint32_t row[4];
     std::memcpy(row, bytes.data() + begin + 2 * 72, sizeof row);
     CHECK(row[0] == (0u << 21 | 1023u << 11 | 2047u));            // at the box's corner
@@ -58,6 +64,79 @@ TEST_CASE("the file has the layout of splat-transform") {
     CHECK(sh[2] == 144);     // red of the third coefficient: (0.5 / 8 + 0.5) 256
     CHECK(sh[3 + 2] == 0);   // green
     CHECK(sh[6 + 2] == 128); // blue
+}
+
+namespace {
+
+/// For each Gaussian of `truth`, the distance to the nearest visible one of `found`, and how many of these there are.
+std::pair<std::vector<double>, std::size_t> distances(const GaussianCloud<float>& truth,
+                                                      const GaussianCloud<float>& found) {
+    std::vector<double> result;
+    std::size_t visible = 0;
+    for (std::size_t k = 0; k < found.size(); ++k) visible += found.opacity_logits[k] > -6;
+    for (const vec3<float>& mean : truth.means) {
+        double least = 1e30;
+        for (std::size_t k = 0; k < found.size(); ++k)
+            if (found.opacity_logits[k] > -6)
+                least = std::min(least, length(vec3<double>(found.means[k]) - vec3<double>(mean)));
+        result.push_back(least);
+    }
+    return {result, visible};
+}
+
+} // namespace
+
+TEST_CASE("outliers have chunks of their own, and the others keep their places") {
+    const test::Temporary folder;
+    auto cloud = test::splat_cloud(1000, 1);
+    const std::vector<std::size_t> outliers{5, 400, 999};
+    cloud.means[5] = {5e7f, 0, 0}, cloud.means[400] = {0, -8e6f, 1e6f}, cloud.means[999] = {0, 0, 7e8f};
+    for (const bool sorted : {true, false}) {
+        const auto order = morton_order(cloud);
+        const auto written = sorted ? reordered(cloud, Span<const std::uint32_t>(order)) : cloud;
+        const SplatLosses losses = write_compressed_ply(folder / "a.ply", written, UpAxis::minus_y);
+        const auto read = read_compressed_ply(folder / "a.ply").cloud;
+        CHECK(losses.fillers > 0);
+        CHECK(losses.fillers < (sorted ? 1024 : 1275));
+        CHECK(read.size() == 1000 + losses.fillers);
+        const auto [away, visible] = distances(cloud, read);
+        CHECK(visible == 1000);
+        for (std::size_t i = 0; i < 1000; ++i)
+            if (std::find(outliers.begin(), outliers.end(), i) == outliers.end()) CHECK(away[i] < 2e-3);
+        CHECK(away[5] < 5e7 / 1000);
+        CHECK(losses.position_step < 3e4); // two outliers may share a chunk
+    }
+    // One colour far beyond white would leave the others of its chunk a few steps.
+    cloud = test::splat_cloud(256, 0);
+    cloud.sh[100] = vec3<float>(1000);
+    CHECK(write_compressed_ply(folder / "a.ply", cloud).fillers > 0);
+    const auto read = read_compressed_ply(folder / "a.ply").cloud;
+    CHECK(length(read.sh[0] - cloud.sh[0]) < 0.03f);
+    CHECK(length(read.sh.back() - cloud.sh.back()) < 0.03f);
+}
+
+TEST_CASE("chunks that cannot be divided well are told, and files do not grow without bound") {
+    const test::Temporary folder;
+    auto cloud = test::splat_cloud(4000, 0);
+    for (auto& mean : cloud.means) mean = mean * 1e6f; // small Gaussians in a wide space
+    const SplatLosses losses = write_compressed_ply(folder / "a.ply", cloud);
+    CHECK(losses.coarse > 2000);
+    CHECK(losses.position_step > 500);
+    CHECK(losses.fillers <= 2024);
+    cloud = test::splat_cloud(10, 1);
+    cloud.log_scales[3].y = 30, cloud.sh[5].x = -4.5f;
+    CHECK(write_compressed_ply(folder / "a.ply", cloud).scales == 1);
+    CHECK(write_compressed_ply(folder / "a.ply", cloud).coefficients == 1);
+}
+
+TEST_CASE("an element sh without properties is none, as gsplat 1.5.3 writes it where there are no bands") {
+    const test::Temporary folder;
+    const auto cloud = test::splat_cloud(300, 0);
+    write_compressed_ply(folder / "a.ply", cloud);
+    std::string bytes = read_file(folder / "a.ply");
+    bytes.insert(bytes.find("end_header"), "element sh 300\n");
+    write_file(folder / "a.ply", bytes);
+    test::check_near(read_compressed_ply(folder / "a.ply").cloud, cloud, compressed_ply_tolerance);
 }
 
 TEST_CASE("vertical and filter are stated and heeded") {

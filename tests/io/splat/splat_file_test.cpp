@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/io/splat/splat_file.hpp>
 
 #include "io/damage.hpp"
@@ -44,6 +45,23 @@ TEST_CASE("the bytes of a .splat file are those of the format") {
     CHECK(numbers[4] == doctest::Approx(0.5));
     const int expected[8] = {255, 51, 0, 128, 219, 128, 128, 37};
     for (std::size_t k = 0; k < 8; ++k) CHECK(static_cast<unsigned char>(bytes[24 + k]) == expected[k]);
+}
+
+TEST_CASE("flat Gaussians come back flat, and colours beyond 0 to 1 are counted") {
+    const test::Temporary folder;
+    auto cloud = test::splat_cloud(4, 0);
+    for (auto& sh : cloud.sh) sh = vec3<float>(0);
+    cloud.sh[1] = sh_of_color(vec3<float>(1.01f, 0, 1)), cloud.sh[2] = sh_of_color(vec3<float>(0.5f, -0.01f, 0));
+    cloud.sh[3] = sh_of_color(vec3<float>(1, 0, 1));
+    CHECK(write_splat(folder / "a.splat", cloud).colors == 2);
+    std::string bytes = read_file(folder / "a.splat");
+    bytes.replace(12, 4, 4, '\0'); // the first scale
+    write_file(folder / "a.splat", bytes);
+    CHECK(read_splat(folder / "a.splat").cloud.log_scales[0].x == flat_log_scale);
+    const float large = 1e20f; // whose square is more than a float holds
+    std::memcpy(bytes.data() + 12, &large, 4);
+    write_file(folder / "a.splat", bytes);
+    test::check_throws<ValueError>([&] { (void)read_splat(folder / "a.splat"); }, {"a.splat", "Gaussian 0", "e^44"});
 }
 
 TEST_CASE("what is no .splat file") {

@@ -6,8 +6,11 @@
 #include "io/temporary.hpp"
 
 #include <array>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <functional>
 #include <initializer_list>
 #include <string>
@@ -65,8 +68,10 @@ TEST_CASE("the bytes of version 3 are those of the format") {
     cloud.opacity_logits[0] = 0;
     cloud.quats[0] = {-0.5f, 0.5f, 0.5f, 0.5f}; // any may be the largest; x comes first
     cloud.sh = {{0, 1, -1}, {0.5f, -1, 1}, {0, 0, 0}, {3, -3, 0.06f}};
-    CHECK(spz_clipped_count(cloud) == 2);
-    write_spz(folder / "a.spz", cloud, {.filter = {0.1, true}});
+    const SplatLosses losses = write_spz(folder / "a.spz", cloud, {.filter = {0.1, true}});
+    CHECK(losses.coefficients == 2);
+    CHECK(losses.positions + losses.scales + losses.colors == 0);
+    CHECK(losses.position_step == 0);
     const std::string bytes = inflated(read_file(folder / "a.spz"), 16 + 9 + 1 + 3 + 3 + 4 + 9);
     const auto* b = reinterpret_cast<const std::uint8_t*>(bytes.data());
     CHECK(std::string_view(bytes).starts_with("NGSP"));
@@ -138,16 +143,134 @@ TEST_CASE("versions 1 and 2 are read") {
     test::check_throws<ValueError>([&] { (void)read_spz(folder / "a.spz"); }, {"position 0", "finite"});
 }
 
-TEST_CASE("extensions of version 4 are skipped") {
+namespace {
+
+/// A file of version 3 or 4 with extension records, and the flag that announces them.
+std::string with_extensions(const std::filesystem::path& path, const GaussianCloud<float>& cloud, int version,
+                            const std::string& records) {
+    write_spz(path, cloud, {.version = version});
+    std::string bytes = read_file(path);
+    if (version == 3) {
+        const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
+        bytes = inflated(bytes, 16 + cloud.size() * (20 + 3 * (basis - 1)));
+        bytes[14] = 2;
+        return gzip(bytes + records);
+    }
+    bytes[14] = 2;
+    bytes[16] = static_cast<char>(32 + records.size());
+    return bytes.insert(32, records);
+}
+
+std::string record(std::uint32_t type, const std::string& content) {
+    std::string bytes;
+    append_spz(bytes, type), append_spz(bytes, static_cast<std::uint32_t>(content.size()));
+    return bytes + content;
+}
+std::string system_record(std::uint32_t number) {
+    std::string content;
+    append_spz(content, number);
+    return record(0xADBE0003u, content);
+}
+
+} // namespace
+
+TEST_CASE("Gaussians are turned from the coordinate system that a file states") {
     const test::Temporary folder;
+    const auto path = folder / "a.spz";
+    const auto cloud = test::splat_cloud(20, 3);
+    // Where a file's x, y and z point to, as Niantic's library (21715c3, July 2026) converts files of each number to
+    // RUB.
+    const std::array<std::string_view, 16> systems = {"LDB", "RDB", "LUB", "RUB", "LDF", "RDF", "LUF", "RUF",
+                                                      "LBU", "RBU", "LFU", "RFU", "LBD", "RBD", "LFD", "RFD"};
+    for (const int version : {3, 4})
+        for (std::uint32_t number = 1; number <= 16; ++number) {
+            CAPTURE(number);
+            const mat3<double> axes = *axes_of_letters(systems[number - 1]);
+            auto stored = cloud;
+            turn_axes(stored, transpose(axes));
+            write_file(path, with_extensions(path, stored, version, system_record(number)));
+            const StillSplats splats = read_spz(path);
+            CHECK(splats.warnings.empty());
+            // Rotations by their covariances: a mirror may turn axes round.
+            auto tolerance = spz_tolerance;
+            tolerance.rotation = 3, tolerance.rest = 0.12;
+            test::check_near(splats.cloud, cloud, tolerance);
+            for (std::size_t i = 0; i < 20; ++i) {
+                const auto covariance = [&](const GaussianCloud<float>& c) {
+                    const mat3<double> R = rotation_matrix(
+                        normalize(quat<double>{c.quats[i].w, c.quats[i].x, c.quats[i].y, c.quats[i].z}));
+                    mat3<double> S(0.0);
+                    for (int k = 0; k < 3; ++k) S[k][k] = std::exp(2.0 * cloud.log_scales[i][k] + 6);
+                    return R * S * transpose(R);
+                };
+                const mat3<double> found = covariance(splats.cloud), expected = covariance(cloud);
+                for (int c = 0; c < 3; ++c) CHECK(length(found[c] - expected[c]) < 0.02);
+            }
+        }
+    write_file(path, with_extensions(path, cloud, 4, system_record(12)));
+    CHECK(read_spz(path).notes.up == UpAxis::z);
+    write_file(path, with_extensions(path, cloud, 4, system_record(6)));
+    CHECK(read_spz(path).notes.up == UpAxis::minus_y);
+}
+
+TEST_CASE("extensions that are not known, or say nothing, are warnings; those of the camera are not") {
+    const test::Temporary folder;
+    const auto path = folder / "a.spz";
     const auto cloud = test::splat_cloud(20, 1);
-    write_spz(folder / "a.spz", cloud, {.version = 4});
-    std::string bytes = read_file(folder / "a.spz");
-    const std::string extension("\x09\x00\x00\x00\x04\x00\x00\x00zzzz", 12);
-    bytes.insert(32, extension);
-    bytes[16] = 44;
-    write_file(folder / "a.spz", bytes);
-    test::check_near(read_spz(folder / "a.spz").cloud, cloud, spz_tolerance);
+    const auto warnings_of = [&](const std::string& records) {
+        write_file(path, with_extensions(path, cloud, 4, records));
+        const StillSplats splats = read_spz(path);
+        test::check_near(splats.cloud, cloud, spz_tolerance); // as RUB
+        for (const std::string& warning : splats.warnings) CHECK(warning.starts_with(path.string() + ": "));
+        return splats.warnings;
+    };
+    CHECK(warnings_of(record(0xADBE0002u, "twelve bytes")).empty());
+    CHECK(warnings_of(system_record(4)).empty());
+    CHECK(warnings_of(system_record(4) + system_record(6)).empty()); // the first counts
+    CHECK(warnings_of(record(0x12340001u, "zzzz") + system_record(4)).at(0).find("0x12340001") != std::string::npos);
+    for (const std::uint32_t number : {0u, 17u, 4000000000u})
+        CHECK(warnings_of(system_record(number)).at(0).find(std::to_string(number)) != std::string::npos);
+    CHECK(warnings_of(record(0xADBE0003u, "zz")).size() == 1);
+    CHECK(warnings_of(system_record(4) + "short").at(0).find("damaged") != std::string::npos);
+    std::string too_long = system_record(4);
+    too_long[4] = 99;
+    CHECK(warnings_of(too_long).at(0).find("damaged") != std::string::npos);
+    // Without the flag there are none.
+    std::string bytes = with_extensions(path, cloud, 4, system_record(6));
+    bytes[14] = 0;
+    write_file(path, bytes);
+    test::check_near(read_spz(path).cloud, cloud, spz_tolerance);
+}
+
+TEST_CASE("a large scene has fewer fractional bits; outliers end at the edge and are counted") {
+    const test::Temporary folder;
+    const auto path = folder / "a.spz";
+    auto cloud = test::splat_cloud(300, 0);
+    for (auto& mean : cloud.means) mean = mean * 6000.0f;
+    for (auto& scale : cloud.log_scales) scale = vec3<float>(0);
+    SplatLosses losses = write_spz(path, cloud);
+    CHECK(losses.positions == 0);
+    CHECK(losses.position_step == std::ldexp(1.0, -10)); // 6,000 m are below 2^23 / 2^10
+    auto tolerance = spz_tolerance;
+    tolerance.mean = std::ldexp(1.0, -11) * 1.01;
+    test::check_near(read_spz(path).cloud, cloud, tolerance);
+
+    cloud = test::splat_cloud(300, 0);
+    cloud.means[3] = {5e7f, 0, 0}, cloud.means[4] = {0, -8e6f, 1e6f}; // not worth planes through all others
+    losses = write_spz(path, cloud);
+    CHECK(losses.positions == 2);
+    CHECK(losses.position_step == 0);
+    const auto read = read_spz(path).cloud;
+    CHECK(read.means[3].x == doctest::Approx(2048));
+    CHECK(length(read.means[5] - cloud.means[5]) < 3e-4f);
+
+    cloud = test::splat_cloud(300, 0);
+    cloud.log_scales[0] = {8, -12, 7}, cloud.log_scales[1].x = 5.96f, cloud.log_scales[2].y = -10.02f;
+    cloud.sh[7].y = 4, cloud.sh[8].x = -3.4f, cloud.sh[9].z = 3.3f;
+    losses = write_spz(path, cloud);
+    CHECK(losses.scales == 1);
+    CHECK(losses.colors == 2);
+    CHECK(losses.gaussians == 300);
 }
 
 TEST_CASE("damaged SPZ files are refused before memory is allocated") {
@@ -165,7 +288,7 @@ TEST_CASE("damaged SPZ files are refused before memory is allocated") {
     expect(gzip(spz_header(9, 1, 0)), {"version 9"});
     expect(gzip(spz_header(4, 1, 0)), {"version 4 within gzip"});
     expect(gzip(spz_header(3, 4000000000u, 0)), {"4000000000"});
-    expect(gzip(spz_header(3, 0, 0)), {"claims 0"});
+    expect(gzip(spz_header(3, 0, 0)), {"holds no Gaussians"});
     expect(gzip(spz_header(3, 1, 5)), {"degree 5"});
     expect(gzip(spz_header(3, 100, 0)), {"truncated"});
 

@@ -10,6 +10,8 @@
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
 
+#include <cmath>
+#include <cstddef>
 #include <functional>
 #include <limits>
 #include <vector>
@@ -42,11 +44,27 @@ TEST_CASE("writers refuse numbers that are not finite, and quaternions of length
     };
     refused([&](Cloud& cloud) { cloud.means[2].y = none; }, "mean");
     refused([&](Cloud& cloud) { cloud.means[2].z = -endless; }, "mean");
-    refused([&](Cloud& cloud) { cloud.log_scales[2].x = 89; }, "scale"); // e^89 is more than a float holds
+    refused([&](Cloud& cloud) { cloud.log_scales[2].x = 89; }, "e^89"); // more than a float holds
+    refused([&](Cloud& cloud) { cloud.log_scales[2].y = 45; }, "e^45"); // the variance is more
     refused([&](Cloud& cloud) { cloud.log_scales[2].x = -endless; }, "scale");
     refused([&](Cloud& cloud) { cloud.quats[2] = {0, 0, 0, 0}; }, "quaternion");
     refused([&](Cloud& cloud) { cloud.quats[2].w = none; }, "quaternion");
     refused([&](Cloud& cloud) { cloud.opacity_logits[2] = none; }, "opacity");
     refused([&](Cloud& cloud) { cloud.sh[11].x = endless; }, "colour");
     CHECK(folder.file_count() == 0);
+}
+
+TEST_CASE("a Gaussian's size is its middle axis") {
+    CHECK(size_of({0, -20, -1}) == doctest::Approx(std::exp(-1.0)));
+    CHECK(size_of({-2, 5, -2}) == doctest::Approx(std::exp(-2.0)));
+}
+
+TEST_CASE("losses of several files add up") {
+    SplatLosses losses{.gaussians = 2, .positions = 1, .position_step = 0.5};
+    losses +=
+        {.gaussians = 3, .scales = 2, .colors = 4, .coefficients = 5, .coarse = 6, .fillers = 7, .position_step = 0.25};
+    CHECK(losses.gaussians == 5);
+    CHECK(losses.positions == 1);
+    CHECK(losses.scales + losses.colors + losses.coefficients + losses.coarse + losses.fillers == 24);
+    CHECK(losses.position_step == 0.5);
 }

@@ -5,6 +5,7 @@
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
 
+#include <charconv>
 #include <string>
 #include <string_view>
 
@@ -71,6 +72,34 @@ TEST_CASE("a moving layer has a sample for each frame") {
     CHECK(occurrences(text, ".timeSamples") == 5);
     CHECK(occurrences(text, "            1: [") == 5);
     CHECK(occurrences(text, "opacities") == 1);
+}
+
+TEST_CASE("the extent is finite, wherever the Gaussians are") {
+    const test::Temporary folder;
+    auto cloud = plain_cloud();
+    cloud.means[0].x = 3.4e38f, cloud.log_scales[0] = vec3<float>(44);
+    UsdaSplats file(folder / "a.usda");
+    file.add(cloud);
+    file.commit();
+    CHECK(read_file(folder / "a.usda").find("inf") == std::string::npos);
+}
+
+TEST_CASE("numbers come back as the floats that they were") {
+    const test::Temporary folder;
+    auto cloud = test::splat_cloud(200, 0);
+    for (auto& mean : cloud.means) mean = mean + vec3<float>(100000);
+    UsdaSplats file(folder / "a.usda");
+    file.add(cloud);
+    file.commit();
+    const std::string text = read_file(folder / "a.usda");
+    const char* at = text.data() + text.find("positions = [(") + 14;
+    for (const auto& mean : cloud.means)
+        for (int axis = 0; axis < 3; ++axis) {
+            float number = 0;
+            at = std::from_chars(at, text.data() + text.size(), number).ptr;
+            CHECK(number == mean[axis]);
+            at += std::string_view(at).find_first_of("-0123456789");
+        }
 }
 
 TEST_CASE("temporary files that cannot be written, because the disk is full, are an error") {

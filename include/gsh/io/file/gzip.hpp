@@ -49,10 +49,11 @@ public:
         }
     }
 
-    /// Inflates the rest of the stream without keeping it, and checks the checksum at its end.
+    /// Inflates the rest of the stream, keeps its first `kept` bytes, and checks the checksum at its end.
     /// Errors  IoError for another checksum, a stream without its end, or more than `most` bytes of rest.
-    void finish(std::size_t most = std::size_t(1) << 28) {
+    std::string finish(std::size_t most = std::size_t(1) << 28, std::size_t kept = 0) {
         char scratch[1 << 14];
+        std::string rest;
         for (std::size_t total = 0;;) {
             const std::size_t in_size = std::min<std::size_t>(rest_.size(), std::numeric_limits<uInt>::max());
             stream_.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(rest_.data()));
@@ -61,9 +62,11 @@ public:
             stream_.avail_out = sizeof scratch;
             const int code = inflate(&stream_, Z_NO_FLUSH);
             rest_.remove_prefix(in_size - stream_.avail_in);
-            if ((total += sizeof scratch - stream_.avail_out) > most)
+            const std::size_t written = sizeof scratch - stream_.avail_out;
+            rest.append(scratch, std::min(written, kept - rest.size()));
+            if ((total += written) > most)
                 throw IoError(what_ + ": goes on for more than " + std::to_string(most) + " bytes");
-            if (code == Z_STREAM_END) return;
+            if (code == Z_STREAM_END) return rest;
             if (code == Z_BUF_ERROR && rest_.empty()) throw IoError(what_ + ": is truncated: its checksum is missing");
             if (code != Z_OK) throw IoError(what_ + ": is damaged: the rest cannot be read, or its checksum differs");
         }

@@ -49,7 +49,7 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
                   ": is in no known format of Gaussians; expected .ply, .compressed.ply, .spz, .splat or .glb");
 }
 
-/// True for formats that by custom have y down unless they state otherwise.
+/// True for formats that by custom have y down unless they state otherwise (UpAxis::minus_y).
 [[nodiscard]] inline bool is_y_down_by_custom(SplatFormat format) {
     return format == SplatFormat::ply || format == SplatFormat::compressed_ply || format == SplatFormat::splat;
 }

@@ -52,7 +52,7 @@ static_assert(sizeof(SplatRow) == 32);
             check_value(std::isfinite(row.scale[axis]) && row.scale[axis] >= 0, name,
                         "the scale" + at() + " is " + std::to_string(row.scale[axis]) + ", expected 0 or more");
             cloud.means[i][axis] = row.mean[axis];
-            cloud.log_scales[i][axis] = std::log(std::max(row.scale[axis], 1e-9f));
+            cloud.log_scales[i][axis] = std::max(std::log(row.scale[axis]), flat_log_scale);
             color[axis] = static_cast<float>(row.color[axis]) / 255;
         }
         const auto part = [&](int k) { return static_cast<float>(row.rotation[k] - 128) / 128; };
@@ -61,19 +61,22 @@ static_assert(sizeof(SplatRow) == 32);
         cloud.opacity_logits[i] = detail::logit_of_byte(row.color[3]);
         cloud.sh[i] = sh_of_color(color);
     }
+    check_writable(name, cloud);
     return splats;
 }
 
 /// Writes a .splat file, atomically, in the order of the cloud. Viewers show Gaussians as they load, so the important
-/// ones should come first (importance_order). Bands that depend on the view are dropped.
+/// ones should come first (importance_order). Bands that depend on the view are dropped. Returns how many constant
+/// colours are beyond 0 to 1, where they end.
 /// Errors  ValueError for an empty cloud.
-inline void write_splat(const std::filesystem::path& path, GaussianCloud<float> given,
-                        std::optional<UpAxis> up = {}) {
+inline SplatLosses write_splat(const std::filesystem::path& path, GaussianCloud<float> given,
+                               std::optional<UpAxis> up = {}) {
     check_writable("write_splat", given);
     check_value(given.size() > 0, "write_splat", "there must be a Gaussian");
     const GaussianCloud<float> cloud = as_stored(std::move(given), up);
     const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
     AtomicFile file(path);
+    SplatLosses losses{.gaussians = cloud.size()};
     for (std::size_t i = 0; i < cloud.size(); ++i) {
         detail::SplatRow row;
         const vec3<float> color = detail::unclamped_color<0>(&cloud.sh[i * basis], vec3<float>(0, 0, 1));
@@ -82,6 +85,8 @@ inline void write_splat(const std::filesystem::path& path, GaussianCloud<float> 
             row.scale[axis] = std::exp(cloud.log_scales[i][axis]);
             row.color[axis] = detail::byte_of(255 * double(color[axis]));
         }
+        losses.colors +=
+            std::max({color.x, color.y, color.z}) > 255.5f / 255 || std::min({color.x, color.y, color.z}) < -0.5f / 255;
         row.color[3] = detail::byte_of(255 * sigmoid(double(cloud.opacity_logits[i])));
         const quat<float> q = normalize(cloud.quats[i]);
         const double parts[4] = {q.w, q.x, q.y, q.z};
@@ -89,6 +94,7 @@ inline void write_splat(const std::filesystem::path& path, GaussianCloud<float> 
         file.write(&row, sizeof row);
     }
     file.commit();
+    return losses;
 }
 
 } // namespace gsh

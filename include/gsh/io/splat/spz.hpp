@@ -9,6 +9,7 @@
 #include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/gzip.hpp>
 #include <gsh/io/file/zstd.hpp>
+#include <gsh/io/splat/spz_extensions.hpp>
 #include <gsh/io/splat/spz_points.hpp>
 #include <gsh/io/splat/still_splats.hpp>
 #include <gsh/math/sh.hpp>
@@ -30,7 +31,8 @@ struct SpzOptions {
     PixelFilter filter = {}; ///< a file states only whether opacity is compensated
 };
 
-/// Reads an SPZ file. The format has y up, as gsh has. Extensions are skipped.
+/// Reads an SPZ file. The format has y up, as gsh has, unless an extension states another coordinate system, from which
+/// the Gaussians are then turned. Extensions that may change them and are not known are warnings.
 ///
 /// What the Gaussians take, inflated and in memory, is checked against the size of the file before anything is
 /// allocated: 64 MiB, or 200 times the file (io/file/claimed_size.hpp).
@@ -40,11 +42,12 @@ struct SpzOptions {
 /// Source  Niantic's library "spz", its load-spz.cc and splat-types.h.
 [[nodiscard]] inline StillSplats read_spz(const std::filesystem::path& path);
 
-/// Writes an SPZ file, atomically. spz_clipped_count returns how many coefficients do not fit.
+/// Writes an SPZ file in its own frame, RUB, atomically. Returns how many numbers do not fit and end at what the format
+/// holds. Positions have spz_fractional_bits, or fewer where a large scene loses less by that.
 ///
 /// Errors  ValueError for another version, no Gaussian, or SH above degree 3.
-inline void write_spz(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
-                      const SpzOptions& options = {});
+inline SplatLosses write_spz(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
+                             const SpzOptions& options = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -65,16 +68,17 @@ inline void check_spz(const SpzHeader& header, const std::string& name, std::uin
         fail("has SPZ version " + std::to_string(header.version) + ", expected 1 to 4");
     if (header.sh_degree > 4) fail("has SH of degree " + std::to_string(header.sh_degree) + ", expected 0 to 4");
     if (header.fractional_bits > 24) fail("has " + std::to_string(header.fractional_bits) + " fractional bits of 24");
+    if (header.count == 0) fail("holds no Gaussians");
     std::uint64_t row = sizeof(float) * static_cast<std::uint64_t>(11 + 3 * sh_basis_count(header.sh_degree));
     for (const std::size_t width : SpzStreams::widths(static_cast<int>(header.version), header.sh_degree)) row += width;
-    if (header.count < 1 ||
-        !may_take(header.count * row, file_size)) // row: of a Gaussian, in its streams and in memory
+    if (!may_take(header.count * row, file_size)) // row: of a Gaussian, in its streams and in memory
         fail("claims " + std::to_string(header.count) + " Gaussians of degree " + std::to_string(header.sh_degree) +
              " in " + std::to_string(file_size) + " bytes; it is damaged or made to exhaust memory");
 }
 
 /// Versions 1 to 3: everything in one gzip stream.
-inline SpzStreams read_spz_gzip(std::string_view bytes, const std::string& name, SpzHeader& header) {
+inline SpzStreams read_spz_gzip(std::string_view bytes, const std::string& name, SpzHeader& header,
+                                std::string& extensions) {
     GzipReader reader(bytes, name);
     reader.read(&header, sizeof header);
     check_spz(header, name, bytes.size());
@@ -85,12 +89,13 @@ inline SpzStreams read_spz_gzip(std::string_view bytes, const std::string& name,
         streams.bytes[k].resize(header.count * widths[k]);
         reader.read(streams.bytes[k].data(), streams.bytes[k].size());
     }
-    reader.finish(); // past extensions
+    extensions = reader.finish(std::size_t(1) << 28, std::size_t(1) << 20); // they follow the streams
     return streams;
 }
 
 /// Version 4: a plain header, a table, and a frame of Zstandard for each stream that is not empty.
-inline SpzStreams read_spz_zstd(std::string_view bytes, const std::string& name, SpzHeader& header) {
+inline SpzStreams read_spz_zstd(std::string_view bytes, const std::string& name, SpzHeader& header,
+                                std::string& extensions) {
     const auto fail = [&](const std::string& reason) { throw IoError(name + ": " + reason); };
     if (bytes.size() < 32) fail("is truncated: " + std::to_string(bytes.size()) + " bytes, expected a header of 32");
     std::memcpy(&header, bytes.data(), sizeof header);
@@ -105,6 +110,7 @@ inline SpzStreams read_spz_zstd(std::string_view bytes, const std::string& name,
     if (table < 32 || table > bytes.size() || bytes.size() - table < 16 * streams_expected)
         fail("is truncated: the table of streams begins at byte " + std::to_string(table) + " of " +
              std::to_string(bytes.size()));
+    extensions = bytes.substr(32, table - 32);
     std::uint64_t begin = table + 16 * streams_expected;
     std::array<std::string_view, SpzStreams::count> frames;
     for (std::size_t k = 0; k < streams_expected; ++k) {
@@ -130,29 +136,36 @@ inline SpzStreams read_spz_zstd(std::string_view bytes, const std::string& name,
 inline StillSplats read_spz(const std::filesystem::path& path) {
     const std::string name = path.string(), bytes = read_file(path, std::size_t(4) << 30);
     detail::SpzHeader header;
-    const SpzStreams streams = bytes.starts_with("\x1f\x8b") ? detail::read_spz_gzip(bytes, name, header)
-                                                             : detail::read_spz_zstd(bytes, name, header);
+    std::string extensions;
+    const SpzStreams streams = bytes.starts_with("\x1f\x8b") ? detail::read_spz_gzip(bytes, name, header, extensions)
+                                                             : detail::read_spz_zstd(bytes, name, header, extensions);
     StillSplats splats{gaussians_of_spz(streams, header.count, static_cast<int>(header.version), header.sh_degree,
-                                        header.fractional_bits),
-                       {.up = UpAxis::y}};
+                                        header.fractional_bits)};
     for (std::size_t i = 0; i < splats.cloud.size(); ++i)
         for (int axis = 0; axis < 3; ++axis)
             check_value(std::isfinite(splats.cloud.means[i][axis]), name,
                         "position " + std::to_string(i) + " is not finite");
+    const SpzStatements stated = spz_statements(header.flags & 2 ? extensions : std::string(), name);
+    turn_axes(splats.cloud, *axes_of_letters(stated.axes));
+    splats.notes.up = stated.up, splats.warnings = stated.warnings;
     if (header.flags & 1) splats.notes.filter = PixelFilter{.dilation = 0.3, .compensate_opacity = true};
     return splats;
 }
 
-inline void write_spz(const std::filesystem::path& path, const GaussianCloud<float>& cloud, const SpzOptions& options) {
+inline SplatLosses write_spz(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
+                             const SpzOptions& options) {
     check_writable("write_spz", cloud);
     check_value(options.version == 3 || options.version == 4, "write_spz", "the version must be 3 or 4");
     check_value(cloud.sh_degree <= 3, "write_spz", "SPZ holds SH up to degree 3; use with_bands_up_to");
     check_value(cloud.size() > 0 && cloud.size() <= 0xFFFFFFFFu, "write_spz", "there must be a Gaussian");
-    const SpzStreams streams = spz_streams(cloud);
+    const int bits = spz_bits_for(cloud);
+    SplatLosses losses;
+    const SpzStreams streams = spz_streams(cloud, bits, losses);
     const std::size_t count = SpzStreams::count - (cloud.sh_degree == 0);
     const detail::SpzHeader header{.version = static_cast<std::uint32_t>(options.version),
                                    .count = static_cast<std::uint32_t>(cloud.size()),
                                    .sh_degree = static_cast<std::uint8_t>(cloud.sh_degree),
+                                   .fractional_bits = static_cast<std::uint8_t>(bits),
                                    .flags = static_cast<std::uint8_t>(options.filter.compensate_opacity),
                                    .stream_count = static_cast<std::uint8_t>(options.version == 4 ? count : 0)};
     std::string bytes(reinterpret_cast<const char*>(&header), sizeof header);
@@ -174,6 +187,7 @@ inline void write_spz(const std::filesystem::path& path, const GaussianCloud<flo
         file.write(frames);
     }
     file.commit();
+    return losses;
 }
 
 } // namespace gsh

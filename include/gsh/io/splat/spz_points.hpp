@@ -4,6 +4,7 @@
 
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/io/file/npy.hpp>
+#include <gsh/io/splat/still_splats.hpp>
 #include <gsh/math/activation.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/sh.hpp>
@@ -15,7 +16,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <string>
+#include <vector>
 
 namespace gsh {
 
@@ -31,18 +34,32 @@ struct SpzStreams {
     }
 };
 
-/// Bits after the point of a position that is written: steps of 0.24 mm up to 2048 m.
+/// Bits after the point of a position that is usually written: steps of 0.24 mm up to 2048 m.
 inline constexpr int spz_fractional_bits = 12;
 
-/// SH coefficients above the constant one that SPZ cannot hold, because they are beyond -1 to 1.
-template <class T>
-[[nodiscard]] std::size_t spz_clipped_count(const GaussianCloud<T>& cloud) {
-    const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
-    std::size_t count = 0;
-    for (std::size_t i = 0; i < cloud.sh.size(); ++i)
-        if (i % basis)
-            for (int channel = 0; channel < 3; ++channel) count += std::abs(cloud.sh[i][channel]) > T(1);
-    return count;
+/// The number of bits after the point with which a cloud loses least. Beyond 2048 m, fewer bits reach farther, in
+/// larger steps: a few outliers are not worth it, a large scene is. A Gaussian that ends at the format's edge counts as
+/// lost; one that stays within it counts by the squared step of its position over its size, at most as lost.
+[[nodiscard]] inline int spz_bits_for(const GaussianCloud<float>& cloud) {
+    std::vector<double> reach(cloud.size()), weight(cloud.size());
+    double farthest = 0;
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+        const vec3<float>& p = cloud.means[i];
+        reach[i] = std::max({std::abs(double(p.x)), std::abs(double(p.y)), std::abs(double(p.z))});
+        farthest = std::max(farthest, reach[i]);
+        weight[i] = 1 / (12 * size_of(cloud.log_scales[i]) * size_of(cloud.log_scales[i]));
+    }
+    int best = spz_fractional_bits;
+    double least = std::numeric_limits<double>::infinity();
+    for (int bits = spz_fractional_bits; bits >= 0; --bits) {
+        const double step = std::ldexp(1.0, -bits), edge = 8388607.5 * step;
+        double lost = 0;
+        for (std::size_t i = 0; i < reach.size(); ++i)
+            lost += reach[i] > edge ? 1 : std::min(1.0, step * step * weight[i]);
+        if (lost < least) least = lost, best = bits;
+        if (farthest <= edge) break;
+    }
+    return best;
 }
 
 namespace detail {
@@ -103,26 +120,43 @@ inline std::uint8_t spz_sh(double value, int degree) {
 
 } // namespace detail
 
-/// The streams of versions 3 and 4. Positions beyond 2048 m, log-scales beyond -10 to 5.94, and SH beyond 1 end there.
-[[nodiscard]] inline SpzStreams spz_streams(const GaussianCloud<float>& cloud) {
+/// The streams of versions 3 and 4. Numbers that do not fit end at what the format holds, and are counted: positions
+/// beyond 2^23 steps, log-scales beyond -10 to 5.94, constant colours beyond -0.44 to 1.44, and SH beyond 1.
+[[nodiscard]] inline SpzStreams spz_streams(const GaussianCloud<float>& cloud, int fractional_bits,
+                                            SplatLosses& losses) {
     SpzStreams streams;
     const auto append = [](std::string& out, auto value, std::size_t bytes) {
         out.append(reinterpret_cast<const char*>(&value), bytes);
     };
     auto& [positions, opacities, colors, scales, rotations, bands] = streams.bytes;
     const auto basis = static_cast<std::size_t>(sh_basis_count(cloud.sh_degree));
+    const auto is_beyond = [](double value, double low, double high) {
+        return std::round(value) < low || std::round(value) > high;
+    };
+    losses.gaussians += cloud.size();
+    if (fractional_bits < spz_fractional_bits)
+        losses.position_step = std::max(losses.position_step, std::ldexp(1.0, -fractional_bits));
     for (std::size_t i = 0; i < cloud.size(); ++i) {
+        bool moved = false, resized = false, recolored = false;
         for (int axis = 0; axis < 3; ++axis) {
-            const double fixed = std::round(std::ldexp(cloud.means[i][axis], spz_fractional_bits));
+            const double fixed = std::round(std::ldexp(double(cloud.means[i][axis]), fractional_bits)),
+                         color = cloud.sh[i * basis][axis] * 0.15 * 255 + 127.5,
+                         scale = (cloud.log_scales[i][axis] + 10.0) * 16;
             append(positions, static_cast<std::int32_t>(std::clamp(fixed, -8388608.0, 8388607.0)), 3);
-            append(colors, detail::byte_of(cloud.sh[i * basis][axis] * 0.15 * 255 + 127.5), 1);
-            append(scales, detail::byte_of((cloud.log_scales[i][axis] + 10) * 16), 1);
+            append(colors, detail::byte_of(color), 1);
+            append(scales, detail::byte_of(scale), 1);
+            moved = moved || is_beyond(fixed, -8388608, 8388607), resized = resized || is_beyond(scale, 0, 255);
+            recolored = recolored || is_beyond(color, 0, 255);
         }
+        losses.positions += moved, losses.scales += resized, losses.colors += recolored;
         append(opacities, detail::byte_of(255 * sigmoid(double(cloud.opacity_logits[i]))), 1);
         append(rotations, detail::spz_rotation(cloud.quats[i]), 4);
         for (std::size_t k = 1; k < basis; ++k)
-            for (int channel = 0; channel < 3; ++channel)
-                append(bands, detail::spz_sh(cloud.sh[i * basis + k][channel], k < 4 ? 1 : 2), 1);
+            for (int channel = 0; channel < 3; ++channel) {
+                const float value = cloud.sh[i * basis + k][channel];
+                losses.coefficients += std::abs(value) > 1;
+                append(bands, detail::spz_sh(value, k < 4 ? 1 : 2), 1);
+            }
     }
     return streams;
 }

@@ -30,8 +30,8 @@ namespace gsh {
 /// and SH have a sample for each cloud that is added, at time codes 0, 1, 2, …; programs interpolate between them.
 /// Opacities are those of the first cloud. Without frames_per_second, exactly one cloud is added.
 ///
-/// USD has y up here, as gsh has. The layer's data states author and pixel filter. Numbers have 6 digits. Samples of
-/// frames are kept in unnamed temporary files until the end, not in memory.
+/// USD has y up here, as gsh has. The layer's data states author and pixel filter. Numbers have as many digits
+/// as bring the same float back. Samples of frames are kept in unnamed temporary files until the end, not in memory.
 ///
 /// Errors  IoError with the file; ShapeError for a cloud of another size or degree than the first.
 /// Source  Pixar, OpenUSD 26.03, usdVol/schema.usda.
@@ -71,7 +71,7 @@ private:
 
     static void append(std::string& text, float number) {
         char digits[32];
-        text.append(digits, std::to_chars(digits, digits + sizeof digits, number, std::chars_format::general, 6).ptr);
+        text.append(digits, std::to_chars(digits, digits + sizeof digits, number).ptr);
     }
     /// "[(a, b, c), …]" of tuples, or "[a, …]" of single numbers.
     static std::string list(Span<const float> numbers, std::size_t width) {
@@ -118,7 +118,8 @@ inline void UsdaSplats::add(const GaussianCloud<float>& cloud) {
         values[orientations].insert(values[orientations].end(), {q.w, q.x, q.y, q.z});
         if (frames_ == 0) alphas.push_back(sigmoid(cloud.opacity_logits[i]));
     }
-    put(values[extent], low), put(values[extent], high);
+    const vec3<float> most(std::numeric_limits<float>::max()); // an extent must be finite
+    put(values[extent], glm::max(low, -most)), put(values[extent], glm::min(high, most));
     for (const vec3<float>& c : cloud.sh) put(values[coefficients], c);
     if (frames_ == 0) opacities_ = list(alphas, 1);
     for (int a = 0; a < attribute_count; ++a) store(static_cast<Attribute>(a), values[a], a == orientations ? 4 : 3);
