@@ -14,6 +14,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace gsh {
 
@@ -31,6 +32,7 @@ struct SplatNotes {
 struct StillSplats {
     GaussianCloud<float> cloud;
     SplatNotes notes = {};
+    std::vector<std::string> warnings = {}; ///< what the reader assumed or lost; each begins with the file's name
 };
 
 /// Throws ShapeError or ValueError, beginning with `where`, unless attributes have the sizes of one cloud and numbers
