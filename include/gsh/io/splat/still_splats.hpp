@@ -32,7 +32,7 @@ struct SplatNotes {
 struct StillSplats {
     GaussianCloud<float> cloud;
     SplatNotes notes = {};
-    std::vector<std::string> warnings = {}; ///< what the reader assumed or lost; each begins with the file's name
+    std::vector<std::string> warnings = {}; ///< one line each, beginning with the file
 };
 
 /// Throws ShapeError or ValueError, beginning with `where`, unless attributes have the sizes of one cloud and numbers
