@@ -66,6 +66,23 @@ TEST_CASE("the document is what the extension asks for") {
     for (const auto& view : json["bufferViews"]) CHECK(view["byteOffset"].get<int>() % 4 == 0);
 }
 
+TEST_CASE("COLOR_0 is the colour without its bands in linear light, and the opacity") {
+    const test::Temporary folder;
+    auto cloud = test::splat_cloud(3, 1);
+    constexpr float Y = 0.28209479f;
+    cloud.sh[0] = vec3<float>(0), cloud.sh[4] = {(0.3451f - 0.5f) / Y, 3, -3}; // sRGB: 0.5; 0.3451, above 1, below 0
+    cloud.opacity_logits[0] = logit(0.25f);
+    write_gltf_splats(folder / "a.glb", cloud);
+    const detail::GltfFile file(folder / "a.glb", detail::GltfParts::meshes);
+    const int accessor = file.model().meshes.at(0).primitives.at(0).attributes.at("COLOR_0");
+    const auto found = detail::GltfNumbers(file).read(accessor, 4, "COLOR_0");
+    CHECK(found[0] == doctest::Approx(0.214041).epsilon(1e-4));
+    CHECK(found[3] == doctest::Approx(0.25).epsilon(1e-4));
+    CHECK(found[4] == doctest::Approx(0.0976).epsilon(1e-3));
+    CHECK(found[5] == 1);
+    CHECK(found[6] == 0);
+}
+
 TEST_CASE("a node moves its Gaussians, and an animation moves the node") {
     const test::Temporary folder;
     const auto cloud = test::splat_cloud(30, 2);
