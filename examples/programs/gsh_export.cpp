@@ -61,7 +61,7 @@ int run_export(const ExportOptions& options) {
 int main(int argc, char** argv) {
     ExportOptions options;
     CLI::App app("Writes avatars and scenes in formats that other programs show.", "gsh-export");
-    app.add_option("input", options.input, "AVATAR.gsh, or a scene (.ply, .compressed.ply, .spz, .splat, .glb)")
+    app.add_option("input", options.input, "AVATAR.gsh, or a scene (.ply, .compressed.ply, .spz, .splat, .glb, .gltf)")
         ->required();
     app.add_option("--to", options.to, "the file to write; its ending chooses the format: " + known_endings())
         ->required();

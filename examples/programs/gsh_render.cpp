@@ -126,7 +126,7 @@ int main(int argc, char** argv) {
     RenderOptions options;
     CLI::App app("Renders a 3DGS scene or avatars.", "gsh-render");
     app.add_option("scene", options.scenes,
-                   "a scene (.ply, .compressed.ply, .spz, .splat, .glb), or one or several AVATAR.gsh")
+                   "a scene (.ply, .compressed.ply, .spz, .splat, .glb, .gltf), or one or several AVATAR.gsh")
         ->required();
     app.add_option(
            "--poses", options.poses,

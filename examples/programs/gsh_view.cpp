@@ -84,7 +84,7 @@ int main(int argc, char** argv) {
     ViewOptions options;
     CLI::App app("Shows avatars in a browser.", "gsh-view");
     app.add_option("scene", options.scenes,
-                   "one or several AVATAR.gsh, or one scene (.ply, .compressed.ply, .spz, .splat, .glb)")
+                   "one or several AVATAR.gsh, or one scene (.ply, .compressed.ply, .spz, .splat, .glb, .gltf)")
         ->required();
     app.add_option(
            "--poses", options.poses,

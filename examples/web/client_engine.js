@@ -238,8 +238,8 @@ gsh.ClientEngine = class {
       gl.disable(gl.DEPTH_TEST), gl.enable(gl.BLEND), gl.blendFunc(gl.ONE_MINUS_DST_ALPHA, gl.ONE);
     }
     program.use();
-    const [u_mean, u_covariance, u_rest, u_color] = this.posed;
-    this.tools.bind(program, { u_mean, u_covariance, u_rest, u_color });
+    const [u_mean, u_factor, u_rest, u_color] = this.posed;
+    this.tools.bind(program, { u_mean, u_factor, u_rest, u_color });
     [0, 1, 2].forEach((r) => gl.uniform3fv(program.at(`u_row${r}`), R.slice(3 * r, 3 * r + 3)));
     gl.uniform3fv(program.at("u_shift"), camera.t);
     gl.uniform4f(program.at("u_lens"), ...camera.focal, ...camera.centre);

@@ -17,9 +17,9 @@ void main() {
 }`;
 
   /**
-   * Poses one Gaussian per fragment and writes mean and opacity, covariance, colour. settings: {texels, wide,
-   * influences, degree, body, lit, deformation, clampAbove, occlusionBlocks}; wide: of the textures of fixed numbers
-   * and of results.
+   * Poses one Gaussian per fragment and writes mean and opacity, a factor of the covariance, colour. settings:
+   * {texels, wide, influences, degree, body, lit, deformation, clampAbove, occlusionBlocks}; wide: of the textures of
+   * fixed numbers and of results.
    */
   function pose(settings) {
     const blocks = Math.ceil(settings.influences / 4), joints = 5, weights = joints + blocks, sh = weights + blocks;
@@ -43,7 +43,7 @@ uniform sampler2D u_occlusion_basis;
 uniform vec4 u_occlusion_shares[OCCLUSION_BLOCKS]; // of the basis in this pose
 #endif
 layout(location = 0) out vec4 o_mean;
-layout(location = 1) out vec4 o_covariance;
+layout(location = 1) out vec4 o_factor;
 layout(location = 2) out vec4 o_rest;
 layout(location = 3) out vec4 o_color;
 
@@ -156,7 +156,7 @@ void blend(out mat3 turn, out mat3 linear, out vec3 shift) {
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   gaussian = (at.y - u_first_row) * WIDE + at.x;
-  o_mean = o_covariance = o_rest = o_color = vec4(0.0);
+  o_mean = o_factor = o_rest = o_color = vec4(0.0);
   if (gaussian >= u_count) return;
   vec4 place = fixed_number(0), scales = fixed_number(2);
   mat3 turn = mat3(1.0), linear = mat3(1.0);
@@ -197,18 +197,17 @@ void main() {
 #endif
   mat3 F = turn * rotation(fixed_number(1));
   F[0] *= scales.x, F[1] *= scales.y, F[2] *= scales.z;
-  mat3 S = F * transpose(F);
   o_mean = vec4(mean, place.w);
-  o_covariance = vec4(S[0][0], S[1][0], S[2][0], S[1][1]);
-  o_rest = vec4(S[2][1], S[2][2], 0.0, 0.0);
-  o_color = vec4(color, 1.0);
+  o_factor = vec4(F[0], F[1].x);
+  o_rest = vec4(F[1].yz, F[2].xy);
+  o_color = vec4(color, F[2].z);
 }`;
   }
 
   /** Projects one splat per instance to a quad around its ellipse. */
   const splatVertex = (solid) => head + `
 #define SOLID ${solid ? 1 : 0}
-uniform sampler2D u_mean, u_covariance, u_rest, u_color;
+uniform sampler2D u_mean, u_factor, u_rest, u_color;
 uniform vec3 u_row0, u_row1, u_row2, u_shift; // x_cam = R x + t
 uniform vec4 u_lens;                          // fx, fy, cx, cy
 uniform vec2 u_size;
@@ -216,7 +215,7 @@ uniform float u_dilation;
 uniform bool u_compensate;
 layout(location = 0) in uint a_slot;
 flat out vec2 v_mean;
-flat out vec4 v_conic; // a, b, c, opacity
+flat out vec4 v_shape; // a map in which the splat is round: u = x dx + y dy, v = z dy; opacity
 flat out vec4 v_color; // and depth
 flat out float v_bulge;
 
@@ -224,7 +223,8 @@ void main() {
   gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside
   int wide = textureSize(u_mean, 0).x;
   ivec2 at = ivec2(int(a_slot) % wide, int(a_slot) / wide);
-  vec4 mean = texelFetch(u_mean, at, 0), s = texelFetch(u_covariance, at, 0), rest = texelFetch(u_rest, at, 0);
+  vec4 mean = texelFetch(u_mean, at, 0), first = texelFetch(u_factor, at, 0), rest = texelFetch(u_rest, at, 0),
+       color = texelFetch(u_color, at, 0);
   vec3 p = vec3(dot(u_row0, mean.xyz), dot(u_row1, mean.xyz), dot(u_row2, mean.xyz)) + u_shift;
   if (!(p.z > 0.2)) return;
   const float margin = 0.15;
@@ -232,17 +232,20 @@ void main() {
   vec2 pixel = u_lens.xy * p.xy * inverse_z;
   vec2 j = clamp(pixel, -u_lens.zw - margin * u_size, u_size - u_lens.zw + margin * u_size);
   vec3 a = (u_row0 * u_lens.x - u_row2 * j.x) * inverse_z, b = (u_row1 * u_lens.y - u_row2 * j.y) * inverse_z;
-  mat3 S = mat3(s.x, s.y, s.z, s.y, s.w, rest.x, s.z, rest.x, rest.y);
-  vec3 sharp = vec3(dot(a, S * a), dot(a, S * b), dot(b, S * b));
-  float dilation = SOLID == 1 ? 0.02 : u_dilation;
+  // From the factor, not from the covariance, whose determinant would be a small difference for a needle.
+  mat3 F = mat3(first.x, first.y, first.z, first.w, rest.x, rest.y, rest.z, rest.w, color.w);
+  vec3 along_x = a * F, along_y = b * F, normal = cross(along_x, along_y);
+  vec3 sharp = vec3(dot(along_x, along_x), dot(along_x, along_y), dot(along_y, along_y));
+  float dilation = SOLID == 1 ? 0.02 : u_dilation, opacity = mean.w;
   vec3 v = sharp + vec3(dilation, 0.0, dilation);
-  float determinant = v.x * v.z - v.y * v.y, opacity = mean.w;
+  float sharp_determinant = dot(normal, normal);
+  float determinant = sharp_determinant + dilation * (sharp.x + sharp.z + dilation);
 #if SOLID
   if (!(opacity >= 0.1)) return;
   float reach = 1.6 * 1.6; // squared, in standard deviations
-  v_bulge = 1.6 * sqrt(max(dot(u_row2, S * u_row2), 0.0));
+  v_bulge = 1.6 * length(u_row2 * F);
 #else
-  if (u_compensate) opacity *= sqrt(max((sharp.x * sharp.z - sharp.y * sharp.y) / determinant, 0.000025));
+  if (u_compensate) opacity *= sqrt(max(sharp_determinant / determinant, 0.000025));
   if (!(opacity * 255.0 > 1.0)) return;
   float reach = 2.0 * log(opacity * 255.0);
   v_bulge = 0.0;
@@ -252,11 +255,11 @@ void main() {
                                                            : vec2(v.y, 0.5 * (v.z - v.x) + radius)) : vec2(1.0, 0.0);
   vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
   vec2 offset = axis * (corner.x * sqrt((middle + radius) * reach)) +
-                vec2(-axis.y, axis.x) * (corner.y * sqrt(max(middle - radius, 1e-9) * reach));
+                vec2(-axis.y, axis.x) * (corner.y * sqrt(determinant / (middle + radius) * reach));
   v_mean = pixel + u_lens.zw;
-  v_conic = vec4(v.z, -v.y, v.x, 0.0) / determinant;
-  v_conic.w = opacity;
-  v_color = vec4(texelFetch(u_color, at, 0).rgb, p.z);
+  v_shape = vec4(v.z * inversesqrt(determinant) * inversesqrt(v.z), -v.y * inversesqrt(determinant) * inversesqrt(v.z),
+                 inversesqrt(v.z), opacity);
+  v_color = vec4(color.rgb, p.z);
   vec2 place = (v_mean + offset) / u_size;
   gl_Position = vec4(2.0 * place.x - 1.0, 1.0 - 2.0 * place.y, 0.0, 1.0);
 }`;
@@ -265,13 +268,14 @@ void main() {
 #define SOLID ${solid ? 1 : 0}
 uniform vec2 u_size;
 flat in vec2 v_mean;
-flat in vec4 v_conic, v_color;
+flat in vec4 v_shape, v_color;
 flat in float v_bulge;
 out vec4 o_color;
 
 void main() {
   vec2 d = vec2(gl_FragCoord.x, u_size.y - gl_FragCoord.y) - v_mean;
-  float q = v_conic.x * d.x * d.x + 2.0 * v_conic.y * d.x * d.y + v_conic.z * d.y * d.y;
+  vec2 unit = vec2(v_shape.x * d.x + v_shape.y * d.y, v_shape.z * d.y);
+  float q = dot(unit, unit);
 #if SOLID
   float squared = 1.0 - q / (1.6 * 1.6);
   if (!(squared >= 0.0)) discard;
@@ -279,7 +283,7 @@ void main() {
   gl_FragDepth = clamp(1.0 - 0.1 / max(depth, 0.1), 0.0, 1.0);
   o_color = vec4(v_color.rgb * (0.35 + 0.65 * s), 1.0);
 #else
-  float alpha = min(v_conic.w * exp(-0.5 * q), 0.99);
+  float alpha = min(v_shape.w * exp(-0.5 * q), 0.99);
   if (!(alpha >= 1.0 / 255.0)) discard;
   o_color = vec4(v_color.rgb * alpha, alpha);
 #endif

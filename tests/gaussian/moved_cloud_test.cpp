@@ -73,3 +73,24 @@ TEST_CASE("colours turn with a cloud: from R d it looks as it did from d") {
         });
     }
 }
+
+TEST_CASE("a mirror: from the mirrored direction a cloud looks as it did, and its covariances are mirrored") {
+    const mat3<double> R = rotation_from_axis_angle(vec3<double>(0.4, -1, 2)),
+                       M = R * mat3<double>({-1, 0, 0}, {0, 1, 0}, {0, 0, 1});
+    test::Rng rng(4);
+    for (int degree = 0; degree <= 4; ++degree) {
+        const auto before = random_cloud(5, degree);
+        auto after = before;
+        move_cloud(after, Affine<double>(M * 0.5, vec3<double>(1, 0, 0)));
+        with_sh_degree(degree, [&](auto d) {
+            using SH = SHEval<decltype(d)::value>;
+            for (std::size_t i = 0; i < 5; ++i) {
+                const vec3<double> dir = normalize(rng.vec());
+                const auto at = i * SH::basis_count;
+                CHECK(length(SH::forward(&after.sh[at], M * dir) - SH::forward(&before.sh[at], dir)) < 1e-12);
+                const mat3<double> expected = M * covariance_of(before, i) * transpose(M) * 0.25;
+                CHECK(largest_entry(covariance_of(after, i) - expected) < 1e-9);
+            }
+        });
+    }
+}

@@ -7,6 +7,7 @@
 #include "support/gradient.hpp"
 
 #include <cstring>
+#include <utility>
 
 using namespace gsh;
 
@@ -109,6 +110,48 @@ TEST_CASE("StaticSplats::backward is the gradient of forward, and adds") {
         CHECK(twice.sh[i] == gradient.sh[i] * 2.0);
     }
     CHECK(length(dL_dcenter[0] - center_once * 2.0) < 1e-13);
+}
+
+TEST_CASE("by factors: F Fᵀ is the covariance, and backward is the gradient") {
+    constexpr int degree = 1;
+    constexpr std::size_t count = 3;
+    auto cloud = random_cloud<double>(count, degree);
+    const vec3<double> center(0.3, -0.2, -4);
+    cpu::Serial backend;
+    const StaticSplats<cpu::Serial, degree, double> to_splats(backend);
+    StaticSplats<cpu::Serial, degree, double>::Cache cache;
+    Splats<cpu::Serial, double> plain, splats, weight = random_gradient<double>(count);
+    plain.resize(count), splats.resize(count, true);
+    weight.resize(count, true);
+    test::Rng rng(8);
+    for (auto& F : weight.factors)
+        for (int c = 0; c < 3; ++c) F[c] = rng.vec();
+    to_splats.forward(cloud.view(), center, plain.view(), cache);
+    const auto loss = [&] {
+        to_splats.forward(cloud.view(), center, splats.view(), cache);
+        double sum = 0;
+        for (std::size_t i = 0; i < count; ++i) {
+            sum += dot(splats.means[i], weight.means[i]) + dot(splats.colors[i], weight.colors[i]) +
+                   splats.opacities[i] * weight.opacities[i];
+            for (int c = 0; c < 3; ++c) sum += dot(splats.factors[i][c], weight.factors[i][c]);
+        }
+        return sum;
+    };
+    (void)loss();
+    for (std::size_t i = 0; i < count; ++i) {
+        const sym3<double> found = gram(splats.factors[i]), &expected = plain.covariances[i];
+        CHECK(found.xx == doctest::Approx(expected.xx).epsilon(1e-14));
+        CHECK(found.xz == doctest::Approx(expected.xz).epsilon(1e-12));
+        CHECK(splats.colors[i] == plain.colors[i]);
+    }
+    auto gradient = zero_cloud<double>(count, degree);
+    to_splats.backward(cloud.view(), center, weight.view(), cache, gradient.view());
+    test::check_gradient(loss, test::scalars(cloud.means), test::scalars(gradient.means));
+    test::check_gradient(loss, test::scalars(cloud.quats), test::scalars(gradient.quats));
+    test::check_gradient(loss, test::scalars(cloud.log_scales), test::scalars(gradient.log_scales));
+    CHECK(is_zero(std::as_const(weight).view(), 0) == false);
+    fill_zero(backend, weight.view());
+    CHECK(is_zero(std::as_const(weight).view(), 0));
 }
 
 TEST_CASE("Threads equals Serial bit for bit at any thread count and size") {

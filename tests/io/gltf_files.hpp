@@ -44,6 +44,19 @@ struct GltfOptions {
     std::string interpolation = "LINEAR"; ///< or STEP, CUBICSPLINE
 };
 
+[[nodiscard]] inline std::string base64_of(const std::string& bytes) {
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::string out;
+    for (std::size_t i = 0; i < bytes.size(); i += 3) {
+        std::uint32_t three = 0;
+        for (std::size_t k = 0; k < 3; ++k)
+            three = three << 8 | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
+        for (std::size_t k = 0; k < 4; ++k)
+            out.push_back(i + k > bytes.size() ? '=' : digits[three >> (18 - 6 * k) & 63]);
+    }
+    return out;
+}
+
 /// The JSON and the bytes of one buffer.
 struct GltfFiles {
     Json json;
@@ -80,20 +93,8 @@ struct GltfFiles {
     /// As text, with a URI for the buffer; without one, the bytes themselves in base64.
     [[nodiscard]] std::string gltf(const std::string& uri = {}) const {
         Json copy = json;
-        copy["buffers"][0]["uri"] = uri.empty() ? "data:application/octet-stream;base64," + base64() : uri;
+        copy["buffers"][0]["uri"] = uri.empty() ? "data:application/octet-stream;base64," + base64_of(bytes) : uri;
         return copy.dump(1);
-    }
-    [[nodiscard]] std::string base64() const {
-        static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-        std::string out;
-        for (std::size_t i = 0; i < bytes.size(); i += 3) {
-            std::uint32_t three = 0;
-            for (std::size_t k = 0; k < 3; ++k)
-                three = three << 8 | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
-            for (std::size_t k = 0; k < 4; ++k)
-                out.push_back(i + k > bytes.size() ? '=' : digits[three >> (18 - 6 * k) & 63]);
-        }
-        return out;
     }
 };
 

@@ -18,10 +18,11 @@ Camera<double> make_camera(test::Rng& rng) {
     return camera;
 }
 
-sym3<double> make_covariance(test::Rng& rng, double size) {
+mat3<double> make_factor(test::Rng& rng, double size) {
     const auto columns = rng.vecs(3);
-    return gram(mat3<double>(columns[0] * size, columns[1] * size, columns[2] * size));
+    return {columns[0] * size, columns[1] * size, columns[2] * size};
 }
+sym3<double> make_covariance(test::Rng& rng, double size) { return gram(make_factor(rng, size)); }
 
 /// A random linear function of all results of project.
 struct Weights {
@@ -31,7 +32,8 @@ struct Weights {
             rng.uniform(-1, 1),
             {rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1)},
             rng.uniform(-1, 1),
-            true} {}
+            true,
+            0} {}
     double operator()(const Projection<double>& p) const {
         return w.mean2d.x * p.mean2d.x + w.mean2d.y * p.mean2d.y + w.depth * p.depth +
                w.covariance.xx * p.covariance.xx + w.covariance.xy * p.covariance.xy +
@@ -39,21 +41,24 @@ struct Weights {
     }
 };
 
+template <class Shape>
 struct Inputs {
     Camera<double> camera;
     vec3<double> mean;
-    sym3<double> covariance;
+    Shape shape; ///< covariance, or a factor of it
 };
 
-void check_adjoint(Inputs in, const ProjectionParams<double>& params, test::Rng& rng) {
+template <class Shape>
+void check_adjoint(Inputs<Shape> in, const ProjectionParams<double>& params, test::Rng& rng) {
     const Weights weights(rng);
     vec3<double> dL_dmean(0);
-    sym3<double> dL_dcovariance{};
+    Shape dL_dshape = in.shape;
+    for (double& x : test::scalars(dL_dshape)) x = 0;
     CameraGradient<double> dL_dcamera;
-    const auto loss = [&] { return weights(project(in.camera, in.mean, in.covariance, params)); };
-    project_backward(in.camera, in.mean, in.covariance, params, weights.w, dL_dmean, dL_dcovariance, &dL_dcamera);
+    const auto loss = [&] { return weights(project(in.camera, in.mean, in.shape, params)); };
+    project_backward(in.camera, in.mean, in.shape, params, weights.w, dL_dmean, dL_dshape, &dL_dcamera);
     test::check_gradient(loss, test::scalars(in.mean), test::scalars(dL_dmean));
-    test::check_gradient(loss, test::scalars(in.covariance), test::scalars(dL_dcovariance));
+    test::check_gradient(loss, test::scalars(in.shape), test::scalars(dL_dshape));
     test::check_gradient(loss, test::scalars(in.camera.R), test::scalars(dL_dcamera.dL_dR));
     test::check_gradient(loss, test::scalars(in.camera.t), test::scalars(dL_dcamera.dL_dt));
     test::check_gradient(loss, test::scalars(in.camera.fx), test::scalars(dL_dcamera.dL_dfx));
@@ -61,10 +66,10 @@ void check_adjoint(Inputs in, const ProjectionParams<double>& params, test::Rng&
     test::check_gradient(loss, test::scalars(in.camera.cx), test::scalars(dL_dcamera.dL_dcx));
     test::check_gradient(loss, test::scalars(in.camera.cy), test::scalars(dL_dcamera.dL_dcy));
 
-    const auto once = dL_dcovariance;
+    Shape once = dL_dshape;
     const auto mean_once = dL_dmean;
-    project_backward(in.camera, in.mean, in.covariance, params, weights.w, dL_dmean, dL_dcovariance, &dL_dcamera);
-    CHECK(dL_dcovariance.xz == doctest::Approx(2 * once.xz).epsilon(1e-14));
+    project_backward(in.camera, in.mean, in.shape, params, weights.w, dL_dmean, dL_dshape, &dL_dcamera);
+    CHECK(test::scalars(dL_dshape)[2] == doctest::Approx(2 * test::scalars(once)[2]).epsilon(1e-14));
     CHECK(dL_dmean.z == doctest::Approx(2 * mean_once.z).epsilon(1e-14));
 }
 
@@ -77,7 +82,8 @@ TEST_CASE("project_backward is the gradient of project") {
     const auto check_both = [&](const vec3<double>& mean) {
         for (const bool compensate : {false, true}) {
             params.compensate_opacity = compensate;
-            check_adjoint({camera, mean, make_covariance(rng, 0.4)}, params, rng);
+            check_adjoint<sym3<double>>({camera, mean, make_covariance(rng, 0.4)}, params, rng);
+            check_adjoint<mat3<double>>({camera, mean, make_factor(rng, 0.4)}, params, rng);
         }
     };
     SUBCASE("inside the image") { check_both(rng.vec() * 0.3); }
@@ -145,7 +151,7 @@ TEST_CASE("a register of Gaussians projects lane by lane as scalars do") {
     ProjectionParams<double> params;
     params.compensate_opacity = true;
     const Projection<P> p = project(wide, mean, covariance, params);
-    const Projection<P> dL{{P(1.0), P(2.0)}, P(3.0), {P(4.0), P(5.0), P(6.0)}, P(7.0), p.in_front};
+    const Projection<P> dL{{P(1.0), P(2.0)}, P(3.0), {P(4.0), P(5.0), P(6.0)}, P(7.0), p.in_front, P(0.0)};
     vec3<P> dL_dmean(P(0.0));
     sym3<P> dL_dcovariance{P(0.0), P(0.0), P(0.0), P(0.0), P(0.0), P(0.0)};
     CameraGradient<P> dL_dcamera;
@@ -161,11 +167,41 @@ TEST_CASE("a register of Gaussians projects lane by lane as scalars do") {
         vec3<double> one_mean(0);
         sym3<double> one_covariance{};
         CameraGradient<double> one_camera;
-        project_backward(camera, means[i], covariances[i], params, {{1, 2}, 3, {4, 5, 6}, 7, true}, one_mean,
+        project_backward(camera, means[i], covariances[i], params, {{1, 2}, 3, {4, 5, 6}, 7, true, 0}, one_mean,
                          one_covariance, &one_camera);
         CHECK(dL_dmean.z[i] == doctest::Approx(one_mean.z).epsilon(1e-10));
         CHECK(dL_dcovariance.yz[i] == doctest::Approx(one_covariance.yz).epsilon(1e-10));
         CHECK(dL_dcamera.dL_dfx[i] == doctest::Approx(one_camera.dL_dfx).epsilon(1e-10));
         CHECK(dL_dcamera.dL_dR[1].z[i] == doctest::Approx(one_camera.dL_dR[1].z).epsilon(1e-10));
     }
+}
+
+TEST_CASE("a factor and its covariance have the same projection") {
+    test::Rng rng(5);
+    const Camera<double> camera = make_camera(rng);
+    for (int i = 0; i < 100; ++i) {
+        const mat3<double> F = make_factor(rng, 0.3);
+        const vec3<double> mean = rng.vec(-2, 2);
+        ProjectionParams<double> params;
+        params.compensate_opacity = i % 2 == 1;
+        const Projection<double> a = project(camera, mean, F, params), b = project(camera, mean, gram(F), params);
+        CHECK(a.covariance.xx == doctest::Approx(b.covariance.xx).epsilon(1e-12));
+        CHECK(a.covariance.xy == doctest::Approx(b.covariance.xy).epsilon(1e-10));
+        CHECK(a.covariance.yy == doctest::Approx(b.covariance.yy).epsilon(1e-12));
+        CHECK(a.determinant == doctest::Approx(b.determinant).epsilon(1e-9));
+        CHECK(a.determinant == doctest::Approx(determinant(b.covariance)).epsilon(1e-9));
+        CHECK(a.opacity_factor == doctest::Approx(b.opacity_factor).epsilon(1e-9));
+    }
+}
+
+TEST_CASE("the determinant by a factor keeps its digits where a needle is a million times longer than wide") {
+    Camera<float> camera;
+    camera.t = {0, 0, 8}, camera.fx = camera.fy = 120, camera.cx = camera.cy = 50, camera.width = camera.height = 100;
+    const float h = std::sqrt(0.5f);
+    const mat3<float> F(vec3<float>(h, h, 0) * 5e4f, vec3<float>(h, -h, 0) * 0.05f, vec3<float>(0, 0, 0.05f));
+    const double scale = 15, dilation = 0.3, l2 = std::pow(scale * 5e4, 2), w2 = std::pow(scale * 0.05f, 2); // pixels
+    const ProjectionParams<float> params{.compensate_opacity = true, .compensation_floor = 0};
+    const Projection<float> p = project(camera, vec3<float>(0), F, params);
+    CHECK(p.determinant == doctest::Approx((l2 + dilation) * (w2 + dilation)).epsilon(1e-6));
+    CHECK(p.opacity_factor == doctest::Approx(std::sqrt(l2 * w2 / ((l2 + dilation) * (w2 + dilation)))).epsilon(1e-6));
 }

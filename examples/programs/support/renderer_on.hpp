@@ -82,7 +82,7 @@ public:
     CloudRenderer(B& backend, const GaussianCloud<float>& scene, const PixelFilter& filter = {})
         : backend_(&backend), painter_(backend, filter) {
         upload(backend, scene, gaussians_);
-        splats_.resize(scene.size());
+        splats_.resize(scene.size(), true); // scenes may have needles
     }
 
     Image<float> render(std::size_t /*frame*/, const Camera<double>& camera, const vec3<float>& background) override {

@@ -22,30 +22,49 @@ struct Ellipse2d {
     int left = 0, right = 0, top = 0, bottom = 0; ///< pixels, half-open
 };
 
-Ellipse2d ellipse_of(const Camera<float>& camera, const SplatView<const float>& splats, std::size_t i) {
-    constexpr float r = ellipsoid_radius, thinnest = 0.02f; // px²: keeps the inverse finite
+/// The variance along a direction of a covariance, or of a factor of it.
+double variance_along(const sym3<double>& s, const vec3<double>& z) {
+    return s.xx * z.x * z.x + s.yy * z.y * z.y + s.zz * z.z * z.z +
+           2 * (s.xy * z.x * z.y + s.xz * z.x * z.z + s.yz * z.y * z.z);
+}
+double variance_along(const mat3<double>& factor, const vec3<double>& z) {
+    const vec3<double> lengths = transposed_times(factor, z);
+    return dot(lengths, lengths);
+}
+
+/// In double: the inverse of a thin ellipse is a small difference of large numbers.
+template <class Shape>
+Ellipse2d ellipse_of(const Camera<float>& camera, const vec3<float>& mean, const Shape& shape) {
+    constexpr float r = ellipsoid_radius;
     Ellipse2d e;
-    if (!(splats.opacities[i] >= ellipsoid_opacity)) return e;
-    const sym3<float>& s = splats.covariances[i];
-    ProjectionParams<float> params;
-    params.dilation = thinnest;
-    const Projection<float> p = project(camera, splats.means[i], s, params);
+    ProjectionParams<double> params;
+    params.dilation = 0.02; // px²: keeps the inverse finite
+    const Camera<double> exact = camera.cast<double>();
+    const Projection<double> p = project(exact, vec3<double>(mean), shape, params);
     if (!p.in_front) return e;
-    const sym2<float>& v = p.covariance;
-    const float inverse = 1 / (v.xx * v.yy - v.xy * v.xy);
+    const sym2<double>& v = p.covariance;
+    const double inverse = 1 / p.determinant;
     if (!std::isfinite(inverse) || !std::isfinite(p.mean2d.x + p.mean2d.y)) return e;
-    const vec3<float> z(camera.R[0].z, camera.R[1].z, camera.R[2].z);
-    const float variance = s.xx * z.x * z.x + s.yy * z.y * z.y + s.zz * z.z * z.z +
-                           2 * (s.xy * z.x * z.y + s.xz * z.x * z.z + s.yz * z.y * z.z);
-    e.center = p.mean2d, e.depth = p.depth, e.bulge = r * std::sqrt(std::max(variance, 0.0f));
-    e.a = v.yy * inverse, e.b = -v.xy * inverse, e.c = v.xx * inverse;
+    const double variance = variance_along(shape, vec3<double>(exact.R[0].z, exact.R[1].z, exact.R[2].z));
+    const vec2<float> center(p.mean2d);
+    e.center = center, e.depth = static_cast<float>(p.depth);
+    e.bulge = r * static_cast<float>(std::sqrt(std::max(variance, 0.0)));
+    e.a = static_cast<float>(v.yy * inverse), e.b = static_cast<float>(-v.xy * inverse);
+    e.c = static_cast<float>(v.xx * inverse);
     const auto clip = [](float x, int size) {
         return static_cast<int>(std::clamp(std::ceil(x - 0.5f), 0.0f, static_cast<float>(size)));
     };
-    const float reach_x = r * std::sqrt(v.xx), reach_y = r * std::sqrt(v.yy);
-    e.left = clip(p.mean2d.x - reach_x, camera.width), e.right = clip(p.mean2d.x + reach_x, camera.width);
-    e.top = clip(p.mean2d.y - reach_y, camera.height), e.bottom = clip(p.mean2d.y + reach_y, camera.height);
+    const float reach_x = r * static_cast<float>(std::sqrt(v.xx)), reach_y = r * static_cast<float>(std::sqrt(v.yy));
+    e.left = clip(center.x - reach_x, camera.width), e.right = clip(center.x + reach_x, camera.width);
+    e.top = clip(center.y - reach_y, camera.height), e.bottom = clip(center.y + reach_y, camera.height);
     return e;
+}
+
+Ellipse2d ellipse_of(const Camera<float>& camera, const SplatView<const float>& splats, std::size_t i) {
+    if (!(splats.opacities[i] >= ellipsoid_opacity)) return {};
+    if (splats.is_factored()) return ellipse_of(camera, splats.means[i], mat3<double>(splats.factors[i]));
+    const sym3<float>& s = splats.covariances[i];
+    return ellipse_of(camera, splats.means[i], sym3<double>{s.xx, s.xy, s.xz, s.yy, s.yz, s.zz});
 }
 
 } // namespace

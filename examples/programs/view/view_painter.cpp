@@ -42,7 +42,7 @@ public:
         } else {
             upload(backend, scene.cloud, cloud_);
         }
-        splats_.resize(count);
+        splats_.resize(count, !scene.people); // scenes may have needles
     }
 
     const Image<float>& draw(const ViewRequest& request) {

@@ -40,17 +40,22 @@ void turn_sh(const mat3<double>& R, vec3<T>* sh) {
     for (int k = 0; k < count; ++k) sh[k] = vec3<T>(after[k]);
 }
 
-/// Moves a cloud by an affine map. The covariances are exact. The SH turn by the rotation nearest to the linear part,
-/// which is exact if that is a rotation times a scale.
+/// Moves a cloud by an affine map, which may mirror. The covariances are exact. The SH turn by the rotation nearest to
+/// the linear part, which is exact if that is a rotation times a scale. A mirror is a turn after all directions were
+/// reversed, which negates the SH of odd degree.
 template <std::floating_point T>
 void move_cloud(GaussianCloud<T>& cloud, const Affine<double>& map) {
-    const mat3<double> R = polar_rotation(map.linear);
+    const bool mirrors = determinant(map.linear) < 0;
+    const mat3<double> A = mirrors ? map.linear * -1.0 : map.linear, R = polar_rotation(A);
     with_sh_degree(cloud.sh_degree, [&](auto degree) {
         constexpr std::size_t basis = sh_basis_count(decltype(degree)::value);
         for (std::size_t i = 0; i < cloud.size(); ++i) {
             cloud.means[i] = vec3<T>(map(vec3<double>(cloud.means[i])));
-            move_shape(map.linear, cloud.quats[i], cloud.log_scales[i]);
-            turn_sh<decltype(degree)::value>(R, cloud.sh.data() + i * basis);
+            move_shape(A, cloud.quats[i], cloud.log_scales[i]);
+            vec3<T>* const sh = cloud.sh.data() + i * basis;
+            for (std::size_t l = 1; mirrors && l * l < basis; l += 2)
+                for (std::size_t k = l * l; k < (l + 1) * (l + 1); ++k) sh[k] = -sh[k];
+            turn_sh<decltype(degree)::value>(R, sh);
         }
     });
 }

@@ -47,7 +47,8 @@ GSH_HD void view_direction_backward(const vec3<T>& mean, const vec3<T>& center, 
     dL_doffset += (dL_ddir - dir * dot(dir, dL_ddir)) * scale;
 }
 
-/// One Gaussian of a static scene: opacity = sigmoid(o), covariance = R S Sᵀ Rᵀ, and the colour seen from a camera.
+/// One Gaussian of a static scene: opacity = sigmoid(o), covariance = R S Sᵀ Rᵀ or its factor R S, and the colour seen
+/// from a camera.
 ///
 /// Shapes  sh [basis_count] RGB.
 /// Frame   all in the world; center is the camera's centre.
@@ -84,10 +85,30 @@ struct StaticGaussian {
                 shade<Degree>(in.sh, view_direction(in.mean, in.center), T(1), clamping)};
     }
 
+    template <Lane T>
+    [[nodiscard]] GSH_HD static FactoredSplat<T> forward_factored(const Input<T>& in, ColorClamp clamping) {
+        return {in.mean, covariance_factor(in.q, in.log_scale), sigmoid(in.opacity_logit),
+                shade<Degree>(in.sh, view_direction(in.mean, in.center), T(1), clamping)};
+    }
+
     /// Adds to dL_din.
     template <Lane T>
     GSH_HD static void backward(const Input<T>& in, ColorClamp clamping, const Output<T>& dL_dout,
                                 Gradient<T>& dL_din) {
+        backward_but_shape(in, clamping, dL_dout, dL_din);
+        covariance_backward(in.q, in.log_scale, dL_dout.covariance, dL_din.q, dL_din.log_scale);
+    }
+    template <Lane T>
+    GSH_HD static void backward(const Input<T>& in, ColorClamp clamping, const FactoredSplat<T>& dL_dout,
+                                Gradient<T>& dL_din) {
+        backward_but_shape(in, clamping, dL_dout, dL_din);
+        covariance_factor_backward(in.q, in.log_scale, dL_dout.factor, dL_din.q, dL_din.log_scale);
+    }
+
+private:
+    template <Lane T, class Out>
+    GSH_HD static void backward_but_shape(const Input<T>& in, ColorClamp clamping, const Out& dL_dout,
+                                          Gradient<T>& dL_din) {
         vec3<T> dL_ddir(T(0)), dL_doffset(T(0));
         T dL_dao(T(0));
         shade_backward<Degree>(in.sh, view_direction(in.mean, in.center), T(1), clamping, dL_dout.color, dL_din.sh,
@@ -95,7 +116,6 @@ struct StaticGaussian {
         view_direction_backward(in.mean, in.center, dL_ddir, dL_doffset);
         dL_din.mean += dL_dout.mean + dL_doffset;
         dL_din.center -= dL_doffset;
-        covariance_backward(in.q, in.log_scale, dL_dout.covariance, dL_din.q, dL_din.log_scale);
         sigmoid_backward(sigmoid(in.opacity_logit), dL_dout.opacity, dL_din.opacity_logit);
     }
 };
@@ -121,7 +141,8 @@ struct StaticSplatForward {
     SplatView<T> splats;
 
     GSH_HD void operator()(std::size_t i) const {
-        splats.set(i, StaticGaussian<Degree>::forward(input[i], clamping));
+        if (splats.is_factored()) splats.set(i, StaticGaussian<Degree>::forward_factored(input[i], clamping));
+        else splats.set(i, StaticGaussian<Degree>::forward(input[i], clamping));
     }
 };
 
@@ -140,7 +161,9 @@ struct StaticSplatBackward {
         for (vec3<T>& value : dL_dsh) value = vec3<T>(T(0));
         typename StaticGaussian<Degree>::template Gradient<T> gradient;
         gradient.sh = dL_dsh;
-        StaticGaussian<Degree>::backward(input[i], clamping, dL_dsplats[i], gradient);
+        if (dL_dsplats.is_factored())
+            StaticGaussian<Degree>::backward(input[i], clamping, dL_dsplats.factored(i), gradient);
+        else StaticGaussian<Degree>::backward(input[i], clamping, dL_dsplats[i], gradient);
         add_attributes(gradient, dL_dgaussians, i);
         if (!dL_dgaussians.sh.empty())
             for (std::size_t k = 0; k < basis_count; ++k) dL_dgaussians.sh[i * basis_count + k] += dL_dsh[k];
@@ -159,7 +182,8 @@ template <class T>
 void check_splats(std::string_view where, std::string_view argument, const SplatView<T>& splats, std::size_t count) {
     const std::string prefix = std::string(argument) + ".";
     check_size(where, prefix + "means", splats.means.size(), count);
-    check_size(where, prefix + "covariances", splats.covariances.size(), count);
+    if (!splats.is_factored()) check_size(where, prefix + "covariances", splats.covariances.size(), count);
+    else check_size(where, prefix + "factors", splats.factors.size(), count);
     check_size(where, prefix + "opacities", splats.opacities.size(), count);
     check_size(where, prefix + "colors", splats.colors.size(), count);
 }
@@ -198,6 +222,7 @@ struct StaticSplatsCache {
 };
 
 /// Gaussians to splats: opacity = sigmoid(logit), covariance = R S Sᵀ Rᵀ, colour from the SH along the view direction.
+/// Splats whose view has factors get R S instead.
 ///
 /// Shapes  gaussians and splats of equal size; center [3].
 /// Frame   all in the world; center is the camera's centre, Camera::center().

@@ -113,6 +113,8 @@ class StaticModel : public PlainScene<B, T> {
 public:
     template <class U>
     using Buffer = typename B::template Buffer<U>;
+    /// Nothing bounds the length of a Gaussian, so a trainer takes factors of covariances.
+    static constexpr bool has_needles = true;
 
     /// `start` may have any degree up to the last one; initial_gaussians (train/static_start.hpp) makes it. `extent` is
     /// in metres, see scene_extent. `seed` is the seed of the run.

@@ -135,7 +135,9 @@ public:
         check_optional(where, "background", background.image, 3, camera);
         check_optional(where, "dL_dbackground.image", dL_dbackground.image, 3, camera);
         check_gradient(where, "dL_dsplats.means", dL_dsplats.means.size(), splats.size());
-        check_gradient(where, "dL_dsplats.covariances", dL_dsplats.covariances.size(), splats.size());
+        check_gradient(where, "dL_dsplats.covariances", dL_dsplats.covariances.size(),
+                       splats.is_factored() ? 0 : splats.size());
+        check_gradient(where, "dL_dsplats.factors", dL_dsplats.factors.size(), splats.factors.size());
         check_gradient(where, "dL_dsplats.opacities", dL_dsplats.opacities.size(), splats.size());
         check_gradient(where, "dL_dsplats.colors", dL_dsplats.colors.size(), splats.size());
         check_gradient(where, "dL_dcamera", dL_dcamera.size(), 1);
@@ -178,7 +180,9 @@ private:
     }
     static void check_splats(const char* where, const SplatView<const T>& splats) {
         const std::size_t n = splats.size();
-        check_size(where, "covariances", splats.covariances.size(), n, "store one covariance per mean");
+        check_size(where, "covariances", splats.covariances.size(), splats.is_factored() ? 0 : n,
+                   "store one covariance per mean, or one factor");
+        if (splats.is_factored()) check_size(where, "factors", splats.factors.size(), n, "store one factor per mean");
         check_size(where, "opacities", splats.opacities.size(), n, "store one opacity per mean");
         check_size(where, "colors", splats.colors.size(), n, "store one color per mean");
         check_value(n < std::numeric_limits<std::uint32_t>::max(), where, "more Gaussians than 32 bits can number");

@@ -196,6 +196,9 @@ public:
     }
 
 private:
+    /// Whether splats have factors in place of covariances.
+    static constexpr bool has_needles = requires { requires Scene::has_needles; };
+
     template <class Observer>
     void compute_step(std::size_t index, double progress, Observer& observer) {
         const Photo& photo = photos_[index];
@@ -205,7 +208,7 @@ private:
         scene_->prepare(photo.frame);
         observer.enter(Stage::pose);
         const CameraInput<T> camera = scene_->camera(photo);
-        splats_.resize(scene_->size());
+        splats_.resize(scene_->size(), has_needles);
         scene_->forward(photo.frame, camera.center, splats_.view());
         gains_.apply(index, splats_.colors);
         observer.enter(Stage::render);
@@ -216,7 +219,7 @@ private:
 
         observer.enter(Stage::render_backward);
         const CameraGradientView<T> dL_dcamera = scene_->camera_gradient(photo);
-        dL_dsplats_.resize(scene_->size());
+        dL_dsplats_.resize(scene_->size(), has_needles);
         fill_zero(*backend_, dL_dsplats_.view());
         loss_.backward(camera.camera, splats(), dL_dsplats_.view(), dL_dcamera.camera);
         observer.enter(Stage::model_backward);
@@ -260,7 +263,7 @@ private:
     [[nodiscard]] SplatView<const T> splats() const { return splats_.view(); }
     void pose(const Camera<double>& camera, std::size_t frame) {
         scene_->prepare(frame);
-        splats_.resize(scene_->size());
+        splats_.resize(scene_->size(), has_needles);
         scene_->forward(frame, camera.template cast<T>().center(), splats_.view());
     }
     B* backend_;

@@ -54,11 +54,15 @@ TEST_CASE("bones, skin, expressions and shape of the file pose the mesh as gsh p
     const auto& first = json["accessors"][targets[0]["POSITION"].get<std::size_t>()];
     CHECK(first.contains("sparse"));
     CHECK(first["sparse"]["count"] == 20);
+    for (const char* part : {"indices", "values"}) CHECK(first["sparse"][part]["byteOffset"] == 0); // for VTK
+    const auto moved = numbers.read(targets[0]["POSITION"].get<int>(), 3, "first");
     const auto second = numbers.read(targets[1]["POSITION"].get<int>(), 3, "second");
     CHECK(json["extensionsUsed"][0] == "KHR_materials_unlit");
     const auto channels = nodes.channels(file.model().animations.at(0), numbers, "motion");
 
     const ColoredMesh mesh = colored_mesh(avatar, motion.betas);
+    for (std::size_t v = 0; v < V; ++v)
+        CHECK(mesh.expressions[0][v] == vec3<float>(vec3<double>(moved[3 * v], moved[3 * v + 1], moved[3 * v + 2])));
     const auto plain = shaped_vertices(avatar.rig.body, motion.betas);
     for (std::size_t f = 0; f < 2; ++f) {
         const auto maps = nodes.world_maps(channels, motion.timestamps[f]);
@@ -91,4 +95,13 @@ TEST_CASE("bones, skin, expressions and shape of the file pose the mesh as gsh p
     for (const auto& times : std::vector<std::vector<double>>{{1, 0}, {1e9, 1e9 + 1}})
         CHECK_THROWS_AS(write_gltf_mesh(folder / "c.glb", avatar, motion, frames, times), ValueError);
     CHECK(folder.file_count() == 2);
+}
+
+TEST_CASE("an expression that moves nothing has bytes, too") {
+    GlbWriter file;
+    (void)detail::add_displacements(file, std::vector<vec3<float>>(10, vec3<float>(0)));
+    const auto& accessor = file.json["accessors"][0];
+    CHECK(accessor["count"] == 10);
+    CHECK(accessor["sparse"]["count"] == 1);
+    CHECK(file.json["bufferViews"][1]["byteLength"] == 12);
 }

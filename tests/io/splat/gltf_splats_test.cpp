@@ -66,6 +66,23 @@ TEST_CASE("the document is what the extension asks for") {
     for (const auto& view : json["bufferViews"]) CHECK(view["byteOffset"].get<int>() % 4 == 0);
 }
 
+TEST_CASE("COLOR_0 is the colour without its bands in linear light, and the opacity") {
+    const test::Temporary folder;
+    auto cloud = test::splat_cloud(3, 1);
+    constexpr float Y = 0.28209479f;
+    cloud.sh[0] = vec3<float>(0), cloud.sh[4] = {(0.3451f - 0.5f) / Y, 3, -3}; // sRGB: 0.5; 0.3451, above 1, below 0
+    cloud.opacity_logits[0] = logit(0.25f);
+    write_gltf_splats(folder / "a.glb", cloud);
+    const detail::GltfFile file(folder / "a.glb", detail::GltfParts::meshes);
+    const int accessor = file.model().meshes.at(0).primitives.at(0).attributes.at("COLOR_0");
+    const auto found = detail::GltfNumbers(file).read(accessor, 4, "COLOR_0");
+    CHECK(found[0] == doctest::Approx(0.214041).epsilon(1e-4));
+    CHECK(found[3] == doctest::Approx(0.25).epsilon(1e-4));
+    CHECK(found[4] == doctest::Approx(0.0976).epsilon(1e-3));
+    CHECK(found[5] == 1);
+    CHECK(found[6] == 0);
+}
+
 TEST_CASE("a node moves its Gaussians, and an animation moves the node") {
     const test::Temporary folder;
     const auto cloud = test::splat_cloud(30, 2);
@@ -149,21 +166,32 @@ TEST_CASE("damaged .glb files are refused") {
     expect([](GltfJson& j) { j["meshes"][0].erase("primitives"); }, {"no primitives"});
     expect([](GltfJson& j) { j["meshes"][0]["primitives"][0].erase("attributes"); }, {"attributes"});
     expect([](GltfJson& j) { j["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = "0"; }, {"attributes"});
-    expect(
-        [](GltfJson& j) {
-            j["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"]["extensions"] = {
-                {"KHR_spz", {{"bufferView", 0}}}};
-        },
-        {"compressed Gaussians"});
     const auto extension = [](GltfJson& j) -> GltfJson& {
         return j["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"];
     };
-    expect([&](GltfJson& j) { extension(j)["kernel"] = "box"; }, {"mesh 0: kernel is 'box', expected 'ellipse'"});
-    expect([&](GltfJson& j) { extension(j)["colorSpace"] = "lin_rec709_display"; },
-           {"colorSpace is 'lin_rec709_display', expected 'srgb_rec709_display'"});
+    expect(
+        [&](GltfJson& j) {
+            extension(j)["extensions"] = {{"KHR_spz", {{"bufferView", 0}}}};
+            j["meshes"][0]["primitives"][0]["attributes"].erase("KHR_gaussian_splatting:SCALE");
+        },
+        {"mesh 0 has no KHR_gaussian_splatting:SCALE; what is in the extension KHR_spz is not read"});
+    expect([&](GltfJson& j) { extension(j)["colorSpace"] = "BT.2020"; },
+           {"mesh 0: colorSpace is 'BT.2020', expected 'srgb_rec709_display' or 'lin_rec709_display'"});
+    expect([](GltfJson& j) { j["meshes"][0]["primitives"][0]["mode"] = 4; }, {"mesh 0: mode is 4, expected 0"});
+    expect([](GltfJson& j) { j["meshes"][0]["primitives"][0].erase("mode"); }, {"mesh 0: mode is 4, expected 0"});
+    expect([](GltfJson& j) { j["meshes"][0]["primitives"][0]["mode"] = "points"; }, {"mode of a primitive is string"});
+    expect([](GltfJson& j) { j["meshes"][0]["primitives"][0]["indices"] = -1; }, {"indices of a primitive"});
+    expect([](GltfJson& j) { j["meshes"][0]["primitives"][0]["indices"] = 0; },
+           {"indices: accessor 0 does not have 1"});
+    expect([](GltfJson& j) { j["meshes"][0]["primitives"][0]["indices"] = 3; },
+           {"indices: accessor 3 is not of unsigned"});
+    expect([](GltfJson& j) { j["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"] = {{"x", 1}}; },
+           {"node 0: EXT_mesh_gpu_instancing has no attributes"});
+    expect([](GltfJson& j) { j["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["ROTATION"] = 0; },
+           {"EXT_mesh_gpu_instancing: ROTATION: accessor 0 does not have 4"});
     expect([&](GltfJson& j) { extension(j)["kernel"] = 3; }, {"kernel is not a text"});
-    expect([](GltfJson& j) { j["nodes"][0]["scale"] = {-1, 1, 1}; }, {"node 0 mirrors"});
-    expect([](GltfJson& j) { j["nodes"][0]["scale"] = {1, 1, 0}; }, {"node 0 mirrors or flattens"});
+    expect([](GltfJson& j) { j["nodes"][0]["scale"] = {1, 1, 0}; }, {"node 0 flattens"});
+    expect([](GltfJson& j) { j["nodes"][0]["scale"] = {0, 0, 0}; }, {"no Gaussians"});
     expect([](GltfJson& j) { j["nodes"][0]["scale"] = {1e60, 1e60, 1e60}; }, {"node 0: the mean of Gaussian 0"});
     expect([](GltfJson& j) { j["nodes"][0]["scale"] = {1e200, 1e200, 1e200}; }, {"node 0"});
     expect([](GltfJson& j) { j["nodes"][0]["translation"] = {1e200, 0, 0}; }, {"node 0: the mean of Gaussian 0"});
@@ -176,12 +204,35 @@ TEST_CASE("damaged .glb files are refused") {
     expect([](GltfJson& j) { j["accessors"][0]["count"] = 4000000000u; }, {"elements"});
     expect([](GltfJson& j) { j["accessors"][0]["count"] = -1; }, {"count"});
     expect([](GltfJson& j) { j["accessors"][0]["componentType"] = 5124; }, {"neither of floats"});
+    const auto sparse = [](GltfJson& j, const char* text) { j["accessors"][0]["sparse"] = GltfJson::parse(text); };
+    expect([&](GltfJson& j) { sparse(j, "7"); }, {"sparse of an accessor is number"});
     expect(
-        [](GltfJson& j) {
-            j["accessors"][0]["sparse"] = GltfJson::parse(
-                R"({"count": 1, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}})");
+        [&](GltfJson& j) {
+            sparse(
+                j,
+                R"({"count": 41, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}})");
         },
-        {"is sparse"});
+        {"accessor 0: sparse.count is 41, expected 1 to 40"});
+    expect(
+        [&](GltfJson& j) {
+            sparse(j,
+                   R"({"count": 1, "indices": {"bufferView": 0, "componentType": 5126}, "values": {"bufferView": 0}})");
+        },
+        {"accessor 0: sparse.indices is not of unsigned integers"});
+    expect(
+        [&](GltfJson& j) {
+            sparse(j,
+                   R"({"count": 1, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}})");
+        },
+        {"accessor 0: sparse.indices has", "expected ascending indices below 40"});
+    expect([](GltfJson& j) { j["accessors"][0].erase("bufferView"), j["accessors"][0]["count"] = 40000000; },
+           {"accessor 0 brings the numbers without bytes to more than 4194304"});
+    expect([](GltfJson& j) { j["extensionsRequired"] = "KHR_x"; }, {"extensionsRequired is string, expected an array"});
+    expect([](GltfJson& j) { j["extensionsRequired"] = {1}; }, {"an element of extensionsRequired is number"});
+    for (const char* name : {"VENDOR_x", "EXT_meshopt_compression", "KHR_draco_mesh_compression", "CESIUM_RTC",
+                             "KHR_gaussian_splatting_compression_spz_2"})
+        expect([&](GltfJson& j) { j["extensionsRequired"] = {"KHR_gaussian_splatting", name}; },
+               {std::string("requires the glTF extension '") + name + "', which is not read"});
     expect([](GltfJson& j) { j["accessors"][0]["byteOffset"] = 4; }, {"beyond its buffer"});
     expect([](GltfJson& j) { j["accessors"][1]["type"] = "VEC3"; }, {"accessor 1 does not have 4 numbers"});
     expect([](GltfJson& j) { j["accessors"][2]["bufferView"] = 99; }, {"bufferView is 99"});
@@ -189,7 +240,6 @@ TEST_CASE("damaged .glb files are refused") {
     expect([](GltfJson& j) { j["bufferViews"][0]["byteStride"] = 3; }, {"byteStride"});
     expect([](GltfJson& j) { j["buffers"][0]["uri"] = "other.bin"; }, {"other.bin", "cannot be read"});
     // Views hold positions, rotations, scales, opacities. Attributes of another meaning have values that do not fit.
-    expect([](GltfJson& j) { j["bufferViews"][2]["byteOffset"] = 0; }, {"mesh 0: Gaussian", "a negative scale"});
     expect([](GltfJson& j) { j["bufferViews"][3]["byteOffset"] = 0; }, {"mesh 0: Gaussian", "within 0 to 1"});
     for (const std::size_t size : {std::size_t(0), std::size_t(19), std::size_t(200), good.size() - 4}) {
         write_file(path, good.substr(0, size));

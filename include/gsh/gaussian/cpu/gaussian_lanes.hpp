@@ -46,11 +46,26 @@ GSH_INLINE void put_splats(Splat<Wide<T>>& wide, std::size_t lane, const std::si
     put_lanes<T>(wide.opacity, lane, [&](std::size_t j) -> auto& { return from.opacities[index[j]]; });
     put_lanes<T>(wide.color, lane, [&](std::size_t j) -> auto& { return from.colors[index[j]]; });
 }
+template <class T>
+GSH_INLINE void put_splats(FactoredSplat<Wide<T>>& wide, std::size_t lane, const std::size_t* index,
+                           const SplatView<const T>& from) {
+    put_lanes<T>(wide.mean, lane, [&](std::size_t j) -> auto& { return from.means[index[j]]; });
+    put_lanes<T>(wide.factor, lane, [&](std::size_t j) -> auto& { return from.factors[index[j]]; });
+    put_lanes<T>(wide.opacity, lane, [&](std::size_t j) -> auto& { return from.opacities[index[j]]; });
+    put_lanes<T>(wide.color, lane, [&](std::size_t j) -> auto& { return from.colors[index[j]]; });
+}
 /// Writes splat i from one lane.
 template <class T>
 GSH_INLINE void get_splat(const Splat<Wide<T>>& wide, std::size_t lane, const SplatView<T>& to, std::size_t i) {
     get_lane<T>(wide.mean, lane, to.means[i]);
     get_lane<T>(wide.covariance, lane, to.covariances[i]);
+    get_lane<T>(wide.opacity, lane, to.opacities[i]);
+    get_lane<T>(wide.color, lane, to.colors[i]);
+}
+template <class T>
+GSH_INLINE void get_splat(const FactoredSplat<Wide<T>>& wide, std::size_t lane, const SplatView<T>& to, std::size_t i) {
+    get_lane<T>(wide.mean, lane, to.means[i]);
+    get_lane<T>(wide.factor, lane, to.factors[i]);
     get_lane<T>(wide.opacity, lane, to.opacities[i]);
     get_lane<T>(wide.color, lane, to.colors[i]);
 }

@@ -30,22 +30,21 @@ struct StaticBlock : WideBlock<T> {
     void forward(const StaticSplatForward<Degree, T>& element) {
         if (!this->fill()) return;
         read(element.input);
-        const auto out = Gaussian::forward(in_, element.clamping);
-        for (std::size_t lane = 0; lane < count; ++lane) get_splat<T>(out, lane, element.splats, index[lane]);
+        if (element.splats.is_factored()) write(Gaussian::forward_factored(in_, element.clamping), element.splats);
+        else write(Gaussian::forward(in_, element.clamping), element.splats);
         count = 0;
     }
 
     void backward(const StaticSplatBackward<Degree, T>& element) {
         if (!this->fill()) return;
         read(element.input);
-        Splat<W> dL_dout;
-        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>)
-            put_splats<T>(dL_dout, lane, index + lane, element.dL_dsplats);
         typename Gaussian::template Gradient<W> gradient;
         vec3<W> dL_dsh[Gaussian::basis_count];
         for (vec3<W>& value : dL_dsh) value = vec3<W>(W(T(0)));
         gradient.sh = dL_dsh;
-        Gaussian::backward(in_, element.clamping, dL_dout, gradient);
+        if (element.dL_dsplats.is_factored())
+            Gaussian::backward(in_, element.clamping, read<FactoredSplat<W>>(element.dL_dsplats), gradient);
+        else Gaussian::backward(in_, element.clamping, read<Splat<W>>(element.dL_dsplats), gradient);
 
         const auto& out = element.dL_dgaussians;
         for (std::size_t lane = 0; lane < count; ++lane) {
@@ -62,6 +61,17 @@ private:
     typename Gaussian::template Input<W> in_;
     vec3<W> sh_[Gaussian::basis_count];
 
+    template <class Out>
+    GSH_INLINE void write(const Out& out, const SplatView<T>& to) const {
+        for (std::size_t lane = 0; lane < count; ++lane) get_splat<T>(out, lane, to, index[lane]);
+    }
+    template <class Out>
+    [[nodiscard]] GSH_INLINE Out read(const SplatView<const T>& from) const {
+        Out out;
+        for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>)
+            put_splats<T>(out, lane, index + lane, from);
+        return out;
+    }
     void read(const StaticInput<Degree, T>& input) {
         const auto& from = input.gaussians;
         const vec3<T> center = input.center();

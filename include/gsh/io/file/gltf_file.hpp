@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/gltf_extensions.hpp>
 #include <gsh/io/file/gltf_json.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/named_path.hpp>
@@ -29,18 +30,12 @@
 
 namespace gsh::detail {
 
-/// What is read of a glTF file.
-enum class GltfParts {
-    nodes,  ///< nodes, skins, animations
-    meshes, ///< also the attributes of meshes, and their extension KHR_gaussian_splatting
-};
-
 /// The model of a file. Materials, images and all that is not asked for are left out before tinygltf sees the file, so
 /// it opens no image. A buffer's URI must lead to a file in the folder of the glTF file, or below; its size must be
 /// what the JSON states before it is read.
 ///
 /// Errors  IoError naming the file: a truncated or invalid container, JSON nested deeper than 256 levels, a required
-///         compression, too many elements, a buffer that is short or outside of the folder.
+///         extension that is not read, too many elements, a buffer that is short or outside of the folder.
 class GltfFile {
 public:
     explicit GltfFile(const std::filesystem::path& path, GltfParts parts = GltfParts::nodes);
@@ -67,6 +62,7 @@ private:
     std::size_t buffer_limit_; ///< bytes of the file, and of all buffers together
 
     nlohmann::json reduced_json(std::string_view text, std::size_t chunk_bytes, GltfParts parts);
+    void check_required(const nlohmann::json& names, GltfParts parts) const;
     void check_counts(const nlohmann::json& json) const;
     void check_buffers(nlohmann::json& json, std::size_t chunk_bytes);
     std::size_t external_size(const std::string& uri, const std::string& what);
@@ -139,10 +135,7 @@ inline nlohmann::json GltfFile::reduced_json(std::string_view text, std::size_t 
     if (!asset.is_object() || !asset.contains("version") || !asset["version"].is_string() ||
         !asset["version"].get<std::string>().starts_with("2"))
         fail("is not glTF 2");
-    if (all.contains("extensionsRequired") && all["extensionsRequired"].is_array())
-        for (const auto& required : all["extensionsRequired"])
-            if (required == "EXT_meshopt_compression" || required == "KHR_meshopt_compression")
-                fail("requires " + required.get<std::string>() + ", which is not read; export it without compression");
+    if (all.contains("extensionsRequired")) check_required(all["extensionsRequired"], parts);
     if (const auto& extensions = all["extensions"]; extensions.is_object()) extensions_ = extensions;
     for (const char* key :
          {"asset", "scene", "scenes", "nodes", "skins", "animations", "accessors", "bufferViews", "buffers", "meshes"})
@@ -161,6 +154,17 @@ inline nlohmann::json GltfFile::reduced_json(std::string_view text, std::size_t 
     if (json.contains("meshes")) strip_gltf_meshes(json["meshes"]);
     check_buffers(json, chunk_bytes);
     return json;
+}
+
+inline void GltfFile::check_required(const nlohmann::json& names, GltfParts parts) const {
+    if (!names.is_array()) fail(std::string("extensionsRequired is ") + names.type_name() + ", expected an array");
+    for (const auto& name : names) {
+        if (!name.is_string())
+            fail(std::string("an element of extensionsRequired is ") + name.type_name() + ", expected a name");
+        if (const auto text = name.get<std::string>(); !reads_despite_gltf_extension(text, parts))
+            fail("requires the glTF extension '" + shortened(text) +
+                 "', which is not read; export the file without it");
+    }
 }
 
 inline void GltfFile::check_counts(const nlohmann::json& json) const {
@@ -207,10 +211,22 @@ inline void GltfFile::check_counts(const nlohmann::json& json) const {
                 (!node[key].is_array() || !all(node[key], [](const nlohmann::json& v) { return v.is_number(); })))
                 fail(std::string("the ") + key + " of a node is not a list of numbers");
     for (const auto& mesh : json.contains("meshes") ? json["meshes"] : none)
-        for (const auto& primitive : mesh["primitives"])
+        for (const auto& primitive : mesh["primitives"]) {
             if (!primitive.contains("attributes") || !primitive["attributes"].is_object() ||
                 !all(primitive["attributes"], [](const nlohmann::json& v) { return v.is_number_integer(); }))
                 fail("the attributes of a primitive are not an object of indices");
+            for (const char* key : {"indices", "mode"})
+                if (primitive.contains(key) && !primitive[key].is_number_unsigned())
+                    fail(std::string("the ") + key + " of a primitive is " + primitive[key].type_name() +
+                         ", expected a whole number");
+        }
+    for (const auto& accessor : json.contains("accessors") ? json["accessors"] : none) {
+        if (accessor.contains("bufferView") && !accessor["bufferView"].is_number_integer())
+            fail("the bufferView of an accessor is not a whole number");
+        if (accessor.contains("sparse") && !accessor["sparse"].is_object())
+            fail(std::string("the sparse of an accessor is ") + accessor["sparse"].type_name() +
+                 ", expected an object");
+    }
 }
 
 inline void GltfFile::check_buffers(nlohmann::json& json, std::size_t chunk_bytes) {

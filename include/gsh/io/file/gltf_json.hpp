@@ -11,26 +11,30 @@
 
 namespace gsh::detail {
 
-/// Removes extras and extensions, at most 256 levels deep, but not that of Gaussians.
+/// Removes extras and extensions, at most 256 levels deep, but not the extensions that are read.
 inline void strip_gltf(nlohmann::json& value) {
-    nlohmann::json gaussians;
+    nlohmann::json kept;
     if (value.is_object()) {
-        if (const auto own = value.find("extensions"); own != value.end() && own->is_object())
-            gaussians = own->value("KHR_gaussian_splatting", nlohmann::json());
+        if (const auto all = value.find("extensions"); all != value.end() && all->is_object())
+            for (const char* name : {"KHR_gaussian_splatting", "EXT_mesh_gpu_instancing", "KHR_node_visibility"})
+                if (const auto own = all->find(name); own != all->end() && own->is_object())
+                    kept[name] = std::move(*own);
         value.erase("extras"), value.erase("extensions");
     }
     if (value.is_structured())
         for (auto& child : value) strip_gltf(child);
-    if (gaussians.is_object()) value["extensions"]["KHR_gaussian_splatting"] = std::move(gaussians);
+    if (kept.is_object()) value["extensions"] = std::move(kept);
 }
 
-/// Leaves the attributes of primitives and what `strip_gltf` left of their extensions.
+/// Leaves the attributes of primitives and what `strip_gltf` left of their extensions; of Gaussians also mode and
+/// indices.
 inline void strip_gltf_meshes(nlohmann::json& meshes) {
     for (auto& mesh : meshes)
         for (auto& primitive : mesh["primitives"]) {
             nlohmann::json kept = nlohmann::json::object();
-            for (const char* key : {"attributes", "extensions"})
+            for (const char* key : {"attributes", "extensions", "mode", "indices"})
                 if (primitive.contains(key)) kept[key] = std::move(primitive[key]);
+            if (!kept.contains("extensions")) kept.erase("mode"), kept.erase("indices");
             primitive = std::move(kept);
         }
 }

@@ -47,13 +47,21 @@ public:
     [[nodiscard]] Channels channels(const tinygltf::Animation& animation, GltfNumbers& numbers,
                                     const std::string& where) const;
 
-    /// For each node, the map from its frame to the world; none for nodes that the file's scene does not show.
+    /// For each node, the map from its frame to the world; none for nodes that the file's scene does not show, or that
+    /// it states to be invisible (KHR_node_visibility). A file without scenes shows all nodes.
     [[nodiscard]] std::vector<std::optional<Affine<double>>> world_maps(const Channels& channels, double time) const;
 
 private:
     const GltfFile& file_;
     std::vector<int> parents_, order_;
     std::vector<GltfTransform> transforms_;
+
+    [[nodiscard]] static bool is_visible(const tinygltf::Node& node) {
+        const auto found = node.extensions.find("KHR_node_visibility");
+        if (found == node.extensions.end() || !found->second.Has("visible")) return true;
+        const tinygltf::Value& visible = found->second.Get("visible");
+        return !visible.IsBool() || visible.Get<bool>();
+    }
 
     void read_tree() {
         const auto& nodes = file_.model().nodes;
@@ -145,17 +153,20 @@ inline GltfNodes::Channels GltfNodes::channels(const tinygltf::Animation& animat
 inline std::vector<std::optional<Affine<double>>> GltfNodes::world_maps(const Channels& channels, double time) const {
     std::vector<std::optional<Affine<double>>> maps(size());
     const tinygltf::Model& model = file_.model();
-    if (model.scenes.empty()) return maps;
-    const int shown = std::max(model.defaultScene, 0);
-    file_.check_index(shown, model.scenes.size(), "scene");
     std::vector<bool> listed(size(), false);
-    for (const int node : model.scenes[static_cast<std::size_t>(shown)].nodes) {
-        file_.check_index(node, size(), "a node of scene " + std::to_string(shown));
-        listed[static_cast<std::size_t>(node)] = true;
+    for (const int node : order_) listed[static_cast<std::size_t>(node)] = model.scenes.empty() && parent(node) < 0;
+    if (!model.scenes.empty()) {
+        const int shown = std::max(model.defaultScene, 0);
+        file_.check_index(shown, model.scenes.size(), "scene");
+        for (const int node : model.scenes[static_cast<std::size_t>(shown)].nodes) {
+            file_.check_index(node, size(), "a node of scene " + std::to_string(shown));
+            listed[static_cast<std::size_t>(node)] = true;
+        }
     }
     for (const int node : order_) {
         const int above = parent(node);
         const auto n = static_cast<std::size_t>(node);
+        if (!is_visible(model.nodes[n])) continue; // nor are those below
         const Affine<double> own = transform(node, channels, time).matrix();
         if (above >= 0 && maps[static_cast<std::size_t>(above)])
             maps[n] = *maps[static_cast<std::size_t>(above)] * own;

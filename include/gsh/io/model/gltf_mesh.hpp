@@ -24,6 +24,9 @@ namespace gsh {
 namespace detail {
 
 /// A displacement per vertex as an accessor. Where most are zero, as of an expression, it is sparse.
+///
+/// glTF allows to leave out byteOffset, and to have neither bytes nor sparse elements where all are zero. VTK 9.7.2 and
+/// F3D 4.0.0, which reads by VTK, refuse such a file, so both are written.
 inline int add_displacements(GlbWriter& file, const std::vector<vec3<float>>& displacements) {
     std::vector<std::uint32_t> indices;
     std::vector<float> moved, all;
@@ -42,12 +45,14 @@ inline int add_displacements(GlbWriter& file, const std::vector<vec3<float>>& di
                                     {"type", "VEC3"},
                                     {"min", {low.x, low.y, low.z}},
                                     {"max", {high.x, high.y, high.z}}};
-    if (!indices.empty())
-        accessor["sparse"] = {{"count", indices.size()},
-                              {"indices",
-                               {{"bufferView", file.add_view(indices.data(), indices.size() * sizeof(std::uint32_t))},
-                                {"componentType", 5125}}},
-                              {"values", {{"bufferView", file.add_view(moved.data(), moved.size() * sizeof(float))}}}};
+    if (indices.empty()) indices = {0}, moved = {0, 0, 0};
+    accessor["sparse"] = {
+        {"count", indices.size()},
+        {"indices",
+         {{"bufferView", file.add_view(indices.data(), indices.size() * sizeof(std::uint32_t))},
+          {"byteOffset", 0},
+          {"componentType", 5125}}},
+        {"values", {{"bufferView", file.add_view(moved.data(), moved.size() * sizeof(float))}, {"byteOffset", 0}}}};
     file.json["accessors"].push_back(std::move(accessor));
     return static_cast<int>(file.json["accessors"].size()) - 1;
 }
@@ -76,9 +81,8 @@ inline void add_gltf_mesh(GlbWriter& file, const ColoredMesh& mesh) {
                            {"COLOR_0", file.add(colors, {.width = 3, .target = vertices})},
                            {"JOINTS_0", file.add(joints, {.width = 4, .target = vertices})},
                            {"WEIGHTS_0", file.add(weights, {.width = 4, .target = vertices})}};
-    OrderedJson primitive{{"attributes", std::move(attributes)},
-                          {"indices", file.add(indices, {.target = elements})},
-                          {"material", 0}};
+    OrderedJson primitive{
+        {"attributes", std::move(attributes)}, {"indices", file.add(indices, {.target = elements})}, {"material", 0}};
     const std::size_t E = mesh.expressions.size();
     OrderedJson names = OrderedJson::array();
     for (std::size_t e = 0; e < E; ++e) {

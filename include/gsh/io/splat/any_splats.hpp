@@ -20,7 +20,7 @@
 namespace gsh {
 
 /// Formats of still Gaussians that are read.
-enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
+enum class SplatFormat { ply, compressed_ply, spz, splat, glb }; ///< glb: also .gltf
 
 /// The format of a file: from its first bytes. A .splat file, which has no header and may begin with any bytes, and a
 /// damaged file are recognised by their names.
@@ -40,13 +40,14 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
     if (begin.starts_with("ply"))
         return PlyFile(path).vertices().find("packed_position") ? SplatFormat::compressed_ply : SplatFormat::ply;
     if (begin == "NGSP" || begin.starts_with("\x1f\x8b")) return SplatFormat::spz;
-    if (begin == "glTF") return SplatFormat::glb;
+    if (begin == "glTF" || ending == ".gltf") return SplatFormat::glb;
     // The reader of a damaged file's format gives the reason.
     if (ending == ".ply") return SplatFormat::ply;
     if (ending == ".spz") return SplatFormat::spz;
     if (ending == ".glb") return SplatFormat::glb;
     throw IoError(path.string() +
-                  ": is in no known format of Gaussians; expected .ply, .compressed.ply, .spz, .splat or .glb");
+                  ": is in no known format of Gaussians; expected .ply, .compressed.ply, .spz, .splat, .glb or "
+                  ".gltf");
 }
 
 /// True for formats that by custom have y down unless they state otherwise (UpAxis::minus_y).
@@ -54,7 +55,7 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
     return format == SplatFormat::ply || format == SplatFormat::compressed_ply || format == SplatFormat::splat;
 }
 
-/// Loads a file of any of these formats. The nodes of an animated .glb are taken at rest.
+/// Loads a file of any of these formats. The nodes of an animated .glb or .gltf are taken at rest.
 ///
 /// Errors  those of recognise_splats and of the format's reader.
 [[nodiscard]] inline StillSplats load_any_splats(const std::filesystem::path& path) {

@@ -82,8 +82,8 @@ class ProjectionBatch {
 public:
     static constexpr std::size_t size = 64;
 
-    ProjectionBatch(const Camera<double>& camera, const RasterParams<T>& params, const TileGrid& grid)
-        : camera_(camera), params_(params.template cast<double>()), alpha_min_(params.alpha_min),
+    ProjectionBatch(const Camera<double>& camera, const RasterParams<T>& params, const TileGrid& grid, bool factored)
+        : factored_(factored), camera_(camera), params_(params.template cast<double>()), alpha_min_(params.alpha_min),
           columns_(grid.width), rows_(grid.height) {}
 
     // Of the batch, after project.
@@ -112,9 +112,11 @@ public:
     }
 
 private:
+    bool factored_;
     // Input, member by member: a register is loaded long after its numbers were stored one by one.
     alignas(64) T mean_x_[size] = {}, mean_y_[size] = {}, mean_z_[size] = {};
     alignas(64) T xx_[size] = {}, xy_[size] = {}, xz_[size] = {}, yy_[size] = {}, yz_[size] = {}, zz_[size] = {};
+    alignas(64) T factor_[9][size] = {}; // by columns; in place of the covariance
     alignas(64) T opacity_[size] = {}, color_[size] = {}; // color_: 0 if it is finite, else NaN
     Camera<double> camera_;
     ProjectionParams<double> params_;
@@ -124,9 +126,14 @@ private:
     void load(const SplatView<const T>& splats, std::size_t first, std::size_t count) {
         for (std::size_t k = 0; k < count; ++k) {
             const vec3<T>&m = splats.means[first + k], &c = splats.colors[first + k];
-            const sym3<T>& s = splats.covariances[first + k];
             mean_x_[k] = m.x, mean_y_[k] = m.y, mean_z_[k] = m.z;
-            xx_[k] = s.xx, xy_[k] = s.xy, xz_[k] = s.xz, yy_[k] = s.yy, yz_[k] = s.yz, zz_[k] = s.zz;
+            if (factored_) {
+                const mat3<T>& F = splats.factors[first + k];
+                for (int n = 0; n < 9; ++n) factor_[n][k] = F[n / 3][n % 3];
+            } else {
+                const sym3<T>& s = splats.covariances[first + k];
+                xx_[k] = s.xx, xy_[k] = s.xy, xz_[k] = s.xz, yy_[k] = s.yy, yz_[k] = s.yz, zz_[k] = s.zz;
+            }
             opacity_[k] = splats.opacities[first + k];
             color_[k] = c.x * T(0) + c.y * T(0) + c.z * T(0);
         }
@@ -136,18 +143,33 @@ private:
 #if !defined(__CUDA_ARCH__) // in its pass for the device, nvcc parses host code, too, and refuses vectors of registers
         const Camera<W> camera = in_all_lanes<W>(camera_);
         const vec3<W> mean(widened(mean_x_ + k), widened(mean_y_ + k), widened(mean_z_ + k));
-        const sym3<W> covariance{widened(xx_ + k), widened(xy_ + k), widened(xz_ + k),
-                                 widened(yy_ + k), widened(yz_ + k), widened(zz_ + k)};
-        const Projection<W> p = gsh::project(camera, mean, covariance, params_);
-        const W alpha = widened(opacity_ + k) * p.opacity_factor;
-        const W zero(0.0);
-        (widened(color_ + k) + mean.x * zero + mean.y * zero + mean.z * zero + covariance.xx * zero +
-         covariance.xy * zero + covariance.xz * zero + covariance.yy * zero + covariance.yz * zero +
-         covariance.zz * zero + widened(opacity_ + k) * zero)
-            .store(nonfinite + k);
+        const W zero(0.0), other = widened(color_ + k) + mean.x * zero + mean.y * zero + mean.z * zero;
+        if (factored_) {
+            const auto column = [&](int c) {
+                return vec3<W>(widened(factor_[3 * c] + k), widened(factor_[3 * c + 1] + k),
+                               widened(factor_[3 * c + 2] + k));
+            };
+            const mat3<W> F(column(0), column(1), column(2));
+            W sum = other;
+            for (int c = 0; c < 3; ++c) sum += F[c].x * zero + F[c].y * zero + F[c].z * zero;
+            (sum + widened(opacity_ + k) * zero).store(nonfinite + k);
+            finish(k, gsh::project(camera, mean, F, params_));
+        } else {
+            const sym3<W> covariance{widened(xx_ + k), widened(xy_ + k), widened(xz_ + k),
+                                     widened(yy_ + k), widened(yz_ + k), widened(zz_ + k)};
+            (other + covariance.xx * zero + covariance.xy * zero + covariance.xz * zero + covariance.yy * zero +
+             covariance.yz * zero + covariance.zz * zero + widened(opacity_ + k) * zero)
+                .store(nonfinite + k);
+            finish(k, gsh::project(camera, mean, covariance, params_));
+        }
+#endif
+    }
 
+    GSH_INLINE void finish([[maybe_unused]] std::size_t k, [[maybe_unused]] const Projection<W>& p) {
+#if !defined(__CUDA_ARCH__)
+        const W zero(0.0), alpha = widened(opacity_ + k) * p.opacity_factor;
         const W largest(std::numeric_limits<double>::max());
-        const W det = determinant(p.covariance);
+        const W det = p.determinant;
         const auto kept = p.in_front & (alpha >= W(alpha_min_)) & (p.covariance.xx > zero) & (p.covariance.yy > zero) &
                           (det > zero) & (det <= largest) & (abs(p.mean2d.x) <= largest) & (abs(p.mean2d.y) <= largest);
         const Whitening<W> w = whiten(p.covariance, inverse_sqrt(p.covariance.yy), inverse_sqrt(det));
@@ -210,7 +232,7 @@ template <CpuBackend B, std::floating_point T>
     const Camera<double> camera_in_double = camera.template cast<double>();
     backend.for_chunks(n, detail::splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         RasterStatus status;
-        detail::ProjectionBatch<T> batch(camera_in_double, params, scratch.grid);
+        detail::ProjectionBatch<T> batch(camera_in_double, params, scratch.grid, splats.is_factored());
         for (std::size_t first = begin; first < end; first += batch.size) {
             const std::size_t count = std::min(batch.size, end - first);
             batch.project(splats, first, count);

@@ -39,9 +39,11 @@ class ProjectionBackwardBatch {
 public:
     static constexpr std::size_t size = 64;
 
-    /// With dL_dcamera, the camera's gradient is computed, too.
-    ProjectionBackwardBatch(const Camera<double>& camera, const RasterParams<T>& params, bool with_camera)
-        : camera_(camera), params_(params.template cast<double>()), with_camera_(with_camera) {}
+    /// `factored`: the splats have factors instead of covariances. With dL_dcamera, the camera's gradient is computed,
+    /// too.
+    ProjectionBackwardBatch(const Camera<double>& camera, const RasterParams<T>& params, bool factored,
+                            bool with_camera)
+        : camera_(camera), params_(params.template cast<double>()), factored_(factored), with_camera_(with_camera) {}
 
     std::size_t count = 0;
     std::size_t splat[size];
@@ -52,12 +54,18 @@ public:
     void add(std::size_t i, const SplatView<const T>& splats, const ScreenSplat<T>& s, const T* sum) {
         const std::size_t k = count++;
         const vec3<T>& m = splats.means[i];
-        const sym3<T>& c = splats.covariances[i];
         splat[k] = i;
-        const T numbers[inputs] = {m.x, m.y, m.z, c.xx, c.xy, c.xz, c.yy, c.yz, c.zz, sum[slot_u], sum[slot_v],
-                                   sum[slot_uu], sum[slot_uv], sum[slot_vv], sum[slot_depth],
-                                   sum[slot_g] / s.opacity * splats.opacities[i]};
-        for (std::size_t n = 0; n < inputs; ++n) in_[n][k] = numbers[n];
+        const T numbers[others] = {m.x, m.y, m.z, sum[slot_u], sum[slot_v], sum[slot_uu], sum[slot_uv], sum[slot_vv],
+                                   sum[slot_depth], sum[slot_g] / s.opacity * splats.opacities[i]};
+        for (std::size_t n = 0; n < others; ++n) in_[n][k] = numbers[n];
+        if (factored_) {
+            const mat3<T>& F = splats.factors[i];
+            for (int n = 0; n < 9; ++n) in_[others + static_cast<std::size_t>(n)][k] = F[n / 3][n % 3];
+        } else {
+            const sym3<T>& c = splats.covariances[i];
+            const T shape[6] = {c.xx, c.xy, c.xz, c.yy, c.yz, c.zz};
+            for (std::size_t n = 0; n < 6; ++n) in_[others + n][k] = shape[n];
+        }
         ux_[k] = s.w.ux, uy_[k] = s.w.uy, vy_[k] = s.w.vy;
     }
 
@@ -69,6 +77,10 @@ public:
     [[nodiscard]] sym3<T> dL_dcovariance(std::size_t k) const {
         return {out_[3][k], out_[4][k], out_[5][k], out_[6][k], out_[7][k], out_[8][k]};
     }
+    [[nodiscard]] mat3<T> dL_dfactor(std::size_t k) const {
+        const auto column = [&](std::size_t n) { return vec3<T>(out_[n][k], out_[n + 1][k], out_[n + 2][k]); };
+        return {column(3), column(6), column(9)};
+    }
     /// Adds the camera's gradient of all batches so far.
     void add_camera(CameraGradient<double>& dL_dcamera) const {
         const Span<double> numbers = view_as<double>(Span<CameraGradient<double>>(&dL_dcamera, 1));
@@ -77,13 +89,13 @@ public:
     }
 
 private:
-    static constexpr std::size_t inputs = 16, outputs = 9;
-    alignas(64) T in_[inputs][size] = {}; // as in add; numbers beyond `count` are those of earlier splats
+    static constexpr std::size_t others = 10; // inputs besides a shape of 6 or 9 numbers
+    alignas(64) T in_[others + 9][size] = {}; // as in add; numbers beyond `count` are those of earlier splats
     alignas(64) double ux_[size] = {}, uy_[size] = {}, vy_[size] = {};
-    alignas(64) T out_[outputs][size];
+    alignas(64) T out_[3 + 9][size];
     Camera<double> camera_;
     ProjectionParams<double> params_;
-    bool with_camera_;
+    bool factored_, with_camera_;
     static constexpr std::size_t camera_numbers = sizeof(CameraGradient<double>) / sizeof(double);
     alignas(64) double of_camera_[camera_numbers * W::width] = {}; // lane by lane
 
@@ -95,25 +107,37 @@ private:
         const W to_mean2d(2 * ln2), to_covariance(2 * ln2 * ln2), two(2.0), zero(0.0);
         const auto in = [&](std::size_t n) { return widened(in_[n] + k); };
         const W ux = W::load(ux_ + k), uy = W::load(uy_ + k), vy = W::load(vy_ + k);
-        const W u = in(9), v = in(10), uu = in(11), uv = in(12), vv = in(13);
+        const W u = in(3), v = in(4), uu = in(5), uv = in(6), vv = in(7);
         Projection<W> dL;
         dL.mean2d = vec2<W>(to_mean2d * (ux * u), to_mean2d * (uy * u + vy * v));
         const W along_u = uy * uu + vy * uv, along_v = uy * uv + vy * vv;
         dL.covariance = {to_covariance * (ux * ux * uu), to_covariance * (two * ux * along_u),
                          to_covariance * (uy * along_u + vy * along_v)};
-        dL.depth = in(14);
-        dL.opacity_factor = in(15);
+        dL.depth = in(8);
+        dL.opacity_factor = in(9);
         store_narrowed(sqrt(dL.mean2d.x * dL.mean2d.x + dL.mean2d.y * dL.mean2d.y), gradient_norm + k);
         store_narrowed(screen_radius(Whitening<W>{ux, uy, vy}), radius + k);
 
-        vec3<W> m(zero);
-        sym3<W> c{zero, zero, zero, zero, zero, zero};
+        vec3<W> dL_dmean(zero);
+        const vec3<W> mean(in(0), in(1), in(2));
         const Camera<W> camera = in_all_lanes<W>(camera_);
         CameraGradient<W> of_camera{mat3<W>(zero), vec3<W>(zero), zero, zero, zero, zero};
-        gsh::project_backward(camera, vec3<W>(in(0), in(1), in(2)), sym3<W>{in(3), in(4), in(5), in(6), in(7), in(8)},
-                              params_, dL, m, c, with_camera_ ? &of_camera : nullptr);
-        const W results[outputs] = {m.x, m.y, m.z, c.xx, c.xy, c.xz, c.yy, c.yz, c.zz};
-        for (std::size_t n = 0; n < outputs; ++n) store_narrowed(results[n], out_[n] + k);
+        CameraGradient<W>* const dL_dcamera = with_camera_ ? &of_camera : nullptr;
+        if (factored_) {
+            const auto column = [&](std::size_t n) { return vec3<W>(in(n), in(n + 1), in(n + 2)); };
+            const mat3<W> F(column(others), column(others + 3), column(others + 6));
+            mat3<W> dL_dF(zero);
+            gsh::project_backward(camera, mean, F, params_, dL, dL_dmean, dL_dF, dL_dcamera);
+            for (int n = 0; n < 9; ++n) store_narrowed(dL_dF[n / 3][n % 3], out_[3 + n] + k);
+        } else {
+            const sym3<W> covariance{in(others),     in(others + 1), in(others + 2),
+                                     in(others + 3), in(others + 4), in(others + 5)};
+            sym3<W> c{zero, zero, zero, zero, zero, zero};
+            gsh::project_backward(camera, mean, covariance, params_, dL, dL_dmean, c, dL_dcamera);
+            const W results[6] = {c.xx, c.xy, c.xz, c.yy, c.yz, c.zz};
+            for (std::size_t n = 0; n < 6; ++n) store_narrowed(results[n], out_[3 + n] + k);
+        }
+        for (int n = 0; n < 3; ++n) store_narrowed(dL_dmean[n], out_[n] + k);
         if (!with_camera_) return;
         static_assert(sizeof of_camera == camera_numbers * sizeof(W));
         const auto* const numbers = reinterpret_cast<const W*>(&of_camera);
@@ -149,7 +173,7 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
     scratch.chunk_camera.resize(dL_dcamera.empty() ? 0 : chunks);
 
     backend.for_chunks(n, splat_grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-        ProjectionBackwardBatch<T> batch(camera_in_double, params, !dL_dcamera.empty());
+        ProjectionBackwardBatch<T> batch(camera_in_double, params, splats.is_factored(), !dL_dcamera.empty());
         const auto flush = [&] {
             batch.project_backward();
             for (std::size_t k = 0; k < batch.count; ++k) {
@@ -158,6 +182,7 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
                 cache.screen_radii[i] = batch.radius[k];
                 if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += batch.dL_dmean(k);
                 if (!dL_dsplats.covariances.empty()) dL_dsplats.covariances[i] += batch.dL_dcovariance(k);
+                if (!dL_dsplats.factors.empty()) dL_dsplats.factors[i] += batch.dL_dfactor(k);
             }
             batch.count = 0;
         };

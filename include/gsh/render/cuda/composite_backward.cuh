@@ -44,10 +44,14 @@ void project_splats_backward(Device& device, const Deferred<Camera<T>>& camera, 
     cache.screen_gradient_norms.resize(n);
     cache.screen_radii.resize(n);
     scratch.block_camera.resize(WithCamera ? blocks : 0);
-    device.launch(blocks, ProjectSplatsBackward<T, WithCamera>{scratch.refused, splats, params, scratch.splats,
-                                                               cache.visible, scratch.slot_begin, scratch.slots,
-                                                               dL_dsplats, cache.screen_gradient_norms,
-                                                               cache.screen_radii, scratch.block_camera, camera});
+    const auto project_backward = [&](auto factored) {
+        device.launch(blocks, ProjectSplatsBackward<T, WithCamera, decltype(factored)::value>{
+                                  scratch.refused, splats, params, scratch.splats, cache.visible, scratch.slot_begin,
+                                  scratch.slots, dL_dsplats, cache.screen_gradient_norms, cache.screen_radii,
+                                  scratch.block_camera, camera});
+    };
+    if (splats.is_factored()) project_backward(std::true_type());
+    else project_backward(std::false_type());
 }
 
 } // namespace detail

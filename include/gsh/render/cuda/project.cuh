@@ -118,10 +118,32 @@ struct CountTile {
     [[nodiscard]] __device__ CountTile of_lane(int) const { return *this; }
 };
 
+/// A splat's covariance, or a factor of it, in another type of numbers.
+template <class W, class T>
+[[nodiscard]] __device__ sym3<W> widened(const sym3<T>& s) {
+    return {W(s.xx), W(s.xy), W(s.xz), W(s.yy), W(s.yz), W(s.zz)};
+}
+template <class W, class T>
+[[nodiscard]] __device__ mat3<W> widened(const mat3<T>& F) {
+    const auto column = [](const vec3<T>& v) { return vec3<W>(W(v.x), W(v.y), W(v.z)); };
+    return mat3<W>(column(F[0]), column(F[1]), column(F[2]));
+}
+/// 0, or NaN if a number is not finite.
+template <class T>
+[[nodiscard]] __device__ T times_zero(const sym3<T>& s) {
+    return s.xx * T(0) + s.xy * T(0) + s.xz * T(0) + s.yy * T(0) + s.yz * T(0) + s.zz * T(0);
+}
+template <class T>
+[[nodiscard]] __device__ T times_zero(const mat3<T>& F) {
+    T sum = T(0);
+    for (int c = 0; c < 3; ++c) sum += F[c].x * T(0) + F[c].y * T(0) + F[c].z * T(0);
+    return sum;
+}
+
 /// One thread per splat. The projection is computed in FloatPair where T is float. In plain float, images of small
 /// splats would still agree with cpu::Serial to 3e-5 in an image 1920 pixels wide, but those of needles only to 1.4e-3.
-/// With pairs, both agree to 7e-6.
-template <std::floating_point T>
+/// With pairs, both agree to 7e-6. Splats with factors have a kernel of their own, because they take more registers.
+template <std::floating_point T, bool Factored>
 struct ProjectSplats {
     static constexpr unsigned block_size = splats_of_block;
     static constexpr unsigned least_blocks = 4;
@@ -188,23 +210,26 @@ private:
         return least;
     }
 
+    [[nodiscard]] __device__ auto shape_at(std::size_t i) const {
+        if constexpr (Factored) return splats.factors[i];
+        else return splats.covariances[i];
+    }
+
     /// Leaves the cover empty if the splat is culled.
     __device__ void project_splat(std::size_t i, ScreenSplat<T>& splat, TileCover& cover, bool& nonfinite) const {
         using W = Wider<T>;
         const vec3<T> mean = splats.means[i], color = splats.colors[i];
-        const sym3<T> s = splats.covariances[i];
+        const auto shape = shape_at(i);
         T opacity = splats.opacities[i];
-        const T zero = mean.x * T(0) + mean.y * T(0) + mean.z * T(0) + s.xx * T(0) + s.xy * T(0) + s.xz * T(0) +
-                       s.yy * T(0) + s.yz * T(0) + s.zz * T(0) + color.x * T(0) + color.y * T(0) + color.z * T(0) +
-                       opacity * T(0);
+        const T zero = mean.x * T(0) + mean.y * T(0) + mean.z * T(0) + times_zero(shape) + color.x * T(0) +
+                       color.y * T(0) + color.z * T(0) + opacity * T(0);
         nonfinite = !(zero == T(0));
         if (nonfinite) return;
 
-        const sym3<W> covariance{W(s.xx), W(s.xy), W(s.xz), W(s.yy), W(s.yz), W(s.zz)};
         const vec3<W> wide_mean(W(mean.x), W(mean.y), W(mean.z));
-        const Projection<W> p = project(camera().template cast<W>(), wide_mean, covariance, params);
+        const Projection<W> p = project(camera().template cast<W>(), wide_mean, widened<W>(shape), params);
         if (params.compensate_opacity) opacity = rounded(W(opacity) * p.opacity_factor);
-        const T det = rounded(determinant(p.covariance));
+        const T det = rounded(p.determinant);
         const T xx = rounded(p.covariance.xx), yy = rounded(p.covariance.yy);
         splat.x = rounded(p.mean2d.x), splat.y = rounded(p.mean2d.y);
         const bool kept = p.in_front && opacity >= alpha_min && xx > T(0) && yy > T(0) && det > T(0) &&

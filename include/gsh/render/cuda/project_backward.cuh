@@ -49,8 +49,8 @@ template <unsigned Block, class T, std::size_t Warps>
 }
 
 /// One thread per splat. Unlike positions, gradients are no small differences of large numbers, so plain float is
-/// enough.
-template <std::floating_point T, bool WithCamera>
+/// enough. Those of factors are: along a needle, what remains is small, so they are computed in FloatPair.
+template <std::floating_point T, bool WithCamera, bool Factored>
 struct ProjectSplatsBackward {
     static constexpr unsigned block_size = splats_of_block;
     static constexpr unsigned warps = block_size / warp_size;
@@ -100,6 +100,13 @@ private:
             dL_dsplats.opacities[i] += params.compensate_opacity ? g * (s.opacity / opacity) : g;
         if (!dL_dsplats.colors.empty()) dL_dsplats.colors[i] += vec3<T>(sum[slot_red], sum[slot_green], sum[slot_blue]);
 
+        radii[i] = screen_radius(Whitening<T>{s.ux, s.uy, s.vy});
+        if constexpr (Factored) add_factored(i, s, sum, g * opacity, dL_dcamera);
+        else add_plain(i, s, sum, g * opacity, dL_dcamera);
+    }
+
+    __device__ void add_plain(std::size_t i, const ScreenSplat<T>& s, const T* sum, T dL_dopacity_factor,
+                              CameraGradient<T>* dL_dcamera) const {
         constexpr T ln2 = T(0.69314718055994530942), to_mean2d = 2 * ln2, to_covariance = 2 * ln2 * ln2;
         const T along_u = s.uy * sum[slot_uu] + s.vy * sum[slot_uv],
                 along_v = s.uy * sum[slot_uv] + s.vy * sum[slot_vv];
@@ -108,9 +115,8 @@ private:
         dL.covariance = {to_covariance * (s.ux * s.ux * sum[slot_uu]), to_covariance * (2 * s.ux * along_u),
                          to_covariance * (s.uy * along_u + s.vy * along_v)};
         dL.depth = sum[slot_depth];
-        dL.opacity_factor = g * opacity;
+        dL.opacity_factor = dL_dopacity_factor;
         gradient_norms[i] = sqrt(dL.mean2d.x * dL.mean2d.x + dL.mean2d.y * dL.mean2d.y);
-        radii[i] = screen_radius(Whitening<T>{s.ux, s.uy, s.vy});
 
         vec3<T> dL_dmean(T(0));
         sym3<T> dL_dcovariance{};
@@ -118,6 +124,41 @@ private:
                          dL_dcamera);
         if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += dL_dmean;
         if (!dL_dsplats.covariances.empty()) dL_dsplats.covariances[i] += dL_dcovariance;
+    }
+
+    __device__ void add_factored(std::size_t i, const ScreenSplat<T>& s, const T* sum, T dL_dopacity_factor,
+                                 CameraGradient<T>* dL_dcamera) const {
+        using W = Wider<T>;
+        const W ln2 = W(T(0.69314718055994530942)), to_mean2d = W(T(2)) * ln2, to_covariance = to_mean2d * ln2;
+        const W ux(s.ux), uy(s.uy), vy(s.vy), u(sum[slot_u]), v(sum[slot_v]), uu(sum[slot_uu]), uv(sum[slot_uv]),
+            vv(sum[slot_vv]);
+        const W along_u = uy * uu + vy * uv, along_v = uy * uv + vy * vv;
+        Projection<W> dL;
+        dL.mean2d = vec2<W>(to_mean2d * (ux * u), to_mean2d * (uy * u + vy * v));
+        dL.covariance = {to_covariance * (ux * ux * uu), to_covariance * (W(T(2)) * ux * along_u),
+                         to_covariance * (uy * along_u + vy * along_v)};
+        dL.depth = W(sum[slot_depth]);
+        dL.opacity_factor = W(dL_dopacity_factor);
+        const T x = rounded(dL.mean2d.x), y = rounded(dL.mean2d.y);
+        gradient_norms[i] = sqrt(x * x + y * y);
+
+        const W zero(T(0));
+        const vec3<T> mean = splats.means[i];
+        const vec3<W> wide_mean(W(mean.x), W(mean.y), W(mean.z));
+        vec3<W> dL_dmean(zero);
+        mat3<W> dL_dfactor(zero);
+        CameraGradient<W> of_camera{mat3<W>(zero), vec3<W>(zero), zero, zero, zero, zero};
+        project_backward(camera().template cast<W>(), wide_mean, widened<W>(splats.factors[i]), params, dL, dL_dmean,
+                         dL_dfactor, dL_dcamera != nullptr ? &of_camera : nullptr);
+        const auto narrowed = [](const vec3<W>& w) { return vec3<T>(rounded(w.x), rounded(w.y), rounded(w.z)); };
+        if (!dL_dsplats.means.empty()) dL_dsplats.means[i] += narrowed(dL_dmean);
+        if (!dL_dsplats.factors.empty())
+            for (int c = 0; c < 3; ++c) dL_dsplats.factors[i][c] += narrowed(dL_dfactor[c]);
+        if (dL_dcamera == nullptr) return;
+        for (int c = 0; c < 3; ++c) dL_dcamera->dL_dR[c] += narrowed(of_camera.dL_dR[c]);
+        dL_dcamera->dL_dt += narrowed(of_camera.dL_dt);
+        dL_dcamera->dL_dfx += rounded(of_camera.dL_dfx), dL_dcamera->dL_dfy += rounded(of_camera.dL_dfy);
+        dL_dcamera->dL_dcx += rounded(of_camera.dL_dcx), dL_dcamera->dL_dcy += rounded(of_camera.dL_dcy);
     }
 };
 
