@@ -227,7 +227,8 @@ private:
 
 inline std::string list_of_names(const std::vector<std::string>& names, std::size_t most) {
     std::string text;
-    for (std::size_t i = 0; i < std::min(most, names.size()); ++i) text += (i ? ", " : "") + names[i];
+    for (std::size_t i = 0; i < std::min(most, names.size()); ++i)
+        text += (i ? ", " : "") + detail::shortened(names[i]);
     if (names.size() > most) text += " and " + std::to_string(names.size() - most) + " more";
     return text;
 }

@@ -142,7 +142,8 @@ inline nlohmann::json GltfFile::reduced_json(std::string_view text, std::size_t 
     if (all.contains("extensionsRequired") && all["extensionsRequired"].is_array())
         for (const auto& required : all["extensionsRequired"])
             if (required == "EXT_meshopt_compression" || required == "KHR_meshopt_compression")
-                fail("requires " + required.get<std::string>() + ", which is not read; export it without compression");
+                fail("requires " + shortened(required.get<std::string>()) +
+                     ", which is not read; export it without compression");
     if (const auto& extensions = all["extensions"]; extensions.is_object()) extensions_ = extensions;
     for (const char* key :
          {"asset", "scene", "scenes", "nodes", "skins", "animations", "accessors", "bufferViews", "buffers", "meshes"})
@@ -234,7 +235,7 @@ inline void GltfFile::check_buffers(nlohmann::json& json, std::size_t chunk_byte
             } else {
                 found = external_size(uri, what);
                 buffer["uri"] = with_escaped_plus(uri); // tinygltf takes a plus for a blank
-                place = "the file " + uri + " holds";
+                place = "the file " + shortened(uri) + " holds";
                 if (found > size) found = size + 1; // tinygltf wants the exact size
             }
         }
@@ -306,7 +307,7 @@ inline void GltfFile::parse(const std::string& bytes, bool binary) {
     if (good) return;
     std::string line; // tinygltf's messages are several lines
     for (const std::string_view word : words_in(problem)) (line += line.empty() ? "" : " ").append(word);
-    fail("is not valid glTF: " + line);
+    fail("is not valid glTF: " + shortened(line, 200));
 }
 
 } // namespace gsh::detail

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -37,7 +38,8 @@ public:
                 double value = 0;
                 const auto [next, error] = std::from_chars(p, end, value);
                 if (error != std::errc() || !std::isfinite(value))
-                    throw IoError(where(number) + ": '" + std::string(p, std::min(p + 20, std::find(p, end, '\n'))) +
+                    throw IoError(where(number) + ": '" +
+                                  detail::shortened({p, std::min(p + 20, std::find(p, end, '\n'))}) +
                                   "' is not a finite number");
                 line.values.push_back(value);
                 p = next;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 
 #include <charconv>
@@ -35,7 +36,7 @@ public:
             if (line[0] != ' ' && line[0] != '-') { // a new entry starts in the first column
                 const std::size_t colon = line.find(':');
                 if (colon == std::string_view::npos)
-                    throw IoError(path_.string() + ": '" + std::string(line.substr(0, 40)) +
+                    throw IoError(path_.string() + ": '" + detail::shortened(line) +
                                   "' is not KEY: VALUE, expected YAML as OpenCV writes it");
                 key = std::string(line.substr(0, colon));
                 line.remove_prefix(colon + 1);
@@ -78,7 +79,9 @@ public:
         finish();
         return result;
     }
-    [[nodiscard]] std::string name_of(const std::string& key) const { return path_.string() + ": " + key; }
+    [[nodiscard]] std::string name_of(const std::string& key) const {
+        return path_.string() + ": " + detail::shortened(key);
+    }
 
 private:
     std::filesystem::path path_;
@@ -102,7 +105,7 @@ private:
             const auto [next, error] = std::from_chars(p, end, value);
             if (error != std::errc() || !std::isfinite(value))
                 throw IoError(name_of(key) + " holds '" +
-                              std::string(text.substr(static_cast<std::size_t>(p - text.data()), 20)) +
+                              detail::shortened(text.substr(static_cast<std::size_t>(p - text.data()), 20)) +
                               "', expected finite numbers");
             values.push_back(value);
             p = next;

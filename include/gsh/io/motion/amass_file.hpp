@@ -117,7 +117,7 @@ inline Motion load_amass_motion(const std::filesystem::path& path, const BodyMod
         if (file.has_array(key)) {
             const double rate = file.read_number<double>(key, Numbers::any);
             check_value(rate > 0, file.name_of(key),
-                        "is " + std::to_string(rate) + ", expected frames per second above 0");
+                        "is " + detail::number_text(rate) + ", expected frames per second above 0");
             table.add("mocap_frame_rate", key, std::vector<double>{rate}, {});
             break;
         }

@@ -7,6 +7,7 @@
 #include <gsh/body/rig_pose.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/unit_guess.hpp>
 #include <gsh/math/rotation.hpp>
@@ -65,7 +66,7 @@ private:
     void add_joint(const std::string& name, int parent) {
         if (name.empty()) lines_.fail("is a joint without a name");
         if (!seen_.insert(name).second)
-            lines_.fail("has the joint '" + name + "' a second time, expected each name once");
+            lines_.fail("has the joint '" + shortened(name) + "' a second time, expected each name once");
         rig_.names.push_back(name);
         rig_.parents.push_back(parent);
         joints_.emplace_back();
@@ -99,7 +100,7 @@ private:
             if (root || end || is_word(word, "JOINT")) {
                 if (root && current >= 0) lines_.fail("is a ROOT inside of another joint");
                 if (root && !joints_.empty())
-                    lines_.fail("is a second ROOT, expected one skeleton in a file; '" + rig_.names[0] +
+                    lines_.fail("is a second ROOT, expected one skeleton in a file; '" + shortened(rig_.names[0]) +
                                 "' is the first");
                 if (!root && current < 0) lines_.fail("is '" + shortened(line) + "' outside of a joint's braces");
                 if (joints_.size() == most)
@@ -148,7 +149,7 @@ private:
             if (found < 0)
                 lines_.fail("has the channel '" + shortened(words[w]) + "', expected Xposition to Zrotation");
             for (const int other : joint.channels)
-                if (other == found) lines_.fail("has the channel '" + std::string(words[w]) + "' twice");
+                if (other == found) lines_.fail("has the channel '" + shortened(words[w]) + "' twice");
             joint.channels.push_back(found);
         }
         if (words.size() < 2 || words[1] != std::to_string(joint.channels.size()))
@@ -174,6 +175,7 @@ private:
         const auto frames = static_cast<std::size_t>(stated);
         const std::size_t J = joints_.size();
         check_rig_size(lines_.name(), J, frames);
+        check_claimed_poses(lines_.name(), J, frames, text_.size());
         rest_pose();
         rig_.joints.reserve(frames * J);
         rig_.rotations.reserve(frames * J);

@@ -106,7 +106,7 @@ inline RigMotion load_sam3d_motion(const std::filesystem::path& path, const Join
     if (file.has("fps")) {
         rate = file.read_number<double>("fps", Numbers::any);
         check_value(rate > 0, file.name_of("fps"),
-                    "is " + std::to_string(rate) + ", expected frames per second above 0");
+                    "is " + detail::number_text(rate) + ", expected frames per second above 0");
     } else if (fps <= 0 && warnings) {
         warnings->push_back(path.string() + ": fps is missing, 30 frames per second are taken");
     }

@@ -102,14 +102,14 @@ public:
                         ascii_ ? columns[wanted[k].offset] : number_at(&rows[i * element.row_size], wanted[k]);
                     if constexpr (std::is_integral_v<T>) { // of 32 bits at most, so a double holds it
                         if (!(value >= 0 && value <= std::numeric_limits<T>::max()))
-                            fail(wanted[k].name + " of row " + std::to_string(begin + i) +
+                            fail(detail::shortened(wanted[k].name) + " of row " + std::to_string(begin + i) +
                                  " is not an unsigned integer");
                     }
                     values[k] = static_cast<T>(value);
                     if (!std::isfinite(static_cast<double>(values[k])))
-                        throw ValueError(name_ + ": " + wanted[k].name + " of " + element.name + " " +
-                                         std::to_string(begin + i) + " is " + std::to_string(value) +
-                                         ", expected a finite number");
+                        throw ValueError(name_ + ": " + detail::shortened(wanted[k].name) + " of " +
+                                         detail::shortened(element.name) + " " + std::to_string(begin + i) + " is " +
+                                         detail::number_text(value) + ", expected a finite number");
                 }
                 visit(begin + i, values);
             }
@@ -180,7 +180,8 @@ private:
             }
             // Compressed Gaussians begin with the boxes of their chunks.
             if (element.count > 0 && (ascii_ || element.name != "chunk"))
-                fail("holds " + element.name + " elements before the vertices, expected vertices first");
+                fail("holds " + detail::shortened(element.name) +
+                     " elements before the vertices, expected vertices first");
         }
     }
 
@@ -190,8 +191,9 @@ private:
         const char *const begin = word[2].data(), *const last = begin + word[2].size();
         const auto [end, code] = std::from_chars(begin, last, count);
         if (code != std::errc() || end != last)
-            fail("element " + name + " has the count " + std::string(word[2]) + ", expected a number");
-        if (find(name)) fail("element " + name + " stands there twice");
+            fail("element " + detail::shortened(name) + " has the count " + detail::shortened(word[2]) +
+                 ", expected a number");
+        if (find(name)) fail("element " + detail::shortened(name) + " stands there twice");
         if (elements_.size() >= 64) fail("has more than 64 elements");
         elements_.push_back({name, count});
     }
@@ -222,12 +224,12 @@ private:
                                                           [&](const Type& t) { return t.name == word[1]; })
                                            : types.end();
         if (type == types.end()) {
-            element.unsupported = "property " + std::string(word.back()) + " has type " + std::string(word[1]) +
-                                  ", expected a plain number type";
+            element.unsupported = "property " + detail::shortened(word.back()) + " has type " +
+                                  detail::shortened(word[1]) + ", expected a plain number type";
             if (element.name == "vertex") fail(element.unsupported);
             return;
         }
-        if (element.find(word[2])) fail("property " + std::string(word[2]) + " stands there twice");
+        if (element.find(word[2])) fail("property " + detail::shortened(word[2]) + " stands there twice");
         if (element.properties.size() >= 4096) fail("has more than 4096 properties");
         element.properties.push_back({std::string(word[2]), type->kind, type->width, element.row_size});
         element.row_size += ascii_ ? 1 : type->width;
@@ -243,8 +245,8 @@ private:
             // The last blank of an ASCII file may be missing.
             if (element.count > 0 && (least == 0 || element.count > (present + ascii_) / least))
                 fail("is truncated or its count absurd: " + std::to_string(element.count) + " " +
-                     (element.name == "vertex" ? "vertices" : element.name) + " of at least " + std::to_string(least) +
-                     " bytes, but " + std::to_string(present) + " bytes follow the header");
+                     (element.name == "vertex" ? "vertices" : detail::shortened(element.name)) + " of at least " +
+                     std::to_string(least) + " bytes, but " + std::to_string(present) + " bytes follow the header");
             if (&element == &wanted) break;
             begin += element.count * element.row_size;
         }
