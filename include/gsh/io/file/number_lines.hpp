@@ -25,7 +25,7 @@ namespace gsh {
 class NumberLines {
 public:
     explicit NumberLines(const std::filesystem::path& path) : path_(path) {
-        const std::string text = read_file(path);
+        const std::string text = read_file(path, std::size_t(1) << 26);
         const char *p = text.data(), *end = p + text.size();
         std::size_t number = 1;
         while (p != end) {
