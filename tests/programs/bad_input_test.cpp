@@ -3,10 +3,14 @@
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 
+#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/folder_lock.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/splat/ply.hpp>
 
 #include <nlohmann/json.hpp>
+
+#include <unistd.h>
 
 #include <cstdint>
 #include <functional>
@@ -351,6 +355,27 @@ TEST_CASE("a PLY is read by name") {
         return read_file(npy);
     };
     CHECK(picture(folder / "reordered.ply") == picture(s.scene));
+}
+
+TEST_CASE("a folder that another program writes is refused, and nothing in it changes") {
+    const Unspoilt& s = unspoilt();
+    const test::Temporary folder;
+    const fs::path out = folder / "out";
+    const LockedFolder held(out);
+    fs::create_directories(out / "results.partial");
+    write_file(out / "results.partial/metrics.json", "of the first");
+    const std::string process = out.string() + ": process " + std::to_string(::getpid());
+    check_refused(run(s.reconstruct(out, {"--steps", "1"})), "gsh-reconstruct", {process, "is writing there"});
+    check_refused(run({"gsh-animate", s.avatar, "--poses", s.dance, "--out", out}), "gsh-animate", {process});
+    check_refused(run({"gsh-check", s.path, "--body", s.body_file, "--out", out}), "gsh-check", {process});
+    check_refused(
+        run({"gsh-evaluate", "--capture", s.path, "--body", s.body_file, "--configs", "paper", "--steps", "1", "--out", out}),
+        "gsh-evaluate", {process});
+    CHECK(test::files_below(out) == 2);
+    CHECK(read_file(out / "results.partial/metrics.json") == "of the first");
+    const AtomicFile picture(folder / "a.png");
+    check_refused(run({"gsh-render", s.scene, "--camera", s.camera, "--out", folder / "a.png"}), "gsh-render",
+                  {(folder / "a.png").string() + ": another process"});
 }
 
 TEST_CASE("a disk that fills up leaves what was there, and nothing else") {

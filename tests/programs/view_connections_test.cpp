@@ -140,6 +140,7 @@ TEST_CASE("gsh-view: heads of requests are read strictly") {
     CHECK(status(get("/")) == 0);
     CHECK(status("GET / HTTP/2.0\r\n\r\n") == 400);
     CHECK(status("nonsense\r\n\r\n") == 400);
+    CHECK(status("GET / HTTP/1.1") == 400);
     CHECK(status(get("/", true, "no colon\r\n")) == 400);
     CHECK(status(get("/", true, "Content-Length : 1\r\n")) == 400);
     CHECK(status(get("/", true, "host: other\r\n")) == 400);

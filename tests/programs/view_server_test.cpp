@@ -15,12 +15,16 @@
 
 #include <httplib.h>
 
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <thread>
 #include <utility>
@@ -224,6 +228,30 @@ TEST_CASE("gsh-view: the server refuses bodies that are too large or not JSON, a
         check_refusal(client.Post(s.path(path), form), 400, {"form", "send JSON, or the bytes of a motion"});
     CHECK(draw(request_for(s.scene.sizes()).dump())->status == 200);
 }
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) // these need the addresses themselves
+TEST_CASE("gsh-view: a motion for which memory is short is refused in words, and the server goes on") {
+    RunningServer& s = running_server();
+    auto client = s.client();
+    CHECK(client.Get(s.path("/scene"))->status == 200);
+    std::size_t pages = 0;
+    std::ifstream("/proc/self/statm") >> pages;
+    REQUIRE(pages > 0);
+    rlimit before{};
+    ::getrlimit(RLIMIT_AS, &before);
+    rlimit limit = before;
+    limit.rlim_cur = static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE)) + (rlim_t(40) << 20);
+    REQUIRE(::setrlimit(RLIMIT_AS, &limit) == 0);
+    static const char zeros[4096] = {};
+    const auto send = [](std::size_t, std::size_t left, httplib::DataSink& sink) {
+        return sink.write(zeros, std::min(left, sizeof zeros));
+    };
+    const auto answer = client.Post(s.path("/motion?person=0&name=a.npz"), std::size_t(60) << 20, send, "");
+    ::setrlimit(RLIMIT_AS, &before);
+    check_refusal(answer, 507, {"more memory than the server has"});
+    CHECK(s.client().Get(s.path("/scene"))->status == 200);
+}
+#endif
 
 TEST_CASE("gsh-view: an address that cannot be bound is an error") {
     RunningServer& s = running_server();

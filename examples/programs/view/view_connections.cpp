@@ -73,7 +73,7 @@ RequestHead parse_head(std::string_view head, std::string_view key, const Connec
     std::size_t line_end = head.find("\r\n");
     const std::string_view request = head.substr(0, line_end);
     const std::size_t first = request.find(' '), second = request.find(' ', first + 1);
-    if (first == std::string_view::npos || second == std::string_view::npos ||
+    if (!head.ends_with("\r\n\r\n") || first == std::string_view::npos || second == std::string_view::npos ||
         !request.substr(second + 1).starts_with("HTTP/1."))
         return refused(400, "the request is not understood");
     result.method = request.substr(0, first);

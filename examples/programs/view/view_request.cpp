@@ -143,7 +143,7 @@ ViewRequest parse_view_request(std::string_view text, const std::vector<PersonSi
     result.background = vec3<float>(request["background"].vector());
     for (int c = 0; c < 3; ++c)
         check_value(result.background[c] >= 0 && result.background[c] <= 1, "background",
-                    "has the number " + std::to_string(result.background[c]) + ", expected 0 to 1");
+                    "has the number " + gsh::detail::number_text(double(result.background[c])) + ", expected 0 to 1");
     if (request["show"].second_of("splats", "ellipsoids")) result.show = ViewRequest::Show::ellipsoids;
     result.shadows = request["shadows"].flag();
     result.light_turn = request["light_turn"].number();

@@ -158,25 +158,25 @@ inline void validate(const BodyModel& model, std::string_view where) {
             const double weight = model.weights[v * J + j];
             if (weight < -1e-6)
                 throw ValueError(std::string(where) + ": weights of vertex " + std::to_string(v) + " hold " +
-                                 std::to_string(weight) + ", expected no negative number");
+                                 detail::number_text(weight) + ", expected no negative number");
             sum += weight;
         }
         if (!(std::abs(sum - 1) <= 1e-3))
             throw ValueError(std::string(where) + ": weights of vertex " + std::to_string(v) + " sum to " +
-                             std::to_string(sum) + ", expected 1; normalise the rows of the file");
+                             detail::number_text(sum) + ", expected 1; normalise the rows of the file");
     }
     for (std::size_t j = 0; j < J; ++j) {
         double sum = 0;
         for (const auto& [vertex, weight] : model.J_regressor[j]) {
             if (vertex < 0 || static_cast<std::size_t>(vertex) >= V || !std::isfinite(weight))
                 throw ValueError(std::string(where) + ": J_regressor row " + std::to_string(j) + " holds weight " +
-                                 std::to_string(weight) + " of vertex " + std::to_string(vertex) +
+                                 detail::number_text(weight) + " of vertex " + std::to_string(vertex) +
                                  ", expected a finite weight of a vertex below " + std::to_string(V));
             sum += weight;
         }
         if (!(std::abs(sum - 1) <= 1e-3))
             throw ValueError(std::string(where) + ": J_regressor row " + std::to_string(j) + " sums to " +
-                             std::to_string(sum) + ", expected 1, or joints would not move with the mesh");
+                             detail::number_text(sum) + ", expected 1, or joints would not move with the mesh");
     }
     detail::check_triangles(where, "f", model.faces, V);
     if (!model.ft.empty()) {

@@ -6,6 +6,7 @@
 #include <gsh/body/joint_names.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -129,18 +130,18 @@ private:
     void take_named(const std::string& own, const std::string& joint) {
         const auto found = std::find(rig_.names.begin(), rig_.names.end(), own);
         check_value(found != rig_.names.end(), where_,
-                    "the joint map names '" + own +
+                    "the joint map names '" + shortened(own) +
                         "', which is not a joint of this rig: " + list_of_names(rig_.names, 200));
         const auto j = static_cast<std::size_t>(found - rig_.names.begin());
         used_[j] = true;
         if (joint.empty()) return;
         check_value(smplx_joint(joint) >= 0, where_,
-                    "the joint map assigns '" + own + "' to '" + joint +
+                    "the joint map assigns '" + shortened(own) + "' to '" + shortened(joint) +
                         "', expected a joint of SMPL-X such as "
                         "left_elbow");
         int& matched = at(joint);
         check_value(matched < 0, where_,
-                    "the joint map assigns '" + joint + "' twice, to '" + own + "' and to another joint");
+                    "the joint map assigns '" + joint + "' twice, to '" + shortened(own) + "' and to another joint");
         matched = static_cast<int>(j);
     }
 

@@ -40,7 +40,7 @@ struct MotionSpan {
     auto begin = order.begin(), end = order.end();
     if (span.share != 0) {
         check_value(span.share > 0 && span.share < 1, span.name,
-                    "is a share of " + std::to_string(span.share) + ", expected one above 0 and below 1");
+                    "is a share of " + detail::number_text(span.share) + ", expected one above 0 and below 1");
         const auto size = static_cast<std::size_t>(std::lround(span.share * static_cast<double>(count)));
         check_value(size > 0, span.name, "is none" + of_all + ", expected a share of at least one frame");
         begin = end - static_cast<std::ptrdiff_t>(size);

@@ -284,7 +284,7 @@ inline RegionMask::RegionMask(std::vector<double> importance, RegionMaskParams p
     check_params();
     for (std::size_t v = 0; v < tau_.size(); ++v)
         if (!(tau_[v] >= 0 && tau_[v] <= 1))
-            throw ValueError("RegionMask: importance[" + std::to_string(v) + "] is " + std::to_string(tau_[v]) +
+            throw ValueError("RegionMask: importance[" + std::to_string(v) + "] is " + detail::number_text(tau_[v]) +
                              ", expected a number in [0, 1]");
 }
 

@@ -72,7 +72,7 @@ inline Motion resampled(const Motion& motion, double frames_per_second) {
     const double from = motion.timestamps.front(), span = motion.timestamps.back() - from;
     const double steps = std::floor(span * frames_per_second * (1 + 1e-9));
     check_value(frames_per_second > 0 && steps < 1e6, "resampled",
-                std::to_string(frames_per_second) + " frames per second over " + std::to_string(span) +
+                detail::number_text(frames_per_second) + " frames per second over " + detail::number_text(span) +
                     " s, expected a rate above 0 and at most a million frames");
     Motion result;
     result.joint_count = J, result.expression_count = E, result.betas = motion.betas;

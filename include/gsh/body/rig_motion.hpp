@@ -82,9 +82,9 @@ inline void validate(const RigMotion& rig, std::string_view where) {
     std::set<std::string_view> seen;
     for (std::size_t j = 0; j < J; ++j) {
         check_value(seen.insert(rig.names[j]).second, where,
-                    "has the joint '" + rig.names[j] + "' twice, expected each name once");
+                    "has the joint '" + detail::shortened(rig.names[j]) + "' twice, expected each name once");
         check_value(rig.parents[j] >= -1 && rig.parents[j] < static_cast<int>(j), where,
-                    "joint '" + rig.names[j] + "' has parent " + std::to_string(rig.parents[j]) +
+                    "joint '" + detail::shortened(rig.names[j]) + "' has parent " + std::to_string(rig.parents[j]) +
                         ", expected -1 or a joint before it");
     }
     detail::check_coordinates(where, "rest_joints", rig.rest_joints);
@@ -93,8 +93,9 @@ inline void validate(const RigMotion& rig, std::string_view where) {
     const auto check_rotations = [&](const char* argument, const std::vector<mat3<double>>& rotations) {
         for (std::size_t i = 0; i < rotations.size(); ++i)
             if (!is_rotation(rotations[i], 1e-3)) // false for NaN
-                throw ValueError(std::string(where) + ": " + argument + " of joint '" + rig.names[i % J] + "', frame " +
-                                 std::to_string(i / J) + ", is not a rotation (orthonormal, determinant +1)");
+                throw ValueError(std::string(where) + ": " + argument + " of joint '" +
+                                 detail::shortened(rig.names[i % J]) + "', frame " + std::to_string(i / J) +
+                                 ", is not a rotation (orthonormal, determinant +1)");
     };
     check_rotations("rest_rotations", rig.rest_rotations);
     check_rotations("rotations", rig.rotations);

@@ -93,8 +93,8 @@ template <std::floating_point T>
     const DistortionJacobian<T> J = distort_jacobian(d, result.point);
     const bool same_sheet = J.xx > T(0) && J.xx * J.yy - J.xy * J.xy > T(0);
     check_value(result.residual <= tolerance && same_sheet, "undistort_checked", // false for NaN
-                "the distortion has no inverse at (" + std::to_string(distorted.x) + ", " +
-                    std::to_string(distorted.y) + "), residual " + std::to_string(result.residual) +
+                "the distortion has no inverse at (" + detail::number_text(distorted.x) + ", " +
+                    detail::number_text(distorted.y) + "), residual " + detail::number_text(result.residual) +
                     "; check the coefficients' order (k1, k2, p1, p2, k3) and signs");
     return result.point;
 }
@@ -128,7 +128,7 @@ void check_distortion(std::string_view where, std::string_view name, const Camer
             const DistortionJacobian<T> J = distort_jacobian(d, p);
             check_value(J.xx > T(0) && J.xx * J.yy - J.xy * J.xy > T(0), where,
                         std::string(name) + " has a distortion that folds the image over at pixel (" +
-                            std::to_string(u) + ", " + std::to_string(v) +
+                            detail::number_text(u) + ", " + detail::number_text(v) +
                             "); check the coefficients' order (k1, k2, p1, p2, k3) and signs");
         }
 }

@@ -97,15 +97,16 @@ void check_camera(std::string_view where, std::string_view name, const Camera<T>
     const auto require = [&](bool condition, const std::string& what) {
         check_value(condition, where, std::string(name) + ' ' + what);
     };
-    const auto number = [](auto x) { return std::to_string(x); };
+    const auto number = [](T x) { return detail::number_text(x); };
     const T numbers[] = {camera.fx, camera.fy, camera.cx, camera.cy, camera.t.x, camera.t.y, camera.t.z};
     for (const T x : numbers)
         require(std::isfinite(x), "holds a NaN or an infinity in K or t, expected finite numbers");
     require(camera.fx > T(0) && camera.fy > T(0),
             "has focal lengths fx = " + number(camera.fx) + ", fy = " + number(camera.fy) +
                 ", expected both above 0 (a zero makes K singular); give them in pixels");
-    require(camera.width > 0 && camera.height > 0, "has an image of " + number(camera.width) + " x " +
-                                                       number(camera.height) + " pixels, expected at least 1 x 1");
+    require(camera.width > 0 && camera.height > 0, "has an image of " + std::to_string(camera.width) + " x " +
+                                                       std::to_string(camera.height) +
+                                                       " pixels, expected at least 1 x 1");
     bool orthonormal = determinant(camera.R) > T(0); // false for NaN, as all comparisons below
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
@@ -117,23 +118,22 @@ void check_camera(std::string_view where, std::string_view name, const Camera<T>
 ///
 /// Shapes  K [9], row-major: fx 0 cx, 0 fy cy, 0 0 1; a common factor other than 1 is divided out.
 /// Errors  ShapeError for another size; ValueError for a singular K, for skew, and for whatever check_camera rejects.
+///         Messages begin with `name`, such as a file and the camera in it.
 template <std::floating_point T>
 [[nodiscard]] Camera<T> camera_from_K(Span<const T> K, const mat3<T>& R, const vec3<T>& t, int width, int height,
-                                      std::string_view name = "camera") {
-    constexpr std::string_view where = "camera_from_K";
-    check_size(where, std::string(name) + ".K", K.size(), 9, "give the 3x3 matrix row by row");
-    check_finite(where, std::string(name) + ".K", K);
+                                      std::string_view name = "camera_from_K: camera") {
+    check_size(name, "K", K.size(), 9, "give the 3x3 matrix row by row");
+    check_finite(name, "K", K);
     const T scale = K[8], tolerance = T(1e-6) * max(abs(K[0]), abs(K[4]));
-    check_value(scale != T(0) && K[0] != T(0) && K[4] != T(0), where,
-                std::string(name) + ".K is singular: its diagonal is " + std::to_string(K[0]) + ", " +
-                    std::to_string(K[4]) + ", " + std::to_string(K[8]) + ", expected fx, fy, 1");
-    check_value(abs(K[1]) <= tolerance, where,
-                std::string(name) + ".K has skew " + std::to_string(K[1]) +
-                    ", expected 0; resample the image to square its axes");
-    check_value(K[3] == T(0) && K[6] == T(0) && K[7] == T(0), where,
-                std::string(name) + ".K has a number other than 0 below its diagonal; give it row by row");
+    check_value(scale != T(0) && K[0] != T(0) && K[4] != T(0), name,
+                "K is singular: its diagonal is " + detail::number_text(K[0]) + ", " + detail::number_text(K[4]) +
+                    ", " + detail::number_text(K[8]) + ", expected fx, fy, 1");
+    check_value(abs(K[1]) <= tolerance, name,
+                "K has skew " + detail::number_text(K[1]) + ", expected 0; resample the image to square its axes");
+    check_value(K[3] == T(0) && K[6] == T(0) && K[7] == T(0), name,
+                "K has a number other than 0 below its diagonal; give it row by row");
     const Camera<T> camera{R, t, K[0] / scale, K[4] / scale, K[2] / scale, K[5] / scale, width, height};
-    check_camera(where, name, camera);
+    check_camera(name, "the camera", camera);
     return camera;
 }
 
@@ -149,7 +149,7 @@ template <std::floating_point T>
     check_value(length(right) > T(1e-6) * length(forward) * length(up), "look_at",
                 "target - eye is zero or parallel to up; choose another up");
     check_value(vertical_fov > T(0) && vertical_fov < T(3.14159265), "look_at",
-                "vertical_fov is " + std::to_string(vertical_fov) + ", expected radians in (0, pi)");
+                "vertical_fov is " + detail::number_text(vertical_fov) + ", expected radians in (0, pi)");
     const vec3<T> z = normalize(forward), x = normalize(right), y = cross(z, x);
     Camera<T> camera;
     camera.R = transpose(mat3<T>(x, y, z));
@@ -165,7 +165,8 @@ template <std::floating_point T>
 template <std::floating_point T>
 [[nodiscard]] Camera<T> frame_sphere(const vec3<T>& center, T radius, const vec3<T>& from_center, const vec3<T>& up,
                                      T vertical_fov, int width, int height) {
-    check_value(radius > T(0), "frame_sphere", "radius is " + std::to_string(radius) + ", expected metres above 0");
+    check_value(radius > T(0), "frame_sphere",
+                "radius is " + detail::number_text(radius) + ", expected metres above 0");
     check_value(width > 0 && height > 0, "frame_sphere", "the image has no pixels; give a width and a height above 0");
     const T aspect = min(T(1), T(width) / T(height)); // a tall image is limited by its width
     const T half_angle = std::atan(std::tan(vertical_fov / T(2)) * aspect);

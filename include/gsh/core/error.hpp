@@ -2,6 +2,7 @@
 /// @file  Typed exceptions, and the checks that throw them.
 #pragma once
 
+#include <gsh/core/message.hpp>
 #include <gsh/core/span.hpp>
 
 #include <cmath>
@@ -88,8 +89,14 @@ template <class T>
 void check_finite(std::string_view where, std::string_view argument, Span<const T> values) {
     for (std::size_t i = 0; i < values.size(); ++i) {
         if (std::isfinite(values[i])) continue;
-        throw ValueError(std::string(where).append(": ").append(argument).append("[").append(std::to_string(i))
-                             .append("] is ").append(std::to_string(values[i])).append(", expected a finite number"));
+        throw ValueError(std::string(where)
+                             .append(": ")
+                             .append(argument)
+                             .append("[")
+                             .append(std::to_string(i))
+                             .append("] is ")
+                             .append(detail::number_text(values[i]))
+                             .append(", expected a finite number"));
     }
 }
 

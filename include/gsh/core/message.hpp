@@ -33,10 +33,10 @@ namespace gsh::detail {
     return none || turns ? 0 : length;
 }
 
-/// Foreign text for a message: at most 40 printable characters.
-[[nodiscard]] inline std::string shortened(std::string_view text) {
+/// Foreign text for a message: at most 40 printable characters, or `most`.
+[[nodiscard]] inline std::string shortened(std::string_view text, std::size_t most = 40) {
     std::string result;
-    for (std::size_t count = 0; !text.empty() && count < 40; ++count) {
+    for (std::size_t count = 0; !text.empty() && count < most; ++count) {
         const std::size_t length = printable_length(text);
         result.append(length ? text.substr(0, length) : std::string_view("?"));
         text.remove_prefix(std::max<std::size_t>(length, 1));

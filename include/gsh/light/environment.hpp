@@ -57,7 +57,7 @@ inline void check_environment(std::string_view where, const ImageView<const floa
         if (!std::isfinite(value) || value < 0) {
             const auto pixel = i % radiance.plane_size(), width = static_cast<std::size_t>(radiance.width);
             throw ValueError(std::string(where) + ": pixel (" + std::to_string(pixel % width) + ", " +
-                             std::to_string(pixel / width) + ") is " + std::to_string(value) +
+                             std::to_string(pixel / width) + ") is " + detail::number_text(value) +
                              ", expected a finite number, not negative");
         }
         lit = lit || value > 0;
@@ -259,9 +259,10 @@ inline LightData environment_light(const ImageView<const float>& radiance, const
                 std::to_string(params.directions) + " directions, expected 1 to 256");
     check_value(params.points <= 64, where, std::to_string(params.points) + " points, expected at most 64");
     check_value(params.point_angle > 0 && params.point_angle < 0.7, where,
-                "point_angle is " + std::to_string(params.point_angle) + ", expected radians above 0 and below 0.7");
+                "point_angle is " + detail::number_text(params.point_angle) +
+                    ", expected radians above 0 and below 0.7");
     check_value(params.distance > 0 && params.distance < 1e4, where,
-                "distance is " + std::to_string(params.distance) + ", expected metres above 0 and below 10000");
+                "distance is " + detail::number_text(params.distance) + ", expected metres above 0 and below 10000");
     check_value(std::isfinite(params.turn), where, "turn is not finite");
 
     detail::EnvironmentCells cells = detail::environment_cells(radiance, params.turn);

@@ -190,7 +190,7 @@ public:
                             std::to_string(detail::largest_shadow_map) + " texels");
         for (const double metres : {params.point_softness, params.direction_softness, params.normal_offset})
             check_value(metres >= 0 && metres < 1e3, "ShadowMaps",
-                        "a length is " + std::to_string(metres) + ", expected metres, not negative");
+                        "a length is " + detail::number_text(metres) + ", expected metres, not negative");
     }
 
     [[nodiscard]] const Params& params() const { return params_; }

@@ -40,7 +40,7 @@ public:
     using Cache = PhotometricCache<B, T>;
     explicit PhotometricLoss(B& backend, Params params = {}) : backend_(&backend), params_(params) {
         check_value(params.ssim_weight >= T(0) && params.ssim_weight <= T(1), "PhotometricLoss",
-                    "ssim_weight is " + std::to_string(params.ssim_weight) + ", expected a number in [0, 1]");
+                    "ssim_weight is " + detail::number_text(params.ssim_weight) + ", expected a number in [0, 1]");
     }
 
     /// Stores the loss and its parts in the cache, in the memory of the backend; values() copies them to the host.

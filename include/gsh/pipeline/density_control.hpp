@@ -134,7 +134,7 @@ public:
         : backend_(&backend), params_(params), extent_(extent), seed_(seed) {
         constexpr const char* where = "DensityControl";
         check_value(extent > 0 && std::isfinite(extent), where,
-                    "extent is " + std::to_string(extent) + ", expected metres above 0");
+                    "extent is " + detail::number_text(extent) + ", expected metres above 0");
         check_value(params.interval > 0, where, "interval must be at least 1 step");
         check_value(params.gradient_threshold > 0, where, "gradient_threshold must be positive");
         check_value(params.min_opacity > 0 && params.min_opacity < 1 && params.reset_opacity > 0 &&

@@ -293,7 +293,7 @@ template <HostExecutor E>
 MeshImage rasterize_mesh(E& executor, Span<const vec3<double>> vertices, Span<const std::array<int, 3>> faces,
                          const Camera<double>& camera, const MeshRasterParams& params) {
     check_value(params.near > 0, "rasterize_mesh",
-                "near is " + std::to_string(params.near) + ", expected metres above 0");
+                "near is " + detail::number_text(params.near) + ", expected metres above 0");
     const auto corners = detail::raster_corners(vertices, faces, camera, [&](const vec3<double>& p) {
         return detail::RasterCorner{camera.fx * p.x + camera.cx * p.z, camera.fy * p.y + camera.cy * p.z, p.z, p.z};
     });

@@ -182,7 +182,8 @@ inline void check_integration(const PriorView& normals, const PriorView* depth_p
     check_prior_view(where, "normals", normals, 3);
     const auto positive = [&](const char* name, double value) {
         check_value(value > 0 && std::isfinite(value), where,
-                    std::string("params.") + name + " is " + std::to_string(value) + ", expected a number above 0");
+                    std::string("params.") + name + " is " + detail::number_text(value) +
+                        ", expected a number above 0");
     };
     positive("max_iterations", params.max_iterations);
     positive("solver_tolerance", params.solver_tolerance);

@@ -41,7 +41,7 @@ inline void check_camera(std::string_view where, std::string_view name, const Or
     };
     for (const double x : {camera.scale, camera.cx, camera.cy, camera.t.x, camera.t.y, camera.t.z})
         require(std::isfinite(x), "holds a NaN or an infinity, expected finite numbers");
-    require(camera.scale > 0, "has scale " + std::to_string(camera.scale) + ", expected pixels per metre above 0");
+    require(camera.scale > 0, "has scale " + detail::number_text(camera.scale) + ", expected pixels per metre above 0");
     require(camera.width > 0 && camera.height > 0, "has an image of " + std::to_string(camera.width) + " x " +
                                                        std::to_string(camera.height) +
                                                        " pixels, expected at least 1 x 1");
@@ -74,7 +74,7 @@ struct SideViewParams {
     check_value(params.resolution > 0, where,
                 "resolution is " + std::to_string(params.resolution) + ", expected at least 1 pixel");
     check_value(params.margin >= 0 && params.margin < 0.5, where,
-                "margin is " + std::to_string(params.margin) + ", expected a share in [0, 0.5)");
+                "margin is " + detail::number_text(params.margin) + ", expected a share in [0, 0.5)");
     check_finite<double>(where, "vertices", {&vertices[0].x, 3 * vertices.size()});
     vec3<double> low = vertices[0], high = low;
     for (const auto& v : vertices)

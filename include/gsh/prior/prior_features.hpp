@@ -122,7 +122,7 @@ void visit_prior_views(std::string_view where, Span<const vec3<double>> points, 
 inline std::vector<double> depth_features(Span<const vec3<double>> points, Span<const PriorView> views,
                                           const SkinWeights<double>& skin, const PriorFeatureParams& params) {
     check_value(params.depth_unit > 0, "depth_features",
-                "depth_unit is " + std::to_string(params.depth_unit) + ", expected metres above 0");
+                "depth_unit is " + detail::number_text(params.depth_unit) + ", expected metres above 0");
     std::vector<double> features(points.size() * views.size(), 0);
     detail::visit_prior_views<1>(
         "depth_features", points, views, skin,

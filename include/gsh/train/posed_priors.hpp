@@ -103,7 +103,7 @@ inline void check_depths(const EstimatedView& estimate, const PriorView& mesh) {
         if (map.mask.data[i] && mesh.map.mask.data[i]) off.push_back(map.values.data[i] - mesh.map.values.data[i]);
     const double behind = median(std::move(off));
     check_value(std::abs(behind) <= most, estimate.name,
-                "its depths are " + std::to_string(behind) +
+                "its depths are " + detail::number_text(behind) +
                     " m behind the body's in the median, expected within half a metre: the camera's z, in metres");
 }
 

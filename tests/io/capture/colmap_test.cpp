@@ -169,6 +169,9 @@ TEST_CASE("names of images do not lead out of the folder of images") {
     files.images[0].name = "left/room 9.png";
     files.write_binary(folder / "");
     CHECK_NOTHROW((void)read_colmap(folder / ""));
+    files.images[1].name = files.images[0].name; // each would be loaded
+    files.write_binary(folder / "");
+    test::check_throws<ValueError>([&] { (void)read_colmap(folder / ""); }, {"'left/room 9.png' twice"});
 }
 
 TEST_CASE("lines that are no reconstruction are refused by number") {

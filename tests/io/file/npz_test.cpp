@@ -232,6 +232,22 @@ TEST_CASE("elements without bytes, and rows without numbers, are counted before 
     CHECK(file.read<double>("narrow", {-1, 3, -1}).shape == Shape{20000, 3, 0});
 }
 
+TEST_CASE("numbers and texts are bounded as they are in memory, too") {
+    const test::Temporary folder;
+    const auto path = folder / "a.npz";
+    {
+        ZipFile zip(path);
+        zip.add("bytes.npy", npy("|u1", "(20000000,)", std::string(20'000'000, '\0')), true); // 160 MB as doubles
+        zip.add("texts.npy", npy("<U1", "(4000000,)", std::string(16'000'000, '\0')), true);
+    }
+    CHECK(std::filesystem::file_size(path) < 100'000);
+    const NpzReader file(path);
+    test::check_throws<IoError>([&] { (void)file.read<double>("bytes", Numbers::any); },
+                                {path.string() + ": bytes takes 160000000 bytes", "exhaust memory"});
+    test::check_throws<IoError>([&] { (void)file.read_texts("texts"); }, {path.string() + ": texts takes 144000000"});
+    CHECK(file.read<std::uint8_t>("bytes").size() == 20'000'000);
+}
+
 TEST_CASE("a stored member that claims more bytes than the archive has") {
     const test::Temporary folder;
     const auto path = folder / "a.npz";

@@ -91,6 +91,19 @@ TEST_CASE("JPEG images are read, and come out opaque") {
     CHECK(read.pixel(8, 8)[3] == 255);
 }
 
+TEST_CASE("what a phone appends to a JPEG, or a camera puts before its pixels, does not matter") {
+    const test::Temporary folder;
+    const std::string plain = jpeg_bytes(pattern(3, 8, 8));
+    std::string film;
+    for (int k = 0; k < 300; ++k) film += "film\xFF\xDA..";
+    write_file(folder / "a.jpg", plain + film);
+    CHECK(read_image(folder / "a.jpg").width == 8);
+    std::string notes = "\xFF\xE1";
+    notes += {static_cast<char>((film.size() + 2) >> 8), static_cast<char>((film.size() + 2) & 255)};
+    write_file(folder / "a.jpg", plain.substr(0, 2) + notes + film + plain.substr(2));
+    CHECK(read_image(folder / "a.jpg").width == 8);
+}
+
 TEST_CASE("planar numbers are rounded to nearest and clamped") {
     Image<float> image(3, 1, 4);
     const float values[] = {0.0f, 1.0f, -3.0f, 7.0f, 100.4f / 255, 100.6f / 255, std::nanf(""), 0.5f};
@@ -202,7 +215,7 @@ TEST_CASE("more pixels than the bytes can hold are refused before they are decod
     jpeg.replace(frame + 5, 4, "\x1F\x40\x1F\x40"); // 8000 x 8000
     refused(jpeg, {"8000 x 8000", "can hold"});
     const std::size_t scan = jpeg.find("\xFF\xDA");
-    for (int k = 0; k < 101; ++k) jpeg.insert(scan, "\xFF\xDA");
+    for (int k = 0; k < 101; ++k) jpeg.insert(scan, std::string("\xFF\xDA\0\2", 4));
     refused(jpeg, {"damaged", "scans"});
 }
 

@@ -45,7 +45,7 @@ inline RegionLists read_regions(const std::filesystem::path& path, std::size_t v
         for (std::size_t v = 0; v < vertex_count; ++v)
             if (!(lists.importance[v] >= 0 && lists.importance[v] <= 1))
                 throw ValueError(path.string() + ": importance[" + std::to_string(v) + "] is " +
-                                 std::to_string(lists.importance[v]) + ", expected a number in [0, 1]");
+                                 detail::number_text(lists.importance[v]) + ", expected a number in [0, 1]");
     }
     object.expect_only({"face_vertices", "left_hand_vertices", "right_hand_vertices", "high", "importance"});
     if (json.empty())

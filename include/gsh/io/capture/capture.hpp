@@ -98,7 +98,7 @@ inline void save_capture(const std::filesystem::path& folder, const Capture& cap
                "store one per camera and frame");
     for (std::size_t i = 0; i < capture.images.size(); ++i)
         check_value(!capture.images[i].data.empty(), "save_capture",
-                    "camera '" + capture.cameras[i / frames].name + "' did not take frame " +
+                    "camera '" + detail::shortened(capture.cameras[i / frames].name) + "' did not take frame " +
                         std::to_string(i % frames) +
                         ", but the layout has a place for every image; leave out such cameras or frames");
     std::error_code error;

@@ -41,7 +41,7 @@ inline void apply_mask_file(const std::filesystem::path& path, PixelImage& image
     if (!fits) fail("an array " + shape_text(mask.shape) + " of");
     const auto [low, high] = std::minmax_element(mask.data.begin(), mask.data.end());
     check_value(*low >= 0 && *high <= 255, path.string(),
-                "holds " + std::to_string(*low < 0 ? *low : *high) + ", expected 0 to 1, or 0 to 255");
+                "holds " + detail::number_text(*low < 0 ? *low : *high) + ", expected 0 to 1, or 0 to 255");
     const float scale = *high <= 1 ? 255.0f : 1.0f;
     for (std::size_t i = 0; i < pixels; ++i) image.data[4 * i + 3] = static_cast<std::uint8_t>(mask[i] * scale + 0.5f);
 }

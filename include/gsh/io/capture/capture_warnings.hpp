@@ -118,7 +118,7 @@ inline std::vector<std::string> capture_warnings(const Capture& capture, const B
             mean.on_body += weight * one.on_body, mean.border += weight * one.border;
             mean.opaque = mean.opaque && one.opaque;
         }
-        const std::string camera = "camera '" + capture.cameras[c].name + "'";
+        const std::string camera = "camera '" + detail::shortened(capture.cameras[c].name) + "'";
         if (mean.inside < 0.3)
             warnings.push_back(camera + " is far off the body, " + percent(mean.inside) +
                                " of which projects into its images; R and t must map world to camera (x right, y down, "

@@ -243,6 +243,9 @@ inline ColmapScene read_colmap(const std::filesystem::path& folder) {
         check_value(!scene.images.empty(), place.string(), "holds no registered image");
         std::sort(scene.images.begin(), scene.images.end(),
                   [](const auto& a, const auto& b) { return a.name < b.name; });
+        for (std::size_t i = 1; i < scene.images.size(); ++i)
+            check_value(scene.images[i].name != scene.images[i - 1].name, place.string(),
+                        "holds the image '" + detail::shortened(scene.images[i].name) + "' twice");
         return scene;
     }
     throw IoError(folder.string() + ": holds neither cameras.bin nor cameras.txt, nor does its sparse/0 or sparse; "

@@ -72,7 +72,7 @@ inline Camera<double> straight_camera(std::string_view name, const Camera<double
                 "its distortion leaves a straight image of " + detail::number_text(columns) + " x " +
                     detail::number_text(rows) + " pixels; check the coefficients");
     result.width = static_cast<int>(columns), result.height = static_cast<int>(rows);
-    check_distortion("straight_camera", name, result, distortion);
+    check_distortion(name, "its camera", result, distortion);
     return result;
 }
 
@@ -97,7 +97,7 @@ inline StraightImage read_colmap_image(const ColmapImage& entry, const std::file
         for (std::size_t i = 0; i < mask.data.size(); i += 4) result.image.data[i + 3] = mask.data[i];
     }
     if (!entry.distortion) return result;
-    result.camera = straight_camera(entry.name, entry.camera, *entry.distortion);
+    result.camera = straight_camera(photo.string(), entry.camera, *entry.distortion);
     PixelImage straight(4, result.camera.height, result.camera.width);
     cpu::Serial serial;
     resample_rgba8<double>(serial, Span<const std::uint8_t>(result.image.data), result.image.height, result.image.width,

@@ -100,7 +100,8 @@ Capture load_easymocap_capture(E& executor, const std::filesystem::path& folder,
         const auto camera = std::find_if(capture.cameras.begin(), capture.cameras.end(),
                                          [&](const NamedCamera& c) { return c.name == name; });
         if (camera == capture.cameras.end())
-            throw IoError((folder / "intri.yml").string() + ": there is no camera '" + name + "' to judge by");
+            throw IoError((folder / "intri.yml").string() + ": there is no camera '" + detail::shortened(name) +
+                          "' to judge by");
         camera->role = NamedCamera::Role::test;
     }
     for (std::size_t f = 0; f < F; ++f)

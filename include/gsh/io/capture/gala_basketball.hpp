@@ -111,7 +111,7 @@ inline Camera<double> read_gala_camera(const std::filesystem::path& path) {
     const vec3<double> scale = lines.size() > 3 ? lines.vector(3, "scale") : vec3<double>(1);
     const std::string name = path.string();
     check_value(view[0] > 0 && view[0] < 180, name,
-                "the vertical field of view is " + std::to_string(view[0]) + ", expected degrees between 0 and 180");
+                "the vertical field of view is " + number_text(view[0]) + ", expected degrees between 0 and 180");
     check_value(view[1] >= 1 && view[2] >= 1 && view[1] <= 65535 && view[2] <= 65535, name,
                 "width and height must be pixels");
     check_value(std::abs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1) < 1e-2, name,
@@ -205,7 +205,8 @@ GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, cons
     };
     for (const std::string& name : test_names)
         if (std::none_of(capture.cameras.begin(), capture.cameras.end(), is_called(name)))
-            throw IoError((folder / "camera").string() + ": there is no camera '" + name + "' to judge by");
+            throw IoError((folder / "camera").string() + ": there is no camera '" + detail::shortened(name) +
+                          "' to judge by");
     if (test_names.empty() && capture.cameras.size() > 1) {
         const std::string usual = "6";
         const bool there = std::any_of(capture.cameras.begin(), capture.cameras.end(), is_called(usual));

@@ -119,7 +119,7 @@ inline Camera<double> read_snapshot_camera(const std::filesystem::path& path) {
     const auto size = [&](const char* key) {
         const double value = file.read_number<double>(key, Numbers::any);
         check_value(value >= 1 && value <= 65535 && value == std::floor(value), file.name_of(key),
-                    "is " + std::to_string(value) + ", expected a number of pixels");
+                    "is " + number_text(value) + ", expected a number of pixels");
         return static_cast<int>(value);
     };
     const mat3<double> R(vec3<double>(E[0], E[4], E[8]), vec3<double>(E[1], E[5], E[9]),

@@ -104,8 +104,9 @@ inline ArchiveReader::ArchiveReader(std::filesystem::path path, std::string_view
     if (format.empty()) throw IoError(name + ": is not a gsh file: gsh_format is missing, expected '" + expected + "'");
     const std::string found = format.substr(0, format.find(' '));
     if (found != kind)
-        throw IoError(name + ": holds '" + format + "', expected '" + expected + "'; give the file of that kind");
-    throw IoError(name + ": holds '" + format + "', but this program reads '" + expected +
+        throw IoError(name + ": holds '" + detail::shortened(format) + "', expected '" + expected +
+                      "'; give the file of that kind");
+    throw IoError(name + ": holds '" + detail::shortened(format) + "', but this program reads '" + expected +
                   "'; make the file again, or take the version of gsh that wrote it");
 }
 

@@ -34,7 +34,7 @@ public:
         for (std::size_t k = 1; k < times_.size(); ++k)
             if (!(times_[k] > times_[k - 1]))
                 file.fail(what + ": the times do not ascend: key " + std::to_string(k) + " is at " +
-                          std::to_string(times_[k]) + " s, after " + std::to_string(times_[k - 1]) + " s");
+                          detail::number_text(times_[k]) + " s, after " + detail::number_text(times_[k - 1]) + " s");
         const std::size_t expected = times_.size() * width_ * (cubic_ ? 3 : 1);
         if (values_.size() != expected)
             file.fail(what + ": " + std::to_string(times_.size()) + " times, but " + std::to_string(values_.size()) +

@@ -250,7 +250,7 @@ inline void GltfFile::check_buffers(nlohmann::json& json, std::size_t chunk_byte
             } else {
                 found = external_size(uri, what);
                 buffer["uri"] = with_escaped_plus(uri); // tinygltf takes a plus for a blank
-                place = "the file " + uri + " holds";
+                place = "the file " + shortened(uri) + " holds";
                 if (found > size) found = size + 1; // tinygltf wants the exact size
             }
         }
@@ -322,7 +322,7 @@ inline void GltfFile::parse(const std::string& bytes, bool binary) {
     if (good) return;
     std::string line; // tinygltf's messages are several lines
     for (const std::string_view word : words_in(problem)) (line += line.empty() ? "" : " ").append(word);
-    fail("is not valid glTF: " + line);
+    fail("is not valid glTF: " + shortened(line, 200));
 }
 
 } // namespace gsh::detail

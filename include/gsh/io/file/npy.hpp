@@ -121,7 +121,7 @@ void convert_numbers(const ByteSource& source, const NpyHeader& header, const st
                 if (!std::isfinite(value)) refuse(std::isnan(value) ? "NaN" : "infinite", "a finite number");
                 if constexpr (sizeof(T) < sizeof(double))
                     if (std::abs(value) > static_cast<double>(std::numeric_limits<T>::max()))
-                        refuse(std::to_string(value), "a number that fits " + npy_dtype<T>());
+                        refuse(detail::number_text(value), "a number that fits " + npy_dtype<T>());
                 out[begin + i] = static_cast<T>(value);
             } else {
                 if (!std::in_range<T>(stored[i]))

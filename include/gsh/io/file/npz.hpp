@@ -185,6 +185,10 @@ inline void NpzReader::check_budget(const NpyHeader& header, std::size_t width, 
     if (!detail::checked_bytes(header.shape, width, bytes) || bytes > limits_.member_bytes)
         throw IoError(what + " has shape " + detail::shape_text(header.shape) + ", more than the limit of " +
                       std::to_string(limits_.member_bytes) + " bytes in memory");
+    if (bytes > limits_.ratio_free_bytes && bytes / limits_.ratio > size_)
+        throw IoError(what + " takes " + std::to_string(bytes) + " bytes in memory, more than " +
+                      std::to_string(limits_.ratio) + " times the " + std::to_string(size_) +
+                      " of the archive; the file is made to exhaust memory");
 }
 
 inline NpyHeader NpzReader::header(std::string_view key) const {
@@ -234,6 +238,7 @@ inline std::vector<std::string> NpzReader::read_texts(std::string_view key) cons
     Member member = open(key);
     const NpyHeader found = detail::read_npy_header(member.source, member.size, what);
     if (!found.is_text()) throw IoError(what + " has dtype " + found.dtype + ", expected unicode text");
+    check_budget(found, found.width + sizeof(std::string), what);
     const std::size_t count = detail::element_count(found.shape), length = found.width / 4;
     std::vector<std::uint32_t> codes(count * length);
     detail::read_exactly(member.source, codes.data(), codes.size() * 4, what);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -24,7 +25,7 @@ namespace gsh {
 class NumberLines {
 public:
     explicit NumberLines(const std::filesystem::path& path) : path_(path) {
-        const std::string text = read_file(path);
+        const std::string text = read_file(path, std::size_t(1) << 26);
         const char *p = text.data(), *end = p + text.size();
         std::size_t number = 1;
         while (p != end) {
@@ -37,7 +38,8 @@ public:
                 double value = 0;
                 const auto [next, error] = std::from_chars(p, end, value);
                 if (error != std::errc() || !std::isfinite(value))
-                    throw IoError(where(number) + ": '" + std::string(p, std::min(p + 20, std::find(p, end, '\n'))) +
+                    throw IoError(where(number) + ": '" +
+                                  detail::shortened({p, std::min(p + 20, std::find(p, end, '\n'))}) +
                                   "' is not a finite number");
                 line.values.push_back(value);
                 p = next;

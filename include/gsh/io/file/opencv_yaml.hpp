@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
@@ -41,7 +42,9 @@ public:
     [[nodiscard]] std::vector<double> matrix(const std::string& key, std::size_t count) const;
     /// A list of strings, with dashes or in brackets.
     [[nodiscard]] std::vector<std::string> texts(const std::string& key) const;
-    [[nodiscard]] std::string name_of(const std::string& key) const { return path_.string() + ": " + key; }
+    [[nodiscard]] std::string name_of(const std::string& key) const {
+        return path_.string() + ": " + detail::shortened(key);
+    }
 
 private:
     std::filesystem::path path_;

@@ -188,13 +188,23 @@ inline std::string unpacked_png(std::string_view bytes, const std::string& name)
 }
 
 inline void check_jpeg(std::string_view bytes, const std::string& name) {
-    const std::size_t end = bytes.rfind("\xFF\xD9"), scan = bytes.rfind("\xFF\xDA");
-    if (end == std::string_view::npos || scan == std::string_view::npos || scan > end)
-        throw IoError(name + ": the image is truncated");
+    const auto byte = [&](std::size_t at) { return static_cast<unsigned char>(bytes[at]); };
+    const auto truncated = [&] { return IoError(name + ": the image is truncated"); };
+    constexpr unsigned char end = 0xD9, scan = 0xDA;
     std::size_t scans = 0;
-    for (std::size_t at = bytes.find("\xFF\xDA"); at != std::string_view::npos; at = bytes.find("\xFF\xDA", at + 2))
-        ++scans;
-    if (scans > 100) throw IoError(name + ": the image is damaged: it has " + std::to_string(scans) + " scans");
+    for (std::size_t at = 2;;) {
+        // The next marker. Within a scan, 0xFF 0x00 is a byte, and 0xD0 to 0xD7 begin anew.
+        while (at + 1 < bytes.size() && (byte(at) != 0xFF || byte(at + 1) == 0 || byte(at + 1) == 0xFF ||
+                                         (byte(at + 1) >= 0xD0 && byte(at + 1) <= 0xD7)))
+            ++at;
+        if (at + 1 >= bytes.size()) throw truncated();
+        const unsigned char marker = byte(at + 1);
+        if (marker == end && scans > 0) return; // what follows, such as a film of a phone, is not of the image
+        if (marker == scan && ++scans > 100)
+            throw IoError(name + ": the image is damaged: it has more than 100 scans, each over all pixels");
+        if (marker == end || at + 3 >= bytes.size()) throw truncated();
+        at += 2 + (std::size_t(byte(at + 2)) << 8 | byte(at + 3));
+    }
 }
 
 inline void check_jpeg_size(std::string_view bytes, const std::string& name, std::int64_t width, std::int64_t height) {

@@ -161,9 +161,9 @@ inline PriorMap read_normal_map(const std::filesystem::path& path, const NormalM
         map.mask.data[i] = 1;
         ++count, to_viewer += sign.z * n.z < 0;
     }
-    check_value(count > 0, name, "no pixel holds a normal: none is opaque with a length of " +
-                                     std::to_string(params.shortest) + " to " + std::to_string(params.longest) +
-                                     "; is this a normal map?");
+    check_value(count > 0, name,
+                "no pixel holds a normal: none is opaque with a length of " + detail::number_text(params.shortest) +
+                    " to " + detail::number_text(params.longest) + "; is this a normal map?");
     check_value(!npy || least < -1e-6 || count < 100, name,
                 "no component is negative, so these are colours in [0, 1]; store 2 c - 1, or unsigned 8-bit integers");
     const std::size_t right_way = params.facing == NormalFacing::viewer ? to_viewer : count - to_viewer;

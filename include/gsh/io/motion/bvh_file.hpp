@@ -9,6 +9,7 @@
 #include <gsh/body/turned_limbs.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/unit_guess.hpp>
@@ -125,7 +126,7 @@ private:
             if (root || end || is_word(word, "JOINT")) {
                 if (root && current >= 0) lines_.fail("is a ROOT inside of another joint");
                 if (root && !joints_.empty())
-                    lines_.fail("is a second ROOT, expected one skeleton in a file; '" + rig_.names[0] +
+                    lines_.fail("is a second ROOT, expected one skeleton in a file; '" + shortened(rig_.names[0]) +
                                 "' is the first");
                 if (!root && current < 0) lines_.fail("is '" + shortened(line) + "' outside of a joint's braces");
                 if (joints_.size() == most)
@@ -174,7 +175,7 @@ private:
             if (found < 0)
                 lines_.fail("has the channel '" + shortened(words[w]) + "', expected Xposition to Zrotation");
             for (const int other : joint.channels)
-                if (other == found) lines_.fail("has the channel '" + std::string(words[w]) + "' twice");
+                if (other == found) lines_.fail("has the channel '" + shortened(words[w]) + "' twice");
             joint.channels.push_back(found);
         }
         if (words.size() < 2 || words[1] != std::to_string(joint.channels.size()))
@@ -202,6 +203,7 @@ private:
                  " lines follow; all of them are read");
         const std::size_t J = joints_.size();
         check_rig_size(lines_.name(), J, found);
+        check_claimed_poses(lines_.name(), J, found, text_.size());
         rig_.joints.reserve(found * J);
         rig_.rotations.reserve(found * J);
         while (lines_.next()) {

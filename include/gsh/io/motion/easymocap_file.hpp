@@ -23,6 +23,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -256,9 +257,12 @@ inline std::filesystem::path easymocap_pose_folder(const std::filesystem::path& 
 inline CameraList read_easymocap_cameras(const std::filesystem::path& folder) {
     const OpenCvYaml intrinsics(folder / "intri.yml"), extrinsics(folder / "extri.yml");
     CameraList list;
+    std::set<std::string> names;
     for (const std::string& name : intrinsics.texts("names")) {
         check_value(detail::is_plain_name(name), intrinsics.name_of("names"),
                     "holds '" + detail::shortened(name) + "', expected a plain folder name");
+        check_value(names.insert(name).second, intrinsics.name_of("names"),
+                    "holds '" + detail::shortened(name) + "' twice");
         NamedCamera named;
         named.name = name;
         Camera<double>& camera = named.camera;

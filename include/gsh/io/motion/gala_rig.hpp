@@ -140,7 +140,7 @@ inline GalaRig load_gala_rig(const std::filesystem::path& folder, std::vector<st
         const double parent = parents.at(j, 1, "one parent a line")[0];
         check_value(parent == std::floor(parent) && parent >= -1 && parent < static_cast<double>(parents.size()),
                     parents.path().string(),
-                    "holds " + std::to_string(parent) + ", expected the number of a joint, or -1");
+                    "holds " + detail::number_text(parent) + ", expected the number of a joint, or -1");
         body.parents.push_back(static_cast<int>(parent));
     }
     const std::size_t J = body.parents.size();
@@ -179,7 +179,7 @@ inline GalaRig load_gala_rig(const std::filesystem::path& folder, std::vector<st
     }
     if (furthest > 1e-3 && warnings)
         warnings->push_back(tpose.path().string() + ": its positions differ from tpose_mat.txt by up to " +
-                            std::to_string(furthest) + " m; those of the matrices are taken");
+                            detail::number_text(furthest) + " m; those of the matrices are taken");
 
     // The mesh.
     if (mesh.size() % 5 != 0)
@@ -198,7 +198,7 @@ inline GalaRig load_gala_rig(const std::filesystem::path& folder, std::vector<st
             const bool fits =
                 indices[k] >= 0 && indices[k] < static_cast<double>(J) && indices[k] == std::floor(indices[k]);
             check_value(fits || weights[k] == 0, mesh.path().string(),
-                        "vertex " + std::to_string(v) + " hangs on joint " + std::to_string(indices[k]) +
+                        "vertex " + std::to_string(v) + " hangs on joint " + detail::number_text(indices[k]) +
                             ", expected one below " + std::to_string(J));
             if (fits) body.weights[v * J + static_cast<std::size_t>(indices[k])] += weights[k];
         }
@@ -217,7 +217,8 @@ inline GalaRig load_gala_rig(const std::filesystem::path& folder, std::vector<st
         double sum = 0;
         for (std::size_t j = 0; j < J; ++j) sum += body.weights[v * J + j];
         check_value(std::abs(sum - 1) < 0.02, weights_path.string(),
-                    "the weights of vertex " + std::to_string(v) + " sum to " + std::to_string(sum) + ", expected 1");
+                    "the weights of vertex " + std::to_string(v) + " sum to " + detail::number_text(sum) +
+                        ", expected 1");
         for (std::size_t j = 0; j < J; ++j) body.weights[v * J + j] /= sum;
     }
     for (std::size_t j = 0; j < J; ++j)

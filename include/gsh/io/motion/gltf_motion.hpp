@@ -8,6 +8,7 @@
 #include <gsh/body/rig_up.hpp>
 #include <gsh/body/turned_limbs.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/gltf_channel.hpp>
 #include <gsh/io/file/gltf_file.hpp>
 #include <gsh/io/file/gltf_nodes.hpp>
@@ -57,7 +58,7 @@ namespace detail {
 class GltfMotionReader {
 public:
     explicit GltfMotionReader(const std::filesystem::path& path)
-        : file_(path), nodes_(file_), joints_(file_, nodes_), numbers_(file_) {}
+        : file_(path), nodes_(file_), joints_(file_, nodes_), numbers_(file_, most_numbers()) {}
 
     RigMotion read(const JointMap& map, std::vector<std::string>* warnings, const std::string& wanted,
                    const FrameRates& rates) {
@@ -66,6 +67,7 @@ public:
         if (!has_limbs(map)) joints_.keep_joints([](int) { return true; }); // an animation of the upper body alone
         const std::vector<double> times = frame_times();
         check_rig_size(file_.name(), joints_.joint_count(), times.size());
+        check_claimed_poses(file_.name(), joints_.joint_count(), times.size(), held_bytes());
         joints_.describe(rig_);
         rig_.rest_joints.resize(rig_.joint_count()), rig_.rest_rotations.resize(rig_.joint_count());
         pose({}, 0, rig_.rest_joints.data(), rig_.rest_rotations.data());
@@ -90,6 +92,17 @@ private:
     RigMotion rig_;
     bool frames_are_keys_ = false;
 
+    /// Bytes of all buffers.
+    [[nodiscard]] std::size_t held_bytes() const {
+        std::size_t sum = 0;
+        for (const tinygltf::Buffer& buffer : file_.model().buffers) sum += buffer.data.size();
+        return sum;
+    }
+    /// Accessors may share bytes, and are read as doubles.
+    [[nodiscard]] std::size_t most_numbers() const {
+        const std::size_t most = std::max<std::size_t>(unquestioned_memory, most_inflation * held_bytes());
+        return std::min(std::size_t(1) << 27, most / sizeof(double));
+    }
     [[nodiscard]] static bool moves(const tinygltf::AnimationChannel& channel) {
         return channel.target_node != -1 && channel.target_path == "rotation";
     }
@@ -104,13 +117,14 @@ private:
             if (chosen < 0 && (wanted.empty() ? useful : names.back() == wanted)) chosen = static_cast<int>(a);
         }
         if (chosen < 0 && !wanted.empty())
-            file_.fail("has no animation '" + wanted + "', but " + list_of_names(names, 30));
+            file_.fail("has no animation '" + shortened(wanted) + "', but " + list_of_names(names, 30));
         if (chosen < 0)
             file_.fail(all.empty() ? "holds no animations"
                                    : "holds " + std::to_string(all.size()) + " animations, but none rotates a node");
         if (wanted.empty() && all.size() > 1 && warnings)
             warnings->push_back(file_.name() + ": holds " + std::to_string(all.size()) + " animations (" +
-                                list_of_names(names) + "); '" + names[static_cast<std::size_t>(chosen)] + "' is read");
+                                list_of_names(names) + "); '" + shortened(names[static_cast<std::size_t>(chosen)]) +
+                                "' is read");
         const std::string where = "animation '" + shortened(names[static_cast<std::size_t>(chosen)]) + "'";
         channels_ = nodes_.channels(all[static_cast<std::size_t>(chosen)], numbers_, where);
         if (channels_.empty()) file_.fail(where + " moves no node");
@@ -178,7 +192,7 @@ private:
             const double volume = determinant(L), size = dot(L[0], L[0]) + dot(L[1], L[1]) + dot(L[2], L[2]);
             const double flat = 1e-9 * size * std::sqrt(size);
             if (volume < -flat)
-                file_.fail("the joint '" + joints_.name_of(j) +
+                file_.fail("the joint '" + shortened(joints_.name_of(j)) +
                            "' is mirrored by a negative scale, expected scales above 0");
             rotations[j] = volume > flat ? polar_rotation(L) : above * own.rotation; // a scale of 0 has no rotation
         }

@@ -266,7 +266,7 @@ private:
         double largest = 0;
         for (const auto& v : motion_.pose) largest = std::max(largest, length(v));
         if (largest > 12.6) // two turns
-            warn("a joint turns by " + std::to_string(largest) + " rad; are the angles in degrees?");
+            warn("a joint turns by " + detail::number_text(largest) + " rad; are the angles in degrees?");
     }
 };
 

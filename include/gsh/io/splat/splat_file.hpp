@@ -50,7 +50,8 @@ static_assert(sizeof(SplatRow) == 32);
         for (int axis = 0; axis < 3; ++axis) {
             check_value(std::isfinite(row.mean[axis]), name, "the position" + at() + " is not finite");
             check_value(std::isfinite(row.scale[axis]) && row.scale[axis] >= 0, name,
-                        "the scale" + at() + " is " + std::to_string(row.scale[axis]) + ", expected 0 or more");
+                        "the scale" + at() + " is " + detail::number_text(double(row.scale[axis])) +
+                            ", expected 0 or more");
             cloud.means[i][axis] = row.mean[axis];
             cloud.log_scales[i][axis] = std::max(std::log(row.scale[axis]), flat_log_scale);
             color[axis] = static_cast<float>(row.color[axis]) / 255;
