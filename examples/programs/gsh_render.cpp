@@ -101,10 +101,7 @@ int render(const RenderOptions& options) {
         try {
             return make_renderer(machine, scene.cloud, scene.notes.filter.value_or(PixelFilter{}))
                 ->render(0, camera, background);
-        } catch (const GaussianError& error) {
-            throw ValueError(options.scenes[0].string() + ": Gaussian " + std::to_string(error.gaussian()) +
-                             " is too large for this camera: its picture is not finite");
-        } catch (const ValueError& error) {
+        } catch (const ValueError& error) { // Gaussians that no picture can be made of
             throw ValueError(options.scenes[0].string() + ": " + error.what());
         }
     };

@@ -66,7 +66,7 @@ std::string StillWriter::losses() const {
     count(losses_.positions, all, "Gaussians lie farther out than SPZ reaches; they end at its edge");
     if (spz && losses_.position_step > 0)
         tell("positions are in steps of " + step + ", because the scene reaches beyond 2048");
-    count(losses_.coarse, all, "Gaussians are smaller than the steps of positions in their chunks, up to " + step);
+    count(losses_.coarse, all, "Gaussians are smaller than the steps of their positions, up to " + step);
     clamped(losses_.scales, all, "Gaussians have a scale", spz ? "e^-10 to e^5.94" : "e^20");
     clamped(losses_.colors, all, "Gaussians have a colour", splat ? "0 to 1" : "-0.44 to 1.44");
     clamped(losses_.coefficients, coefficients_, "SH coefficients are", spz ? "-1 to 1" : "-4 to 4");

@@ -276,6 +276,14 @@ TEST_CASE("numbers that are no Gaussian") {
     for (std::size_t i = 10; i < 14; ++i) list[i].value = 0;
     write_file(path, header(list, "1") + row(list));
     test::check_throws<ValueError>([&] { (void)read_gaussian_ply(path); }, {path.string(), "rot_0", "vertex 0"});
+    for (const double size : {1e25, 1e-25}) { // whose squares are beyond float: the rotation is what counts
+        list = columns();
+        for (std::size_t i = 10; i < 14; ++i) list[i].value *= size;
+        write_file(path, header(list, "1") + row(list));
+        const quat<float> q = read_gaussian_ply(path).quats[0];
+        CHECK(dot(q, q) == doctest::Approx(1));
+        CHECK(q.z / q.w == doctest::Approx(14.0 / 11));
+    }
     auto cloud = make_cloud(3, 1);
     CHECK_THROWS_AS(write_gaussian_ply(path, cloud, {.pad_to_degree = 5}), ValueError);
     cloud.sh.pop_back();

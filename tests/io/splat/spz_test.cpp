@@ -264,6 +264,13 @@ TEST_CASE("a large scene has fewer fractional bits; outliers end at the edge and
     CHECK(read.means[3].x == doctest::Approx(2048));
     CHECK(length(read.means[5] - cloud.means[5]) < 3e-4f);
 
+    cloud = test::splat_cloud(300, 0); // at the coordinates of a map: better in steps of 1 m than all in one corner
+    for (auto& mean : cloud.means) mean = mean + vec3<float>(4500000, 5400000, 0);
+    losses = write_spz(path, cloud);
+    CHECK(losses.positions == 0);
+    CHECK(losses.coarse == 300);
+    CHECK(losses.position_step == 1);
+
     cloud = test::splat_cloud(300, 0);
     cloud.log_scales[0] = {8, -12, 7}, cloud.log_scales[1].x = 5.96f, cloud.log_scales[2].y = -10.02f;
     cloud.sh[7].y = 4, cloud.sh[8].x = -3.4f, cloud.sh[9].z = 3.3f;

@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/io/file/atomic_file.hpp>
@@ -28,7 +29,8 @@
 
 namespace gsh {
 
-/// Reads a compressed PLY file. Comments of the header are heeded as by read_ply_splats.
+/// Reads a compressed PLY file. Comments of the header are heeded as by read_ply_splats. Invisible copies of the
+/// Gaussian before, by which write_compressed_ply fills up chunks, are left out.
 ///
 /// Errors  those of PlyFile; IoError if a table or a property is missing, or if chunks are too few.
 /// Source  PlayCanvas' program splat-transform, its compressed-chunk.ts.
@@ -279,6 +281,7 @@ inline StillSplats read_compressed_ply(const std::filesystem::path& path) {
     const auto packed = detail::compressed_ply_columns(file, file.vertices(), names);
     StillSplats splats{GaussianCloud<float>(count, degree)};
     GaussianCloud<float>& cloud = splats.cloud;
+    std::vector<std::uint32_t> kept, before;
     file.read_rows<std::uint32_t>(file.vertices(), packed, [&](std::size_t i, const std::vector<std::uint32_t>& v) {
         const auto& [positions, scales, colors] = chunks[i / detail::ply_chunk_size];
         cloud.means[i] = positions.at(detail::place_of_packed(v[0]));
@@ -288,8 +291,13 @@ inline StillSplats read_compressed_ply(const std::filesystem::path& path) {
                                  detail::unit_of_bits(v[3], 8, 8));
         cloud.sh[i * basis] = sh_of_color(colors.at(place));
         cloud.opacity_logits[i] = detail::logit_of_byte(static_cast<std::uint8_t>(v[3] & 255u));
+        const bool fills = i > 0 && (v[3] & 255u) == 0 && std::equal(v.begin(), v.begin() + 3, before.begin()) &&
+                           v[3] >> 8 == before[3] >> 8;
+        if (!fills) kept.push_back(static_cast<std::uint32_t>(i));
+        before = v;
     });
     detail::read_ply_bands(file, cloud);
+    if (kept.size() < count) cloud = reordered(cloud, Span<const std::uint32_t>(kept));
     detail::heed_statements(splats, detail::statements_of_comments(file.comments()), file.name());
     check_writable(file.name(), cloud);
     return splats;

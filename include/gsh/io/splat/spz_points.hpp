@@ -56,7 +56,7 @@ inline constexpr int spz_fractional_bits = 12;
         double lost = 0;
         for (std::size_t i = 0; i < reach.size(); ++i)
             lost += reach[i] > edge ? 1 : std::min(1.0, step * step * weight[i]);
-        if (lost < least) least = lost, best = bits;
+        if (lost <= least) least = lost, best = bits; // a scene in large steps is more than one in a corner
         if (farthest <= edge) break;
     }
     return best;
@@ -148,6 +148,8 @@ inline std::uint8_t spz_sh(double value, int degree) {
             moved = moved || is_beyond(fixed, -8388608, 8388607), resized = resized || is_beyond(scale, 0, 255);
             recolored = recolored || is_beyond(color, 0, 255);
         }
+        losses.coarse +=
+            fractional_bits < spz_fractional_bits && size_of(cloud.log_scales[i]) < std::ldexp(1.0, -fractional_bits);
         losses.positions += moved, losses.scales += resized, losses.colors += recolored;
         append(opacities, detail::byte_of(255 * sigmoid(double(cloud.opacity_logits[i]))), 1);
         append(rotations, detail::spz_rotation(cloud.quats[i]), 4);
