@@ -75,8 +75,12 @@ TEST_CASE("every joint of a rig is found by the names of many programs, and no o
 TEST_CASE("of two candidates for a joint that moves no limb one is taken, with one warning for all of them") {
     test::RigNames list = test::known_rigs().front();
     for (auto& [part, name] : list.names) name = name.substr(10); // without mixamorig:
-    list.others = {{"Eye@", "head", ""}, {"@Eye", "head", ""}, {"__Jaw", "head", ""}, {"Jaw", "head", ""},
-                   {"__@HandThumb1", "wrist", "thumb1"}, {"@_Toe_Base", "ankle", ""}};
+    list.others = {{"Eye@", "head", ""},
+                   {"@Eye", "head", ""},
+                   {"__Jaw", "head", ""},
+                   {"Jaw", "head", ""},
+                   {"__@HandThumb1", "wrist", "thumb1"},
+                   {"@_Toe_Base", "ankle", ""}};
     const RigMotion rig = test::named_rig(list).rig;
     std::vector<std::string> warnings;
     const MatchedJoints found = JointMap{}.match(rig, "a.glb", &warnings);
@@ -112,16 +116,16 @@ TEST_CASE("of two candidates for a limb the one with further signs is a helper, 
         two.parents.push_back(two.parents[j] < 0 ? -1 : two.parents[j] + static_cast<int>(J));
     }
     test::check_throws<ValueError>([&] { (void)JointMap{}.match(two, "two.glb"); },
-                                   {"two.glb", "left_hip ('mixamorig:LeftUpLeg', 'other:LeftUpLeg')",
-                                    "right_hip ('", "left_shoulder ('", "right_shoulder ('", "--joint-map"});
+                                   {"two.glb", "left_hip ('mixamorig:LeftUpLeg', 'other:LeftUpLeg')", "right_hip ('",
+                                    "left_shoulder ('", "right_shoulder ('", "--joint-map"});
 }
 
 TEST_CASE("the hips are where the legs begin, unless that is far from them") {
-    const std::vector<std::pair<std::string, int>> legs = {{"root", -1},       {"LeftUpLeg", 0}, {"LeftLeg", 1},
-                                                           {"LeftFoot", 2},    {"RightUpLeg", 0}, {"RightLeg", 4},
+    const std::vector<std::pair<std::string, int>> legs = {{"root", -1},    {"LeftUpLeg", 0},  {"LeftLeg", 1},
+                                                           {"LeftFoot", 2}, {"RightUpLeg", 0}, {"RightLeg", 4},
                                                            {"RightFoot", 5}};
     RigMotion rig = rig_of(legs);
-    rig.rest_joints = {{0, 1, 0},    {0.1, 0.9, 0},  {0.1, 0.5, 0}, {0.1, 0.1, 0},
+    rig.rest_joints = {{0, 1, 0},      {0.1, 0.9, 0},  {0.1, 0.5, 0}, {0.1, 0.1, 0},
                        {-0.1, 0.9, 0}, {-0.1, 0.5, 0}, {-0.1, 0.1, 0}};
     CHECK(matched(rig, "pelvis") == "root");
     rig.rest_joints[0] = {0, 0, 0}; // on the ground

@@ -152,7 +152,8 @@ private:
         for (const Layer layer : {Layer::deforming, Layer::none, Layer::original, Layer::mechanical}) {
             bool has[2] = {false, false};
             for (const JointWords& words : words_)
-                if (words.layer == layer && words.side && std::find(thighs.begin(), thighs.end(), words.part) != thighs.end())
+                if (words.layer == layer && words.side &&
+                    std::find(thighs.begin(), thighs.end(), words.part) != thighs.end())
                     has[words.side == 'r'] = true;
             if (!has[0] || !has[1]) continue;
             for (JointWords& words : words_)
@@ -202,9 +203,12 @@ private:
         std::string_view joint, before, behind;
     };
     static LimbPlace place_on_limb(std::string_view joint) {
-        for (const LimbPlace& place :
-             {LimbPlace{"hip", "", "knee"}, {"knee", "hip", "ankle"}, {"ankle", "knee", ""},
-              {"shoulder", "", "elbow"}, {"elbow", "shoulder", "wrist"}, {"wrist", "elbow", ""}})
+        for (const LimbPlace& place : {LimbPlace{"hip", "", "knee"},
+                                       {"knee", "hip", "ankle"},
+                                       {"ankle", "knee", ""},
+                                       {"shoulder", "", "elbow"},
+                                       {"elbow", "shoulder", "wrist"},
+                                       {"wrist", "elbow", ""}})
             if (place.joint == joint) return place;
         return {joint, "", ""};
     }
@@ -247,7 +251,8 @@ private:
         if (at(joint) >= 0 || joints.empty()) return;
         const int best = *std::min_element(joints.begin(), joints.end(), [&](int a, int b) { return is_better(a, b); });
         at(joint) = best;
-        for (const int other : joints) used_[static_cast<std::size_t>(other)] = true; // LeftFoot is the ankle or the toes
+        for (const int other : joints)
+            used_[static_cast<std::size_t>(other)] = true; // LeftFoot is the ankle or the toes
         if (joints.size() == 1) return;
         bool helpers = true; // names like __LeftArm above LeftArm, as MakeHuman writes them
         std::string others;
@@ -296,8 +301,8 @@ private:
             // Where the legs begin, unless it is far from them, as a joint on the ground is.
             const vec3<double> between = tree_.middle(left, right);
             const int knee = at("left_knee");
-            const bool near = knee < 0 || tree_.distance(fork, between) <= 0.6 * tree_.distance(left, between) +
-                                                                               0.6 * distance_of(left, knee);
+            const bool near = knee < 0 || tree_.distance(fork, between) <=
+                                              0.6 * tree_.distance(left, between) + 0.6 * distance_of(left, knee);
             const auto& names = ambiguous_hips();
             const JointWords& words = words_[static_cast<std::size_t>(fork)];
             if (near && !used_[static_cast<std::size_t>(fork)] && words.side == 0 &&
