@@ -98,6 +98,22 @@ TEST_CASE("of two candidates for a joint that moves no limb one is taken, with o
         CHECK(warnings[0].find(text) != std::string::npos);
 }
 
+TEST_CASE("a node that is called like a joint elsewhere in the file, such as a mesh, is not one") {
+    test::RigNames list = test::known_rigs().front();
+    list.others = {{"Head", "", ""}, {"Neck", "", ""}, {"Jaw", "", ""}, {"LeftEye", "", ""}, {"@ToeBase", "", ""},
+                   {"@HandIndex1", "", ""}, {"@Shoulder", "pelvis", ""}};
+    const RigMotion rig = test::named_rig(list).rig;
+    std::vector<std::string> warnings;
+    (void)JointMap{}.match(rig, "a.glb", &warnings);
+    CHECK(warnings.empty());
+    CHECK(matched(rig, "head") == "mixamorig:Head");
+    CHECK(matched(rig, "neck") == "mixamorig:Neck");
+    CHECK(matched(rig, "left_foot") == "mixamorig:LeftToeBase");
+    CHECK(matched(rig, "right_index1") == "mixamorig:RightHandIndex1");
+    CHECK(matched(rig, "left_collar") == "mixamorig:LeftShoulder");
+    CHECK(matched(rig, "jaw") == "Jaw"); // there is no other
+}
+
 TEST_CASE("of two candidates for a limb the one with further signs is a helper, and others are told all at once") {
     test::RigNames list = test::known_rigs().front();
     for (auto& [part, name] : list.names) name = name.substr(10);

@@ -50,10 +50,10 @@ struct KnownJoint {
             {"knee", {"knee", "lowerleg", "lowleg", "calf", "shin", "tibia", "lowerleg1", "leg"}},
             {"ankle", {"ankle", "foot"}},
             {"foot", {"toebase", "toes", "toe", "ball", "toe0", "foot"}},
-            {"collar", {"collar", "clavicle", "collarbone", "scapula", "shoulder", "shoulder1"}},
             {"shoulder",
              {"upperarm", "uparm", "arm", "shldr", "shldrbend", "humerus", "upperarm1", "uarm", "shoulder"}},
             {"elbow", {"elbow", "forearm", "forearmbend", "lowerarm", "lowarm", "radius", "lowerarm1", "farm"}},
+            {"collar", {"collar", "clavicle", "collarbone", "scapula", "shoulder", "shoulder1"}},
             {"wrist", {"wrist", "hand"}},
             {"eye", {"eye", "eyeball", "eyesmplhf"}},
         };
