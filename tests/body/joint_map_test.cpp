@@ -100,8 +100,9 @@ TEST_CASE("of two candidates for a joint that moves no limb one is taken, with o
 
 TEST_CASE("a node that is called like a joint elsewhere in the file, such as a mesh, is not one") {
     test::RigNames list = test::known_rigs().front();
-    list.others = {{"Head", "", ""}, {"Neck", "", ""}, {"Jaw", "", ""}, {"LeftEye", "", ""}, {"@ToeBase", "", ""},
-                   {"@HandIndex1", "", ""}, {"@Shoulder", "pelvis", ""}};
+    list.others = {{"Head", "", ""},           {"Neck", "", ""},     {"Jaw", "", ""},
+                   {"LeftEye", "", ""},        {"@ToeBase", "", ""}, {"@HandIndex1", "", ""},
+                   {"@Shoulder", "pelvis", ""}};
     const RigMotion rig = test::named_rig(list).rig;
     std::vector<std::string> warnings;
     (void)JointMap{}.match(rig, "a.glb", &warnings);
