@@ -47,12 +47,13 @@ struct KnownJoint {
     static const std::vector<KnownJoint> joints = [] {
         std::vector<KnownJoint> list = {
             {"hip", {"upleg", "upperleg", "thigh", "thighbend", "femur", "upperleg1", "hip"}},
-            {"knee", {"knee", "lowerleg", "lowleg", "calf", "shin", "tibia", "lowerleg1", "leg"}},
+            {"knee", {"knee", "lowerleg", "lowleg", "loleg", "calf", "shin", "tibia", "lowerleg1", "leg"}},
             {"ankle", {"ankle", "foot"}},
             {"foot", {"toebase", "toes", "toe", "ball", "toe0", "foot"}},
             {"shoulder",
              {"upperarm", "uparm", "arm", "shldr", "shldrbend", "humerus", "upperarm1", "uarm", "shoulder"}},
-            {"elbow", {"elbow", "forearm", "forearmbend", "lowerarm", "lowarm", "radius", "lowerarm1", "farm"}},
+            {"elbow",
+             {"elbow", "forearm", "forearmbend", "lowerarm", "lowarm", "loarm", "radius", "lowerarm1", "farm"}},
             {"collar", {"collar", "clavicle", "collarbone", "scapula", "shoulder", "shoulder1"}},
             {"wrist", {"wrist", "hand"}},
             {"eye", {"eye", "eyeball", "eyesmplhf"}},
