@@ -4,8 +4,8 @@
 
 gsh.view = (() => {
   const element = (id) => document.getElementById(id);
-  const page = { person: 0, states: [], occlusion: [], motions: [], chosen: [], inputFps: 0, show: "splats", shadows: true,
-                 skeleton: false, follow: false, lightTurn: 0, background: [0x23 / 255, 0x27 / 255, 0x2e / 255],
+  const page = { person: 0, states: [], occlusion: [], motions: [], chosen: [], inputFps: 0, show: "splats",
+                 shadows: true, skeleton: false, follow: false, lightTurn: 0, background: [0x23 / 255, 0x27 / 255, 0x2e / 255],
                  resolution: 540, fixedSize: null, pictures: 0 };
   let scene, source, camera, player, engine, panel;
 

@@ -39,7 +39,7 @@ gsh.Panel = class {
     } });
     const whose = people.length > 1 ? [choice("Person", people.map((p, k) => [String(k), p.name]), "0",
       (value) => this.actions.choosePerson(Number(value))).row] : [];
-    const rate = make("input", { type: "number", min: "0", step: "any", placeholder: "as stated",
+    const rate = make("input", { type: "number", class: "number", min: "0", step: "any", placeholder: "as stated",
       "aria-label": "frames per second of files",
       title: "frames per second of the files that you open, whatever they state",
       onchange: () => (this.page.inputFps = Number(rate.value) || 0) });

@@ -45,8 +45,8 @@ RigMotion rig_of(const Figure& rest, const std::vector<Figure>& frames, const st
     RigMotion rig;
     rig.names = {"Hips", "Spine"}, rig.parents = {-1, 0};
     for (const std::string side : {"Left", "Right"})
-        for (const auto& [name, parent] : {std::pair{"UpLeg", 0}, {"Leg", -1}, {"Foot", -1}, {"Arm", 1},
-                                           {"ForeArm", -1}, {"Hand", -1}}) {
+        for (const auto& [name, parent] :
+             {std::pair{"UpLeg", 0}, {"Leg", -1}, {"Foot", -1}, {"Arm", 1}, {"ForeArm", -1}, {"Hand", -1}}) {
             rig.parents.push_back(parent >= 0 ? parent : static_cast<int>(rig.names.size()) - 1);
             rig.names.push_back(side + name);
         }
@@ -59,7 +59,9 @@ RigMotion rig_of(const Figure& rest, const std::vector<Figure>& frames, const st
     }
     return rig;
 }
-bool is_animal(const RigMotion& rig) { return stands_on_four_legs(rig, JointMap{}.match(rig, "a rig")); }
+bool is_animal(const RigMotion& rig) {
+    return stands_on_four_legs(rig, JointMap{}.match(rig, "a rig"));
+}
 
 constexpr Figure dog{.trunk = 0.6, .arm = 0.5, .leg = 0.5, .trunk_at = 0};
 
@@ -69,11 +71,11 @@ TEST_CASE("an animal is one by its rest pose; people who crawl or bend, and long
     CHECK(is_animal(rig_of(dog, {dog})));
     CHECK(is_animal(rig_of({.trunk = 1.5, .arm = 1.4, .leg = 1.3, .trunk_at = 10, .arm_at = -100}, {dog}))); // elephant
     CHECK_FALSE(is_animal(rig_of({}, {{}})));
-    CHECK_FALSE(is_animal(rig_of({.trunk_at = 0}, {{}})));                                 // bends, in the rest pose
-    CHECK_FALSE(is_animal(rig_of({.trunk_at = 0, .leg_at = -60}, {{}})));                  // crawls
-    CHECK_FALSE(is_animal(rig_of({.arm = 0.9, .leg = 0.5}, {{.trunk_at = 0}})));           // long arms, upright
-    CHECK_FALSE(is_animal(rig_of({.arm = 0.9, .leg = 0.5, .arm_at = 0}, {{}})));           // in a T
-    CHECK_FALSE(is_animal(rig_of({.trunk_at = -90}, {{}})));                               // a heap of bones
+    CHECK_FALSE(is_animal(rig_of({.trunk_at = 0}, {{}})));                       // bends, in the rest pose
+    CHECK_FALSE(is_animal(rig_of({.trunk_at = 0, .leg_at = -60}, {{}})));        // crawls
+    CHECK_FALSE(is_animal(rig_of({.arm = 0.9, .leg = 0.5}, {{.trunk_at = 0}}))); // long arms, upright
+    CHECK_FALSE(is_animal(rig_of({.arm = 0.9, .leg = 0.5, .arm_at = 0}, {{}}))); // in a T
+    CHECK_FALSE(is_animal(rig_of({.trunk_at = -90}, {{}})));                     // a heap of bones
 }
 
 TEST_CASE("an animal whose rest pose is none is one by its tail and its frames") {
@@ -88,9 +90,8 @@ TEST_CASE("an animal whose rest pose is none is one by its tail and its frames")
 TEST_CASE("an animal is refused in words; with a joint map it is warned of") {
     const RigMotion rig = rig_of(dog, {dog});
     std::vector<std::string> warnings;
-    test::check_throws<ValueError>(
-        [&] { (void)retarget(rig, test::skeleton_body(), {}, {{}, "dog.glb", &warnings}); },
-        {"dog.glb", "four legs", "animal", "joint map"});
+    test::check_throws<ValueError>([&] { (void)retarget(rig, test::skeleton_body(), {}, {{}, "dog.glb", &warnings}); },
+                                   {"dog.glb", "four legs", "animal", "joint map"});
     const JointMap map{{{"Tail1", ""}}};
     CHECK_NOTHROW((void)retarget(rig, test::skeleton_body(), map, {{}, "dog.glb", &warnings}));
     REQUIRE(!warnings.empty());

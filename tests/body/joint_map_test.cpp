@@ -75,8 +75,12 @@ TEST_CASE("every joint of a rig is found by the names of many programs, and no o
 TEST_CASE("of two candidates for a joint that moves no limb one is taken, with one warning for all of them") {
     test::RigNames list = test::known_rigs().front();
     for (auto& [part, name] : list.names) name = name.substr(10); // without mixamorig:
-    list.others = {{"Eye@", "head", ""}, {"@Eye", "head", ""}, {"__Jaw", "head", ""}, {"Jaw", "head", ""},
-                   {"__@HandThumb1", "wrist", "thumb1"}, {"@_Toe_Base", "ankle", ""}};
+    list.others = {{"Eye@", "head", ""},
+                   {"@Eye", "head", ""},
+                   {"__Jaw", "head", ""},
+                   {"Jaw", "head", ""},
+                   {"__@HandThumb1", "wrist", "thumb1"},
+                   {"@_Toe_Base", "ankle", ""}};
     const RigMotion rig = test::named_rig(list).rig;
     std::vector<std::string> warnings;
     const MatchedJoints found = JointMap{}.match(rig, "a.glb", &warnings);
@@ -92,6 +96,23 @@ TEST_CASE("of two candidates for a joint that moves no limb one is taken, with o
     for (const char* text : {"a.glb: several", "left_eye is 'LeftEye', not 'EyeLeft'", "jaw is 'Jaw', not '__Jaw'",
                              "right_foot is 'RightToeBase', not 'Right_Toe_Base'", "joint map"})
         CHECK(warnings[0].find(text) != std::string::npos);
+}
+
+TEST_CASE("a node that is called like a joint elsewhere in the file, such as a mesh, is not one") {
+    test::RigNames list = test::known_rigs().front();
+    list.others = {{"Head", "", ""},           {"Neck", "", ""},     {"Jaw", "", ""},
+                   {"LeftEye", "", ""},        {"@ToeBase", "", ""}, {"@HandIndex1", "", ""},
+                   {"@Shoulder", "pelvis", ""}};
+    const RigMotion rig = test::named_rig(list).rig;
+    std::vector<std::string> warnings;
+    (void)JointMap{}.match(rig, "a.glb", &warnings);
+    CHECK(warnings.empty());
+    CHECK(matched(rig, "head") == "mixamorig:Head");
+    CHECK(matched(rig, "neck") == "mixamorig:Neck");
+    CHECK(matched(rig, "left_foot") == "mixamorig:LeftToeBase");
+    CHECK(matched(rig, "right_index1") == "mixamorig:RightHandIndex1");
+    CHECK(matched(rig, "left_collar") == "mixamorig:LeftShoulder");
+    CHECK(matched(rig, "jaw") == "Jaw"); // there is no other
 }
 
 TEST_CASE("of two candidates for a limb the one with further signs is a helper, and others are told all at once") {
@@ -112,16 +133,16 @@ TEST_CASE("of two candidates for a limb the one with further signs is a helper, 
         two.parents.push_back(two.parents[j] < 0 ? -1 : two.parents[j] + static_cast<int>(J));
     }
     test::check_throws<ValueError>([&] { (void)JointMap{}.match(two, "two.glb"); },
-                                   {"two.glb", "left_hip ('mixamorig:LeftUpLeg', 'other:LeftUpLeg')",
-                                    "right_hip ('", "left_shoulder ('", "right_shoulder ('", "--joint-map"});
+                                   {"two.glb", "left_hip ('mixamorig:LeftUpLeg', 'other:LeftUpLeg')", "right_hip ('",
+                                    "left_shoulder ('", "right_shoulder ('", "--joint-map"});
 }
 
 TEST_CASE("the hips are where the legs begin, unless that is far from them") {
-    const std::vector<std::pair<std::string, int>> legs = {{"root", -1},       {"LeftUpLeg", 0}, {"LeftLeg", 1},
-                                                           {"LeftFoot", 2},    {"RightUpLeg", 0}, {"RightLeg", 4},
+    const std::vector<std::pair<std::string, int>> legs = {{"root", -1},    {"LeftUpLeg", 0},  {"LeftLeg", 1},
+                                                           {"LeftFoot", 2}, {"RightUpLeg", 0}, {"RightLeg", 4},
                                                            {"RightFoot", 5}};
     RigMotion rig = rig_of(legs);
-    rig.rest_joints = {{0, 1, 0},    {0.1, 0.9, 0},  {0.1, 0.5, 0}, {0.1, 0.1, 0},
+    rig.rest_joints = {{0, 1, 0},      {0.1, 0.9, 0},  {0.1, 0.5, 0}, {0.1, 0.1, 0},
                        {-0.1, 0.9, 0}, {-0.1, 0.5, 0}, {-0.1, 0.1, 0}};
     CHECK(matched(rig, "pelvis") == "root");
     rig.rest_joints[0] = {0, 0, 0}; // on the ground

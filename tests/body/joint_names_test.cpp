@@ -126,8 +126,8 @@ TEST_CASE("what most names of a rig share is dropped, and nothing that tells joi
     };
     const auto with = [](const std::string& before, const std::string& behind, bool count = false) {
         std::vector<std::string> names;
-        for (const char* name : {"Hips", "Spine", "Spine1", "Head", "LeftArm", "LeftForeArm", "RightArm", "RightForeArm",
-                                 "LeftUpLeg", "LeftLeg"})
+        for (const char* name : {"Hips", "Spine", "Spine1", "Head", "LeftArm", "LeftForeArm", "RightArm",
+                                 "RightForeArm", "LeftUpLeg", "LeftLeg"})
             names.push_back(before + name + behind + (count ? std::to_string(names.size() + 11) : ""));
         return names;
     };

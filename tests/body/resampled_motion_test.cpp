@@ -8,6 +8,9 @@
 #include <gsh/body/resampled_motion.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 
+#include <cstddef>
+#include <vector>
+
 using namespace gsh;
 
 TEST_CASE("frames are met; between them joints turn evenly and positions are lines") {
@@ -29,6 +32,39 @@ TEST_CASE("frames are met; between them joints turn evenly and positions are lin
     CHECK(twice.betas == motion.betas);
     CHECK(resampled(motion, 5).frame_count() == 5);
     CHECK(resampled(actor_motion(ActorMotion::talk, 1), 30).frame_count() == 1);
+}
+
+TEST_CASE("motions that are shown together go by time: the highest of their rates, from their first frames") {
+    const auto at_rate = [](double rate, int frames, double start) {
+        Motion motion = actor_motion(ActorMotion::stride, frames, rate);
+        for (double& time : motion.timestamps) time += start;
+        return motion;
+    };
+    std::vector<Motion> motions{at_rate(10, 11, 0), at_rate(30, 31, 5)}; // a second each
+    const std::vector<Motion> before = motions;
+    CHECK(share_frame_times(motions) == doctest::Approx(30));
+    REQUIRE(motions[0].frame_count() == 31);
+    REQUIRE(motions[1].frame_count() == 31);
+    for (std::size_t t = 0; t < 11; ++t) {
+        CHECK(length(motions[0].transl[3 * t] - before[0].transl[t]) < 1e-9);
+        CHECK(motions[0].timestamps[t] - motions[0].timestamps[0] ==
+              doctest::Approx(motions[1].timestamps[t] - motions[1].timestamps[0]));
+    }
+    // The same rate, other lengths and beginnings: nothing changes.
+    motions = {at_rate(30, 20, 0), at_rate(30, 31, 5), at_rate(30, 1, 2)};
+    const std::vector<vec3<double>> pose = motions[0].pose;
+    CHECK(share_frame_times(motions) == 0);
+    CHECK(motions[0].pose == pose);
+    // Frames that are left out
+    Motion gap = at_rate(30, 20, 0);
+    gap.timestamps.back() += 1;
+    motions = {gap, at_rate(30, 20, 0)};
+    CHECK(share_frame_times(motions) == doctest::Approx(30));
+    CHECK(motions[0].frame_count() == 50);
+    std::vector<Motion> none;
+    CHECK(share_frame_times(none) == 0);
+    CHECK(typical_interval(std::vector<double>{0, 1, 3, 4}) == 1);
+    CHECK(typical_interval(std::vector<double>{7}) == 0);
 }
 
 TEST_CASE("bad rates and motions are refused") {

@@ -8,6 +8,7 @@
 #include "support/skeleton_body.hpp"
 
 #include <gsh/io/body/body_file.hpp>
+#include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 
@@ -82,6 +83,33 @@ TEST_CASE("our motion to BVH and GLB and back, within 1e-4 rad") {
     CHECK(load_motion(s.folder / "fast.npz", s.body).frame_count() == 17);
 }
 
+TEST_CASE("the rate of the input: 30 with a warning where the file states none, or that of --input-fps") {
+    const Inputs s;
+    const std::size_t T = s.motion.frame_count(), J = s.motion.joint_count;
+    NpzWriter file(s.folder / "bare.npz"); // in AMASS' layout, without a rate
+    file.add("poses", std::vector<double>(3 * T * J), {T, 3 * J});
+    file.add("trans", std::vector<double>(3 * T), {T, 3});
+    file.add("betas", std::vector<double>(1));
+    file.commit();
+    const auto check_last = [&](const std::string& from, const std::vector<std::string>& options, double seconds,
+                                bool warned) {
+        const auto outcome = s.convert(s.folder / from, s.folder / "result.npz", options);
+        check_converted(outcome);
+        CHECK((outcome.err.find("frames per second") != std::string::npos) == warned);
+        CHECK(load_motion(s.folder / "result.npz", s.body).timestamps.back() == doctest::Approx(seconds));
+    };
+    const double frames = static_cast<double>(T - 1);
+    check_last("bare.npz", {}, frames / 30, true);
+    check_last("bare.npz", {"--input-fps", "120"}, frames / 120, false);
+    check_last("bare.npz", {"--input-fps", "0"}, frames / 30, true);
+    for (const char* name : {"a.bvh", "a.glb", "a.npz"}) { // 10 frames a second
+        check_converted(s.convert(s.motion_file, s.folder / name));
+        check_last(name, {}, frames / 10, false);
+        check_last(name, {"--input-fps", "20"}, frames / 20, true);
+        check_last(name, {"--input-fps", "10"}, frames / 10, false);
+    }
+}
+
 TEST_CASE("another program's BVH drives the body; warnings say what was guessed") {
     const Inputs s;
     const test::SampleOptions o{.names = test::Names::cmu, .rest = test::Rest::down};
@@ -115,7 +143,8 @@ TEST_CASE("every refusal is one line and code 2, and writes nothing") {
     };
     refuse(changed("Frames: 4", "Frames: 400"), {"bad.bvh", "states 400 frames", "4 lines"});
     refuse(changed("CHANNELS 3", "CHANNELS 2"), {"bad.bvh", "3 channels", "'2'"});
-    refuse(changed("mixamorig:Head", "mixamorig:Neck"), {"bad.bvh", "'mixamorig:Neck' a second time"});
+    refuse(changed("mixamorig:RightUpLeg", "mixamorig:LeftUpLeg"),
+           {"bad.bvh", "no joint was found for right_hip", "mixamorig:LeftUpLeg#2"});
     refuse(changed("mixamorig:LeftUpLeg", "Bone"), {"bad.bvh", "no joint was found for left_hip", "mixamorig:LeftLeg"});
     refuse(changed("mixamorig:Hips", "Bone"), {"pelvis"});
     refuse(good + "nan\n", {"5 lines"});
@@ -128,6 +157,9 @@ TEST_CASE("every refusal is one line and code 2, and writes nothing") {
                   {"map.json", "No such file"});
     check_refused(run({"gsh-motion", s.motion_file.string()}), "gsh-motion", {"--out"});
     check_refused(s.convert(s.motion_file, out, {"--fps", "0"}), "gsh-motion", {"--fps", "above 0"});
+    for (const char* rate : {"-1", "many", "1e9"})
+        check_refused(s.convert(s.motion_file, out, {"--input-fps", rate}), "gsh-motion", {"--input-fps", rate});
+    check_refused(s.convert(s.motion_file, out, {"--input-fps", "30,60"}), "gsh-motion", {"2 rates for 1 motion"});
     CHECK(s.folder.file_count() == files);
 
     // A joint map helps.

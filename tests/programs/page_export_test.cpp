@@ -99,6 +99,26 @@ constexpr const char* drive_exported = R"js(
     }
     a.timestamps = { data: [1, 0.5], shape: [2] };
   }), ["timestamps", "frame 1"]);
+  await refused("a rate of 0", changed((a) => {
+    delete a.timestamps;
+    a.fps = { data: [0], shape: [1] };
+  }), ["fps is 0", "frames per second"]);
+  const doubled = (rate) => changed((a) => {
+    for (const one of Object.values(a)) if (one.shape.length === 2) {
+      one.shape[0] = 2, one.data = Float64Array.of(...one.data, ...one.data);
+    }
+    delete a.timestamps;
+    Object.assign(a, rate);
+  }).arrayBuffer();
+  const person = { parents: new Array(55), expressions: intact.expression ? intact.expression.shape[1] : 0,
+                   betas: Array.from(intact.betas.data) };
+  const interval = async (rate, fps) => {
+    const { seconds, warnings } = await gsh.poseFile.read(await doubled(rate), "two.npz", person, fps);
+    return `${Math.round(seconds[1] * 1e4)} ${warnings.filter((text) => text.includes("per second")).length}`;
+  };
+  await check("no rate is 30 with a warning", await interval({}) === "333 1");
+  await check("a rate is read", await interval({ framerate: { data: [50], shape: [1] } }) === "200 0");
+  await check("the page's rate counts", await interval({ framerate: { data: [50], shape: [1] } }, 10) === "1000 1");
   const whole = new Uint8Array(await away.arrayBuffer()), end = whole.length - 22, flipped = whole.slice();
   flipped[60] ^= 1; // in the first array
   await refused("a wrong bit", flipped, ["is damaged"]);

@@ -316,6 +316,14 @@ TEST_CASE("avatars are shown together, in whatever order") {
     CHECK(shorter.code == 0);
     CHECK(shorter.err.find("warning: " + (folder / "long.npz").string() + ": only the first 2 of 3") !=
           std::string::npos);
+    // Three times the rate: both are shown by time, at the higher one.
+    save_motion(folder / "fast.npz", actor_motion(ActorMotion::talk, 7, 30));
+    const test::Outcome by_time =
+        run({"gsh-animate", ann, bob, "--poses", dance, "--poses", (folder / "fast.npz").string(), "--size", "48",
+             "--out", (folder / "by_time").string()});
+    CHECK(by_time.code == 0);
+    CHECK(by_time.err.find("at 30 frames per second") != std::string::npos);
+    CHECK(test::files_below(folder / "by_time") == 4); // a tenth of a second, with both ends
     check_refused(run({"gsh-animate", ann, bob, "--poses", dance, "--out", (folder / "none").string()}), "gsh-animate",
                   {"--poses", "1 motions for 2 avatars"});
     check_refused(run({"gsh-render", ann, (s.out / "avatar-bob.ply").string(), "--camera", s.camera.string(), "--out",

@@ -306,9 +306,23 @@ TEST_CASE("gsh-view: a joint map names joints of motions, also of those that the
     const std::vector<std::filesystem::path> avatar{test::view_files().actor}, poses{folder / "walk.bvh"};
     std::vector<std::string> warnings;
     CHECK_THROWS_AS((void)load_view_scene(avatar, poses, {}, {}, warnings), ValueError);
-    const RigOption named{.joint_map = folder / "map.json", .animation = {}};
+    RigOption named;
+    named.joint_map = folder / "map.json";
     const ViewScene scene = load_view_scene(avatar, poses, {}, named, warnings);
     const Motion& motion = scene.motions[0][0].motion;
     CHECK(read_sent_motion(scene, 0, "walk.bvh", walk, warnings).motion.pose == motion.pose);
+    const auto last = [&](const ViewScene& shown, double fps) {
+        return read_sent_motion(shown, 0, "walk.bvh", walk, warnings, fps).motion.timestamps.back();
+    };
+    CHECK(last(scene, 0) == doctest::Approx(motion.timestamps.back()));
+    CHECK(last(scene, 10) == doctest::Approx(0.3)); // the page states the rate of 4 frames
+    RigOption stated = named;
+    stated.input_fps = {15};
+    const ViewScene slow = load_view_scene(avatar, poses, {}, stated, warnings);
+    CHECK(slow.motions[0][0].motion.timestamps.back() == doctest::Approx(0.2));
+    CHECK(last(slow, 0) == doctest::Approx(0.2)); // --input-fps is for dropped files, too
+    CHECK(last(slow, 10) == doctest::Approx(0.3));
+    stated.input_fps = {15, 30};
+    CHECK_THROWS_AS((void)load_view_scene(avatar, poses, {}, stated, warnings), ValueError);
     CHECK_THROWS_AS((void)read_sent_motion(test::view_scene(avatar), 0, "walk.bvh", walk, warnings), IoError);
 }

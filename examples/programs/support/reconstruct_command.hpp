@@ -13,7 +13,7 @@
 
 namespace gsh::examples {
 
-/// The options --body and --poses.
+/// The options --body, --poses and --input-fps.
 inline void add_people(CLI::App& app, PeopleOptions& o) {
     app.add_option("--body", o.bodies,
                    "body model (.npz, SMPL / SMPL-H / SMPL-X layout); for several people one for all, or one for each")
@@ -22,6 +22,10 @@ inline void add_people(CLI::App& app, PeopleOptions& o) {
                    "poses in any layout that gsh reads: a file or folder in the capture's folder (default "
                    "poses.npz), or a path; for several people one for each, repeated or separated by commas")
         ->allow_extra_args(false);
+    app.add_option("--input-fps", o.input_fps,
+                   "frames per second of the poses, whatever their files state (default: as they state, else fps of "
+                   "cameras.json, else 30)")
+        ->check(above_zero());
 }
 
 /// The options --lpips and --lpips-table.

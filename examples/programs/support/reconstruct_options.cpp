@@ -67,12 +67,13 @@ void check_options(ReconstructOptions& o) {
                                         {o.seconds > 0, "--seconds: use --steps"},
                                         {o.max_memory > 0, "--max-memory"},
                                         {!o.poses.empty(), "--poses"},
+                                        {o.input_fps > 0, "--input-fps"},
                                         {!o.regions.empty(), "--regions"},
                                         {!o.priors.empty(), "--priors"},
                                         {!o.lpips.empty(), "--lpips: gsh-evaluate computes LPIPS for it"}})
         if (scene && given) throw ValueError(std::string("--config static has no ") + option);
     expect(scene || o.frame == 0, "--frame needs --config static");
-    expect(!o.synthetic || (o.capture.empty() && o.bodies.empty() && o.poses.empty()),
+    expect(!o.synthetic || (o.capture.empty() && o.bodies.empty() && o.poses.empty() && o.input_fps == 0),
            "--synthetic has its own capture, body and poses; leave out --capture, --body and --poses");
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
     check_companions(o);

@@ -25,6 +25,7 @@ struct PeopleOptions {
     std::filesystem::path capture;
     std::vector<std::filesystem::path> bodies; ///< one for all, or one per person
     std::vector<std::string> poses;            ///< one per person; empty: poses.npz
+    double input_fps = 0;                      ///< of the poses; 0: as their files state
 };
 
 struct ReconstructOptions : PeopleOptions {

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <filesystem>
+#include <gsh/core/error.hpp>
+
 #include <cstddef>
 #include <cstdlib>
 #include <string>
@@ -20,6 +22,13 @@ struct RigOption {
     std::vector<double> input_fps;   ///< one rate for all motions, or one for each; 0: as the file states
 
     [[nodiscard]] bool is_default() const { return joint_map.empty() && animation.empty() && input_fps.empty(); }
+    /// Throws ValueError unless there is one rate for all of so many motions, or one for each.
+    void check_rates(std::size_t motions) const {
+        const std::size_t rates = input_fps.size();
+        check_value(rates <= 1 || rates == motions, "--input-fps",
+                    "has " + std::to_string(rates) + " rates for " + std::to_string(motions) +
+                        (motions == 1 ? " motion" : " motions; give one for all, or one for each, in the same order"));
+    }
     /// The rate that is stated for one of several motions; 0: none.
     [[nodiscard]] double input_fps_of(std::size_t motion) const {
         if (input_fps.size() == 1) return input_fps[0];

@@ -14,20 +14,13 @@
 
 namespace gsh::examples {
 
-void check_rates(const RigOption& option, std::size_t motions) {
-    const std::size_t rates = option.input_fps.size();
-    check_value(rates <= 1 || rates == motions, "--input-fps",
-                "has " + std::to_string(rates) + " rates for " + std::to_string(motions) +
-                    " motions; give one for all, or one for each, in the same order");
-}
-
 ShownPeople::ShownPeople(const std::vector<std::filesystem::path>& avatars,
                          const std::vector<std::filesystem::path>& poses, const LightOption& light,
                          bool upright, const RigOption& rig_option) {
     check_value(poses.empty() || poses.size() == avatars.size(), "--poses",
                 "has " + std::to_string(poses.size()) + " motions for " + std::to_string(avatars.size()) +
                     " avatars; give one for each, in the same order");
-    check_rates(rig_option, poses.size());
+    rig_option.check_rates(poses.size());
     std::vector<std::string> warnings;
     for (std::size_t p = 0; p < avatars.size(); ++p) {
         check_value(avatars[p].extension() == ".gsh", avatars[p].string(), "is not an avatar (.gsh)");

@@ -15,9 +15,6 @@
 
 namespace gsh::examples {
 
-/// Throws ValueError unless --input-fps has one rate for all motions, or one for each.
-void check_rates(const RigOption& option, std::size_t motions);
-
 /// Avatars, with one motion for each.
 struct ShownPeople {
     std::vector<AvatarData> data;

@@ -47,9 +47,11 @@ BodyRegions Source::body_regions_of(std::size_t person) const {
 
 Source load_people(cpu::Threads& backend, const PeopleOptions& o, const CaptureOptions& how) {
     Source source;
+    CaptureOptions options = how;
+    options.input_fps = o.input_fps;
     for (const auto& file : o.bodies) source.bodies.push_back(body_of_file(file));
     const std::vector<std::filesystem::path> poses(o.poses.begin(), o.poses.end());
-    PeopleCapture loaded = people_of_folder(backend, o.capture, source.bodies, poses, how, source.warnings);
+    PeopleCapture loaded = people_of_folder(backend, o.capture, source.bodies, poses, options, source.warnings);
     source.capture = std::move(loaded.any.capture);
     source.people = std::move(loaded.people);
     if (loaded.any.rig) source.bodies.assign(1, std::move(loaded.any.rig->body));

@@ -221,8 +221,8 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
     for (const fs::path& file : files) scene.names.push_back(file.filename().string());
     if (files.size() == 1 && !is_avatar(files[0])) {
         check_value(poses.empty() && light.is_default() && rig.is_default(), files[0].string(),
-                    "is a static scene; --poses, --joint-map, --animation, --input-fps, --light, --light-turn and --exposure need "
-                    "avatars (.gsh)");
+                    "is a static scene; --poses, --joint-map, --animation, --input-fps, --light, --light-turn and "
+                    "--exposure need avatars (.gsh)");
         StillSplats splats = splats_of_file(files[0], input_up);
         warnings.insert(warnings.end(), splats.warnings.begin(), splats.warnings.end());
         scene.y_down = !splats.notes.up && is_y_down(files[0]);
@@ -237,7 +237,7 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
                 "has " + std::to_string(poses.size()) + " motions for " + std::to_string(files.size()) +
                     " avatars; give one for each, in the same order");
     const std::size_t first_ones = std::min(poses.size(), files.size());
-    check_rates(rig, poses.size());
+    rig.check_rates(poses.size());
     RigOption of_first = rig;
     if (of_first.input_fps.size() > 1) of_first.input_fps.resize(first_ones);
     scene.people.emplace(files, std::vector<fs::path>(poses.begin(), poses.begin() + static_cast<long>(first_ones)),

@@ -15,9 +15,9 @@
 
 namespace gsh {
 
-/// Whether a rig stands on its hands in its rest pose, with the trunk across its legs, and has arms as long as legs or a
-/// trunk as long: an animal. A person whose rest pose crawls or bends has shorter arms (two thirds of a leg) and a shorter
-/// trunk; a figure with long arms stands upright in its rest pose.
+/// Whether a rig stands on its hands in its rest pose, with the trunk across its legs, and has arms as long as legs or
+/// a trunk as long: an animal. A person whose rest pose crawls or bends has shorter arms (two thirds of a leg) and a
+/// shorter trunk; a figure with long arms stands upright in its rest pose.
 ///
 /// A rig with a tail, whose rest pose may be none, is also an animal if it stands so in nine of ten frames.
 [[nodiscard]] inline bool stands_on_four_legs(const RigMotion& rig, const MatchedJoints& matched);

@@ -94,16 +94,20 @@ public:
     /// Errors  ValueError that names all joints of limbs for which there are several candidates.
     MatchedJoints find(std::vector<std::string>* warnings) {
         for (const char side : {'l', 'r'})
-            for (const KnownJoint& known : known_side_joints()) find_side_joint(side, known);
+            for (const KnownJoint& known : known_side_joints())
+                if (known.joint != "eye") find_side_joint(side, known);
         find_pelvis();
         for (const KnownJoint& known : known_middle_joints())
-            if (known.joint != "pelvis") match(known.joint, candidates(0, known.parts));
+            if (known.joint != "pelvis") find_of_trunk(known);
+        for (const char side : {'l', 'r'})
+            for (const KnownJoint& known : known_side_joints())
+                if (known.joint == "eye") find_side_joint(side, known);
         find_spine_and_neck();
         check_value(conflicts_.empty(), where_,
-                    "several joints could be one of a limb: " + list_of_names(conflicts_, 60) +
+                    "several joints could be one of a limb: " + joined(conflicts_) +
                         "; choose in a joint map (--joint-map FILE.json)");
         if (warnings && !choices_.empty())
-            warnings->push_back(std::string(where_) + ": several joints could be one: " + list_of_names(choices_) +
+            warnings->push_back(std::string(where_) + ": several joints could be one: " + joined(choices_) +
                                 "; a joint map can choose others");
         return matched_;
     }
@@ -118,6 +122,13 @@ private:
     std::vector<std::string> conflicts_, choices_;
 
     [[nodiscard]] const std::string& name(int joint) const { return rig_.names[static_cast<std::size_t>(joint)]; }
+    [[nodiscard]] std::string quoted(int joint) const { return "'" + shortened(name(joint)) + "'"; }
+    [[nodiscard]] static std::string joined(const std::vector<std::string>& texts) {
+        constexpr std::size_t most = 60;
+        std::string all;
+        for (std::size_t i = 0; i < std::min(most, texts.size()); ++i) all += (i ? ", " : "") + texts[i];
+        return texts.size() > most ? all + " and " + std::to_string(texts.size() - most) + " more" : all;
+    }
     int& at(std::string_view joint) { return matched_[static_cast<std::size_t>(smplx_joint(joint))]; }
     [[nodiscard]] int at(std::string_view joint) const {
         return matched_[static_cast<std::size_t>(smplx_joint(joint))];
@@ -153,7 +164,8 @@ private:
         for (const Layer layer : {Layer::deforming, Layer::none, Layer::original, Layer::mechanical}) {
             bool has[2] = {false, false};
             for (const JointWords& words : words_)
-                if (words.layer == layer && words.side && std::find(thighs.begin(), thighs.end(), words.part) != thighs.end())
+                if (words.layer == layer && words.side &&
+                    std::find(thighs.begin(), thighs.end(), words.part) != thighs.end())
                     has[words.side == 'r'] = true;
             if (!has[0] || !has[1]) continue;
             for (JointWords& words : words_)
@@ -198,41 +210,67 @@ private:
         return parts;
     }
 
-    /// The joint before another one on a limb, and the one behind it, without their sides.
-    struct LimbPlace {
-        std::string_view joint, before, behind;
+    /// The joint above another one, and the one below it, without their sides.
+    struct Place {
+        std::string_view joint, above, below;
     };
-    static LimbPlace place_on_limb(std::string_view joint) {
-        for (const LimbPlace& place :
-             {LimbPlace{"hip", "", "knee"}, {"knee", "hip", "ankle"}, {"ankle", "knee", ""},
-              {"shoulder", "", "elbow"}, {"elbow", "shoulder", "wrist"}, {"wrist", "elbow", ""}})
+    static Place place_of(std::string_view joint) {
+        for (const Place& place : {Place{"hip", "", "knee"},
+                                   {"knee", "hip", "ankle"},
+                                   {"ankle", "knee", ""},
+                                   {"foot", "ankle", ""},
+                                   {"shoulder", "", "elbow"},
+                                   {"elbow", "shoulder", "wrist"},
+                                   {"wrist", "elbow", ""},
+                                   {"collar", "", "shoulder"}})
             if (place.joint == joint) return place;
-        return {joint, "", ""};
+        return {joint, joint.empty() || joint.back() < '1' || joint.back() > '3' ? "" : "wrist", ""}; // fingers
     }
 
     void find_side_joint(char side, const KnownJoint& known) {
         const std::string prefix = side == 'l' ? "left_" : "right_";
-        const LimbPlace place = place_on_limb(known.joint);
-        const int before = place.before.empty() ? -1 : at(prefix + std::string(place.before));
-        std::vector<int> behind;
+        const Place place = place_of(known.joint);
+        const auto matched = [&](std::string_view joint) {
+            return joint.empty() ? -1 : at(prefix + std::string(joint));
+        };
+        const int above = known.joint == "eye" ? at("head") : matched(place.above);
+        std::vector<int> below;
+        if (const int joint = matched(place.below); joint >= 0) below.push_back(joint);
         for (const KnownJoint& other : known_side_joints())
-            if (other.joint == place.behind)
+            if (other.joint == place.below && below.empty())
                 for (const std::string& part : other.parts)
-                    for (const int joint : called(side, part)) behind.push_back(joint);
-        const auto fits = [&](int joint) { // on the limb, as far as it is known
-            if (before >= 0 && !tree_.is_above(before, joint)) return false;
-            return place.behind.empty() || std::any_of(behind.begin(), behind.end(), [&](int other) {
+                    for (const int joint : called(side, part)) below.push_back(joint);
+        match_fitting(prefix + known.joint, side, parts_of(known, side), [&](int joint) {
+            if (above >= 0 && !tree_.is_above(above, joint)) return false;
+            return place.below.empty() || std::any_of(below.begin(), below.end(), [&](int other) {
                        return other != joint && tree_.is_above(joint, other);
                    });
-        };
-        const std::vector<std::string> parts = parts_of(known, side);
-        if (before >= 0 || !place.behind.empty())
-            for (const std::string& part : parts) { // a helper beside the limb (L_Knee beside L_Calf) does not fit
-                std::vector<int> joints = called(side, part);
-                std::erase_if(joints, [&](int joint) { return !fits(joint); });
-                if (!joints.empty()) return match(prefix + known.joint, joints);
-            }
-        match(prefix + known.joint, candidates(side, parts));
+        });
+    }
+
+    /// Head, neck and jaw: above the joint that carries both arms, or on the head.
+    void find_of_trunk(const KnownJoint& known) {
+        const int above = known.joint == "jaw" ? at("head") : chest();
+        match_fitting(known.joint, 0, known.parts,
+                      [&](int joint) { return above < 0 || tree_.is_above(above, joint); });
+    }
+
+    /// Matches a joint to those called by the first name of which any fits into the tree, or else by the first name. A
+    /// helper beside the limb (L_Knee beside L_Calf) or a mesh that is called Head does not fit.
+    template <class Fits>
+    void match_fitting(const std::string& joint, char side, const std::vector<std::string>& parts, const Fits& fits) {
+        for (const std::string& part : parts) {
+            std::vector<int> joints = called(side, part);
+            std::erase_if(joints, [&](int own) { return !fits(own); });
+            if (!joints.empty()) return match(joint, joints);
+        }
+        match(joint, candidates(side, parts));
+    }
+
+    /// The joint that carries both arms, or -1.
+    [[nodiscard]] int chest() const {
+        const int left = at("left_shoulder"), right = at("right_shoulder");
+        return left < 0 || right < 0 || tree_.parent(left) < 0 ? -1 : tree_.common(tree_.parent(left), right);
     }
 
     static bool is_of_limb(std::string_view joint) {
@@ -248,7 +286,8 @@ private:
         if (at(joint) >= 0 || joints.empty()) return;
         const int best = *std::min_element(joints.begin(), joints.end(), [&](int a, int b) { return is_better(a, b); });
         at(joint) = best;
-        for (const int other : joints) used_[static_cast<std::size_t>(other)] = true; // LeftFoot is the ankle or the toes
+        for (const int other : joints)
+            used_[static_cast<std::size_t>(other)] = true; // LeftFoot is the ankle or the toes
         if (joints.size() == 1) return;
         bool helpers = true; // names like __LeftArm above LeftArm, as MakeHuman writes them
         std::string others;
@@ -257,12 +296,12 @@ private:
             const bool nested = tree_.is_above(other, best) || tree_.is_above(best, other);
             helpers = helpers && nested && PlainName(name(other)).letters == PlainName(name(best)).letters &&
                       PlainName(name(other)).signs != PlainName(name(best)).signs;
-            others += (others.empty() ? "'" : ", '") + name(other) + "'";
+            others += (others.empty() ? "" : ", ") + quoted(other);
         }
         if (is_of_limb(joint) && !helpers)
-            conflicts_.push_back(std::string(joint) + " ('" + name(best) + "', " + others + ")");
+            conflicts_.push_back(std::string(joint) + " (" + quoted(best) + ", " + others + ")");
         else
-            choices_.push_back(std::string(joint) + " is '" + name(best) + "', not " + others);
+            choices_.push_back(std::string(joint) + " is " + quoted(best) + ", not " + others);
     }
 
     /// Fewer signs first ("Jaw", "__Jaw"), then names that begin with the side ("LeftEye", "EyeLeft"), then the upper.
@@ -291,14 +330,14 @@ private:
                 int lowest = joints[0];
                 for (const int joint : joints)
                     if (tree_.is_above(lowest, joint)) lowest = joint;
-                if (joints.size() > 1) choices_.push_back("pelvis is '" + name(lowest) + "', the lowest of that name");
+                if (joints.size() > 1) choices_.push_back("pelvis is " + quoted(lowest) + ", the lowest of that name");
                 return take("pelvis", lowest);
             }
             // Where the legs begin, unless it is far from them, as a joint on the ground is.
             const vec3<double> between = tree_.middle(left, right);
             const int knee = at("left_knee");
-            const bool near = knee < 0 || tree_.distance(fork, between) <= 0.6 * tree_.distance(left, between) +
-                                                                               0.6 * distance_of(left, knee);
+            const bool near = knee < 0 || tree_.distance(fork, between) <=
+                                              0.6 * tree_.distance(left, between) + 0.6 * distance_of(left, knee);
             const auto& names = ambiguous_hips();
             const JointWords& words = words_[static_cast<std::size_t>(fork)];
             if (near && !used_[static_cast<std::size_t>(fork)] && words.side == 0 &&
@@ -313,9 +352,8 @@ private:
     }
 
     void find_spine_and_neck() {
-        const int left = at("left_shoulder"), right = at("right_shoulder"), pelvis = at("pelvis");
-        if (left < 0 || right < 0 || pelvis < 0) return;
-        const int chest = tree_.parent(left) < 0 ? -1 : tree_.common(tree_.parent(left), right);
+        const int pelvis = at("pelvis"), chest = this->chest();
+        if (chest < 0 || pelvis < 0) return;
         std::vector<int> spine; // from the hips up
         for (int joint = chest; joint >= 0 && !tree_.is_above(joint, pelvis); joint = tree_.parent(joint))
             if (!used_[static_cast<std::size_t>(joint)]) spine.insert(spine.begin(), joint);
@@ -325,7 +363,6 @@ private:
             if (n == 2) at("spine2") = spine[1];
             if (n >= 3) at("spine2") = spine[(n - 1) / 2], at("spine3") = spine[n - 1];
         }
-        if (chest < 0) return;
         if (at("head") < 0) find_head_of_spine(chest);
         const int head = at("head");
         if (head < 0 || at("neck") >= 0 || !tree_.is_above(chest, head) || head == chest) return;

@@ -15,9 +15,10 @@
 
 namespace gsh {
 
-/// Finds the joints of a rig by name. Known are the names of SMPL-X, Mixamo, VRM, CMU (BVH and ASF) and other BVH files,
-/// MHR, Unreal, 3ds Max Biped, Rigify, DAZ Genesis, Character Creator, MakeHuman, MocapNET, Kinect, ARKit, Roblox, Second
-/// Life and others (body/joint_name_table.hpp), with any prefix up to a colon, and with words that most names share.
+/// Finds the joints of a rig by name. Known are the names of SMPL-X, Mixamo, VRM, CMU (BVH and ASF) and other BVH
+/// files, MHR, Unreal, 3ds Max Biped, Rigify, DAZ Genesis, Character Creator, MakeHuman, MocapNET, Kinect, ARKit,
+/// Roblox, Second Life and others (body/joint_name_table.hpp), with any prefix up to a colon, and with words that most
+/// names share.
 ///
 /// Three parts are found by their place in the tree. The hips are above both thighs. The spine is the chain from the
 /// hips to the joint that carries both arms: of n bones, the first is spine1, the last of three or more is spine3, one
@@ -25,14 +26,14 @@ namespace gsh {
 /// side has an upper arm of another name (Mixamo, VRM), else the upper arm (SMPL-X, BVH with LeftCollar); LeftFoot,
 /// LeftHand and LeftHip likewise.
 ///
-/// Of several candidates for a joint that moves no limb (eyes, jaw, fingers, toes, neck), the one with the plainest name
-/// is taken, with a warning.
+/// Of several candidates for a joint that moves no limb (eyes, jaw, fingers, toes, neck), the one with the plainest
+/// name is taken, with a warning.
 struct JointMap {
     /// Names that take precedence: a rig's joint → a joint of SMPL-X, or "" for a joint that is to be left out.
     std::map<std::string, std::string, std::less<>> named;
 
-    /// Errors  ValueError that lists all joints of limbs for which several joints of the rig qualify; or if `named` holds
-    ///         a joint that SMPL-X or the rig does not have.
+    /// Errors  ValueError that lists all joints of limbs for which several joints of the rig qualify; or if `named`
+    ///         holds a joint that SMPL-X or the rig does not have.
     [[nodiscard]] MatchedJoints match(const RigMotion& rig, std::string_view where,
                                       std::vector<std::string>* warnings = nullptr) const;
 };

@@ -31,8 +31,8 @@ struct KnownJoint {
     return joints;
 }
 
-/// Names of the hips that mean other joints elsewhere: root (MHR, CMU's ASF, SMPL's FBX; else a joint on the ground) and
-/// spine (Blender's Rigify; else the first joint above the hips). They count where both legs begin at them.
+/// Names of the hips that mean other joints elsewhere: root (MHR, CMU's ASF, SMPL's FBX; else a joint on the ground)
+/// and spine (Blender's Rigify; else the first joint above the hips). They count where both legs begin at them.
 [[nodiscard]] inline const std::vector<std::string>& ambiguous_hips() {
     static const std::vector<std::string> names = {"root", "spine"};
     return names;
@@ -40,20 +40,21 @@ struct KnownJoint {
 
 /// Joints of one side, with all fingers.
 ///
-/// Source  as above. femur, tibia, humerus, radius: CMU's ASF; …bend: DAZ Genesis 3 and 8; shldr: Poser, DAZ; upperleg1 and
-///         others with a 1: MakeHuman, whose limbs have two bones; uarm, farm: OptiTrack; scapula, …finger1: Advanced
-///         Skeleton; mid1: DAZ, Character Creator; findex1: Rigify (f_index.01); shoulder1: ARKit, MakeHuman.
+/// Source  as above. femur, tibia, humerus, radius: CMU's ASF; …bend: DAZ Genesis 3 and 8; shldr: Poser, DAZ; upperleg1
+///         and others with a 1: MakeHuman, whose limbs have two bones; uarm, farm: OptiTrack; scapula, …finger1:
+///         Advanced Skeleton; mid1: DAZ, Character Creator; findex1: Rigify (f_index.01); shoulder1: ARKit, MakeHuman.
 [[nodiscard]] inline const std::vector<KnownJoint>& known_side_joints() {
     static const std::vector<KnownJoint> joints = [] {
         std::vector<KnownJoint> list = {
             {"hip", {"upleg", "upperleg", "thigh", "thighbend", "femur", "upperleg1", "hip"}},
-            {"knee", {"knee", "lowerleg", "lowleg", "calf", "shin", "tibia", "lowerleg1", "leg"}},
+            {"knee", {"knee", "lowerleg", "lowleg", "loleg", "calf", "shin", "tibia", "lowerleg1", "leg"}},
             {"ankle", {"ankle", "foot"}},
             {"foot", {"toebase", "toes", "toe", "ball", "toe0", "foot"}},
-            {"collar", {"collar", "clavicle", "collarbone", "scapula", "shoulder", "shoulder1"}},
             {"shoulder",
              {"upperarm", "uparm", "arm", "shldr", "shldrbend", "humerus", "upperarm1", "uarm", "shoulder"}},
-            {"elbow", {"elbow", "forearm", "forearmbend", "lowerarm", "lowarm", "radius", "lowerarm1", "farm"}},
+            {"elbow",
+             {"elbow", "forearm", "forearmbend", "lowerarm", "lowarm", "loarm", "radius", "lowerarm1", "farm"}},
+            {"collar", {"collar", "clavicle", "collarbone", "scapula", "shoulder", "shoulder1"}},
             {"wrist", {"wrist", "hand"}},
             {"eye", {"eye", "eyeball", "eyesmplhf"}},
         };
@@ -70,9 +71,8 @@ struct KnownJoint {
                 const std::string number = std::to_string(n + 1);
                 KnownJoint known{finger.joint + number, {}};
                 for (const std::string& word : finger.words)
-                    for (const std::string& part :
-                         {word + number, "hand" + word + number, word + finger.phalanges[n], "f" + word + number,
-                          word + "finger" + number})
+                    for (const std::string& part : {word + number, "hand" + word + number, word + finger.phalanges[n],
+                                                    "f" + word + number, word + "finger" + number})
                         known.parts.push_back(part);
                 if (known.joint == "thumb1") known.parts.emplace_back("thumb");
                 list.push_back(known);
@@ -82,8 +82,9 @@ struct KnownJoint {
     return joints;
 }
 
-/// Fingers by number: those of 3ds Max Biped (Finger0, Finger01, Finger02 are the thumb, Finger1, Finger11, Finger12 the
-/// index), and of MakeHuman (finger1-1, finger1-2, finger1-3 are the thumb, finger2-1 … the index). Empty for others.
+/// Fingers by number: those of 3ds Max Biped (Finger0, Finger01, Finger02 are the thumb, Finger1, Finger11, Finger12
+/// the index), and of MakeHuman (finger1-1, finger1-2, finger1-3 are the thumb, finger2-1 … the index). Empty for
+/// others.
 [[nodiscard]] inline std::string numbered_finger(std::string_view joint, bool biped) {
     static const std::vector<std::string> fingers = {"thumb", "index", "middle", "ring", "pinky"};
     if (joint.empty()) return {};

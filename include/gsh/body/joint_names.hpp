@@ -172,8 +172,10 @@ inline JointWords NameWords::joined() const {
 class SharedWords {
 public:
     explicit SharedWords(std::vector<NameWords>& names) : names_(names) {
-        while (drop_first()) {}
-        while (drop_last()) {}
+        while (drop_first()) {
+        }
+        while (drop_last()) {
+        }
     }
 
 private:
@@ -234,7 +236,9 @@ private:
 
 } // namespace detail
 
-inline JointWords joint_words(std::string_view name) { return detail::NameWords(name).joined(); }
+inline JointWords joint_words(std::string_view name) {
+    return detail::NameWords(name).joined();
+}
 
 inline std::vector<JointWords> joint_words(const std::vector<std::string>& names) {
     std::vector<detail::NameWords> words(names.begin(), names.end());

@@ -197,6 +197,37 @@ TEST_CASE_FIXTURE(StoredCapture, "poses of another name, in the folder or elsewh
     CHECK(load_capture(serial, path, body, {(folder / "else.npz").string(), {}}).motion.transl[0].x == 0.125);
 }
 
+TEST_CASE_FIXTURE(StoredCapture, "poses without times: the rate of the caller, of cameras.json, or 30 with a warning") {
+    NpzWriter file(path / "untimed.npz");
+    for (const auto& [key, width] : {std::pair<const char*, std::size_t>{"global_orient", 3},
+                                     {"body_pose", 63},
+                                     {"jaw_pose", 3},
+                                     {"leye_pose", 3},
+                                     {"reye_pose", 3},
+                                     {"left_hand_pose", 45},
+                                     {"right_hand_pose", 45},
+                                     {"transl", 3}})
+        file.add(key, std::vector<double>(capture_frames * width), {capture_frames, width});
+    file.add("betas", std::vector<double>(3));
+    file.add("flat_hand", std::uint8_t(1));
+    file.commit();
+    const auto seconds = [&](double input_fps, std::size_t expected) {
+        CaptureOptions options;
+        options.poses = "untimed.npz", options.input_fps = input_fps;
+        std::vector<std::string> warnings;
+        const Capture read = load_capture(serial, path, body, options, &warnings);
+        std::size_t count = 0;
+        for (const std::string& warning : warnings) count += warning.find("frames per second") != std::string::npos;
+        CHECK(count == expected);
+        return read.motion.timestamps[2];
+    };
+    CHECK(seconds(0, 0) == doctest::Approx(0.2)); // fps of cameras.json
+    CHECK(seconds(50, 0) == doctest::Approx(0.04));
+    write_cameras(path / "cameras.json", {capture.cameras, 0, capture.floor_y, capture.test_frames});
+    CHECK(seconds(0, 1) == doctest::Approx(2 / 30.0));
+    CHECK(seconds(50, 0) == doctest::Approx(0.04));
+}
+
 TEST_CASE_FIXTURE(StoredCapture, "masks from a folder of their own replace alpha") {
     for (int c = 0; c < 3; ++c) {
         std::filesystem::create_directories(path / "masks" / ("cam" + std::to_string(c)));

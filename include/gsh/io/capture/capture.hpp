@@ -55,6 +55,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
     const std::filesystem::path poses = folder / options.poses; // an absolute path replaces the folder
     MotionFileOptions motion_options{options.hands, list.fps};
     motion_options.person = options.person;
+    motion_options.input_fps = options.input_fps;
     capture.motion = load_any_motion(poses, body, motion_options, warnings);
     const std::size_t frames = capture.frame_count();
     std::vector<std::filesystem::path> images, masks;

@@ -109,6 +109,7 @@ struct FrameRange {
 struct CaptureOptions {
     std::string poses = "poses.npz"; ///< file or folder, relative to the capture or absolute; see load_any_motion
     MotionFileOptions::Hands hands = MotionFileOptions::Hands::automatic;
+    double input_fps = 0;     ///< frames a second of the poses, whatever their files state; 0: as they state
     bool empty_masks = false; ///< accept images whose mask is empty
     std::optional<MotionSpan> hold_out = {}; ///< left out of training in every camera; see hold_out_motion
 

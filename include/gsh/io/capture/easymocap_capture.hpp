@@ -90,6 +90,7 @@ Capture load_easymocap_capture(E& executor, const std::filesystem::path& folder,
     const auto poses = detail::easymocap_poses(folder, options.poses);
     MotionFileOptions motion_options{options.hands, 30};
     motion_options.person = options.person;
+    motion_options.input_fps = options.input_fps;
     capture.motion = load_any_motion(poses, body, motion_options, warnings);
     const std::size_t C = capture.cameras.size(), F = capture.frame_count();
     const std::vector<long> numbers = detail::pose_numbers(poses, folder / "images" / capture.cameras[0].name, F);

@@ -144,6 +144,8 @@ PeopleCapture load_people_capture(E& executor, const std::filesystem::path& fold
     const auto layout = recognise_capture(folder).value_or(CaptureLayout::gsh);
     check_value(poses.size() <= 1 || layout == CaptureLayout::gsh || layout == CaptureLayout::gala, folder.string(),
                 "only captures in our own layout and GalaBasketball's take several pose files; see docs/captures.md");
+    check_value(!(options.input_fps > 0) || layout == CaptureLayout::gsh || layout == CaptureLayout::easymocap,
+                folder.string(), "has the rate of its data set, 30 frames per second; leave out --input-fps");
     if (!poses.empty()) options.poses = poses.front().string();
     if (poses.size() > 1) options.person = 0; // it refers to one file, not to the list of files
     std::vector<std::string> of_first;
@@ -170,7 +172,9 @@ PeopleCapture load_people_capture(E& executor, const std::filesystem::path& fold
         result.people.push_back({names.empty() ? "person" : names.front(), 0, capture.motion});
         for (std::size_t p = 1; p < poses.size(); ++p) {
             const std::size_t body = bodies.size() > 1 ? p : 0;
-            Motion motion = load_any_motion(files[p], bodies[body], {options.hands, capture.fps}, warnings);
+            MotionFileOptions motion_options{options.hands, capture.fps};
+            motion_options.input_fps = options.input_fps;
+            Motion motion = load_any_motion(files[p], bodies[body], motion_options, warnings);
             check_size(files[p].string(), "poses", motion.frame_count(), capture.frame_count(),
                        "every person needs a pose for each of the capture's frames, as in " + files[0].string());
             result.people.push_back({names[p], body, std::move(motion)});

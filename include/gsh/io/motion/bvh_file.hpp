@@ -46,8 +46,7 @@ namespace gsh {
 ///         fewer lines than 'Frames:' states, NaN, more than 256 levels. What was guessed is added to
 ///         `warnings`.
 [[nodiscard]] inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map = {},
-                                        std::vector<std::string>* warnings = nullptr,
-                                        const FrameRates& rates = {});
+                                        std::vector<std::string>* warnings = nullptr, const FrameRates& rates = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
