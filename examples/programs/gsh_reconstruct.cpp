@@ -33,6 +33,7 @@ namespace {
 /// The configuration `static`: one frame as a 3DGS scene, without a body.
 int reconstruct_scene(Machine& machine, const ReconstructOptions& options) {
     const StaticSource source = load_static_source(options.capture, options.frame);
+    for (const std::string& warning : source.warnings) warn(warning);
     const StaticOptions chosen = static_options(options);
     OutputFolder out(options.out);
     watch_interrupts();

@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 
+#include <algorithm>
 #include <cctype>
 #include <charconv>
 #include <cmath>
@@ -56,6 +57,14 @@ namespace gsh::detail {
     char text[32];
     std::snprintf(text, sizeof text, "%.6g", value);
     return text;
+}
+
+/// "a, b and 4 more": the first names of a list.
+template <class Name>
+[[nodiscard]] std::string listing(std::size_t count, std::size_t most, const Name& name) {
+    std::string text;
+    for (std::size_t i = 0; i < std::min(most, count); ++i) text += (i ? ", " : "") + name(i);
+    return text + (count > most ? " and " + std::to_string(count - most) + " more" : "");
 }
 
 /// Lines without blanks at their ends; empty ones are skipped. The text must outlive this object.
