@@ -43,6 +43,8 @@ struct ScaleSums {
     [[nodiscard]] double distance(double s) const {
         return count > 0 ? std::sqrt(std::fmax(0.0, kk - 2 * s * kp + s * s * pp) / count) : 0;
     }
+    /// Distance of k / s to p, s being the scale.
+    [[nodiscard]] double misfit() const { return distance(scale()) / scale(); }
 };
 
 } // namespace detail
@@ -69,8 +71,7 @@ inline std::vector<std::optional<double>> keypoint_scales(const std::vector<Phot
                     if (x.z < 0.01) continue;
                     pair.add(point.pixel, to_pixel(camera, x), point.confidence), ++points;
                 }
-                const auto misfit = [](const detail::ScaleSums& s) { return s.distance(s.scale()); };
-                if (points >= 4 && (!best || misfit(pair) < misfit(*best))) best = pair;
+                if (points >= 4 && pair.scale() > 0 && (!best || pair.misfit() < best->misfit())) best = pair;
             }
         if (best) sums[photo.camera].add(*best);
     }
@@ -78,7 +79,7 @@ inline std::vector<std::optional<double>> keypoint_scales(const std::vector<Phot
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         const double scale = sums[c].scale(), apart = sums[c].distance(1);
         if (!(scale > 0) || (scale > 0.8 && scale < 1.25)) continue;
-        if (apart > 0.05 * cameras[c].height && sums[c].distance(scale) < 0.4 * apart) scales[c] = scale;
+        if (apart > 0.05 * cameras[c].height && sums[c].misfit() < 0.4 * apart) scales[c] = scale;
     }
     return scales;
 }

@@ -225,7 +225,10 @@ TEST_CASE("damaged keypoints are refused, with file and field") {
     refused("left/1.json", people(negative), "negative confidence");
     refused("left/1.json", Json{{"people", {Json::object()}}}, "no pose_keypoints_2d");
     refused("left/1.json", Json{{"persons", 1}}, "no list people");
-    refused("left/1.json", Json::array(), "no list people");
+    refused("left/1.json", Json::array(), "no list people (it is as AlphaPose, OpenPifPaf and MMPose write it)");
+    refused("left/1.json", Json{{"instance_info", Json::array()}}, "as MMPose and Sapiens write it");
+    refused("left/1.json", people(points(18)), "has 54 elements, expected 75 numbers");
+    refused("left/1.json", people(points(18)), "--model_pose BODY_25");
     refused("left/10.json", people(points(25)), "frame 10, expected one below 10");
     refused("left/a.json", people(points(25)), "frame's number");
     refused("middle_1.json", people(points(25)), "expected one of left, right");

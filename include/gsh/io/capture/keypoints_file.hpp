@@ -74,9 +74,9 @@ inline std::string photo_stem(std::string stem) {
 
 /// A name of a file split into what names a camera, and the number at its end.
 struct PhotoName {
-    std::string where;           ///< for messages
-    std::string stem, camera;    ///< camera is empty if it is not part of the name
-    std::string digits;          ///< at the end
+    std::string where;            ///< for messages
+    std::string stem, camera;     ///< camera is empty if it is not part of the name
+    std::string digits;           ///< at the end
     std::optional<std::size_t> c; ///< the camera, if the name or a folder names one
 
     PhotoName(std::string place, const std::filesystem::path& path, Span<const NamedCamera> cameras)
@@ -138,8 +138,9 @@ private:
                                        "CAMERA_FRAME");
         const long number = number_of_digits(name.digits);
         if (number < 0 || static_cast<std::size_t>(number) >= frame_count_)
-            throw IoError(name.where + ": is of frame " + (number < 0 ? shortened(name.digits) : std::to_string(number)) +
-                          ", expected one below " + std::to_string(frame_count_) +
+            throw IoError(name.where + ": is of frame " +
+                          (number < 0 ? shortened(name.digits) : std::to_string(number)) + ", expected one below " +
+                          std::to_string(frame_count_) +
                           ", the number of the capture's frames, or the name of a photograph");
         return static_cast<std::size_t>(number);
     }
@@ -198,7 +199,10 @@ inline void add_keypoints(const std::string& where, const Json& object, const ch
         throw IoError(where + ": " + field + " has " +
                       (found->is_array() ? std::to_string(found->size()) + " elements" : "no list") + ", expected " +
                       std::to_string(3 * joints.size()) + " numbers: x, y and confidence of " +
-                      std::to_string(joints.size()) + " points");
+                      std::to_string(joints.size()) + " points" +
+                      (std::string_view(field) == "pose_keypoints_2d" && found->is_array() && found->size() == 54
+                           ? "; these are the 18 of OpenPose's model COCO, choose --model_pose BODY_25"
+                           : ""));
     for (std::size_t k = 0; k < joints.size(); ++k) {
         double numbers[3];
         for (std::size_t i = 0; i < 3; ++i) {
@@ -209,17 +213,22 @@ inline void add_keypoints(const std::string& where, const Json& object, const ch
         }
         if (numbers[2] < 0) throw IoError(where + ": " + field + " has a negative confidence, expected 0 to 1");
         if (joints[k].empty() || numbers[2] == 0) continue;
-        points.push_back({smplx_joint(std::string(side).append(joints[k])),
-                          {numbers[0], numbers[1]},
-                          std::min(numbers[2], 1.0)});
+        points.push_back(
+            {smplx_joint(std::string(side).append(joints[k])), {numbers[0], numbers[1]}, std::min(numbers[2], 1.0)});
     }
 }
 
 inline const Json& list_of(const std::string& where, const Json& json, const char* field) {
     const auto found = json.is_object() ? json.find(field) : json.end();
-    if (!json.is_object() || found == json.end() || !found->is_array())
-        throw IoError(where + ": has no list " + field + ", expected " +
-                      (std::string_view(field) == "people" ? "a file of OpenPose" : "a file of COCO-WholeBody"));
+    if (!json.is_object() || found == json.end() || !found->is_array()) {
+        const char* other = json.is_array()                                      ? "AlphaPose, OpenPifPaf and MMPose"
+                            : json.is_object() && json.contains("instance_info") ? "MMPose and Sapiens"
+                                                                                 : nullptr;
+        throw IoError(where + ": has no list " + field +
+                      (other ? " (it is as " + std::string(other) + " write it)" : "") + ", expected a file of " +
+                      (std::string_view(field) == "people" ? "OpenPose: people, pose_keypoints_2d of 25 points"
+                                                           : "COCO-WholeBody: images and annotations"));
+    }
     return *found;
 }
 
