@@ -351,7 +351,7 @@ TEST_CASE("remedies for images and masks, in files") {
     // A person who is out of view has an empty mask, and that is no fault.
     capture = scene().capture;
     for (std::size_t k = 0; k < 3; ++k) {
-        capture.motion.transl[5] = {100, 0, 0};
+        capture.motion.transl[5] = {0, 100, 0};
         capture.images[k * 12 + 5] = PixelImage(4, photo_size, photo_size);
     }
     CHECK(texts(check(capture)) == "");
